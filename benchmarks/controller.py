@@ -35,7 +35,6 @@ from linkage_ros.run.simulator import Simulator
 from linkage_ros.units import radians_per_second
 from linkage_ros.verification.verify import verify
 from linkage_ros.wire.cdr import decode_joint_state
-from linkage_ros.wire.codecs import JointStateCodec
 
 RATE, SECONDS = 1000.0, 6.0
 TICK = 1 / RATE
@@ -126,8 +125,9 @@ def measure(path: Path, rpm: float) -> tuple[dict[str, float], np.ndarray]:
     with LogReader(path) as log:
         difference = verify(log).difference
         assert not difference, difference
-        codec = JointStateCodec(Simulator(log.configuration).joints)
-        rows = [codec.decode(m.data) for m in log.messages(['/joint_states'])]
+        data = b''.join(message.data for message in log.messages(['/joint_states']))
+        columns = Simulator(log.configuration).joint_states.read(data)
+        rows = list(zip(*(column.tolist() for column in columns), strict=True))
         commands = list(log.messages(['/joint_commands']))
     speed, effort = np.array([values[3] for _, values in rows]), np.array([v[6] for _, v in rows])
     half = len(rows) // 2

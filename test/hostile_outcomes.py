@@ -8,6 +8,8 @@ The very functions are called that the executables call.
 import io
 from contextlib import redirect_stderr, redirect_stdout
 
+from joint_codec import JointStateCodec
+
 from linkage_ros import LinkageError, replay
 from linkage_ros.log.reader import LogReader, paired
 from linkage_ros.log.recover import recover
@@ -19,7 +21,6 @@ from linkage_ros.quantities import build, flatten
 from linkage_ros.record import record
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.verification.verify import verify
-from linkage_ros.wire.codecs import JointStateCodec
 from linkage_ros.wire.topics import JOINT_STATES
 
 LONGEST = 700  # characters: 600 of an error, and around it what the command line adds

@@ -14,6 +14,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import rclpy
+from joint_codec import JointStateCodec
 from rclpy.context import Context
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import SingleThreadedExecutor
@@ -22,7 +23,6 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from linkage_ros.log.reader import LogReader
 from linkage_ros.ros.topics import message_class
-from linkage_ros.wire.codecs import JointStateCodec
 from linkage_ros.wire.topics import JOINT_COMMANDS, SIMULATED_CLOCK, TOPICS
 
 # Each process that shares the tests (pytest -n 3) has a third of these domains. Benchmarks,

@@ -7,6 +7,7 @@ from collections import deque
 from dataclasses import replace
 
 import pytest
+from joint_codec import JointStateCodec
 from ros_harness import (
     assert_refused,
     fresh_domain,
@@ -24,7 +25,6 @@ from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.parameters.presets import preset_path
 from linkage_ros.verification.verify import verify
 from linkage_ros.wire.cdr import decode_joint_state
-from linkage_ros.wire.codecs import JointStateCodec
 
 pytest.importorskip('rclpy')
 import rclpy

@@ -14,6 +14,7 @@ import signal
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
+from joint_codec import encode_float64
 from rclpy.serialization import deserialize_message
 from ros_harness import decoded, logged, node_arguments, stop, wait_for, watched
 from test_rerun_view import free_port
@@ -26,7 +27,7 @@ from linkage_ros.log.writer import LogWriter
 from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.verification.verify import verify
-from linkage_ros.wire.cdr import ERROR, OK, WARN, encode_float64
+from linkage_ros.wire.cdr import ERROR, OK, WARN
 from linkage_ros.wire.topics import DRIVING_TORQUE
 
 STATES, HEARD = '/joint_states', ('/joint_states', '/diagnostics')

@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
+from joint_codec import JointStateCodec
 from mechanisms import LIMITED, four_bar
 from mpmath import mp
 from rclpy.serialization import deserialize_message, serialize_message
@@ -37,7 +38,6 @@ from linkage_ros.run.inputs import (
 )
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.verification.verify import verify
-from linkage_ros.wire.codecs import JointStateCodec
 
 TURN = 2 * math.pi
 MS = 1_000_000

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from joint_codec import JointStateCodec
 from mcap.reader import make_reader
 from pages import block, read, run_python
 from rosbags import rosbag2
@@ -26,7 +27,6 @@ from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.parameters.configuration import Configuration, load
 from linkage_ros.record import record
 from linkage_ros.run.simulator import Simulator
-from linkage_ros.wire.codecs import JointStateCodec
 from linkage_ros.wire.topics import DIAGNOSTIC_ARRAY
 
 DOCUMENT = read('docs/mcap.md')

@@ -18,6 +18,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from joint_codec import encode_float64
 from mcap.reader import make_reader
 from mcap.writer import MCAP0_MAGIC, Writer
 from mcap_records import records_of, write_records
@@ -41,7 +42,7 @@ from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.parameters.configuration import configure, load, to_strings
 from linkage_ros.record import record
 from linkage_ros.run.simulator import Simulator
-from linkage_ros.wire.cdr import encode_float64, encode_string
+from linkage_ros.wire.cdr import encode_string
 from linkage_ros.wire.topics import DRIVING_TORQUE, JOINT_STATES, ROBOT_DESCRIPTION
 
 START = 1_795_000_000_000_000_000

@@ -62,8 +62,8 @@ MECHANISMS = {
 def rows_of(configuration, messages, batch):
     """All rows of a picture: {entity: (stamps, rows of the first component)}."""
     picture, found = Picture(configuration), {}
-    codec = Simulator(configuration).joint_states
-    numbers = [codec.decode_all(b''.join(messages[n : n + batch]))
+    template = Simulator(configuration).joint_states
+    numbers = [template.read(b''.join(messages[n : n + batch]))
                for n in range(0, len(messages), batch)]  # fmt: skip
     parts = [picture.rows(stamps, *np.split(values, 3, axis=1)) for stamps, values in numbers]
     for entity, stamps, columns in itertools.chain(*parts, picture.curves()):

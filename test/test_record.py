@@ -13,6 +13,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from joint_codec import encode_float64
 from ros_harness import CODEC, assert_refused, command, decoded, logged, wait_for
 
 from linkage_ros import ConfigurationError, Solver
@@ -21,7 +22,7 @@ from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.record import count_states, record
 from linkage_ros.run.simulator import Simulator
-from linkage_ros.wire.cdr import encode_float64, encode_string
+from linkage_ros.wire.cdr import encode_string
 from linkage_ros.wire.urdf import make_urdf
 
 STATES = '/joint_states'

@@ -14,6 +14,7 @@ from bisect import bisect
 from itertools import pairwise
 
 import pytest
+from joint_codec import JointStateCodec
 from ros_harness import (
     Listener,
     assert_refused,
@@ -37,7 +38,6 @@ from linkage_ros.playback.replay_view import showing
 from linkage_ros.record import record
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.view import rerun_view
-from linkage_ros.wire.codecs import JointStateCodec
 from linkage_ros.wire.topics import DRIVING_TORQUE, JOINT_COMMANDS, JOINT_STATES, qualified
 
 STATES, TORQUE, DESCRIPTION = '/joint_states', '/driving_torque', '/robot_description'

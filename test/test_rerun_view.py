@@ -129,9 +129,9 @@ from linkage_ros.parameters.configuration import load
 from linkage_ros.run.worker import Worker
 from linkage_ros.view import rerun_view
 from linkage_ros.view.rerun_view import View
-from linkage_ros.wire.codecs import JointStateCodec
-codec = JointStateCodec(('crank', 'coupler', 'rocker'))
-messages = [codec.encode(k * 10**7, (k / 7, 1.0, 2.0), (0.0,) * 3, (0.0,) * 3)
+from linkage_ros.run.simulator import Simulator
+template = Simulator(load('quadrilateral')).joint_states
+messages = [template.pack(*divmod(k * 10**7, 10**9), k / 7, 1.0, 2.0, *[0.0] * 6)
             for k in range(1000)]
 """
 

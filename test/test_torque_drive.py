@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from joint_codec import JointStateCodec
 
 from linkage_ros import ConfigurationError, LogError, MotionError, Solver
 from linkage_ros.dynamics import program, trees
@@ -23,7 +24,7 @@ from linkage_ros.run.inputs import TorqueCommands
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.units import NS_PER_MS
 from linkage_ros.verification.verify import verify
-from linkage_ros.wire.codecs import JointStateCodec, trajectory
+from linkage_ros.wire.codecs import trajectory
 from linkage_ros.wire.topics import ROBOT_DESCRIPTION
 
 START = 1_780_000_000_000_000_000

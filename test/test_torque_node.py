@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from joint_codec import JointStateCodec
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message, serialize_message
 from ros_harness import (
@@ -28,7 +29,6 @@ from linkage_ros.log.reader import LogReader
 from linkage_ros.parameters.presets import preset_path
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.verification.verify import verify
-from linkage_ros.wire.codecs import JointStateCodec
 
 STATES = '/joint_states'
 PUMP = JointStateCodec(('crank', 'coupler', 'rod', 'slider'))

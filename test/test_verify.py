@@ -9,6 +9,7 @@ from dataclasses import replace
 from fractions import Fraction
 
 import pytest
+from joint_codec import JointStateCodec
 from mcap.records import Channel, Message, Metadata, Schema
 from mcap_records import records_of, write_records
 from ros_harness import assert_refused
@@ -27,7 +28,6 @@ from linkage_ros.parameters.configuration import configure, from_strings, load, 
 from linkage_ros.record import record
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.verification.verify import verify
-from linkage_ros.wire.codecs import JointStateCodec
 from linkage_ros.wire.topics import (
     DIAGNOSTICS,
     ROBOT_DESCRIPTION,

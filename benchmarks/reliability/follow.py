@@ -53,8 +53,9 @@ def compared(path: Path) -> dict:
     errors = []
     with LogReader(path) as log:
         simulator, difference = Simulator(log.configuration), verify(log).difference
-        answers = [simulator.joint_states.decode(m.data) for m in log.messages([ANSWERS])]
-    for _, values in answers[:: 1 + len(answers) // COMPARED]:
+        data = b''.join(message.data for message in log.messages([ANSWERS]))
+    _, answers = simulator.joint_states.read(data)
+    for values in answers[:: 1 + len(answers) // COMPARED].tolist():
         crank, coupler, rocker, speed, *rates = values[:6]
         exact = Reference(simulator.configuration.mechanism, speed, 0.0).state(crank)
         ours = coupler + crank, rocker, rates[0] / speed + 1.0, rates[1] / speed

@@ -34,7 +34,6 @@ from linkage_ros.run.simulator import Simulator
 from linkage_ros.verification.verify import verify
 from linkage_ros.view.viewer_process import find_viewer, free_address
 from linkage_ros.wire.cdr import stamp_of
-from linkage_ros.wire.codecs import JointStateCodec
 
 # The test suite's reference.
 sys.path.append(str(Path(__file__).resolve().parents[2] / 'test'))
@@ -99,9 +98,10 @@ def errors(log: LogReader, simulator: Simulator, stamps: set[int]) -> dict[int, 
     """How far the rocker's logged angle is from the exact one at some stamps, rad."""
     mp.dps = 50
     oracle = Oracle(simulator.configuration.mechanism)
-    codec, found = JointStateCodec(simulator.joints), {}
+    found = {}
     for message in log.messages(['/joint_states']):
-        stamp, values = codec.decode(message.data)
+        read = simulator.joint_states.read(message.data)
+        (stamp,), (values,) = (column.tolist() for column in read)
         if stamp in stamps:
             angle = mpf(log.configuration.drive.crank_angle)
             ends = [segment.stamp for segment in log.motions[1:]]

@@ -38,7 +38,6 @@ from linkage_ros.units import NS_PER_MS, NS_PER_S
 from linkage_ros.wire.cdr import encode_string
 from linkage_ros.wire.codecs import (
     STAMP_SOURCES,
-    JointStateCodec,
     float64,
     float64_array,
     joint_rows,
@@ -47,7 +46,7 @@ from linkage_ros.wire.codecs import (
     point,
     trajectory,
 )
-from linkage_ros.wire.rows import RowLayout
+from linkage_ros.wire.rows import RowLayout, Template
 from linkage_ros.wire.topics import (
     COUPLER_POINT,
     DRIVING_TORQUE,
@@ -95,7 +94,7 @@ class Simulator:
         solver: Solver of its mechanism.
         joints: Names, in the order of the messages.
         crank_joint: Name of the crank in measurements, commands and trajectories.
-        joint_states: Codec of the messages on that topic.
+        joint_states: Template of the messages on that topic.
         topics: Topics on which each state has a message.
         layout: Layout of these messages, in channels numbered from 1.
         description: robot_description message, CDR bytes.
@@ -109,7 +108,6 @@ class Simulator:
         self._links = self.solver.structure.links
         self.joints = joint_names(self._links, prefix)
         self.crank_joint = session.crank_joint or self.joints[0]
-        self.joint_states = JointStateCodec(self.joints, frame_id)
         self.description = encode_string(make_urdf(mechanism, prefix, frame_id))
         self._sources = ['time', *STAMP_SOURCES, *joint_sources(self.joints)]
         self._parts = {
@@ -117,6 +115,7 @@ class Simulator:
             DRIVING_TORQUE: float64(f'effort {self.joints[0]}'),
             MECHANISM_STATE: trajectory(self.joints, frame_id),
         }
+        self.joint_states = Template(self._parts[JOINT_STATES])
         shown = [point for name, point in self.solver.structure.points.items() if name == 'C']
         if shown:
             self._parts[COUPLER_POINT] = point(frame_id)

@@ -86,7 +86,7 @@ class View:
         self.page = self.trouble = ''
         self.dropped, self.period = 0, _PERIOD
         self._picture, self._target = Picture(configuration), target
-        self._codec = Simulator(configuration).joint_states
+        self._template = Simulator(configuration).joint_states
         self._process: ViewerProcess | None = None
         self._file: BinaryIO | None = None  # locked, so that other runs cannot replace it
         self._stream = rr.RecordingStream('linkage_ros')
@@ -178,7 +178,7 @@ class View:
             self._stream.log(entity, *components, static=True, strict=True)
 
     def _send(self, samples: Sequence[Sample]) -> None:
-        stamps, numbers = self._codec.decode_all(b''.join([data for _, data in samples]))
+        stamps, numbers = self._template.read(b''.join([data for _, data in samples]))
         stamps += np.array([shift for shift, _ in samples])
         self._send_rows(self._picture.rows(stamps, *np.split(numbers, 3, axis=1)))
 

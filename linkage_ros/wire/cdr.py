@@ -56,11 +56,6 @@ def header(frame_id: str, stamp: int = 0) -> bytes:
     return string(STAMP.pack(*divmod(stamp, NS_PER_S)), frame_id)
 
 
-def encode_float64(value: float) -> bytes:
-    """A std_msgs/Float64 message as CDR bytes."""
-    return ENCAPSULATION + struct.pack('<d', value + 0.0)
-
-
 def encode_string(text: str) -> bytes:
     """A std_msgs/String message as CDR bytes.
 

@@ -7,18 +7,15 @@ The same bytes are published, logged and replayed.
 
 import math
 import struct
-from collections.abc import Callable, Collection, Iterable, Sequence
-
-import numpy as np
-import numpy.typing as npt
+from collections.abc import Collection, Iterable, Sequence
 
 from linkage_ros.dynamics.state import State
 from linkage_ros.formulas import rint, where
 from linkage_ros.model.structure import Link
-from linkage_ros.numeric import Array, Real, wrap
+from linkage_ros.numeric import Real, wrap
 from linkage_ros.units import NS_PER_S
 from linkage_ros.wire.cdr import ENCAPSULATION, STAMP, align, count, header, string
-from linkage_ros.wire.rows import Field, Part, Template
+from linkage_ros.wire.rows import Field, Part
 
 ROOT_FRAME = 'base_link'
 STAMP_SOURCES = ('sec', 'nanosec')
@@ -121,68 +118,6 @@ def float64(source: str) -> list[Part]:
 def float64_array(source: str) -> list[Part]:
     """A std_msgs/Float64MultiArray message of one number, without layout."""
     return [ENCAPSULATION + struct.pack('<III4x', 0, 0, 1), Field('data[0]', 'd', source)]
-
-
-class JointStateCodec:
-    """JointState messages of a fixed set of joints.
-
-    Attributes:
-        names: The joints.
-    """
-
-    def __init__(
-        self,
-        names: Sequence[str],
-        frame_id: str = ROOT_FRAME,
-        parts: Callable[[Sequence[str], str], list[Part]] = joint_state,
-    ) -> None:
-        """Prepares the messages.
-
-        Args:
-            names: The joints.
-            frame_id: Frame of the messages.
-            parts: Makes their template: `trajectory` for JointTrajectory messages.
-        """
-        self.names, message = tuple(names), parts(names, frame_id)
-        sources = [part.source for part in message if isinstance(part, Field)]
-        self._template = Template(message, sources)
-
-    def encode(self, stamp: int, *rows: Sequence[float]) -> bytes:
-        """Encodes one message.
-
-        Args:
-            stamp: ns.
-            *rows: Positions, rad or m, velocities, efforts, N m or N; one number for each joint.
-                Those of a trajectory have accelerations before the efforts.
-
-        Returns:
-            Its CDR bytes.
-        """
-        numbers = (number + 0.0 for row in rows for number in row)  # a zero there has no sign
-        return self._template.pack(*divmod(stamp, NS_PER_S), *numbers)
-
-    def decode(self, data: bytes) -> tuple[int, tuple[float, ...]]:
-        """Stamp, ns, and numbers of one message: see `decode_all`."""
-        (stamp,), (numbers,) = self.decode_all(data)
-        return int(stamp), tuple(numbers.tolist())
-
-    def decode_all(self, data: bytes) -> tuple[npt.NDArray[np.int64], Array]:
-        """Reads messages of the same joints.
-
-        Args:
-            data: Their CDR bytes, one message after the other; at least one.
-
-        Returns:
-            Stamps, ns, and of each message all rows one after the other, shape (n, numbers).
-
-        Raises:
-            ValueError: The bytes are not such messages.
-        """
-        columns = [self._template.column(data, place) for place in self._template.places]
-        if not data or self._template.fill(len(columns[0]), columns) != data:
-            raise ValueError(f'no message of the joints {", ".join(self.names)}')
-        whole, rest, *numbers = columns
-        return whole.astype(np.int64) * NS_PER_S + rest, np.stack(numbers, axis=1)
 
 
 def crank_trajectory(

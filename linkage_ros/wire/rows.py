@@ -20,7 +20,8 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from linkage_ros.numeric import Real
+from linkage_ros.numeric import Array, Real
+from linkage_ros.units import NS_PER_S
 
 # Opcode and length of the record, channel, sequence, log and publish time.
 MESSAGE_HEAD = struct.Struct('<BQHIQQ')
@@ -55,13 +56,14 @@ class Template:
         places: The fields, in order.
     """
 
-    def __init__(self, parts: Sequence[Part], sources: Sequence[str]) -> None:
+    def __init__(self, parts: Sequence[Part], sources: Sequence[str] = ()) -> None:
         """Lays out the parts.
 
         Args:
             parts: Constant bytes and fields, in order.
-            sources: Names of the numbers that fill it.
+            sources: Names of the numbers that fill it; by default those of the fields, in order.
         """
+        sources = sources or [part.source for part in parts if isinstance(part, Field)]
         known: list[str | bytes] = [*sources, *(part for part in parts if isinstance(part, bytes))]
         order = [known.index(p.source if isinstance(p, Field) else p) for p in parts]
         forms = [part.code if isinstance(part, Field) else f'{len(part)}s' for part in parts]
@@ -91,6 +93,25 @@ class Template:
         for place, source in zip(self.places, self._sources, strict=True):
             self.column(rows, place)[:] = numbers[source]
         return rows
+
+    def read(self, data: bytes) -> tuple[npt.NDArray[np.int64], Array]:
+        """Reads messages with a stamp.
+
+        Args:
+            data: Their CDR bytes, one message after the other; at least one.
+
+        Returns:
+            Stamps, ns, and the other numbers of each message, shape (n, numbers).
+
+        Raises:
+            ValueError: The bytes are not such messages.
+        """
+        columns = [self.column(data, place) for place in self.places]
+        if not data or self.fill(len(columns[0]), columns) != data:
+            fields = ', '.join(place.name for place in self.places)
+            raise ValueError(f'no message with exactly {fields}')
+        whole, rest, *numbers = columns
+        return whole.astype(np.int64) * NS_PER_S + rest, np.stack(numbers, axis=1)
 
     def column(self, rows: Any, place: Field) -> npt.NDArray[Any]:
         """A view of one field.
