@@ -15,7 +15,7 @@ SCRIPT = ROOT / 'benchmarks' / 'reliability' / 'hosts.py'
 
 
 def test_node_and_log_outlast_a_cut_link(tmp_path):
-    quick = ('--out', tmp_path, '--short', '5', '--long', '0')
+    quick = ('--out', tmp_path, '--short', '3', '--long', '0')
     # The package lies beside the tests, installed or not.
     paths = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get('PYTHONPATH')])])
     done = subprocess.run(

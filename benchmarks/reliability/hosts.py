@@ -75,12 +75,15 @@ def run(there: Host, here: Host, kinds: list[tuple[str, float]], folder: Path) -
     tame = words({'feed_forward': 'false', 'bandwidth': 0.5, 'rpm': 60.0})
     with (
         listening(DOMAIN, times, on(here)) as listener,
+        listening(DOMAIN, folder / 'commands.npy', on(here), 'joint_commands') as answers,
         running('-m', 'linkage_ros.controller', *tame, domain=DOMAIN, prefix=on(here)),
     ):
         time.sleep(1.0)
         with node(DOMAIN, on(there), rate_hz=RATE, log=log, **driven) as turning:
             wait_for(lambda: 'linkage_node' in turning.output)
             discovered = wait_for(lambda: heard(listener))
+            # A busy machine starts the controller late; without a command none times out.
+            wait_for(lambda: heard(answers))
             bytes_before = here.received()
             cuts = [cut(kind, here, seconds, listener) for kind, seconds in kinds]
             time.sleep(SETTLED)
