@@ -37,16 +37,17 @@ from linkage_ros.parameters.drives import FeedForward
 from linkage_ros.units import NS_PER_MS, NS_PER_S
 from linkage_ros.wire.cdr import encode_string
 from linkage_ros.wire.codecs import (
-    STAMP_SOURCES,
+    POINT_FIELDS,
+    STAMP_FIELDS,
     float64,
     float64_array,
+    joint_numbers,
     joint_rows,
-    joint_sources,
     joint_state,
     point,
     trajectory,
 )
-from linkage_ros.wire.rows import RowLayout, Template
+from linkage_ros.wire.rows import TIME_FIELDS, RowLayout, Template
 from linkage_ros.wire.topics import (
     COUPLER_POINT,
     DRIVING_TORQUE,
@@ -78,7 +79,7 @@ class Snapshot(NamedTuple):
 
     def row(self, time: int) -> bytes:
         """Records of the messages for a log, published and logged at a time, ns."""
-        return self.layout.pack(time, *divmod(self.stamp, NS_PER_S), *self.numbers)
+        return self.layout.pack(time, time, *divmod(self.stamp, NS_PER_S), *self.numbers)
 
     @property
     def messages(self) -> tuple[bytes, ...]:
@@ -109,22 +110,25 @@ class Simulator:
         self.joints = joint_names(self._links, prefix)
         self.crank_joint = session.crank_joint or self.joints[0]
         self.description = encode_string(make_urdf(mechanism, prefix, frame_id))
-        self._sources = ['time', *STAMP_SOURCES, *joint_sources(self.joints)]
+        fields = [field.name for field in (*TIME_FIELDS, *STAMP_FIELDS)]
+        self._names = [*fields, *joint_numbers(self.joints)]
         self._parts = {
             JOINT_STATES: joint_state(self.joints, frame_id),
-            DRIVING_TORQUE: float64(f'effort {self.joints[0]}'),
+            DRIVING_TORQUE: float64(f'effort[{self.joints[0]}]'),
             MECHANISM_STATE: trajectory(self.joints, frame_id),
         }
         self.joint_states = Template(self._parts[JOINT_STATES])
         shown = [point for name, point in self.solver.structure.points.items() if name == 'C']
         if shown:
             self._parts[COUPLER_POINT] = point(frame_id)
-            self._sources += ['x', 'y']
+            self._names += [field.name for field in POINT_FIELDS]
         self._lead: int | None = None  # ns
         drive = configuration.drive
         if isinstance(drive, FeedForward) and drive.effort_command_topic:
-            self._parts[effort_commands(drive.effort_command_topic)] = float64_array('ahead')
-            self._sources.append('ahead')
+            self._parts[effort_commands(drive.effort_command_topic)] = float64_array(
+                'torque ahead'
+            )
+            self._names.append('torque ahead')
             self._lead = round(drive.lead_time * NS_PER_S)
         letters = 'position', 'velocity', 'acceleration'
         rows = (tuple(f'{word}_{name}' for name in self.solver.links) for word in letters)
@@ -197,7 +201,7 @@ class Simulator:
             The layout.
         """
         messages = [(number, self._parts[topic]) for number, topic in channels]
-        return RowLayout(messages, self._sources)
+        return RowLayout(messages, self._names)
 
     def snapshot_at(self, motion: Motion, stamp: int) -> Snapshot:
         """Solves the state at a stamp.
@@ -259,7 +263,7 @@ class Simulator:
         nanoseconds = np.array(stamps)
         stamped = np.divmod(nanoseconds, NS_PER_S)
         logged = nanoseconds if times is None else times
-        return (layout or self.layout).fill(len(stamps), (logged, *stamped, *numbers))
+        return (layout or self.layout).fill(len(stamps), (logged, logged, *stamped, *numbers))
 
     def ahead(self, motion: Motion, stamps: Sequence[int]) -> Coordinates | None:
         """Coordinates for the feed-forward torque at stamps; None without feed-forward."""

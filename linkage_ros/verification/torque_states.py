@@ -28,6 +28,7 @@ from linkage_ros.numeric import Array, with_turns, within_two_turns, wrap
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.units import NS_PER_S
 from linkage_ros.verification.timeline import Timeline
+from linkage_ros.wire.codecs import joint_numbers
 from linkage_ros.wire.rows import RowLayout
 
 # Tolerance between a state and the one computed from its predecessor: rad and crank lengths; for
@@ -56,7 +57,8 @@ class TorqueStates(Timeline):
         drive: Any = simulator.configuration.drive
         solver, self._motor = simulator.solver, drive.motor
         self._links = solver.structure.links
-        self._places = [place for place in layout.places if place.name.startswith('points[0]')]
+        places = {place.name: place for place in layout.places}  # those of mechanism_state
+        self._places = [places[name] for name in joint_numbers(simulator.joints)]
         self._own = self._last = DrivenMechanism(solver, drive.motor.at)
         length = solver.mechanism.crank.length
         self._units = np.array([length if link.slides else 1.0 for link in self._links] * 2)

@@ -19,6 +19,7 @@ from linkage_ros.units import NS_PER_S
 from linkage_ros.verification.row_comparison import RowComparison
 from linkage_ros.verification.timeline import Measurements, Timeline, check_motions
 from linkage_ros.verification.torque_states import TorqueStates
+from linkage_ros.wire.codecs import STAMP_FIELDS
 from linkage_ros.wire.topics import (
     COUPLER_POINT,
     DRIVING_TORQUE,
@@ -115,7 +116,7 @@ class Verification:
         self._names = [channel.name for channel in self._channels.values()]
         self._comparison = RowComparison(layout, self._names)
         places = {place.name: place for place in layout.places}
-        self._stamp = [places[f'header.stamp.{unit}'] for unit in ('sec', 'nanosec')]
+        self._stamp = [places[field.name] for field in STAMP_FIELDS]
         kind = TorqueStates if driven else Measurements if follows else Timeline
         self._run: Timeline | Measurements = kind(simulator, log, layout)
 

@@ -18,10 +18,10 @@ from linkage_ros.wire.cdr import ENCAPSULATION, STAMP, align, count, header, str
 from linkage_ros.wire.rows import Field, Part
 
 ROOT_FRAME = 'base_link'
-STAMP_SOURCES = ('sec', 'nanosec')
 QUANTITIES = ('position', 'velocity', 'acceleration', 'effort')
+STAMP_FIELDS = Field('header.stamp.sec', 'i'), Field('header.stamp.nanosec', 'I')
+POINT_FIELDS = Field('point.x', 'd'), Field('point.y', 'd')
 
-_STAMP = Field('header.stamp.sec', 'i', 'sec'), Field('header.stamp.nanosec', 'I', 'nanosec')
 # A point of a trajectory: four sequences of one number, each number on a multiple of 8, and a
 # duration.
 _POINT = struct.Struct('<' + 4 * 'I4xd' + 'iI')
@@ -55,9 +55,9 @@ def joint_rows(
     return [*rows, [state.torque, *(0.0 for _ in links[1:])]]
 
 
-def joint_sources(names: Sequence[str]) -> list[str]:
-    """Names of the numbers in joint messages, such as 'velocity coupler'."""
-    return [f'{quantity} {name}' for quantity in QUANTITIES for name in names]
+def joint_numbers(names: Sequence[str]) -> list[str]:
+    """Names of the numbers in joint messages, such as 'velocity[coupler]'."""
+    return [f'{quantity}[{name}]' for quantity in QUANTITIES for name in names]
 
 
 def _named(names: Sequence[str], frame_id: str) -> bytes:
@@ -68,56 +68,51 @@ def _named(names: Sequence[str], frame_id: str) -> bytes:
     return align(body, 4)
 
 
-def _sequences(
-    body: bytes, names: Sequence[str], arrays: Iterable[tuple[str, str]]
-) -> Iterable[Part]:
+def _sequences(body: bytes, names: Sequence[str], quantities: Iterable[str]) -> Iterable[Part]:
     """The parts of a message of joints: constant bytes, then a sequence for each quantity.
 
     Args:
         body: Its bytes before the sequences, without encapsulation, on a multiple of 4.
         names: The joints.
-        arrays: Names of the sequences, and the quantities in them.
+        quantities: The quantities in the sequences.
 
     Yields:
         Parts of a template.
     """
     constant = body[STAMP.size :]
-    yield from (ENCAPSULATION, *_STAMP)
+    yield from (ENCAPSULATION, *STAMP_FIELDS)
     gap = -(len(body) + 4) % 8
-    for array, quantity in arrays:
+    for quantity in quantities:
         yield constant + count(b'', len(names)) + bytes(gap)
-        yield from (Field(f'{array}[{name}]', 'd', f'{quantity} {name}') for name in names)
+        yield from (Field(f'{quantity}[{name}]', 'd') for name in names)
         constant, gap = b'', 4  # behind doubles and a length
 
 
 def joint_state(names: Sequence[str], frame_id: str) -> list[Part]:
     """A JointState message of joints."""
-    arrays = [(quantity, quantity) for quantity in QUANTITIES if quantity != 'acceleration']
-    return list(_sequences(_named(names, frame_id), names, arrays))
+    quantities = [quantity for quantity in QUANTITIES if quantity != 'acceleration']
+    return list(_sequences(_named(names, frame_id), names, quantities))
 
 
 def trajectory(names: Sequence[str], frame_id: str) -> list[Part]:
     """A JointTrajectory message of joints and one point, whose time_from_start is 0."""
-    words = ('positions', 'velocities', 'accelerations', 'effort')
-    arrays = [(f'points[0].{word}', q) for word, q in zip(words, QUANTITIES, strict=True)]
-    return [*_sequences(count(_named(names, frame_id), 1), names, arrays), bytes(8)]
+    return [*_sequences(count(_named(names, frame_id), 1), names, QUANTITIES), bytes(8)]
 
 
 def point(frame_id: str) -> list[Part]:
     """A PointStamped message; its z is 0."""
     body = align(header(frame_id), 8)[STAMP.size :]
-    fields = Field('point.x', 'd', 'x'), Field('point.y', 'd', 'y')
-    return [ENCAPSULATION, *_STAMP, body, *fields, bytes(8)]
+    return [ENCAPSULATION, *STAMP_FIELDS, body, *POINT_FIELDS, bytes(8)]
 
 
-def float64(source: str) -> list[Part]:
+def float64(name: str) -> list[Part]:
     """A std_msgs/Float64 message."""
-    return [ENCAPSULATION, Field('data', 'd', source)]
+    return [ENCAPSULATION, Field(name, 'd')]
 
 
-def float64_array(source: str) -> list[Part]:
+def float64_array(name: str) -> list[Part]:
     """A std_msgs/Float64MultiArray message of one number, without layout."""
-    return [ENCAPSULATION + struct.pack('<III4x', 0, 0, 1), Field('data[0]', 'd', source)]
+    return [ENCAPSULATION + struct.pack('<III4x', 0, 0, 1), Field(name, 'd')]
 
 
 def crank_trajectory(

@@ -33,15 +33,13 @@ class Field(NamedTuple):
     """A number in a template.
 
     Attributes:
-        name: Name in the message, such as 'velocity[coupler]'.
+        name: Name of the number, such as 'velocity[coupler]'; fields of one name are equal.
         code: Its type, as in `struct`.
-        source: Name of the number that fills it.
         offset: Its first byte in the template.
     """
 
     name: str
     code: str
-    source: str
     offset: int = 0
 
 
@@ -56,24 +54,24 @@ class Template:
         places: The fields, in order.
     """
 
-    def __init__(self, parts: Sequence[Part], sources: Sequence[str] = ()) -> None:
+    def __init__(self, parts: Sequence[Part], names: Sequence[str] = ()) -> None:
         """Lays out the parts.
 
         Args:
             parts: Constant bytes and fields, in order.
-            sources: Names of the numbers that fill it; by default those of the fields, in order.
+            names: Names of the numbers that fill it; by default those of the fields, in order.
         """
-        sources = sources or [part.source for part in parts if isinstance(part, Field)]
-        known: list[str | bytes] = [*sources, *(part for part in parts if isinstance(part, bytes))]
-        order = [known.index(p.source if isinstance(p, Field) else p) for p in parts]
+        names = names or [part.name for part in parts if isinstance(part, Field)]
+        known: list[str | bytes] = [*names, *(part for part in parts if isinstance(part, bytes))]
+        order = [known.index(part.name if isinstance(part, Field) else part) for part in parts]
         forms = [part.code if isinstance(part, Field) else f'{len(part)}s' for part in parts]
-        self._struct, self._constants = struct.Struct('<' + ''.join(forms)), known[len(sources) :]
+        self._struct, self._constants = struct.Struct('<' + ''.join(forms)), known[len(names) :]
         self._arrange, self.size = operator.itemgetter(*order), self._struct.size
         starts = accumulate((struct.calcsize('<' + form) for form in forms), initial=0)
         pairs = zip(parts, starts, strict=False)
         self.places = [part._replace(offset=at) for part, at in pairs if isinstance(part, Field)]
-        self._sources = [sources.index(place.source) for place in self.places]
-        self._blank = self.pack(*[0] * len(sources))
+        self._numbers = [names.index(place.name) for place in self.places]
+        self._blank = self.pack(*[0] * len(names))
 
     def pack(self, *numbers: float) -> bytes:
         """Fills the template once."""
@@ -84,14 +82,14 @@ class Template:
 
         Args:
             count: Number of copies.
-            numbers: For each source an array of that length, or one number for all.
+            numbers: For each name an array of that length, or one number for all.
 
         Returns:
             The bytes of all copies.
         """
         rows = bytearray(self._blank * count)
-        for place, source in zip(self.places, self._sources, strict=True):
-            self.column(rows, place)[:] = numbers[source]
+        for place, number in zip(self.places, self._numbers, strict=True):
+            self.column(rows, place)[:] = numbers[number]
         return rows
 
     def read(self, data: bytes) -> tuple[npt.NDArray[np.int64], Array]:
@@ -149,7 +147,7 @@ def message_record(channel: int, times: tuple[int, int], data: bytes, sequence: 
     return MESSAGE_HEAD.pack(_OPCODE, size, channel, sequence, *times) + data
 
 
-_TIMES = Field('log time', 'Q', 'time'), Field('publish time', 'Q', 'time')
+TIME_FIELDS = Field('log time', 'Q'), Field('publish time', 'Q')
 
 
 class RowLayout(Template):
@@ -162,23 +160,23 @@ class RowLayout(Template):
     """
 
     def __init__(
-        self, messages: Sequence[tuple[int, Sequence[Part]]], sources: Sequence[str]
+        self, messages: Sequence[tuple[int, Sequence[Part]]], names: Sequence[str]
     ) -> None:
         """Lays out the messages.
 
         Args:
             messages: Channel and parts of each.
-            sources: Names of the numbers that fill them: the time, ns, first.
+            names: Names of the numbers that fill them.
         """
         parts, patterns = list[Part](), list[bytes]()
         self.channels, self._ends = [channel for channel, _ in messages], [0]
         for channel, message in messages:
-            size = Template(message, sources).size
+            size = Template(message).size
             self._ends.append(self._ends[-1] + MESSAGE_HEAD.size + size)
             head = message_record(channel, (0, 0), bytes(size))[:_CONSTANT]
-            parts += [head, *_TIMES, *message]
+            parts += [head, *TIME_FIELDS, *message]
             patterns.append(re.escape(head) + b'.{%d}' % (MESSAGE_HEAD.size - _CONSTANT + size))
-        super().__init__(parts, sources)
+        super().__init__(parts, names)
         self.starts, self.times = self._ends[:-1], self.places[0]
         self._whole = re.compile(b'(?:%b)*' % b''.join(patterns), re.DOTALL)
         self._begun = [
