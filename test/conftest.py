@@ -8,6 +8,7 @@ import sys
 import numpy as np
 import pytest
 from hypothesis import settings
+from ros_harness import fresh_domain
 
 import linkage_ros.view  # noqa: F401, it makes Rerun quiet, whoever imports that first
 
@@ -30,6 +31,7 @@ settings.load_profile('repeatable')
 @pytest.fixture
 def called(monkeypatch, capfd):
     """Calls the entry point of a module in this process: exit code, stdout, stderr."""
+    monkeypatch.setenv('ROS_DOMAIN_ID', str(fresh_domain()))
     numbers = signal.SIGINT, signal.SIGTERM, signal.SIGHUP
     before = [signal.getsignal(number) for number in numbers]
 

@@ -23,6 +23,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from linkage_ros.log.reader import LogReader
 from linkage_ros.ros.topics import message_class
+from linkage_ros.verification.verify import verify
 from linkage_ros.wire.topics import JOINT_COMMANDS, SIMULATED_CLOCK, TOPICS
 
 # Each process that shares the tests (pytest -n 3) has a third of these domains. Benchmarks,
@@ -120,11 +121,13 @@ def watched(topics, *arguments, module='node', domain=None):
         yield listener, process
 
 
-def stop(process, number=signal.SIGINT):
-    """Ends a process by a signal; returns its exit code and all that it printed."""
+def stop(process, number=signal.SIGINT, code=0):
+    """Ends a process by a signal; returns all that it printed, after a check of its exit code."""
     process.send_signal(number)
-    out, err = process.communicate(timeout=20)
-    return process.returncode, out + err
+    printed = ''.join(process.communicate(timeout=20))
+    assert process.returncode == code, printed
+    assert 'Traceback' not in printed
+    return printed
 
 
 def finished(module, *arguments, **options):
@@ -138,6 +141,19 @@ def assert_refused(code, out, err, words):
     assert (code, out) == (2, ''), err
     assert re.fullmatch(r'linkage_\w+( \w+)?: [^\n]+\n', err), err
     assert re.search(words, err), err
+
+
+def report_of(path):
+    """The report of the verification of a log."""
+    with LogReader(path) as log:
+        return verify(log)
+
+
+def verified(path):
+    """The same, after a check that no state differs by a bit."""
+    report = report_of(path)
+    assert (report.difference, report.ulp) == ('', 0.0)
+    return report
 
 
 def logged(path):

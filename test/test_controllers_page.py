@@ -55,8 +55,7 @@ def test_way_1_the_subscriber_turns_the_crank(tmp_path):
         finally:
             prototype.kill()
             prototype.wait()
-        code, output = stop(node)
-    assert code == 0, output
+        stop(node)
     # Once in 50 times the signal makes rclpy's own wait or publish fail.
     assert (prototype.returncode, errors) == (0, '') or 'rclpy._rclpy_pybind11.RCLError' in errors
 
@@ -68,8 +67,7 @@ def test_way_2_the_parameters_send_the_torque_to_the_controller(tmp_path):
     with watched(topics, '--ros-args', '--params-file', path) as (listener, node):
         (received,) = listener.received.values()
         wait_for(lambda: len(received) > 20)
-        code, output = stop(node)
-    assert code == 0, output
+        stop(node)
     values = np.array([np.frombuffer(data[-8:], '<f8') for data in received])
     assert np.all(np.isfinite(values))
     assert np.ptp(values) > 0.0
@@ -110,6 +108,5 @@ def test_way_2_commands_move_the_plant_whose_topics_are_remapped():
         acts(float('nan'))  # what it sends before a controller is active
         wait_for(lambda: acts(0.75))
         wait_for(lambda: acts(-0.25))
-        code, output = stop(node)
-    assert code == 0, output
+        output = stop(node)
     assert 'is left out: effort nan' in output

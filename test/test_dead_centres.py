@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from mechanisms import LIMITED, of, wind_pump
+from ros_harness import logged, report_of, verified
 
 from linkage_ros import Solver
 from linkage_ros.dynamics import program
@@ -17,7 +18,6 @@ from linkage_ros.dynamics.state import loop_residual
 from linkage_ros.errors import LinkageError, MotionError
 from linkage_ros.lab.methods.integrators import Multipliers
 from linkage_ros.lab.reference.problems import InitialValueProblem
-from linkage_ros.log.reader import LogReader
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.model.structure import Description
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
@@ -28,7 +28,6 @@ from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.record import record
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.units import NS_PER_MS
-from linkage_ros.verification.verify import verify
 
 STRETCHED = wind_pump((0.5, 0.6, 0.7), 'open')
 MECHANISMS = {**{name: of(lengths) for name, lengths in LIMITED.items()}, 'pump': STRETCHED}
@@ -140,11 +139,8 @@ def configuration(mechanism, rate=100.0):
 def test_a_record_verifies_to_the_bit(name, tmp_path):
     path = tmp_path / 'run.mcap'
     record(configuration(MECHANISMS[name], 200.0), path, duration=3.0)
-    with LogReader(path) as log:
-        report = verify(log)
-        described = {segment.description for segment in log.motions}
-    assert (report.difference, report.ulp) == ('', 0.0)
-    assert len(described) > 1
+    verified(path)
+    assert len({segment.description for segment in logged(path)[0].motions}) > 1
 
 
 # The rocker passes the direction in which angles jump from pi to -pi.
@@ -171,10 +167,8 @@ def test_states_next_to_the_jump_at_pi_close_the_loop_and_verify(name, tmp_path)
     record(settings, tmp_path / 'run.mcap', duration=3.0)
     slow = replace(settings, session=replace(settings.session, rate_hz=0.7))
     record(slow, tmp_path / 'slow.mcap', duration=8.0)
-    for path in (tmp_path / 'run.mcap', tmp_path / 'slow.mcap'):
-        with LogReader(path) as log:
-            report = verify(log)
-            assert (report.difference, report.ulp) == ('', 0.0)
+    verified(tmp_path / 'run.mcap')
+    verified(tmp_path / 'slow.mcap')
 
 
 def test_many_moments_have_the_bits_of_one_at_a_time():
@@ -216,9 +210,7 @@ def test_a_false_description_is_found(forged, words, tmp_path):
                 segment = motion.segment
                 log.write_motion(replace(segment, description=segment.description and forged))
             log.write_rows(snapshot.row(stamp))
-    with LogReader(path) as log:
-        difference = verify(log).difference
-    assert any(word in difference for word in words.split('|')), difference
+    assert words in report_of(path).difference
 
 
 def test_a_live_run_has_compiled_what_its_dead_centres_need(monkeypatch):

@@ -16,7 +16,7 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from joint_codec import encode_float64
 from rclpy.serialization import deserialize_message
-from ros_harness import decoded, logged, node_arguments, stop, wait_for, watched
+from ros_harness import decoded, logged, node_arguments, stop, verified, wait_for, watched
 from test_rerun_view import free_port
 from test_rerun_view import running as viewing
 
@@ -26,7 +26,6 @@ from linkage_ros.log.recover import recover
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.run.simulator import Simulator
-from linkage_ros.verification.verify import verify
 from linkage_ros.wire.cdr import ERROR, OK, WARN
 from linkage_ros.wire.topics import DRIVING_TORQUE
 
@@ -57,8 +56,7 @@ def flushed(listener, path):
 
 def states_of(path):
     """The joint states of a log, once it is verified."""
-    with LogReader(path) as log:
-        assert verify(log).difference == ''
+    verified(path)
     return [message.data for message in logged(path)[1][STATES]]
 
 
@@ -120,8 +118,7 @@ def test_failing_log_ends_without_stopping_the_node(tmp_path, breaks, words):
         listener.await_more(50)
         report = health(listener, 1)[1]
         recover(path if path.exists() else re.search(r'/proc/\d+/fd/\d+', report)[0], saved)
-        code, output = stop(process)
-    assert code == 1
+        output = stop(process, code=1)
     assert f'failed: {path} {words}' in report
     (error,) = re.findall(r'\[ERROR\].*', output)
     assert f'the log ends here, the motion goes on: {path} {words}' in error
@@ -184,7 +181,7 @@ def test_a_log_is_brought_to_the_disk_as_long_as_there_is_one(tmp_path, monkeypa
 # ---------------------------------------------------------------- the viewer
 
 
-def test_each_viewer_change_is_reported_once(tmp_path):
+def test_each_viewer_change_is_reported_once():
     port = free_port()
     url = f'rerun+http://127.0.0.1:{port}/proxy'
     arguments = node_arguments(viewer=url)
@@ -204,8 +201,7 @@ def test_each_viewer_change_is_reported_once(tmp_path):
             viewer.wait()
             wait_for(lambda: health(listener, 2) == (WARN, absent))
         listener.await_more(100)
-        code, output = stop(process)
-    assert code == 0
+        output = stop(process)
     said = re.findall(r'\[WARN\].*\]: (.*viewer.*)', output)
     assert said == [absent, stopped, absent]
     assert len(re.findall(r'\[INFO\].*well, but \d+ items were left out', output)) == 2
@@ -218,8 +214,7 @@ def test_view_that_others_can_reach_is_served_with_a_warning():
     arguments = node_arguments(viewer='web', viewer_bind='0.0.0.0')
     with watched(HEARD, *arguments) as (listener, process):
         listener.await_more(1)
-        code, output = stop(process)
-    assert code == 0
+        output = stop(process)
     assert re.search(r'\[WARN\].*is served at .* viewer_bind = 127.0.0.1 keeps it on', output)
 
 

@@ -61,8 +61,7 @@ def live(folder):
     with watched(DIAGNOSTICS, *node_arguments(log=path, **drive)) as (listener, process):
         # A second lies between two reports: the log is flushed into several chunks.
         listener.await_more(2, '/diagnostics')
-        code, output = stop(process)
-    assert code == 0, output
+        stop(process)
     log, found = logged(path)
     configuration, (segment,) = log.configuration, log.motions
     codec = JointStateCodec(Simulator(configuration).joints)

@@ -17,7 +17,7 @@ import pytest
 from hostile_bombs import chunk, packed, tight, whole
 from hostile_logs import TORQUE
 from mcap.records import Channel, DataEnd, Message, Statistics
-from ros_harness import assert_refused, command, fresh_domain
+from ros_harness import assert_refused, command
 from test_log import written
 
 from linkage_ros import (
@@ -388,8 +388,7 @@ def test_a_wrong_command_line_is_one_line(tmp_path, monkeypatch, called, module,
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_topic_of_no_name_is_not_published(stored, monkeypatch, called):
-    monkeypatch.setenv('ROS_DOMAIN_ID', str(fresh_domain()))
+def test_a_topic_of_no_name_is_not_published(stored, called):
     data = whole().replace(b'/joint_states', b'/joint/\x1b[2Jes')
     refusal = called(replay, stored(hostile_bombs.resummed(data)))
     words = r"'/joint/\\x1b\[2Jes' cannot be published: Invalid topic name"

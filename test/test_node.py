@@ -15,10 +15,10 @@ from ros_harness import (
     CODEC,
     assert_refused,
     decoded,
-    fresh_domain,
     logged,
     node_arguments,
     stop,
+    verified,
     wait_for,
     watched,
 )
@@ -26,12 +26,10 @@ from test_node_parameters import set_parameter
 
 from linkage_ros import controller, node
 from linkage_ros import record as record_module
-from linkage_ros.log.reader import LogReader
 from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.parameters.configuration import load
 from linkage_ros.parameters.presets import preset_path
 from linkage_ros.run.simulator import Simulator
-from linkage_ros.verification.verify import verify
 
 STATES = '/joint_states'
 OUTPUTS = (STATES, '/driving_torque', '/mechanism_state', '/coupler_point')
@@ -46,8 +44,7 @@ def run(tmp_path_factory):
     with watched(topics, *node_arguments(log=path)) as (listener, process):
         wait_for(lambda: len(listener.received['/diagnostics']) >= 3)
         status = Path(f'/proc/{process.pid}/status').read_text()
-        code, output = stop(process)
-        assert code == 0, output
+        output = stop(process)
         log, messages = logged(path)
         heard = listener.received
         wait_for(lambda: all(heard[t][-1] == messages[t][-1].data for t in topics[:-1]))
@@ -104,7 +101,6 @@ def test_memory_stays_below_130_mb_and_the_start_line_names_the_preset(run):
     *_, output, status = run
     assert int(re.search(r'VmHWM:\s+(\d+) kB', status)[1]) < 130_000
     assert 'no mechanism given, so the quadrilateral: four_bar, open, crank-rocker' in output
-    assert 'Traceback' not in output
 
 
 @pytest.mark.parametrize('number', [signal.SIGTERM, signal.SIGHUP])
@@ -119,8 +115,7 @@ def test_rpm_is_set_live_in_a_namespace_and_a_signal_ends_with_a_complete_log(tm
             if 'integer_value' in value:
                 wait_for(lambda: decoded(listener.received[states][-1:])[0][1][3] < -6.28)
         listener.await_more(100, states)
-        code, output = stop(process, number)
-    assert (code, 'Traceback' in output) == (0, False)
+        stop(process, number)
     told = deserialize_message(listener.received['/diagnostics'][0], DiagnosticArray)
     assert told.status[0].name == 'left/linkage_node: motion'
     log, messages = logged(path)
@@ -128,8 +123,7 @@ def test_rpm_is_set_live_in_a_namespace_and_a_signal_ends_with_a_complete_log(tm
     assert [segment.rpm for segment in log.motions] == [150.0, -60.0, 0.5]
     moved = 'joint_states', 'torque', 'mechanism_state', 'coupler_point', 'robot_description'
     assert set(messages) == {'/diagnostics', *(f'/left/{name}' for name in moved)}
-    with LogReader(path) as log:
-        assert verify(log).difference == ''
+    verified(path)
 
 
 # ---------------------------------------------------------------- refusals and help
@@ -158,8 +152,7 @@ BAD = [
 
 
 @pytest.mark.parametrize(('arguments', 'words'), BAD, ids=[words for _, words in BAD])
-def test_a_bad_start_is_one_line_and_code_2(called, monkeypatch, arguments, words):
-    monkeypatch.setenv('ROS_DOMAIN_ID', str(fresh_domain()))
+def test_a_bad_start_is_one_line_and_code_2(called, arguments, words):
     assert_refused(*called(node, '--ros-args', *arguments), words)
 
 
@@ -179,8 +172,7 @@ def test_node_and_record_refuse_a_file_in_the_same_words(called, tmp_path):
     assert not out.exists()
 
 
-def test_a_bad_viewer_or_log_leaves_nothing_behind(called, monkeypatch, tmp_path):
-    monkeypatch.setenv('ROS_DOMAIN_ID', str(fresh_domain()))
+def test_a_bad_viewer_or_log_leaves_nothing_behind(called, tmp_path):
     log, view = tmp_path / 'run.mcap', tmp_path / 'run.rrd'
     log.write_text('an earlier log')
     given = node_arguments(log=log, log_overwrite='true', viewer='nonsense')

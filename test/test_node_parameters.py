@@ -45,8 +45,7 @@ def listener():
     with watched(['/joint_states'], *node_arguments(rpm=RPM)) as (listener, process):
         listener.await_more(1)
         yield listener
-        code, output = stop(process)
-    assert (code, 'Traceback' in output) == (0, False)
+        stop(process)
 
 
 def dump(listener):

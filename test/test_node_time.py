@@ -11,13 +11,11 @@ from ros_harness import (
     logged,
     node_arguments,
     stop,
+    verified,
     wait_for,
     watched,
 )
 from rosgraph_msgs.msg import Clock
-
-from linkage_ros.log.reader import LogReader
-from linkage_ros.verification.verify import verify
 
 STATES, DESCRIPTION = '/joint_states', '/robot_description'
 MS = 10**6
@@ -61,8 +59,7 @@ def simulated(tmp_path_factory):
             message.clock.sec, message.clock.nanosec = seconds, rest
             publisher.publish(message)
         run(START - 10**9 + 210 * MS, 4, 0.01)
-        code, output = stop(process)
-    assert code == 0, output
+        output = stop(process)
     return stamps(listener), path, output
 
 
@@ -82,7 +79,4 @@ def test_states_follow_a_clock_that_runs_at_half_rate_stands_and_goes_back(simul
 def test_invalid_clock_messages_do_not_end_the_node(simulated):
     got, path, output = simulated
     assert 'message on /clock is left out: 2147483651294967295 ns: must be from 0 to' in output
-    assert 'Traceback' not in output
-    with LogReader(path) as log:
-        report = verify(log)
-    assert (report.states, report.difference) == (len(got), '')
+    assert verified(path).states == len(got)

@@ -347,7 +347,6 @@ def test_memory_does_not_grow_with_the_log(tmp_path):
 )
 def test_bad_options_are_one_line_and_code_2(log, called, monkeypatch, options, words):
     monkeypatch.setattr(os, 'isatty', lambda _: False)
-    monkeypatch.setenv('ROS_DOMAIN_ID', str(fresh_domain()))
     assert_refused(*called(replay, log, *options), words)
 
 
@@ -359,7 +358,6 @@ def test_absent_viewer_is_one_line_before_the_replay(log, called, monkeypatch):
 
 
 def test_message_that_cannot_be_published_is_one_line(called, monkeypatch, tmp_path):
-    monkeypatch.setenv('ROS_DOMAIN_ID', str(fresh_domain()))
     monkeypatch.setattr(republish, '_DISCOVERY_SECONDS', 0.0)
     configuration, path = load('quadrilateral'), tmp_path / 'run.mcap'
     with LogWriter(path, configuration, overwrite=False) as log:

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from joint_codec import JointStateCodec
+from ros_harness import logged, report_of, verified
 
 from linkage_ros import ConfigurationError, LogError, MotionError, Solver
 from linkage_ros.dynamics import program, trees
-from linkage_ros.log.reader import LogReader
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.motion.adaptive_integrator import AdaptiveSteps
 from linkage_ros.motion.coordinates import Coordinates, stacked
@@ -23,7 +23,6 @@ from linkage_ros.record import record
 from linkage_ros.run.inputs import TorqueCommands
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.units import NS_PER_MS
-from linkage_ros.verification.verify import verify
 from linkage_ros.wire.codecs import trajectory
 from linkage_ros.wire.topics import ROBOT_DESCRIPTION
 
@@ -44,13 +43,9 @@ def changed(configuration=PUMP, **parts):
 
 def states(path):
     """Times, s, and rows of crank and, of a pump, slider: positions, rates, accelerations."""
-    with LogReader(path) as log:
-        codec = JointStateCodec(Simulator(log.configuration).joints, parts=trajectory)
-        found = [
-            codec.decode(message.data)
-            for message in log.messages()
-            if message.topic == '/mechanism_state'
-        ]
+    log, messages = logged(path)
+    codec = JointStateCodec(Simulator(log.configuration).joints, parts=trajectory)
+    found = [codec.decode(message.data) for message in messages['/mechanism_state']]
     values = np.array([values for _, values in found]).reshape(len(found), 4, -1)
     return np.array([stamp for stamp, _ in found]) * 1e-9, values
 
@@ -185,10 +180,8 @@ def test_a_record_that_ends_keeps_what_came_before(tmp_path):
     start = load(str(tmp_path / 'massless.yaml'))
     with pytest.raises(MotionError, match=r'too fast.*run\.mcap keeps the \d+ states') as raised:
         record(start, path, duration=5)
-    with LogReader(path) as log:
-        report = verify(log)
-        assert report.difference == ''
-        last = log.end / 1e9
+    verified(path)
+    last = logged(path)[0].end / 1e9
     assert last < raised.value.time <= last + 0.0051
     assert math.degrees(raised.value.coordinates[0]) == pytest.approx(180.0, abs=0.1)
 
@@ -214,8 +207,7 @@ def test_a_record_against_strong_damping_is_made_again_to_the_bit(tmp_path, conf
     paths = [tmp_path / f'{i}.mcap' for i in range(2)]
     assert [record(configuration, path, duration=0.5) for path in paths] == [100, 100]
     assert paths[0].read_bytes() == paths[1].read_bytes()
-    with LogReader(paths[0]) as log:
-        assert verify(log).difference == ''
+    verified(paths[0])
 
 
 def test_a_live_run_refuses_a_motion_that_takes_too_many_steps():
@@ -292,14 +284,12 @@ PLAN = [
 )  # fmt: skip
 def test_a_live_run_verifies_through_commands_and_clock_steps(tmp_path, configuration):
     fast = changed(configuration, session={'rate_hz': 1000.0})
-    with LogReader(live(tmp_path / 'run.mcap', fast, PLAN)) as log:
-        report = verify(log)
-        assert report.difference == ''
-        assert report.states == sum(kind in {'tick', 'step'} for kind, _ in PLAN)
-        assert report.missed == 7 + 3 + 12_000 + 1_200
-        assert [segment.torque for segment in log.motions] == [
-            fast.drive.motor.torque, -1.5, -1.5, -1.5, 4.0, 4.0, 4.0,
-        ]  # fmt: skip
+    path = live(tmp_path / 'run.mcap', fast, PLAN)
+    report = verified(path)
+    assert report.states == sum(kind in {'tick', 'step'} for kind, _ in PLAN)
+    assert report.missed == 7 + 3 + 12_000 + 1_200
+    torques = [segment.torque for segment in logged(path)[0].motions]
+    assert torques == [fast.drive.motor.torque, -1.5, -1.5, -1.5, 4.0, 4.0, 4.0]
 
 
 def test_paused_plant_continues_from_its_state():
@@ -357,9 +347,8 @@ def test_below_a_hertz_the_plant_moves_too():
 )  # fmt: skip
 def test_a_log_that_began_elsewhere_than_its_configuration_says_is_found(tmp_path, part):
     forge(tmp_path / 'run.mcap', changed(**part), PUMP)
-    with LogReader(tmp_path / 'run.mcap') as log:
-        report = verify(log)
-    assert 'state 1, stamp 0 ns: it does not follow from the one before' in report.difference
+    words = 'state 1, stamp 0 ns: it does not follow from the one before'
+    assert words in report_of(tmp_path / 'run.mcap').difference
 
 
 @pytest.mark.parametrize('turned', [-9.0, 654_321.0])
@@ -369,8 +358,7 @@ def test_after_many_turns_the_state_is_that_of_the_angle_as_it_is_published(tmp_
     _, values = states(tmp_path / 'run.mcap')
     assert values[0, 0, 0] == turned
     assert values[:, 0, 0].min() < turned - 1
-    with LogReader(tmp_path / 'run.mcap') as log:
-        assert verify(log).difference == ''
+    verified(tmp_path / 'run.mcap')
 
 
 def moved(joint, row, by):
@@ -422,8 +410,7 @@ def test_a_changed_state_is_found(tmp_path, alter, words):
     def change(number, snapshot):
         return alter(simulator, snapshot) if number == 30 else snapshot.messages
 
-    with LogReader(live(tmp_path / 'run.mcap', PUMP, ticks(60), change)) as log:
-        report = verify(log)
+    report = report_of(live(tmp_path / 'run.mcap', PUMP, ticks(60), change))
     assert report.difference
     assert report.states in {28, 29, 30}
     assert any(word in report.difference for word in words.split('|'))
@@ -431,14 +418,11 @@ def test_a_changed_state_is_found(tmp_path, alter, words):
 
 def test_a_record_with_a_torque_that_no_motor_gives_is_found(tmp_path):
     """Commands come live; a record has none."""
-    with LogReader(
-        live(tmp_path / 'a.mcap', PUMP, [*ticks(9), ('command', 1.0), *ticks(9)])
-    ) as log:
-        assert verify(log).difference == ''
+    verified(live(tmp_path / 'a.mcap', PUMP, [*ticks(9), ('command', 1.0), *ticks(9)]))
     other = changed(drive={'motor': replace(PUMP.drive.motor, torque=8.5)})
     forge(tmp_path / 'b.mcap', PUMP, other)
-    with LogReader(tmp_path / 'b.mcap') as log:
-        assert 'effort[crank] = 6.1 logged, 6.0 recomputed' in verify(log).difference
+    words = 'effort[crank] = 6.1 logged, 6.0 recomputed'
+    assert words in report_of(tmp_path / 'b.mcap').difference
 
 
 def test_a_log_without_accelerations_cannot_be_verified(tmp_path):
@@ -447,8 +431,5 @@ def test_a_log_without_accelerations_cannot_be_verified(tmp_path):
         channel = log.add_topic(simulator.topics[0], '/joint_states')
         log.write_motion(motion.segment)
         log.write(channel, 0, simulator.snapshot_at(motion, 0).messages[0])
-    with (
-        LogReader(tmp_path / 'run.mcap') as log,
-        pytest.raises(LogError, match='or no mechanism_state'),
-    ):
-        verify(log)
+    with pytest.raises(LogError, match='or no mechanism_state'):
+        report_of(tmp_path / 'run.mcap')
