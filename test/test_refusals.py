@@ -9,9 +9,12 @@ import math
 import re
 from dataclasses import replace
 from decimal import Decimal
+from fractions import Fraction
+from functools import partial
 
 import numpy as np
 import pytest
+from mechanisms import ALL
 
 from linkage_ros import (
     Body,
@@ -271,7 +274,7 @@ def described(kind, lengths):
 CRANK_ROCKER = FourBar(Frame(2.0), Body(1.0), Coupler(3.0), Body(2.5))
 TRACED = replace(CRANK_ROCKER, coupler=Coupler(3.0, mass=1.0, point=(1.5, 0.2)))
 PARALLELOGRAM = FourBar(Frame(2.0, 0.25), Body(1.0), Coupler(2.0, 1.0), Body(1.0))
-STRETCHED = FourBar(Frame(2.0), Body(4.0), Coupler(2.1), Body(2.2))
+STRETCHED = FourBar(Frame(2.0), Body(4.0, 1.0, 0.1), Coupler(2.1), Body(2.2))
 CENTRIC = SliderCrank(Body(1.0), Coupler(2.5), Slider(mass=1.0))
 EQUAL_ROD = SliderCrank(Body(1.0), Coupler(1.0), Slider(mass=1.0))
 OFFSET = SliderCrank(Body(2.0), Coupler(2.5), Slider(1.0))
@@ -416,3 +419,141 @@ def test_crank_that_cannot_turn_is_refused_with_class_limits_and_cure(
 @pytest.mark.parametrize(('call', 'expected'), BAD_CALLS)
 def test_bad_call_is_refused(call, expected):
     refused(call, expected)
+
+
+# ---------------------------------------------------------------- arguments of the solver
+
+FOUR_BAR, SLIDER_CRANK, PUMP = ALL['crank_rocker'], ALL['offset_right'], ALL['document_3']
+linkages = pytest.mark.parametrize('mechanism', [FOUR_BAR, SLIDER_CRANK])
+NO_REAL = [
+    'fast', '1.0', '', b'1', 1j, 1 + 0j, None, True, {}, {1.0}, {0: 1.0}, object(), min, 10**400,
+    [None, 1.0], ['a', 1.0], [[1.0], [1.0, 2.0]], [1.0, 2j], np.array([1j, 2.0]),
+    np.array(['a', 'b']), np.array([None]), np.array([1j, None]), np.array([True]),
+    np.array(['2026-01-01'], 'datetime64[s]'), range, iter([1.0]),
+]  # fmt: skip
+NOT_FINITE = [NAN, -INF, np.array([1.0, NAN])]
+WRONG_ROWS = [0.3, 3, None, 'a', 'ab', b'ab', 1j, (), (0.3,), (1.0,) * 3, [1.0] * 3, np.zeros(3),
+              np.array(1.0), {}, {1.0, 2.0}, {'crank': 1.0, 'slider': 2.0}, min]  # fmt: skip
+FINITE = '{} = …: must be a finite number…'
+
+
+@pytest.mark.parametrize('bad', NO_REAL + NOT_FINITE, ids=range(len(NO_REAL + NOT_FINITE)))
+def test_non_real_arguments_are_refused(bad):
+    pump, q, u = Solver(PUMP), (0.3, 1.5), (2.0, 0.1)
+    calls = [
+        ('crank angle', lambda: pump.matrix((bad, 1.5))),
+        ('slider position', lambda: pump.accelerations((0.3, bad), u, 6.0)),
+        ('slider speed', lambda: pump.energy(q, (2.0, bad))),
+        ('slider acceleration', lambda: pump.state(q, u, (0.0, bad))),
+        ('torque', lambda: pump.accelerations(q, u, bad)),
+    ]
+    for solver in map(Solver, (FOUR_BAR, STRETCHED)):
+        calls += [
+            ('crank angle', lambda solver=solver: solver.state(bad)),
+            ('crank speed', lambda solver=solver: solver.state(0.1, bad)),
+            ('crank acceleration', lambda solver=solver: solver.state(0.1, 1, bad)),
+            ('crank angle', lambda solver=solver: solver.matrix(bad)),
+            ('crank speed', lambda solver=solver: solver.energy((0.1,), (bad,))),
+            ('torque', lambda solver=solver: solver.accelerations((0.1,), (1.0,), bad)),
+        ]
+    for name, call in calls:
+        refused(call, FINITE.format(name), ConfigurationError)
+
+
+def test_shapes_that_do_not_fit_are_refused():
+    solver, two, three = Solver(PUMP), np.array([0.1, 0.2]), np.array([1.5, 1.6, 1.7])
+    for words, call in (
+        ('speed (3,)', lambda: Solver(FOUR_BAR).state([0.1, 0.2], [1.0, 2.0, 3.0])),
+        ('slider position (3,)', lambda: solver.matrix((two, three))),
+        ('torque (3,)', lambda: solver.accelerations((two, 1.5), (1.0, 0.0), three)),
+    ):
+        expected = f'the shapes of crank angle (2,), …{words} do not fit: give one shape…'
+        refused(call, expected, ConfigurationError)
+
+
+@linkages
+def test_solver_refuses_what_is_no_state_of_its_mechanism(mechanism):
+    solver = Solver(mechanism)
+    good = solver.state(0.7, 2.0, 1.5)
+    pump = Solver(PUMP).state((0.3, 1.5), (2.0, 0.1), (0.0, 0.0))
+    for bad in (*NO_REAL, 0.7, (0.7, 2.0, 1.5), tuple(good), [*good], pump):
+        for call in (solver.reactions, lambda state: solver.point(state, 'A')):
+            refused(lambda call=call, bad=bad: call(bad), '…state = … must be a State of this…')
+    for name in NO_REAL:
+        refused(lambda name=name: solver.point(good, name), 'point …: must be one of A0, A, B…')
+    for bad in (*NO_REAL, NAN, np.array([1.0, INF])):
+        for name, state in (
+            ('crank position', good._replace(position=(bad, *good.position[1:]))),
+            ('coupler velocity', good._replace(velocity=(2.0, bad, good.velocity[2]))),
+        ):
+            refused(lambda state=state: solver.point(state, 'B'), FINITE.format(name))
+    for bad in (None, 3.0, 'ab', (1.0, 2.0)):
+        state = good._replace(position=bad)
+        refused(lambda state=state: solver.reactions(state), '…must be a State…')
+    uneven = good._replace(position=(np.zeros(2), *good.position[1:]), velocity=(np.zeros(3),) * 3)
+    refused(lambda: solver.reactions(uneven), '…crank angle (2,), crank speed (3,)…')
+
+
+def test_reactions_of_a_state_out_of_reach_are_refused():
+    """The state of a linkage whose crank turns fully, given to one whose crank does not."""
+    for cranks in (3.0, np.array([0.1, 3.0])):
+        state = Solver(FOUR_BAR).state(cranks, 1.0)
+        refused(lambda state=state: Solver(STRETCHED).reactions(state), f'{CANNOT_MOVE} 171.8…')
+
+
+@pytest.mark.parametrize('bad', WRONG_ROWS, ids=range(len(WRONG_ROWS)))
+def test_wrong_numbers_of_coordinates_are_refused(bad):
+    solver, q = Solver(PUMP), (0.3, 1.5)
+    for name, expected, call in (
+        ('q', 'crank angle, slider position', lambda: solver.matrix(bad)),
+        ('q', 'crank angle, slider position', lambda: solver.accelerations(bad, q, 1.0)),
+        ('u', 'crank speed, slider speed', lambda: solver.energy(q, bad)),
+        ('u', 'crank speed, slider speed', lambda: solver.accelerations(q, bad, 1.0)),
+        ('a', 'crank acceleration, slider acceleration', lambda: solver.state(q, q, bad)),
+    ):
+        refused(call, f'{name} = …must be a tuple ({expected})…', ConfigurationError)
+    # Two values in all, as there should be, but not one coordinate and one speed.
+    for wrong, rates in (((0.3, 1.5), (2.0,)), ((), (2.0, 1.0))):
+        call = partial(Solver(FOUR_BAR).accelerations, wrong, rates, 1.0)
+        refused(call, f'q = {wrong}: must be a tuple (crank angle,)…', ConfigurationError)
+
+
+@pytest.mark.parametrize(
+    'two', [2, np.int64(2), np.float32(2), Fraction(2), Decimal(2), np.array(2), np.float64(2)]
+)
+def test_all_kinds_of_real_numbers_are_floats(two):
+    solver = Solver(FOUR_BAR)
+    expected = solver.state(2.0, 2.0, 2.0)
+    found = solver.state(two, two, two)
+    assert found == expected
+    assert {type(x) for x in (*found.velocity, found.torque)} == {float}
+    assert solver.matrix(two) == solver.matrix(2.0)
+    assert solver.reactions(expected._replace(position=(two, *expected.position[1:])))
+    assert solver.energy((two,), (two,)) == solver.energy(2.0, 2.0)
+    found = solver.accelerations([two], np.array([two], object), two)
+    assert found == [solver.accelerations(2.0, 2.0, 2.0)]
+
+
+def test_nested_sequences_are_arrays():
+    solver, pump = Solver(SLIDER_CRANK), Solver(PUMP)
+    angles, rows = [[0.1, 0.2], [0.3, 0.4]], np.array([[0.1, 0.2, 0.3], [1.4, 1.5, 1.6]])
+    for nested, arrays in (
+        (solver.matrix(angles), solver.matrix(np.array(angles))),
+        (solver.state(angles).torque, solver.state(np.array(angles)).torque),
+        (
+            pump.energy((angles, 1.5), ((2, 3), 0)),
+            pump.energy((np.array(angles), 1.5), (np.array([2.0, 3.0]), 0.0)),
+        ),
+        (
+            pump.accelerations(rows, (2.0, 0.1), 6.0),
+            pump.accelerations(tuple(rows), (2.0, 0.1), 6.0),
+        ),
+    ):
+        assert np.array_equal(nested, arrays)
+
+
+@pytest.mark.parametrize('mechanism', [FOUR_BAR, SLIDER_CRANK, PUMP])
+def test_energy_that_overflows_is_refused(mechanism):
+    q, u = ((0.3, 1.5), (1e160, 0.0)) if mechanism is PUMP else (0.3, 1e160)
+    words = 'overflows at crank angle = 0.3…crank speed = 1e+160…'
+    refused(lambda: Solver(mechanism).energy(q, u), f'…{words}', ConfigurationError)
