@@ -21,6 +21,8 @@ from typing import NamedTuple
 import mpmath
 from mpmath import mp
 
+from linkage_ros.lab.reference.multibody import eliminate
+
 ASIDE = '1e-60'
 
 
@@ -351,7 +353,7 @@ class Oracle:
         # What is given: the torque of a wind pump, else the acceleration of the crank.
         last = [0] * (count + len(unknown) + 1)
         last[-1 if self.is_free else 0] = 1
-        found = eliminate([*rows, [*last, mp.mpf(driven), *zeros]])
+        found = solutions([*rows, [*last, mp.mpf(driven), *zeros]])
         sizes = settle(rubbing, [_joints(unknown, x[count:-1]) for x in zip(*found, strict=True)])
         values = tuple(
             first + sum(x * size for x, size in zip(added, sizes, strict=True))
@@ -505,30 +507,15 @@ def _joints(unknown, values):
     return joints
 
 
-def eliminate(rows):
-    """Solves linear equations, by Gauss with the largest pivots.
+def solutions(rows):
+    """The unknowns of linear equations that end with one or more right-hand sides.
 
     Returns:
         A row for each unknown, with a value for each right-hand side.
     """
-    rows, size = [list(row) for row in rows], len(rows)
-    for i in range(size):
-        pivot = max(range(i, size), key=lambda k: abs(rows[k][i]))
-        rows[i], rows[pivot] = rows[pivot], rows[i]
-        for k in range(i + 1, size):
-            if rows[k][i]:
-                factor = rows[k][i] / rows[i][i]
-                for j in range(i, len(rows[i])):
-                    if rows[i][j]:
-                        rows[k][j] -= factor * rows[i][j]
-    found = [[]] * size
-    for i in reversed(range(size)):
-        known = [j for j in range(i + 1, size) if rows[i][j]]
-        found[i] = [
-            (side - sum(rows[i][j] * found[j][n] for j in known)) / rows[i][i]
-            for n, side in enumerate(rows[i][size:])
-        ]
-    return found
+    matrix, sides = [row[: len(rows)] for row in rows], [row[len(rows) :] for row in rows]
+    columns = [eliminate(matrix, side) for side in zip(*sides, strict=True)]
+    return list(zip(*columns, strict=True))
 
 
 def settle(rubbing, joints):
@@ -565,7 +552,7 @@ def by_newton(rubbing, joints, sizes):
             slopes = [-rub.factor * dot(unit(force), x) for x in added]
             slopes[i] += 1
             rows.append([*slopes, rub.factor * abs(force) - sizes[i]])
-        steps = [step for (step,) in eliminate(rows)]
+        steps = [step for (step,) in solutions(rows)]
         sizes = [size + step for size, step in zip(sizes, steps, strict=True)]
         if all(abs(step) <= mp.mpf('1e-45') * max(sizes) for step in steps):
             return sizes
