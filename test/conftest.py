@@ -55,7 +55,7 @@ LONGEST = ('test_docs', 'test_pump_chart', 'test_stability', 'test_faults', 'tes
            'test_method_charts', 'test_export', 'test_fifty_digits', 'test_replay',
            'test_rerun_view', 'test_two_hosts', 'test_out_of_package',
            'test_packaging', 'test_flywheel', 'test_hostile_findings', 'test_chart',
-           'test_node', 'test_launch', 'test_ros', 'test_integrators')  # fmt: skip
+           'test_node', 'test_launch', 'test_ros', 'test_torque_driven_motion')  # fmt: skip
 
 
 def pytest_collection_modifyitems(items):

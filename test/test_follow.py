@@ -40,10 +40,7 @@ from linkage_ros.run.simulator import Simulator
 
 TURN = 2 * math.pi
 MS = 1_000_000
-CODEC, CODEC_BARE = (
-    JointStateCodec([prefix + name for name in ('crank', 'coupler', 'rocker')], 'base_link')
-    for prefix in ('left_', '')
-)
+CODEC = JointStateCodec(('left_crank', 'left_coupler', 'left_rocker'), 'base_link')
 
 
 def followed(measurements, bandwidth=20.0):

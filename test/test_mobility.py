@@ -1,26 +1,40 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a crank can do and how far the output moves: classes, reach, period, stroke, swing."""
+"""What a crank can do and how far the output moves: classes, reach, assemblies, period, stroke."""
 
 import math
 import random
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from mechanisms import ASSEMBLIES, CHANGE_POINTS, FULL, LIMITED, TURN, four_bar, slider_crank
+from mechanisms import (
+    ASSEMBLIES,
+    CHANGE_POINTS,
+    FULL,
+    LIMITED,
+    PUMPS,
+    TURN,
+    four_bar,
+    of,
+    slider_crank,
+)
 from mechanisms import of as made_of
 from mpmath import mp
 from oracle import Oracle
 
 from linkage_ros import (
+    ConfigurationError,
     MechanismError,
     Solver,
     UnreachableError,
+    assemblies,
     travel,
 )
+from linkage_ros.dynamics.state import loop_residual
 
 
 def mobility(lengths, angle=0.0):
@@ -377,3 +391,54 @@ def test_middle_of_a_swing_through_the_seam_is_within_half_a_turn():
 def test_a_crank_that_does_not_turn_has_no_travel():
     with pytest.raises(MechanismError, match='cannot turn fully'):
         travel(Solver(slider_crank((2.0, 1.0, 0.0))))
+
+
+# Ways to assemble a linkage at a crank angle, as document 2 counts them.
+
+NEAR = 1e-12  # rad beside a limit; rounding of the limit itself is a few 1e-16
+
+
+def counts(mechanism, *cranks):
+    """The number of positions at each angle, each of which closes the loop."""
+    solver, found = Solver(mechanism), []
+    for crank in cranks:
+        positions = assemblies(mechanism, crank)
+        for position in positions:
+            gap = loop_residual(solver.structure, SimpleNamespace(position=position))
+            assert gap < 1e-14, (crank, position)
+            assert position[0] == crank
+        found.append(len(positions))
+    return found
+
+
+@pytest.mark.parametrize('name', LIMITED)
+def test_count_changes_at_the_ends_of_the_reach(name):
+    for angle in (0.3, -4.0):
+        mechanism = of(LIMITED[name], angle=angle)
+        for start, end in Solver(mechanism).reach.arcs:
+            assert counts(mechanism, start - NEAR, start, start + NEAR) == [0, 1, 2]
+            assert counts(mechanism, end - NEAR, end, end + NEAR) == [2, 1, 0]
+
+
+@pytest.mark.parametrize(('name', 'at'), [('parallelogram', 0.0), ('both', math.pi / 2)])
+def test_assemblies_meet_at_a_change_point(name, at):
+    mechanism = of(CHANGE_POINTS[name], angle=0.0)
+    assert counts(mechanism, at - NEAR, at, at + NEAR) == [2, 1, 2]
+
+
+@pytest.mark.parametrize('name', FULL)
+def test_a_crank_that_turns_fully_has_two_assemblies_everywhere(name):
+    mechanism = of(FULL[name])
+    cranks = np.linspace(-7.0, 7.0, 23).tolist()
+    assert counts(mechanism, *cranks) == [2] * 23
+    for crank in cranks:
+        own = [Solver(of(FULL[name], assembly=each)).state(crank) for each in ('open', 'crossed')]
+        assert list(assemblies(mechanism, crank)) == [state.position for state in own]
+
+
+def test_a_wind_pump_or_no_angle_is_refused():
+    with pytest.raises(MechanismError, match='2 degrees of freedom'):
+        assemblies(PUMPS['pump'], 0.0)
+    for wrong, words in ((math.nan, 'nan'), ('a', "'a'"), (None, 'None'), ([1.0, 2.0], '')):
+        with pytest.raises(ConfigurationError, match=f'crank angle = .*{words}'):
+            assemblies(of(FULL['centric']), wrong)

@@ -277,7 +277,6 @@ PARALLELOGRAM = FourBar(Frame(2.0, 0.25), Body(1.0), Coupler(2.0, 1.0), Body(1.0
 STRETCHED = FourBar(Frame(2.0), Body(4.0, 1.0, 0.1), Coupler(2.1), Body(2.2))
 CENTRIC = SliderCrank(Body(1.0), Coupler(2.5), Slider(mass=1.0))
 EQUAL_ROD = SliderCrank(Body(1.0), Coupler(1.0), Slider(mass=1.0))
-OFFSET = SliderCrank(Body(2.0), Coupler(2.5), Slider(1.0))
 
 CANNOT_MOVE = 'the crank of this triple-rocker linkage cannot move at'
 OVERFLOW = 'the torque or an acceleration overflows at … crank speed = 1e+200…: lower them'
