@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from joint_codec import JointStateCodec
+from live_logs import START, live, ticks
 from ros_harness import logged, report_of, verified
 
 from linkage_ros import ConfigurationError, LogError, MotionError, Solver
@@ -24,9 +25,7 @@ from linkage_ros.run.inputs import TorqueCommands
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.units import NS_PER_MS
 from linkage_ros.wire.codecs import trajectory
-from linkage_ros.wire.topics import ROBOT_DESCRIPTION
 
-START = 1_780_000_000_000_000_000
 PUMP = load('wind_pump')
 QUADRILATERAL = configure({'drive': 'torque', 'motor.torque': 2.0, 'motor.damping': 0.05})
 # 150 rpm from rest, within time constants of 5 ns and 6 ms.
@@ -229,47 +228,6 @@ def test_the_first_tick_of_a_live_run_compiles_nothing(monkeypatch):
 # ---------------------------------------------------------------- live, and verified
 
 
-def live(path, configuration, plan, alter=lambda _, snapshot: snapshot.messages):
-    """Writes what the node logs of a torque-driven run.
-
-    plan: (kind, value) with kind 'motor', 'command' (N m, from the next tick on), 'step' (of the
-    clock, ns), 'skip' (ticks) or 'tick'.
-    """
-    simulator = Simulator(configuration)
-    motion, drive, command = simulator.begin(START), configuration.drive, 0.0
-    t0, tick, number = START, 0, 0
-    with LogWriter(path, configuration, overwrite=True) as log:
-        channels = [log.add_topic(topic, f'/{topic.name}') for topic in simulator.topics]
-        description = log.add_topic(ROBOT_DESCRIPTION, '/robot_description')
-        log.write_motion(motion.segment)
-        log.write(description, START, simulator.description)
-        for kind, value in plan:
-            if kind in {'motor', 'command', 'skip'}:
-                if kind == 'motor':
-                    drive = replace(drive, motor=replace(drive.motor, torque=value))
-                command = value if kind == 'command' else command
-                tick += value if kind == 'skip' else 0
-                continue
-            stamp = t0 + simulator.elapsed(tick)
-            if kind == 'step':
-                log.write_motion(motion.restamp(stamp, stamp + value).segment)
-                t0, stamp = t0 + value, stamp + value
-            segment = motion.segment
-            if motion.follow(stamp, drive).segment is not segment:
-                log.write_motion(motion.segment)
-            motion.command(stamp, command)
-            number += 1
-            messages = alter(number, simulator.snapshot_at(motion, stamp))
-            for channel, message in zip(channels, messages, strict=True):
-                log.write(channel, stamp + 30_000, message)
-            tick += 1
-    return path
-
-
-def ticks(count):
-    return [('tick', None)] * count
-
-
 PLAN = [
     *ticks(60), ('command', 3.0), *ticks(40), ('skip', 7), *ticks(20), ('motor', -1.5), *ticks(50),
     ('step', -1_234_567_890), ('command', -2.0), *ticks(30), ('step', 98_765_432), *ticks(10),
@@ -410,7 +368,7 @@ def test_a_changed_state_is_found(tmp_path, alter, words):
     def change(number, snapshot):
         return alter(simulator, snapshot) if number == 30 else snapshot.messages
 
-    report = report_of(live(tmp_path / 'run.mcap', PUMP, ticks(60), change))
+    report = report_of(live(tmp_path / 'run.mcap', PUMP, ticks(60), alter=change))
     assert report.difference
     assert report.states in {28, 29, 30}
     assert any(word in report.difference for word in words.split('|'))
@@ -426,10 +384,6 @@ def test_a_record_with_a_torque_that_no_motor_gives_is_found(tmp_path):
 
 
 def test_a_log_without_accelerations_cannot_be_verified(tmp_path):
-    simulator, motion = Simulator(PUMP), Simulator(PUMP).begin(0)
-    with LogWriter(tmp_path / 'run.mcap', PUMP, overwrite=False) as log:
-        channel = log.add_topic(simulator.topics[0], '/joint_states')
-        log.write_motion(motion.segment)
-        log.write(channel, 0, simulator.snapshot_at(motion, 0).messages[0])
+    live(tmp_path / 'run.mcap', PUMP, ticks(1), topics=('joint_states',))
     with pytest.raises(LogError, match='or no mechanism_state'):
         report_of(tmp_path / 'run.mcap')

@@ -1,0 +1,96 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Logs as the node writes them, without a node: of a plan of ticks, changes and clock steps."""
+
+import itertools
+from dataclasses import replace
+
+from linkage_ros.log.writer import LogWriter
+from linkage_ros.run.simulator import Simulator
+from linkage_ros.wire.topics import DIAGNOSTICS, ROBOT_DESCRIPTION
+
+START = 1_795_000_000_123_456_789
+
+
+def ticks(count):
+    """A part of a plan: ticks that are carried out in time."""
+    return [('tick', 0)] * count
+
+
+def moments(simulator, plan):
+    """Carries out a plan, which is described below.
+
+    Yields:
+        The motion and, at a tick, its number and its stamp; in its segment are those that follow.
+    """
+    motion, drive, command, t0, tick = (
+        simulator.begin(START), simulator.configuration.drive, None, START, 0,
+    )  # fmt: skip
+    for kind, value in plan:
+        if kind == 'rpm':
+            drive = replace(drive, rpm=value)
+        elif kind == 'motor':
+            drive = replace(drive, motor=replace(drive.motor, torque=value))
+        elif kind == 'command':
+            command = value
+        elif kind == 'skip':
+            tick += value
+        else:
+            stamp = t0 + simulator.elapsed(tick) + value
+            if kind == 'step':
+                motion, t0 = motion.restamp(stamp - value, stamp), t0 + value
+                yield motion, None, None
+            motion = motion.follow(stamp, drive)
+            if command is not None:
+                motion.command(stamp, command)
+            yield motion, tick, stamp
+            tick += 1
+
+
+def live(
+    path, configuration, plan, *, prefix='/', names=None, diagnostics=True, topics=None,
+    alter=lambda _, snapshot: snapshot.messages,
+):  # fmt: skip
+    """Writes what the node logs.
+
+    Args:
+        path: The log.
+        configuration: Of the run.
+        plan: Pairs of a kind and a value. 'rpm', 'motor', 'command': set it, rpm or N m, from the
+            next tick on. 'skip': miss so many ticks. 'step': step the clock by so many ns, and
+            make a tick. 'tick': make it so many ns late.
+        prefix: Of the names of the topics.
+        names: Other names of topics.
+        diagnostics: Whether there are messages that do not belong to states.
+        topics: Names of the topics of states; None: all.
+        alter: Makes the messages of a state from its number, 1 for the first, and its snapshot.
+
+    Returns:
+        The path.
+    """
+    simulator, number = Simulator(configuration), itertools.count(1)
+    segment = simulator.begin(START).segment
+    with LogWriter(path, configuration, overwrite=True) as log:
+        channels = {
+            i: log.add_topic(topic, prefix + (names or {}).get(topic.name, topic.name))
+            for i, topic in enumerate(simulator.topics)
+            if topics is None or topic.name in topics
+        }
+        extra = log.add_topic(DIAGNOSTICS, '/diagnostics') if diagnostics else None
+        log.write_motion(segment)
+        description = log.add_topic(ROBOT_DESCRIPTION, f'{prefix}robot_description')
+        log.write(description, START, simulator.description)
+        for motion, tick, stamp in moments(simulator, plan):
+            if motion.segment != segment:
+                log.write_motion(segment := motion.segment)
+            if stamp is None:
+                continue
+            messages = alter(next(number), simulator.snapshot_at(motion, stamp))
+            now = stamp + 40_000 + tick % 7
+            for i, channel in channels.items():
+                log.write(channel, now, messages[i])
+            if extra is not None and tick % 50 == 0:
+                log.write(extra, now, b'\0\1\0\0' + bytes(16))
+            if (tick + 1) % 60 == 0:
+                log.flush()
+    return path
