@@ -10,9 +10,10 @@ from fractions import Fraction
 
 import pytest
 from joint_codec import JointStateCodec
+from live_logs import START, live, ticks
 from mcap.records import Channel, Message, Metadata, Schema
 from mcap_records import records_of, write_records
-from ros_harness import assert_refused
+from ros_harness import assert_refused, report_of
 from test_log import spans
 
 from linkage_ros import LogError, log_tool
@@ -27,13 +28,10 @@ from linkage_ros.log.writer import LogWriter
 from linkage_ros.parameters.configuration import configure, from_strings, load, to_strings
 from linkage_ros.record import record
 from linkage_ros.run.simulator import Simulator
-from linkage_ros.verification.verify import verify
 from linkage_ros.wire.topics import (
-    DIAGNOSTICS,
     ROBOT_DESCRIPTION,
 )
 
-START = 1_795_000_000_123_456_789
 PRESETS = ('quadrilateral', 'coupler_point', 'slider_crank', 'compressor')
 CHANGE_POINTS = {  # a parallelogram, whose motion repeats after two turns
     'mechanism': 'four_bar', 'frame.length': 0.3, 'crank.length': 0.1, 'coupler.length': 0.3,
@@ -41,62 +39,11 @@ CHANGE_POINTS = {  # a parallelogram, whose motion repeats after two turns
 }  # fmt: skip
 
 
-def checked(path):
-    with LogReader(path) as log:
-        return verify(log)
-
-
 def assert_equal(path, states):
-    report = checked(path)
+    report = report_of(path)
     assert report.difference == ''
     assert (report.states, report.missed, report.cut) == (states, 0, ())
     return report
-
-
-def live(path, configuration, plan, *, prefix='/', names=None, diagnostics=True, topics=None):
-    """Writes what the node logs: `plan` yields 'rpm', 'step' or 'skip' with a value, or a 'tick'.
-
-    rpm: set it, at the next tick. step: of the clock, ns. skip: miss so many ticks. tick: so many
-    ns late.
-    """
-    simulator = Simulator(configuration)
-    motion, rpm, t0, tick = simulator.begin(START), configuration.drive.rpm, START, 0
-    with LogWriter(path, configuration, overwrite=True) as log:
-        chosen = [t for t in simulator.topics if topics is None or t.name in topics]
-        channels = [log.add_topic(t, prefix + (names or {}).get(t.name, t.name)) for t in chosen]
-        places = [simulator.topics.index(topic) for topic in chosen]
-        extra = log.add_topic(DIAGNOSTICS, '/diagnostics') if diagnostics else None
-        log.write_motion(motion.segment)
-        description = log.add_topic(ROBOT_DESCRIPTION, f'{prefix}robot_description')
-        log.write(description, START, simulator.description)
-        for kind, value in plan:
-            rpm = value if kind == 'rpm' else rpm
-            tick += value if kind == 'skip' else 0
-            if kind in {'rpm', 'skip'}:
-                continue
-            stamp = t0 + simulator.elapsed(tick)
-            if kind == 'step':
-                motion = motion.restamp(stamp, stamp + value)
-                log.write_motion(motion.segment)
-                t0 += value
-            stamp += value
-            if rpm != motion.segment.rpm:
-                motion = motion.change(stamp, rpm)
-                log.write_motion(motion.segment)
-            messages = simulator.snapshot_at(motion, stamp).messages
-            now = stamp + 40_000 + tick % 7
-            for channel, place in zip(channels, places, strict=True):
-                log.write(channel, now, messages[place])
-            if extra is not None and tick % 50 == 0:
-                log.write(extra, now, b'\0\1\0\0' + bytes(16))
-            tick += 1
-            if tick % 60 == 0:
-                log.flush()
-    return path
-
-
-def ticks(count):
-    return [('tick', 0)] * count
 
 
 CHANGES = [
@@ -175,7 +122,7 @@ RUNS = {
 @pytest.mark.parametrize('run', RUNS.values(), ids=RUNS)
 def test_live_runs_are_equal_to_the_bit(tmp_path, run):
     values, plan, options, states, missed = run
-    report = checked(live(tmp_path / 'run.mcap', configure(values), plan, **options))
+    report = report_of(live(tmp_path / 'run.mcap', configure(values), plan, **options))
     assert (report.difference, report.states, report.missed) == ('', states, missed)
     assert (report.others, report.cut) == (('/diagnostics',), ())
     if 'prefix' in options:
@@ -193,10 +140,10 @@ def test_a_log_without_stamps_or_motions_cannot_be_verified_and_an_empty_one_can
     path, configuration = tmp_path / 'run.mcap', load('quadrilateral')
     live(path, configuration, ticks(5), topics=('driving_torque',))
     with pytest.raises(LogError, match='or no mechanism_state or joint_states'):
-        checked(path)
+        report_of(path)
     rewrite(live(path, configuration, ticks(5)), without(MOTION_RECORD))
     with pytest.raises(LogError, match='cannot be verified: it has no motion record'):
-        checked(path)
+        report_of(path)
     LogWriter(path, configuration, overwrite=True).close()
     assert assert_equal(path, 0).compared == ()
     assert '/robot_description' in assert_equal(live(path, configuration, []), 0).compared
@@ -205,7 +152,7 @@ def test_a_log_without_stamps_or_motions_cannot_be_verified_and_an_empty_one_can
 def test_a_state_that_was_cut_off_at_the_very_end_is_said(tmp_path):
     path = live(tmp_path / 'run.mcap', load('quadrilateral'), ticks(20), diagnostics=False)
     rewrite(path, lambda records: records[:-3])  # the last one is the end record
-    report = checked(path)
+    report = report_of(path)
     assert report.difference == ''
     assert (report.states, report.cut) == (19, ('/mechanism_state', '/coupler_point'))
 
@@ -364,7 +311,7 @@ def test_a_flipped_bit_is_found_in_every_byte(live_path, topic):
     for byte in range(0, size, 1 + size // 10):
         live_path.write_bytes(before)
         rewrite(live_path, flip(topic, number, byte, 0x40))
-        difference = checked(live_path).difference
+        difference = report_of(live_path).difference
         # A stamp may say that the message, or another of its state, is out of place.
         assert topic in difference or 'has that stamp' in difference, (byte, difference)
         assert '\n' not in difference
@@ -375,7 +322,7 @@ def test_a_flipped_bit_is_found_in_every_byte(live_path, topic):
 @pytest.mark.parametrize('change', [drop, double, swap, swap_data])
 def test_a_lost_doubled_or_swapped_message_is_found(path, topic, number, change):
     rewrite(path, at(topic, number, change))
-    report = checked(path)
+    report = report_of(path)
     assert report.difference
     assert number - 1 <= report.states <= number + 1
 
@@ -384,7 +331,7 @@ def test_a_lost_message_among_equal_ones_is_found(tmp_path):
     """At rest all torques are equal."""
     path = live(tmp_path / 'run.mcap', configure({'rpm': 0.0}), ticks(60))
     rewrite(path, at('/driving_torque', 30, drop))
-    assert 'is not the next one of state 31' in checked(path).difference
+    assert 'is not the next one of state 31' in report_of(path).difference
 
 
 def edit_states(edit):
@@ -419,19 +366,19 @@ STATE_EDITS = {
 def test_whole_states_lost_doubled_or_swapped(path, good, edit, in_record, in_live_run):
     is_record = path.read_bytes() == good['record']
     rewrite(path, edit_states(edit))
-    report = checked(path)
+    report = report_of(path)
     assert re.match(in_record if is_record else in_live_run or in_record, report.difference)
     if not report.difference:
         assert report.states + report.missed == 100
     rewrite(path, without(END_RECORD))  # as of an older version, or of a killed run
-    assert not checked(path).difference.startswith('12')
+    assert not report_of(path).difference.startswith('12')
 
 
 def test_stamps_off_the_ticks_are_found(tmp_path):
     """Every value is right for its stamp, but no tick has that stamp."""
     plan = [*ticks(9), ('tick', 1), *ticks(9)]
     path = live(tmp_path / 'run.mcap', load('quadrilateral'), plan)
-    assert re.match('state 10, .*no tick .* has that stamp', checked(path).difference)
+    assert re.match('state 10, .*no tick .* has that stamp', report_of(path).difference)
 
 
 def test_a_log_time_that_is_not_the_stamp_of_a_record_is_found(path, good):
@@ -442,7 +389,7 @@ def test_a_log_time_that_is_not_the_stamp_of_a_record_is_found(path, good):
             delayed(topic, 7, log=1, publish=1)(records)
 
     rewrite(path, later)
-    assert ('/joint_states: log time = ' in checked(path).difference) == is_record
+    assert ('/joint_states: log time = ' in report_of(path).difference) == is_record
 
 
 def forge(records):
@@ -547,7 +494,7 @@ TAMPERED = {
 def test_changes_with_valid_checksums_are_found(live_path, edit, words):
     rewrite(live_path, edit)
     try:
-        found = checked(live_path).difference
+        found = report_of(live_path).difference
     except LogError as error:
         found = str(error)
     assert re.search(words, found), found
@@ -569,7 +516,7 @@ def test_damage_under_a_checksum_is_refused(live_path):
         bad[place] ^= 0x80
         live_path.write_bytes(bad)
         with pytest.raises(LogError, match=words):
-            checked(live_path)
+            report_of(live_path)
 
 
 # ---------------------------------------------------------------- command
