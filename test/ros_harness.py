@@ -35,6 +35,10 @@ _TYPES = {
     topic.name.lstrip('/'): topic.interface.name
     for topic in (*TOPICS, JOINT_COMMANDS, SIMULATED_CLOCK)
 }
+# The package lies beside the tests, installed or not.
+PACKAGE_PATH = os.pathsep.join(
+    filter(None, (str(Path(__file__).parents[1]), os.environ.get('PYTHONPATH')))
+)
 CODEC = JointStateCodec(('crank', 'coupler', 'rocker'))
 
 
@@ -66,6 +70,7 @@ def fresh_domain():
 def environment(domain):
     return {
         **os.environ,
+        'PYTHONPATH': PACKAGE_PATH,
         'ROS_DOMAIN_ID': str(domain),
         'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
         'PYTHONUNBUFFERED': '1',
@@ -73,7 +78,9 @@ def environment(domain):
 
 
 def command(module, *arguments):
-    return [sys.executable, '-m', f'linkage_ros.{module}', *map(str, arguments)]
+    """Words that run a module of the package, or a program of which these are the first words."""
+    words = module if isinstance(module, list) else [sys.executable, '-m', f'linkage_ros.{module}']
+    return [*words, *map(str, arguments)]
 
 
 def node_arguments(**parameters):

@@ -18,9 +18,8 @@ from xml.etree import ElementTree as ET
 import pytest
 import yaml
 from rclpy.serialization import deserialize_message
-from ros_harness import Listener, fresh_domain, running, wait_for
+from ros_harness import Listener, fresh_domain, running, stop, wait_for
 from sensor_msgs.msg import JointState
-from test_node import stop
 
 from linkage_ros import ConfigurationError
 from linkage_ros.parameters.configuration import configure

@@ -5,8 +5,6 @@
 import csv
 import json
 import math
-import os
-import subprocess
 import sys
 import xml.etree.ElementTree as ET
 from importlib import import_module
@@ -18,9 +16,8 @@ from mcap_ros2.decoder import DecoderFactory
 from mpmath import mp
 from pages import ROOT
 from rclpy.serialization import deserialize_message
-from ros_harness import Listener, environment, fresh_domain, wait_for
+from ros_harness import assert_refused, finished, stop, wait_for, watched
 from sensor_msgs.msg import JointState
-from test_node import stop
 from test_rerun_view import read
 
 from linkage_ros import Body, Coupler, MechanismError, Solver
@@ -33,6 +30,7 @@ from linkage_ros.wire.urdf import make_urdf
 EXAMPLES = ROOT / 'docs' / 'examples'
 GEAR = EXAMPLES / 'cardan_gear.yaml'
 SPEED = 4 * math.pi
+RUN = [sys.executable, EXAMPLES / 'run.py']
 IMPORT = f'import sys; sys.path.insert(0, {str(EXAMPLES)!r}); '
 
 
@@ -76,21 +74,10 @@ def textbook(crank, speed, change, stiffness=400):
     return x, torque + push * slope
 
 
-def start(program, *arguments):
-    return [sys.executable, EXAMPLES / 'run.py', program, *map(str, arguments)]
-
-
-def with_package(**others):
-    path = os.pathsep.join((str(ROOT), os.environ.get('PYTHONPATH', '')))
-    return {**os.environ, **others, 'PYTHONPATH': path}
-
-
-def run(*words, cwd, code=0):
-    done = subprocess.run(
-        words, cwd=cwd, env=with_package(), capture_output=True, text=True, check=False
-    )
-    assert done.returncode == code, done.stdout + done.stderr
-    return done.stdout if not code else done.stderr
+def run(*words, cwd, program=RUN):
+    done = finished(program, *words, cwd=cwd, timeout=240)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
 
 
 def check_textbook(joints):
@@ -163,7 +150,7 @@ def test_a_link_with_a_name_of_its_own_is_drawn_and_described(cardan_gear, solve
 def folder(tmp_path_factory):
     """A second of the gear, recorded."""
     root = tmp_path_factory.mktemp('gear')
-    run(*start('record', GEAR, 'run.mcap', '--duration', 1), cwd=root)
+    run('record', GEAR, 'run.mcap', '--duration', 1, cwd=root)
     return root
 
 
@@ -177,15 +164,15 @@ def test_a_record_has_the_states_of_the_textbook(folder):
 
 
 def test_the_log_is_verified_and_described(folder):
-    verified = run(*start('log', 'verify', 'run.mcap'), cwd=folder)
+    verified = run('log', 'verify', 'run.mcap', cwd=folder)
     assert '200 states, every one equal to the bit' in verified
-    told = run(*start('log', 'info', 'run.mcap'), cwd=folder)
+    told = run('log', 'info', 'run.mcap', cwd=folder)
     assert 'cardan_gear, open, crank-slider, stroke 0.4 m' in told
     assert 'spring.stiffness: 400.0  # N/m' in told
 
 
 def test_the_chart_of_the_motion_has_the_torque_of_the_load(folder):
-    run(*start('chart', 'motion', GEAR), cwd=folder)
+    run('chart', 'motion', GEAR, cwd=folder)
     assert (folder / 'cardan_gear_motion.png').stat().st_size > 50_000
     with (folder / 'cardan_gear_motion.csv').open() as stream:
         rows = list(csv.DictReader(stream))
@@ -197,32 +184,22 @@ def test_the_chart_of_the_motion_has_the_torque_of_the_load(folder):
 
 def test_the_view_shows_the_links_of_the_mechanism(folder):
     words = ('run.mcap', '--viewer', 'run.rrd', '--no-ros', '--rate', 20)
-    run(*start('replay', *words), cwd=folder)
+    run('replay', *words, cwd=folder)
     lines = read(folder / 'run.rrd')['/linkage/moving']['LineStrips2D:strips'][0]
     # Crank, coupler with its point, slider, and the arrow of its load.
     assert [len(line) for line in lines] == [2, 4, 5, 5]
 
 
 def test_the_real_node_publishes_the_states_of_the_textbook(folder):
-    domain, path = fresh_domain(), folder / 'live.mcap'
-    arguments = ('--ros-args', '--params-file', GEAR, '-p', f'log:={path}')
-    topics = {
-        '/joint_states': 'sensor_msgs/msg/JointState',
-        '/robot_description': 'std_msgs/msg/String',
-    }
-    with Listener(domain, topics) as listener:
-        process = subprocess.Popen(
-            start('node', *arguments), env=with_package(**environment(domain)),
-            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        )  # fmt: skip
-        try:
-            wait_for(lambda: len(listener.received['/joint_states']) > 100)
-            wait_for(lambda: listener.received['/robot_description'])
-        finally:
-            stop(process)
+    words, path = [*RUN, 'node', '--ros-args', '--params-file', GEAR], folder / 'live.mcap'
+    topics = '/joint_states', '/robot_description'
+    with watched(topics, '-p', f'log:={path}', module=words) as (listener, process):
+        listener.await_more(100)
+        wait_for(lambda: listener.received['/robot_description'])
+        stop(process)
     for data in listener.received['/joint_states']:
         check_textbook(deserialize_message(data, JointState))
-    assert 'every one equal to the bit' in run(*start('log', 'verify', path), cwd=folder)
+    assert 'every one equal to the bit' in run('log', 'verify', path, cwd=folder)
 
 
 MEASURE = """
@@ -249,7 +226,7 @@ print(json.dumps([points, cells]))
 
 def test_the_charts_find_the_method_and_measure_its_speed_and_errors(folder):
     assert not [method for method in METHODS if method.name == 'inverse cosine']
-    points, cells = json.loads(run(sys.executable, '-c', IMPORT + MEASURE, cwd=folder))
+    points, cells = json.loads(run('-c', IMPORT + MEASURE, cwd=folder, program=[sys.executable]))
     for picture in ('accuracy.png', 'stability.png'):
         assert (folder / picture).stat().st_size > 50_000
     default, cosines = (
@@ -279,8 +256,7 @@ def key(point):
 
 
 def test_without_the_import_the_name_is_refused_in_one_line(folder):
-    words = (sys.executable, '-m', 'linkage_ros.record', str(GEAR), 'no.mcap')
-    told = run(*words, cwd=folder, code=2)
-    assert "mechanism = 'cardan_gear': must be one of four_bar, slider_crank, wind_pump" in told
-    assert told.count('\n') == 1
+    done = finished('record', GEAR, 'no.mcap', cwd=folder)
+    words = "mechanism = 'cardan_gear': must be one of four_bar, slider_crank, wind_pump"
+    assert_refused(done.returncode, done.stdout, done.stderr, words)
     assert not (folder / 'no.mcap').exists()

@@ -7,6 +7,7 @@ Which values and linkages are refused is in test_configuration.py and test_refus
 
 import math
 import os
+import re
 import signal
 import subprocess
 from fractions import Fraction
@@ -300,8 +301,11 @@ def test_a_degenerate_but_possible_file_is_recorded(called, out, params, text):
     [
         ([], 'required: PARAMS, OUT.mcap; see linkage_record --help'),
         (['quadrilateral', ''], "argument OUT.mcap: '' is no path: name one; see"),
-        (['', 'run.mcap'], "no preset '': choose one of "),
-        (['pentagon', 'run.mcap'], "no preset 'pentagon': choose one of .*quadrilateral"),
+        (['', 'run.mcap'], "no preset '': choose one of .*, wiper"),
+        *(
+            ([name, 'run.mcap'], f"no preset '{re.escape(name)}': choose one of .*quadrilateral")
+            for name in ('pentagon', 'quadrilatera', '*')
+        ),
         (['missing.yaml', 'run.mcap'], 'missing.yaml: No such file or directory'),
         (['.', 'run.mcap'], 'Is a directory'),
         (['quadrilateral', 'missing/run.mcap'], 'cannot be written'),

@@ -301,7 +301,10 @@ BAD_CALLS = [
     ),
     # States.
     (lambda: state(STRETCHED, math.pi), f'{CANNOT_MOVE} 180 deg: … it reaches … deg'),
-    (lambda: state(STRETCHED, [0.1, 3.0, 3.1]), f'{CANNOT_MOVE} 171.887339 deg: … reaches …'),
+    (
+        lambda: state(STRETCHED, np.reshape([0.1] * 3 + [3.0, 3.1, 3.2], (2, 3))),
+        f'{CANNOT_MOVE} 171.887339 deg: … reaches …',
+    ),
     (
         lambda: Solver(STRETCHED).reach.require_full_turn(),
         '… cannot turn fully: … it reaches … deg',

@@ -9,7 +9,6 @@ import signal
 import statistics
 import struct
 import time
-import tracemalloc
 from bisect import bisect
 from itertools import pairwise
 
@@ -26,6 +25,7 @@ from ros_harness import (
     watched,
 )
 from shell_harness import Shell, held
+from test_hostile_findings import little_memory
 from test_rerun_view import free_port
 
 from linkage_ros import ViewerError, replay
@@ -310,16 +310,11 @@ def test_commands_in_a_log_are_not_shown(called, tmp_path):
 def test_memory_does_not_grow_with_the_log(tmp_path):
     path = tmp_path / 'long.mcap'
     record(configure({'rate_hz': 1000.0}), path, duration=20.0)  # in Python more than 7 MB
-    tracemalloc.start()
-    try:
-        with LogReader(path) as log:
-            excerpt = excerpt_of(log, 0, None, [STATES])
-            with feed(log, excerpt, loop=False) as items:
-                assert sum(1 for _ in items) == 20_000
-        # A chunk of 1 MB, and what was read of it.
-        assert tracemalloc.get_traced_memory()[1] < 5.5e6
-    finally:
-        tracemalloc.stop()
+    # A chunk of 1 MB, and what was read of it.
+    with little_memory(5.5e6), LogReader(path) as log:
+        excerpt = excerpt_of(log, 0, None, [STATES])
+        with feed(log, excerpt, loop=False) as items:
+            assert sum(1 for _ in items) == 20_000
 
 
 # ---------------------------------------------------------------- refusals

@@ -24,13 +24,9 @@ from ros_harness import wait_for
 
 from linkage_ros import ViewerError
 from linkage_ros.parameters.configuration import load
-from linkage_ros.run.health import Health, HealthMonitor
 from linkage_ros.run.simulator import Simulator
-from linkage_ros.run.ticker import TickCounts
-from linkage_ros.run.worker import Worker
 from linkage_ros.view import rerun_view
 from linkage_ros.view.rerun_view import View
-from linkage_ros.wire.cdr import ERROR
 
 rerun_chunk = pytest.importorskip('rerun.chunk')
 
@@ -344,18 +340,12 @@ def test_page_is_served_on_viewer_bind_alone_and_ends_with_the_run(
     assert (served(page), served(data)) == ([], [])
 
 
-def test_page_that_ends_early_is_an_error_in_the_diagnostics():
+def test_page_that_ends_early_is_an_error():
     with opened('web') as (view, process):
-        errors = []
-        worker = Worker('view', view, capacity=10, period=0.01, on_error=errors.append)
         process.kill()
-        wait_for(lambda: worker.error)
-        worker.close(PATIENCE)
-        health = Health('web', worker.dropped, worker.error, view.trouble)
-        _, status = HealthMonitor('linkage_node').report(TickCounts(), {}, {'viewer': health}, [])
-    assert status.level == ERROR
-    assert status.message.startswith('failed: the viewer has ended (signal 9, Killed)')
-    assert len(errors) == 1
+        process.wait(PATIENCE)
+        with pytest.raises(ViewerError, match=r'^the viewer has ended \(signal 9, Killed\)'):
+            view.consume([])
 
 
 def test_page_ends_with_a_killed_run():

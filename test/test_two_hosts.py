@@ -3,12 +3,11 @@
 """Node and controller on two hosts whose link is cut: the quick form of the benchmark."""
 
 import json
-import os
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from ros_harness import finished
 
 ROOT = Path(__file__).parents[1]
 SCRIPT = ROOT / 'benchmarks' / 'reliability' / 'hosts.py'
@@ -16,15 +15,7 @@ SCRIPT = ROOT / 'benchmarks' / 'reliability' / 'hosts.py'
 
 def test_node_and_log_outlast_a_cut_link(tmp_path):
     quick = ('--out', tmp_path, '--short', '3', '--long', '0')
-    # The package lies beside the tests, installed or not.
-    paths = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get('PYTHONPATH')])])
-    done = subprocess.run(
-        [sys.executable, SCRIPT, *quick],
-        env={**os.environ, 'PYTHONPATH': paths},
-        capture_output=True,
-        text=True,
-        timeout=240,
-    )
+    done = finished([sys.executable, SCRIPT], *quick, timeout=240)
     if done.returncode == 77:
         pytest.skip(done.stderr.strip())
     assert done.returncode == 0, done.stdout + done.stderr
