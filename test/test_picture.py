@@ -66,7 +66,7 @@ def rows_of(configuration, messages, batch):
     numbers = [template.read(b''.join(messages[n : n + batch]))
                for n in range(0, len(messages), batch)]  # fmt: skip
     parts = [picture.rows(stamps, *np.split(values, 3, axis=1)) for stamps, values in numbers]
-    for entity, stamps, columns in itertools.chain(*parts, picture.curves()):
+    for entity, stamps, columns in itertools.chain(*parts):
         values = columns[0].as_arrow_array().to_pylist()
         found.setdefault(entity, []).extend(zip(stamps, values, strict=True))
     return {entity: [np.array(part) for part in zip(*rows, strict=True)]

@@ -3,7 +3,7 @@
 """The picture of a run in Rerun: entities over time, constant parts, and layout.
 
 Each call of Rerun takes as much processor time as twenty states. So all moving parts are one
-entity, and the curves are updated less often.
+entity, and the curves are updated less often. Curves of one entity need different names.
 """
 
 from __future__ import annotations
@@ -32,8 +32,6 @@ _MOVING, _FIXED = f'{LINKAGE}/moving', f'{LINKAGE}/fixed'
 VALUES, RATES, DIRECTIONS = 'values', 'rates', 'directions'
 
 _DRAWING_NS = 20_000_000  # 50 drawings a second of stamp time
-# Updates of the curves: five per second of stamp time, and at the latest with this batch size.
-_CURVES_NS, _MOST_WAITING = 200_000_000, 10
 _TURNS, _LONGEST = 5, 60.0  # plotted at constant speed: turns, and the limit in seconds
 _STANDING_SECONDS, _DRIVEN_SECONDS = 10.0, 5.0  # seconds plotted at standstill, and under a torque
 _FRONT = 32.0  # drawing order of the pins, above all lines
@@ -73,7 +71,6 @@ class Picture:
         self._curves = {
             VALUES: ('crank', *sliders, *sliders), RATES: turning, DIRECTIONS: turning[1:],
         }  # fmt: skip
-        self._waiting: list[tuple[npt.NDArray[np.int64], Array]] = []  # stamps and curves
         self._directions = np.zeros((1, len(turning)))  # at the last sample, rad
         self._last_frame = -1
 
@@ -89,7 +86,7 @@ class Picture:
             effort: Efforts of the joints, N m.
 
         Yields:
-            Rows of the moving parts and, if due, of the curves.
+            Rows of the moving parts and of the curves.
         """
         places, rates = map(self.drawing.links_from_joints, (position, velocity))
         count = self._directions.shape[1]
@@ -98,25 +95,21 @@ class Picture:
         self._directions = places[-1:, :count]
         turning, sliders = slice(count), slice(count, None)
         values = [effort[:, :1], places[:, sliders], rates[:, sliders]]
-        curves = [*values, rates[:, turning], places[:, 1:count]]
-        self._waiting.append((stamps, np.concatenate(curves, axis=1)))
+        curves = np.concatenate(values, axis=1), rates[:, turning], places[:, 1:count]
+        for entity, part in zip(self._curves, curves, strict=True):
+            yield entity, stamps, [_column(_SCALARS, pa.array(part.ravel()), part.shape)]
         frames = stamps // _DRAWING_NS
         due = np.diff(frames, prepend=self._last_frame) != 0
         self._last_frame = frames[-1]
         if due.any():
             yield _MOVING, stamps[due], self._moving(places[due], rates[due])
-        span = stamps[-1] - self._waiting[0][0][0]
-        if span >= _CURVES_NS or len(self._waiting) == _MOST_WAITING:
-            yield from self.curves()
 
-    def curves(self) -> Iterator[Rows]:
-        """Rows of the curves since the last call."""
-        if self._waiting:
-            stamps, values = map(np.concatenate, zip(*self._waiting, strict=True))
-            self._waiting = []
-            ends = np.cumsum([len(links) for links in self._curves.values()])
-            for entity, part in zip(self._curves, np.split(values, ends, axis=1), strict=False):
-                yield entity, stamps, [_column(_SCALARS, pa.array(part.ravel()), part.shape)]
+    def frame(
+        self, stamps: npt.NDArray[np.int64], position: Array, velocity: Array, _: Array
+    ) -> Iterator[Rows]:
+        """Rows of the moving parts alone; see `rows`."""
+        places, rates = map(self.drawing.links_from_joints, (position, velocity))
+        yield _MOVING, stamps, self._moving(places, rates)
 
     def _moving(self, places: Array, rates: Array) -> list[rr.ComponentColumn]:
         """Names and pins as points, links and loads as lines."""

@@ -19,11 +19,13 @@ from pathlib import Path
 from typing import BinaryIO, TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 import rerun as rr
 from rerun import FileSink, GrpcSink  # missing in old versions
 
 from linkage_ros.errors import ViewerError
 from linkage_ros.files import create_file
+from linkage_ros.numeric import Array
 from linkage_ros.parameters.configuration import Configuration
 from linkage_ros.parameters.session import SPAWN, WEB, is_recording, viewer_address, viewer_error
 from linkage_ros.run.simulator import Simulator
@@ -33,8 +35,8 @@ from linkage_ros.view.viewer_process import ViewerProcess, open_viewer
 _WALL_CLOCK = 10**18  # ns; smaller stamps, before September 2001, are times since a start
 _BATCH = 20_000  # greatest number of samples sent at once
 # s between batches. A file takes four times the space with small ones; live, each costs as much
-# processor time as fifty samples, and the linkage moves twenty times a second.
-_PERIOD, _FILE_PERIOD = 0.05, 1.0
+# processor time as fifty samples, and the linkage moves ten times a second, curves less often.
+_PERIOD, _CURVES_PERIOD, _FILE_PERIOD = 0.1, 0.2, 1.0
 _SEND_SECONDS, _WRITE_SECONDS = 2.0, 5.0  # longest delay of a batch by a viewer or a disk
 _CLOSE_SECONDS, _LAST_SECONDS = 2.5, 0.5  # time for the rest at the end, and for a lagging viewer
 _ANSWER_SECONDS = 3.0  # a viewer that has just been started needs about one
@@ -87,6 +89,7 @@ class View:
         self.dropped, self.period = 0, _PERIOD
         self._picture, self._target = Picture(configuration), target
         self._template = Simulator(configuration).joint_states
+        self._waiting, self._due = list[Sample](), 0.0  # for the curves, and their time, s
         self._process: ViewerProcess | None = None
         self._file: BinaryIO | None = None  # locked, so that other runs cannot replace it
         self._stream = rr.RecordingStream('linkage_ros')
@@ -105,7 +108,7 @@ class View:
             self._use(FileSink(target, write_footer=False))
 
     def consume(self, samples: Sequence[Sample]) -> None:
-        """Shows the samples since the last call, if any.
+        """Shows the samples since the last call, and curves that are due.
 
         Args:
             samples: In the order of their stamps.
@@ -115,10 +118,10 @@ class View:
         """
         if self._process and not self._process.runs():
             return  # the user has closed the window
-        for start in range(0, len(samples), _BATCH):
+        for start in range(0, max(len(samples), bool(self._waiting)), _BATCH):
             batch = samples[start : start + _BATCH]
             if self._is_ready():
-                self._send(batch)
+                self._show(batch)
             else:
                 self.dropped += len(batch)
 
@@ -177,10 +180,27 @@ class View:
         for entity, components in self._picture.constants().items():
             self._stream.log(entity, *components, static=True, strict=True)
 
-    def _send(self, samples: Sequence[Sample]) -> None:
+    def _show(self, samples: Sequence[Sample]) -> None:
+        """Sends the last drawing and, if they are due, all drawings and curves."""
+        self._waiting += samples
+        if self._file or time.monotonic() > self._due:
+            self._due = time.monotonic() + _CURVES_PERIOD
+            self._send_waiting()
+        elif samples:
+            self._send_rows(self._picture.frame(*self._read(samples[-1:])))
+
+    def _send_waiting(self) -> None:
+        if self._waiting:
+            self._send_rows(self._picture.rows(*self._read(self._waiting)))
+            self._waiting = []
+
+    def _read(
+        self, samples: Sequence[Sample]
+    ) -> tuple[npt.NDArray[np.int64], Array, Array, Array]:
+        """Shown stamps, ns, and positions, rates and efforts of the joints."""
         stamps, numbers = self._template.read(b''.join([data for _, data in samples]))
-        stamps += np.array([shift for shift, _ in samples])
-        self._send_rows(self._picture.rows(stamps, *np.split(numbers, 3, axis=1)))
+        position, velocity, effort = np.split(numbers, 3, axis=1)
+        return stamps + np.array([shift for shift, _ in samples]), position, velocity, effort
 
     def _send_rows(self, rows: Iterable[Rows]) -> None:
         for entity, stamps, columns in rows:
@@ -192,7 +212,7 @@ class View:
 
     def _disconnect(self) -> None:
         if not self.trouble:
-            self._send_rows(self._picture.curves())
+            self._send_waiting()
         with contextlib.suppress(RuntimeError):
             self._stream.flush(timeout_sec=_CLOSE_SECONDS - _LAST_SECONDS)
         self._stream.disconnect()

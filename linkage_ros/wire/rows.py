@@ -71,6 +71,13 @@ class Template:
         pairs = zip(parts, starts, strict=False)
         self.places = [part._replace(offset=at) for part, at in pairs if isinstance(part, Field)]
         self._numbers = [names.index(place.name) for place in self.places]
+        offsets = [place.offset for place in self.places]
+        self._kind = np.dtype(
+            {
+                'names': [*map(str, offsets)], 'offsets': offsets, 'itemsize': self.size,
+                'formats': [f'<{place.code}' for place in self.places],
+            }
+        )  # fmt: skip
         self._blank = self.pack(*[0] * len(names))
 
     def pack(self, *numbers: float) -> bytes:
@@ -121,13 +128,8 @@ class Template:
         Returns:
             The value in each of them.
         """
-        kind = np.dtype(
-            {
-                'names': ['value'], 'formats': [f'<{place.code}'], 'offsets': [place.offset],
-                'itemsize': self.size,
-            }
-        )  # fmt: skip
-        values: npt.NDArray[Any] = np.ndarray(len(rows) // self.size, kind, rows)['value']
+        filled = np.ndarray(len(rows) // self.size, self._kind, rows)
+        values: npt.NDArray[Any] = filled[str(place.offset)]
         return values
 
 
