@@ -5,13 +5,12 @@
 from __future__ import annotations
 
 import argparse
+import os
+from typing import Any
 
 from linkage_ros.errors import ConfigurationError
-from linkage_ros.lab.charts.pump import draw_pump
-from linkage_ros.lab.charts.sizes import DPI
 from linkage_ros.lab.commands.output import folder, progress, save_records
-from linkage_ros.lab.pump.analysis import analyse
-from linkage_ros.lab.pump.table import states_table
+from linkage_ros.lab.sweep.spread import processes
 from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.parameters.configuration import load
@@ -35,11 +34,26 @@ def pump(options: argparse.Namespace) -> None:
     name = find_file(options.params).stem
     title = f'{name}: {motor_line(drive.motor)}'
     records, picture = options.out / f'{name}_settled.json', options.out / f'{name}_settled.png'
-    with folder(options.out):
-        found = analyse(
-            mechanism, drive.motor,
-            speeds=options.speeds, progress=progress,
-        )  # fmt: skip
+    # With several threads, BLAS takes many times as long for matrices of this size if the
+    # machine is busy. It reads this variable when a process starts.
+    os.environ['OPENBLAS_NUM_THREADS'] = '1'
+    with folder(options.out), processes(1) as worker:
+        analysis = worker.submit(
+            _analyse, mechanism, drive.motor, speeds=options.speeds, progress=progress
+        )
+        # These imports, which include Matplotlib, take place while the worker computes.
+        from linkage_ros.lab.charts.pump import draw_pump
+        from linkage_ros.lab.charts.sizes import DPI
+        from linkage_ros.lab.pump.table import states_table
+
+        found = analysis.result()
         save_records(records, [found.record()])
         draw_pump(found, title, picture, DPI / 2 if options.quick else DPI)
     print(records, *states_table(found), picture, sep='\n')
+
+
+def _analyse(*given: Any, **options: Any) -> Any:
+    """Runs `analyse`, which only the worker imports."""
+    from linkage_ros.lab.pump.analysis import analyse
+
+    return analyse(*given, **options)

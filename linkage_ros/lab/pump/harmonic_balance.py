@@ -25,8 +25,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from linkage_ros.dynamics.solver import Solver
 from linkage_ros.errors import LinkageError
+from linkage_ros.lab.pump.equations import PumpSolver
 from linkage_ros.lab.pump.periodic_motion import (
     PeriodicMotion,
     by_size,
@@ -61,7 +61,7 @@ class HarmonicBalance:
     def __init__(
         self, mechanism: WindPump, damping: float, harmonics: int = EXACT, turns: int = 1
     ) -> None:
-        self._mechanism, self.solver, self.damping = mechanism, Solver(mechanism), damping
+        self._mechanism, self.solver, self.damping = mechanism, PumpSolver(mechanism), damping
         self._harmonics, self.turns = harmonics, turns
         count = harmonics * turns
         self.sizes = slider, crank = 2 * count + 1, 2 * count - 1
@@ -179,7 +179,7 @@ class HarmonicBalance:
                     size = np.abs(step).max() / np.abs(unknowns).max()
                     if size < tolerance:
                         return self._checked(unknowns, row)
-                    if size > allowed:
+                    if not size <= allowed:  # or nan
                         return None
         except (LinkageError, np.linalg.LinAlgError):
             pass
@@ -216,7 +216,7 @@ class HarmonicBalance:
         follows the others.
         """
         values, functions = self._waves @ unknowns[:-1], self._waves
-        (m11, m12), (_, m22) = self.solver.matrix((self.angles, values[0]))
+        m11, m12, m22, *_ = self.solver.terms(self.angles, values[0], values[3], values[3])
         speed = unknowns[3]
         push = 2 * speed * functions[1]
         push[:, 0], push[:, 3] = 0.0, values[1]
@@ -237,13 +237,10 @@ class HarmonicBalance:
         moves = np.zeros((4, 5))
         moves[[1, 2, 3], [0, 1, 3]] = steps
         x, slope, bend, w, rate = (values + moves[..., None]).swapaxes(0, 1)
-        q = np.broadcast_to(self.angles, x.shape), x
-        # R = M q'' + h - Q is M (q'' - the q'' of the free motion).
+        m11, m12, m22, h1, h2 = self.solver.terms(self.angles, x, w, w * slope)
+        spin, push = w * rate, w * w * bend + w * rate * slope
         torque = unknowns[-1] - self.damping * w
-        spin, push = self.solver.accelerations(q, (w, w * slope), torque)
-        (m11, m12), (_, m22) = self.solver.matrix(q)
-        spin, push = w * rate - spin, w * w * bend + w * rate * slope - push
-        lacks = np.array((m11 * spin + m12 * push, m12 * spin + m22 * push))
+        lacks = np.array((m11 * spin + m12 * push + h1 - torque, m12 * spin + m22 * push + h2))
         by_x, by_slope, by_w = ((lacks[:, 1:] - lacks[:, :1]) / steps[:, None]).swapaxes(0, 1)
         first, second = np.array((m11[0], m12[0])), np.array((m12[0], m22[0]))
         by_bend, by_rate = w[0] ** 2 * second, w[0] * (first + slope[0] * second)

@@ -10,14 +10,12 @@ separately in other coordinates.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
-from linkage_ros.dynamics.solver import Solver
 from linkage_ros.errors import LinkageError
-from linkage_ros.model.wind_pump import WindPump
+from linkage_ros.lab.pump.equations import PumpSolver
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.drives import Motor
 from linkage_ros.motion.fixed_step_integrator import DORMAND_PRINCE, FixedSteps
@@ -25,8 +23,6 @@ from linkage_ros.numeric import Array
 
 _TOLERANCE = 5e-4  # of a step, in rad, crank lengths, and these per second at the motor's speed
 _SHORTEST = 1e-5  # step, of the time of a radian
-_FASTEST = 1e3  # limit of rates, in the same units; a faster motion has ended
-_EDGE = 1e-9  # relative, of the square of the dyad's length
 _PAUSE = 10  # steps until motions outside the coordinates are continued in others
 _KEPT = 400  # steps that are searched for the last turns
 # In other coordinates: longest step, s, tolerance, and longest time, of the time of a radian.
@@ -44,7 +40,7 @@ class Motions:
         phases: Crank angle, rad, slider position, m, and their rates; each of shape (4, n).
     """
 
-    def __init__(self, solver: Solver, motor: Motor, starts: Array) -> None:
+    def __init__(self, solver: PumpSolver, motor: Motor, starts: Array) -> None:
         """Starts the motions at t = 0.
 
         Args:
@@ -54,12 +50,9 @@ class Motions:
         """
         self._solver, self._motor = solver, motor
         self._driven = DrivenMechanism(solver, motor.at)
-        pump = cast('WindPump', solver.mechanism)
-        b, c, self._length = pump.coupler.length, pump.rod.length, pump.crank.length
-        self._within = (b - c) ** 2 + _EDGE * (b + c) ** 2, (b + c) ** 2 * (1 - _EDGE)
         self._pace = max(starts[2].max(), motor.torque / motor.damping if motor.damping else 0.0)
-        self._units = np.array((1.0, self._length, self._pace, self._pace * self._length))[:, None]
-        self._safe = starts[:, :1]
+        r = solver.mechanism.crank.length
+        self._units = np.array((1.0, r, self._pace, self._pace * r))[:, None]
         self._slope = self._slopes(starts)
         self._step = np.full(starts.shape[1], 0.1 / self._pace)
         self._leaves: Any = np.isnan(self._slope).any(axis=0)
@@ -80,12 +73,12 @@ class Motions:
 
     def _try(self) -> None:
         on, phases, times = self.active, self.phases[-1].copy(), self.times[-1].copy()
-        h, start, slopes = self._step[on], phases[:, on], [self._slope[:, on]]
-        for row in DORMAND_PRINCE.stages:
-            slopes.append(self._slopes(start + h * _sum(row, slopes)))
-        end = start + h * _sum(DORMAND_PRINCE.end, slopes)
-        slopes.append(self._slopes(end))
-        error = h * _sum(DORMAND_PRINCE.error, slopes) / self._units
+        h, start, slopes = self._step[on], phases[:, on], np.empty((7, 4, len(on)))
+        slopes[0] = self._slope[:, on]
+        for stage, row in enumerate((*DORMAND_PRINCE.stages, DORMAND_PRINCE.end), 1):
+            end = start + h * np.tensordot(row, slopes[:stage], 1)
+            slopes[stage] = self._slopes(end)
+        error = h * np.tensordot(DORMAND_PRINCE.error, slopes, 1) / self._units
         worst = np.nan_to_num(np.abs(error).max(axis=0) / _TOLERANCE, nan=np.inf)
         good = (worst <= 1) & ~self._leaves[on]
         times[on] += np.where(good, h, 0.0)
@@ -97,16 +90,7 @@ class Motions:
         self._leaves |= self._step < _SHORTEST / self._pace
 
     def _slopes(self, phases: Array) -> Array:
-        """Rates and accelerations; nan outside the range of the coordinates."""
-        angle, x, w, v = phases
-        low, high = self._within
-        square = x * x - 2 * self._length * x * np.cos(angle) + self._length**2
-        known = (square > low) & (square < high)
-        known &= (np.abs(phases[2:]) < _FASTEST * self._units[2:]).all(axis=0)
-        angle, x, w, v = np.where(known, phases, self._safe)
-        rates = self._solver.accelerations((angle, x), (w, v), self._motor.at(w))
-        found: Array = np.where(known, np.array((w, v, *rates)), np.nan)
-        return found
+        return self._solver.slopes(self._motor.at(phases[2]), *phases)
 
     def _carry(self, number: int) -> None:
         """Follows one motion in other coordinates until the first ones are suitable again."""
@@ -147,8 +131,3 @@ class Motions:
         inside = rows[:, 0] > rows[-1, 0] - 2 * math.pi * turns
         forwards = not inside[0] and rows[inside, 2].min() > 0
         return rows[inside].T if forwards else None
-
-
-def _sum(weights: Iterable[float], slopes: Iterable[Array]) -> Any:
-    """The weighted sum of slopes."""
-    return sum(weight * slope for weight, slope in zip(weights, slopes, strict=False) if weight)

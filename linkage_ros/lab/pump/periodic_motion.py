@@ -15,7 +15,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from linkage_ros.dynamics.solver import Solver
+from linkage_ros.lab.pump.equations import PumpSolver
 from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.numeric import Array
 
@@ -57,11 +57,11 @@ def waves(angles: Array, count: int, turns: int, derivative: int = 0) -> Array:
 
 @functools.lru_cache(256)  # most are used repeatedly, at equal angles
 def _waves(angles: bytes, count: int, turns: int, derivative: int) -> Array:
+    first = np.exp(1j / turns * np.frombuffer(angles))
     orders = np.arange(1, count // 2 + 1) / turns
-    shifted = np.outer(np.frombuffer(angles), orders) + derivative * math.pi / 2
-    pairs = np.stack((np.cos(shifted), np.sin(shifted)), axis=-1) * orders[:, None] ** derivative
-    first = np.full((len(shifted), 1), float(derivative == 0))
-    found: Array = np.concatenate((first, pairs.reshape(len(shifted), count - 1)), axis=1)
+    powers = np.cumprod(np.broadcast_to(first[:, None], (len(first), len(orders))), axis=1)
+    pairs = (powers * (1j * orders) ** derivative).view(float)  # cosines and sines in turn
+    found: Array = np.insert(pairs, 0, float(derivative == 0), axis=1)
     found.flags.writeable = False
     return found
 
@@ -80,7 +80,7 @@ class PeriodicMotion:
         slow_multipliers: Factors of slow deviations of an averaged motion over a turn.
     """
 
-    solver: Solver
+    solver: PumpSolver
     damping: float
     slider: Array
     crank: Array
@@ -250,9 +250,7 @@ class PeriodicMotion:
         moves = np.concatenate((np.diag(steps), np.diag(-steps)))
         x, w, v = self.at(angles)[:, None] + moves.T[..., None]
         torque = self.torque - self.damping * w
-        q = np.broadcast_to(angles, x.shape), x
-        spin, push = self.solver.accelerations(q, (w, v), torque)
-        slopes = np.array((v, spin, push)) / w
+        slopes = self.solver.slopes(torque, angles, x, w, v)[1:] / w
         derivatives = (slopes[:, :3] - slopes[:, 3:]) / (2 * steps[:, None])
         jacobians: Array = derivatives.transpose(2, 0, 1)
         return jacobians

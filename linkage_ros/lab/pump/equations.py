@@ -1,0 +1,82 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The equations of motion of a wind pump for many phases at once, some of them out of reach."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from typing import Any, cast
+
+import numpy as np
+
+from linkage_ros.dynamics.equations import (
+    Model,
+    accelerations,
+    balance,
+    mass_matrix,
+    velocities,
+)
+from linkage_ros.dynamics.program import Program
+from linkage_ros.dynamics.solver import Solver
+from linkage_ros.dynamics.trees import Constants
+from linkage_ros.formulas import cos, sqrt, where
+from linkage_ros.model.wind_pump import WindPump
+from linkage_ros.numeric import Array, Real
+
+_EDGE = 1e-9  # relative, of the square of the dyad's length
+
+
+class PumpSolver(Solver):
+    """A solver that is also fast for arrays, because it checks nothing."""
+
+    @functools.cached_property
+    def _terms(self) -> Callable[..., tuple[Array, ...]]:
+        pump = cast('WindPump', self.mechanism)
+        b, c = pump.coupler.length, pump.rod.length
+        limits = (b - c) ** 2 + _EDGE * (b + c) ** 2, (b + c) ** 2 * (1 - _EDGE)
+        constants = Constants((Model.of(pump, self.structure), pump.crank.length, limits))
+        program = Program(_terms, constants, ('angle', 'position', 'speed', 'velocity'))
+        return program.code(frozenset(program.names)).bound(constants.numbers)
+
+    def terms(self, *phases: Array) -> list[Array]:
+        """The terms of the equations of motion M q'' + h = torque on the crank.
+
+        Args:
+            phases: Crank angles, rad, slider positions, m, and their rates.
+
+        Returns:
+            M11, M12, M22, h1 and h2; h2 is nan where the dyad does not reach.
+        """
+        with np.errstate(all='ignore'):
+            *found, h2, inside = self._terms(*phases)
+        return [*found, np.where(inside > 0, h2, np.nan)]
+
+    def slopes(self, torque: Real, *phases: Array) -> Array:
+        """Rates of crank angle, slider position, crank speed and slider velocity.
+
+        Args:
+            torque: On the crank, N m.
+            phases: As in `terms`, of one shape.
+
+        Returns:
+            Of shape (4, ...); the last two are nan where the dyad does not reach.
+        """
+        m11, m12, m22, h1, h2 = self.terms(*phases)
+        push, whole = torque - h1, m11 * m22 - m12 * m12
+        spin, change = (m22 * push + m12 * h2) / whole, -(m12 * push + m11 * h2) / whole
+        return np.array((*phases[2:], spin, change))
+
+
+def _terms(constants: tuple[Any, ...], *phase: Real) -> tuple[Real, ...]:
+    """M11, M12, M22, h1, h2, and a number that is above 0 where the dyad reaches."""
+    model, r, (low, high) = constants
+    angle, x, *u = phase
+    square = x * x - 2 * r * x * cos(angle) + r * r
+    inside = (square - low) * (high - square)
+    # Elsewhere, the terms at another place.
+    q = where(inside > 0, angle, 0.0), where(inside > 0, x, r + sqrt(0.5 * (low + high)))
+    pose = model.loop.pose(q)
+    (m11, m12), (_, m22) = mass_matrix(model, pose)
+    held = balance(model, pose, velocities(pose, u), accelerations(pose, u, ()))
+    return m11, m12, m22, *held, inside
