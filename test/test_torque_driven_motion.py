@@ -25,7 +25,6 @@ from linkage_ros import (
     Solver,
     UnreachableError,
 )
-from linkage_ros.formulas import Vector
 from linkage_ros.lab.methods import registry, situations
 from linkage_ros.lab.methods.integrators import OfPackage
 from linkage_ros.lab.methods.measure import attempt
@@ -38,7 +37,7 @@ from linkage_ros.lab.methods.motion_cases import (
     even,
 )
 from linkage_ros.lab.reference.motions import MotionReference
-from linkage_ros.lab.reference.multibody import Multibody, eliminate
+from linkage_ros.lab.reference.multibody import eliminate
 from linkage_ros.lab.reference.problems import (
     InitialValueProblem,
     coasting,
@@ -358,25 +357,6 @@ def test_reference_stops_where_its_equations_are_singular():
     reference._known[Decimal(0)][1:7] = [Decimal(x) for x in (1, 0, 1, 0, 1, 0)]  # in line
     with pytest.raises(ArithmeticError, match='cannot be followed beyond'):
         reference.at(1.0)
-
-
-def test_multibody_accelerates_as_virtual_power_does():
-    random = np.random.default_rng(0)
-    mechanisms = [situations.turning(random) for _ in range(4)]
-    motions = [(m, random.uniform(-5, 5, 2)) for m in mechanisms if isinstance(m, FourBar)]
-    pump = random.uniform((0, 1.3, -5, -5), (7, 1.7, 5, 5))
-    for mechanism, motion in (*motions, (DRIVEN.mechanism, pump)):
-        q, u = map(tuple, np.split(motion, 2))
-        solver = Solver(mechanism)
-        state = solver.state(q, u, (0.0,) * len(q))
-        places = [Vector.at(x) for x in state.position[:3]]
-        places += [Vector(x, 0.0) for x in state.position[3:]]
-        bodies = Multibody(mechanism, float, Vector.at)
-        rows, forces = bodies.system(places, list(state.velocity))
-        forces[0] += 3.0
-        *found, _, _ = eliminate(rows, forces)
-        right = solver.accelerations(q, u, 3.0)
-        assert (found[0], *found[3:]) == pytest.approx(right, rel=1e-10)
 
 
 def test_elimination_takes_the_largest_pivot():
