@@ -268,20 +268,6 @@ def test_text_that_lacks_a_required_setting_is_refused(name):
         from_strings(strings)
 
 
-VIEWERS = r'spawn, web, rerun\+http://HOST:PORT/proxy or a \.rrd path'
-
-
-@pytest.mark.parametrize(
-    'viewer',
-    ['sideways', 'http://x/run.rrd', 'rerun+http://a:65536/proxy', 'run.mcap', '.rrd', ' '],
-)
-def test_another_viewer_is_refused_with_the_valid_ones(viewer):
-    with pytest.raises(
-        ConfigurationError, match=rf'^viewer = {re.escape(repr(viewer))} is not one of: {VIEWERS}$'
-    ):
-        configure({'viewer': viewer})
-
-
 @pytest.mark.parametrize(
     'values',
     [

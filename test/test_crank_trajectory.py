@@ -26,7 +26,6 @@ from ros_harness import logged, node_arguments, stop, verified, wait_for, watche
 from test_docs_figures import check_quote
 from trajectory_msgs.msg import JointTrajectory
 
-from linkage_ros import ConfigurationError
 from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.motion.torque_driven import TorqueMotion
@@ -202,18 +201,6 @@ def test_a_new_speed_a_step_of_the_clock_and_a_pause_make_a_new_trajectory_at_on
     resumed = deserialize_message(ahead.message_at(motion, later), JointTrajectory)
     assert nanoseconds(resumed.header.stamp) == later
     assert len(solved) == 501  # nothing of the pause is made up for
-
-
-@pytest.mark.parametrize(
-    ('values', 'words'),
-    [
-        ({'trajectory_command_topic': 'a b'}, 'must be text of the form'),
-        ({'trajectory_horizon': 0.001}, 'must be a number from 0.01 to 10 s'),
-    ],
-)
-def test_invalid_trajectory_settings_are_refused(values, words):
-    with pytest.raises(ConfigurationError, match=words):
-        machine(**values)
 
 
 # ---------------------------------------------------------------- the controller takes them

@@ -15,7 +15,6 @@ from mechanisms import LIMITED, four_bar
 from mpmath import mp
 from rclpy.serialization import deserialize_message, serialize_message
 from ros_harness import (
-    assert_refused,
     logged,
     node_arguments,
     report_of,
@@ -26,7 +25,6 @@ from ros_harness import (
 )
 from sensor_msgs.msg import JointState
 
-from linkage_ros import ConfigurationError, node, record
 from linkage_ros.motion.drives import FollowDrive
 from linkage_ros.motion.follow import NOT_FINITE, NOT_NEWER, FollowMotion, Measurement, ahead
 from linkage_ros.parameters.configuration import configure, load
@@ -155,11 +153,6 @@ def test_messages_of_all_kinds_are_taken_or_left_out_by_their_cause():
     assert crank.left_out == {NO_JOINT_STATE: 3, NO_CRANK: 3, OUT_OF_REACH: 1}
 
 
-def test_a_rate_is_refused_because_measurements_set_it():
-    with pytest.raises(ConfigurationError, match='four_bar: measurements set the rate; leave it'):
-        configure({'drive': 'follow', 'rate_hz': 3.0})
-
-
 def test_a_robot_may_name_the_crank_otherwise():
     crank = measured_crank(Simulator(configure({'drive': 'follow', 'crank_joint': 'arm/motor'})))
     stamp, found = crank.read(message(5, name=('base', 'arm/motor'), position=(0.0, 0.5)), 7)
@@ -196,47 +189,6 @@ def test_no_measurement_ends_the_motion(lead):
 MEASURED = '/joint_states'
 REMAPS = ('-r', 'measured_joint_states:=joint_states', '-r', 'joint_states:=linkage/joint_states')
 ANSWERS = '/linkage/joint_states'
-
-
-def test_a_topic_in_and_out_is_refused_before_there_is_a_log(called, tmp_path):
-    log = tmp_path / 'run.mcap'
-    for drive, heard, own in (
-        ('follow', 'measured_joint_states', 'joint_states'),
-        ('follow', 'measured_joint_states', 'driving_torque'),  # of another type
-        ('torque', 'joint_commands', 'joint_states'),
-    ):
-        words = f'{heard} and {own} are one topic, /{own}: .* -r {own}:=linkage/{own}$'
-        arguments = *node_arguments(drive=drive, log=log), '-r', f'{heard}:={own}'
-        assert_refused(*called(node, *arguments), words)
-    itself = node_arguments(drive='follow', effort_command_topic='/measured_joint_states', log=log)
-    words = 'name another topic in the parameter that holds /measured_joint_states$'
-    assert_refused(*called(node, *itself), words)  # a remapping would move both
-    assert not log.exists()
-
-
-@pytest.mark.parametrize(
-    ('words', 'said'),
-    [
-        (
-            ('-p', 'trajectory_command_topic:=mechanism_state'),
-            'mechanism_state and mechanism_state are one topic, /mechanism_state: name another',
-        ),
-        (('-p', 'effort_command_topic:=/rosout'), '/rosout: name another'),  # of another type
-        (
-            ('-r', 'driving_torque:=joint_states'),
-            'joint_states and driving_torque .*, -r driving_torque:=linkage/driving_torque',
-        ),
-    ],
-)
-def test_two_topics_of_a_node_with_one_name_are_refused(called, words, said):
-    assert_refused(*called(node, '--ros-args', *words), said)
-
-
-def test_a_record_needs_no_measurement_but_a_drive(called, tmp_path):
-    path = tmp_path / 'follow.yaml'
-    path.write_text('/**: {ros__parameters: {drive: follow}}')
-    refused = called(record, path, tmp_path / 'out.mcap')
-    assert_refused(*refused, 'run linkage_node, or give drive: speed')
 
 
 @pytest.fixture(scope='module')

@@ -16,11 +16,9 @@ from oracle import Oracle
 
 from linkage_ros import (
     Body,
-    ConfigurationError,
     Coupler,
     FourBar,
     Frame,
-    MechanismError,
     Piston,
     Solver,
     UnreachableError,
@@ -189,29 +187,3 @@ def test_equal_links_answer_close_to_the_crank_pin():
         assert np.isfinite(solver.accelerations(q, u, 6.0)).all()
     with pytest.raises(UnreachableError):
         solver.accelerations((0.0, 0.12), (2.0, 0.1), 6.0)
-
-
-def test_overflow_and_zero_mass_are_refused():
-    words = r'overflows at .*, crank speed = 1e\+200, slider speed = 0, torque = 1: lower them'
-    with pytest.raises(ConfigurationError, match=words):
-        Solver(PUMP).accelerations((0.0, 1.5), (1e200, 0.0), 1.0)
-    bare = WindPump(Body(0.12), Coupler(0.8), Body(1.6), Piston(1.5), 'crossed')
-    with pytest.raises(MechanismError, match='something moves without a mass'):
-        Solver(bare).accelerations((0.0, 1.5), (1.0, 0.0), 1.0)
-
-
-@pytest.mark.parametrize('what', [3, None, WindPump, PUMP.crank])
-def test_a_solver_refuses_what_is_no_mechanism(what):
-    with pytest.raises(MechanismError, match='must be a mechanism, such as a FourBar'):
-        Solver(what)
-
-
-def test_wind_pump_has_no_reach():
-    solver = Solver(PUMP)
-    assert solver.mobility is None
-    with pytest.raises(MechanismError, match='a WindPump has 2 degrees of freedom: its crank'):
-        _ = solver.reach
-    with pytest.raises(
-        ConfigurationError, match=r'must be a tuple \(crank angle, slider position\)'
-    ):
-        solver.state(0.3)

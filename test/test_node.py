@@ -142,6 +142,30 @@ BAD = [
     (['-p', 'viewer:=nonsense'], 'nonsense'),
     (['-p', 'use_sim_time:=3'], 'use_sim_time'),
     (['-p', 'effort_command_topic:=joint_states'], 'joint_states'),
+    (
+        ['-p', 'trajectory_command_topic:=mechanism_state'],
+        'mechanism_state and mechanism_state are one topic, /mechanism_state: name another',
+    ),
+    (['-p', 'effort_command_topic:=/rosout'], '/rosout: name another'),  # of another type
+    (
+        ['-r', 'driving_torque:=joint_states'],
+        'joint_states and driving_torque .*, -r driving_torque:=linkage/driving_torque',
+    ),
+    *(
+        (
+            ['-p', f'drive:={drive}', '-r', f'{heard}:={own}'],
+            f'{heard} and {own} are one topic, /{own}: .* -r {own}:=linkage/{own}$',
+        )
+        for drive, heard, own in (
+            ('follow', 'measured_joint_states', 'joint_states'),
+            ('follow', 'measured_joint_states', 'driving_torque'),  # of another type
+            ('torque', 'joint_commands', 'joint_states'),
+        )
+    ),
+    (  # a remapping would move both
+        ['-p', 'drive:=follow', '-p', 'effort_command_topic:=/measured_joint_states'],
+        'name another topic in the parameter that holds /measured_joint_states$',
+    ),
     (['-r', '__ns:=9x'], 'remap rule'),
     (['--params-file', '/nowhere.yaml'], '/nowhere.yaml: No such file .*; give the path of a p'),
     (['--params-file', '/dev/null'], 'is no file'),
@@ -181,6 +205,9 @@ def test_a_bad_viewer_or_log_leaves_nothing_behind(called, tmp_path):
     assert log.read_text() == 'an earlier log'
     given = node_arguments(log=log, viewer=view)
     assert_refused(*called(node, *given), 'exists already')
+    assert not view.exists()
+    given = *node_arguments(log=view, drive='torque'), '-r', 'joint_commands:=joint_states'
+    assert_refused(*called(node, *given), 'are one topic')
     assert not view.exists()
 
 

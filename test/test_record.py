@@ -259,6 +259,10 @@ BAD_FILES = {
     'name misspelt': (layout(crank='{lenght: 0.1}'), r'did you mean crank.length'),
     'no YAML': ('/**:\n\tros__parameters:\n', r'line 2: no YAML'),
     'binary': (bytes(range(256)) * 16, 'no YAML'),
+    'measured crank': (
+        '/**: {ros__parameters: {drive: follow}}',
+        'run linkage_node, or give drive: speed',
+    ),
     # Or a slip in the node's name would record another linkage.
     'another node': (
         layout().replace('/**', 'linkage_mode'),

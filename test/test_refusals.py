@@ -22,13 +22,19 @@ from linkage_ros import (
     Coupler,
     FourBar,
     Frame,
+    Friction,
     Guide,
     LinkageError,
+    LoadCurve,
     MechanismError,
+    Rocker,
     Slider,
     SliderCrank,
     Solver,
     UnreachableError,
+    WindPump,
+    assemblies,
+    travel,
 )
 from linkage_ros.motion.drives import SpeedDrive
 from linkage_ros.parameters.configuration import configure
@@ -67,6 +73,7 @@ NO_LOOP = 'm: the loop cannot close; shorten it or lengthen the others'
 NO_REACH = 'm: the loop cannot close; bring it nearer to 0 or lengthen them'
 
 
+VIEWERS = 'spawn, web, rerun+http://HOST:PORT/proxy or a .rrd path'
 LISTED = 'linkage_record --help lists all'
 
 
@@ -112,6 +119,19 @@ BAD_VALUES = [
     (FOUR, 'start_rpm', -1e7, f'start_rpm = -10000000.0: {AN_RPM}'),
     (SLIDER, 'crank_acceleration', -1, 'crank_acceleration = -1: must be a number from 0 …'),
     (FOUR, 'rate_hz', 0, f'rate_hz = 0: {A_RATE}'),
+    (FOUR, 'trajectory_horizon', 1e-3, '… must be a number from 0.01 to 10 s'),
+    (FOUR, 'trajectory_command_topic', 'a b', '… must be text of the form …'),
+    *(
+        (FOUR, 'viewer', x, f'viewer = {x!r} is not one of: {VIEWERS}')
+        for x in (
+            'sideways',
+            'http://x/run.rrd',
+            'rerun+http://a:65536/proxy',
+            'run.mcap',
+            '.rrd',
+            ' ',
+        )
+    ),
     # Words and switches.
     (FOUR, 'mechanism', 'five_bar', "mechanism = 'five_bar': must be one of four_bar, slider_…"),
     (FOUR, 'drive', 'hand', "drive = 'hand': must be one of speed…"),
@@ -276,6 +296,7 @@ TRACED = replace(CRANK_ROCKER, coupler=Coupler(3.0, mass=1.0, point=(1.5, 0.2)))
 PARALLELOGRAM = FourBar(Frame(2.0, 0.25), Body(1.0), Coupler(2.0, 1.0), Body(1.0))
 STRETCHED = FourBar(Frame(2.0), Body(4.0, 1.0, 0.1), Coupler(2.1), Body(2.2))
 CENTRIC = SliderCrank(Body(1.0), Coupler(2.5), Slider(mass=1.0))
+PUMP = ALL['document_3']
 EQUAL_ROD = SliderCrank(Body(1.0), Coupler(1.0), Slider(mass=1.0))
 
 CANNOT_MOVE = 'the crank of this triple-rocker linkage cannot move at'
@@ -330,6 +351,42 @@ BAD_CALLS = [
     # Points and reactions.
     (lambda: point(CRANK_ROCKER, 'C'), "point 'C': must be one of A0, A, B, B0"),
     (lambda: point(CENTRIC, 'a0'), "point 'a0': must be one of A0, A, B"),
+    # Of the wind pump, and without masses.
+    (
+        lambda: Solver(PUMP).accelerations((0.0, 1.5), (1e200, 0.0), 1.0),
+        '… overflows at …, crank speed = 1e+200, slider speed = 0, torque = 1: lower them…',
+    ),
+    (
+        lambda: Solver(CRANK_ROCKER).accelerations(0.0, 1.0, 1.0),
+        'something moves without a mass: …',
+    ),
+    (lambda: Solver(PUMP).reach, 'a WindPump has 2 degrees of freedom: its crank …'),
+    (lambda: assemblies(PUMP, 0.0), '… 2 degrees of freedom…'),
+    *(
+        (partial(assemblies, CENTRIC, x), f'crank angle = …{words}…')
+        for x, words in ((NAN, 'nan'), ('a', "'a'"), (None, 'None'), ([1.0, 2.0], ''))
+    ),
+    *(
+        (partial(Solver, x), '… must be a mechanism, such as a FourBar…')
+        for x in (3, None, WindPump, Body(1.0))
+    ),
+    (lambda: travel(Solver(STRETCHED)), '… cannot turn fully…'),
+    # Loads.
+    *(
+        (
+            partial(replace, CRANK_ROCKER, loads=(x,)),
+            'loads = …: must be a LinkLoad, LoadCurve, Friction or another AppliedLoad',
+        )
+        for x in (Rocker(1.0), 5.0, LoadCurve, None)
+    ),
+    (
+        lambda: Solver(replace(TRACED, loads=(Friction(0.1, 0.1),))).accelerations(0.3, 1.0, 2.0),
+        '… leave friction out…',
+    ),
+    (
+        lambda: configure({'drive': 'follow', 'rate_hz': 3.0}),
+        "'rate_hz' is not … four_bar: measurements set the rate; leave it…",
+    ),
     (lambda: forces(PARALLELOGRAM, 0.25), 'at 14.3239449 deg … change point; ask for angles …'),
     (lambda: forces(EQUAL_ROD, math.pi / 2), 'at 90 deg … change point; ask for angles beside it'),
 ]
@@ -425,7 +482,7 @@ def test_bad_call_is_refused(call, expected):
 
 # ---------------------------------------------------------------- arguments of the solver
 
-FOUR_BAR, SLIDER_CRANK, PUMP = ALL['crank_rocker'], ALL['offset_right'], ALL['document_3']
+FOUR_BAR, SLIDER_CRANK = ALL['crank_rocker'], ALL['offset_right']
 linkages = pytest.mark.parametrize('mechanism', [FOUR_BAR, SLIDER_CRANK])
 NO_REAL = [
     'fast', '1.0', '', b'1', 1j, 1 + 0j, None, True, {}, {1.0}, {0: 1.0}, object(), min, 10**400,
