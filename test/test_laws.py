@@ -113,7 +113,7 @@ def test_torque_is_linear_in_accelerations_and_inverted_by_them(name):
         size = abs(torque) + abs(held) + np.max(np.abs(matrix)) * max(map(abs, a))
         assert torque - held == pytest.approx(matrix[0] @ a, rel=0, abs=1e-12 * size)
         found = solver.accelerations(q, u, 5.0)
-        assert solver.forward((*q, *u), 5.0) == found
+        assert solver.driven_by(lambda _: 5.0)(*q, *u) == found
         size = 5.0 + np.max(np.abs(matrix)) * max(map(abs, found))
         assert solver.state(q, u, found).torque == pytest.approx(5.0, rel=0, abs=1e-13 * size)
 

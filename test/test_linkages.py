@@ -129,7 +129,7 @@ def test_at_the_stretched_and_the_folded_point_itself_all_is_refused(slide):
     solver = Solver(PUMP)
     words = 'or are in line, at crank angle 0 deg'
     with pytest.raises(UnreachableError, match=words):
-        solver.forward((0.0, slide, 2.0, 0.1), 6.0)
+        solver.driven_by(lambda _: 6.0)(0.0, slide, 2.0, 0.1)
     for q in ((0.0, slide), (np.array([0.1, 0.0]), np.array([1.5, slide]))):
         for call in every_answer(solver, q, (2.0, 0.1)):
             with pytest.raises(UnreachableError, match=words):

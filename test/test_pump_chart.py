@@ -263,8 +263,10 @@ def test_brute_force_ends_at_the_listed_states_and_at_no_others(doubled):
     stable = [state.motion for state in doubled.states if state.motion.stable]
     reached = set()
 
+    accelerations = solver.driven_by(MOTOR.at)
+
     def slope(_, y):
-        return (y[2], y[3], *solver.forward(tuple(y.tolist()), MOTOR.at(y[2])))
+        return (y[2], y[3], *accelerations(*y.tolist()))
 
     for x, w, v in ((1.3, 2.0, 0.5), (1.8, 3.0, -0.5), (1.2, 5.5, 0.0), (1.6, 6.0, -0.4)):
         with np.errstate(all='ignore'):

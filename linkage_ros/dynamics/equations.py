@@ -223,11 +223,11 @@ def _columns(pose: Pose) -> list[tuple[Real, ...]]:
 
 def state(model: Model, q: Sequence[Real], u: Sequence[Real], a: Sequence[Real]) -> State:
     """The motion of all links, and the required torque on the crank."""
-    require(is_finite(*q, *u, *a), model.refuse, *q, *u, *a)
+    require(is_finite(*q), model.refuse, *q, *u, *a)
     pose = model.loop.pose(tuple(q))
     rates, changes = velocities(pose, u), accelerations(pose, u, a)
     torque, *_ = balance(model, pose, rates, changes)
-    require(is_finite(torque, *changes), model.refuse, *q, *u, *a)
+    require(is_finite(torque, *changes, *u, *a), model.refuse, *q, *u, *a)
     return _state(pose, rates, changes, torque)
 
 
@@ -243,7 +243,7 @@ def steady(model: Model, q: Sequence[Real], u: Sequence[Real]) -> State:
 
 def forward(model: Model, q: Sequence[Real], u: Sequence[Real], torque: Real) -> tuple[Real, ...]:
     """The accelerations under a torque on the crank: M q'' + h - Q = torque, solved for q''."""
-    require(is_finite(*q, *u, torque), model.refuse_torque, *q, *u, torque)
+    require(is_finite(*q), model.refuse_torque, *q, *u, torque)
     pose = model.loop.pose(tuple(q))
     held = balance(model, pose, velocities(pose, u), accelerations(pose, u, ()))
     matrix = mass_matrix(model, pose)
@@ -253,8 +253,7 @@ def forward(model: Model, q: Sequence[Real], u: Sequence[Real], torque: Real) ->
     inertia = number(determinant(matrix))
     require(inertia > 0, model.massless)
     found = solved(matrix, driven, inertia)
-    for change in found:
-        require(is_finite(change), model.refuse_torque, *q, *u, torque)
+    require(is_finite(*found, *u, torque), model.refuse_torque, *q, *u, torque)
     return found
 
 
@@ -262,6 +261,16 @@ def acceleration(model: Model, q: Sequence[Real], u: Sequence[Real], torque: Rea
     """The acceleration of the only coordinate under a torque on the crank."""
     (found,) = forward(model, q, u, torque)
     return found
+
+
+def driven(
+    constants: tuple[Model, Opaque], q: Sequence[Real], u: Sequence[Real]
+) -> tuple[Real, ...]:
+    """The accelerations under a torque that is a function of the crank's speed."""
+    model, torque = constants
+    require(is_finite(*q), model.refuse, *q, *u)
+    crank_speed, *_ = velocities(model.loop.pose(tuple(q)), u)
+    return forward(model, q, u, torque(crank_speed))
 
 
 def driven_state(model: Model, q: Sequence[Real], u: Sequence[Real], torque: Real) -> State:

@@ -31,12 +31,12 @@ from linkage_ros.quantities import shown
 _HEADS = {
     'state': [
         'def state(q, u=0.0, a=0.0, by_math=False):',
-        'if not type(q) is type(u) is type(a) is float or a:',
+        'if not q.__class__ is u.__class__ is a.__class__ is float or a:',
         '    return otherwise(q, u, a, by_math=by_math)',
     ],
     'accelerations': [
         'def accelerations(q, u, torque, by_math=False):',
-        'if not type(q) is type(u) is type(torque) is float:',
+        'if not q.__class__ is u.__class__ is torque.__class__ is float:',
         '    return otherwise(q, u, torque, by_math=by_math)',
     ],
 }
@@ -70,7 +70,7 @@ class Solver:
             mechanism: The mechanism to solve.
             compiled: Whether Numba turns the programs for arrays into machine code.
             description: Coordinates and assembly; None: the mechanism's own. In the mechanism's
-                other coordinates use only `driven_state`, `forward` and `meetings`; the torque
+                other coordinates use only `driven_state`, `driven_by` and `meetings`; the torque
                 still acts on the crank.
 
         Raises:
@@ -211,16 +211,19 @@ class Solver:
         given = {'q': q, 'u': u, 'torque': torque}
         return cast('State', self._calls.run(equations.driven_state, by_math=by_math, **given))
 
-    @functools.cached_property
-    def forward(self) -> Callable[[Sequence[float], float], tuple[float, ...]]:
-        """The accelerations under a torque, for integrators: floats without checks.
+    def driven_by(self, torque: Callable[[float], float]) -> Callable[..., tuple[float, ...]]:
+        """The accelerations under a torque law, for integrators: floats without checks.
 
-        The function takes y, the coordinates and then their rates, and the torque, N m. It raises
-        the errors of `accelerations`.
+        Args:
+            torque: Torque on the crank, N m, at its speed, rad/s.
+
+        Returns:
+            A function of the coordinates and then their rates, one by one. It raises the errors
+            of `accelerations`.
         """
-        program = self._calls.program(equations.forward, 'q', 'u', 'torque')
-        *given, torque = program.names
-        return program.entry(f'def forward(y, {torque}):', f'{", ".join(given)} = y')
+        arguments = self._calls.names['q'], self._calls.names['u']
+        constants = Constants((self._calls.model, Opaque(torque)))
+        return Program(equations.driven, constants, arguments).scalar
 
     def meetings(self, y: Sequence[float]) -> tuple[Meeting, ...]:
         """The angles between the two links of each dyad.

@@ -69,15 +69,11 @@ class WindPumpLoop(NamedTuple):
     side: int
     refuse: Opaque
 
-    def margins(self, q: tuple[Real, ...]) -> tuple[Real, Real, Real]:
-        """Margins of the dyad to its limits.
+    def squares(self, q: tuple[Real, ...]) -> tuple[Real, Real, Real]:
+        """P, Q and L^2, m^2; refuses a dyad that does not close or is in line.
 
         Args:
             q: Crank angle, rad, and the slider's position, m.
-
-        Returns:
-            P, 0 where coupler and rod are stretched or too short; Q, 0 where they are folded or
-            too long; L^2; all m^2. P and Q count as 0 within the rounding errors of their terms.
         """
         angle, slide = q
         r, b, c = self.crank, self.coupler, self.rod
@@ -92,11 +88,9 @@ class WindPumpLoop(NamedTuple):
         # A sum of lengths is off by about an ulp of their total. Where the short sums are small,
         # so is the rounding of their product: a slider that passes the crank pin is not refused.
         ulp = _EPSILON * total_length
-        return (
-            where(stretch > ulp * total_length, stretch, 0.0),
-            where(fold > ulp * (abs(one) + abs(other)) + _EPSILON * near, fold, 0.0),
-            (d - r) * (d - r) + near,
-        )
+        require(stretch > ulp * total_length, self.refuse, *q)
+        require(fold > ulp * (abs(one) + abs(other)) + _EPSILON * near, self.refuse, *q)
+        return stretch, fold, (d - r) * (d - r) + near
 
     def pose(self, q: tuple[Real, ...]) -> Pose:
         """The pose at the coordinates.
@@ -109,9 +103,7 @@ class WindPumpLoop(NamedTuple):
         """
         angle, slide = q
         r, b, c = self.crank, self.coupler, self.rod
-        stretch, fold, square = self.margins(q)
-        require(stretch > 0, self.refuse, angle, slide)
-        require(fold > 0, self.refuse, angle, slide)
+        stretch, fold, square = self.squares(q)
         root = self.side * (sqrt(stretch) * sqrt(fold))
         crank = Vector(cos(angle), sin(angle))
         apart = Vector(slide - r * crank.x, -r * crank.y)

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import functools
 import math
-import operator
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -209,13 +208,7 @@ class DrivenMechanism:
     @functools.cached_property
     def accelerations(self) -> Callable[..., tuple[float, ...]]:
         """Accelerations at y, given one by one; it raises what `Solver.accelerations` raises."""
-        forward, torque, half = self.solver.forward, self.torque, len(self.links)
-        speed = operator.itemgetter(half) if self.has_crank else self.speed
-
-        def accelerations(*y: float) -> tuple[float, ...]:
-            return forward(y, torque(speed(y)))
-
-        return accelerations
+        return self.solver.driven_by(self.torque)
 
     def slope(self, y: tuple[float, ...]) -> tuple[float, ...]:
         """Rates, then accelerations, at y; it raises what `Solver.accelerations` raises."""

@@ -39,7 +39,7 @@ def published(driven: DrivenMechanism, y: tuple[float, ...], pairs: int) -> Coor
         y = within_two_turns(unwrapped)[0], *y[1:]
     if solver.coordinates == solver.mechanism.coordinates:
         q, u = y[:half], y[half:]
-        a, state = solver.forward(y, driven.torque(u[0])), None
+        a, state = driven.accelerations(*y), None
         if solver.description != solver.mechanism.description:
             state = solver.state(q, u, a)
         return Coordinates(q, u, a, unwrapped, state)
