@@ -188,7 +188,7 @@ def test_a_table_is_linear_between_its_nodes():
 
 def test_operations_are_counted():
     guard, result = 'if not x < 9.0: refuse(x)', '(-1.5 * x + sin(2.0 * y) / y, )'
-    run = f'def run(x, y):\n {guard}\n return new(Vector, {result})'
+    run = f'def run(x, y):\n {guard}\n return Vector({result})'
     assert operations(f'def bind():\n return locals()\n{run}') == 7
 
 

@@ -88,8 +88,8 @@ def _refusing(column: str, statement: ast.stmt) -> str:
 
 def _results(tree: ast.expr) -> list[str]:
     """The texts of all numbers of a nested result."""
-    if isinstance(tree, ast.Call) and ast.unparse(tree.func) == 'new':  # a named tuple
-        tree = tree.args[1]
+    if isinstance(tree, ast.Call) and isinstance(tree.args[0], ast.Tuple):  # a named tuple
+        tree = tree.args[0]
     if isinstance(tree, ast.Tuple):
         return [text for part in tree.elts for text in _results(part)]
     return [ast.unparse(tree)]

@@ -37,7 +37,7 @@ _FUNCTIONS: dict[str, tuple[Callable[..., float], Callable[..., Real]]] = {
     'sqrt': (math.sqrt, np.sqrt), 'rint': (round, np.rint),
 }  # fmt: skip
 _EXACT = 'sqrt', 'rint'  # functions whose results NumPy rounds correctly, as Python does
-_RESERVED = {*_FUNCTIONS, 'abs', 'bind', 'inf', 'new', 'refuse', 'locals'}
+_RESERVED = {*_FUNCTIONS, 'abs', 'bind', 'inf', 'refuse', 'locals'}
 _LONG = 200  # characters of a term that gets a line of its own
 _serial = itertools.count(1)
 _T = TypeVar('_T')
@@ -144,8 +144,24 @@ class Writer:
         inside = f'({"".join(f"{self._tree(part)}, " for part in tree)})'
         if type(tree) is tuple:
             return inside
-        self.namespace[type(tree).__name__] = type(tree)
-        return f'new({type(tree).__name__}, {inside})'
+        name = type(tree).__name__
+        self.namespace[name] = _quick(type(tree))
+        return f'{name}({inside})'
+
+
+class _Tuple(tuple[Any, ...]):
+    __slots__ = ()
+
+
+@functools.cache
+def _quick(kind: Any) -> type:
+    """A named tuple that is made of a tuple of its values, without a call of a Python function."""
+
+    def reduce(row: tuple[Any, ...]) -> tuple[Any, ...]:
+        return kind, tuple(row)
+
+    methods = {'__slots__': (), '__new__': tuple.__new__, '__reduce__': reduce}
+    return type(kind.__name__, (_Tuple, kind), methods)
 
 
 def _free_memory(statements: list[str]) -> None:
@@ -176,7 +192,7 @@ def _compile(tape: Tape, arrays: frozenset[str], head: tuple[str, ...], *, by_ma
     writer = Writer(tape, arrays, head)
     (bind, program), path = writer.text(), f'<{tape.title} {next(_serial)}>'
     space = {
-        **writer.namespace, 'inf': math.inf, 'new': tuple.__new__, 'refuse': formulas.require,
+        **writer.namespace, 'inf': math.inf, 'refuse': formulas.require,
         'array_abs': np.absolute, 'array_where': np.where,
     }  # fmt: skip
     for name, (scalar, array) in _FUNCTIONS.items():

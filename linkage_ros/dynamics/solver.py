@@ -29,16 +29,16 @@ from linkage_ros.quantities import shown
 
 # First lines of programs that take floats directly; for mechanisms with one coordinate.
 _HEADS = {
-    'state': [
+    'state': (
         'def state(q, u=0.0, a=0.0, by_math=False):',
-        'if not q.__class__ is u.__class__ is a.__class__ is float or a:',
-        '    return otherwise(q, u, a, by_math=by_math)',
-    ],
-    'accelerations': [
+        'if (q.__class__ is not float or u.__class__ is not float',
+        '    or a.__class__ is not float or a): return otherwise(q, u, a, by_math=by_math)',
+    ),
+    'accelerations': (
         'def accelerations(q, u, torque, by_math=False):',
-        'if not q.__class__ is u.__class__ is torque.__class__ is float:',
-        '    return otherwise(q, u, torque, by_math=by_math)',
-    ],
+        'if (q.__class__ is not float or u.__class__ is not float',
+        '    or torque.__class__ is not float): return otherwise(q, u, torque, by_math=by_math)',
+    ),
 }
 
 

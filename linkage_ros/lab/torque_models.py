@@ -234,7 +234,7 @@ def operations(source: str) -> int:
         isinstance(x, _COUNTED)
         # Neither the sign of a number nor the assembly of the result counts as an operation.
         and not isinstance(getattr(x, 'operand', None), ast.Constant)
-        and getattr(getattr(x, 'func', None), 'id', '') != 'new'
+        and not isinstance(next(iter(getattr(x, 'args', [])), None), ast.Tuple)
         for part in parts
         for x in ast.walk(part)
     )
