@@ -71,15 +71,16 @@ each = pytest.mark.parametrize('name', MECHANISMS)
 def programs_of(name):
     """Every program of a solver, by its formula."""
     solver = Solver(MECHANISMS[name])
-    q, program = inside(solver.mechanism), solver._calls.program
+    q, program = inside(solver.mechanism), solver.program
     solver.point(solver.state(q), 'A')
     found = [
-        program(equations.steady, 'q', 'u'), program(equations.state, 'q', 'u', 'a'),
+        program(equations.state, 'q', 'u'), program(equations.state, 'q', 'u', 'a'),
         program(equations.forward, 'q', 'u', 'torque'), program(equations.matrix, 'q'),
         program(equations.driven_state, 'q', 'u', 'torque'), program(equations.energy, 'q', 'u'),
         solver._meetings, solver._reactions, solver._points['A'],
     ]  # fmt: skip
-    return {program.formula.__name__: program for program in found}
+    named = {program.formula.__name__: program for program in found[1:]}
+    return {'steady': found[0], **named}
 
 
 def inside(mechanism):
@@ -233,9 +234,9 @@ def test_a_quadrilateral_without_loads_computes_nothing_for_them():
     kinds = ast.BinOp, ast.Call, ast.Compare, ast.IfExp
 
     def counts(mechanism):
-        program = Solver(mechanism)._calls.program
+        program = Solver(mechanism).program
         programs = [
-            program(equations.steady, 'q', 'u'), program(equations.state, 'q', 'u', 'a'),
+            program(equations.state, 'q', 'u'), program(equations.state, 'q', 'u', 'a'),
             program(equations.forward, 'q', 'u', 'torque'), program(equations.energy, 'q', 'u'),
         ]  # fmt: skip
         bodies = [ast.parse(program.source).body[1] for program in programs]
@@ -554,7 +555,7 @@ def test_mass_matrix_of_constants_alone_is_guarded_too():
 
 def test_pickled_solver_stays_compiled(monkeypatch):
     solver = pickle.loads(pickle.dumps(Solver(load('quadrilateral').mechanism, compiled=True)))
-    monkeypatch.setattr('linkage_ros.dynamics.calls.compiled_arrays', lambda *_: 'compiled')
+    monkeypatch.setattr('linkage_ros.dynamics.evaluator.compiled_arrays', lambda *_: 'compiled')
     assert solver.state(np.zeros(2)) == 'compiled'
 
 

@@ -221,8 +221,8 @@ def _columns(pose: Pose) -> list[tuple[Real, ...]]:
     return list(zip(*(link.jacobian for link in pose.links), strict=True))
 
 
-def state(model: Model, q: Sequence[Real], u: Sequence[Real], a: Sequence[Real]) -> State:
-    """The motion of all links, and the required torque on the crank."""
+def state(model: Model, q: Sequence[Real], u: Sequence[Real], a: Sequence[Real] = ()) -> State:
+    """The motion of all links, and the required torque on the crank; without a, at q'' = 0."""
     require(is_finite(*q), model.refuse, *q, *u, *a)
     pose = model.loop.pose(tuple(q))
     rates, changes = velocities(pose, u), accelerations(pose, u, a)
@@ -234,11 +234,6 @@ def state(model: Model, q: Sequence[Real], u: Sequence[Real], a: Sequence[Real])
 def _state(pose: Pose, rates: Sequence[Real], changes: Sequence[Real], torque: Real) -> State:
     positions = tuple(link.position for link in pose.links)
     return State(positions, tuple(rates), tuple(changes), torque)
-
-
-def steady(model: Model, q: Sequence[Real], u: Sequence[Real]) -> State:
-    """The same at constant rates."""
-    return state(model, q, u, ())
 
 
 def forward(model: Model, q: Sequence[Real], u: Sequence[Real], torque: Real) -> tuple[Real, ...]:
@@ -310,12 +305,10 @@ class Meeting(NamedTuple):
 
     Attributes:
         sine: Absolute value of the sine of the angle; 0 if the links are in line.
-        cosine: Cosine of the angle.
         rate: Rate of change of the sine, 1/s.
     """
 
     sine: Real
-    cosine: Real
     rate: Real
 
 
@@ -333,7 +326,7 @@ def meetings(
         normal = second.left() if slides else second
         slope, sine = dot(first, normal), cross(first, normal) if exact is None else exact
         rate = slope * ((ZERO if slides else rates[dyad.second]) - rates[dyad.first])
-        found.append(Meeting(abs(sine), dot(first, second), where(sine >= 0, rate, -rate)))
+        found.append(Meeting(abs(sine), where(sine >= 0, rate, -rate)))
     return tuple(found)
 
 

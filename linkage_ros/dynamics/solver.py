@@ -11,8 +11,8 @@ from typing import Any, NoReturn, cast
 import numpy as np
 
 from linkage_ros.dynamics import equations
-from linkage_ros.dynamics.calls import Calls, refuse_overflow
 from linkage_ros.dynamics.equations import Meeting
+from linkage_ros.dynamics.evaluator import Evaluator, refuse_overflow
 from linkage_ros.dynamics.joint_loads import Round, round_program, settle
 from linkage_ros.dynamics.program import Program
 from linkage_ros.dynamics.reactions import Joints, Reactions, reactions
@@ -42,7 +42,7 @@ _HEADS = {
 }
 
 
-class Solver:
+class Solver(Evaluator):
     """The exact mechanics of one mechanism.
 
     The coordinates are the crank angle and, for a wind pump, the slider's position. For one
@@ -77,38 +77,24 @@ class Solver:
             MechanismError: The argument is not a mechanism.
             ConfigurationError: A load does not fit the mechanism.
         """
-        if not isinstance(mechanism, Mechanism):
-            raise MechanismError(f'{shown(mechanism)}: must be a mechanism, such as a FourBar')
-        self.mechanism, structure = mechanism, mechanism.structure()
-        self.description = description or mechanism.description
-        if self.description.coordinates != mechanism.coordinates:
-            structure = structure._replace(
-                dyads=structure.other_dyads, other_dyads=structure.dyads
-            )
-        self.structure = structure
-        self.links = tuple(link.name for link in structure.links)
-        self.coordinates = self.description.coordinates
-        self._compiled = compiled
-        self._calls = Calls(mechanism, self.description, structure, compiled=compiled)
+        super().__init__(mechanism, compiled, description)
         self._points: dict[str, Program] = {}
-        self._has_joint_loads = bool(self._calls.model.joint_loads)
-        if len(self.coordinates) == 1 and not self._has_joint_loads:
-            self._shorten(self.state, equations.steady, 'q', 'u')
+        if len(self.coordinates) == 1 and not self.model.joint_loads:
+            self._shorten(self.state, equations.state, 'q', 'u')
             self._shorten(self.accelerations, equations.acceleration, 'q', 'u', 'torque')
 
     def _shorten(self, method: Any, formula: Callable[..., Any], *letters: str) -> None:
         """Replaces a method of this solver by one that passes floats directly to the program."""
-        name = method.__name__
 
-        def first(*given: Any, **named: Any) -> Any:
-            if vars(self)[name] is first:
-                (q,), (u,), *_ = self._calls.names.values()
-                program = self._calls.program(formula, *letters)
-                head = *_HEADS[name], f'{q}, {u} = q, u'
-                vars(self)[name] = program.entry(*head, otherwise=method)
-            return vars(self)[name](*given, **named)
+        @functools.cache
+        def entry() -> Callable[..., Any]:
+            (q,), (u,), *_ = self.names.values()
+            head = *_HEADS[method.__name__], f'{q}, {u} = q, u'
+            found = self.program(formula, *letters).entry(*head, otherwise=method)
+            vars(self)[method.__name__] = found
+            return found
 
-        vars(self)[name] = first
+        vars(self)[method.__name__] = lambda *given, **named: entry()(*given, **named)
 
     def __reduce__(self) -> tuple[Any, tuple[Mechanism]]:
         make = functools.partial(type(self), compiled=self._compiled, description=self.description)
@@ -136,9 +122,9 @@ class Solver:
     @property
     def source(self) -> str:
         """The program of `state` as Python text; with friction, that of one round."""
-        if self._has_joint_loads:
+        if self.model.joint_loads:
             return self._reactions.source
-        return self._calls.program(equations.state, 'q', 'u', 'a').source
+        return self.program(equations.state, 'q', 'u', 'a').source
 
     def state(self, q: Any, u: Any = 0.0, a: Any = 0.0, *, by_math: bool = False) -> State:
         """Solves positions, rates, accelerations and the driving torque.
@@ -159,13 +145,14 @@ class Solver:
                 exists.
             ConfigurationError: A value is not a finite number, or the torque overflows.
         """
-        changes = self._calls.row('a', a)
-        if self._has_joint_loads:
-            row = (*self._calls.row('q', q), *self._calls.row('u', u), *changes)
+        changes = self.row('a', a)
+        if self.model.joint_loads:
+            row = (*self.row('q', q), *self.row('u', u), *changes)
             return self._settle(*row, by_math=by_math).state
-        if all(type(change) is float and not change for change in changes):
-            return cast('State', self._calls.run(equations.steady, q=q, u=u, by_math=by_math))
-        return cast('State', self._calls.run(equations.state, q=q, u=u, a=a, by_math=by_math))
+        given = {'q': q, 'u': u}
+        if not all(type(change) is float and not change for change in changes):
+            given['a'] = a
+        return cast('State', self.run(equations.state, by_math=by_math, **given))
 
     def accelerations(self, q: Any, u: Any, torque: Any, *, by_math: bool = False) -> Any:
         """The accelerations under a torque: M q'' + h - Q = torque, solved for q''.
@@ -185,12 +172,12 @@ class Solver:
             ConfigurationError: A value is not a finite number, or an acceleration overflows.
             MechanismError: A moving coordinate has no mass.
         """
-        if self._has_joint_loads:
+        if self.model.joint_loads:
             raise MechanismError(
                 'dry friction under a given torque has no unique acceleration at rest: leave '
                 'friction out where the torque is given, or give the speed'
             )
-        found = self._calls.run(equations.forward, q=q, u=u, torque=torque, by_math=by_math)
+        found = self.run(equations.forward, q=q, u=u, torque=torque, by_math=by_math)
         return found if len(self.coordinates) > 1 or isinstance(q, tuple) else found[0]
 
     def driven_state(self, q: Any, u: Any, torque: Any, *, by_math: bool = False) -> State:
@@ -209,7 +196,7 @@ class Solver:
             LinkageError: As for `accelerations`.
         """
         given = {'q': q, 'u': u, 'torque': torque}
-        return cast('State', self._calls.run(equations.driven_state, by_math=by_math, **given))
+        return cast('State', self.run(equations.driven_state, by_math=by_math, **given))
 
     def driven_by(self, torque: Callable[[float], float]) -> Callable[..., tuple[float, ...]]:
         """The accelerations under a torque law, for integrators: floats without checks.
@@ -221,8 +208,8 @@ class Solver:
             A function of the coordinates and then their rates, one by one. It raises the errors
             of `accelerations`.
         """
-        arguments = self._calls.names['q'], self._calls.names['u']
-        constants = Constants((self._calls.model, Opaque(torque)))
+        arguments = self.names['q'], self.names['u']
+        constants = Constants((self.model, Opaque(torque)))
         return Program(equations.driven, constants, arguments).scalar
 
     def meetings(self, y: Sequence[float]) -> tuple[Meeting, ...]:
@@ -252,7 +239,7 @@ class Solver:
         Raises:
             LinkageError: As for `state`.
         """
-        return cast('tuple[Real, Real]', self._calls.run(equations.energy, q=q, u=u))
+        return cast('tuple[Real, Real]', self.run(equations.energy, q=q, u=u))
 
     def matrix(self, q: Any) -> tuple[tuple[Real, ...], ...]:
         """The mass matrix M.
@@ -266,7 +253,7 @@ class Solver:
         Raises:
             LinkageError: As for `state`.
         """
-        return cast('tuple[tuple[Real, ...], ...]', self._calls.run(equations.matrix, q=q))
+        return cast('tuple[tuple[Real, ...], ...]', self.run(equations.matrix, q=q))
 
     def point(self, state: State, name: str, *, by_math: bool = False) -> PointMotion:
         """Computes the motion of a point of the mechanism.
@@ -287,15 +274,12 @@ class Solver:
         if not isinstance(name, str) or name not in points:
             raise ConfigurationError(f'point {shown(name)}: must be one of {", ".join(points)}')
         if name not in self._points:
-            names = tuple(
-                tuple(f'{link}_{field}' for link in self.links) for field in State._fields[:3]
-            )
+            fields = State._fields[:3]
+            names = tuple(tuple(f'{link}_{field}' for link in self.links) for field in fields)
             refuse = Opaque(functools.partial(refuse_overflow, tuple(itertools.chain(*names))))
-            point = Constants((points[name], refuse))
-            self._points[name] = Program(_point_motion, point, names)
-        row = itertools.chain(*self._calls.rows(state))
-        motion = self._calls.run_program(self._points[name], *row, by_math=by_math)
-        return cast('PointMotion', motion)
+            self._points[name] = Program(_point_motion, Constants((points[name], refuse)), names)
+        row = itertools.chain(*self.rows(state))
+        return cast('PointMotion', self.run_program(self._points[name], *row, by_math=by_math))
 
     def reactions(self, state: State) -> Reactions:
         """Computes the forces in the joints, the shaking force and the shaking moment.
@@ -315,11 +299,11 @@ class Solver:
             raise MechanismError(
                 f'joint forces of a {type(self.mechanism).__name__} are not known'
             )
-        given = self._calls.motion(state)
-        if self._has_joint_loads:
+        given = self.motion(state)
+        if self.model.joint_loads:
             forces, guides, *others = self._settle(*given).reactions
         else:
-            forces, guides, *others = self._calls.run_program(self._reactions, *given)
+            forces, guides, *others = self.run_program(self._reactions, *given)
         return Reactions(
             dict(zip(pins, forces, strict=True)), guides[0] if guides else None, *others
         )
@@ -337,11 +321,11 @@ class Solver:
         Raises:
             ConfigurationError: It is not a state of this mechanism.
         """
-        position, velocity, _ = self._calls.rows(state)
+        position, velocity, _ = self.rows(state)
         links = [LinkPose(x, Vector(ZERO, ZERO), (), ()) for x in position]
-        loads: list[Load] = list(self._calls.model.loads)
-        if self._has_joint_loads:
-            loads.append(self._settle(*self._calls.motion(state)).load)
+        loads: list[Load] = list(self.model.loads)
+        if self.model.joint_loads:
+            loads.append(self._settle(*self.motion(state)).load)
         found: dict[str, Real] = {}
         for load in loads:
             for j, force in load.forces(links, velocity).items():
@@ -362,21 +346,20 @@ class Solver:
         if not dyads:
             return 1.0, ''
         try:
-            met = self.meetings((*q, *(0.0 for _ in q)))
+            sines = [met.sine for met in self.meetings((*q, *(0.0 for _ in q)))]
         except UnreachableError:
-            return 0.0, ' and '.join(links[i].name for i in dyads[0][:2]) + ' are in line'
-        (sine, cosine, _), dyad = min(zip(met, dyads, strict=False))
+            sines = [0.0] * len(dyads)
+        sine, dyad = min(zip(sines, dyads, strict=False))
         first, second = links[dyad.first], links[dyad.second]
         if second.slides:
             return sine, f'the {first.name} stands across the guide'
-        is_folded = (cosine > 0) == (second.parent != dyad.first)
-        return sine, f'{first.name} and {second.name} are {"folded" if is_folded else "stretched"}'
+        return sine, f'{first.name} and {second.name} are in line'
 
     @functools.cached_property
     def _meetings(self) -> Program:
-        q, u, *_ = self._calls.names.values()
         dyads = *self.structure.dyads, *self.structure.other_dyads
-        return Program(equations.meetings, Constants((self._calls.model, dyads)), (q, u))
+        arguments = self.names['q'], self.names['u']
+        return Program(equations.meetings, Constants((self.model, dyads)), arguments)
 
     @functools.cached_property
     def _reactions(self) -> Program:
@@ -386,9 +369,9 @@ class Solver:
             'point; ask for angles beside it'
         )
         joints = Joints.of(self.structure, Opaque(functools.partial(self._refuse, words)))
-        constants = Constants((self._calls.model, joints))
-        *motion, _ = self._calls.names.values()
-        if self._has_joint_loads:
+        constants = Constants((self.model, joints))
+        *motion, _ = self.names.values()
+        if self.model.joint_loads:
             return round_program(constants, motion)
         return Program(reactions, constants, tuple(motion))
 
@@ -400,7 +383,7 @@ class Solver:
         """
         program = self._reactions
         motion, shape = real_numbers(**dict(zip(program.names, given, strict=False)))
-        run = functools.partial(self._calls.run_program, program, *motion, by_math=by_math)
+        run = functools.partial(self.run_program, program, *motion, by_math=by_math)
         found = settle(run, len(program.names) - len(given), shape)
         crank, locked = np.broadcast_arrays(motion[0], np.not_equal(found.left, 0))
         if locked.any():

@@ -126,7 +126,7 @@ class DrivenMechanism:
                 driven, y = self.redescribed(y, better)
                 return driven.ready(y)
         left = math.inf
-        for sine, _, rate in own:
+        for sine, rate in own:
             if rate < 0:
                 left = min(left, sine / -rate)
         return self, y, left

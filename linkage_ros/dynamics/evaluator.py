@@ -1,0 +1,171 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Evaluates a mechanism's formulas for the arguments of solver methods: floats, arrays, states."""
+
+import functools
+from collections.abc import Callable
+from typing import Any, NoReturn
+
+import numpy as np
+
+from linkage_ros.dynamics.compiled import compiled_arrays
+from linkage_ros.dynamics.equations import Model
+from linkage_ros.dynamics.program import Program
+from linkage_ros.dynamics.state import State
+from linkage_ros.dynamics.trees import Constants
+from linkage_ros.errors import ConfigurationError, MechanismError
+from linkage_ros.formulas import Opaque
+from linkage_ros.model.structure import Description, Mechanism
+from linkage_ros.numeric import Real, real_numbers, require_finite
+from linkage_ros.quantities import shown
+
+
+class Evaluator:
+    """Evaluates the formulas of one mechanism, in one choice of coordinates.
+
+    Attributes:
+        mechanism: Description of the mechanism.
+        structure: Structure of its links.
+        links: Names of the links, in the order used by all tuples.
+        description: Choice of coordinates and assembly.
+        coordinates: Names of the links whose positions are the coordinates.
+        model: Constants of the formulas.
+        names: Names of the coordinates, of their rates and of their accelerations, by the letters
+            q, u and a; 'torque' stands for the torque.
+    """
+
+    def __init__(
+        self, mechanism: Mechanism, compiled: bool, description: Description | None
+    ) -> None:
+        """Names the arguments; see `Solver`.
+
+        Raises:
+            MechanismError: The argument is not a mechanism.
+        """
+        if not isinstance(mechanism, Mechanism):
+            raise MechanismError(f'{shown(mechanism)}: must be a mechanism, such as a FourBar')
+        self.mechanism, structure, self._compiled = mechanism, mechanism.structure(), compiled
+        self.description = description or mechanism.description
+        self.coordinates = self.description.coordinates
+        if self.coordinates != mechanism.coordinates:
+            own, others = structure.dyads, structure.other_dyads
+            structure = structure._replace(dyads=others, other_dyads=own)
+        self.structure = structure
+        slides = {link.name: link.slides for link in structure.links}
+        self.links = tuple(slides)
+        self._moving = [self.links.index(name) for name in self.coordinates]
+        self.names: dict[str, Any] = {
+            'q': tuple(f'{x}_{"position" if slides[x] else "angle"}' for x in self.coordinates),
+            'u': tuple(f'{x}_speed' for x in self.coordinates),
+            'a': tuple(f'{x}_acceleration' for x in self.coordinates),
+            'torque': 'torque',
+        }
+        q, u, a, _ = self.names.values()
+        self.model = Model.of(
+            mechanism,
+            structure,
+            mechanism.loop_of(self.description),
+            refuse=Opaque(functools.partial(refuse_overflow, (*q, *u, *a))),
+            refuse_torque=Opaque(functools.partial(refuse_overflow, (*q, *u, 'torque'))),
+            massless=Opaque(_refuse_massless),
+        )
+        self._programs: dict[tuple[Any, ...], Program] = {}
+
+    @functools.cached_property
+    def _constants(self) -> Constants:
+        return Constants(self.model)
+
+    def program(self, formula: Callable[..., Any], *letters: str) -> Program:
+        """The program of a formula; its arguments are given by their letters."""
+        key = formula, letters
+        if key not in self._programs:
+            arguments = tuple(self.names[letter] for letter in letters)
+            self._programs[key] = Program(formula, self._constants, arguments)
+        return self._programs[key]
+
+    def run(self, formula: Callable[..., Any], *, by_math: bool = False, **given: Any) -> Any:
+        """Evaluates a formula of the model.
+
+        Args:
+            formula: The formula.
+            by_math: Whether array results have the same bits as results of single floats.
+            **given: Its arguments by their letters.
+
+        Returns:
+            Its result: arrays if one of the arguments is an array.
+        """
+        values = [x for letter, row in given.items() for x in self.row(letter, row)]
+        return self.run_program(self.program(formula, *given), *values, by_math=by_math)
+
+    def run_program(self, program: Program, *given: Any, by_math: bool = False) -> Any:
+        """Runs a program; see `run`.
+
+        Raises:
+            ConfigurationError: An argument is not a number, or the shapes do not fit.
+        """
+        if all(type(value) is float for value in given):
+            return program.scalar(*given)
+        values, shape = real_numbers(**dict(zip(program.names, given, strict=True)))
+        if not shape:
+            return program.scalar(*values)
+        if self._compiled and not by_math:
+            return compiled_arrays(program, *values)
+        return program.arrays(*values, by_math=by_math)
+
+    def row(self, letter: str, row: Any) -> tuple[Any, ...]:
+        """The values of all coordinates, or of their rates or accelerations; or the torque.
+
+        Raises:
+            ConfigurationError: The number of values is wrong.
+        """
+        count = len(self._moving)
+        if letter == 'torque' or (count == 1 and not isinstance(row, tuple)):
+            return (row,)
+        if letter != 'q' and type(row) is float and not row:
+            return (row,) * count  # the default: at rest
+        found = row if isinstance(row, (tuple, list)) or np.ndim(row) else ()
+        if len(found) != count:
+            words = ', '.join(self.names[letter]).replace('_', ' ') + ',' * (count == 1)
+            raise ConfigurationError(f'{letter} = {shown(row)}: must be a tuple ({words})')
+        return tuple(found)
+
+    def rows(self, state: State) -> tuple[tuple[Real, ...], ...]:
+        """Positions, rates and accelerations of all links.
+
+        Raises:
+            ConfigurationError: The argument is not a state of this mechanism.
+        """
+        rows, count = state[:3] if isinstance(state, State) else (), len(self.links)
+        if not rows or any(type(row) is not tuple or len(row) != count for row in rows):
+            raise ConfigurationError(
+                f'state = {shown(state)}: must be a State of this mechanism, from its solver'
+            )
+        return rows
+
+    def motion(self, state: State) -> tuple[Real, ...]:
+        """Coordinates, their rates and their accelerations."""
+        return tuple(row[i] for row in self.rows(state) for i in self._moving)
+
+
+def refuse_overflow(names: tuple[str, ...], *values: float) -> NoReturn:
+    """Rejects numbers that are not finite or that make a result overflow.
+
+    Raises:
+        ConfigurationError: Always.
+    """
+    given = dict(zip(names, values, strict=False))
+    require_finite(**given)
+    words = ', '.join(f'{name.replace("_", " ")} = {x:g}' for name, x in given.items())
+    raise ConfigurationError(f'the torque or an acceleration overflows at {words}: lower them')
+
+
+def _refuse_massless() -> NoReturn:
+    """Rejects a mass matrix that is not positive definite.
+
+    Raises:
+        MechanismError: Always.
+    """
+    raise MechanismError(
+        'something moves without a mass: its acceleration under a torque has no finite value; '
+        'give the links a mass or an inertia'
+    )
