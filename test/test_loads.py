@@ -88,10 +88,10 @@ WRONG = {
     'unequal': (f'{SLIDER}, load: {{link: slider, at: [0.0, 1.0], value: [1.0]}}',
                 r'load\.value has 1 numbers and load\.at 2: give one for each point'),
     'more than a turn': (f'{SLIDER}, load: {{link: slider, at: [0.0, 6.5], value: [1.0, 1.0]}}',
-                         r'load\.at spans 6\.5 rad: must be at most one turn'),
+                         r'load\.at spans 6\.5 rad .*: must be at most one turn'),
     'unequal ends': (
         f'{SLIDER}, load: {{link: slider, at: [0.0, {TURN}], value: [1.0, 2.0]}}',
-        'they must be equal, or leave the last point out',
+        'ends with 2: must .* after a whole one end with the first, 1',
     ),
     'return over the angle': (
         f'{SLIDER}, load: {{link: slider, {POINTS}, return_value: [1.0, 2.0]}}',
@@ -111,8 +111,6 @@ WRONG = {
                    r'load\.at = 1\.0: must be a list of numbers'),
     'huge': (f'{SLIDER}, load: {{link: slider, at: [0.0, 1.0], value: [0.0, 1.0e+300]}}',
              r'load\.value = \[0\.0, 1e\+300\]: must be .* from -1e\+12 to 1e\+12 N or N m'),
-    'too close': (f'{SLIDER}, load: {{link: slider, at: [0.0, 5.0e-324], value: [0.0, 1.0]}}',
-                  r'load\.at: 0\.0 and 5e-324 are too close together; move them apart'),
     'no points': (f'{SLIDER}, load: {{link: slider, value: [1.0]}}', 'load needs at and value'),
     'no link': (f'{SLIDER}, load: {{{POINTS}}}', r'load\.link is missing: must be one of crank'),
     # Files.
@@ -127,9 +125,9 @@ WRONG = {
             'wide.csv': r"'wide\.csv': field larger than field limit.*; give the path of a CSV",
             'long.csv': r"'long\.csv': is longer than 4194304 bytes; give the path",
             'semicolons.csv': 'the first line must be at,value or at,value,return_value',
-            'infinite.csv': r'row 3: must be 2 finite numbers',
-            'empty.csv': 'holds no points',
-            'unequal.csv': 'row 2: must be 2 finite numbers',
+            'infinite.csv': r'must be a list of numbers from',
+            'empty.csv': 'each line below at,value must be 2 numbers',
+            'unequal.csv': 'each line below at,value must be 2 numbers',
             'falling.csv': r'load\.at must rise: its number 2, -1, is not above 0',
         }.items()
     },

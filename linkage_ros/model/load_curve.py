@@ -7,7 +7,6 @@ import csv
 import itertools
 import math
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass, fields
 from typing import ClassVar, NamedTuple
 
@@ -100,8 +99,17 @@ class LoadCurve(AppliedLoad):
                 f'load.file = {shown(self.file)}: leave out at, value and return_value, which the '
                 'file holds'
             )
+        try:
+            with open_file(self.file) as stream:
+                columns = _columns(stream.read(_MOST_BYTES + 1))
+        except (OSError, ValueError, csv.Error) as error:
+            raise ConfigurationError(
+                f'load.file = {shown(self.file)}: {getattr(error, "strerror", None) or error}; '
+                'give the path of a CSV file with the columns at, value and, if wanted, '
+                'return_value'
+            ) from error
         kinds = {field.name: field.metadata['quantity'] for field in fields(self)}
-        for name, row in _columns_of(self.file).items():
+        for name, row in columns.items():
             object.__setattr__(self, name, kinds[name].clean(f'load.{name}', row))
         object.__setattr__(self, 'file', '')
 
@@ -112,14 +120,11 @@ class LoadCurve(AppliedLoad):
                 'tells forth from back'
             )
         span = at[-1] - at[0]
-        if span > _TURN + _ROUNDING:
+        ends = span >= _TURN - _ROUNDING and value[0] != value[-1]
+        if span > _TURN + _ROUNDING or ends:
             raise ConfigurationError(
-                f'load.at spans {span:g} rad: must be at most one turn, {_TURN!r}'
-            )
-        if span >= _TURN - _ROUNDING and value[0] != value[-1]:
-            raise ConfigurationError(
-                f'load.value starts with {value[0]:g} and ends, one turn later, with '
-                f'{value[-1]:g}: they must be equal, or leave the last point out'
+                f'load.at spans {span:g} rad and load.value ends with {value[-1]:g}: must be at '
+                f'most one turn, {_TURN!r}, and after a whole one end with the first, {value[0]:g}'
             )
 
     def on(self, mechanism: Mechanism) -> 'CurveForce':
@@ -178,19 +183,12 @@ class Table:
             at: Places of the points, rising.
             value: Values there; the end values hold outside.
             turns: Whether `at` are directions, rad, so that the points repeat every turn.
-
-        Raises:
-            ConfigurationError: Two points are so close together that no slope can be computed.
         """
         self._turns = turns
         if turns and at[0] + _TURN - at[-1] > _ROUNDING:
             at, value = (*at, at[0] + _TURN), (*value, value[0])
         with np.errstate(all='ignore'):
             slopes = np.diff(value) / np.diff(at)
-        for i in np.flatnonzero(~np.isfinite(slopes)).tolist():
-            raise ConfigurationError(
-                f'load.at: {at[i]!r} and {at[i + 1]!r} are too close together; move them apart'
-            )
         # The slopes before the first point and after the last; a direction that is rounded may lie
         # there.
         before, after = (slopes[-1], slopes[0]) if turns else (0.0, 0.0)
@@ -208,22 +206,6 @@ class Table:
         return value[i] + slope[i] * (place - start[i])
 
 
-def _columns_of(path: str) -> dict[str, tuple[float, ...]]:
-    """The columns of a CSV file.
-
-    Raises:
-        ConfigurationError: The file cannot be read or is not such a table.
-    """
-    try:
-        with open_file(path) as stream:
-            return _columns(stream.read(_MOST_BYTES + 1))
-    except (OSError, ValueError, csv.Error) as error:
-        raise ConfigurationError(
-            f'load.file = {shown(path)}: {getattr(error, "strerror", None) or error}; give the '
-            'path of a CSV file with the columns at, value and, if wanted, return_value'
-        ) from error
-
-
 def _columns(data: bytes) -> dict[str, tuple[float, ...]]:
     """The columns of a CSV table.
 
@@ -232,16 +214,12 @@ def _columns(data: bytes) -> dict[str, tuple[float, ...]]:
     """
     if len(data) > _MOST_BYTES:
         raise ValueError(f'is longer than {_MOST_BYTES} bytes')
-    rows = [row for row in csv.reader(data.decode('utf-8-sig').splitlines()) if row]
-    names = tuple(name.strip() for name in rows[0]) if rows else ()
+    lines = csv.reader(data.decode('utf-8-sig').splitlines())
+    first, *rows = [row for row in lines if row] or [[]]
+    names = tuple(name.strip() for name in first)
     if names not in (_COLUMNS[:2], _COLUMNS):
         raise ValueError('the first line must be at,value or at,value,return_value')
-    if len(rows) == 1:
-        raise ValueError('holds no points')
-    table = []
-    for line, row in enumerate(rows[1:], 2):
-        with suppress(ValueError):
-            table.append([float(cell) for cell in row])
-        if len(table) < line - 1 or not math.isfinite(sum(table[-1])) or len(row) != len(names):
-            raise ValueError(f'row {line}: must be {len(names)} finite numbers')
-    return dict(zip(names, zip(*table, strict=True), strict=True))
+    if not rows or any(len(row) != len(names) for row in rows):
+        raise ValueError(f'each line below {",".join(names)} must be {len(names)} numbers')
+    columns = (tuple(map(float, column)) for column in zip(*rows, strict=True))
+    return dict(zip(names, columns, strict=True))
