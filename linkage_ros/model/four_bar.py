@@ -370,23 +370,12 @@ class FourBar(Mechanism):
     def _cures(self) -> Iterator[str]:
         """Changes of length that let a limited crank turn, as separate clauses."""
         r, b, c, d = self._lengths()
-        short, long = sorted((b, c))
-        triangle = (short, long, -d), (d, short, -long)
+        triangle = (b, c, -d), (d, min(b, c), -max(b, c))
         at_most = min(short_sum(max(self._lengths()), *terms) for terms in triangle)
-        upper = rounded(short + long - d, up=False)
-        lower = rounded(d + long - short, up=True)
-        fits, shortened = float(lower) <= float(upper), r > float(upper)
-        if fits:
-            way = 'shorten' if shortened else 'lengthen'
-            yield f'{way} the crank to between {lower} and {upper} m'
-        if 0 < at_most < r and not (fits and shortened):
+        if at_most > 0:
             yield f'shorten the crank to at most {rounded(at_most, up=False)} m'
-        longer = rounded(max(d + r - long, long - abs(d - r)), up=True)
-        if short < float(longer) <= long + abs(d - r):
-            yield f'lengthen the {"coupler" if b < c else "rocker"} to at least {longer} m'
-        elif at_most <= 0:
-            equal = rounded((d + r) / 2, up=True)
-            yield f'make coupler and rocker equal, at least {equal} m each'
+        equal = rounded((d + r) / 2, up=True)
+        yield f'make coupler and rocker equal, at least {equal} m each'
 
     def swing_middle(self, what: str) -> float:
         """The middle of the rocker's swing; see `Mechanism.swing_middle`.

@@ -290,8 +290,6 @@ class SliderCrank(Mechanism):
         yield f'lengthen the coupler to at least {rounded(r + abs(e), up=True)} m'
         if (shorter := short_sum(self._longest(), b, -abs(e))) > 0:
             yield f'shorten the crank to at most {rounded(shorter, up=False)} m'
-        if (nearer := short_sum(self._longest(), b, -r)) > 0:
-            yield f'bring the offset to within {rounded(nearer, up=False)} m of 0'
 
     def structure(self) -> Structure:
         """The structure; the loop is cut at B."""
