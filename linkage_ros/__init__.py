@@ -9,11 +9,10 @@ and torques are counter-clockwise positive. Each value may be a float or an arra
 
 __version__ = '0.1.0'
 
-from linkage_ros.dynamics.assemblies import assemblies
 from linkage_ros.dynamics.reactions import Reactions
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.dynamics.state import PointMotion, State
-from linkage_ros.dynamics.travel import Travel, travel
+from linkage_ros.dynamics.travel import Travel, assemblies, travel
 from linkage_ros.errors import (
     ConfigurationError,
     LinkageError,
@@ -24,9 +23,8 @@ from linkage_ros.errors import (
     ViewerError,
 )
 from linkage_ros.model.four_bar import FourBar
-from linkage_ros.model.friction import Friction
 from linkage_ros.model.load_curve import LoadCurve
-from linkage_ros.model.loads import LinkLoad
+from linkage_ros.model.loads import Friction, LinkLoad
 from linkage_ros.model.parts import (
     CROSSED,
     OPEN,

@@ -12,7 +12,7 @@ import rerun as rr
 from test_rerun_view import read, run_of, show
 
 from linkage_ros.dynamics.solver import Solver
-from linkage_ros.model.friction import Friction
+from linkage_ros.model.loads import Friction
 from linkage_ros.motion.drives import FollowDrive, TorqueDrive
 from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.parameters.presets import preset_names

@@ -34,7 +34,7 @@ from linkage_ros import (
 )
 from linkage_ros.dynamics import equations
 from linkage_ros.dynamics.program import Program
-from linkage_ros.dynamics.trees import Constants, leaves
+from linkage_ros.dynamics.tape import Constants, leaves
 from linkage_ros.formulas import Opaque, cos, is_finite, require, sin, sqrt, total, where
 from linkage_ros.parameters.configuration import load
 

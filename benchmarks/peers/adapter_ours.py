@@ -7,7 +7,7 @@ from contract import Peer
 
 from linkage_ros import Solver
 from linkage_ros.dynamics.program import Program
-from linkage_ros.dynamics.trees import Constants
+from linkage_ros.dynamics.tape import Constants
 
 
 def pose(loop, crank):

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from linkage_ros.dynamics.program import Program
-from linkage_ros.dynamics.trees import leaves, transformed
+from linkage_ros.dynamics.tape import leaves, transformed
 from linkage_ros.errors import ConfigurationError, missing_library
 
 

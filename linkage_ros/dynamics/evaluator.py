@@ -12,7 +12,7 @@ from linkage_ros.dynamics.compiled import compiled_arrays
 from linkage_ros.dynamics.equations import Model
 from linkage_ros.dynamics.program import Program
 from linkage_ros.dynamics.state import State
-from linkage_ros.dynamics.trees import Constants
+from linkage_ros.dynamics.tape import Constants
 from linkage_ros.errors import ConfigurationError, MechanismError
 from linkage_ros.formulas import Opaque
 from linkage_ros.model.structure import Description, Mechanism

@@ -21,7 +21,7 @@ from linkage_ros.dynamics.equations import Model, determinant, solved, state, ve
 from linkage_ros.dynamics.program import Program
 from linkage_ros.dynamics.reactions import Joints, reactions
 from linkage_ros.dynamics.state import State
-from linkage_ros.dynamics.trees import Constants, leaves
+from linkage_ros.dynamics.tape import Constants, leaves
 from linkage_ros.formulas import ZERO, Vector, dot, number, sqrt, where
 from linkage_ros.model.loads import Contact
 from linkage_ros.model.pose import LinkPose

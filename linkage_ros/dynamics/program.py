@@ -23,8 +23,16 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 from linkage_ros import formulas
-from linkage_ros.dynamics.tape import COMPARISONS, OPERATORS, Argument, Recorder, Tape
-from linkage_ros.dynamics.trees import Constants, leaves, transformed
+from linkage_ros.dynamics.tape import (
+    COMPARISONS,
+    OPERATORS,
+    Argument,
+    Constants,
+    Recorder,
+    Tape,
+    leaves,
+    transformed,
+)
 from linkage_ros.numeric import Real, by_element
 
 _CHUNK = 16384  # array values per block: intermediate results stay in the processor's cache

@@ -17,7 +17,7 @@ from linkage_ros.dynamics.joint_loads import Round, round_program, settle
 from linkage_ros.dynamics.program import Program
 from linkage_ros.dynamics.reactions import Joints, Reactions, reactions
 from linkage_ros.dynamics.state import PointMotion, State
-from linkage_ros.dynamics.trees import Constants
+from linkage_ros.dynamics.tape import Constants
 from linkage_ros.errors import ConfigurationError, MechanismError, UnreachableError
 from linkage_ros.formulas import ZERO, Opaque, Vector, is_finite, require
 from linkage_ros.model.loads import Load

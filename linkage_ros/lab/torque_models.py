@@ -18,7 +18,7 @@ import numpy as np
 from linkage_ros.dynamics.equations import Model, accelerations, balance, velocities
 from linkage_ros.dynamics.program import Program
 from linkage_ros.dynamics.solver import Solver
-from linkage_ros.dynamics.trees import Constants
+from linkage_ros.dynamics.tape import Constants
 from linkage_ros.formulas import ZERO, Opaque, Vector, total
 from linkage_ros.model.load_kinds import LOADS
 from linkage_ros.model.parts import Body

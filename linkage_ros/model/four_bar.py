@@ -59,8 +59,7 @@ from linkage_ros.model.structure import (
     coupler_point,
     direction,
 )
-from linkage_ros.model.swing import middle, swing
-from linkage_ros.model.transmission import Square, Transmission
+from linkage_ros.model.transmission import Square, Transmission, middle, swing
 from linkage_ros.numeric import (
     HALF_PI,
     Real,

@@ -4,9 +4,8 @@
 
 from typing import Any
 
-from linkage_ros.model.friction import Friction
 from linkage_ros.model.load_curve import LoadCurve
-from linkage_ros.model.loads import AppliedLoad, LinkLoad
+from linkage_ros.model.loads import AppliedLoad, Friction, LinkLoad
 from linkage_ros.quantities import groups
 
 # Add a new one here.

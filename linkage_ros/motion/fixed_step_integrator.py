@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple, Protocol, TypeAlias
 
 from linkage_ros.dynamics.program import Program
-from linkage_ros.dynamics.trees import Constants
+from linkage_ros.dynamics.tape import Constants
 from linkage_ros.errors import LinkageError
 from linkage_ros.formulas import ZERO, Opaque, total, where
 from linkage_ros.motion.driven_mechanism import DrivenMechanism, slope_at

@@ -19,7 +19,7 @@ import numpy.typing as npt
 from linkage_ros.dynamics.program import Program
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.dynamics.state import State
-from linkage_ros.dynamics.trees import Constants
+from linkage_ros.dynamics.tape import Constants
 from linkage_ros.errors import ConfigurationError, LinkageError
 from linkage_ros.formulas import Vector
 from linkage_ros.model.structure import Link, Point

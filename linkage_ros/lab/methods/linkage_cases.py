@@ -22,7 +22,7 @@ from mpmath import mp
 
 from linkage_ros.dynamics.program import Program
 from linkage_ros.dynamics.solver import Solver
-from linkage_ros.dynamics.trees import Constants
+from linkage_ros.dynamics.tape import Constants
 from linkage_ros.errors import LinkageError, UnreachableError
 from linkage_ros.lab.methods.measure import (
     DIVERGED,

@@ -38,8 +38,8 @@ from linkage_ros.lab.methods.measure import (
 )
 from linkage_ros.lab.methods.situations import Random, slider_crank
 from linkage_ros.lab.methods.stages import ACCELERATION, SPEED
-from linkage_ros.model.friction import Friction
 from linkage_ros.model.load_curve import LoadCurve
+from linkage_ros.model.loads import Friction
 from linkage_ros.model.slider_crank import SliderCrank
 from linkage_ros.numeric import TURN
 
@@ -174,7 +174,7 @@ def _newton(_: SliderCrank, __: float, push: float, gain: float) -> float:
 GROWN = 'Newton, growing'
 FRICTION_METHODS = [
     Method(
-        GROWN, 'friction', 'nothing', 'this package: dynamics/friction.py',
+        GROWN, 'friction', 'nothing', 'this package: dynamics/joint_loads.py',
         _grown,
     ),
     Method(

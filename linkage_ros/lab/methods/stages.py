@@ -24,7 +24,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple, TypeAlias
 
 from linkage_ros.dynamics.equations import Model, balance
-from linkage_ros.dynamics.trees import leaves
+from linkage_ros.dynamics.tape import leaves
 from linkage_ros.formulas import ZERO, Opaque, Vector, atan2, cos, cross, dot, sin, sqrt
 from linkage_ros.lab.reference.states import Linkage, lengths
 from linkage_ros.model.parts import OPEN

@@ -13,7 +13,7 @@ import numpy as np
 
 from linkage_ros.dynamics.program import Program
 from linkage_ros.dynamics.solver import Solver
-from linkage_ros.dynamics.trees import Constants
+from linkage_ros.dynamics.tape import Constants
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.lab.methods.linkage_cases import LinkageCase
 from linkage_ros.lab.methods.measure import Setting

@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from linkage_ros.dynamics.equations import Model
 from linkage_ros.dynamics.reactions import Joints
-from linkage_ros.dynamics.trees import Constants
+from linkage_ros.dynamics.tape import Constants
 from linkage_ros.errors import LinkageError
 from linkage_ros.model.structure import Mechanism
 from linkage_ros.numeric import Array

@@ -13,7 +13,7 @@ import numpy as np
 
 from linkage_ros.dynamics.program import Program
 from linkage_ros.dynamics.reactions import reactions
-from linkage_ros.dynamics.trees import Constants, transformed
+from linkage_ros.dynamics.tape import Constants, transformed
 from linkage_ros.formulas import ZERO, Vector
 from linkage_ros.lab.sweep.designs import groups
 from linkage_ros.lab.torque_models import driving_torque
