@@ -34,6 +34,7 @@ from linkage_ros import (
 )
 from linkage_ros.dynamics import equations
 from linkage_ros.dynamics.program import Program
+from linkage_ros.dynamics.reactions import reactions
 from linkage_ros.dynamics.tape import Constants, leaves
 from linkage_ros.formulas import Opaque, cos, is_finite, require, sin, sqrt, total, where
 from linkage_ros.parameters.configuration import load
@@ -77,7 +78,8 @@ def programs_of(name):
         program(equations.state, 'q', 'u'), program(equations.state, 'q', 'u', 'a'),
         program(equations.forward, 'q', 'u', 'torque'), program(equations.matrix, 'q'),
         program(equations.driven_state, 'q', 'u', 'torque'), program(equations.energy, 'q', 'u'),
-        solver._meetings, solver._reactions, solver._points['A'],
+        program(equations.meetings, 'q', 'u'), program(reactions, 'q', 'u', 'a'),
+        solver._points['A'],
     ]  # fmt: skip
     named = {program.formula.__name__: program for program in found[1:]}
     return {'steady': found[0], **named}

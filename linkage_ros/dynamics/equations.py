@@ -35,7 +35,7 @@ from linkage_ros.formulas import (
 )
 from linkage_ros.model.loads import JointLoad, Load
 from linkage_ros.model.pose import LinkPose, Loop, Pose
-from linkage_ros.model.structure import Dyad, Link, Mechanism, Structure
+from linkage_ros.model.structure import Dyad, Link, Mechanism, Pin, Point, Structure
 from linkage_ros.numeric import Real
 
 # A refusal that accepts everything.
@@ -70,11 +70,10 @@ class Weight(NamedTuple):
 
     def potential(self, links: Sequence[LinkPose]) -> Real:
         """See `Load`."""
-        energy = ZERO
-        for j, link in enumerate(links):
-            along = dot(link.direction, self._moment(j))
-            energy = energy - (along * link.position if self.links[j].slides else along)
-        return energy
+        return total(
+            -dot(link.direction, self._moment(j)) * (link.position if body.slides else 1.0)
+            for j, (link, body) in enumerate(zip(links, self.links, strict=True))
+        )
 
 
 class Model(NamedTuple):
@@ -83,21 +82,31 @@ class Model(NamedTuple):
     Attributes:
         loop: Constants of the kinematics.
         links: The links.
+        pins: The pin joints; empty if they are not known.
+        places: Their points, in the same order.
+        dyads: The dyads of these coordinates.
+        other_dyads: Those of the mechanism's other coordinates.
         gravity: Acceleration of gravity, m/s^2.
         loads: Loads on the links, without weights and `joint_loads`.
         joint_loads: Loads caused by joint forces, such as friction.
         refuse: Refuses q, u and a that are not finite, or that make a result not finite.
         refuse_torque: Refuses q, u and a torque, likewise.
+        refuse_forces: Refuses q at which forces in the joints have no finite value.
         massless: Refuses a mass matrix that is not positive.
     """
 
     loop: Loop
     links: tuple[Link, ...]
+    pins: tuple[Pin, ...]
+    places: tuple[Point, ...]
+    dyads: tuple[Dyad, ...]
+    other_dyads: tuple[Dyad, ...]
     gravity: Vector
     loads: tuple[Load, ...]
     joint_loads: tuple[JointLoad, ...]
     refuse: Opaque = ACCEPT
     refuse_torque: Opaque = ACCEPT
+    refuse_forces: Opaque = ACCEPT
     massless: Opaque = ACCEPT
 
     @classmethod
@@ -122,10 +131,18 @@ class Model(NamedTuple):
         Raises:
             ConfigurationError: A load does not fit the mechanism.
         """
-        loads, joint_loads = mechanism.link_loads(), mechanism.joint_loads()
-        gravity = Vector(*mechanism.gravity)
-        loop = loop or mechanism.loop()
-        return cls(loop, structure.links, gravity, loads, joint_loads, **refusals)
+        return cls(
+            loop or mechanism.loop(),
+            structure.links,
+            structure.pins,
+            tuple(structure.points[pin.name] for pin in structure.pins),
+            structure.dyads,
+            structure.other_dyads,
+            Vector(*mechanism.gravity),
+            mechanism.link_loads(),
+            mechanism.joint_loads(),
+            **refusals,
+        )
 
     def all_loads(self) -> tuple[Load, ...]:
         """All loads on the links, weights included."""
@@ -228,10 +245,6 @@ def state(model: Model, q: Sequence[Real], u: Sequence[Real], a: Sequence[Real] 
     rates, changes = velocities(pose, u), accelerations(pose, u, a)
     torque, *_ = balance(model, pose, rates, changes)
     require(is_finite(torque, *changes, *u, *a), model.refuse, *q, *u, *a)
-    return _state(pose, rates, changes, torque)
-
-
-def _state(pose: Pose, rates: Sequence[Real], changes: Sequence[Real], torque: Real) -> State:
     positions = tuple(link.position for link in pose.links)
     return State(positions, tuple(rates), tuple(changes), torque)
 
@@ -270,9 +283,7 @@ def driven(
 
 def driven_state(model: Model, q: Sequence[Real], u: Sequence[Real], torque: Real) -> State:
     """The motion of all links under a torque on the crank."""
-    changes = forward(model, q, u, torque)
-    pose = model.loop.pose(tuple(q))
-    return _state(pose, velocities(pose, u), accelerations(pose, u, changes), torque)
+    return state(model, q, u, forward(model, q, u, torque))._replace(torque=torque)
 
 
 def solved(
@@ -290,12 +301,11 @@ def solved(
 
 def determinant(rows: Sequence[Sequence[Real]]) -> Real:
     """The determinant, by expansion along the first row."""
-    first, *others = rows
-    if not others:
-        return first[0]
+    if not rows:
+        return 1.0
     result: Real = ZERO
-    for i, factor in enumerate(first):
-        term = factor * determinant([[*row[:i], *row[i + 1 :]] for row in others])
+    for i, factor in enumerate(rows[0]):
+        term = factor * determinant([[*row[:i], *row[i + 1 :]] for row in rows[1:]])
         result = result - term if i % 2 else result + term
     return result
 
@@ -312,14 +322,11 @@ class Meeting(NamedTuple):
     rate: Real
 
 
-def meetings(
-    constants: tuple[Model, tuple[Dyad, ...]], q: Sequence[Real], u: Sequence[Real]
-) -> tuple[Meeting, ...]:
+def meetings(model: Model, q: Sequence[Real], u: Sequence[Real]) -> tuple[Meeting, ...]:
     """The angles at which the links of dyads meet; the first are the dyads of the pose."""
-    model, dyads = constants
     pose = model.loop.pose(tuple(q))
     rates, found = velocities(pose, u), []
-    for dyad, exact in itertools.zip_longest(dyads, pose.sines):
+    for dyad, exact in itertools.zip_longest((*model.dyads, *model.other_dyads), pose.sines):
         first, second = (pose.links[j].direction for j in (dyad.first, dyad.second))
         # A sliding link does not turn; the angle is that to the normal of its guide.
         slides = model.links[dyad.second].slides

@@ -3,6 +3,7 @@
 """Evaluates a mechanism's formulas for the arguments of solver methods: floats, arrays, states."""
 
 import functools
+import math
 from collections.abc import Callable
 from typing import Any, NoReturn
 
@@ -10,14 +11,20 @@ import numpy as np
 
 from linkage_ros.dynamics.compiled import compiled_arrays
 from linkage_ros.dynamics.equations import Model
+from linkage_ros.dynamics.joint_loads import search_names
 from linkage_ros.dynamics.program import Program
 from linkage_ros.dynamics.state import State
 from linkage_ros.dynamics.tape import Constants
-from linkage_ros.errors import ConfigurationError, MechanismError
+from linkage_ros.errors import ConfigurationError, MechanismError, UnreachableError
 from linkage_ros.formulas import Opaque
 from linkage_ros.model.structure import Description, Mechanism
 from linkage_ros.numeric import Real, real_numbers, require_finite
 from linkage_ros.quantities import shown
+
+_IN_LINE = (
+    'all links lie in one line: the forces in the joints have no finite value at a change point; '
+    'ask for angles beside it'
+)
 
 
 class Evaluator:
@@ -31,7 +38,7 @@ class Evaluator:
         coordinates: Names of the links whose positions are the coordinates.
         model: Constants of the formulas.
         names: Names of the coordinates, of their rates and of their accelerations, by the letters
-            q, u and a; 'torque' stands for the torque.
+            q, u and a; 'torque' stands for the torque, 'search' for that of joint forces.
     """
 
     def __init__(
@@ -67,8 +74,11 @@ class Evaluator:
             mechanism.loop_of(self.description),
             refuse=Opaque(functools.partial(refuse_overflow, (*q, *u, *a))),
             refuse_torque=Opaque(functools.partial(refuse_overflow, (*q, *u, 'torque'))),
+            refuse_forces=Opaque(functools.partial(self.refuse_angle, _IN_LINE)),
             massless=Opaque(_refuse_massless),
         )
+        if self.model.joint_loads:
+            self.names['search'] = search_names(self._constants.tree)
         self._programs: dict[tuple[Any, ...], Program] = {}
 
     @functools.cached_property
@@ -145,6 +155,16 @@ class Evaluator:
     def motion(self, state: State) -> tuple[Real, ...]:
         """Coordinates, their rates and their accelerations."""
         return tuple(row[i] for row in self.rows(state) for i in self._moving)
+
+    def refuse_angle(self, reason: str, crank: float, *_: float) -> NoReturn:
+        """Rejects a crank angle.
+
+        Raises:
+            UnreachableError: Always.
+        """
+        reach = self.mechanism.reach()
+        message = f'at {math.degrees(crank):.9g} deg {reason}'
+        raise UnreachableError(message, crank_angle=crank, arcs=reach.arcs if reach else ())
 
 
 def refuse_overflow(names: tuple[str, ...], *values: float) -> NoReturn:

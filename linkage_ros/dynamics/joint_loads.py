@@ -18,10 +18,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from linkage_ros.dynamics.equations import Model, determinant, solved, state, velocities
-from linkage_ros.dynamics.program import Program
-from linkage_ros.dynamics.reactions import Joints, reactions
+from linkage_ros.dynamics.reactions import reactions
 from linkage_ros.dynamics.state import State
-from linkage_ros.dynamics.tape import Constants, leaves
+from linkage_ros.dynamics.tape import leaves
 from linkage_ros.formulas import ZERO, Vector, dot, number, sqrt, where
 from linkage_ros.model.loads import Contact
 from linkage_ros.model.pose import LinkPose
@@ -91,28 +90,18 @@ class Round(NamedTuple):
     left: Real
 
 
-def round_program(constants: Constants, motion: Sequence[tuple[str, ...]]) -> Program:
-    """The program of a round.
-
-    Args:
-        constants: A `Model` and `Joints`.
-        motion: Names of the coordinates, of their rates and of their accelerations.
-
-    Returns:
-        `joint_load_round`, as a function of the motion and the numbers of a `Search`.
-    """
-    model, joints = constants.tree
-    contacts = _contacts(model, joints, [0.0] * len(model.links))
-    rows = [
+def search_names(model: Model) -> Search:
+    """The names of the numbers of a `Search`, for a program of `joint_load_round`."""
+    contacts = _contacts(model, [0.0] * len(model.links))
+    rows: list[Any] = [
         tuple(f'{word}_{i}_{contact.joint}' for i, contact in enumerate(contacts))
         for word in ('size', 'known')
     ]
-    search: Any = Search('share', 'solved', 'change', *rows)
-    return Program(joint_load_round, constants, (*motion, search))
+    return Search('share', 'solved', 'change', *rows)
 
 
 def joint_load_round(
-    constants: tuple[Model, Joints],
+    model: Model,
     q: Sequence[Real],
     u: Sequence[Real],
     a: Sequence[Real],
@@ -121,7 +110,7 @@ def joint_load_round(
     """Solves the motion under the loads of given joint forces, and makes one Newton step.
 
     Args:
-        constants: The constants.
+        model: The constants.
         q: Coordinates.
         u: Their rates.
         a: Their accelerations.
@@ -130,28 +119,27 @@ def joint_load_round(
     Returns:
         The round.
     """
-    model, joints = constants
     rates = velocities(model.loop.pose(tuple(q)), u)
-    contacts = _contacts(model, joints, rates)
+    contacts = _contacts(model, rates)
     exert = functools.partial(_exerted, contacts, search.share, len(rates))
     load, everyone = exert(search.sizes), range(len(contacts))
     loaded = model._replace(loads=(*model.loads, load))
-    found = reactions((loaded, joints), q, u, a)
+    found = reactions(loaded, q, u, a)
 
     # The loads of a force of 1 N in each joint in turn: R_km.
     nothing: Any = ZERO
     links = tuple(link._replace(mass=nothing, inertia=nothing) for link in model.links)
     weightless = model._replace(links=links, gravity=Vector(ZERO, ZERO))
     units = [exert([1.0 if k == m else ZERO for k in everyone]) for m in everyone]
-    alone = [(weightless._replace(loads=(unit,)), joints) for unit in units]
-    slopes = [_forces(constants, contacts, reactions(x, q, u, a)) for x in alone]
-    ahead, left = _advanced(search, _forces(constants, contacts, found), slopes)
+    alone = [reactions(weightless._replace(loads=(unit,)), q, u, a) for unit in units]
+    slopes = [_forces(model, contacts, one) for one in alone]
+    ahead, left = _advanced(search, _forces(model, contacts, found), slopes)
     return Round(state(loaded, q, u, a), found, load, ahead, left)
 
 
-def _contacts(model: Model, joints: Joints, rates: Sequence[Real]) -> list[Contact]:
+def _contacts(model: Model, rates: Sequence[Real]) -> list[Contact]:
     loads = model.joint_loads
-    return [x for load in loads for x in load.contacts(joints.pins, model.links, rates)]
+    return [x for load in loads for x in load.contacts(model.pins, model.links, rates)]
 
 
 def _exerted(
@@ -166,12 +154,10 @@ def _exerted(
     return FoundLoad(tuple(inner), tuple(outer))
 
 
-def _forces(
-    constants: tuple[Model, Joints], contacts: Sequence[Contact], found: tuple[Any, ...]
-) -> list[Vector]:
+def _forces(model: Model, contacts: Sequence[Contact], found: tuple[Any, ...]) -> list[Vector]:
     """The forces in the joints of contacts."""
-    (model, joints), (pins, guides, *_) = constants, found
-    names = [*(pin.name for pin in joints.pins), *(x.name for x in model.links if x.slides)]
+    pins, guides, *_ = found
+    names = [*(pin.name for pin in model.pins), *(x.name for x in model.links if x.slides)]
     forces = [*pins, *(Vector(guide, ZERO) for guide in guides)]
     return [forces[names.index(contact.joint)] for contact in contacts]
 

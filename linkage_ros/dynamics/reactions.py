@@ -10,10 +10,10 @@ with one unknown pin force gives that one; and last the crank gives the driving 
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from linkage_ros.dynamics.equations import ACCEPT, Model, accelerations, velocities
-from linkage_ros.formulas import ZERO, Opaque, Vector, cross, dot, is_finite, require, total
+from linkage_ros.dynamics.equations import Model, accelerations, velocities
+from linkage_ros.formulas import ZERO, Vector, cross, dot, is_finite, require, total
 from linkage_ros.model.pose import Pose
-from linkage_ros.model.structure import Dyad, Pin, Point, Structure
+from linkage_ros.model.structure import Dyad, Pin
 from linkage_ros.numeric import Real
 
 # Relative to the coordinate: no double lies on a change point, and k * math.pi misses by 2 ulp.
@@ -43,50 +43,28 @@ class Reactions(NamedTuple):
     torque: Real
 
 
-class Joints(NamedTuple):
-    """The constants of a mechanism's joints, for formulas.
-
-    Attributes:
-        pins: The pin joints; empty if they are not known.
-        places: Their points, in the same order.
-        dyads: The dyads of the structure.
-        refuse: Refuses q at which forces in the joints have no finite value.
-    """
-
-    pins: tuple[Pin, ...]
-    places: tuple[Point, ...]
-    dyads: tuple[Dyad, ...]
-    refuse: Opaque
-
-    @classmethod
-    def of(cls, structure: Structure, refuse: Opaque = ACCEPT) -> 'Joints':
-        """The constants of a structure."""
-        places = tuple(structure.points[pin.name] for pin in structure.pins)
-        return cls(structure.pins, places, structure.dyads, refuse)
-
-
 def reactions(
-    constants: tuple[Model, Joints], q: Sequence[Real], u: Sequence[Real], a: Sequence[Real]
+    model: Model, q: Sequence[Real], u: Sequence[Real], a: Sequence[Real]
 ) -> tuple[tuple[Vector, ...], tuple[Real, ...], Vector, Real, Real]:
     """The forces in the joints of a mechanism in motion, as fields of `Reactions`.
 
     The forces grow without bound near a change point or a limit of the crank.
     """
-    model, joints = constants
     require(is_finite(*q, *u, *a), model.refuse, *q, *u, *a)
     pose = model.loop.pose(tuple(q))
-    balance = _Balance(model, joints, pose, velocities(pose, u), accelerations(pose, u, a))
-    for dyad, sine in reversed(list(zip(joints.dyads, pose.sines, strict=True))):
+    balance = _Balance(model, pose, velocities(pose, u), accelerations(pose, u, a))
+    for dyad, sine in reversed(list(zip(model.dyads, pose.sines, strict=True))):
         first, second = pose.links[dyad.first], pose.links[dyad.second]
         for angle, k1, k2 in zip(q, first.jacobian, second.jacobian, strict=True):
             slope = (ZERO if model.links[dyad.second].slides else k2) - k1
             # The coordinates are those of a change point, rounded.
-            require(abs(sine) > _ROUNDING * abs(slope) * (1 + abs(angle)), joints.refuse, *q)
+            near = _ROUNDING * abs(slope) * (1 + abs(angle))
+            require(abs(sine) > near, model.refuse_forces, *q)
         balance.solve(dyad, sine)
     for j in reversed(range(len(pose.links))):
         balance.complete(j)
     guides = tuple(balance.lean(j) for j, link in enumerate(model.links) if link.slides)
-    torque, forces = balance.moment(0), tuple(balance.forces[pin.name] for pin in joints.pins)
+    torque, forces = balance.moment(0), tuple(balance.forces[pin.name] for pin in model.pins)
     return forces, guides, -balance.force(_FRAME), -balance.moment(_FRAME) - torque, torque
 
 
@@ -100,17 +78,16 @@ class _Balance:
     def __init__(
         self,
         model: Model,
-        joints: Joints,
         pose: Pose,
         rates: Sequence[Real],
         changes: Sequence[Real],
     ) -> None:
         self.forces: dict[str, Vector] = {}
-        self._links, self._pins = model.links, {pin.name: pin for pin in joints.pins}
+        self._links, self._pins = model.links, {pin.name: pin for pin in model.pins}
         self._directions = [link.direction for link in pose.links]
         self._place = {
             pin.name: place.follow(self._directions, rates, changes)[0]
-            for pin, place in zip(joints.pins, joints.places, strict=True)
+            for pin, place in zip(model.pins, model.places, strict=True)
         }
         # The known forces on each body, with their places, and its known couple; those of inertia
         # are reversed (d'Alembert).

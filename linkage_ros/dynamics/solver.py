@@ -4,18 +4,17 @@
 
 import functools
 import itertools
-import math
 from collections.abc import Callable, Sequence
-from typing import Any, NoReturn, cast
+from typing import Any, cast
 
 import numpy as np
 
 from linkage_ros.dynamics import equations
 from linkage_ros.dynamics.equations import Meeting
 from linkage_ros.dynamics.evaluator import Evaluator, refuse_overflow
-from linkage_ros.dynamics.joint_loads import Round, round_program, settle
+from linkage_ros.dynamics.joint_loads import Round, joint_load_round, settle
 from linkage_ros.dynamics.program import Program
-from linkage_ros.dynamics.reactions import Joints, Reactions, reactions
+from linkage_ros.dynamics.reactions import Reactions, reactions
 from linkage_ros.dynamics.state import PointMotion, State
 from linkage_ros.dynamics.tape import Constants
 from linkage_ros.errors import ConfigurationError, MechanismError, UnreachableError
@@ -26,6 +25,8 @@ from linkage_ros.model.reach import Reach
 from linkage_ros.model.structure import Description, Mechanism, Point
 from linkage_ros.numeric import Real, real_numbers
 from linkage_ros.quantities import shown
+
+_ROUND = 'q', 'u', 'a', 'search'  # arguments of a round
 
 # First lines of programs that take floats directly; for mechanisms with one coordinate.
 _HEADS = {
@@ -123,7 +124,7 @@ class Solver(Evaluator):
     def source(self) -> str:
         """The program of `state` as Python text; with friction, that of one round."""
         if self.model.joint_loads:
-            return self._reactions.source
+            return self.program(joint_load_round, *_ROUND).source
         return self.program(equations.state, 'q', 'u', 'a').source
 
     def state(self, q: Any, u: Any = 0.0, a: Any = 0.0, *, by_math: bool = False) -> State:
@@ -224,7 +225,7 @@ class Solver(Evaluator):
         Raises:
             LinkageError: As for `state`.
         """
-        return cast('tuple[Meeting, ...]', self._meetings.scalar(*y))
+        return cast('tuple[Meeting, ...]', self._meetings(*y))
 
     def energy(self, q: Any, u: Any) -> tuple[Real, Real]:
         """The mechanical energy of all bodies.
@@ -303,7 +304,9 @@ class Solver(Evaluator):
         if self.model.joint_loads:
             forces, guides, *others = self._settle(*given).reactions
         else:
-            forces, guides, *others = self.run_program(self._reactions, *given)
+            forces, guides, *others = self.run_program(
+                self.program(reactions, 'q', 'u', 'a'), *given
+            )
         return Reactions(
             dict(zip(pins, forces, strict=True)), guides[0] if guides else None, *others
         )
@@ -356,24 +359,8 @@ class Solver(Evaluator):
         return sine, f'{first.name} and {second.name} are in line'
 
     @functools.cached_property
-    def _meetings(self) -> Program:
-        dyads = *self.structure.dyads, *self.structure.other_dyads
-        arguments = self.names['q'], self.names['u']
-        return Program(equations.meetings, Constants((self.model, dyads)), arguments)
-
-    @functools.cached_property
-    def _reactions(self) -> Program:
-        """The program of joint forces; with loads that depend on them, that of one round."""
-        words = (
-            'all links lie in one line: the forces in the joints have no finite value at a change '
-            'point; ask for angles beside it'
-        )
-        joints = Joints.of(self.structure, Opaque(functools.partial(self._refuse, words)))
-        constants = Constants((self.model, joints))
-        *motion, _ = self.names.values()
-        if self.model.joint_loads:
-            return round_program(constants, motion)
-        return Program(reactions, constants, tuple(motion))
+    def _meetings(self) -> Callable[..., Any]:
+        return self.program(equations.meetings, 'q', 'u').scalar
 
     def _settle(self, *given: Any, by_math: bool = False) -> Round:
         """Solves the motion under loads that depend on the joint forces.
@@ -381,28 +368,18 @@ class Solver(Evaluator):
         Raises:
             UnreachableError: Friction locks the mechanism.
         """
-        program = self._reactions
+        program = self.program(joint_load_round, *_ROUND)
         motion, shape = real_numbers(**dict(zip(program.names, given, strict=False)))
         run = functools.partial(self.run_program, program, *motion, by_math=by_math)
         found = settle(run, len(program.names) - len(given), shape)
         crank, locked = np.broadcast_arrays(motion[0], np.not_equal(found.left, 0))
         if locked.any():
-            self._refuse(
+            self.refuse_angle(
                 'friction locks the mechanism: no forces in its joints balance; lower the '
                 'coefficients or the pin radius',
                 crank[locked].item(0),
             )
         return found
-
-    def _refuse(self, reason: str, crank: float, *_: float) -> NoReturn:
-        """Rejects a crank angle.
-
-        Raises:
-            UnreachableError: Always.
-        """
-        arcs = self.mobility.arcs if self.mobility else ()
-        message = f'at {math.degrees(crank):.9g} deg {reason}'
-        raise UnreachableError(message, crank_angle=crank, arcs=arcs)
 
 
 def _point_motion(

@@ -17,7 +17,6 @@ import numpy as np
 import numpy.typing as npt
 
 from linkage_ros.dynamics.equations import Model
-from linkage_ros.dynamics.reactions import Joints
 from linkage_ros.dynamics.tape import Constants
 from linkage_ros.errors import LinkageError
 from linkage_ros.model.structure import Mechanism
@@ -81,8 +80,8 @@ def _constants(
         value = float(column[rows[0]]) if len(rows) == 1 else column[rows, None].view(Designs)
         mechanism = with_value(mechanism, name, value)
     structure = mechanism.structure()
-    model, joints = Model.of(mechanism, structure), Joints.of(structure)
-    return model, Constants((model, structure.points.get('C'), joints))
+    model = Model.of(mechanism, structure)
+    return model, Constants((model, structure.points.get('C')))
 
 
 def with_value(part: Any, name: str, value: Any) -> Any:

@@ -64,7 +64,7 @@ def _output_of(constants: Any, angle: Real, _: Real) -> tuple[Real, Real, Real]:
 
 def _path_of(constants: Any, angle: Real, _: Real) -> Vector:
     """The coupler point, m."""
-    model, point, _ = constants
+    model, point = constants
     directions = [link.direction for link in model.loop.pose((angle,)).links]
     at_rest = [ZERO] * len(directions)
     return cast('Vector', point.follow(directions, at_rest, at_rest)[0])
@@ -72,8 +72,7 @@ def _path_of(constants: Any, angle: Real, _: Real) -> Vector:
 
 def _force_of(constants: Any, angle: Real, speed: Real) -> Vector:
     """The force on the frame, N."""
-    model, _, joints = constants
-    return reactions((model, joints), (angle,), (speed,), ())[2]
+    return reactions(constants[0], (angle,), (speed,), ())[2]
 
 
 class Batch:
@@ -88,7 +87,7 @@ class Batch:
         """Computes the motion of the designs.
 
         Args:
-            constants: Constants of the model, the coupler point or None, and the joints.
+            constants: Constants of the model, and the coupler point or None.
             transmission: Constants of the transmission angle.
             speed: Crank speeds, of shape (designs, 1), rad/s.
             task: Number of angles, and points.
