@@ -12,7 +12,7 @@ from live_logs import START, live, ticks
 from ros_harness import logged, report_of, verified
 
 from linkage_ros import ConfigurationError, LogError, MotionError, Solver
-from linkage_ros.dynamics import program, trees
+from linkage_ros.dynamics import program, tape
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.motion.adaptive_integrator import AdaptiveSteps
 from linkage_ros.motion.coordinates import Coordinates, stacked
@@ -218,7 +218,7 @@ def test_a_live_run_refuses_a_motion_that_takes_too_many_steps():
 
 
 def test_the_first_tick_of_a_live_run_compiles_nothing(monkeypatch):
-    trees._known.clear()  # as in a new process
+    tape._known.clear()  # as in a new process
     simulator = Simulator(STEEP)
     simulator.prepare_live()
     monkeypatch.delattr(program, '_compile')

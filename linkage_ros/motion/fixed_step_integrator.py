@@ -11,7 +11,6 @@ coordinates, and ends with an error.
 from __future__ import annotations
 
 import math
-import operator
 from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple, Protocol, TypeAlias
 
@@ -33,7 +32,7 @@ _TRIALS = 400  # largest number of trial steps per part of at most 1 ms
 
 
 class Method(NamedTuple):
-    """The weights of a method's sums of slopes; ZERO for unused slopes.
+    """The weights of a method's sums of slopes; 0 for unused slopes.
 
     Attributes:
         stages: Weights of the point of each slope except the first.
@@ -54,8 +53,8 @@ DORMAND_PRINCE = Method(
         (19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729),
         (9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656),
     ),
-    (35 / 384, ZERO, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84),
-    (71 / 57600, ZERO, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40),
+    (35 / 384, 0.0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84),
+    (71 / 57600, 0.0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40),
 )
 
 
@@ -125,9 +124,10 @@ def moved(
     weights: Sequence[Real], values: tuple[Real, ...], h: Real, slopes: Sequence[Sequence[Real]]
 ) -> tuple[Real, ...]:
     """The values after a weighted sum of slopes; a formula."""
+    used = [(weight, rates) for weight, rates in zip(weights, slopes, strict=True) if weight]
     return tuple(
-        value + h * total(map(operator.mul, weights, rates))
-        for value, *rates in zip(values, *slopes, strict=True)
+        value + h * total(weight * rates[i] for weight, rates in used)
+        for i, value in enumerate(values)
     )
 
 

@@ -19,7 +19,7 @@ from __future__ import annotations
 import operator
 from collections.abc import Sequence
 
-from linkage_ros.formulas import ZERO, total
+from linkage_ros.formulas import total
 from linkage_ros.motion.driven_mechanism import jacobian, slope_at
 from linkage_ros.motion.fixed_step_integrator import FixedSteps, Method, Plant, errors, moved
 from linkage_ros.numeric import Real
@@ -41,7 +41,7 @@ _METHOD = Method(
         (*_SIXTH, 1.0, 1.0),
     ),
     (*_SIXTH, 1.0, 1.0, 1.0),
-    (*[ZERO] * 7, 1.0),
+    (*[0.0] * 7, 1.0),
 )
 _COUPLINGS = (
     (),

@@ -19,7 +19,7 @@ from linkage_ros.dynamics.equations import (
 )
 from linkage_ros.dynamics.program import Program
 from linkage_ros.dynamics.solver import Solver
-from linkage_ros.dynamics.trees import Constants
+from linkage_ros.dynamics.tape import Constants
 from linkage_ros.formulas import cos, sqrt, where
 from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.numeric import Array, Real
