@@ -120,8 +120,7 @@ class DiskSync:
         try:
             os.fdatasync(self._number)
         except OSError as error:
-            words = f'{self._path} does not reach the disk: {error.strerror}'
-            raise LogError(words) from error
+            raise LogError(f'{self._path} does not reach the disk: {error.strerror}') from error
 
     def close(self) -> None:
         """Closes its descriptor of the file."""

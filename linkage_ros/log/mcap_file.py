@@ -30,7 +30,6 @@ LARGEST = 1 << 24
 HEAD = struct.Struct('<BQ')  # opcode and length of a record
 # Opcode and length of the footer, starts of the summary and of its offsets, checksum, magic.
 _FOOTER = struct.Struct('<BQQQI8s')
-_UNCHECKED = 12  # bytes at the end that the footer's checksum does not cover
 MAGIC_SIZE = len(MCAP0_MAGIC)
 _KINDS: dict[int, Any] = {
     Opcode.HEADER: records.Header,
@@ -230,7 +229,7 @@ class McapFile:
         opcode, _, at, _, checksum, magic = _FOOTER.unpack(self._read(end, _FOOTER.size))
         if magic != MCAP0_MAGIC or not at:
             return None
-        checked = self._read(at, self.size - at - _UNCHECKED)
+        checked = self._read(at, self.size - at)[:-12]  # up to the checksum
         if opcode != Opcode.FOOTER or checksum not in {0, zlib.crc32(checked)}:
             raise ValueError('its footer is damaged')
         found = defaultdict[type, list[Any]](list)

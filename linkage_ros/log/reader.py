@@ -123,8 +123,8 @@ class LogReader(AbstractContextManager['LogReader']):
         ends = [unseal(record.metadata) for record in records if record.name == END_RECORD]
         self.lost = sum(int(end['messages']) - statistics.message_count for end in ends)
         schemas = {schema.id: schema for schema in summary[Schema]}
-        channels = {channel.id: channel for channel in summary[Channel]}
-        self.topics = tuple(_topic(c, schemas, statistics) for c in channels.values())
+        channels = {channel.id: channel for channel in summary[Channel]}.values()
+        self.topics = tuple(_topic(channel, schemas, statistics) for channel in channels)
         self._names = {topic.number: topic.name for topic in self.topics}
         # Of each chunk the first and last time, the place, and the channels: a log of a day has
         # hundreds of thousands.

@@ -5,8 +5,8 @@
 from collections import defaultdict
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from mcap.opcode import Opcode
@@ -21,8 +21,7 @@ from linkage_ros.units import NS_PER_S
 from linkage_ros.wire.rows import MESSAGE_HEAD
 
 
-@dataclass
-class Recovered:
+class Recovered(NamedTuple):
     """The outcome of a recovery.
 
     Attributes:
@@ -33,11 +32,11 @@ class Recovered:
         unknown: Number of messages lost because their topics are unknown.
     """
 
-    messages: int = 0
-    duration: float = 0.0
-    places: int = 0
-    damaged: int = 0
-    unknown: int = 0
+    messages: int
+    duration: float
+    places: int
+    damaged: int
+    unknown: int
 
 
 def recover(
@@ -92,7 +91,7 @@ class _Copy:
             new: The new log.
         """
         self._file, self._new = file, new
-        self._done, self.is_configured = Recovered(), False
+        self._unknown, self.is_configured = 0, False
         # If the first chunk is lost, the summary still names the topics.
         self._spare: list[Schema | Channel] = []
         with suppress(Exception):  # the file is incomplete, or its summary is damaged
@@ -109,7 +108,8 @@ class _Copy:
             LogError: The log unpacks to too much or has no configuration, or the new log cannot
                 be written.
         """
-        file, done, opcode, at = self._file, self._done, 0, MAGIC_SIZE
+        file, opcode, at = self._file, 0, MAGIC_SIZE
+        places = damaged = 0
         while at < file.size and opcode != Opcode.DATA_END:
             before = at
             try:
@@ -119,15 +119,14 @@ class _Copy:
                 if file.left < 0 or self._new.file.stream.closed:
                     raise
                 at = file.next_place(before + 1)
-                done.places += 1
-                done.damaged += at - before
+                places += 1
+                damaged += at - before
             progress(at - before)
         if not self.is_configured:
             raise LogError('it has no configuration record')
         found = self._new.statistics
-        done.messages = found.message_count
-        done.duration = (found.message_end_time - found.message_start_time) / NS_PER_S
-        return done
+        duration = (found.message_end_time - found.message_start_time) / NS_PER_S
+        return Recovered(found.message_count, duration, places, damaged, self._unknown)
 
     def _take(self, content: object) -> None:
         """Copies the content of a part of the file.
@@ -135,12 +134,16 @@ class _Copy:
         Raises:
             LogError: The part is damaged; other exceptions are possible too.
         """
+        library = self._new.library
         if isinstance(content, bytes):
             self._take_chunk(content)
-        elif isinstance(content, Metadata):
-            self._take_metadata(content)
         elif isinstance(content, Attachment):
-            self._new.library.add_attachment(**vars(content))
+            library.add_attachment(**vars(content))
+        elif isinstance(content, Metadata) and content.name != END_RECORD:  # a new one is written
+            if content.name.startswith(CONFIGURATION_RECORD):
+                unseal(content.metadata)
+            self.is_configured |= content.name == CONFIGURATION_RECORD
+            library.add_metadata(content.name, content.metadata)
 
     def _take_chunk(self, data: bytes) -> None:
         new, kept = self._new, bytearray()
@@ -156,13 +159,6 @@ class _Copy:
                 index[channel].append((time, len(kept)))
                 kept += data[start:end]
             else:
-                self._done.unknown += 1
+                self._unknown += 1
         new.add_records(kept, {n: np.array(e, np.uint64) for n, e in index.items()})
         new.flush()
-
-    def _take_metadata(self, record: Metadata) -> None:
-        if record.name.startswith(CONFIGURATION_RECORD):
-            unseal(record.metadata)
-        if record.name != END_RECORD:  # the new log gets its own
-            self.is_configured |= record.name == CONFIGURATION_RECORD
-            self._new.library.add_metadata(record.name, record.metadata)

@@ -82,9 +82,8 @@ class TorqueStates(Timeline):
         driven, solver = self._driven, self._driven.solver
         moving = self._rows(driven)[: len(driven.links)]
         q, u, a = (tuple(row[moving]) for row in table[:3])
-        torque = table[3, 0]
-        if self.is_record:  # commands come live: here only the motor drives
-            torque = self._motor.at(table[1, 0])
+        # Commands come live: in a record only the motor drives.
+        torque = self._motor.at(table[1, 0]) if self.is_record else table[3, 0]
         if solver.coordinates == self._own.solver.coordinates:
             if self.is_record:
                 a = solver.accelerations(q, u, torque, by_math=True)
@@ -161,10 +160,9 @@ class TorqueStates(Timeline):
             return nothing
         rows, units = self._rows(driven), np.array(driven.units)[:, None]
 
-        def accelerations(*y: Array) -> tuple[Array, ...]:
+        def accelerations(*y: Array) -> Any:
             torque = self._motor.at(y[half]) + origin[-1]
-            found: tuple[Array, ...] = driven.solver.accelerations(y[:half], y[half:], torque)
-            return found
+            return driven.solver.accelerations(y[:half], y[half:], torque)
 
         plant, phase = Plant(driven.units, accelerations), tuple(origin[rows])
         error = np.zeros(len(spans))

@@ -71,13 +71,6 @@ class Template:
         pairs = zip(parts, starts, strict=False)
         self.places = [part._replace(offset=at) for part, at in pairs if isinstance(part, Field)]
         self._numbers = [names.index(place.name) for place in self.places]
-        offsets = [place.offset for place in self.places]
-        self._kind = np.dtype(
-            {
-                'names': [*map(str, offsets)], 'offsets': offsets, 'itemsize': self.size,
-                'formats': [f'<{place.code}' for place in self.places],
-            }
-        )  # fmt: skip
         self._blank = self.pack(*[0] * len(names))
 
     def pack(self, *numbers: float) -> bytes:
@@ -111,8 +104,9 @@ class Template:
         Raises:
             ValueError: The bytes are not such messages.
         """
-        columns = [self.column(data, place) for place in self.places]
-        if not data or self.fill(len(columns[0]), columns) != data:
+        count = len(data) // self.size
+        columns = [self.column(data, place) for place in self.places] if count else []
+        if not count or self.fill(count, columns) != data:
             fields = ', '.join(place.name for place in self.places)
             raise ValueError(f'no message with exactly {fields}')
         whole, rest, *numbers = columns
@@ -128,8 +122,9 @@ class Template:
         Returns:
             The value in each of them.
         """
-        filled = np.ndarray(len(rows) // self.size, self._kind, rows)
-        values: npt.NDArray[Any] = filled[str(place.offset)]
+        values: npt.NDArray[Any] = np.ndarray(
+            len(rows) // self.size, f'<{place.code}', rows, place.offset, (self.size,)
+        )
         return values
 
 
@@ -181,9 +176,6 @@ class RowLayout(Template):
         super().__init__(parts, names)
         self.starts, self.times = self._ends[:-1], self.places[0]
         self._whole = re.compile(b'(?:%b)*' % b''.join(patterns), re.DOTALL)
-        self._begun = [
-            re.compile(b''.join(patterns[: i + 1]), re.DOTALL) for i in range(len(patterns))
-        ]
 
     def messages(self, row: bytes) -> tuple[bytes, ...]:
         """The CDR bytes of the messages in a row."""
@@ -194,7 +186,7 @@ class RowLayout(Template):
 
     def begins(self, row: bytes) -> bool:
         """Returns whether records are those at the beginning of a row."""
-        return any(pattern.fullmatch(row) for pattern in self._begun)
+        return len(row) in self._ends and self.count(row + self._blank[len(row) :], 0) == 1
 
     def count(self, data: bytes, at: int) -> int:
         """Counts adjacent whole rows.

@@ -37,7 +37,7 @@ class RigidLink(NamedTuple):
         mass: kg, more than 0.
         inertia: About its centre of mass, kg m^2, more than 0.
         center: Centre of mass in the link's axes, m.
-        note: Which of mass and inertia are 0 in the parameters; empty: neither.
+        notes: A comment on the mass and inertia that are 0 in the parameters, if any.
         box: Length, width and height of its shape, m.
         place: Centre of the shape in the link's axes, m.
         color: Red, green, blue and opacity, from 0 to 1.
@@ -48,7 +48,7 @@ class RigidLink(NamedTuple):
     mass: float
     inertia: float
     center: tuple[float, float]
-    note: str
+    notes: list[Any]
     box: tuple[float, float, float]
     place: tuple[float, float, float]
     color: str
@@ -81,12 +81,12 @@ def rigid_links(mechanism: Mechanism, joint_prefix: str = '') -> list[RigidLink]
         box = least_mass * length**2 if turns else mass * math.hypot(length, height) ** 2
         inertia = (turns and body.inertia) or max(box / 12, _LEAST)
         zeros = [word for word in ('mass', 'inertia') if getattr(body, word, 1.0) == 0]
-        note = f'{" and ".join(zeros)} 0 in the parameters; simulators refuse 0, so small here'
+        note = f' {" and ".join(zeros)} 0 in the parameters; simulators refuse 0, so small here '
         color = ' '.join(f'{part:.3f}' for part in fractions(color_of(joint.name)))
         links.append(
             RigidLink(
                 joint, name, mass, inertia, body.center if turns else (0.0, 0.0),
-                note if zeros else '', (length, height, width),
+                [ET.Comment(note)] if zeros else [], (length, height, width),
                 (length / 2 if turns else 0.0, 0.0, layer * width), f'{color} 1',
             )
         )  # fmt: skip
@@ -150,11 +150,6 @@ def element(tag: str, *children: Any, text: str | None = None, **rest: str) -> E
     return made
 
 
-def notes(link: RigidLink) -> list[Any]:
-    """A comment that names the zero parameters of a link, if any."""
-    return [ET.Comment(f' {link.note} ')] if link.note else []
-
-
 def _link(link: RigidLink) -> ET.Element:
     # A planar description has only izz; a flat body has ixx + iyy = izz.
     half = repr(link.inertia / 2)
@@ -166,7 +161,7 @@ def _link(link: RigidLink) -> ET.Element:
             element('geometry', element('box', size=text_of(*link.box))),
             element('material', element('color', rgba=link.color), name=link.name),
         ),
-        *notes(link),
+        *link.notes,
         element(
             'inertial',
             _origin(*link.center),
