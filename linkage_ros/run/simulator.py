@@ -38,7 +38,6 @@ from linkage_ros.units import NS_PER_MS, NS_PER_S
 from linkage_ros.wire.cdr import encode_string
 from linkage_ros.wire.codecs import (
     POINT_FIELDS,
-    STAMP_FIELDS,
     float64,
     float64_array,
     joint_numbers,
@@ -47,7 +46,7 @@ from linkage_ros.wire.codecs import (
     point,
     trajectory,
 )
-from linkage_ros.wire.rows import TIME_FIELDS, RowLayout, Template
+from linkage_ros.wire.rows import STAMP_FIELDS, TIME_FIELDS, RowLayout, Template
 from linkage_ros.wire.topics import (
     COUPLER_POINT,
     DRIVING_TORQUE,

@@ -57,8 +57,8 @@ class TorqueStates(Timeline):
         drive: Any = simulator.configuration.drive
         solver, self._motor = simulator.solver, drive.motor
         self._links = solver.structure.links
-        places = {place.name: place for place in layout.places}  # those of mechanism_state
-        self._places = [places[name] for name in joint_numbers(simulator.joints)]
+        # The last ones of each name, those of mechanism_state.
+        self._places = [layout.fields[name] for name in joint_numbers(simulator.joints)]
         self._own = self._last = DrivenMechanism(solver, drive.motor.at)
         length = solver.mechanism.crank.length
         self._units = np.array([length if link.slides else 1.0 for link in self._links] * 2)

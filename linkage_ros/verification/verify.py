@@ -7,6 +7,9 @@ one, because sines differ between machines. Topics are identified by their types
 names may be remapped. Other topics of the log are named, not compared.
 """
 
+import math
+import struct
+from bisect import bisect_right
 from collections.abc import Callable
 
 import numpy as np
@@ -14,12 +17,11 @@ import numpy as np
 from linkage_ros.errors import LinkageError, LogError
 from linkage_ros.log.reader import LoggedMessage, LogReader, paired
 from linkage_ros.motion.drives import FollowDrive, TorqueDrive
+from linkage_ros.numeric import Array
 from linkage_ros.run.simulator import Simulator
-from linkage_ros.units import NS_PER_S
-from linkage_ros.verification.row_comparison import RowComparison
 from linkage_ros.verification.timeline import Measurements, Timeline, check_motions
 from linkage_ros.verification.torque_states import TorqueStates
-from linkage_ros.wire.codecs import STAMP_FIELDS
+from linkage_ros.wire.rows import MESSAGE_HEAD, RowLayout
 from linkage_ros.wire.topics import (
     COUPLER_POINT,
     DRIVING_TORQUE,
@@ -30,6 +32,8 @@ from linkage_ros.wire.topics import (
 )
 
 _BATCH = 1024  # states per batch
+# Sines of another machine may differ in the last bit, and so may all results.
+_TOLERANCE = 4  # ulp of the largest value of a field
 # Message types that occur only in topics of states.
 _OF_STATES = (DRIVING_TORQUE.interface.name, COUPLER_POINT.interface.name)
 
@@ -111,14 +115,12 @@ class Verification:
             raise LogError(
                 f'{log.path} cannot be verified: it has no motion record, or no {words}'
             )
-        numbers = ((channel.number, topic) for topic, channel in self._channels.items())
-        self._layout = layout = simulator.layout_of(numbers)
+        pairs = self._channels.items()
+        self._layout = layout = simulator.layout_of((c.number, topic) for topic, c in pairs)
         self._names = [channel.name for channel in self._channels.values()]
         self._comparison = RowComparison(layout, self._names)
-        places = {place.name: place for place in layout.places}
-        self._stamp = [places[field.name] for field in STAMP_FIELDS]
         kind = TorqueStates if driven else Measurements if follows else Timeline
-        self._run: Timeline | Measurements = kind(simulator, log, layout)
+        self._timeline: Timeline | Measurements = kind(simulator, log, layout)
 
     def run(self, progress: Callable[[int], object]) -> None:
         """Compares the messages, up to the first difference; see `verify`.
@@ -133,10 +135,10 @@ class Verification:
         for rows, stray in self._log.rows(self._layout, self._hear):  # noqa: B007
             self._rows += rows
             if len(self._rows) >= _BATCH * size:
-                progress(self._compare_rows())
+                self._compare_rows(progress)
             if self.difference:
                 break
-        progress(self._compare_rows())
+        self._compare_rows(progress)
         if stray and not self.difference:
             self.difference = (
                 f'{stray.topic}: the message logged at {stray.time} ns is not the next one of '
@@ -145,26 +147,26 @@ class Verification:
         if self._rows and not self.difference:
             starts = zip(self._layout.starts, self._names, strict=True)
             self.cut = tuple(name for start, name in starts if start >= len(self._rows))
-        self.missed, self.ulp = self._run.missed, self._comparison.ulp
+        self.missed, self.ulp = self._timeline.missed, self._comparison.ulp
 
     def _hear(self, message: LoggedMessage) -> None:
         """Takes a message that is not part of a state, in the order of writing."""
-        if isinstance(self._run, Measurements):
-            self._run.hear(message)
+        if isinstance(self._timeline, Measurements):
+            self._timeline.hear(message)
         if message.topic in self.compared and message.data != self._simulator.description:
             self.difference = (
                 f'{message.topic}: data at {message.time} ns is not the URDF of the configuration'
             )
 
-    def _compare_rows(self) -> int:
-        """Compares all whole rows that were read; returns the number of equal ones."""
-        before, size = self.states, self._layout.size
+    def _compare_rows(self, progress: Callable[[int], object]) -> None:
+        """Compares all whole rows that were read."""
+        size = self._layout.size
         while len(self._rows) >= size and not self.difference:
             whole = len(self._rows) // size * size
             count, self.difference = self._compare(bytes(self._rows[:whole]))
             del self._rows[: count * size]
             self.states += count
-        return self.states - before
+            progress(count)
 
     def _compare(self, rows: bytes) -> tuple[int, str]:
         """Compares states at the beginning of rows.
@@ -172,9 +174,8 @@ class Verification:
         Returns:
             The number of equal states, and the error of the next one, if that was compared.
         """
-        whole, rest = (self._layout.column(rows, place).astype(np.int64) for place in self._stamp)
-        stamps, count, wrong = whole * NS_PER_S + rest, 0, ''
-        for number, ticks in self._run.fitting(stamps):
+        stamps, count, wrong = self._layout.stamps(rows), 0, ''
+        for number, ticks in self._timeline.fitting(stamps):
             logged = rows[: len(ticks) * self._layout.size]
             try:
                 made = self._again(number, stamps[: len(ticks)].tolist(), logged)
@@ -186,7 +187,7 @@ class Verification:
             count, difference = self._comparison.compare(logged, made)
             wrong = wrong or difference
             if count:
-                count, wrong = self._run.take(number, ticks[:count])
+                count, wrong = self._timeline.take(number, ticks[:count])
                 break
         else:
             wrong = wrong or 'no tick and no measurement after the last one has that stamp'
@@ -200,6 +201,68 @@ class Verification:
         Raises:
             LinkageError: A logged row does not describe a state.
         """
-        coordinates, ahead = self._run.coordinates(number, stamps, rows)
-        times = None if self._run.is_record else self._layout.column(rows, self._layout.times)
+        coordinates, ahead = self._timeline.coordinates(number, stamps, rows)
+        times = None if self._timeline.is_record else self._layout.column(rows, self._layout.times)
         return self._simulator.rows(stamps, coordinates, ahead, times=times, layout=self._layout)
+
+
+class RowComparison:
+    """Compares the rows of one log.
+
+    Attributes:
+        ulp: Largest difference so far, in ulp of the largest value of the field.
+    """
+
+    def __init__(self, layout: RowLayout, names: list[str]) -> None:
+        self._names, self.ulp, self._layout = names, 0.0, layout
+        self._doubles = [place for place in layout.places if place.code == 'd']
+        self._largest = np.zeros((len(self._doubles), 1))
+
+    def compare(self, logged: bytes, recomputed: bytearray) -> tuple[int, str]:
+        """Compares rows.
+
+        Args:
+            logged: Some rows.
+            recomputed: The same number of recomputed rows.
+
+        Returns:
+            The number of rows at the beginning that are equal to the bit, or within the
+            tolerance, where 0.0 equals -0.0; and the difference of the next row.
+        """
+        due, size = self._values(recomputed), self._layout.size
+        number = len(logged) // size
+        self._largest = np.maximum(self._largest, abs(due).max(axis=1, keepdims=True))
+        if logged == recomputed:  # equal unless another machine has different sines
+            return number, ''
+        with np.errstate(all='ignore'):  # logged values may be arbitrary
+            ulp = abs(self._values(logged) - due) / np.spacing(self._largest)
+        found, made = (np.frombuffer(x, np.uint8) for x in (logged, recomputed))
+        differs = np.not_equal(found, made).reshape(-1, size)
+        for place, near in zip(self._doubles, ulp <= _TOLERANCE, strict=True):
+            differs[near, place.offset : place.offset + 8] = False
+        wrong = differs.any(axis=1)
+        count = int(wrong.argmax()) if wrong.any() else number
+        self.ulp = max(self.ulp, float(ulp[:, :count].max(initial=0.0)))
+        if count == number:
+            return count, ''
+        at, row = int(differs[count].argmax()), slice(count * size, (count + 1) * size)
+        return count, self._describe(at, logged[row], recomputed[row])
+
+    def _values(self, rows: bytes | bytearray) -> Array:
+        """The doubles of rows, one row of the array for each field."""
+        return np.array([self._layout.column(rows, place) for place in self._doubles])
+
+    def _describe(self, at: int, logged: bytes, recomputed: bytearray) -> str:
+        """Describes the difference between two rows at their first different byte."""
+        message = bisect_right(self._layout.starts, at) - 1
+        byte = at - self._layout.starts[message] - MESSAGE_HEAD.size
+        words = f'byte {byte} = {logged[at]:#04x} logged, {recomputed[at]:#04x} recomputed'
+        for place in self._layout.places:
+            if place.offset <= at < place.offset + struct.calcsize(place.code):
+                found, due = (self._layout.column(x, place).item() for x in (logged, recomputed))
+                words = f'{place.name} = {found!r} logged, {due!r} recomputed: off by '
+                words += f'{abs(found - due):.3g}'
+                if place in self._doubles:
+                    (largest,) = self._largest[self._doubles.index(place)].tolist()
+                    words += f', {abs(found - due) / math.ulp(largest):.6g} ulp'
+        return f'{self._names[message]}: {words}'

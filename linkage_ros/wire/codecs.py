@@ -15,11 +15,10 @@ from linkage_ros.model.structure import Link
 from linkage_ros.numeric import Real, wrap
 from linkage_ros.units import NS_PER_S
 from linkage_ros.wire.cdr import ENCAPSULATION, STAMP, align, count, header, string
-from linkage_ros.wire.rows import Field, Part
+from linkage_ros.wire.rows import STAMP_FIELDS, Field, Part
 
 ROOT_FRAME = 'base_link'
 QUANTITIES = ('position', 'velocity', 'acceleration', 'effort')
-STAMP_FIELDS = Field('header.stamp.sec', 'i'), Field('header.stamp.nanosec', 'I')
 POINT_FIELDS = Field('point.x', 'd'), Field('point.y', 'd')
 
 # A point of a trajectory: four sequences of one number, each number on a multiple of 8, and a

@@ -44,6 +44,8 @@ class Field(NamedTuple):
 
 
 Part: TypeAlias = bytes | Field
+TIME_FIELDS = Field('log time', 'Q'), Field('publish time', 'Q')
+STAMP_FIELDS = Field('header.stamp.sec', 'i'), Field('header.stamp.nanosec', 'I')
 
 
 class Template:
@@ -52,6 +54,7 @@ class Template:
     Attributes:
         size: Number of bytes.
         places: The fields, in order.
+        fields: The fields by name, the last ones of each.
     """
 
     def __init__(self, parts: Sequence[Part], names: Sequence[str] = ()) -> None:
@@ -70,6 +73,7 @@ class Template:
         starts = accumulate((struct.calcsize('<' + form) for form in forms), initial=0)
         pairs = zip(parts, starts, strict=False)
         self.places = [part._replace(offset=at) for part, at in pairs if isinstance(part, Field)]
+        self.fields = {place.name: place for place in self.places}
         self._numbers = [names.index(place.name) for place in self.places]
         self._blank = self.pack(*[0] * len(names))
 
@@ -109,8 +113,13 @@ class Template:
         if not count or self.fill(count, columns) != data:
             fields = ', '.join(place.name for place in self.places)
             raise ValueError(f'no message with exactly {fields}')
-        whole, rest, *numbers = columns
-        return whole.astype(np.int64) * NS_PER_S + rest, np.stack(numbers, axis=1)
+        return self.stamps(data), np.stack(columns[len(STAMP_FIELDS) :], axis=1)
+
+    def stamps(self, rows: bytes) -> npt.NDArray[np.int64]:
+        """The stamps in filled templates, ns."""
+        whole, rest = (self.column(rows, self.fields[field.name]) for field in STAMP_FIELDS)
+        stamps: npt.NDArray[np.int64] = whole.astype(np.int64) * NS_PER_S + rest
+        return stamps
 
     def column(self, rows: Any, place: Field) -> npt.NDArray[Any]:
         """A view of one field.
@@ -142,9 +151,6 @@ def message_record(channel: int, times: tuple[int, int], data: bytes, sequence: 
     """
     size = MESSAGE_HEAD.size - 9 + len(data)  # without opcode and length
     return MESSAGE_HEAD.pack(_OPCODE, size, channel, sequence, *times) + data
-
-
-TIME_FIELDS = Field('log time', 'Q'), Field('publish time', 'Q')
 
 
 class RowLayout(Template):
