@@ -7,16 +7,14 @@ import struct
 
 from hostile import NUMBERS, TEXTS, mutated
 from hostile_bombs import MAGIC, bombs, resummed
+from live_logs import live, ticks
 from mcap.records import Message, MessageIndex, Metadata
 from mcap.writer import CompressionType, IndexType
 from mcap_records import packed_records, records_of
 
 from linkage_ros.log.metadata import seal
-from linkage_ros.log.writer import LogWriter
-from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.parameters.configuration import configure, load
-from linkage_ros.run.simulator import Simulator
-from linkage_ros.wire.topics import DIAGNOSTICS, ROBOT_DESCRIPTION
+from linkage_ros.record import record
 
 # Where a length, a count, an offset or a time is expected.
 WHOLE = (0, 1, 7, 8, 255, 2**15, 2**16 - 1, 2**24, 2**31, 2**32 - 1, 2**40, 2**63, 2**64 - 1)
@@ -31,32 +29,16 @@ for name in ('rpm', 'crank_acceleration', 'effort_command_topic', 'lead_time',
 def good_logs(folder):
     """Small logs of each kind of mechanism and drive, live ones and records: their bytes."""
     changed = {**load('quadrilateral').parameters(), 'crank_acceleration': 7.1, 'rate_hz': 50.0}
-    runs = [configure(changed), configure(TORQUE), load('compressor'), load('wind_pump')]
-    return [_run(folder / f'{n}.mcap', run, live=n < 2) for n, run in enumerate(runs)]
-
-
-def _run(path, configuration, *, live):
-    """Thirty states, with a change of motion in the midst of a live run that has one."""
-    simulator, start = Simulator(configuration), 1_795_000_000_000_000_000 if live else 0
-    motion = simulator.begin(start)
-    with LogWriter(path, configuration, overwrite=True) as log:
-        channels = [log.add_topic(topic, f'/{topic.name}') for topic in simulator.topics]
-        log.write_motion(motion.segment)
-        log.write(
-            log.add_topic(ROBOT_DESCRIPTION, '/robot_description'), start, simulator.description
-        )
-        if live:
-            log.write(log.add_topic(DIAGNOSTICS, '/diagnostics'), start, b'\0\1\0\0' + bytes(16))
-        for tick in range(30):
-            stamp = start + simulator.elapsed(tick)
-            if tick == 15 and live and isinstance(motion, SpeedMotion):
-                motion = motion.change(stamp, -20.0)
-                log.flush()
-                log.write_motion(motion.segment)
-            messages = simulator.snapshot_at(motion, stamp).messages
-            for channel, data in zip(channels, messages, strict=True):
-                log.write(channel, stamp, data)
-    return path.read_bytes()
+    plan = [*ticks(15), ('rpm', -20.0), *ticks(15)]
+    paths = [
+        live(folder / '0.mcap', configure(changed), plan),
+        live(folder / '1.mcap', configure(TORQUE), ticks(30)),
+    ]
+    for number, configuration in enumerate((load('compressor'), load('wind_pump')), 2):
+        paths.append(folder / f'{number}.mcap')
+        duration = 30 / configuration.session.rate_hz
+        record(configuration, paths[-1], duration=duration, overwrite=True)
+    return [path.read_bytes() for path in paths]
 
 
 def log_file(rng, logs):
