@@ -7,9 +7,11 @@ from dataclasses import replace
 
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.run.simulator import Simulator
+from linkage_ros.wire.cdr import OK, Status, encode_diagnostics
 from linkage_ros.wire.topics import DIAGNOSTICS, ROBOT_DESCRIPTION
 
 START = 1_795_000_000_123_456_789
+STATUSES = [Status(OK, 'motion', 'kept', {'rate': '200'})]
 
 
 def ticks(count):
@@ -90,7 +92,7 @@ def live(
             for i, channel in channels.items():
                 log.write(channel, now, messages[i])
             if extra is not None and tick % 50 == 0:
-                log.write(extra, now, b'\0\1\0\0' + bytes(16))
+                log.write(extra, now, encode_diagnostics(stamp, 'live', STATUSES))
             if (tick + 1) % 60 == 0:
                 log.flush()
     return path

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Logs of every preset and of a live node in readers that share no code with the package.
+"""Records and a live log in readers that share no code with the package.
 
 Each reader decodes by the definitions that stand in the file. The expected values come from the
 solver; see `solved_messages`. The same for Foxglove's readers: benchmarks/readers.py.
@@ -8,13 +8,12 @@ solver; see `solved_messages`. The same for Foxglove's readers: benchmarks/reade
 
 import ast
 import sys
-from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pytest
-from joint_codec import JointStateCodec
+from live_logs import START, live, ticks
 from mcap.reader import make_reader
 from pages import block, read, run_python
 from rosbags import rosbag2
@@ -22,9 +21,10 @@ from rosbags.convert import cli
 from rosbags.highlevel import AnyReader
 from solved_messages import TYPES, plain, solved_messages, time_of
 
+from linkage_ros.log.reader import LogReader
 from linkage_ros.motion.adaptive_integrator import AdaptiveSteps
 from linkage_ros.motion.speed_driven import SpeedMotion
-from linkage_ros.parameters.configuration import Configuration, load
+from linkage_ros.parameters.configuration import Configuration, configure, load
 from linkage_ros.record import record
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.wire.topics import DIAGNOSTIC_ARRAY
@@ -50,33 +50,31 @@ def recorded(preset, folder):
     return Log(path, configuration, solved_messages(configuration, motion, stamps))
 
 
-def live(folder):
-    """A node that speeds up; what it diagnosed is read by rclpy."""
-    serialization = pytest.importorskip('rclpy.serialization')
-    from ros_harness import logged, node_arguments, stop, watched
-
-    from linkage_ros.ros.topics import message_class
-
+def written_live(folder):
+    """A log as a node writes it while it speeds up, in several chunks."""
     path, drive = folder / 'run.mcap', {'start_rpm': -30.0, 'crank_acceleration': 7.1}
-    with watched(DIAGNOSTICS, *node_arguments(log=path, **drive)) as (listener, process):
-        # A second lies between two reports: the log is flushed into several chunks.
-        listener.await_more(2, '/diagnostics')
-        stop(process)
-    log, found = logged(path)
-    configuration, (segment,) = log.configuration, log.motions
-    codec = JointStateCodec(Simulator(configuration).joints)
-    stamps = [codec.decode(message.data)[0] for message in found['/joint_states']]
-    assert len(stamps) > 150
-    expected = solved_messages(configuration, SpeedMotion(segment), stamps)
-    kind = message_class(DIAGNOSTIC_ARRAY.name)
+    configuration, found = load('quadrilateral'), {}
+    configuration = configure({**configuration.parameters(), **drive})
+    log = LogReader(live(path, configuration, ticks(200)))
+    for message in log.messages():
+        found.setdefault(message.topic, []).append(message.time)
+    stamps = [START + tick * 5_000_000 for tick in range(200)]
+    expected = solved_messages(configuration, SpeedMotion(log.motions[0]), stamps)
+    values = [{'key': 'rate', 'value': '200'}]
+    status = {
+        'level': 0,
+        'name': 'motion',
+        'message': 'kept',
+        'hardware_id': 'live',
+        'values': values,
+    }
     expected['/diagnostics'] = [
-        (None, plain(serialization.deserialize_message(message.data, kind)))
-        for message in found['/diagnostics']
+        (None, {'header': {'stamp': time_of(stamp), 'frame_id': ''}, 'status': [status]})
+        for stamp in stamps[::50]
     ]
     for topic, rows in expected.items():  # a live log's times are those of publishing
-        times = [message.time for message in found[topic]]
-        expected[topic] = [(time, row[1]) for time, row in zip(times, rows, strict=True)]
-    assert len(expected['/diagnostics']) >= 2
+        pairs = zip(found[topic], rows, strict=True)
+        expected[topic] = [(time, message) for time, (_, message) in pairs]
     return Log(path, configuration, expected)
 
 
@@ -84,7 +82,7 @@ def live(folder):
 @pytest.fixture(scope='module', params=['compressor', 'wind_pump', 'coupler_point', 'live'])
 def log(request, tmp_path_factory):
     folder = tmp_path_factory.mktemp(request.param)
-    return live(folder) if request.param == 'live' else recorded(request.param, folder)
+    return written_live(folder) if request.param == 'live' else recorded(request.param, folder)
 
 
 def assert_same(found, expected):
@@ -230,13 +228,12 @@ def test_the_metadata_lines_tell_configuration_and_motion(log, capsys, monkeypat
 
 
 def test_the_pandas_lines_give_a_column_per_joint_and_quantity(log, monkeypatch):
-    """pandas itself need not be there: then all lines run but those that name it."""
+    """All lines but those that name pandas, which need not be there."""
     monkeypatch.chdir(log.path.parent)
-    tree = ast.parse(block(DOCUMENT, 'pandas'))
-    if find_spec('pandas') is None:
-        tree.body = [line for line in tree.body if 'pandas' not in ast.unparse(line)]
-        assert len(tree.body) == len(ast.parse(block(DOCUMENT, 'pandas')).body) - 2
-    names = {}
+    tree, names = ast.parse(block(DOCUMENT, 'pandas')), {}
+    lines = [line for line in tree.body if 'pandas' not in ast.unparse(line)]
+    assert len(lines) == len(tree.body) - 2
+    tree.body = lines
     run_python(tree, 'mcap.md', names)
     rows = log.messages['/mechanism_state']
     quantities = ('positions', 'velocities', 'accelerations', 'effort')
@@ -247,8 +244,3 @@ def test_the_pandas_lines_give_a_column_per_joint_and_quantity(log, monkeypatch)
         expected = [message['points'][0][quantity][place] for _, message in rows]
         assert plain(np.asarray(column, float)) == expected
     assert names['times'] == [time for time, _ in rows]
-    if 'frame' in names:
-        frame = names['frame']
-        assert frame.index.astype('int64').tolist() == names['times']
-        for name, column in names['columns'].items():
-            assert plain(frame[name].to_numpy()) == plain(np.asarray(column))

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import pytest
 from mcap.records import Chunk, Message
 from mcap.stream_reader import StreamReader, breakup_chunk
-from ros_harness import assert_refused
+from ros_harness import assert_refused, report_of
 from test_log import spans, written
 from test_verify import CHANGES, live
 
@@ -22,7 +22,6 @@ from linkage_ros.log.recover import recover
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.parameters.configuration import load
 from linkage_ros.record import record
-from linkage_ros.verification.verify import verify
 
 
 class Good(NamedTuple):
@@ -74,8 +73,7 @@ def recovered(tmp_path):
         done = recover(path, out, overwrite=True)
         saved = messages(out)
         assert done.messages == len(saved)
-        with LogReader(out) as log:
-            return done, saved, verify(log)
+        return done, saved, report_of(out)
 
     return save
 
@@ -208,26 +206,21 @@ def test_a_flipped_byte_anywhere_never_ends_in_another_error_or_other_values(tmp
 
 
 def refused(source, target, words, **options):
-    with pytest.raises(LogError, match=words) as caught:
+    with pytest.raises(LogError, match=words):
         recover(source, target, **options)
-    assert '\n' not in str(caught.value)
 
 
 def test_existing_files_are_kept(tmp_path, whole):
     target, text = tmp_path / 'out.mcap', tmp_path / 'text'
     text.write_bytes(b'text')
-    for kept in (b'precious', whole.data):
-        target.write_bytes(kept)
-        refused(whole.path, target, r'out\.mcap exists already and is kept')
-        refused(text, target, 'is no MCAP file', overwrite=True)
-        assert target.read_bytes() == kept
-    # Asked for, a log is replaced, but nothing else.
-    recover(whole.path, target, overwrite=True)
+    target.write_bytes(b'precious')
+    refused(whole.path, target, r'out\.mcap exists already and is kept')
+    refused(text, target, 'is no MCAP file', overwrite=True)
     refused(whole.path, text, 'is not a log and is kept', overwrite=True)
-    assert text.read_bytes() == b'text'
+    assert (target.read_bytes(), text.read_bytes()) == (b'precious', b'text')
+    (tmp_path / 'link').symlink_to(whole.path)
+    (tmp_path / 'hard link').hardlink_to(whole.path)
     for itself in (whole.path, tmp_path / 'link', tmp_path / 'hard link'):
-        if itself != whole.path:
-            (itself.symlink_to if itself.name == 'link' else itself.hardlink_to)(whole.path)
         refused(whole.path, itself, 'is the broken log itself', overwrite=True)
     assert whole.path.read_bytes() == whole.data
 
