@@ -16,7 +16,10 @@ import hostile_outcomes
 import pytest
 from hostile_bombs import chunk, packed, tight, whole
 from hostile_logs import TORQUE
-from mcap.records import Channel, DataEnd, Message, Statistics
+from joint_codec import encode_float64
+from mcap.records import Channel, DataEnd, Header, Message, Metadata, Schema, Statistics
+from mcap.writer import MCAP0_MAGIC
+from mcap_records import packed_records
 from ros_harness import assert_refused, command
 from test_log import written
 
@@ -43,7 +46,7 @@ from linkage_ros.log.metadata import (
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.recover import recover
 from linkage_ros.log.writer import LogWriter
-from linkage_ros.parameters.configuration import configure, load
+from linkage_ros.parameters.configuration import configure, load, to_strings
 from linkage_ros.parameters.parameter_file import read_parameter_file
 from linkage_ros.record import record
 from linkage_ros.run.simulator import Simulator
@@ -84,7 +87,7 @@ def out(tmp_path):
 def stored(tmp_path):
     """Writes bytes into a file; returns its path."""
     path = tmp_path / 'bad.mcap'
-    return lambda data: path.write_bytes(data) and path
+    return lambda data: (path.write_bytes(data), path)[1]
 
 
 def read(path):
@@ -279,7 +282,53 @@ def moved(fields):
     return whole(metadata=[(MOTION_RECORD, seal(record))])
 
 
+def foreign(*metadata, **options):
+    """An MCAP file of another tool, with metadata records."""
+    schema = Schema(1, b'float64 data\n', 'ros2msg', 'std_msgs/msg/Float64')
+    message = Message(1, 1, encode_float64(1.0), 1, 0)
+    head = Header('ros2', 'other'), schema, Channel(1, '/x', 'cdr', {}, 1), message
+    return packed_records([*head, *(Metadata(*pair) for pair in metadata)], **options)
+
+
+def explained(fields):
+    return foreign((CONFIGURATION_RECORD, fields))
+
+
+SETTINGS = to_strings(load('quadrilateral'))
+CURE = '; name a log of linkage_ros'
+BEGINS = 'is no MCAP file on a disk: it begins with'
 FORGED = {
+    'foreign': (foreign(), 'is no log of linkage_ros'),
+    'foreign, no chunks': (foreign(use_chunking=False), 'is no log of linkage_ros'),
+    'foreign, no statistics': (
+        foreign(use_statistics=False, use_summary_offsets=False),
+        'no log|not complete',
+    ),
+    'version alone': (explained(seal({'version': '0.1.0'})), '.'),
+    # With a right checksum: whatever wrote it, meant it.
+    'setting of the future': (explained(seal({**SETTINGS, 'crank.colour': '"red"'})), 'colour'),
+    'setting without JSON': (explained(seal({**SETTINGS, 'rpm': '150 rpm'})), 'is not JSON'),
+    'impossible linkage': (explained(seal({**SETTINGS, 'crank.length': '9.0'})), 'longest link'),
+    'nested deeper than Python goes': (
+        explained(seal({**SETTINGS, 'rpm': '[' * 10**5})),
+        'not JSON',
+    ),
+    'motion with a zero divisor': (
+        foreign(
+            (CONFIGURATION_RECORD, seal(SETTINGS)),
+            (MOTION_RECORD, seal({'stamp': '0', 'phase': '1/0', 'speed': '0', 'rpm': '1'})),
+        ),
+        'is damaged or not complete: .*ZeroDivisionError',
+    ),
+    'settings without a checksum': (explained(SETTINGS), 'checksum is wrong'),
+    'settings with another checksum': (
+        explained({**seal(SETTINGS), 'rpm': '151.0'}),
+        'checksum is wrong',
+    ),
+    'empty': (b'', f"{BEGINS} b''{CURE}"),
+    'magic alone': (MCAP0_MAGIC, 'is damaged or not complete: linkage_log recover'),
+    'text': (b'/**:\n  ros__parameters:\n', rf"{BEGINS} b'/..:\\n r'{CURE}"),
+    'bytes': (b'\xff\0' * 4_096, rf"{BEGINS} b'(\\xff\\x00){{4}}'{CURE}"),
     'misplaced': (misplaced(), 'at most 16777216 are read'),
     'times': (whole(times=(0, 2**31 * 10**9)), 'none of ROS'),
     'nested': (whole(tight(tight(INNER) * 10)), 'other than messages'),
@@ -301,11 +350,12 @@ FORGED = {
 
 
 @pytest.mark.parametrize(('data', 'words'), FORGED.values(), ids=FORGED)
-def test_a_forged_log_is_refused_in_one_line(stored, monkeypatch, data, words):
+def test_a_foreign_or_forged_file_is_refused_in_one_line(stored, monkeypatch, data, words):
     monkeypatch.setattr('linkage_ros.log.reader._MOST_WAITING', 2000 * 500)
     path = stored(data)
-    with at_most(5), pytest.raises(LogError, match=words):
+    with at_most(5), pytest.raises(LogError, match=words) as caught:
         read(path)
+    assert str(path) in str(caught.value)
     hostile_outcomes.log_file(path)
 
 

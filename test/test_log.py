@@ -19,9 +19,8 @@ import pytest
 import yaml
 from joint_codec import encode_float64
 from mcap.reader import make_reader
-from mcap.records import Channel, Header, Message, Metadata, Schema
 from mcap.writer import MCAP0_MAGIC
-from mcap_records import packed_records, records_of, write_records
+from mcap_records import records_of, write_records
 from ros_harness import CODEC, assert_refused
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import (
@@ -34,12 +33,12 @@ from rosbags.interfaces import (
 )
 
 from linkage_ros import LogError, __version__, log_tool
-from linkage_ros.log.metadata import CONFIGURATION_RECORD, END_RECORD, MOTION_RECORD, seal
+from linkage_ros.log.metadata import CONFIGURATION_RECORD, END_RECORD, MOTION_RECORD
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.recover import recover
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.motion.speed_driven import SpeedMotion
-from linkage_ros.parameters.configuration import configure, load, to_strings
+from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.record import record
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.wire.cdr import encode_string
@@ -387,62 +386,6 @@ def test_a_cut_file_and_a_tail_of_zeros_or_of_garbage_are_reported(path, answer)
             # Of the last bytes, some count for nothing.
             assert answer(data[:keep] + tail) in {'refused', 'good'}, keep
     assert answer(data + b'\0') == 'refused'
-
-
-def foreign(*metadata, **options):
-    """An MCAP file of another tool, with metadata records."""
-    schema = Schema(1, b'float64 data\n', 'ros2msg', 'std_msgs/msg/Float64')
-    message = Message(1, 1, encode_float64(1.0), 1, 0)
-    head = Header('ros2', 'other'), schema, Channel(1, '/x', 'cdr', {}, 1), message
-    return packed_records([*head, *(Metadata(*pair) for pair in metadata)], **options)
-
-
-def explained(fields):
-    return foreign((CONFIGURATION_RECORD, fields))
-
-
-SETTINGS = to_strings(CONFIGURATION)
-OTHER = '; name a log of linkage_ros'
-BEGINS = 'is no MCAP file on a disk: it begins with'
-OTHER_FILES = {
-    'foreign': (foreign(), 'is no log of linkage_ros'),
-    'foreign, no chunks': (foreign(use_chunking=False), 'is no log of linkage_ros'),
-    'foreign, no statistics': (
-        foreign(use_statistics=False, use_summary_offsets=False), 'no log|not complete',
-    ),
-    'version alone': (explained(seal({'version': '0.1.0'})), '.'),
-    # With a right checksum: whatever wrote it, meant it.
-    'setting of the future': (explained(seal({**SETTINGS, 'crank.colour': '"red"'})), 'colour'),
-    'setting without JSON': (explained(seal({**SETTINGS, 'rpm': '150 rpm'})), 'is not JSON'),
-    'impossible linkage': (explained(seal({**SETTINGS, 'crank.length': '9.0'})), 'longest link'),
-    'nested deeper than Python goes': (
-        explained(seal({**SETTINGS, 'rpm': '[' * 10**5})), 'not JSON',
-    ),
-    'motion with a zero divisor': (
-        foreign(
-            (CONFIGURATION_RECORD, seal(SETTINGS)),
-            (MOTION_RECORD, seal({'stamp': '0', 'phase': '1/0', 'speed': '0', 'rpm': '1'})),
-        ),
-        'is damaged or not complete: .*ZeroDivisionError',
-    ),
-    'settings without a checksum': (explained(SETTINGS), 'checksum is wrong'),
-    'settings with another checksum': (
-        explained({**seal(SETTINGS), 'rpm': '151.0'}), 'checksum is wrong',
-    ),
-    'empty': (b'', f"{BEGINS} b''{OTHER}"),
-    'magic alone': (MCAP0_MAGIC, 'is damaged or not complete: linkage_log recover'),
-    'text': (b'/**:\n  ros__parameters:\n', rf"{BEGINS} b'/..:\\n r'{OTHER}"),
-    'bytes': (b'\xff\0' * 4_096, rf"{BEGINS} b'(\\xff\\x00){{4}}'{OTHER}"),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize(('data', 'words'), OTHER_FILES.values(), ids=OTHER_FILES)
-def test_other_files_are_refused_in_one_line(tmp_path, data, words):
-    target = tmp_path / 'other.mcap'
-    target.write_bytes(data)
-    with pytest.raises(LogError, match=words) as caught:
-        content(target)
-    assert str(target) in str(caught.value)
 
 
 @pytest.mark.parametrize('arguments', [['info', ''], ['verify', ''], ['recover', 'run.mcap', '']])

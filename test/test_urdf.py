@@ -220,8 +220,5 @@ def test_bars_reach_from_pin_to_pin_and_lie_one_above_the_other(scale):
         assert (x, y) == (pytest.approx(length / 2, rel=1e-15), 0.0)
         assert all(0 < side < min(lengths) for side in size[1:])
         spans.append((z - size[2] / 2, z + size[2] / 2))
-        colour = numbers(visual.find('material/color'), 'rgba')
-        assert len(colour) == 4
-        assert all(0 <= part <= 1 for part in colour)
     for below, above in pairwise(sorted(spans)):
         assert below[1] <= above[0] * (1 + 1e-12)
