@@ -21,6 +21,7 @@ from mechanisms import ALL
 from linkage_ros import FourBar, SliderCrank, Solver
 from linkage_ros.parameters.configuration import load
 from linkage_ros.parameters.presets import preset_names
+from linkage_ros.quantities import build, flatten
 from linkage_ros.units import radians_per_second
 from linkage_ros.wire.urdf import make_urdf
 
@@ -131,17 +132,11 @@ def compare(mechanism, told, speed, acceleration):
     return max(errors) / max(abs(state.torque) for state in states), gap
 
 
-def slipped(instance, name, part):
+def slipped(mechanism, name, part):
     """A mechanism with one number too large by a part of itself; its dotted name says which."""
-    first, _, rest = name.partition('.')
-    value = getattr(instance, first)
-    if rest:
-        changed = slipped(value, rest, part)
-    elif isinstance(value, tuple):
-        changed = tuple(x * (1 + part) for x in value)
-    else:
-        changed = value * (1 + part)
-    return replace(instance, **{first: changed})
+    values = flatten(mechanism)
+    number = np.multiply(values[name], 1 + part).tolist()
+    return build(type(mechanism), {**values, name: number})
 
 
 # ---------------------------------------------------------------- the proof
