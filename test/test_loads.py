@@ -40,7 +40,6 @@ from linkage_ros.model.load_kinds import LOADS
 from linkage_ros.motion.adaptive_integrator import AdaptiveSteps
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.numeric import with_turns
-from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.quantities import build, flatten
 
 SLIDER = 'mechanism: slider_crank, rpm: 60.0, crank: {length: 0.1}, coupler: {length: 0.3}'
@@ -231,17 +230,6 @@ def test_link_load_equals_the_load_values_of_the_part():
     assert [getattr(given.rocker, name) for name in Rocker.load_fields] == [1.0, 2.0, 3.0, 0.4]
     with pytest.raises(ConfigurationError, match='given twice'):
         replace(given, loads=(LinkLoad('rocker', 1.0),))
-
-
-def test_parameters_cover_all_loads():
-    configuration = load('quadrilateral')
-    loads = (
-        LinkLoad('rocker', 1.0, 2.0, 3.0, 0.4),
-        LoadCurve('crank', at=(0.0, 1.0), value=(1.0, 2.0)),
-        Friction(0.1, 0.01),
-    )
-    configuration = replace(configuration, mechanism=replace(configuration.mechanism, loads=loads))
-    assert configure(configuration.parameters()) == configuration
 
 
 @pytest.mark.parametrize(
