@@ -37,8 +37,7 @@ class Reference(NamedTuple):
         joints: Forces in the pins by name, and of the guide along its left; empty at a change
             point, where they have no finite value.
         exerted: What loads and friction exert on each link: torque, or force along the guide.
-        of_frame: What the frame exerts besides pins and the guide's normal force: the force along
-            the guide on the slider, and the sum of the couples.
+        outside: What of that comes from outside the machine, and not from its frame.
     """
 
     position: tuple
@@ -47,7 +46,7 @@ class Reference(NamedTuple):
     torque: mpmath.mpf
     joints: dict
     exerted: tuple = ()
-    of_frame: tuple = (0, 0)
+    outside: tuple = ()
 
 
 class Point(NamedTuple):
@@ -69,15 +68,11 @@ class Rubbing(NamedTuple):
         joint: Name of the pin, or 'guide'.
         factor: The friction per force in the joint: m, of the guide a number.
         on: Torque on the links by their indices; of the guide the force on the slider.
-        along: Force of the guide on the slider, along it.
-        couple: The frame's on the links.
     """
 
     joint: str
     factor: mpmath.mpf
     on: dict
-    along: mpmath.mpf
-    couple: mpmath.mpf
 
 
 class Oracle:
@@ -166,12 +161,12 @@ class Oracle:
     def solve(self, q, u, a):
         """The state in the caller's precision; not at change points."""
         vectors, rates = self.motion(q, u)
-        exerted, of_frame = self.loads(q, vectors, rates)
-        found = self._cut_free(vectors, rates, a, exerted, of_frame)
+        exerted, outside = self.loads(q, vectors, rates)
+        found = self._cut_free(vectors, rates, a, exerted)
         links = zip(vectors, self.turning, strict=True)
         position = [mp.arg(x) if turns else x for x, turns in links]
         position[0] = mp.mpf(_first(q))
-        return Reference(tuple(position), tuple(rates), *found)
+        return Reference(tuple(position), tuple(rates), *found, outside)
 
     # Kinematics.
 
@@ -278,13 +273,18 @@ class Oracle:
                 acceleration += accelerations[j] * x
         return place, velocity, acceleration
 
+    def vectors(self, state):
+        """The links as vectors between their pins, a slider as its place."""
+        vectors = list(state.position)
+        for j, turns in enumerate(self.turning):
+            if turns:
+                vectors[j] = mpf(self.lengths[j]) * mp.expj(state.position[j])
+        return vectors
+
     def trace(self, state):
         """Position, velocity and acceleration of all points in a state, change points too."""
         with mp.workdps(150):
-            vectors = list(state.position)
-            for j, turns in enumerate(self.turning):
-                if turns:
-                    vectors[j] = mpf(self.lengths[j]) * mp.expj(state.position[j])
+            vectors = self.vectors(state)
             points = self.points(vectors)
             motion = vectors, state.velocity, state.acceleration
             return {name: self.follow(point, *motion) for name, point in points.items()}
@@ -300,7 +300,7 @@ class Oracle:
             pins.append(('B0', 2, None))
         return pins
 
-    def _cut_free(self, vectors, rates, driven, exerted, of_frame):
+    def _cut_free(self, vectors, rates, driven, exerted):
         """Newton-Euler for all bodies at once.
 
         Args:
@@ -308,10 +308,9 @@ class Oracle:
             rates: From `motion`.
             driven: Acceleration of the crank; of a wind pump, the torque on it.
             exerted: What loads exert on each link.
-            of_frame: The frame's part of that.
 
         Returns:
-            What `Reference` has from the accelerations on.
+            What `Reference` has from the accelerations to what is exerted.
         """
         points, rest = self.points(vectors), [mp.mpf(0)] * len(vectors)
         place = {x: self.follow(p, vectors, rates, rest)[0] for x, p in points.items()}
@@ -359,13 +358,12 @@ class Oracle:
             first + sum(x * size for x, size in zip(added, sizes, strict=True))
             for first, *added in found
         )
-        exerted, (along, couple) = list(exerted), of_frame
+        exerted = list(exerted)
         for size, rub in zip(sizes, rubbing, strict=True):
-            along, couple = along + size * rub.along, couple + size * rub.couple
             for k, x in rub.on.items():
                 exerted[k] += size * x
         joints = _joints(unknown, values[count:-1])
-        return values[:count], values[-1], joints, tuple(exerted), (along, couple)
+        return values[:count], values[-1], joints, tuple(exerted)
 
     def _slope(self, point, j):
         """The derivative of a point's place by the position of a link."""
@@ -374,26 +372,23 @@ class Oracle:
     # Loads and friction.
 
     def loads(self, q, vectors, rates):
-        """What loads exert on each link, and the frame's part: along the guide, and the couple."""
-        exerted = [mp.mpf(0)] * len(vectors)
-        frames = mp.mpf(0)
+        """What loads exert on each link, and what of that comes from outside the machine."""
+        outside = [mp.mpf(0)] * len(vectors)
         output = self.bodies[-1]
         place, rate = self.place(vectors), rates[-1]
         given = [mp.mpf(getattr(output, name)) for name in output.load_fields]
-        force, damping, stiffness, _ = given
-        if force or damping or stiffness:
-            frames = -damping * rate - stiffness * self.stretch(vectors)
-            exerted[-1] = force + frames
+        outside[-1], damping, stiffness, _ = given
         for curve in self.mechanism.loads:
             if hasattr(curve, 'at'):
                 link = 0 if curve.link == 'crank' else len(vectors) - 1
                 if curve.over == 'crank_angle':
-                    exerted[link] += periodic(curve.at, curve.value, mp.mpf(_first(q)))
+                    outside[link] += periodic(curve.at, curve.value, mp.mpf(_first(q)))
                 else:
                     falls = rate < 0 and curve.return_value is not None
                     value = curve.return_value if falls else curve.value
-                    exerted[link] += between(self.reduced(curve.at), value, place)
-        return exerted, ((frames, mp.mpf(0)) if self.slides else (mp.mpf(0), frames))
+                    outside[link] += between(self.reduced(curve.at), value, place)
+        held = -damping * rate - stiffness * self.stretch(vectors)
+        return [*outside[:-1], outside[-1] + held], tuple(outside)
 
     def place(self, vectors):
         """Where the output link is: a rocker's angle within half a turn of its swing's middle."""
@@ -440,29 +435,28 @@ class Oracle:
         for name, on, of in self.pins():
             x = -mp.sign(spins[on] - (0 if of is None else spins[of]))
             turned = {k: y for k, y in ((on, x), (of, -x)) if k is not None and self.turning[k]}
-            # On the first link, and against the turning of a slider, which its guide prevents.
-            couple = x * ((of is None) - (not self.turning[on]))
-            found.append(Rubbing(name, factor, turned, mp.mpf(0), couple))
+            found.append(Rubbing(name, factor, turned))
         if self.slides:
             x = -mp.sign(rates[-1])
             factor = mp.mpf(friction.guide)
-            found.append(Rubbing('guide', factor, {len(rates) - 1: x}, x, mp.mpf(0)))
+            found.append(Rubbing('guide', factor, {len(rates) - 1: x}))
         return [x for x in found if x.factor and any(x.on.values())]
 
     def shaking(self, state):
-        """Force on the frame, and moment about A0 with the drive's own reaction."""
-        place = {name: motion[0] for name, motion in self.trace(state).items()}
-        force, moment = mp.mpc(0), -state.torque
-        for name in ('A0', 'B0'):
-            if name in state.joints:
-                force -= state.joints[name]
-                moment -= cross(place[name], state.joints[name])
-        along, couple = state.of_frame
-        moment -= couple
-        if self.slides:
-            of_guide = mp.mpc(along, state.joints['guide']) * self.guide()
-            force -= of_guide
-            moment -= cross(place['D' if self.is_free else 'B'], of_guide)
+        """Force on the frame, and moment about A0 with the drive's own reaction.
+
+        That is what acts from outside the machine, less the change of its momentum.
+        """
+        force, moment, vectors = mp.mpc(0), mp.mpf(0), self.vectors(state)
+        for k, (body, center) in enumerate(zip(self.bodies, self.centers(vectors), strict=True)):
+            place, _, change = self.follow(center, vectors, state.velocity, state.acceleration)
+            push = mp.mpf(body.mass) * (complex_of(self.mechanism.gravity) - change)
+            if self.turning[k]:
+                moment += state.outside[k] - mp.mpf(body.inertia) * state.acceleration[k]
+            else:
+                push += state.outside[k] * self.guide()
+            force += push
+            moment += cross(place, push)
         return force, moment
 
     def energy(self, q, u):
