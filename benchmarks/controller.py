@@ -192,7 +192,7 @@ def say(rpm: float, name: str, alone: dict[str, float], fed: dict[str, float]) -
 
 def draw(curves: dict[tuple[float, str, bool], np.ndarray], path: Path) -> None:
     """Ripple and effort over the last turn of the crank, without and with feed-forward."""
-    from linkage_ros.lab.charts.axes import chart
+    from linkage_ros.lab.output import chart
 
     speeds = list(dict.fromkeys(rpm for rpm, _, _ in curves))
     names = list(dict.fromkeys(name for _, name, _ in curves))

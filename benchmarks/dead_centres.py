@@ -19,7 +19,7 @@ from linkage_ros import Body, Coupler, FourBar, Frame, Guide, Piston, Slider, Sl
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.errors import LinkageError
 from linkage_ros.lab.methods.integrators import Multipliers
-from linkage_ros.lab.reference.problems import InitialValueProblem
+from linkage_ros.lab.reference.motions import InitialValueProblem
 from linkage_ros.motion.integrators import live_steps, record_steps
 from linkage_ros.motion.published import published
 

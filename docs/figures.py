@@ -16,7 +16,7 @@ import re
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from linkage_ros.lab.methods.accuracy import NEAR
+from linkage_ros.lab.methods.linkage_cases import NEAR
 from linkage_ros.lab.methods.registry import DEFAULT, LIVE, METHODS, RECORDS
 
 DOCS = Path(__file__).parent

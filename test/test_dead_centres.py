@@ -17,7 +17,7 @@ from linkage_ros.dynamics import program
 from linkage_ros.dynamics.state import loop_residual
 from linkage_ros.errors import LinkageError, MotionError
 from linkage_ros.lab.methods.integrators import Multipliers
-from linkage_ros.lab.reference.problems import InitialValueProblem
+from linkage_ros.lab.reference.motions import InitialValueProblem
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.model.structure import Description
 from linkage_ros.motion.driven_mechanism import DrivenMechanism

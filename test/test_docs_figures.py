@@ -12,7 +12,7 @@ import pytest
 from pages import ROOT, load_script, read
 
 import linkage_ros
-from linkage_ros.lab.methods.accuracy import NEAR
+from linkage_ros.lab.methods.linkage_cases import NEAR
 from linkage_ros.lab.methods.registry import DEFAULT, INTEGRATORS, LIVE, RECORDS
 from linkage_ros.log import writer
 from linkage_ros.log.mcap_file import LARGEST

@@ -206,19 +206,18 @@ MEASURE = """
 import json
 from linkage_ros.lab.commands.accuracy import draw_accuracy
 from linkage_ros.lab.commands.stability import draw_stability
-from linkage_ros.lab.methods import accuracy, measure
+from linkage_ros.lab.methods import linkage_cases, measure
 from linkage_ros.lab.methods.registry import METHODS
 from linkage_ros.lab.methods.situations import SITUATIONS
 import inverse_cosine
 
 METHODS[1:-1] = []  # of all, the default and the new one
-plain = lambda what, _: what
-points = accuracy.measure_accuracy(
-    accuracy.linkages(quick=True)[::2], METHODS, quick=True, progress=plain
+points = measure.measure_accuracy(
+    linkage_cases.linkages(quick=True)[::2], METHODS, quick=True
 )
 draw_accuracy([p for p in points if p['mechanism'] == 'quadrilateral'], 'it', 'accuracy.png')
 some = [s for s in SITUATIONS if s.name in ('ordinary', 'no assembly')]
-cells = measure.measure_outcomes(some, METHODS, cases=2, progress=plain)
+cells = measure.measure_outcomes(some, METHODS, cases=2)
 draw_stability(cells, 'it', 'stability.png')
 print(json.dumps([points, cells]))
 """

@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 
 from linkage_ros import ConfigurationError, UnreachableError
 from linkage_ros.lab.charts.pump import draw_pump
-from linkage_ros.lab.charts.sizes import DPI
+from linkage_ros.lab.output import DPI
 from linkage_ros.lab.pump.analysis import analyse
 from linkage_ros.lab.pump.harmonic_balance import HarmonicBalance
 from linkage_ros.lab.pump.load_curve import (
@@ -29,8 +29,7 @@ from linkage_ros.lab.pump.load_curve import (
 from linkage_ros.lab.pump.motions import Motions
 from linkage_ros.lab.pump.settling import settle
 from linkage_ros.lab.pump.table import states_table
-from linkage_ros.lab.reference.motions import MotionReference
-from linkage_ros.lab.reference.problems import InitialValueProblem
+from linkage_ros.lab.reference.motions import InitialValueProblem, MotionReference
 from linkage_ros.model.load_curve import LoadCurve
 from linkage_ros.motion.drives import Motor
 from linkage_ros.parameters.configuration import load

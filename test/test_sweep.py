@@ -10,7 +10,6 @@ import os
 import subprocess
 import sys
 import time
-from concurrent.futures import CancelledError
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
@@ -27,10 +26,9 @@ from linkage_ros.dynamics.solver import Solver
 from linkage_ros.dynamics.travel import travel
 from linkage_ros.errors import ConfigurationError, MechanismError
 from linkage_ros.lab.commands import sweep as command
+from linkage_ros.lab.commands.sweep import FRONT
 from linkage_ros.lab.sweep import spread as command_spread
-from linkage_ros.lab.sweep.designs import groups, with_value
-from linkage_ros.lab.sweep.measures import Task, measure, torque_of
-from linkage_ros.lab.sweep.results import FRONT
+from linkage_ros.lab.sweep.measures import Task, groups, measure, torque_of, with_value
 from linkage_ros.lab.sweep.spread import cluster, processes, spread
 from linkage_ros.lab.sweep.study import Settings, _designs, parameters
 from linkage_ros.parameters.configuration import load
@@ -72,8 +70,8 @@ def test_designs_have_the_bits_of_their_solvers(preset):
     angles = np.random.default_rng(1).uniform(0, 2 * math.pi, (len(table), 1))
     found = np.full(len(table), math.nan)
     columns, sizes = dict(zip(names, table.T, strict=True)), []
-    for rows, model, constants in groups(mechanism, columns, len(table)):
-        if model.loop.transmission.turns_fully:
+    for rows, transmission, constants in groups(mechanism, columns, len(table)):
+        if transmission.turns_fully:
             program = Program(torque_of, constants, ('angle', 'speed'))
             found[rows] = program.designs(angles[rows], 15.0, by_math=True).ravel()
             sizes.append(len(rows))
@@ -243,19 +241,12 @@ def test_processes_and_a_cluster_give_the_same_bytes_and_lose_nothing(run, tmp_p
     code, words, errors = run(STUDY, '--workers', '2')
     assert (code, errors) == (0, '')
     table = Path('study.csv').read_bytes()
-    from distributed import KilledWorker  # it takes seconds
-
     with dask(tmp_path) as address:
         assert run(STUDY, '--scheduler', address)[0] == 0
         assert Path('study.csv').read_bytes() == table
         check_that_a_death_loses_nothing(partial(cluster, address), tmp_path / 'worker')
-        for error, found in (
-            (KilledWorker('work', None, 3), 'memory'),
-            (CancelledError(), 'gone'),
-            (PackageNotFoundError('linkage_ros'), 'install'),
-        ):
-            with pytest.raises(ConfigurationError, match=found), cluster(address):
-                raise error
+        with pytest.raises(ConfigurationError, match='linkage_ros, and memory'), cluster(address):
+            raise PackageNotFoundError('linkage_ros')
     check_words(words, table)
 
 

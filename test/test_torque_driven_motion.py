@@ -36,14 +36,14 @@ from linkage_ros.lab.methods.motion_cases import (
     MotionCase,
     even,
 )
-from linkage_ros.lab.reference.motions import MotionReference
-from linkage_ros.lab.reference.multibody import eliminate
-from linkage_ros.lab.reference.problems import (
+from linkage_ros.lab.reference.motions import (
     InitialValueProblem,
+    MotionReference,
     coasting,
     driven_pump,
     free_pump,
 )
+from linkage_ros.lab.reference.multibody import eliminate
 from linkage_ros.motion.adaptive_integrator import AdaptiveSteps
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.drives import Motor, TorqueDrive

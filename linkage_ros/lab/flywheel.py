@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Sizes the flywheel for a crank, and finds its speed under a motor.
+"""linkage_chart motion --fluctuation: the flywheel of a crank, and its speed under a motor.
 
 With the mechanism's inertia M at the crank, the flywheel's J and the crank speed u, the kinetic
 energy E = (M + J) u^2 / 2 changes over the crank angle by
@@ -13,24 +13,28 @@ energy at its start so that the mean speed is the given one; c follows, because 
 A motor carries the cycle at the mean speed for which c = 0.
 """
 
-from __future__ import annotations
-
 import math
 from functools import cache
 from itertools import pairwise
-from typing import NamedTuple
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
+from matplotlib.axes import Axes
 from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
 
-from linkage_ros.dynamics.solver import Solver
-from linkage_ros.errors import ConfigurationError, LinkageError, MechanismError
-from linkage_ros.lab.period import extent, mean
+from linkage_ros import ConfigurationError, LinkageError, MechanismError, Solver
+from linkage_ros.lab.output import chart, over_crank
+from linkage_ros.lab.period import Period, extent, mean
 from linkage_ros.model.structure import Mechanism
 from linkage_ros.motion.drives import Motor
 from linkage_ros.numeric import Array
+from linkage_ros.palette import BLACK, COLORS, FIRST, GREY, SECOND, Color, fractions
+from linkage_ros.parameters.descriptions import motor_line
+from linkage_ros.units import radians_per_second
 
+_RPM = 1 / radians_per_second(1.0)
 _PARTS = 2880  # of a turn: four digits of a flywheel where load curves have corners
 _ROUNDS, _CLOSE = 30, 1e-11  # relative change of the speed at which rounds end
 _UNEVEN = 10.0  # fluctuation of a crank without a cycle
@@ -77,14 +81,7 @@ class Crank:
     """The steady cycles of a crank, with and without a flywheel."""
 
     def __init__(self, mechanism: Mechanism) -> None:
-        """Solves the part that does not depend on the speed.
-
-        Args:
-            mechanism: A mechanism whose crank turns fully.
-
-        Raises:
-            MechanismError: The crank does not turn fully.
-        """
+        """Solves the part that does not depend on the speed; the crank must turn fully."""
         self._solver = Solver(mechanism)
         self._solver.reach.require_full_turn()
         self._angles = self._solver.reach.samples(_PARTS)
@@ -94,11 +91,10 @@ class Crank:
     def energy(self, speed: float) -> float:
         """Energy between the extreme speeds to first order, J.
 
-        It is the range of the integral of mean torque less driving torque at a constant speed.
+        The range of the integral of mean torque less driving torque at a constant speed.
         """
         taken = self._solver.state(self._angles, np.full_like(self._angles, speed)).torque
-        work = self._integral(mean(self._angles, taken) - taken)
-        found = extent(self._angles, work)
+        found = extent(self._angles, self._integral(mean(self._angles, taken) - taken))
         return found.high - found.low
 
     def inertia_for(self, fluctuation: float, speed: float) -> float:
@@ -137,9 +133,8 @@ class Crank:
             raise ConfigurationError('something moves without a mass at some angle')
         velocity = np.full_like(self._angles, speed)
         for _ in range(_ROUNDS):
-            slope = CubicSpline(self._angles, velocity)(self._angles, 1)
-            last, change = velocity, velocity * slope
-            energy = inertia * last * last / 2
+            last, slope = velocity, CubicSpline(self._angles, velocity)(self._angles, 1)
+            energy, change = inertia * last * last / 2, last * slope
             resistance = self._resistance(last, change, motor)
             faster = self._resistance((1 + _APART) * last, change, motor)
             slope = (faster - resistance) / (2 * _APART * energy)
@@ -152,19 +147,10 @@ class Crank:
         raise MechanismError(_NONE)
 
     def under(self, motor: Motor, near: float, added: float) -> Cycle | None:
-        """The cycle under a motor alone.
+        """The cycle under a motor alone, with an inertia added to the crank, kg m^2.
 
-        Args:
-            motor: The motor.
-            near: A speed near the mean one, with the sign of the rotation, rad/s.
-            added: Inertia added to the crank, kg m^2.
-
-        Returns:
-            One period; None: the motor cannot turn the crank at any mean speed from 1/50 to 50
-            times the given one.
-
-        Raises:
-            ConfigurationError: A moving coordinate has no mass.
+        `near` is a speed near the mean one, with the sign of the rotation, rad/s. None: the motor
+        cannot turn the crank at any mean speed from 1/50 to 50 times this one.
         """
         way = math.copysign(1.0, near)
 
@@ -178,7 +164,7 @@ class Crank:
 
         step = _NEXT if lack(abs(near)) < 0 else 1 / _NEXT
         for pair in pairwise(abs(near) * step**i for i in range(_STARTS)):
-            slow, fast = min(pair), max(pair)
+            slow, fast = sorted(pair)
             if -math.inf < lack(slow) < 0 <= lack(fast):
                 return self.cycle(way * brentq(lack, slow, fast, rtol=1e-12), added, motor)
         return None
@@ -220,3 +206,93 @@ class Crank:
     def _integral(self, values: Array) -> Array:
         """The integral over the crank angle from 0."""
         return np.asarray(CubicSpline(self._angles, values).antiderivative()(self._angles))
+
+
+def size_flywheel(
+    period: Period, motor: Motor | None, fluctuation: float, name: str, picture: Path
+) -> list[str]:
+    """Finds and draws the flywheel of a mechanism, and assesses its motor if there is one.
+
+    `fluctuation` is the allowed difference of largest and smallest speed, relative to the mean,
+    and `name` that of the parameter file. Returns lines about the result.
+    """
+    crank, speed = Crank(period.solver.mechanism), period.speed
+    added, energy = crank.inertia_for(fluctuation, speed), crank.energy(speed)
+    cycles, total = {}, energy / (fluctuation * speed**2)
+    try:
+        cycles['without flywheel'] = crank.cycle(speed, 0.0)
+        bare = f'{cycles["without flywheel"].fluctuation:.4g}'
+    except LinkageError as error:
+        bare = f'none: {error}'
+    cycles['with the flywheel'] = steady = crank.cycle(speed, added)
+    lines = [
+        _demand(period, 'driving_torque', period.mean_power / speed),
+        _demand(period, 'driving_power', period.mean_power),
+        f'fluctuation {fluctuation:g}: add {added:.5g} kg m^2 to the crank (without: {bare})',
+        f'to first order: {energy:.4g} J between the extremes, {total:.5g} kg m^2 in total',
+    ]
+    if motor:
+        carried, words = _carried(crank, motor, speed, added)
+        needed = f'where the cycle takes {period.mean_power / speed:.4g} N m'
+        lines += [
+            f'{motor_line(motor)}: {motor.at(speed):.4g} N m at this speed, {needed}',
+            f'with the flywheel: {words}',
+            f'without: {_carried(crank, motor, speed, 0.0)[1]}',
+        ]
+    with chart(picture, 9.2 if motor else 6.4, '\n'.join([name, *lines])) as figure:
+        speeds, torques, *planes = figure.subplots(3 if motor else 2, 1)
+        for (label, cycle), color in zip(cycles.items(), (SECOND, COLORS['crank']), strict=False):
+            _plot(speeds, np.degrees(cycle.crank), _RPM * cycle.velocity, color, label)
+        taken = period.columns['driving_torque'].values
+        _plot(
+            torques, np.degrees(period.crank), taken, FIRST, 'driving torque at a constant speed'
+        )
+        average = 'mean torque, with the flywheel'
+        _plot(torques, np.degrees(steady.crank), steady.torque, BLACK, average)
+        over_crank(speeds, period.crank, 'Crank speed, rpm')
+        over_crank(torques, period.crank, 'Torque, N m')
+        torques.set_xlabel('Crank angle, deg')
+        if motor:
+            _draw_plane(planes[0], motor, carried, steady)
+        for axes in (speeds, torques, *planes):
+            axes.legend(loc='lower left', bbox_to_anchor=(0, 0.98), ncols=3)
+    return lines
+
+
+def _demand(period: Period, name: str, average: float) -> str:
+    """Peak, rms and mean of torque or power at a constant speed."""
+    unit, values = period.columns[name]
+    size = extent(period.crank, values)
+    return (
+        f'{name.replace("_", " ")}: peak {max(-size.low, size.high):.4g} {unit}, '
+        f'rms {size.rms:.4g} {unit}, mean {average:.4g} {unit}'
+    )
+
+
+def _carried(crank: Crank, motor: Motor, speed: float, added: float) -> tuple[Cycle | None, str]:
+    """The cycle under the motor, if any, and its description."""
+    try:
+        cycle = crank.under(motor, speed, added)
+    except LinkageError as error:
+        return None, str(error)
+    if cycle is None:
+        return None, 'the motor does not carry the cycle'
+    at = f'at {_RPM * cycle.speed:.4g} rpm, fluctuation {cycle.fluctuation:.4g}'
+    return cycle, f'the motor carries the cycle {at}'
+
+
+def _draw_plane(axes: Axes, motor: Motor, carried: Cycle | None, steady: Cycle) -> None:
+    """Draws a motor's line, the torque of the mechanism, and the motor's motion."""
+    cycle, label = carried or steady, 'taken by the mechanism, with the flywheel'
+    _plot(axes, _RPM * cycle.velocity, cycle.demand, FIRST, label)
+    point, slope = (_RPM * cycle.speed, motor.at(cycle.speed)), -motor.damping / _RPM
+    axes.axline(point, slope=slope, color=fractions(GREY), label="the motor's line")
+    if carried is not None:
+        thick = {'linewidth': 4.0, 'solid_capstyle': 'butt'}
+        speeds = _RPM * carried.velocity
+        _plot(axes, speeds, carried.torque, BLACK, 'where the motor runs', **thick)
+    axes.set(xlabel='Crank speed, rpm', ylabel='Torque, N m')
+
+
+def _plot(axes: Axes, x: Array, y: Array, color: Color, label: str, **style: Any) -> None:
+    axes.plot(x, y, color=fractions(color), label=label, **style)

@@ -5,8 +5,6 @@
 Terms are left out with their parameters; reduced models replace the coupler or the whole torque.
 """
 
-from __future__ import annotations
-
 import ast
 import math
 from collections.abc import Callable, Iterable
@@ -15,13 +13,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from linkage_ros import Body, Solver
 from linkage_ros.dynamics.equations import Model, accelerations, balance, velocities
 from linkage_ros.dynamics.program import Program
-from linkage_ros.dynamics.solver import Solver
 from linkage_ros.dynamics.tape import Constants
 from linkage_ros.formulas import ZERO, Opaque, Vector, total
 from linkage_ros.model.load_kinds import LOADS
-from linkage_ros.model.parts import Body
 from linkage_ros.model.structure import Mechanism
 from linkage_ros.numeric import Array, Real
 from linkage_ros.quantities import build, flatten
@@ -52,10 +49,10 @@ _COUNTED = ast.BinOp | ast.UnaryOp | ast.Compare | ast.Call | ast.IfExp
 
 def counts(mechanism: Mechanism) -> dict[str, int]:
     """The number of non-zero values of each parameter, without centres of massless links."""
-    found = {}
-    for name, value in flatten(mechanism).items():
-        items = value if isinstance(value, tuple) else (value,)
-        found[name] = sum(bool(item) and not isinstance(item, str) for item in items)
+    found = {
+        name: 0 if isinstance(value, str) else int(np.count_nonzero(value))  # type: ignore[call-overload]
+        for name, value in flatten(mechanism).items()
+    }
     return {
         name: count for name, count in found.items()
         if count and (not name.endswith('.center') or found[name.replace('.center', '.mass')])
@@ -82,10 +79,9 @@ def _members(values: Iterable[str], wanted: Iterable[str]) -> set[str]:
 def without(mechanism: Mechanism, names: Iterable[str]) -> Mechanism:
     """Removes terms from a mechanism by setting their parameters to 0."""
     values = flatten(mechanism)
-    for name in names:
-        for parameter in _members(values, TERMS[name]):
-            del values[parameter]
-    return build(type(mechanism), {'gravity': (0.0, 0.0)} | values)
+    gone = {parameter for name in names for parameter in _members(values, TERMS[name])}
+    left = {name: value for name, value in values.items() if name not in gone}
+    return build(type(mechanism), {'gravity': (0.0, 0.0)} | left)
 
 
 def with_point_masses(mechanism: Any) -> Mechanism | None:
@@ -101,27 +97,25 @@ def with_point_masses(mechanism: Any) -> Mechanism | None:
     coupler, output = getattr(mechanism, 'coupler', None), Solver(mechanism).links[-1]
     if coupler is None or not (coupler.mass and 0 <= coupler.center[0] <= coupler.length):
         return None
-    share = coupler.center[0] / coupler.length
-    link, at_end = getattr(mechanism, output), share * coupler.mass
-    if isinstance(link, Body):
-        link = _with_mass_at_tip(link, at_end)
-    else:
-        link = replace(link, mass=link.mass + at_end)
-    crank = _with_mass_at_tip(mechanism.crank, coupler.mass - at_end)
-    bare = replace(coupler, mass=0.0, inertia=0.0)
-    found: Mechanism = replace(mechanism, crank=crank, coupler=bare, **{output: link})
+    at_end = coupler.center[0] / coupler.length * coupler.mass
+    found: Mechanism = replace(
+        mechanism,
+        crank=_with_mass_at_tip(mechanism.crank, coupler.mass - at_end),
+        coupler=replace(coupler, mass=0.0, inertia=0.0),
+        **{output: _with_mass_at_tip(getattr(mechanism, output), at_end)},
+    )
     return found
 
 
-def _with_mass_at_tip(body: Body, added: float) -> Body:
-    """Adds a point mass at the second pin of a link."""
-    mass = body.mass + added
-    if not mass:
-        return body
-    center, tip = complex(*body.center), complex(body.length)
-    middle = (body.mass * center + added * tip) / mass
-    inertia = body.inertia + body.mass * abs(center - middle) ** 2 + added * abs(tip - middle) ** 2
-    return replace(body, mass=mass, inertia=inertia, center=(middle.real, middle.imag))
+def _with_mass_at_tip(link: Any, added: float) -> Any:
+    """Adds a point mass at the second pin of a link, or to a slider."""
+    mass = link.mass + added
+    if not isinstance(link, Body) or not mass:
+        return replace(link, mass=mass)
+    center, tip = complex(*link.center), complex(link.length)
+    middle = (link.mass * center + added * tip) / mass
+    inertia = link.inertia + link.mass * abs(center - middle) ** 2 + added * abs(tip - middle) ** 2
+    return replace(link, mass=mass, inertia=inertia, center=(middle.real, middle.imag))
 
 
 class TorqueProgram(NamedTuple):

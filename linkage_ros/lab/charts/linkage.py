@@ -1,23 +1,31 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Draws a mechanism and the paths of its pins in a chart or a movie."""
+"""Draws a mechanism and the paths of its pins in a chart, or as a movie beside its torque."""
 
-from __future__ import annotations
-
+import math
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib import rc_context
+from matplotlib.animation import FFMpegWriter, PillowWriter
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 
-from linkage_ros.lab.charts.sizes import SMALL
+from linkage_ros.errors import ConfigurationError
+from linkage_ros.lab.output import SMALL, STYLE, TEXT, over_crank, progress
 from linkage_ros.lab.period import Period
 from linkage_ros.numeric import Array
-from linkage_ros.palette import DARK, GREY, Color, color_of, fractions
+from linkage_ros.palette import COLORS, DARK, GREY, Color, color_of, fractions
 from linkage_ros.view.drawing import Drawing
 
+SECONDS = 3.0  # of the movie, for each turn of the crank
+_RATE = 20  # frames in a second
+_SIZE, _DPI = (8.0, 4.2), 90  # inches, and pixels in each
+_WRITERS: dict[str, Any] = {'.gif': PillowWriter, '.mp4': FFMpegWriter}
 _AWAY = 16.0  # points, of a name from its pin
 _NAME: dict[str, Any] = {
     'textcoords': 'offset points', 'fontsize': SMALL, 'va': 'center', 'annotation_clip': False,
@@ -57,7 +65,10 @@ class LinkagePicture:
         # The names of pivots stand beside the ground, which is below.
         middle = pins[:, 0].mean()
         self._asides = [(pivot[0] - middle, 0.0) for pivot in drawing.pivots]
-        self._draw_scale()
+        low, high = axes.dataLim.get_points()
+        scale = drawing.scale - drawing.scale.min(axis=0) + low - (0.0, 0.06 * (high - low).max())
+        self._plot(scale, GREY, linewidth=0.9)
+        axes.annotate(f'{drawing.scale_length:g} m', tuple(scale[2]), xytext=(5, 0), **_NAME)
         halo = withStroke(linewidth=2.5, foreground='white')  # around names, which lie on paths
         self._names = [
             axes.annotate(name, (0, 0), xytext=(0, 0), ha='center', path_effects=[halo], **_NAME)
@@ -81,16 +92,58 @@ class LinkagePicture:
             name.set_position(_AWAY * way / np.linalg.norm(way))
 
     def _plot(self, points: Array, color: Color, **style: Any) -> Line2D:
-        (line,) = self._axes.plot(
-            *points.T, color=fractions(color), solid_capstyle='round', **style
-        )
-        return line
+        style |= {'color': fractions(color), 'solid_capstyle': 'round'}
+        return self._axes.plot(*points.T, **style)[0]
 
-    def _draw_scale(self) -> None:
-        """Draws the scale below the visible part of the motion."""
-        drawing = self._drawing
-        low, high = self._axes.dataLim.get_points()
-        scale = drawing.scale - drawing.scale.min(axis=0) + low - (0.0, 0.06 * (high - low).max())
-        self._plot(scale, GREY, linewidth=0.9)
-        words = f'{drawing.scale_length:g} m'
-        self._axes.annotate(words, tuple(scale[2]), xytext=(5, 0), **_NAME)
+
+def draw_movie(period: Period, title: Sequence[str], path: Path) -> None:
+    """Draws the moving mechanism, and its torque over the crank angle so far.
+
+    Args:
+        period: Period to draw.
+        title: A name, and a line of description.
+        path: A .gif or .mp4 file, replaced if it exists.
+
+    Raises:
+        ConfigurationError: The crank stands still, the file's name has another ending, or ffmpeg
+            is missing.
+    """
+    writer = _WRITERS.get(path.suffix)
+    if not writer or not writer.isAvailable():
+        raise ConfigurationError(f'{path}: must end with .gif or, with ffmpeg installed, .mp4')
+    movie, samples = writer(fps=_RATE), _frames(period)
+    degrees, torque = np.degrees(period.crank), period.columns['driving_torque'].values
+    with rc_context(STYLE):
+        figure = Figure(figsize=_SIZE, dpi=_DPI)
+        figure.text(0.02, 0.94, title[0], weight='bold', fontsize=TEXT)
+        figure.text(0.02, 0.885, ', '.join(title[1:]))
+        picture = LinkagePicture(figure.add_axes((0.02, 0.06, 0.5, 0.78)), period, samples)
+        axes = figure.add_axes((0.62, 0.16, 0.35, 0.66))
+        axes.plot(degrees, torque, color='0.8', linewidth=1.2)
+        (drawn,) = axes.plot([], [], color=fractions(COLORS['crank']), linewidth=1.8)
+        (dot,) = axes.plot([], [], 'o', color=fractions(DARK), markersize=5)
+        over_crank(axes, period.crank, 'Driving torque, N m', 4)
+        axes.set_xlabel('Crank angle, deg')
+        with movie.saving(figure, path, _DPI):
+            for sample in progress(samples, 'frames'):
+                picture.move(sample)
+                drawn.set_data(degrees[: sample + 1], torque[: sample + 1])
+                dot.set_data(degrees[sample : sample + 1], torque[sample : sample + 1])
+                movie.grab_frame()
+
+
+def _frames(period: Period) -> list[int]:
+    """The samples of the period at even steps of time.
+
+    Raises:
+        ConfigurationError: The crank stands still.
+    """
+    speed = np.abs(period.columns['crank.velocity'].values)
+    if not speed.min() > 0:
+        raise ConfigurationError('the crank stands still: nothing would move; give --rpm 30')
+    steps = 2 * np.diff(period.crank) / (speed[1:] + speed[:-1])
+    time = np.concatenate([[0.0], np.cumsum(steps)])
+    frames = round(period.crank[-1] / (2 * math.pi) * SECONDS * _RATE)
+    even = np.linspace(0, time[-1], frames, endpoint=False)
+    samples: list[int] = np.searchsorted(time, even).tolist()
+    return samples if period.speed > 0 else samples[::-1]

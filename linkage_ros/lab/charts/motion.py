@@ -2,39 +2,24 @@
 # SPDX-License-Identifier: Apache-2.0
 """Draws the curves of one mechanism over a period, or of several beside each other."""
 
-from __future__ import annotations
-
 import math
 import re
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import cycle
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from linkage_ros.lab.charts.axes import chart, over_crank
+from linkage_ros import palette
 from linkage_ros.lab.charts.linkage import LinkagePicture
-from linkage_ros.lab.charts.sizes import NUMBERS, TEXT, WIDTH
+from linkage_ros.lab.output import NUMBERS, TEXT, WIDTH, chart, over_crank
 from linkage_ros.lab.period import Period, extent
 from linkage_ros.numeric import Array
-from linkage_ros.palette import (
-    BLACK,
-    BLUE,
-    COLORS,
-    DARK,
-    GREEN,
-    ORANGE,
-    PURPLE,
-    SKY,
-    VERMILION,
-    Color,
-    color_of,
-    fractions,
-)
+from linkage_ros.palette import BLACK, COLORS, DARK, Color, color_of, fractions
 
 # Inches. From top to bottom: linkage, for each row a diagram and the numbers below it, title of
 # the last. From left to right: numbers, diagrams, text.
@@ -53,7 +38,10 @@ _FORCES: dict[str, Color] = {
     'guide': BLACK, 'x': BLACK, 'y': DARK, 'moment': BLACK, 'torque': COLORS['crank'],
 }  # fmt: skip
 # Colours of the designs, in order.
-DESIGN_COLORS = SKY, ORANGE, BLACK, PURPLE, GREEN, BLUE, VERMILION
+DESIGN_COLORS = (
+    palette.SKY, palette.ORANGE, BLACK, palette.PURPLE, palette.GREEN, palette.BLUE,
+    palette.VERMILION,
+)  # fmt: skip
 
 
 class _Curve(NamedTuple):
@@ -66,12 +54,8 @@ class _Curve(NamedTuple):
     values: Array
 
 
-class _Panel(NamedTuple):
-    """A diagram of curves, and further lines of figures; its title has quantity and unit."""
-
-    title: str
-    curves: list[_Curve]
-    words: Sequence[str] = ()
+# A diagram: its title, with quantity and unit; its curves; further lines of figures.
+_Panel: TypeAlias = tuple[str, Sequence[_Curve], Sequence[str]]
 
 
 def draw_motion(periods: Mapping[str, Period], lines: Iterable[str], path: Path) -> None:
@@ -84,10 +68,10 @@ def draw_motion(periods: Mapping[str, Period], lines: Iterable[str], path: Path)
         lines: Description of one mechanism.
         path: The PNG file, replaced if it exists.
     """
-    (first, *others), names = periods.values(), [*periods]
-    panels = [*_compared(periods)] if others else [*_panels(first)]
+    first, *others = periods.values()
+    panels = [*(_compared(periods) if others else _panels(first))]
     height = _LINKAGE + (_ROW + _GAP) * len(panels) + _FOOT
-    cells = max(2, len(names))
+    cells = max(2, len(periods))
     with chart(path, height, layout=None) as figure:
         for i, (name, period) in enumerate(periods.items()):
             bottom, color = 1 - (_LINKAGE - 0.2) / height, DESIGN_COLORS[i] if others else BLACK
@@ -96,16 +80,15 @@ def draw_motion(periods: Mapping[str, Period], lines: Iterable[str], path: Path)
             LinkagePicture(axes, period, [sample])
             title = textwrap.shorten(name, 40)
             axes.set_title(title, pad=16, color=fractions(color), weight='bold', fontsize=TEXT)
-        text = '\n'.join(map(_wrapped, lines))
         style: dict[str, Any] = {'fontsize': TEXT, 'va': 'top', 'linespacing': 1.45}
+        text = '\n'.join(map(_wrapped, lines))
         figure.text(1 - (_TEXT - 0.15) / WIDTH, 1 - 0.3 / height, text, **style)
         grid = figure.add_gridspec(
             len(panels), 1, hspace=_GAP / _ROW, left=_LEFT / WIDTH, right=1 - _TEXT / WIDTH,
             top=1 - _LINKAGE / height, bottom=(_GAP + _FOOT) / height,
         )  # fmt: skip
-        for row, panel in enumerate(panels):
-            axes = figure.add_subplot(grid[row, 0])
-            _draw(axes, panel)
+        for axes, panel in zip(grid.subplots(squeeze=False).flat, panels, strict=True):
+            _draw(axes, *panel)
         axes.set_xlabel('Crank angle, deg', labelpad=1)
 
 
@@ -117,39 +100,38 @@ def _wrapped(text: str) -> str:
 
 def _panels(period: Period) -> Iterator[_Panel]:
     """The diagrams of one mechanism."""
-    columns, links = period.columns, [link.name for link in period.solver.structure.links]
+    columns, links = period.columns, period.solver.links
     even = not np.ptp(columns['crank.velocity'].values)
     for quantity in ('position', 'velocity', 'acceleration'):
         shown = links[1:] if even or quantity == 'position' else links
         yield from _by_unit([_curve(period, f'{link}.{quantity}', link) for link in shown])
     power = _extent(_curve(period, 'driving_power', 'power, W'))
     words = power, f'mean power {period.mean_power:.4g} W', ''
-    yield _Panel('Driving torque, N m', [_curve(period, 'driving_torque', 'torque')], words)
+    yield 'Driving torque, N m', [_curve(period, 'driving_torque', 'torque')], words
     loads = [name for name in columns if name.endswith('.load')]
     yield from _by_unit([_curve(period, name, name.split('.')[0]) for name in loads], 'Load')
     if 'shaking_moment' in columns:
         pins = dict.fromkeys(name[4:-2] for name in columns if name.startswith('pin_'))
         forces = [_curve(period, f'pin_{pin}.x', pin, f'pin_{pin}.y') for pin in pins]
         forces += [_curve(period, name, 'guide') for name in columns if name == 'guide_force']
-        yield _Panel('Joint forces, N', forces)
+        yield 'Joint forces, N', forces, ()
         shaking = [_curve(period, f'shaking_force.{axis}', axis) for axis in 'xy']
-        yield _Panel('Shaking force, N', shaking)
-        yield _Panel('Shaking moment, N m', [_curve(period, 'shaking_moment', 'moment')])
+        yield 'Shaking force, N', shaking, ()
+        yield 'Shaking moment, N m', [_curve(period, 'shaking_moment', 'moment')], ()
 
 
 def _compared(periods: Mapping[str, Period]) -> Iterator[_Panel]:
     """The diagrams of several mechanisms: motion of the outputs, and torques."""
     for quantity in ('{}.position', '{}.acceleration', 'driving_torque'):
-        curves = []
-        for (name, period), color in zip(periods.items(), DESIGN_COLORS, strict=False):
-            column = quantity.format(period.solver.links[-1])
-            curves.append(_curve(period, column, name)._replace(color=color))
-        yield from _by_unit(curves)
+        yield from _by_unit([
+            _curve(period, quantity.format(period.solver.links[-1]), name)._replace(color=color)
+            for (name, period), color in zip(periods.items(), DESIGN_COLORS, strict=False)
+        ])  # fmt: skip
 
 
 def _curve(period: Period, column: str, name: str, across: str = '') -> _Curve:
     """The curve of a column, or of the length of a vector of two."""
-    _, unit, values = period.columns[column]
+    unit, values = period.columns[column]
     if across:
         values = np.hypot(values, period.columns[across].values)
     if unit == 'rad':
@@ -162,34 +144,32 @@ def _by_unit(curves: Sequence[_Curve], title: str = '') -> Iterator[_Panel]:
     """A diagram for each unit."""
     for unit in dict.fromkeys(curve.unit for curve in curves):
         group = [curve for curve in curves if curve.unit == unit]
-        yield _Panel(f'{title or _TITLES[unit]}, {unit}', group)
+        yield f'{title or _TITLES[unit]}, {unit}', group, ()
 
 
-def _draw(axes: Axes, panel: _Panel) -> None:
+def _draw(axes: Axes, title: str, curves: Sequence[_Curve], words: Sequence[str]) -> None:
     """Draws the curves; beside them peaks with their angles, and rms."""
-    unit = panel.curves[0].unit
+    unit = curves[0].unit
     heading = f'{unit:<8}{"min":>11}{"at deg":>7}{"max":>11}{"at deg":>7}{"rms":>10}'
     lines, texts = [Line2D([], [], color='0.4', linestyle='none')], [heading]
     # Forces may coincide: dashed, they show what lies below.
     dashes = cycle(_DASHES if unit == 'N' else _DASHES[:1])
-    for curve, dash in zip(panel.curves, dashes, strict=False):
+    for curve, dash in zip(curves, dashes, strict=False):
         degrees, color = np.degrees(curve.crank), fractions(curve.color)
         lines += axes.plot(degrees, curve.values, linestyle=dash, color=color, linewidth=1.6)
         texts.append(_extent(curve))
-    lines += [Line2D([], [], color='0.1', linestyle='none')] * len(panel.words)
+    lines += [Line2D([], [], color='0.1', linestyle='none')] * len(words)
     axes.legend(
-        lines, [*texts, *panel.words], loc='upper left', bbox_to_anchor=(1.0, 1.1),
+        lines, [*texts, *words], loc='upper left', bbox_to_anchor=(1.0, 1.1),
         labelcolor='linecolor', prop={'family': 'monospace', 'size': NUMBERS},
         labelspacing=0.35, borderaxespad=1.2, borderpad=0.0, handletextpad=0.5,
     )  # fmt: skip
-    longest = max((curve.crank for curve in panel.curves), key=lambda crank: crank[-1])
-    over_crank(axes, longest, panel.title, 4)
+    over_crank(axes, max((curve.crank for curve in curves), key=np.max), title, 4)
 
 
 def _extent(curve: _Curve) -> str:
-    found = extent(curve.crank, curve.values)
-    low_at, high_at = math.degrees(found.low_at), math.degrees(found.high_at)
+    low, low_at, high, high_at, rms = extent(curve.crank, curve.values)
     return (
-        f'{curve.name:<8.8}{found.low:>11.4g}{low_at:>7.1f}'
-        f'{found.high:>11.4g}{high_at:>7.1f}{found.rms:>10.4g}'
+        f'{curve.name:<8.8}{low:>11.4g}{math.degrees(low_at):>7.1f}'
+        f'{high:>11.4g}{math.degrees(high_at):>7.1f}{rms:>10.4g}'
     )

@@ -14,7 +14,7 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from linkage_ros.lab.charts.sizes import NUMBERS, SMALL, TEXT, TITLE, WIDTH
+from linkage_ros.lab.output import NUMBERS, SMALL, TEXT, TITLE, WIDTH
 from linkage_ros.lab.pump.analysis import Analysis
 from linkage_ros.lab.pump.load_curve import Piece, SteadyState, bistable_ranges, stability_lost
 from linkage_ros.lab.pump.table import states_table

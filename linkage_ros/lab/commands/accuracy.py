@@ -1,11 +1,16 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""linkage_chart accuracy: one picture per linkage, one for all motions, one for `follow`."""
+"""linkage_chart accuracy: one picture per linkage, one for all motions, one for `follow`.
 
-from __future__ import annotations
+`follow` is judged by the torque error of a measured crank, over the filter's bandwidth and the
+encoder's bits. A motor whose torque falls steeply with the speed turns the quadrilateral at 150
+rpm. An encoder rounds the angle to 2^bits steps a turn; a sensor with as many bits, over twice the
+speed in both directions, rounds the speed. `FollowMotion` gets both 1000 times a second.
+"""
 
 import argparse
 import itertools
+import math
 import operator
 import textwrap
 from collections.abc import Sequence
@@ -16,18 +21,28 @@ import numpy as np
 from matplotlib import rcParams
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+from matplotlib.ticker import LogLocator, NullLocator
 
-from linkage_ros.lab.charts.axes import chart
-from linkage_ros.lab.charts.sizes import SMALL, TEXT
-from linkage_ros.lab.commands.output import about, folder, progress, save_records
-from linkage_ros.lab.methods.accuracy import NEAR, Point, linkages, measure_accuracy, motions
-from linkage_ros.lab.methods.follow_accuracy import measure_follow
-from linkage_ros.lab.methods.measure import BATCH, LIMIT, ONE, Method, label
-from linkage_ros.lab.methods.motion_cases import ENERGY, MEAN, SLOWEST, TRAJECTORY
+from linkage_ros.dynamics.solver import Solver
+from linkage_ros.lab.methods.linkage_cases import NEAR, linkages
+from linkage_ros.lab.methods.measure import (
+    BATCH,
+    LIMIT,
+    ONE,
+    Method,
+    Point,
+    label,
+    measure_accuracy,
+)
+from linkage_ros.lab.methods.motion_cases import ENERGY, MEAN, SLOWEST, TRAJECTORY, motions
 from linkage_ros.lab.methods.registry import DEFAULT, INTEGRATORS, LIVE, METHODS, RECORDS
 from linkage_ros.lab.methods.stages import QUANTITIES
-from linkage_ros.motion.drives import FollowDrive
+from linkage_ros.lab.output import SMALL, TEXT, about, chart, folder, progress, save_records
+from linkage_ros.motion.coordinates import Coordinates, stacked
+from linkage_ros.motion.drives import FollowDrive, Motor, TorqueDrive
+from linkage_ros.motion.follow import FollowMotion, Measurement
+from linkage_ros.motion.torque_driven import TorqueMotion
+from linkage_ros.numeric import Array
 from linkage_ros.palette import (
     BLACK,
     BLUE,
@@ -40,10 +55,18 @@ from linkage_ros.palette import (
     Color,
     fractions,
 )
+from linkage_ros.parameters.configuration import load
+from linkage_ros.units import NS_PER_S, radians_per_second
 
 _CEILING = 10.0  # position of larger errors
 _LEAST = 1e-17  # position of an error of 0
 _SPAN = 1.0, 100.0  # range of drawn errors of a followed crank, %
+_BITS = (12, 14, 16, 18, 20)
+_BANDWIDTHS = (5.0, 7.0, 10.0, 14.0, 20.0, 30.0, 40.0, 60.0, 80.0, 120.0, 160.0, 240.0)  # Hz
+_RPM = 150.0
+_DAMPING = 20.0  # damping of the motor, N m s: the speed stays within 3 % of 150 rpm
+_PERIOD = NS_PER_S // 1000  # between measurements, ns
+_TURN = 400  # measurements; two turns to settle, two that are compared
 
 
 def _style(marker: str, color: Color, size: float = 6.0, *, filled: bool = True) -> dict[str, Any]:
@@ -93,23 +116,17 @@ def accuracy(options: argparse.Namespace) -> None:
     """
     out, quick = options.out, options.quick
     with folder(out):
-        solved, moved = (
-            measure_accuracy(cases, methods, quick=quick, progress=progress)
-            for cases, methods in (
-                (linkages(quick=quick), METHODS), (motions(quick=quick), INTEGRATORS),
-            )
-        )  # fmt: skip
+        solved = measure_accuracy(linkages(quick=quick), METHODS, quick=quick)
+        moved = measure_accuracy(motions(quick=quick), INTEGRATORS, quick=quick)
         written = [out / 'accuracy.json']
         save_records(written[0], [*solved, *moved])
         on = ', '.join(f'{name} {value}' for name, value in about().items())
-        for name in progress(
-            [*dict.fromkeys(p['mechanism'] for p in solved), 'motions'], 'pictures'
-        ):
+        for name in [*dict.fromkeys(p['mechanism'] for p in solved), 'motions']:
             points = [p for p in solved if p['mechanism'] == name] or moved
             what = name.replace('_', '-') if points is not moved else 'motions under a torque'
             written.append(out / f'accuracy_{name.replace(" ", "_")}.png')
             draw_accuracy(points, f'Speed against accuracy: {what}\n{on}', written[-1])
-        errors, (slowest, fastest) = measure_follow(quick=quick, progress=progress)
+        errors, (slowest, fastest) = _measure_follow(quick=quick)
         written += (out / 'accuracy_follow.json', out / 'accuracy_follow.png')
         save_records(written[-2], errors)
         words = f'quadrilateral, {slowest:.0f} to {fastest:.0f} rpm, measured at 1 kHz'
@@ -124,28 +141,24 @@ def draw_accuracy(points: Sequence[Point], title: str, path: Path) -> None:
         points: Points of a linkage, or of all motions.
         title: Title of the picture.
         path: The PNG file, replaced if it exists.
-
-    Raises:
-        OSError: The picture cannot be written.
     """
     if points[0]['quantity'] in QUANTITIES:
         methods: Sequence[Method] = METHODS
         wide, columns = 2, [*itertools.product(QUANTITIES, (ONE, BATCH))]
-        named = '{1}, {2}'
-        time, error = 'time per state', 'relative (angles: rad)'
+        named, time, error = '{1}, {2}', 'time per state', 'relative (angles: rad)'
     else:
         wide, columns = 3, [(TRAJECTORY, MEAN), (ENERGY, MEAN), (TRAJECTORY, SLOWEST)]
         methods, named = INTEGRATORS, '{0}, {1}, {2}'
         time, error = 'time per simulated ms', 'rad, crank lengths, or relative'
-    mechanisms = dict.fromkeys(point['mechanism'] for point in points)
-    panels = [(name, *column) for name in mechanisms for column in columns]
-    high = len(panels) // wide
+    place = operator.itemgetter('mechanism', 'quantity', 'mode')
+    panels = itertools.product(dict.fromkeys(point['mechanism'] for point in points), columns)
+    names = [(name, *column) for name, column in panels]
+    high = len(names) // wide
     with chart(path, 2.6 + 2.2 * high, title) as figure:
         rcParams['text.parse_math'] = True  # powers of ten at the axes
         grid = figure.subplots(high, wide, sharey=True, sharex='col')
-        for axes, panel in zip(grid.flat, panels, strict=True):
+        for axes, panel in zip(grid.flat, names, strict=True):
             axes.set_title(named.format(*panel).replace('_', ' ').replace(f', {MEAN}', ''))
-            place = operator.itemgetter('mechanism', 'quantity', 'mode')
             _draw_panel(axes, [point for point in points if place(point) == panel])
         for axes in grid[-1]:
             axes.set_xlabel(f'{time}, \N{MICRO SIGN}s', fontsize=TEXT)
@@ -169,9 +182,26 @@ def draw_accuracy(points: Sequence[Point], title: str, path: Path) -> None:
         )  # fmt: skip
 
 
+def _name(method: str) -> str:
+    return f'{method} ({_ROLES[method]})' if method in _ROLES else method
+
+
+def _settings(methods: Sequence[Method]) -> str:
+    """Labels the points with their settings."""
+    kinds: dict[str, list[str]] = {}
+    for method in methods:
+        for name in dict.fromkeys(itertools.chain(*method.settings)):
+            values = sorted({setting[name] for setting in method.settings if name in setting})
+            if len(values) > 1:
+                words = f'{name} ' + ', '.join(f'{value:g}' for value in values)
+                kinds.setdefault(words, []).append(method.name)
+    joined = '; '.join(f'{", ".join(names)}: {words}' for words, names in kinds.items())
+    return f'Settings along the lines: {joined}. Errors above {_CEILING:g} are drawn there.'
+
+
 def _log_axes(axes: Axes, **options: Any) -> None:
     axes.set(xscale='log', yscale='log', **options)
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f'{value:g}'))
+    axes.xaxis.set_major_formatter('{x:g}')
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_minor_locator(NullLocator())
 
@@ -204,33 +234,56 @@ def _places(points: Sequence[Point]) -> tuple[list[float], list[float]]:
     return [p['us_per_state'] for p in points], heights.tolist()
 
 
-def _settings(methods: Sequence[Method]) -> str:
-    """Labels the points with their settings."""
-    kinds: dict[str, list[str]] = {}
-    for method in methods:
-        for name in dict.fromkeys(itertools.chain(*method.settings)):
-            values = sorted({setting[name] for setting in method.settings if name in setting})
-            if len(values) > 1:
-                words = f'{name} ' + ', '.join(f'{value:g}' for value in values)
-                kinds.setdefault(words, []).append(method.name)
-    joined = '; '.join(f'{", ".join(names)}: {words}' for words, names in kinds.items())
-    return f'Settings along the lines: {joined}. Errors above {_CEILING:g} are drawn there.'
+# ---------------------------------------------------------------- a followed crank
 
 
-def _name(method: str) -> str:
-    return f'{method} ({_ROLES[method]})' if method in _ROLES else method
+def _measure_follow(*, quick: bool) -> tuple[list[dict[str, Any]], tuple[float, float]]:
+    """Measures encoders and bandwidths.
+
+    Returns the points: resolution, whether the velocity is measured as well, bandwidth of the
+    filter, Hz, and largest torque error, relative to the largest torque at a constant speed. Then
+    the lowest and highest crank speed, rpm.
+    """
+    solver, speed = Solver(load('quadrilateral').mechanism), radians_per_second(_RPM)
+    drive = TorqueDrive(motor=Motor(_DAMPING * speed, _DAMPING), start_rpm=_RPM)
+    stamps = [n * _PERIOD for n in range(1, 4 * _TURN + 1)]
+    true = TorqueMotion(solver, drive, 0, _PERIOD).at_all(stamps)
+
+    def torque(moments: Coordinates) -> Array:
+        (q,), (u,), (a,), *_ = moments
+        return np.asarray(solver.state(q, u, a).torque[2 * _TURN :])
+
+    turn = np.linspace(0.0, 2 * math.pi, _TURN)
+    peak = np.abs(solver.state(turn, np.full(_TURN, speed), np.zeros(_TURN)).torque).max()
+    bits, bandwidths = (_BITS[::2], _BANDWIDTHS[::4]) if quick else (_BITS, _BANDWIDTHS)
+    kinds, points = list(itertools.product((False, True), bits)), []
+    for velocity, bit in progress(kinds, 'errors, a followed crank'):
+        angles = _rounded(true.unwrapped, 2 * math.pi / 2**bit)
+        speeds = _rounded(true.u[0], 4 * speed / 2**bit) if velocity else itertools.repeat(None)
+        measured = list(map(Measurement, stamps, angles, speeds))
+        for bandwidth in bandwidths:
+            motion = FollowMotion(FollowDrive(bandwidth))
+            followed = stacked([found for one in measured if (found := motion.at(one))])
+            points.append({
+                'bits': bit, 'measured_velocity': velocity, 'follow_bandwidth': bandwidth,
+                'max_error': float(np.abs(torque(followed) - torque(true)).max() / peak),
+            })  # fmt: skip
+    compared = true.u[0][2 * _TURN :] / radians_per_second(1.0)
+    return points, (compared.min(), compared.max())
 
 
-def draw_follow(points: Sequence[Point], title: str, path: Path) -> None:
+def _rounded(values: Array, step: float) -> Sequence[float]:
+    found: list[float] = (step * np.rint(values / step)).tolist()
+    return found
+
+
+def draw_follow(points: Sequence[dict[str, Any]], title: str, path: Path) -> None:
     """Draws the torque error of a measured crank over the bandwidth, for each encoder.
 
     Args:
         points: All points.
         title: Title of the picture.
         path: The PNG file, replaced if it exists.
-
-    Raises:
-        OSError: The picture cannot be written.
     """
     default = FollowDrive().follow_bandwidth
     with chart(path, 4.8, title) as figure:
@@ -251,6 +304,6 @@ def draw_follow(points: Sequence[Point], title: str, path: Path) -> None:
             axes.set_xlabel('follow_bandwidth, Hz', fontsize=TEXT)
             for axis in (axes.xaxis, axes.yaxis):
                 axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-                axis.set_major_formatter(FuncFormatter(lambda value, _: f'{value:g}'))
+                axis.set_major_formatter('{x:g}')
         panels[0].set_ylabel('largest torque error, % of the peak torque', fontsize=TEXT)
         panels[0].legend(loc='lower left')

@@ -2,25 +2,26 @@
 # SPDX-License-Identifier: Apache-2.0
 """linkage_chart economy: the torque of one mechanism without each of its terms, over speed."""
 
-from __future__ import annotations
-
 import argparse
+import functools
+import math
 import re
 import textwrap
-from collections.abc import Sequence
+import time
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from matplotlib.axes import Axes
 
-from linkage_ros.errors import ConfigurationError
-from linkage_ros.lab.charts.axes import chart
-from linkage_ros.lab.charts.sizes import NUMBERS, SMALL, TEXT
-from linkage_ros.lab.commands.output import folder, progress, save_records
-from linkage_ros.lab.economy import POINT_MASSES, Economy, Saving, handover
-from linkage_ros.lab.torque_models import STATIC, TERMS
+from linkage_ros import ConfigurationError, MechanismError, Solver
+from linkage_ros.lab import torque_models
+from linkage_ros.lab.output import NUMBERS, SMALL, TEXT, chart, folder, progress, save_records
+from linkage_ros.lab.torque_models import STATIC, TERMS, TorqueProgram
 from linkage_ros.model.load_kinds import LOADS
+from linkage_ros.model.structure import Mechanism
+from linkage_ros.numeric import Array
 from linkage_ros.palette import (
     BLACK,
     BLUE,
@@ -35,7 +36,14 @@ from linkage_ros.palette import (
 )
 from linkage_ros.parameters.configuration import load
 from linkage_ros.parameters.presets import find_file
+from linkage_ros.units import radians_per_second
 
+POINT_MASSES = 'coupler as two point masses'
+_FULL = 'full model'
+_HARMONICS = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 16, 24, 32)
+_NODES = (8, 16, 32, 64, 128, 256, 512, 1024)
+_TIMED = 8  # every such angle is timed
+_SAMPLES = 2048  # evenly spaced states: series are fitted to all, tables use some of them
 _FACTORS = 0.25, 0.5, 1.0, 2.0, 4.0  # default speeds, relative to the mechanism's own
 _LEAST = 1e-4  # smaller errors are not drawn
 _ROOM = 0.88  # width of the bars, relative to the distance between two speeds
@@ -48,6 +56,13 @@ _REDUCED = {
     'table': ('s-', 5, ORANGE, 'nodes of a table'),
     POINT_MASSES: ('*-', 9, PURPLE, 'two point masses'),
 }
+
+# One simpler model at one speed, as in the JSON file: 'mechanism', the name of the file; 'rpm';
+# 'left_out', the omitted term or the reduced model; 'error', the largest one of the torque over a
+# period, as a share of the full torque's peak; savings: 'operations', 'microseconds' of one run,
+# and 'parameters', values that need not be identified; the same of the full model: 'full_...'.
+Saving: TypeAlias = dict[str, Any]
+_COSTS = 'operations', 'microseconds', 'parameters'
 
 
 def economy(options: argparse.Namespace) -> None:
@@ -72,27 +87,182 @@ def economy(options: argparse.Namespace) -> None:
         )
     records, picture = (options.out / f'{name}_economy.{suffix}' for suffix in ('json', 'png'))
     with folder(options.out):
-        savings = measured.measure(rpms, 20 if options.quick else 200, progress)
+        savings = measured.measure(rpms, 20 if options.quick else 200)
         sentence = measured.sentence(own, options.tolerance, savings)
-        save_records(records, [saving._asdict() for saving in savings])
+        save_records(records, savings)
         _draw(savings, sentence, own, options.tolerance, picture)
     print(f'{name}: {sentence}', records, picture, sep='\n')
+
+
+class Economy:
+    """The driving torque of one mechanism at constant speeds, by full and simpler models.
+
+    Attributes:
+        terms: Terms of the model, each with its non-zero parameters.
+    """
+
+    def __init__(self, mechanism: Mechanism, name: str) -> None:
+        """Prepares the models of a mechanism.
+
+        Args:
+            mechanism: A mechanism whose crank turns fully.
+            name: Name of its parameter file.
+
+        Raises:
+            MechanismError: The crank does not turn fully, or nothing needs a torque.
+        """
+        reach = Solver(mechanism).reach
+        reach.require_full_turn()
+        self.terms, self._counts = torque_models.terms(mechanism), torque_models.counts(mechanism)
+        if not self.terms.keys() - {'gravity'}:
+            raise MechanismError(
+                f'{name} needs no torque, because nothing has a mass or a load: give links masses'
+            )
+        self._mechanism, self._name = mechanism, name
+        self._period, self._samples = reach.period_turns * 2 * math.pi, reach.samples()
+
+    def measure(self, rpms: Sequence[float], rounds: int) -> list[Saving]:
+        """Leaves out each term, and tries each reduced model, at each speed.
+
+        Args:
+            rpms: Crank speeds.
+            rounds: Number of timings of each program; the shortest counts.
+
+        Returns:
+            The savings, speed by speed.
+        """
+        costs = self._costs(self._models(rpms[0]), progress(range(rounds), 'timing'))
+        full, found = costs.pop(_FULL), []
+        for rpm in progress(rpms, 'speeds'):
+            models = self._models(rpm)
+            for name, cost in costs.items():
+                saving: Saving = {'mechanism': self._name, 'rpm': rpm, 'left_out': name}
+                saving['error'] = self._error(models[name][0], rpm)
+                saving |= {word: full[i] - cost[i] for i, word in enumerate(_COSTS)}
+                found.append(saving | {f'full_{word}': full[i] for i, word in enumerate(_COSTS)})
+        return found
+
+    def sentence(self, rpm: float, tolerance: float, savings: Sequence[Saving]) -> str:
+        """States what the torque needs at one speed, and which terms may be omitted together.
+
+        Args:
+            rpm: One of the measured speeds.
+            tolerance: Allowed error, as a share of the full torque's peak.
+            savings: From `measure`.
+
+        Returns:
+            One sentence.
+        """
+        errors = {x['left_out']: x['error'] for x in savings if x['rpm'] == rpm}
+        out: list[str] = []
+        for name in sorted(self.terms, key=lambda name: errors[name]):
+            if self._error(self._without(*out, name), rpm) <= tolerance:
+                out.append(name)
+        gone = frozenset[str]().union(*(self.terms[name] for name in out))
+        left = {x: own for x, own in self.terms.items() if x != STATIC and not own <= gone}
+        needed = [x for x, own in left.items() if not any(own < other for other in left.values())]
+        largest = [x for x in out if not any(self.terms[x] < self.terms[y] for y in out)]
+        good = [name for name in errors if name not in self.terms and errors[name] <= tolerance]
+        smallest = [
+            words + next(x for x in good if kind in x)
+            for kind, words in ((POINT_MASSES, 'the '), ('harmonic', ''), ('table', 'a '))
+            if any(kind in x for x in good)
+        ]
+        return (
+            f'at {rpm:g} rpm, within {100 * tolerance:g} % of the peak, this scene needs '
+            f'{_listed(needed, "and")}; it can leave out {_listed(largest, "and")}'
+        ) + (f'; {_listed(smallest, "or")} will do' if good else '')
+
+    def _models(self, rpm: float) -> dict[str, tuple[TorqueProgram, int]]:
+        """The full and the simpler models at a speed: programs, and the values they need."""
+        count = sum(self._counts[x] for x in frozenset[str]().union(*self.terms.values()))
+        needs = {
+            name: count - sum(self._counts[x] for x in own) for name, own in self.terms.items()
+        }
+        found = {name: (self._without(name), rest) for name, rest in needs.items()}
+        found[_FULL] = full, _ = self._without(), count
+        if reduced := torque_models.with_point_masses(self._mechanism):
+            found[POINT_MASSES] = torque_models.torque_program(reduced), needs['coupler'] + 2
+        angles = np.arange(float(_SAMPLES)) * (self._period / _SAMPLES)
+        even = full.torques(angles, radians_per_second(rpm))
+        for n in _HARMONICS:
+            program = torque_models.series_program(even, self._period, n)
+            found[f'{n} harmonic{"s" if n > 1 else ""}'] = program, 2 * n + 1
+        for n in _NODES:
+            program = torque_models.table_program(even[:: _SAMPLES // n], self._period)
+            found[f'table of {n} nodes'] = program, n
+        return found
+
+    def _without(self, *names: str) -> TorqueProgram:
+        left = torque_models.without(self._mechanism, names)
+        return torque_models.torque_program(left, static=STATIC in names)
+
+    def _costs(
+        self, models: dict[str, tuple[TorqueProgram, int]], rounds: Iterable[int]
+    ) -> dict[str, tuple[int, float, int]]:
+        """Measures operations, microseconds and values of each model.
+
+        The programs alternate, so that a busy machine slows all alike.
+        """
+        programs = {program.source: program.scalar for program, _ in models.values()}
+        best, angles = dict.fromkeys(programs, math.inf), self._samples[::_TIMED].tolist()
+        for _ in rounds:
+            for source, run in programs.items():
+                start = time.perf_counter()
+                for angle in angles:
+                    run(angle, 1.0)
+                best[source] = min(best[source], time.perf_counter() - start)
+        return {
+            name: (torque_models.operations(source), best[source] / len(angles) * 1e6, count)
+            for name, ((_, source), count) in models.items()
+        }
+
+    def _error(self, program: TorqueProgram, rpm: float) -> float:
+        """The largest error of a program's torque, as a share of the full torque's peak.
+
+        Raises:
+            MechanismError: The torque is 0.
+        """
+        full = self._exact(rpm)
+        peak = np.abs(full).max()
+        if not peak:
+            raise MechanismError(
+                f'{self._name} needs no torque at {rpm:g} rpm: choose other speeds (--rpm)'
+            )
+        found = program.torques(self._samples, radians_per_second(rpm))
+        return float(np.abs(found - full).max() / peak)
+
+    @functools.cache  # noqa: B019
+    def _exact(self, rpm: float) -> Array:
+        """Torques of the full model at all angles, N m."""
+        return self._without().torques(self._samples, radians_per_second(rpm))
+
+
+def handover(savings: Sequence[Saving]) -> float | None:
+    """The speed at which weights and inertia contribute equally, rpm; None: one is absent.
+
+    The torque of weights does not depend on speed; that of inertia grows with its square.
+    """
+    errors = {(x['rpm'], x['left_out']): x['error'] for x in savings}
+    for rpm in dict.fromkeys(x['rpm'] for x in savings):
+        weights, inertia = errors.get((rpm, 'gravity'), 0.0), errors.get((rpm, STATIC), 0.0)
+        if weights and inertia:
+            return float(abs(rpm) * math.sqrt(weights / inertia))
+    return None
+
+
+def _listed(names: Sequence[str], word: str) -> str:
+    """Joins names as text: a, b and c."""
+    *others, last = names or ['nothing']
+    return f'{", ".join(others)} {word} {last}' if others else last
 
 
 def _draw(
     savings: Sequence[Saving], sentence: str, rpm: float, tolerance: float, path: Path
 ) -> None:
-    """Draws bars over speed, reduced models beside them, and a table of the savings.
-
-    Args:
-        savings: The records of one mechanism, at all speeds.
-        sentence: Summary of the records.
-        rpm: The speed of the reduced models and of the table.
-        tolerance: Allowed error.
-        path: The PNG file, replaced if it exists.
-    """
-    terms = [x for x in dict.fromkeys(x.left_out for x in savings) if x in TERMS]
-    own, heights = [x for x in savings if x.rpm == rpm], (3.7, 2.4 + 0.17 * len(terms))
+    """Draws bars over speed; of one speed, reduced models and a table of the savings."""
+    terms = [x for x in dict.fromkeys(x['left_out'] for x in savings) if x in TERMS]
+    own, heights = [x for x in savings if x['rpm'] == rpm], (3.7, 2.4 + 0.17 * len(terms))
     words = textwrap.fill(f'{sentence[0].upper()}{sentence[1:]}.', 88)
     with chart(path, sum(heights), words) as figure:
         bars, reduced, table = figure.subplot_mosaic(
@@ -100,7 +270,7 @@ def _draw(
         ).values()
         _draw_bars(bars, savings, terms)
         _draw_reduced(reduced, own)
-        worst = max(x.error for x in savings)
+        worst = max(x['error'] for x in savings)
         for axes, most in (bars, 1.5 * worst), (reduced, 3.0):
             axes.set(yscale='log', ylim=(_LEAST, most))
             axes.axhline(tolerance, color=fractions(BLACK), linewidth=1.0, linestyle=':', zorder=3)
@@ -112,11 +282,11 @@ def _draw(
 
 def _draw_bars(axes: Axes, savings: Sequence[Saving], terms: Sequence[str]) -> None:
     """Draws the errors without each term, and the speed above which inertia dominates."""
-    speeds = list(dict.fromkeys(x.rpm for x in savings))
+    speeds = list(dict.fromkeys(x['rpm'] for x in savings))
     width = _ROOM / len(terms)
     for i, name in enumerate(terms):
         places = np.arange(len(speeds)) + (i + 0.5) * width - _ROOM / 2
-        heights = [max(x.error, _LEAST) for x in savings if x.left_out == name]
+        heights = [max(x['error'], _LEAST) for x in savings if x['left_out'] == name]
         group, _, part = name.partition('.')
         color = _OTHERS.get(group) or color_of(group)
         axes.bar(
@@ -142,40 +312,39 @@ def _draw_bars(axes: Axes, savings: Sequence[Saving], terms: Sequence[str]) -> N
 
 def _draw_reduced(axes: Axes, own: Sequence[Saving]) -> None:
     """Draws the errors of the reduced models over the time that they take."""
-    full = own[0].full_microseconds
+    full = own[0]['full_microseconds']
     for kind, (style, size, color, label) in _REDUCED.items():
-        group = [x for x in own if kind in x.left_out and x.error > _LEAST]
-        points = [(full - x.microseconds, x.error) for x in group]
-        if points:
-            shade = fractions(color)
-            times, errors = zip(*points, strict=True)
-            axes.plot(times, errors, style, color=shade, lw=0.9, ms=size, label=label)
-        for saving, point in zip(group, points, strict=True):
+        group = [x for x in own if kind in x['left_out'] and x['error'] > _LEAST]
+        times, errors = [full - x['microseconds'] for x in group], [x['error'] for x in group]
+        if group:
+            axes.plot(times, errors, style, color=fractions(color), lw=0.9, ms=size, label=label)
+        for saving, point in zip(group, zip(times, errors, strict=True), strict=True):
             axes.annotate(
-                ''.join(re.findall(r'\d+', saving.left_out)), point, xytext=(6, 1),
+                ''.join(re.findall(r'\d+', saving['left_out'])), point, xytext=(6, 1),
                 textcoords='offset points', fontsize=NUMBERS, va='center',
             )  # fmt: skip
     axes.axvline(full, color=fractions(BLACK), linewidth=1.2, label='full model')
     axes.set(
         xlim=(0, 1.1 * full), ylabel='Error of reduced models',
-        xlabel=f'Time of one torque at {own[0].rpm:g} rpm, \N{MICRO SIGN}s',
+        xlabel=f'Time of one torque at {own[0]["rpm"]:g} rpm, \N{MICRO SIGN}s',
     )  # fmt: skip
 
 
 def _write_table(axes: Axes, own: Sequence[Saving], terms: Sequence[str]) -> None:
-    """Lists the costs of the full model, and the savings of each omitted term."""
+    """Lists the costs of the full model, and the savings of each simpler one."""
+    full = {'name': 'full model', 'error': 0.0} | {x: own[0][f'full_{x}'] for x in _COSTS}
+    rows = [
+        x | {'name': x['left_out'].removeprefix('coupler as ')}
+        for x in own if x['left_out'] in (*terms, POINT_MASSES)
+    ]  # fmt: skip
+    line = '{name:17}{error:>8.3g}{operations:>8d}{microseconds:>8.2f}{parameters:>8d}'
+    words, *costs = (line.format_map(x) for x in (full, *rows))
+    at = f'at {own[0]["rpm"]:g} rpm'
     lines = [
         f'{"":17}{"":>8}{"oper-":>8}{"micro-":>8}{"para-":>8}',
-        f'{f"at {own[0].rpm:g} rpm":17}{"error":>8}{"ations":>8}{"seconds":>8}{"meters":>8}',
-        _row('full model', 0.0, *own[0][7:]),
-        'saved by leaving out',
-        *(_row(x.left_out, *x[3:7]) for x in own if x.left_out in terms),
-        *(_row('two point masses', *x[3:7]) for x in own if x.left_out == POINT_MASSES),
-    ]
+        f'{at:17}{"error":>8}{"ations":>8}{"seconds":>8}{"meters":>8}',
+        words, 'saved by leaving out', *costs,
+    ]  # fmt: skip
     axes.set_axis_off()
     style: dict[str, Any] = {'family': 'monospace', 'fontsize': NUMBERS, 'linespacing': 1.35}
     axes.text(0, 1, '\n'.join(lines), va='top', transform=axes.transAxes, **style)
-
-
-def _row(name: str, error: float, operations: int, microseconds: float, parameters: int) -> str:
-    return f'{name:17}{error:>8.3g}{operations:>8d}{microseconds:>8.2f}{parameters:>8d}'

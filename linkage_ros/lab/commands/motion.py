@@ -2,26 +2,22 @@
 # SPDX-License-Identifier: Apache-2.0
 """linkage_chart motion and movie: a period at a given speed, or a settled wind pump."""
 
-from __future__ import annotations
-
 import argparse
 import math
-from typing import Any, cast
+from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
-from linkage_ros.dynamics.solver import Solver
-from linkage_ros.dynamics.travel import travel
-from linkage_ros.errors import ConfigurationError
+from linkage_ros import ConfigurationError, Solver, travel
+from linkage_ros.lab.charts.linkage import SECONDS, draw_movie
 from linkage_ros.lab.charts.motion import DESIGN_COLORS, DRAWN_AT, draw_motion
-from linkage_ros.lab.charts.movie import SECONDS, draw_movie
-from linkage_ros.lab.commands.flywheel import size_flywheel
-from linkage_ros.lab.commands.output import folder, progress, save_csv
+from linkage_ros.lab.flywheel import size_flywheel
+from linkage_ros.lab.output import folder, progress, save_csv
 from linkage_ros.lab.period import Period, SpeedDrivenPeriod, extent, mean
 from linkage_ros.lab.pump.periodic_motion import PeriodicMotion
 from linkage_ros.lab.pump.settling import settle
-from linkage_ros.model.wind_pump import WindPump
-from linkage_ros.motion.drives import Drive, Motor, SpeedDrive, TorqueDrive
+from linkage_ros.motion.drives import Motor
 from linkage_ros.parameters.configuration import Configuration, load
 from linkage_ros.parameters.descriptions import motor_line
 from linkage_ros.parameters.presets import find_file
@@ -39,28 +35,35 @@ def motion(options: argparse.Namespace) -> None:
     """
     names = _names(options)
     others = {x: getattr(options, x) for x in ('acceleration', 'reactions', 'fluctuation')}
-    shown = [show(source, options.rpm, **others) for source in options.params]
-    periods = {name: period for name, (_, period, _) in zip(names, shown, strict=True)}
-    (drive, period, title), *more = shown
-    stem = 'comparison' if more else f'{names[0]}_motion'
-    picture, table = (options.out / f'{stem}.{suffix}' for suffix in ('png', 'csv'))
-    lines: list[object] = [', '.join(title)]
+    designs = [load(source) for source in options.params]
+    shown = [
+        _show(source, design, options.rpm, **others)
+        for source, design in zip(options.params, designs, strict=True)
+    ]
+    periods = dict(zip(names, (period for period, _ in shown), strict=True))
+    (period, title), *more = shown
+    stem = options.out / ('comparison' if more else f'{names[0]}_motion')
+    picture, table = stem.with_name(f'{stem.name}.png'), stem.with_name(f'{stem.name}.csv')
     with folder(options.out):
-        if options.fluctuation is not None:
-            flywheel = options.out / f'{names[0]}_flywheel.png'
-            lines += size_flywheel(period, drive, options.fluctuation, names[0], flywheel)
-            lines.append(flywheel)
         if more:
             measures = {name: _measures(one) for name, one in periods.items()}
-            lines = [*_lines(measures)]
-            rows = [[name, *row.values()] for name, row in measures.items()]
-            save_csv(table, ['design', *measures[names[0]]], rows)
+            head = ['design', *measures[names[0]]]
+            save_csv(table, head, ([name, *row.values()] for name, row in measures.items()))
+            lines, notes = [*_lines(measures)], []
         else:
-            columns = period.columns.values()
-            values = np.stack([column.values for column in columns], axis=-1).tolist()
-            save_csv(table, [f'{column.name} [{column.unit}]' for column in columns], values)
-        drawn_at = [] if more else [*title[1:], f'drawn at crank angle {DRAWN_AT:g} deg']
-        draw_motion(periods, drawn_at, picture)
+            head = [f'{name} [{column.unit}]' for name, column in period.columns.items()]
+            columns = [column.values for column in period.columns.values()]
+            save_csv(table, head, np.stack(columns, axis=-1).tolist())
+            lines, notes = (
+                [', '.join(title)],
+                [*title[1:], f'drawn at crank angle {DRAWN_AT:g} deg'],
+            )
+        if options.fluctuation is not None:
+            motor = getattr(designs[0].drive, 'motor', None)
+            flywheel = options.out / f'{names[0]}_flywheel.png'
+            lines += [*size_flywheel(period, motor, options.fluctuation, names[0], flywheel)]
+            lines.append(str(flywheel))
+        draw_motion(periods, notes, picture)
     print(*lines, picture, table, sep='\n')
 
 
@@ -73,41 +76,53 @@ def movie(options: argparse.Namespace) -> None:
     Raises:
         ConfigurationError: The mechanism, the speed or the file cannot be used.
     """
-    _, period, (name, about, speed, *_) = show(options.params, options.rpm)
+    period, (name, about, speed, *_) = _show(options.params, load(options.params), options.rpm)
     share = 2 * math.pi / SECONDS / abs(period.speed or math.inf)
     title = [name, about, speed, f'shown at {share:.3g} of its speed']
     with folder(options.out.parent):
-        draw_movie(period, title, options.out, progress)
+        draw_movie(period, title, options.out)
     print(', '.join(title), options.out, sep='\n')
 
 
-def show(source: str, rpm: float | None, **others: Any) -> tuple[Drive, Period, list[str]]:
+def _names(options: argparse.Namespace) -> list[str]:
+    """The names of the mechanisms.
+
+    Raises:
+        ConfigurationError: They cannot be drawn beside each other.
+    """
+    count, most = len(options.params), len(DESIGN_COLORS)
+    if count > most or (count > 1 and options.fluctuation is not None):
+        raise ConfigurationError(
+            f'{count} mechanisms: must be at most {most}, and one with --fluctuation'
+        )
+    names = [find_file(source).stem for source in options.params]
+    if len(set(names)) < count:
+        raise ConfigurationError(f'{", ".join(names)}: give each file another name')
+    return names
+
+
+def _show(
+    source: str, design: Configuration, rpm: float | None, **others: Any
+) -> tuple[Period, list[str]]:
     """Computes the period to draw.
 
-    Args:
-        source: Parameter file or preset.
-        rpm: Crank speed; None: the file's.
-        others: Other options that were given: acceleration, reactions, fluctuation.
-
     Returns:
-        Its drive, its period, and its title: name, class, speed, and further lines.
+        The period, and its title: name, class, speed, and further lines.
 
     Raises:
         ConfigurationError: The mechanism or the options cannot be used.
     """
-    configuration, name = load(source), find_file(source).stem
+    mechanism, name, kind = design.mechanism, find_file(source).stem, design.kind.mechanism
     others = {option: value for option, value in others.items() if value}
-    settles = Solver(configuration.mechanism).mobility is None  # its motor determines the motion
-    period, (group, *lines) = (_settled if settles else _driven)(
-        source, configuration, rpm, others
-    )
-    kind = configuration.kind.mechanism
-    about = [kind if kind != name else '', configuration.mechanism.assembly, group]
-    return configuration.drive, period, [name, ', '.join(filter(None, about)), *lines]
+    settles = Solver(mechanism).mobility is None  # its motor determines the motion
+    compute = _settled if settles else _driven
+    period, (group, *lines) = compute(source, mechanism, design.drive, rpm, others)
+    about = [kind if kind != name else '', mechanism.assembly, group]
+    return period, [name, ', '.join(filter(None, about)), *lines]
 
 
 def _driven(
-    source: str, configuration: Configuration, rpm: float | None, others: dict[str, Any]
+    source: str, mechanism: Any, drive: Any, rpm: float | None, others: dict[str, Any]
 ) -> tuple[Period, list[str]]:
     """Computes a period at a given speed, its class, and lines about it.
 
@@ -115,12 +130,11 @@ def _driven(
         ConfigurationError: No speed is given, options exclude each other, or the reactions have
             no finite value.
     """
-    drive = configuration.drive
-    if rpm is None and not isinstance(drive, SpeedDrive):
+    rpm = getattr(drive, 'rpm', None) if rpm is None else rpm
+    if rpm is None:
         raise ConfigurationError(
             f'{source} has no crank speed of its own: at which speed to draw it? Add --rpm 60'
         )
-    rpm = cast('SpeedDrive', drive).rpm if rpm is None else rpm
     acceleration = others.get('acceleration', 0.0)
     if 'fluctuation' in others and (acceleration or not rpm):
         raise ConfigurationError(
@@ -128,16 +142,15 @@ def _driven(
             f'{acceleration:g} rad/s^2: change --rpm or --acceleration, or leave it out'
         )
     period = SpeedDrivenPeriod(
-        configuration.mechanism, radians_per_second(rpm), acceleration,
-        reactions='reactions' in others,
-    )  # fmt: skip
+        mechanism, radians_per_second(rpm), acceleration, reactions='reactions' in others
+    )
     accelerated = f', {acceleration:g} rad/s^2' if acceleration else ''
     grashof = period.solver.reach.grashof
     return period, [grashof, f'{rpm:g} rpm{accelerated}', *travel(period.solver).words()]
 
 
 def _settled(
-    source: str, configuration: Configuration, rpm: float | None, others: dict[str, Any]
+    source: str, mechanism: Any, drive: Any, rpm: float | None, others: dict[str, Any]
 ) -> tuple[Period, list[str]]:
     """Computes the steady motion of a wind pump, and lines about it.
 
@@ -149,7 +162,6 @@ def _settled(
             f'--{option} is for a crank at a given speed, and {source} moves as its motor '
             f'drives it: leave --{option} out'
         )
-    drive = cast('TorqueDrive', configuration.drive)
     name, given = ('start_rpm', drive.start_rpm) if rpm is None else ('--rpm', rpm)
     if not given > 0:
         raise ConfigurationError(
@@ -157,7 +169,7 @@ def _settled(
             'forwards and left to its motor; try --rpm 20'
         )
     speed = radians_per_second(given)
-    settled = settle(cast('WindPump', configuration.mechanism), drive.motor, speed, progress)
+    settled = settle(mechanism, drive.motor, speed, progress)
     low, high = settled.turning_points.min(), settled.turning_points.max()
     repeats = f', repeats after {settled.turns} turns' if settled.turns > 1 else ''
     return settled_turn(settled), [
@@ -179,55 +191,35 @@ def settled_turn(motion: PeriodicMotion) -> Period:
     return Period(motion.solver, crank, state, speed=motion.speed, mean_power=power)
 
 
-# ---------------------------------------------------------------- several mechanisms
-
-
-def _names(options: argparse.Namespace) -> list[str]:
-    """The names of the mechanisms.
-
-    Raises:
-        ConfigurationError: They cannot be drawn beside each other.
-    """
-    count, most = len(options.params), len(DESIGN_COLORS)
-    if count > most or (count > 1 and options.fluctuation is not None):
-        raise ConfigurationError(
-            f'{count} mechanisms: must be at most {most}, and one with --fluctuation'
-        )
-    names = [find_file(source).stem for source in options.params]
-    if len(set(names)) < count:
-        raise ConfigurationError(f'{", ".join(names)}: give each file another name')
-    return names
-
-
 def _measures(period: Period) -> dict[str, float | None]:
     """Measures of a design by name and unit; None if it lacks one."""
     solver, columns = period.solver, period.columns
-    link = solver.structure.links[-1]
-    way = extent(period.crank, columns[f'{link.name}.position'].values)
-    swing, torque = way.high - way.low, extent(period.crank, columns['driving_torque'].values)
-    found = travel(solver) if solver.mobility else None
+    link, found = solver.structure.links[-1], travel(solver) if solver.mobility else None
+    way, torque = (
+        extent(period.crank, columns[name].values)
+        for name in (f'{link.name}.position', 'driving_torque')
+    )
     angles = found.transmission if found else None
     force = [columns[name].values for name in columns if name.startswith('shaking_force')]
     return {
-        'swing [deg]': None if link.slides else math.degrees(swing),
-        'stroke [m]': swing if link.slides else None,
+        'swing [deg]': None if link.slides else math.degrees(way.high - way.low),
+        'stroke [m]': way.high - way.low if link.slides else None,
         'time ratio': found.time_ratio if found else None,
         'least transmission angle [deg]': (
             math.degrees(min(angles[0], math.pi - angles[1])) if angles else None
         ),
-        'peak torque [N m]': max(abs(torque.low), abs(torque.high)),
+        'peak torque [N m]': max(-torque.low, torque.high),
         'rms torque [N m]': torque.rms,
         'mean power [W]': period.mean_power,
         'peak shaking force [N]': float(np.hypot(*force).max()) if force else None,
     }
 
 
-def _lines(measures: dict[str, dict[str, float | None]]) -> list[str]:
+def _lines(measures: dict[str, dict[str, float | None]]) -> Iterator[str]:
     """The measures of all designs as text, one line each, without those that no design has."""
     width = 2 + max(12, *map(len, measures))
-    lines = [' ' * 32 + ''.join(f'{name:>{width}}' for name in measures)]
+    yield ' ' * 32 + ''.join(f'{name:>{width}}' for name in measures)
     for name in next(iter(measures.values())):
         cells = ['-' if row[name] is None else f'{row[name]:.4g}' for row in measures.values()]
         if set(cells) != {'-'}:
-            lines.append(f'{name:<32}' + ''.join(f'{cell:>{width}}' for cell in cells))
-    return lines
+            yield f'{name:<32}' + ''.join(f'{cell:>{width}}' for cell in cells)

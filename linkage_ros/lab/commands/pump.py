@@ -9,7 +9,7 @@ import os
 from typing import Any
 
 from linkage_ros.errors import ConfigurationError
-from linkage_ros.lab.commands.output import folder, progress, save_records
+from linkage_ros.lab.output import DPI, folder, progress, save_records
 from linkage_ros.lab.sweep.spread import processes
 from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.motion.drives import TorqueDrive
@@ -43,7 +43,6 @@ def pump(options: argparse.Namespace) -> None:
         )
         # These imports, which include Matplotlib, take place while the worker computes.
         from linkage_ros.lab.charts.pump import draw_pump
-        from linkage_ros.lab.charts.sizes import DPI
         from linkage_ros.lab.pump.table import states_table
 
         found = analysis.result()

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """linkage_chart stability: the outcome of each method in each situation, in several grids."""
 
-from __future__ import annotations
-
 import argparse
 import textwrap
 from collections.abc import Sequence
@@ -13,9 +11,6 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.patches import Patch, Rectangle
 
-from linkage_ros.lab.charts.axes import chart
-from linkage_ros.lab.charts.sizes import DPI, NUMBERS, SMALL, WIDTH
-from linkage_ros.lab.commands.output import folder, progress, save_records
 from linkage_ros.lab.methods.loads import (
     CURVE_METHODS,
     CURVE_SITUATIONS,
@@ -36,6 +31,15 @@ from linkage_ros.lab.methods.measure import (
 from linkage_ros.lab.methods.motion_cases import MOTION_SITUATIONS
 from linkage_ros.lab.methods.registry import DEFAULT, INTEGRATORS, LIVE, METHODS, RECORDS
 from linkage_ros.lab.methods.situations import SITUATIONS
+from linkage_ros.lab.output import (
+    DPI,
+    NUMBERS,
+    SMALL,
+    WIDTH,
+    chart,
+    folder,
+    save_records,
+)
 from linkage_ros.palette import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, WHITE, fractions, mixed
 
 # Fill and text. They differ in grey scale too, and each cell names its outcome.
@@ -85,7 +89,7 @@ def stability(options: argparse.Namespace) -> None:
         cases = 2 if options.quick else 30
         cells = [
             cell for methods, situations in GRIDS
-            for cell in measure_outcomes(situations, methods, cases=cases, progress=progress)
+            for cell in measure_outcomes(situations, methods, cases=cases)
         ]  # fmt: skip
         save_records(records, cells)
         title = (

@@ -2,26 +2,28 @@
 # SPDX-License-Identifier: Apache-2.0
 """linkage_chart sweep: many designs of one mechanism."""
 
-from __future__ import annotations
-
 import argparse
 import os
 import sys
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from linkage_ros.lab.charts.axes import chart
-from linkage_ros.lab.commands.output import folder, save_csv
+from linkage_ros.errors import ConfigurationError
+from linkage_ros.lab.output import chart, folder, save_csv
 from linkage_ros.lab.sweep.measures import MEASURES, measure
-from linkage_ros.lab.sweep.results import FRONT, OUTSIDE, VALID, Results
 from linkage_ros.lab.sweep.spread import cluster, processes, spread
-from linkage_ros.lab.sweep.study import read_study
+from linkage_ros.lab.sweep.study import Study, read_study
+from linkage_ros.numeric import Array
 from linkage_ros.palette import BLUE, GREY, SKY, VERMILION, fractions
 from linkage_ros.progress import progress_bar
 
+CANNOT_TURN, OUTSIDE, VALID, FRONT = OUTCOMES = (
+    'cannot turn', 'outside the constraints', 'valid', 'on the Pareto front',
+)  # fmt: skip
 _BLOCK = 2048  # designs per block, independent of the number of workers
 _HEIGHT = 4.6  # inches
 _MARGIN = 0.08  # margin, relative to the span of the good designs
@@ -45,7 +47,7 @@ def sweep(options: argparse.Namespace) -> None:
     """
     study = read_study(options.study)
     name, count = Path(options.study).stem, len(study.designs)
-    table, picture = (options.out / f'{name}.{suffix}' for suffix in ('csv', 'png'))
+    files = [options.out / f'{name}.csv']
     work = partial(measure, study.task)
     (base,) = work(np.array([[leaf.default for leaf in study.columns]]))
     starts = range(0, count, _BLOCK)
@@ -61,23 +63,113 @@ def sweep(options: argparse.Namespace) -> None:
                     found[starts[i] : starts[i] + len(rows)] = rows
                     bar.update(len(rows))
         finally:
-            results, measured = Results(study, base, found), int(np.isfinite(found[:, 0]).sum())
+            results, measured = _Results(study, base, found), int(np.isfinite(found[:, 0]).sum())
             if measured:
-                save_csv(table, results.head(), results.rows())
+                save_csv(files[0], *results.table())
             if 0 < measured < count:
-                print(f'{measured} of {count} designs are in {table}', file=sys.stderr)
+                print(f'{measured} of {count} designs are in {files[0]}', file=sys.stderr)
         results.require_good()
-        files = [table]
         if study.goals:
-            files.append(picture)
-            _draw_front(results, name, picture)
-    print(results.summary(), *results.lines(), *files, sep='\n')
+            files.append(options.out / f'{name}.png')
+            _draw_front(results, name, files[1])
+    print(results.summary, *results.lines(), *files, sep='\n')
 
 
-def _draw_front(results: Results, name: str, path: Path) -> None:
+class _Results:
+    """The measures of all designs.
+
+    Attributes:
+        study: The study.
+        base: Measures of the base by name; NaN where it has none.
+        of: Measures of the designs by name; NaN likewise.
+        outcomes: One of OUTCOMES for each design.
+        summary: The number of designs with each outcome.
+    """
+
+    def __init__(self, study: Study, base: Array, found: Array) -> None:
+        """Determines the outcomes of designs.
+
+        Args:
+            study: The study.
+            base: A row of `measure` for the base.
+            found: A row of `measure` for each design; NaN for designs not yet measured.
+        """
+        self.study, self._turns = study, found[:, 0]
+        self.base = dict(zip(study.task.measures, base[1:].tolist(), strict=True))
+        self.of = dict(zip(study.task.measures, found.T[1:], strict=True))
+        self._held = {
+            f'{name} {low:g} to {high:g}': (self.of[name] >= low) & (self.of[name] <= high)
+            for name, (low, high) in study.constraints.items()
+        }
+        self._good = np.all([self._turns == 1, *self._held.values()], axis=0)
+        outcomes = np.where(self._good, VALID, OUTSIDE)
+        self.outcomes = np.where(self._turns == 0, CANNOT_TURN, outcomes).astype(object)
+        if study.goals:
+            self.outcomes[self._front()] = FRONT
+        counts = [f'{(self.outcomes == x).sum()} {x}' for x in OUTCOMES if x in self.outcomes]
+        self.summary = f'{len(found)} design{"s" * (len(found) > 1)}: {", ".join(counts)}'
+
+    def _front(self) -> Array:
+        """The numbers of the designs on the Pareto front."""
+        first, second = (
+            self.of[name] * (1.0 if goal == 'least' else -1.0)
+            for name, goal in self.study.goals.items()
+        )
+        rows = np.flatnonzero(self._good & np.isfinite(first + second))
+        rows = rows[np.lexsort((second[rows], first[rows]))]
+        best_before = np.minimum.accumulate(np.append(np.inf, second[rows]))[:-1]
+        return np.asarray(rows[second[rows] < best_before])
+
+    def require_good(self) -> None:
+        """Refuses a study without a good design.
+
+        Raises:
+            ConfigurationError: No design is left; the message counts the designs that meet each
+                constraint.
+        """
+        if not self._good.any():
+            counts = ''.join(f', {x.sum()} have {words}' for words, x in self._held.items())
+            raise ConfigurationError(
+                f'no designs are left: of {len(self._good)}, {(self._turns == 1).sum()} turn'
+                f'{counts}; change the ranges or the constraints'
+            )
+
+    def spread(self, measure: str) -> tuple[Array, Array]:
+        """Parameters and measure of the good designs that have it."""
+        has = self._good & np.isfinite(self.of[measure])
+        return self.study.designs[has], self.of[measure][has]
+
+    def lines(self) -> Iterator[str]:
+        """Range and base of each measure, and the parameter that explains most of its variance."""
+        for name, base in self.base.items():
+            designs, values = self.spread(name)
+            if len(values):
+                span = f'{values.min():.5g} to {values.max():.5g} {MEASURES[name].unit}'.rstrip()
+                line, table = (
+                    f'{name}: {span}, base {base:.5g}',
+                    np.column_stack([designs, values]),
+                )
+                if np.ptp(table, axis=0).all():
+                    shares = np.atleast_2d(np.corrcoef(table, rowvar=False))[-1, :-1] ** 2
+                    cause = self.study.columns[int(shares.argmax())].name
+                    line += f', {100 * shares.max():.0f} % of its variance by {cause}'
+                yield line
+
+    def table(self) -> tuple[list[str], list[list[object]]]:
+        """The head of the table, and a row for each measured design; missing values are None."""
+        units = {leaf.name: leaf.quantity.unit for leaf in self.study.columns}
+        units |= {name: MEASURES[name].unit for name in self.of}
+        head = ['design', *(f'{name} [{unit}]' for name, unit in units.items()), 'outcome']
+        table = np.column_stack([self.study.designs, *self.of.values()])
+        cells = np.where(np.isnan(table), None, table)  # type: ignore[call-overload]
+        measured = np.flatnonzero(np.isfinite(self._turns)).tolist()
+        return head, [[i + 1, *cells[i].tolist(), self.outcomes[i]] for i in measured]
+
+
+def _draw_front(results: _Results, name: str, path: Path) -> None:
     """Draws one goal of all designs against the other."""
     goals = [*results.study.goals]
-    with chart(path, _HEIGHT, f'{name}: {results.summary()}') as figure:
+    with chart(path, _HEIGHT, f'{name}: {results.summary}') as figure:
         axes = figure.add_subplot()
         for outcome, look in _LOOKS.items():
             x, y = (results.of[goal][results.outcomes == outcome] for goal in goals)
@@ -86,10 +178,10 @@ def _draw_front(results: Results, name: str, path: Path) -> None:
         axes.plot(*(results.base[goal] for goal in goals), '*', **base)
         for axis, goal in zip('xy', goals, strict=True):
             # Designs outside the constraints may lie far away.
-            values = np.append(results.spread(goal), results.base[goal])
+            values = np.append(results.spread(goal)[1], results.base[goal])
             low, high = np.nanmin(values), np.nanmax(values)
             margin = _MARGIN * (high - low) or 1.0
-            words = f'{goal.replace("_", " ").capitalize()}, {MEASURES[goal].unit}'
-            label = words.removesuffix(', ')
-            axes.set(**{f'{axis}lim': (low - margin, high + margin), f'{axis}label': label})
+            label = f'{goal.replace("_", " ").capitalize()}, {MEASURES[goal].unit}'
+            limits = {f'{axis}lim': (low - margin, high + margin)}
+            axes.set(**limits, **{f'{axis}label': label.removesuffix(', ')})
         axes.legend(frameon=True)

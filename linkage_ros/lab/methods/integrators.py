@@ -8,20 +8,17 @@ is then the gap of the loop, m. The package's own methods are those of live runs
 (motion/fixed_step_integrator.py) and of records (motion/adaptive_integrator.py).
 """
 
-from __future__ import annotations
-
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 from scipy import integrate
 
-from linkage_ros.dynamics.solver import Solver
 from linkage_ros.dynamics.state import loop_residual
 from linkage_ros.formulas import Vector
+from linkage_ros.lab.reference.motions import InitialValueProblem, Phase
 from linkage_ros.lab.reference.multibody import Multibody
-from linkage_ros.lab.reference.problems import InitialValueProblem, Phase
 from linkage_ros.motion.fixed_step_integrator import Integrate
 from linkage_ros.motion.published import published
 from linkage_ros.numeric import Array
@@ -31,36 +28,38 @@ _END = 1e10  # s, longer than any run
 _MOST_STEPS = 500  # between two times; with more the solver counts as stuck
 
 
-def _gap(solver: Solver, phase: Phase) -> float:
-    """The gap at coordinates; they close the loop up to rounding errors."""
-    half = len(phase) // 2
-    state = solver.state(phase[:half], phase[half:], (0.0,) * half)
-    return loop_residual(solver.structure, state)
+class _OwnCoordinates:
+    """An integrator in the coordinates of the mechanism, which close the loop but for rounding."""
+
+    def __init__(self, problem: InitialValueProblem) -> None:
+        self._driven, self._phase = problem.driven, problem.start
+
+    def gap(self) -> float:
+        """See above."""
+        half, solver = len(self._phase) // 2, self._driven.solver
+        state = solver.state(self._phase[:half], self._phase[half:], (0.0,) * half)
+        return loop_residual(solver.structure, state)
 
 
-class OfPackage:
-    """The package's own steps, which reduce the crank angle and count its turns."""
+class OfPackage(_OwnCoordinates):
+    """The package's own steps, which change coordinates, and count the turns of the crank."""
 
     def __init__(self, problem: InitialValueProblem, begin: Integrate) -> None:
         self._steps = begin(problem.driven, problem.start)
 
     def at(self, time: float) -> Phase:
         """See above."""
-        steps = self._steps
-        steps.advance(time)
-        moment = published(steps.driven, steps.phase, steps.pairs)
+        self._steps.advance(time)
+        self._driven, self._phase = self._steps.driven, self._steps.phase
+        moment = published(self._driven, self._phase, self._steps.pairs)
         return moment.unwrapped, *moment.q[1:], *moment.u
 
-    def gap(self) -> float:
-        """See above; in the current coordinates."""
-        return _gap(self._steps.driven.solver, self._steps.phase)
 
-
-class RungeKutta4:
+class RungeKutta4(_OwnCoordinates):
     """The classical textbook method of order 4 in equal steps, without error control."""
 
     def __init__(self, problem: InitialValueProblem, step: float) -> None:
-        self._driven, self._phase = problem.driven, problem.start
+        super().__init__(problem)
         self._longest, self._time = step, 0.0
 
     def at(self, time: float) -> Phase:
@@ -78,41 +77,34 @@ class RungeKutta4:
         self._time, self._phase = time, y
         return y
 
-    def gap(self) -> float:
-        """See above."""
-        return _gap(self._driven.solver, self._phase)
-
 
 def _moved(phase: Phase, h: float, slope: Sequence[float]) -> Phase:
     """Moves along one slope; a sixth faster than the sums of fixed_step_integrator.py."""
     return tuple([value + h * rate for value, rate in zip(phase, slope, strict=True)])
 
 
-class OfScipy:
+class OfScipy(_OwnCoordinates):
     """One of SciPy's solvers, with its own dense output between steps."""
 
     def __init__(self, problem: InitialValueProblem, solver: str, tolerance: float) -> None:
-        """Starts at t = 0.
-
-        Args:
-            problem: The motion and its start.
-            solver: Name of the class in scipy.integrate.
-            tolerance: Tolerance, relative, and absolute in rad and crank lengths.
-        """
-        self._problem = problem
-        self._values, units = self._begin()
+        """Starts with a class of scipy.integrate, and a tolerance in rad and crank lengths."""
+        super().__init__(problem)
+        self._problem, (self._phase, units) = problem, self._begin(problem)
         self._steps: Any = getattr(integrate, solver)(
-            self._slope, 0.0, np.array(self._values), _END, first_step=_FIRST_STEP,
-            rtol=tolerance, atol=tolerance * np.array(units),
+            lambda _, values: self._slope(values), 0.0, np.array(self._phase), _END,
+            first_step=_FIRST_STEP, rtol=tolerance, atol=tolerance * np.array(units),
         )  # fmt: skip
-        self._between: Any = None
+        self._between: Callable[[float], Array]
 
-    def _begin(self) -> tuple[Phase, Phase]:
+    def _begin(self, problem: InitialValueProblem) -> tuple[Phase, Phase]:
         """The values at t = 0, and their units."""
-        return self._problem.start, self._problem.driven.units
+        return problem.start, problem.driven.units
 
-    def _slope(self, _: float, values: Array) -> Array:
-        return np.array(self._problem.driven.slope(tuple(values.tolist())))
+    def _slope(self, values: Array) -> Array:
+        return np.array(self._driven.slope(tuple(values.tolist())))
+
+    def _correct(self, steps: Any) -> None:
+        """Changes the values at the end of a step."""
 
     def at(self, time: float) -> Phase:
         """See above.
@@ -123,8 +115,8 @@ class OfScipy:
         steps = self._steps
         for _ in range(_MOST_STEPS):
             if steps.t >= time:
-                self._values = tuple(self._between(time).tolist())
-                return self._values
+                self._phase = tuple(self._between(time).tolist())
+                return self._phase
             with np.errstate(all='ignore'):  # the caller detects values that are not finite
                 message = steps.step()
             if steps.status == 'failed':
@@ -132,13 +124,6 @@ class OfScipy:
             self._between = steps.dense_output()
             self._correct(steps)
         raise ArithmeticError(f'the steps from {steps.t} s on are too short to get anywhere')
-
-    def _correct(self, steps: Any) -> None:
-        """Changes the values at the end of a step."""
-
-    def gap(self) -> float:
-        """See above."""
-        return _gap(self._problem.driven.solver, self._values)
 
 
 class Multipliers(OfScipy):
@@ -158,52 +143,44 @@ class Multipliers(OfScipy):
         closing: float = 0.0,
         projects: bool = False,
     ) -> None:
-        """Starts at t = 0 and closes the loop.
-
-        Args:
-            problem: The motion and its start.
-            tolerance: See `OfScipy`.
-            closing: Baumgarte's k, 1/s.
-            projects: Whether to project after every step.
-        """
+        """Starts with Baumgarte's k, 1/s, or with projections after every step."""
         self._bodies = Multibody(problem.mechanism, float, Vector.at)
         self._closing, self._projects = closing, projects
         super().__init__(problem, 'DOP853', tolerance)
 
-    def _begin(self) -> tuple[Phase, Phase]:
-        problem, count = self._problem, self._problem.count
-        q, u = problem.start[:count], problem.start[count:]
-        state = problem.driven.solver.state(q, u, (0.0,) * count)
+    def _begin(self, problem: InitialValueProblem) -> tuple[Phase, Phase]:
+        q, u = problem.start[: problem.count], problem.start[problem.count :]
+        state = problem.driven.solver.state(q, u, (0.0,) * problem.count)
         length = problem.mechanism.crank.length
         units = tuple(length if slides else 1.0 for slides in self._bodies.slides)
         return (*state.position, *state.velocity), units * 2
 
-    def _places(self, values: Sequence[float]) -> list[Vector]:
+    def _split(self, values: Sequence[float]) -> tuple[list[Vector], list[float]]:
+        """The links' positions, as `Multibody.gap` takes them, and their rates."""
+        half = len(values) // 2
         pairs = zip(values, self._bodies.slides, strict=False)
-        return [Vector(x, 0.0) if slides else Vector.at(x) for x, slides in pairs]
+        places = [Vector(x, 0.0) if slides else Vector.at(x) for x, slides in pairs]
+        return places, list(values[half:])
 
-    def _slope(self, _: float, values: Array) -> Array:
-        half, row = len(values) // 2, values.tolist()
-        rates, places = row[half:], self._places(row)
+    def _slope(self, values: Array) -> Array:
+        places, rates = self._split(values.tolist())
+        half, k = len(rates), self._closing
         matrix, right = self._bodies.system(places, rates)
         right[0] += self._problem.motor.at(rates[0])
-        k = self._closing
         for i, gap in enumerate(self._bodies.gap(places) if k else (), half):
             right[i] -= k * (2 * np.dot(matrix[i][:half], rates) + k * gap)
         return np.array([*rates, *np.linalg.solve(matrix, right)[:half]])
 
     def _correct(self, steps: Any) -> None:
+        steps.y = self._projected(steps.y)
         if self._projects:
-            steps.y = self._projected(steps.y)
-            steps.f = self._slope(steps.t, steps.y)
+            steps.f = self._slope(steps.y)
 
     def _projected(self, values: Array) -> Array:
-        """The nearest values that close the loop."""
-        half = len(values) // 2
-        for _ in range(2):  # the second step corrects the nonlinearity of the first
-            row = values.tolist()
-            places, rates = self._places(row), row[half:]
-            matrix, _ = self._bodies.system(places, rates)
+        """The nearest values that close the loop; those given if nothing is projected."""
+        for _ in range(2 * self._projects):  # the second step corrects the first's nonlinearity
+            places, rates = self._split(values.tolist())
+            half, (matrix, _) = len(rates), self._bodies.system(places, rates)
             gaps = np.zeros((len(matrix), 2))
             gaps[half:, 0] = self._bodies.gap(places)
             gaps[half:, 1] = np.array(matrix)[half:, :half] @ rates
@@ -212,12 +189,10 @@ class Multipliers(OfScipy):
 
     def at(self, time: float) -> Phase:
         """See above."""
-        values = super().at(time)
-        if self._projects:
-            values = self._values = tuple(self._projected(np.array(values)).tolist())
-        places, rates = values[: len(values) // 2], values[len(values) // 2 :]
-        return places[0], *places[3:], rates[0], *rates[3:]
+        self._phase = tuple(self._projected(np.array(super().at(time))).tolist())
+        places, rates = self._split(self._phase)
+        return self._phase[0], *(place.x for place in places[3:]), rates[0], *rates[3:]
 
     def gap(self) -> float:
         """See above."""
-        return math.hypot(*self._bodies.gap(self._places(self._values)))
+        return math.hypot(*self._bodies.gap(self._split(self._phase)[0]))

@@ -7,23 +7,22 @@ point where it may be larger by many powers of ten, to the value itself. Errors 
 absolute, in rad.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 import time
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
-from functools import cached_property
+from dataclasses import replace
+from functools import cached_property, lru_cache
 from typing import Any, TypeAlias
 
 import numpy as np
 from mpmath import mp
 
+from linkage_ros import LinkageError, Solver, UnreachableError
 from linkage_ros.dynamics.program import Program
-from linkage_ros.dynamics.solver import Solver
 from linkage_ros.dynamics.tape import Constants
-from linkage_ros.errors import LinkageError, UnreachableError
+from linkage_ros.lab.methods import stages
 from linkage_ros.lab.methods.measure import (
     DIVERGED,
     FAILURES,
@@ -37,18 +36,12 @@ from linkage_ros.lab.methods.measure import (
     Setting,
     attempt,
 )
-from linkage_ros.lab.methods.stages import (
-    ACCELERATION,
-    OWN,
-    POSITION,
-    QUANTITIES,
-    SPEED,
-    Links,
-    formula,
-)
-from linkage_ros.lab.reference.states import DIRECTION, Exact, Linkage, Reference, other_assembly
+from linkage_ros.lab.methods.stages import ACCELERATION, POSITION, QUANTITIES, SPEED
+from linkage_ros.lab.reference.states import DIRECTION, Linkage, Reference, other_assembly
 from linkage_ros.numeric import Array, Real
+from linkage_ros.parameters.configuration import load
 
+NEAR = 'near a change point'
 _EVEN = 48  # angles, over a period or an arc
 _NOTHING = 1e-12  # of the largest value of a quantity
 _BATCH = 4096  # states
@@ -77,40 +70,31 @@ class LinkageCase(Case):
         *,
         decimal: bool = False,
     ) -> None:
-        """Prepares it.
-
-        Args:
-            mechanism: The linkage.
-            cranks: Angles in order, rad.
-            guess: Initial guess of iterations; by default the position at the first angle, rounded
-                to 0.1 rad or m.
-            decimal: See `Reference`.
-        """
+        """Prepares it; by default the guess is the first position, rounded to 0.1 rad or m."""
         self.mechanism, self.cranks, self.decimal = mechanism, np.array(cranks), decimal
         self.guess = guess or _rough(mechanism, cranks[0])
         self.reference = Reference(mechanism, SPEED, ACCELERATION, decimal=decimal)
-        self._known: dict[int, dict[str, Any]] = {}
+        self._exact = lru_cache(None)(self._state)
 
     @cached_property
-    def _other(self) -> LinkageCase:
+    def _other(self) -> 'LinkageCase':
         """The other assembly."""
         other = other_assembly(self.mechanism)
         return LinkageCase(other, self.cranks, self.guess, decimal=self.decimal)
 
-    def _exact(self, place: int) -> dict[str, Any]:
+    def _state(self, place: int) -> dict[str, Any]:
         """The true values, in long doubles to resolve errors of doubles; empty: no state."""
-        if place not in self._known:
-            state: Exact = {}
-            with suppress(UnreachableError):
-                state = self.reference.state(float(self.cranks[place]))
-            self._known[place] = {
-                name: [np.longdouble(mp.nstr(x, 25)) for x in row] for name, row in state.items()
+        with suppress(UnreachableError):
+            state = self.reference.state(float(self.cranks[place]))
+            return {
+                name: np.array([np.longdouble(mp.nstr(x, 25)) for x in row])
+                for name, row in state.items()
             }
-        return self._known[place]
+        return {}
 
     @cached_property
-    def _sizes(self) -> dict[str, list[float]]:
-        """Largest value of each quantity at even angles inside the reach."""
+    def _sizes(self) -> dict[str, Any]:
+        """Largest value of each quantity at even angles inside the reach; 0: it is rounding."""
         solver, parts = Solver(self.mechanism), (np.arange(_EVEN) + 0.5) / _EVEN
         turns = solver.reach.period_turns
         cranks = [start + (end - start) * turns * parts for start, end in solver.reach.arcs]
@@ -118,29 +102,25 @@ class LinkageCase(Case):
         rows = state.position[1:], state.velocity[1:], state.acceleration[1:], (state.torque,)
         sizes = {}
         for quantity, each in zip(QUANTITIES, rows, strict=True):
-            largest = [float(np.max(np.abs(row))) for row in each]
-            # Rounding residues are not a size.
-            sizes[quantity] = [x if x > _NOTHING * max(largest) else 0.0 for x in largest]
+            largest = np.array([np.max(np.abs(row)) for row in each])
+            sizes[quantity] = np.where(largest > _NOTHING * largest.max(), largest, 0.0)
         output = sizes[POSITION][1:] if self.reference.slides else [1.0, 1.0]
-        return sizes | {DIRECTION: [1.0, 1.0, *output]}
+        return sizes | {DIRECTION: np.array([1.0, 1.0, *output])}
 
     def error(self, quantity: str, place: int, row: Sequence[float]) -> float:
         """See `Case`: a position is two numbers or, as unit vectors, more."""
-        exact, worst = self._exact(place), 0.0
-        if not exact:
+        state, found = self._exact(place), np.array(row)
+        if not state:
             return math.inf
-        slides = self.reference.slides
-        angles = 2 - slides if quantity == POSITION else 0
+        angles = slice(2 - self.reference.slides if quantity == POSITION else 0)
         if quantity == POSITION and len(row) > 2:
-            quantity, angles = DIRECTION, 0
-        values = zip(row, exact[quantity], self._sizes[quantity], strict=True)
-        for i, (value, true, size) in enumerate(values):
-            apart = value - true
-            if i < angles and abs(value) < _FAR:
-                apart -= _TURN * np.rint(apart / _TURN)
-            scale = max(size, abs(true)) if size and i >= angles else 1.0
-            worst = max(worst, float(abs(apart) / scale))
-        return worst
+            quantity, angles = DIRECTION, slice(0)
+        true, size = state[quantity], self._sizes[quantity]
+        apart, scale = found - true, np.where(size, np.maximum(size, abs(true)), 1.0)
+        turns = np.rint(apart[angles] / _TURN)
+        apart[angles] -= _TURN * np.where(abs(found[angles]) < _FAR, turns, 0.0)
+        scale[angles] = 1.0
+        return float(max(abs(apart) / scale))
 
     def wrong(self, quantity: str, place: int, row: Sequence[float]) -> str:
         """See `Case`."""
@@ -149,7 +129,7 @@ class LinkageCase(Case):
 
     def own(self, method: Method) -> Iterable[Panel]:
         """See `Case`."""
-        return itertools.product(OWN[method.stage], method.modes)
+        return itertools.product(stages.OWN[method.stage], method.modes)
 
     def function(self, method: Method, setting: Setting, quantity: str, mode: str) -> Function:
         """Makes a function from the crank angle to a quantity, including all preceding stages.
@@ -161,14 +141,12 @@ class LinkageCase(Case):
             mode: Whether the function takes an angle or an array of them.
 
         Returns:
-            The function.
-
-        Raises:
-            LinkageError: The method cannot solve this linkage.
+            The function. A method that cannot solve this linkage raises a `LinkageError`.
         """
         tool = method.tool(self, setting) if method.tool else None
-        links = Constants(Links.of(self.mechanism, tool))
-        program = Program(formula(quantity, method.stage, method.solve), links, ('crank',))
+        links = Constants(stages.Links.of(self.mechanism, tool))
+        formula = stages.formula(quantity, method.stage, method.solve)
+        program = Program(formula, links, ('crank',))
         if method.narrow:
             return lambda crank: program.arrays(np.asarray(crank, np.float32))
         return program.scalar if mode == ONE else program.arrays
@@ -204,42 +182,35 @@ class TurnCase(LinkageCase):
     rounds = 15
 
     def __init__(self, mechanism: Linkage, angles: int) -> None:
-        """Prepares it.
-
-        Args:
-            mechanism: The linkage.
-            angles: Number of even angles per turn.
-        """
+        """Prepares it, with this number of even angles per turn."""
         reach = Solver(mechanism).reach
-        turns = reach.period_turns
         fine = reach.samples(angles)
-        even = np.linspace(0, fine[-1], angles * turns + 1)
+        even = np.linspace(0, fine[-1], angles * reach.period_turns + 1)
         # Starts half a step after 0, so that special angles do not bias a method.
         self._ones = even[:-1] + math.pi / angles
-        fine = np.setdiff1d(fine, even)[:: 360 // angles]
-        # The fast places themselves.
-        middle = reach.fast + math.pi * np.arange(2 * turns)
-        cranks = np.unique(np.concatenate([self._ones, fine, middle]))
+        # Beside the even angles, some where the motion is fast, and the fast places themselves.
+        fast = reach.fast + math.pi * np.arange(2 * reach.period_turns)
+        some = np.setdiff1d(fine, even)[:: 360 // angles]
+        cranks = np.unique(np.concatenate([self._ones, some, fast]))
         super().__init__(mechanism, cranks, _rough(mechanism, 0.1))
 
-    def panels(self, method: Method, setting: Setting) -> Iterable[Panel]:
+    def panels(self, method: Method, _: Setting) -> Iterable[Panel]:
         """Quantities that a method provides, completed by the package's own stages."""
-        del setting
-        first = QUANTITIES.index(OWN[method.stage][0])
+        first = QUANTITIES.index(stages.OWN[method.stage][0])
         return itertools.product(QUANTITIES[first:], method.modes)
 
     def timer(
         self, method: Method, setting: Setting, quantity: str, mode: str
-    ) -> Callable[[], Sequence[float]]:
-        """Prepares a method; returns a function that gives its time per state, us."""
+    ) -> Callable[[], float]:
+        """Prepares a method; returns a function that measures its time per state, us."""
         function = self.function(method, setting, quantity, mode)
         calls: Any = self._ones.tolist() if mode == ONE else [np.resize(self._ones, _BATCH)]
 
-        def timed() -> Sequence[float]:
+        def timed() -> float:
             start = time.perf_counter()
             for crank in calls:
                 function(crank)
-            return ((time.perf_counter() - start) / np.size(calls) * 1e6,)
+            return (time.perf_counter() - start) / np.size(calls) * 1e6
 
         return timed
 
@@ -248,3 +219,22 @@ def _rough(mechanism: Linkage, crank: float) -> Place:
     """The position at a crank angle, rounded to 0.1 rad or m."""
     _, coupler, output = Solver(mechanism).state(crank).position
     return round(coupler, 1), round(output, 1)
+
+
+def linkages(*, quick: bool) -> list[tuple[str, TurnCase]]:
+    """The three linkages of the chart of accuracy, by name.
+
+    The third is nearly a kite: its crank pin passes the rocker pivot at 1e-12 m. Its bodies are
+    those of the first.
+    """
+    mechanisms: list[Any] = [load(name).mechanism for name in ('quadrilateral', 'slider_crank')]
+    q, slider_crank = mechanisms
+    kite = replace(
+        q,
+        crank=replace(q.crank, length=0.3),
+        frame=replace(q.frame, length=0.3 + 1e-12),
+        coupler=replace(q.coupler, length=0.5),
+        rocker=replace(q.rocker, length=0.5),
+    )
+    named = ('quadrilateral', q), ('slider_crank', slider_crank), (NEAR, kite)
+    return [(name, TurnCase(linkage, 36 if quick else 360)) for name, linkage in named]

@@ -12,11 +12,9 @@ b / (1 - k) or -b / (1 + k), the one that continues |b| as the coefficient grows
 the mechanism locks.
 """
 
-from __future__ import annotations
-
 import bisect
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
 from functools import partial
@@ -25,22 +23,10 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from linkage_ros.dynamics.solver import Solver
-from linkage_ros.lab.methods.measure import (
-    ONE,
-    Case,
-    Method,
-    Panel,
-    Row,
-    Setting,
-    Situation,
-    attempt,
-)
+from linkage_ros import Friction, LoadCurve, SliderCrank, Solver
+from linkage_ros.lab.methods.measure import Case, Method, Row, Situation, attempt
 from linkage_ros.lab.methods.situations import Random, slider_crank
 from linkage_ros.lab.methods.stages import ACCELERATION, SPEED
-from linkage_ros.model.load_curve import LoadCurve
-from linkage_ros.model.loads import Friction
-from linkage_ros.model.slider_crank import SliderCrank
 from linkage_ros.numeric import TURN
 
 _POINTS, _LARGEST = 8, 10.0  # N m
@@ -63,18 +49,12 @@ class NumberCase(Case):
     def __init__(self, given: tuple[Any, ...], exact: float, size: float) -> None:
         self.given, self.exact, self.size = given, exact, size
 
-    def own(self, method: Method) -> Iterable[Panel]:
+    def rows(self, method: Method, *_: Any) -> Sequence[Row]:
         """See `Case`."""
-        return [(method.stage, ONE)]
-
-    def rows(self, method: Method, setting: Setting, quantity: str, mode: str) -> Sequence[Row]:
-        """See `Case`."""
-        del setting, quantity, mode
         return [attempt(lambda: (method.solve(*self.given),))]
 
-    def error(self, quantity: str, place: int, row: Sequence[float]) -> float:
+    def error(self, _quantity: str, _place: int, row: Sequence[float]) -> float:
         """See `Case`."""
-        del quantity, place
         return abs(row[0] - self.exact) / self.size
 
 

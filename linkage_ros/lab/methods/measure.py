@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Methods, the cases on which they are measured, and the situations in which some of them fail.
+"""Methods, the cases on which they are measured, and the measurements for both charts.
 
 A case is one problem, of a linkage, a motion, a load curve or friction, whose true answer is
 known. A method answers it row by row: at each crank angle, at one time after another, or once. A
@@ -11,20 +11,21 @@ situation makes cases. A cell of the chart of stability shows the worst outcome,
     diverged      a finite value that is wrong, or any value where no state exists
     wrong branch  wrong, but within 1e-6 of the other assembly's position
     NaN           no number, or an arithmetic error
-"""
 
-from __future__ import annotations
+A point of the chart of accuracy is the largest error and the time of a method with a setting.
+"""
 
 import itertools
 import math
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any, TypeAlias
 
 import numpy as np
 
 from linkage_ros.errors import LinkageError
+from linkage_ros.lab.output import progress
 
 RIGHT, REFUSED, DIVERGED, WRONG_BRANCH, NAN = OUTCOMES = (
     'right', 'refused', 'diverged', 'wrong branch', 'NaN',
@@ -38,8 +39,12 @@ _SEED = 20_261_121
 Setting: TypeAlias = dict[str, float]
 Row: TypeAlias = Sequence[float] | None  # an answer; not finite: failure; None: refusal
 Panel: TypeAlias = tuple[str, str]  # a quantity and a mode
-Outcome: TypeAlias = tuple[str, float]  # from OUTCOMES, and the error; inf without a value
-Progress: TypeAlias = Callable[[Iterable[Any], str], Iterable[Any]]
+
+# A method with a setting, as in the JSON file: names of 'method' and 'mechanism'; 'setting' as
+# text; 'quantity' and 'mode'; 'us_per_state', us, including all preceding work, for a motion per
+# simulated ms, so that 1000 us is real time; 'max_error', the largest relative error over the
+# period or motion; None where the method fails; 'pareto': no right point is faster and closer.
+Point: TypeAlias = dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -79,39 +84,6 @@ def label(setting: Setting) -> str:
     return ', '.join(f'{name} {value:g}' for name, value in setting.items())
 
 
-class Case(ABC):
-    """One problem and its true answer."""
-
-    @abstractmethod
-    def own(self, method: Method) -> Iterable[Panel]:
-        """Quantities that a method itself computes, in each of its modes."""
-
-    @abstractmethod
-    def rows(self, method: Method, setting: Setting, quantity: str, mode: str) -> Sequence[Row]:
-        """The answers of a method."""
-
-    @abstractmethod
-    def error(self, quantity: str, place: int, row: Sequence[float]) -> float:
-        """The largest relative error of finite values at a place; inf: no state exists there."""
-
-    def wrong(self, quantity: str, place: int, row: Sequence[float]) -> str:
-        """The outcome of wrong values."""
-        del quantity, place, row
-        return DIVERGED
-
-    def outcomes(self, method: Method, setting: Setting, *panel: str) -> list[Outcome]:
-        """The outcomes of a method at all places, for one quantity in one mode."""
-        found: list[Outcome] = []
-        for place, row in enumerate(self.rows(method, setting, *panel)):
-            if row is None or not all(map(math.isfinite, row)):
-                found.append((REFUSED if row is None else NAN, math.inf))
-                continue
-            error = self.error(panel[0], place, row)
-            is_right = error <= LIMIT
-            found.append((RIGHT if is_right else self.wrong(panel[0], place, row), error))
-        return found
-
-
 def attempt(solve: Callable[..., Sequence[float]], *given: Any) -> Row:
     """Calls a function that may fail."""
     try:
@@ -121,6 +93,38 @@ def attempt(solve: Callable[..., Sequence[float]], *given: Any) -> Row:
         return None
     except FAILURES:
         return (math.nan,)
+
+
+class Case:
+    """One problem and its true answer."""
+
+    def own(self, method: Method) -> Iterable[Panel]:
+        """Quantities that a method itself computes, in each of its modes."""
+        return [(method.stage, ONE)]
+
+    def rows(self, method: Method, setting: Setting, quantity: str, mode: str) -> Sequence[Row]:
+        """The answers of a method."""
+        raise NotImplementedError
+
+    def error(self, quantity: str, place: int, row: Sequence[float]) -> float:
+        """The largest relative error of finite values at a place; inf: no state exists there."""
+        raise NotImplementedError
+
+    def wrong(self, _quantity: str, _place: int, _row: Sequence[float]) -> str:
+        """The outcome of wrong values."""
+        return DIVERGED
+
+    def outcomes(self, method: Method, setting: Setting, *panel: str) -> list[tuple[str, float]]:
+        """The outcomes of a method at all places, and its errors; inf without a value."""
+        found: list[tuple[str, float]] = []
+        for place, row in enumerate(self.rows(method, setting, *panel)):
+            if row is None or not all(map(math.isfinite, row)):
+                found.append((REFUSED if row is None else NAN, math.inf))
+                continue
+            error = self.error(panel[0], place, row)
+            outcome = RIGHT if error <= LIMIT else self.wrong(panel[0], place, row)
+            found.append((outcome, error))
+        return found
 
 
 @dataclass(frozen=True)
@@ -153,7 +157,7 @@ class Situation:
 
 
 def measure_outcomes(
-    situations: Iterable[Situation], methods: Sequence[Method], *, cases: int, progress: Progress
+    situations: Iterable[Situation], methods: Sequence[Method], *, cases: int
 ) -> list[dict[str, Any]]:
     """Runs every method in every situation.
 
@@ -161,25 +165,83 @@ def measure_outcomes(
         situations: The situations.
         methods: The methods.
         cases: Number of cases of each situation.
-        progress: Wraps an iterable in a progress bar with a label.
 
     Returns:
         The cells, situation by situation: names of method and situation, the worst outcome, and
         the largest error of a finite value, None without one.
     """
-    cells = []
-    every = progress(list(itertools.product(situations, methods)), 'situations')
-    for situation, pairs in itertools.groupby(every, key=lambda pair: pair[0]):
-        made = situation.cases(cases)
-        for _, method in pairs:
-            found = [
-                outcome
-                for case in made
-                for panel in case.own(method)
-                for outcome in case.outcomes(method, method.steady, *panel)
-            ]
-            worst = max((outcome for outcome, _ in found), key=OUTCOMES.index)
-            errors = [error for _, error in found if math.isfinite(error)]
-            cell = {'method': method.name, 'situation': situation.name, 'outcome': worst}
-            cells.append({**cell, 'worst_error': max(errors, default=None)})
+    cells, made = [], lru_cache(1)(Situation.cases)
+    for situation, method in progress([*itertools.product(situations, methods)], 'situations'):
+        found = [
+            outcome
+            for case in made(situation, cases)
+            for panel in case.own(method)
+            for outcome in case.outcomes(method, method.steady, *panel)
+        ]
+        errors = [error for _, error in found if math.isfinite(error)]
+        cells.append({
+            'method': method.name, 'situation': situation.name,
+            'outcome': max((outcome for outcome, _ in found), key=OUTCOMES.index),
+            'worst_error': max(errors, default=None),
+        })  # fmt: skip
     return cells
+
+
+def measure_accuracy(
+    cases: Iterable[tuple[str, Any]], methods: Sequence[Method], *, quick: bool
+) -> list[Point]:
+    """Measures errors and times of methods.
+
+    Args:
+        cases: By name; each a `TurnCase` or a `MotionCase`.
+        methods: The methods.
+        quick: Whether to use one round.
+
+    Returns:
+        The points of the chart, with marked Pareto fronts.
+    """
+    points: list[Point] = []
+    for name, case in cases:
+        asked = [
+            (method, setting, *panel)
+            for method in methods
+            for setting in method.settings
+            for panel in case.panels(method, setting)
+        ]
+        outcomes = [case.outcomes(*each) for each in progress(asked, f'errors, {name}')]
+        timers = [case.timer(*each) for each in asked]
+        rounds = progress(range(1 if quick else case.rounds), f'times, {name}')
+        times = [[attempt(lambda: (timer(),)) for timer in timers] for _ in rounds]  # noqa: B023
+        for each, found, *taken in zip(asked, outcomes, *times, strict=True):
+            method, setting, quantity, mode = each
+            us = min(row[0] if row else math.nan for row in taken)
+            error = max(error for _, error in found)
+            points.append({
+                'method': method.name, 'setting': label(setting), 'mechanism': name,
+                'quantity': quantity, 'mode': mode,
+                'us_per_state': us if math.isfinite(us) else None,
+                'max_error': error if math.isfinite(error) else None,
+            })  # fmt: skip
+    return with_fronts(points)
+
+
+def with_fronts(points: list[Point]) -> list[Point]:
+    """Marks the Pareto front of each panel: right points that no other right point dominates."""
+    # Wrong points are not part of any front.
+    right = [
+        point for point in points
+        if None not in (point['us_per_state'], point['max_error']) and point['max_error'] <= LIMIT
+    ]  # fmt: skip
+    return [
+        {**p, 'pareto': p in right and not any(_beats(other, p) for other in right)}
+        for p in points
+    ]
+
+
+def _beats(one: Point, other: Point) -> bool:
+    panel, figures = ('mechanism', 'quantity', 'mode'), ('us_per_state', 'max_error')
+    return (
+        all(one[name] == other[name] for name in panel)
+        and all(one[name] <= other[name] for name in figures)
+        and any(one[name] < other[name] for name in figures)
+    )

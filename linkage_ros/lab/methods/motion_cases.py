@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Cases for integrators: motions under a torque, and seeded random hard ones."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -14,12 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from linkage_ros.dynamics.solver import Solver
+from linkage_ros import Body, Coupler, FourBar, Solver
 from linkage_ros.lab.methods.measure import (
     DIVERGED,
     Case,
     Method,
-    Outcome,
     Panel,
     Row,
     Setting,
@@ -27,17 +24,14 @@ from linkage_ros.lab.methods.measure import (
     attempt,
 )
 from linkage_ros.lab.methods.situations import Random, four_bar, limited
-from linkage_ros.lab.reference.motions import MotionReference
-from linkage_ros.lab.reference.problems import (
+from linkage_ros.lab.reference.motions import (
     InitialValueProblem,
+    MotionReference,
     Phase,
     coasting,
     driven_pump,
     free_pump,
-    preset,
 )
-from linkage_ros.model.four_bar import FourBar
-from linkage_ros.model.parts import Body, Coupler
 from linkage_ros.motion.drives import Motor
 
 TRAJECTORY, ENERGY, LOOP = 'trajectory', 'energy', 'loop'  # judged quantities
@@ -82,9 +76,8 @@ class MotionCase(Case):
         largest = (float(max(map(abs, rate))) for rate in rates)
         return (*self.problem.driven.units[: self.problem.count], *largest)
 
-    def own(self, method: Method) -> Iterable[Panel]:
+    def own(self, _: Method) -> Iterable[Panel]:
         """See `Case`."""
-        del method
         return [(quantity, MEAN) for quantity in self.quantities]
 
     def panels(self, method: Method, setting: Setting) -> Iterable[Panel]:
@@ -92,9 +85,8 @@ class MotionCase(Case):
         has_ticks = TRAJECTORY in self.quantities and setting.get('step', 0) <= _TICK
         return [*self.own(method), *[(TRAJECTORY, SLOWEST)] * has_ticks]
 
-    def rows(self, method: Method, setting: Setting, quantity: str, mode: str) -> Sequence[Row]:
+    def rows(self, method: Method, setting: Setting, *_: str) -> Sequence[Row]:
         """See `Case`: phases with the gap of the loop, m, up to a failure or a refusal."""
-        del quantity, mode
         return followed(self.problem, self.times, method.solve, tuple(setting.items()))
 
     def error(self, quantity: str, place: int, row: Sequence[float]) -> float:
@@ -106,25 +98,22 @@ class MotionCase(Case):
         """
         *phase, gap = row
         if quantity == LOOP:
-            return gap / self.problem.mechanism.crank.length
+            return float(gap / self.problem.mechanism.crank.length)
         if quantity == ENERGY:
             (kinetic, still), energy = map(self.problem.energy, (self.problem.start, tuple(phase)))
             return abs(sum(energy) - (kinetic + still)) / kinetic
         values = zip(phase, self._exact[place], self._sizes, strict=True)
         return max(abs(float(Decimal(value) - true)) / size for value, true, size in values)
 
-    def outcomes(self, method: Method, setting: Setting, *panel: str) -> list[Outcome]:
+    def outcomes(self, method: Method, setting: Setting, *panel: str) -> list[tuple[str, float]]:
         """See `Case`: wrong values count more than the failure after them."""
         found = super().outcomes(method, setting, *panel)
         return [each for each in found if each[0] == DIVERGED] or found
 
-    def timer(
-        self, method: Method, setting: Setting, quantity: str, mode: str
-    ) -> Callable[[], Sequence[float]]:
-        """A function that returns the time of a simulated ms, or of the slowest, us."""
-        del quantity
+    def timer(self, method: Method, setting: Setting, _: str, mode: str) -> Callable[[], float]:
+        """A function that measures the time of a simulated ms, or of the slowest, us."""
         timed = _mean_time if mode == MEAN else _slowest_time
-        return lambda: (timed(self.times, partial(method.solve, self.problem, setting)),)
+        return lambda: timed(self.times, partial(method.solve, self.problem, setting))
 
 
 # Situations share motions, and panels of a chart share runs.
@@ -136,19 +125,19 @@ def followed(
     setting: tuple[tuple[str, float], ...],
 ) -> list[Row]:
     """Integrates a motion; see `MotionCase.rows`."""
-    phases = _phases(times, partial(solve, problem, dict(setting)))
-    rows = [attempt(next, phases, ()) for _ in times]
+
+    def phases() -> Iterator[tuple[float, ...]]:
+        follower = solve(problem, dict(setting))
+        for moment in times:
+            phase = follower.at(moment)
+            if not all(map(math.isfinite, phase)):
+                raise ArithmeticError('the motion overflows')
+            # A phase without a position is refused here, as on publishing.
+            yield *phase, follower.gap()
+
+    run = phases()
+    rows = [attempt(next, run, ()) for _ in times]
     return [row for row in rows if row != ()]  # () if the motion has ended before
-
-
-def _phases(times: Sequence[float], begin: Callable[[], Any]) -> Iterator[tuple[float, ...]]:
-    follower = begin()
-    for moment in times:
-        phase = follower.at(moment)
-        if not all(map(math.isfinite, phase)):
-            raise ArithmeticError('the motion overflows')
-        # A phase without a position is refused here, as on publishing.
-        yield *phase, follower.gap()
 
 
 def _mean_time(times: Sequence[float], begin: Callable[[], Any]) -> float:
@@ -178,6 +167,19 @@ def even(seconds: float) -> list[float]:
     return [(i + 1) * _ASKED for i in range(round(seconds / _ASKED))]
 
 
+def motions(*, quick: bool) -> list[tuple[str, MotionCase]]:
+    """The motions of the chart of accuracy.
+
+    The fast pump, with and without motor and load, and a coasting four-bar.
+    """
+    seconds = 0.5 if quick else 10.0
+    return [
+        ('wind_pump', MotionCase(driven_pump(6.0), even(seconds))),
+        ('wind_pump', MotionCase(free_pump(6.0), even(seconds), (ENERGY,))),
+        ('quadrilateral', MotionCase(coasting(), even(seconds * 0.4), (TRAJECTORY, ENERGY))),
+    ]
+
+
 # ---------------------------------------------------------------- situations
 
 
@@ -196,8 +198,7 @@ def _change_point(random: Random, _: int) -> MotionCase:
     mechanism = _parallelogram(random)
     angle, speed, torque = (float(k) for k in random.uniform((-2, 1, 0.1), (-1, 3, 0.2)))
     problem = InitialValueProblem(mechanism, (angle, speed), Motor(torque))
-    ((inertia,),) = problem.driven.solver.matrix(1.0)
-    change = torque / inertia
+    change = torque / problem.driven.solver.matrix(1.0)[0][0]
     return MotionCase(
         problem, even(4.0),
         at=lambda t: (angle + (speed + change / 2 * t) * t, speed + change * t),
@@ -208,12 +209,12 @@ def _steep_line(random: Random, i: int) -> MotionCase:
     damping = (1e3, 1e7)[i] if i < 2 else 10.0 ** float(random.uniform(3, 9))
     mechanism, speed = _parallelogram(random), float(random.uniform(5, 20))
     problem = InitialValueProblem(mechanism, (0.0, 0.0), Motor(damping * speed, damping))
-    ((inertia,),) = problem.driven.solver.matrix(1.0)
-    return MotionCase(problem, even(1.0), at=lambda t: _settling(0.0, speed, damping / inertia, t))
+    rate = damping / problem.driven.solver.matrix(1.0)[0][0]
+    return MotionCase(problem, even(1.0), at=lambda t: _settling(0.0, speed, rate, t))
 
 
 def _stiff_guide(random: Random, i: int) -> MotionCase:
-    pump = preset('wind_pump').mechanism
+    pump = free_pump(1.0).mechanism
     damping = (1e5, 1e9)[i] if i < 2 else 10.0 ** float(random.uniform(5, 11))
     force, speed = (float(k) for k in random.uniform((-0.1, 1), (0.1, 3)))
     # Massless coupler and rod do not couple crank and slider.
@@ -234,8 +235,7 @@ def _stiff_guide(random: Random, i: int) -> MotionCase:
 def _settling(begin: float, end: float, rate: float, time: float) -> tuple[float, float]:
     """Path and speed of a body that approaches a speed under linear damping."""
     settled = -math.expm1(-rate * time)
-    way = end * time + (begin - end) * settled / rate
-    return way, begin + (end - begin) * settled
+    return end * time + (begin - end) * settled / rate, begin + (end - begin) * settled
 
 
 def _stretched(random: Random, i: int) -> MotionCase:

@@ -2,21 +2,28 @@
 # SPDX-License-Identifier: Apache-2.0
 """Linkages for testing methods, some random, and the situations in which methods fail on them."""
 
-from __future__ import annotations
-
 import cmath
 import math
 from typing import TypeAlias
 
 import numpy as np
 
-from linkage_ros.dynamics.solver import Solver
+from linkage_ros import (
+    CROSSED,
+    OPEN,
+    Body,
+    Coupler,
+    FourBar,
+    Frame,
+    Guide,
+    Rocker,
+    Slider,
+    SliderCrank,
+    Solver,
+)
 from linkage_ros.lab.methods.linkage_cases import LinkageCase
 from linkage_ros.lab.methods.measure import Situation
 from linkage_ros.lab.reference.states import Linkage, other_assembly
-from linkage_ros.model.four_bar import FourBar
-from linkage_ros.model.parts import CROSSED, OPEN, Body, Coupler, Frame, Guide, Rocker, Slider
-from linkage_ros.model.slider_crank import SliderCrank
 
 Random: TypeAlias = np.random.Generator
 

@@ -15,8 +15,6 @@ with B(gamma) = d e^(i delta) + c e^(i gamma) of a rocker, and B(x) = (x + i e) 
 slider.
 """
 
-from __future__ import annotations
-
 import functools
 import math
 import operator
@@ -37,12 +35,9 @@ STATE, POSITION, RATES = 'state', 'position', 'rates'
 OWN = {STATE: QUANTITIES, POSITION: QUANTITIES[:1], RATES: QUANTITIES[1:3]}
 SPEED, ACCELERATION = 5 * math.pi, 20.0  # of the crank, rad/s (150 rpm) and rad/s^2
 
-Pair: TypeAlias = tuple[Real, Real]
-# The coupler's direction and the output: each an angle, rad, a unit vector, or m.
-Place: TypeAlias = tuple[Real | Vector, Real | Vector]
-# Position, and its first and second derivatives by the crank angle.
-Rates: TypeAlias = tuple[Place, Pair, Pair]
-Locate: TypeAlias = Callable[[Real], Place]  # from the crank angle
+# Of the coupler's direction and the output: each an angle, rad, a unit vector, or m.
+Pair: TypeAlias = tuple[Any, Any]
+Locate: TypeAlias = Callable[[Real], Pair]  # from the crank angle
 
 
 class Links(NamedTuple):
@@ -69,7 +64,7 @@ class Links(NamedTuple):
     tool: Any
 
     @classmethod
-    def of(cls, mechanism: Linkage, tool: Any = None) -> Links:
+    def of(cls, mechanism: Linkage, tool: Any = None) -> 'Links':
         """The constants of a linkage, with a number or a function of the crank angle as tool."""
         r, b, *rocker, d = lengths(mechanism)
         side = 1.0 if mechanism.assembly == OPEN else -1.0
@@ -117,13 +112,13 @@ def formula(quantity: str, stage: str, solve: Callable[..., Any]) -> Callable[..
 # ---------------------------------------------------------------- positions
 
 
-def factored(links: Links, crank: Real) -> Place:
+def factored(links: Links, crank: Real) -> Pair:
     """The package's own: sums of terms that are never negative (model.transmission)."""
     _, coupler, output = links.model.loop.pose((crank,)).links
     return coupler.direction, output.position if links.c is None else output.direction
 
 
-def two_circles(links: Links, crank: Real) -> Place:
+def two_circles(links: Links, crank: Real) -> Pair:
     """B by intersecting the circles about A and B0, or the one about A and the slider's path."""
     r, b, c, d, angle, side, *_ = links
     arm, frame = Vector.at(crank) * r, Vector.at(angle)
@@ -165,7 +160,7 @@ def _half_angle_root(a: Real, b: Real, c: Real, sign: Real) -> Real:
     return 2 * atan2((-b + sign * sqrt(b * b - 4 * a * c)) / (2 * a), 1.0)
 
 
-def looked_up(links: Links, crank: Real) -> Place:
+def looked_up(links: Links, crank: Real) -> Pair:
     """Positions from opaque functions: the tool and the two parts of its result."""
     locate, first, second = links.tool
     found = locate(crank)
@@ -175,7 +170,7 @@ def looked_up(links: Links, crank: Real) -> Place:
 # ---------------------------------------------------------------- the loop
 
 
-def _arms(links: Links, crank: Real, place: Place) -> tuple[Vector, ...]:
+def _arms(links: Links, crank: Real, place: Pair) -> tuple[Vector, ...]:
     """The vectors of a loop, m.
 
     From A0 to A, from A to B, and from B0 to B or along the guide; the derivative of B by the
@@ -202,7 +197,7 @@ def _direction(link: Real | Vector) -> Vector:
     return link if isinstance(link, Vector) else Vector.at(link)
 
 
-def posed(links: Links, crank: Real, place: Place, first: Pair, second: Pair) -> Pose:
+def posed(links: Links, crank: Real, place: Pair, first: Pair, second: Pair) -> Pose:
     """The pose of a position and its derivatives by the crank angle."""
     poses = [LinkPose(crank, Vector.at(crank), (1.0,), (ZERO,))]
     for at, rate, change in zip(place, first, second, strict=True):
@@ -222,7 +217,7 @@ def newton_step(links: Links, crank: Real, coupler: Real, output: Real) -> tuple
 # ---------------------------------------------------------------- rates
 
 
-def two_by_two(links: Links, crank: Real, locate: Locate) -> Rates:
+def two_by_two(links: Links, crank: Real, locate: Locate) -> tuple[Pair, Pair, Pair]:
     """The differentiated loop, solved for both unknowns.
 
     Document 1, eq. 13 to 18; for a slider-crank, document 4, eq. 5 to 8.
@@ -237,7 +232,7 @@ def two_by_two(links: Links, crank: Real, locate: Locate) -> Rates:
     return position, first, _closing(coupler, slope, right)
 
 
-def central_differences(links: Links, crank: Real, locate: Locate) -> Rates:
+def central_differences(links: Links, crank: Real, locate: Locate) -> tuple[Pair, Pair, Pair]:
     """Positions a step before and after (for instance Dahlquist and Bjorck, sec. 3.3)."""
     step = links.tool
     before, here, after = locate(crank - step), locate(crank), locate(crank + step)

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Reference motions for integrators, right to 1e-17 in SI units.
+"""Motions under a torque: their initial values, and references right to 1e-17 in SI units.
 
 The multibody equations are integrated by extrapolation (Gragg, Bulirsch and Stoer: Hairer, Norsett
 and Wanner, Solving Ordinary Differential Equations I, II.9), which no compared method uses. Unit
@@ -9,20 +9,24 @@ digits, which are five times as fast as mpmath. Shorter steps, a quadrature of t
 independent implementation agree (test/test_integrators.py).
 """
 
-from __future__ import annotations
-
 import itertools
+import math
 from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from decimal import Context, Decimal, localcontext
+from functools import cached_property
 from typing import Any, TypeAlias
 
 import numpy as np
 from mpmath import mp
 from scipy import optimize
 
+from linkage_ros.dynamics.solver import Solver
 from linkage_ros.formulas import Vector, cross, dot
 from linkage_ros.lab.reference.multibody import Multibody, eliminate
-from linkage_ros.lab.reference.problems import InitialValueProblem
+from linkage_ros.motion.driven_mechanism import DrivenMechanism
+from linkage_ros.motion.drives import Motor
+from linkage_ros.parameters.configuration import load
 
 _CONTEXT = Context(prec=34)
 _LOOK = 0.02  # s between two checks for the end of the coordinates
@@ -32,6 +36,66 @@ _FEW, _ROWS = 9, 12  # largest number of rows of the extrapolation; the order is
 _TOLERANCE = Decimal('1e-20')  # tolerance of a step, in SI units
 _CLOSED = 4  # corrections of a position in doubles until all digits are right
 _State: TypeAlias = Any  # an array of Decimals; NumPy has no type for it
+
+
+# Coordinates, then their rates.
+Phase: TypeAlias = tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class InitialValueProblem:
+    """A motion from its start, in the crank angle and, of a wind pump, the slider's position.
+
+    Attributes:
+        mechanism: A four-bar or a wind pump.
+        start: Coordinates at t = 0, then their rates; rad and m, rad/s and m/s.
+        motor: Motor of the crank.
+    """
+
+    mechanism: Any
+    start: Phase
+    motor: Motor = field(default_factory=Motor)
+
+    @cached_property
+    def driven(self) -> DrivenMechanism:
+        """The first-order system, with the package's own equations of motion."""
+        return DrivenMechanism(Solver(self.mechanism), lambda speed: self.motor.at(speed))
+
+    @property
+    def count(self) -> int:
+        """Number of coordinates."""
+        return len(self.start) // 2
+
+    def energy(self, phase: Phase) -> tuple[float, float]:
+        """Kinetic energy plus the potential energy of weights, up to a constant, J."""
+        return self.driven.solver.energy(phase[: self.count], phase[self.count :])
+
+
+def driven_pump(speed: float, velocity: float = 0.0) -> InitialValueProblem:
+    """The wind pump of document 3 with its motor and load.
+
+    Args:
+        speed: Speed of the crank at t = 0, rad/s.
+        velocity: Velocity of the slider at t = 0, m/s.
+
+    Returns:
+        The problem.
+    """
+    pump: Any = load('wind_pump')
+    start = 0.0, pump.mechanism.slider.position, speed, velocity
+    return InitialValueProblem(pump.mechanism, start, pump.drive.motor)
+
+
+def free_pump(speed: float) -> InitialValueProblem:
+    """The pump without motor and load, which conserves energy, from a crank speed, rad/s."""
+    driven = driven_pump(speed)
+    slider = replace(driven.mechanism.slider, damping=0.0)
+    return InitialValueProblem(replace(driven.mechanism, slider=slider), driven.start)
+
+
+def coasting() -> InitialValueProblem:
+    """The quadrilateral of document 1 from 150 rpm without a motor, which conserves energy."""
+    return InitialValueProblem(load('quadrilateral').mechanism, (0.0, 5 * math.pi))
 
 
 class MotionReference:

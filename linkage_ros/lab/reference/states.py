@@ -18,12 +18,9 @@ from typing import Any, TypeAlias
 
 from mpmath import mp
 
-from linkage_ros.errors import UnreachableError
+from linkage_ros import CROSSED, OPEN, FourBar, SliderCrank, UnreachableError
 from linkage_ros.formulas import Vector
 from linkage_ros.lab.reference.multibody import Multibody
-from linkage_ros.model.four_bar import FourBar
-from linkage_ros.model.parts import CROSSED, OPEN
-from linkage_ros.model.slider_crank import SliderCrank
 
 _DIGITS = 130
 _ASIDE = '1e-60'  # rad

@@ -1,23 +1,29 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The measures of designs: functions of many designs over all crank angles of a period."""
+"""The measures of designs: functions of many designs over all crank angles of a period.
 
-from __future__ import annotations
+Constants of many designs come from the code for a single mechanism: its description gets arrays in
+place of numbers. Where this code branches on a value, all designs must take the same branch. If
+they do not, they are divided by this condition, and each group starts again. So every group has
+one structure, and one program.
+"""
 
+import copy
 import math
-from collections.abc import Callable
-from functools import cached_property, partial
+from collections.abc import Callable, Iterator, Mapping
+from functools import cached_property
 from typing import Any, NamedTuple, cast
 
 import numpy as np
+import numpy.typing as npt
 
+from linkage_ros.dynamics.equations import Model
 from linkage_ros.dynamics.program import Program
 from linkage_ros.dynamics.reactions import reactions
 from linkage_ros.dynamics.tape import Constants, transformed
+from linkage_ros.errors import LinkageError
 from linkage_ros.formulas import ZERO, Vector
-from linkage_ros.lab.sweep.designs import groups
 from linkage_ros.lab.torque_models import driving_torque
-from linkage_ros.model.four_bar import FourBarLoop
 from linkage_ros.model.structure import Mechanism
 from linkage_ros.model.transmission import Transmission
 from linkage_ros.numeric import Array, Real, wrap
@@ -48,7 +54,123 @@ class Task(NamedTuple):
     points: tuple[complex, ...] = ()
 
 
-# Formulas of a model with its coupler point, of the crank angle and the speed.
+def measure(task: Task, designs: Array) -> Array:
+    """Measures designs.
+
+    Args:
+        task: What to measure.
+        designs: A row for each design, a column for each name.
+
+    Returns:
+        A row for each design: 1 if its crank turns fully, else 0; then the measures, NaN where a
+        design has none.
+    """
+    found = np.full((len(designs), 1 + len(task.measures)), math.nan)
+    found[:, 0] = 0
+    columns = dict(zip(task.names, designs.T, strict=True))
+    rpms = columns.pop(RPM, np.full(len(designs), task.rpm or 0.0))
+    at_once = max(1, _AT_ONCE // task.angles)
+    # As in Program.arrays: glibc then keeps the memory of arrays.
+    np.empty(3_000_000)
+    with np.errstate(all='ignore'):
+        for rows, transmission, constants in groups(task.mechanism, columns, len(designs)):
+            for start in range(0, len(rows) if transmission.turns_fully else 0, at_once):
+                part = slice(start, start + at_once)
+                speed: Real = radians_per_second(rpms[rows[part], None])
+                batch = Batch(constants.part(part), transmission, speed, task)
+                measured = [MEASURES[name].of(batch) for name in task.measures]
+                found[rows[part]] = np.column_stack([np.ones(len(speed)), *measured])
+    return found
+
+
+# ---------------------------------------------------------------- groups of one structure
+
+
+class _DivideError(Exception):
+    """A condition holds only for some designs; the argument is its value for each design."""
+
+
+class _Designs(np.ndarray[Any, Any]):
+    """A quantity of many designs, of shape (designs, 1)."""
+
+    def __bool__(self) -> bool:
+        holds = np.asarray(self).ravel() != 0
+        if holds.all() or not holds.any():
+            return bool(holds[0])
+        raise _DivideError(holds)
+
+
+def groups(
+    mechanism: Mechanism, columns: Mapping[str, Array], count: int
+) -> Iterator[tuple[npt.NDArray[np.intp], Transmission, Constants]]:
+    """Divides designs into groups of one structure.
+
+    Args:
+        mechanism: The mechanism that the designs have in common.
+        columns: Values for all designs, by parameter name.
+        count: Number of designs.
+
+    Yields:
+        The indices of the designs; their transmission, and the constants of formulas, in which
+        varied numbers are arrays of shape (designs, 1). Designs that cannot be assembled are in
+        no group.
+
+    Raises:
+        TypeError: The mechanism cannot be computed for arrays.
+    """
+    waiting = [np.arange(count)]
+    while waiting:
+        rows = waiting.pop()
+        try:
+            yield rows, *_constants(mechanism, columns, rows)
+        except _DivideError as error:
+            (holds,) = error.args
+            waiting += [rows[holds], rows[~holds]]
+        except TypeError:  # some constants of this mechanism are functions of floats alone
+            if len(rows) == 1:
+                raise
+            waiting += np.split(rows, len(rows))
+        except LinkageError:
+            continue
+
+
+def _constants(
+    mechanism: Mechanism, columns: Mapping[str, Array], rows: npt.NDArray[np.intp]
+) -> tuple[Transmission, Constants]:
+    """The transmission; and model, coupler point and extreme transmission angles."""
+    for name, column in columns.items():
+        value = float(column[rows[0]]) if len(rows) == 1 else column[rows, None].view(_Designs)
+        mechanism = with_value(mechanism, name, value)
+    structure = mechanism.structure()
+    model = Model.of(mechanism, structure)
+    transmission = cast('Any', model.loop).transmission
+    constants = model, structure.points.get('C'), transmission.extremes()
+    return transmission, Constants(constants)
+
+
+def with_value(part: Any, name: str, value: Any) -> Any:
+    """A description with one value replaced, without checks.
+
+    Args:
+        part: A mechanism, one of its parts, or a pair of numbers.
+        name: Dotted name of a parameter; 0 and 1 are the numbers of a pair.
+        value: The value.
+
+    Returns:
+        A copy.
+    """
+    first, _, rest = name.partition('.')
+    if isinstance(part, tuple):
+        return tuple(value if i == int(first) else old for i, old in enumerate(part))
+    changed = copy.copy(part)
+    inner = with_value(getattr(part, first), rest, value) if rest else value
+    object.__setattr__(changed, first, inner)
+    return changed
+
+
+# ---------------------------------------------------------------- formulas and measures
+
+# Formulas of the constants above, the crank angle and the speed.
 
 
 def torque_of(constants: Any, angle: Real, speed: Real) -> Real:
@@ -64,7 +186,7 @@ def _output_of(constants: Any, angle: Real, _: Real) -> tuple[Real, Real, Real]:
 
 def _path_of(constants: Any, angle: Real, _: Real) -> Vector:
     """The coupler point, m."""
-    model, point = constants
+    model, point, *_ = constants
     directions = [link.direction for link in model.loop.pose((angle,)).links]
     at_rest = [ZERO] * len(directions)
     return cast('Vector', point.follow(directions, at_rest, at_rest)[0])
@@ -73,6 +195,11 @@ def _path_of(constants: Any, angle: Real, _: Real) -> Vector:
 def _force_of(constants: Any, angle: Real, speed: Real) -> Vector:
     """The force on the frame, N."""
     return reactions(constants[0], (angle,), (speed,), ())[2]
+
+
+def _extremes_of(constants: Any, *_: Real) -> tuple[Real, Real]:
+    """The smallest and the largest transmission angle, rad."""
+    return cast('tuple[Real, Real]', constants[2])
 
 
 class Batch:
@@ -84,16 +211,8 @@ class Batch:
     def __init__(
         self, constants: Constants, transmission: Transmission, speed: Array, task: Task
     ) -> None:
-        """Computes the motion of the designs.
-
-        Args:
-            constants: Constants of the model, and the coupler point or None.
-            transmission: Constants of the transmission angle.
-            speed: Crank speeds, of shape (designs, 1), rad/s.
-            task: Number of angles, and points.
-        """
-        self._constants, self._transmission = constants, transmission
-        self._speed, self._points = speed, task.points
+        """Takes constants, crank speeds of shape (designs, 1), rad/s, angles and points."""
+        self._constants, self._speed, self._points = constants, speed, task.points
         straight = [square.least is ZERO for square in (transmission.cos, transmission.sin)]
         self._has_change_point, turns = any(straight), 2 if sum(straight) == 1 else 1
         self._step = 2 * math.pi / task.angles
@@ -147,7 +266,7 @@ class Batch:
 
     def transmission_angle(self) -> Array:
         """Smallest transmission angle, as an acute one, deg."""
-        low, high = self._transmission.extremes()
+        low, high = self._run(_extremes_of, self._angles[:1])
         return cast('Array', np.degrees(np.minimum(low, math.pi - high)).ravel())
 
     def point_distance(self) -> Array:
@@ -199,38 +318,3 @@ def has(task: Task, needs: str) -> bool:
         _SLIDER: slides,
         _POINTS: bool(task.points) and 'C' in structure.points,
     }.get(needs, True)
-
-
-def measure(task: Task, designs: Array) -> Array:
-    """Measures designs.
-
-    Args:
-        task: What to measure.
-        designs: A row for each design, a column for each name.
-
-    Returns:
-        A row for each design: 1 if its crank turns fully, else 0; then the measures, NaN where a
-        design has none.
-    """
-    found = np.full((len(designs), 1 + len(task.measures)), math.nan)
-    found[:, 0] = 0
-    columns = dict(zip(task.names, designs.T, strict=True))
-    rpms = columns.pop(RPM, np.full(len(designs), task.rpm or 0.0))
-    at_once = max(1, _AT_ONCE // task.angles)
-    # As in Program.arrays: glibc then keeps the memory of arrays.
-    np.empty(3_000_000)
-    with np.errstate(all='ignore'):
-        for rows, model, constants in groups(task.mechanism, columns, len(designs)):
-            transmission = cast('FourBarLoop', model.loop).transmission
-            for start in range(0, len(rows) if transmission.turns_fully else 0, at_once):
-                part = slice(start, start + at_once)
-                speed: Real = radians_per_second(rpms[rows[part], None])
-                own = transformed(partial(_part, part), transmission)
-                batch = Batch(constants.part(part), own, speed, task)
-                measured = [MEASURES[name].of(batch) for name in task.measures]
-                found[rows[part]] = np.column_stack([np.ones(len(speed)), *measured])
-    return found
-
-
-def _part(rows: slice, value: Any) -> Any:
-    return value[rows] if isinstance(value, np.ndarray) else value

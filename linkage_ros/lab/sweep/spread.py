@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Spreads work over processes of this machine, or over a Dask cluster."""
 
-from __future__ import annotations
-
 import logging
 import multiprocessing
 import os
@@ -103,12 +101,6 @@ def cluster(address: str) -> Iterator[Executor]:
     from distributed import Client, KilledWorker
     from distributed.comm.addressing import get_address_host_port
 
-    reasons = {
-        TimeoutError: f'it has no workers; start `dask worker {address}`',
-        KilledWorker: 'workers died again and again: is memory short? Give fewer angles',
-        ImportError: 'a worker has no linkage_ros: install it there',
-        CancelledError: 'the scheduler has gone',
-    }
     # Dask logs errors that are raised here as well, and the repetition of lost work.
     logging.getLogger('distributed.client').setLevel(logging.CRITICAL)
     try:
@@ -125,6 +117,8 @@ def cluster(address: str) -> Iterator[Executor]:
             client.wait_for_workers(1, timeout=_PATIENCE)
             client.run(version, 'linkage_ros')  # without it a worker ends, and its work waits
             yield client.get_executor()
-        except tuple(reasons) as error:
-            reason = next(reasons[kind] for kind in reasons if isinstance(error, kind))
-            raise ConfigurationError(f'--scheduler {address}: {reason}') from error
+        except (TimeoutError, KilledWorker, ImportError, CancelledError) as error:
+            raise ConfigurationError(
+                f'--scheduler {address}: {type(error).__name__}: {error}; the cluster needs '
+                f'workers (`dask worker {address}`) with linkage_ros, and memory for the angles'
+            ) from error

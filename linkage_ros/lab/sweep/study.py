@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A study: which designs to try, what to measure, and which of them are good."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -88,10 +86,10 @@ def read_study(path: str) -> Study:
     measures = given.pop('measures', [])
     settings = build(Settings, given)
     configuration = load(settings.base)
-    mechanism, rpm = configuration.mechanism, settings.rpm
+    mechanism = configuration.mechanism
     if not hasattr(mechanism.loop(), 'transmission'):
         raise ConfigurationError(f'base = {settings.base}: must be a four_bar or a slider_crank')
-    rpm = getattr(configuration.drive, RPM, None) if rpm is None else rpm
+    rpm = getattr(configuration.drive, RPM, None) if settings.rpm is None else settings.rpm
     columns = _columns(groups, mechanism, rpm)
     constraints = {
         name: _span(f'constraints.{name}', value, _NUMBER)
@@ -99,13 +97,20 @@ def read_study(path: str) -> Study:
     }
     goals = {name: str(_GOAL.clean(f'goals.{name}', x)) for name, x in groups['goals'].items()}
     if len(goals) not in {0, 2}:
-        raise ConfigurationError(f'{len(goals)} goals: must be two measures, or none')
+        raise ConfigurationError(f'goals = {shown(goals)}: must be two measures, or none')
     listed = measures if isinstance(measures, list) else [measures]
     wanted, points = dict.fromkeys([*listed, *goals, *constraints]), settings.points or ()
     places = tuple(map(complex, points[::2], points[1::2]))
     names = tuple(leaf.name for leaf in columns)
     task = Task(mechanism, rpm, names, tuple(wanted), settings.angles, places)
-    _require_measures(task)
+    if not wanted:
+        raise ConfigurationError(f'no measures: choose from {", ".join(MEASURES)}')
+    for name in wanted:
+        if name not in MEASURES:
+            meant = nearest(str(name), MEASURES) or ' or '.join(MEASURES)
+            raise ConfigurationError(f'{shown(name)} is not a measure; did you mean {meant}?')
+        if not has(task, MEASURES[name].needs):
+            raise ConfigurationError(f'measure {name}: needs {MEASURES[name].needs}')
     return Study(task, columns, _designs(settings, columns), constraints, goals)
 
 
@@ -124,27 +129,11 @@ def _read_groups(path: str) -> tuple[dict[str, dict[str, Any]], dict[str, Any]]:
             groups[group][rest] = value
         elif name in groups:
             raise ConfigurationError(f'{name} = {shown(value)}: write {name}: {{NAME: VALUE}}')
-        elif name in {leaf.name for leaf in known}:
-            given[name] = value
-        else:
+        elif name not in {leaf.name for leaf in known}:
             raise ConfigurationError(unknown_name(name, 'a study', known, 'docs/sizing.md'))
+        else:
+            given[name] = value
     return groups, given
-
-
-def _require_measures(task: Task) -> None:
-    """Refuses measures that do not exist, or that the mechanism does not have.
-
-    Raises:
-        ConfigurationError: A measure is not available, or none is requested.
-    """
-    if not task.measures:
-        raise ConfigurationError(f'no measures: choose from {", ".join(MEASURES)}')
-    for name in task.measures:
-        if name not in MEASURES:
-            meant = nearest(str(name), MEASURES) or ' or '.join(MEASURES)
-            raise ConfigurationError(f'{shown(name)} is not a measure; did you mean {meant}?')
-        if not has(task, MEASURES[name].needs):
-            raise ConfigurationError(f'measure {name}: needs {MEASURES[name].needs}')
 
 
 def _columns(
@@ -157,20 +146,20 @@ def _columns(
     """
     valid = {leaf.name: leaf for leaf in parameters(mechanism, rpm)}
     columns: dict[str, Leaf] = {}
-    for group in ('ranges', 'tolerances'):
-        for name, value in groups[group].items():
-            if name not in valid:
-                owner, where = f'this {type(mechanism).__name__}', 'docs/reference.md'
-                raise ConfigurationError(unknown_name(name, owner, valid.values(), where))
-            if name in columns:
-                raise ConfigurationError(f'{name} has a range and a tolerance: leave one out')
-            _, allowed, base = valid[name]
-            limits = value
-            if group == 'tolerances':
-                width = cast('float', _NUMBER.clean(f'{group}.{name}', value))
-                limits = [cast('float', base) - width, cast('float', base) + width]
-            low, high = _span(f'{group}.{name}', limits, allowed)
-            columns[name] = Leaf(name, replace(allowed, low=low, high=high), base)
+    for group, name in ((x, name) for x in ('ranges', 'tolerances') for name in groups[x]):
+        if name not in valid:
+            owner = f'this {type(mechanism).__name__}'
+            raise ConfigurationError(
+                unknown_name(name, owner, valid.values(), 'docs/reference.md')
+            )
+        if name in columns:
+            raise ConfigurationError(f'{name} has a range and a tolerance: leave one out')
+        limits, base = groups[group][name], cast('float', valid[name].default)
+        if group == 'tolerances':
+            width = cast('float', _NUMBER.clean(f'{group}.{name}', limits))
+            limits = [base - width, base + width]
+        low, high = _span(f'{group}.{name}', limits, valid[name].quantity)
+        columns[name] = Leaf(name, replace(valid[name].quantity, low=low, high=high), base)
     if not columns:
         raise ConfigurationError('nothing varies: give ranges or tolerances of parameters')
     return [*columns.values()]
@@ -212,15 +201,14 @@ def _designs(settings: Settings, columns: Sequence[Leaf]) -> Array:
         steps = int(count ** (1 / size) + 1e-9)
         if steps < 2:
             raise ConfigurationError(
-                f'designs = {count}: a grid of {size} parameters needs at least {2**size}'
+                f'designs = {count}: a grid needs at least {2**size}, two values of each parameter'
             )
-        axes = np.meshgrid(*[np.linspace(0, 1, steps)] * size, indexing='ij')
-        shares = np.stack(axes, -1).reshape(-1, size)
+        shares = np.indices([steps] * size).reshape(size, -1).T / (steps - 1)
     elif settings.sampler == 'sobol':
         # SciPy warns of numbers that are not a power of 2.
         sampler = qmc.Sobol(size, seed=settings.seed)
         shares = sampler.random_base2(math.ceil(math.log2(count)))[:count]
     else:
         shares = qmc.LatinHypercube(size, seed=settings.seed).random(count)
-    low, high = np.array([(leaf.quantity.low, leaf.quantity.high) for leaf in columns]).T
-    return np.asarray(low + (high - low) * shares)
+    spans = ((leaf.quantity.low, leaf.quantity.high) for leaf in columns)
+    return np.asarray(qmc.scale(shares, *zip(*spans, strict=True)))
