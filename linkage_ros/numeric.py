@@ -5,7 +5,7 @@
 import functools
 import itertools
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable
 from contextlib import suppress
 from fractions import Fraction
 from typing import Any, TypeAlias
@@ -163,22 +163,6 @@ def short_sum(longest: float, *terms: float) -> float:
 def is_rounding(longest: float, total: float) -> bool:
     """Returns whether an exact sum of lengths counts as 0, beside the longest of them."""
     return abs(total) < 4 * math.ulp(longest)
-
-
-def equalities(longest: float, sums: Mapping[str, Sequence[float]]) -> Iterator[str]:
-    """Describes the sums of lengths that count as 0 but are not 0 in binary.
-
-    Args:
-        longest: Longest link, m.
-        sums: Signed terms of the sums by their descriptions.
-
-    Yields:
-        A clause for each.
-    """
-    for words, terms in sums.items():
-        total = math.fsum(terms)
-        if total and is_rounding(longest, total):
-            yield f'{words} = {total:.2g} m counts as 0'
 
 
 def rounded(length: float, *, up: bool) -> str:

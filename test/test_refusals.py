@@ -231,8 +231,9 @@ NO_ASSEMBLY = [
 
 # ---------------------------------------------------------------- cranks that cannot turn
 
-LEFT, RIGHT = "on the guide's left, crank -", "on the guide's right, crank +"
-FAR, NEAR = 'coupler + rocker are', 'coupler and rocker differ by'
+LEFT, RIGHT = 'coupler + offset - crank', 'coupler - offset - crank'
+FAR = 'coupler + rocker - frame - crank'
+NEAR, OTHER = 'frame + rocker - crank - coupler', 'frame + coupler - crank - rocker'
 TRIPLE, CHANGE, NEITHER = 'triple-rocker', 'change-point', 'non-Grashof'
 COUPLER = 'rotating-coupler'
 # Crank, coupler, rocker and frame, or crank, coupler and offset; what stops the crank, and by how
@@ -242,7 +243,7 @@ LIMITED = [
     (FOUR, TRIPLE, (2, 2.1, 2.2, 4), {FAR: 1.7}, 'shorten the crank to at most 0.3 m or …'),
     (FOUR, TRIPLE, (2, 1.9, 2, 2.5), {FAR: 0.6}, 'shorten the crank to at most 1.4 m or …'),
     (FOUR, TRIPLE, (2, 4, 2.1, 2.2), {NEAR: 1.7}, '… 0.3 m or make … 2.1 m each'),
-    (FOUR, TRIPLE, (2.2, 2.1, 4, 2), {NEAR: 1.7}, 'shorten the crank to at most 0.1 m or …'),
+    (FOUR, TRIPLE, (2.2, 2.1, 4, 2), {OTHER: 2.1}, 'shorten the crank to at most 0.1 m or …'),
     (
         FOUR,
         TRIPLE,
@@ -255,10 +256,10 @@ LIMITED = [
         FOUR,
         'double-rocker',
         (2.5, 1, 2.2, 2),
-        {FAR: 1.3, NEAR: 0.7},
+        {FAR: 1.3, OTHER: 1.7},
         'shorten … 0.8 m or … 2.25 m each',
     ),
-    (FOUR, 'rocker-crank', (2.5, 2.2, 1, 2), {FAR: 1.3, NEAR: 0.7}, '… 0.8 m or … 2.25 m each'),
+    (FOUR, 'rocker-crank', (2.5, 2.2, 1, 2), {FAR: 1.3, NEAR: 1.7}, '… 0.8 m or … 2.25 m each'),
     (SLIDER, NEITHER, (2, 2.5, 1), {RIGHT: 0.5}, 'lengthen the coupler to at least 3 m or …'),
     (SLIDER, NEITHER, (2, 2.5, -1), {LEFT: 0.5}, '… shorten the crank to at most 1.5 m'),
     (SLIDER, NEITHER, (1, 1.5, 0.6), {RIGHT: 0.1}, 'lengthen … 1.6 m or … at most 0.9 m'),
@@ -446,12 +447,8 @@ def test_loop_that_cannot_close_is_refused(kind, lengths, expected):
 def limits(words):
     """What stops a crank according to a message, and by how much, m; and the cures."""
     *clauses, cures = words.partition(': ')[2].rpartition('; it reaches ')[0].split('; ')
-    found = {
-        start: float(re.search(r' (\S+) m (?:shorter|more|longer) than', clause)[1])
-        for clause in clauses
-        for start in (FAR, NEAR, LEFT, RIGHT)
-        if clause.startswith(start)
-    }
+    pairs = (re.fullmatch(r'(.*) = -(\S+) m is negative', clause).groups() for clause in clauses)
+    found = {words: float(lack) for words, lack in pairs}
     return found, cures
 
 

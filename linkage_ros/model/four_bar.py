@@ -63,7 +63,6 @@ from linkage_ros.model.transmission import Square, Transmission, middle, swing
 from linkage_ros.numeric import (
     HALF_PI,
     Real,
-    equalities,
     exact_sum,
     largest,
     nearest_turns,
@@ -346,25 +345,8 @@ class FourBar(Mechanism):
     def reach(self) -> Reach:
         """Reach of the crank."""
         loop = self.loop()
-        transmission, (gap, _) = loop.transmission, loop.ground
-        pass_by = abs(gap) / (2 * math.sqrt(self.crank.length * self.frame.length))
-        return transmission.reach(
-            self.grashof,
-            tuple(self._limits(far=transmission.cos.limits, near=transmission.sin.limits)),
-            self._cures(),
-            tuple(equalities(max(self._lengths()), self._sums())),
-            pass_by,
-        )
-
-    def _limits(self, *, far: bool, near: bool) -> Iterator[str]:
-        """Reasons why the crank cannot point away from, or to, the rocker pivot."""
-        r, b, c, d = self._lengths()
-        if far:
-            lack = math.fsum((d, r, -b, -c))
-            yield f'coupler + rocker are {lack:.6g} m shorter than frame + crank'
-        if near:
-            lack = abs(math.fsum((b, -c))) - abs(math.fsum((d, -r)))
-            yield f'coupler and rocker differ by {lack:.6g} m more than frame and crank'
+        pass_by = abs(loop.ground[0]) / (2 * math.sqrt(self.crank.length * self.frame.length))
+        return loop.transmission.reach(self.grashof, self._sums(), self._cures(), pass_by)
 
     def _cures(self) -> Iterator[str]:
         """Changes of length that let a limited crank turn, as separate clauses."""

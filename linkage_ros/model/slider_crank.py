@@ -49,7 +49,6 @@ from linkage_ros.model.transmission import Square, Transmission
 from linkage_ros.numeric import (
     HALF_PI,
     Real,
-    equalities,
     largest,
     nearest_turns,
     rounded,
@@ -265,24 +264,7 @@ class SliderCrank(Mechanism):
 
     def reach(self) -> Reach:
         """Reach of the crank."""
-        transmission = self._transmission()
-        return transmission.reach(
-            self.grashof,
-            tuple(self._limits(far=transmission.cos.limits, near=transmission.sin.limits)),
-            self._cures(),
-            tuple(equalities(self._longest(), self._sums())),
-        )
-
-    def _limits(self, *, far: bool, near: bool) -> Iterator[str]:
-        """Reasons why the crank cannot point to the left, or to the right, of the guide."""
-        r, b, e = self._lengths()
-        for stopped, word, side, offset in ((far, '-', 'left', -e), (near, '+', 'right', e)):
-            if stopped:
-                lack = math.fsum((r, offset, -b))
-                yield (
-                    f"on the guide's {side}, crank {word} offset are {lack:.6g} m longer than the "
-                    'coupler'
-                )
+        return self._transmission().reach(self.grashof, self._sums(), self._cures())
 
     def _cures(self) -> Iterator[str]:
         """Changes of length that let a limited crank turn, as separate clauses."""

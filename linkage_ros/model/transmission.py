@@ -18,12 +18,12 @@ without division by the sine of the transmission angle. The formulas are this pr
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 from linkage_ros.formulas import ZERO, Opaque, atan2, cos, number, require, sin, sqrt, where
 from linkage_ros.model.reach import Arc, Reach
-from linkage_ros.numeric import Real, largest, short_sum, two_sum, wrap
+from linkage_ros.numeric import Real, is_rounding, largest, short_sum, two_sum, wrap
 
 
 class Square(NamedTuple):
@@ -171,24 +171,32 @@ class Transmission(NamedTuple):
     def reach(
         self,
         grashof: str,
-        limits: tuple[str, ...],
+        sums: Mapping[str, tuple[float, ...]],
         cures: Iterable[str],
-        equalities: tuple[str, ...],
         pass_by: float = 0.0,
     ) -> Reach:
         """Makes the reach of the crank.
 
         Args:
             grashof: Class of the linkage.
-            limits: Reasons why the crank cannot turn fully.
-            cures: Changes that would let it turn; used only if there are limits.
-            equalities: Descriptions of sums of lengths that count as 0.
+            sums: Signed lengths whose sums vanish at a change point, by their descriptions: first
+                the one that limits cos m if it is negative, then those that limit sin m.
+            cures: Changes that would let the crank turn; used only if it is limited.
             pass_by: Half the crank angle within which the crank pin passes the rocker pivot, rad;
                 0: there is no such pivot, or the two coincide there.
 
         Returns:
             The reach.
         """
+        totals = {words: math.fsum(terms) for words, terms in sums.items()}
+        longest = max(abs(length) for terms in sums.values() for length in terms)
+        rounding = {x: total for x, total in totals.items() if is_rounding(longest, total)}
+        limited = [self.cos.limits, *[self.sin.limits] * (len(sums) - 1)]
+        limits = tuple(
+            f'{words} = {total:.6g} m is negative'
+            for (words, total), limits in zip(totals.items(), limited, strict=True)
+            if limits and total < 0 and words not in rounding
+        )
         # Motion is fast at h = 0 and h = pi/2, within these half angles.
         leasts = [float(square.least) for square in (self.cos, self.sin)]
         widths = [math.sqrt(x) / abs(self.kappa) for x in leasts if x > 0]
@@ -199,7 +207,11 @@ class Transmission(NamedTuple):
             self.extremes(),
             limits,
             tuple(cures) if limits else (),
-            equalities,
+            tuple(
+                f'{words} = {total:.2g} m counts as 0'
+                for words, total in rounding.items()
+                if total
+            ),
             self.reference[0],
             min([*widths, *([pass_by] if pass_by else [])], default=math.inf),
         )
