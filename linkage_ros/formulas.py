@@ -108,7 +108,7 @@ def is_finite(*values: Real) -> Any:
 
     A program omits values whose finiteness follows from that of another value.
     """
-    recorded = next((x for x in values if hasattr(x, 'apply')), None)
+    recorded = next((x for x in values if hasattr(x, 'tape')), None)
     if recorded is not None:
         values = recorded.tape.unshown(values)
     value = number(total(values))
@@ -127,8 +127,8 @@ def where(condition: Any, then: Real, otherwise: Real) -> Real:
         The value.
     """
     then, otherwise = number(then), number(otherwise)
-    if hasattr(condition, 'apply'):
-        return condition.apply('where', condition, then, otherwise)
+    if hasattr(condition, 'tape'):
+        return condition.tape.record('where', condition, then, otherwise)
     if isinstance(condition, np.ndarray):
         return np.where(condition, then, otherwise)
     return then if condition else otherwise
@@ -142,9 +142,9 @@ def require(condition: Any, refuse: Callable[..., object], *values: Real) -> Non
         refuse: Called where it does not; raises an error that says what to do.
         *values: Its arguments; of arrays, the first values at which the condition fails.
     """
-    recorded = next((x for x in (condition, refuse) if hasattr(x, 'apply')), None)
+    recorded = next((x for x in (condition, refuse) if hasattr(x, 'tape')), None)
     if recorded is not None:
-        recorded.apply('require', condition, refuse, *values)
+        recorded.tape.record('require', condition, refuse, *values)
     elif not np.all(condition):
         holds, *found = np.broadcast_arrays(condition, *values)
         first = np.flatnonzero(np.logical_not(holds))[0]
@@ -220,7 +220,7 @@ def _apply(
     name: str, scalar: Callable[..., float], array: Callable[..., Real], *values: Real
 ) -> Real:
     for value in values:
-        if hasattr(value, 'apply'):
-            return value.apply(name, *values)
+        if hasattr(value, 'tape'):
+            return value.tape.record(name, *values)
     values = tuple(map(number, values))
     return (scalar if all(isinstance(value, float) for value in values) else array)(*values)

@@ -42,10 +42,6 @@ class Recorder:
     def __init__(self, tape: 'Tape', line: int) -> None:
         self.tape, self.line = tape, line
 
-    def apply(self, operation: str, *values: Real) -> 'Recorder':
-        """Records an operation on values."""
-        return self.tape.record(operation, *values)
-
     def binary(self, sign: str, a: Real, b: Real) -> Real:
         """Records an operation between two values; the operators of ZERO drop it."""
         if a is ZERO or b is ZERO:
@@ -113,7 +109,10 @@ class Tape:
         self.lines: list[Line] = []
         self._numbers: dict[Line, int] = {}
         named = zip(leaves(constants), leaves(paths(constants, 'k')), strict=True)
-        given = iter([self._add('constant', (), path) if is_number(x) else x for x, path in named])
+        numbers = float, np.ndarray, Opaque
+        given = iter(
+            [self._add('constant', (), at) if isinstance(x, numbers) else x for x, at in named]
+        )
         # An active profiler is kept; names are then missing.
         is_free = sys.getprofile() is None
         if is_free:
@@ -267,8 +266,3 @@ def _prepared(leaf: Any) -> Any:
     if np.iscomplexobj(leaf):
         return Vector(_prepared(leaf.real), _prepared(leaf.imag))
     return ZERO if isinstance(leaf, (float, np.ndarray)) and not leaf else leaf
-
-
-def is_number(leaf: Any) -> bool:
-    """Returns whether a value is a number or opaque function, not part of the structure."""
-    return isinstance(leaf, (float, Opaque, np.ndarray))

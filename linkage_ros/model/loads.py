@@ -10,7 +10,7 @@ opposite on the other. Loads are named tuples of floats; in formulas an absent t
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, NamedTuple, Protocol
 
 from linkage_ros.errors import ConfigurationError
@@ -137,8 +137,20 @@ class LinkLoad(AppliedLoad):
     rest: float = quantity('number', 'rest position', 'rad or m', span=(-1e9, 1e9), default=0.0)
 
     def join(self, mechanism: Any) -> tuple[()]:
-        """See `AppliedLoad`; the link stores it in its own values."""
-        mechanism.take_in(self.link, self.force, self.damping, self.stiffness, self.rest)
+        """See `AppliedLoad`; the link stores the values in its own.
+
+        Raises:
+            ConfigurationError: The mechanism has no such link, or the link already has a load.
+        """
+        mechanism.output(self.link, 'load.link')
+        part = getattr(mechanism, self.link)
+        if any(getattr(part, name) for name in part.load_fields):
+            raise ConfigurationError(
+                f'the load on the {self.link} is given twice: in {self.link} and in loads'
+            )
+        values = self.force, self.damping, self.stiffness, self.rest
+        taken = replace(part, **dict(zip(part.load_fields, values, strict=True)))
+        object.__setattr__(mechanism, self.link, taken)
         return ()
 
 

@@ -35,10 +35,10 @@ class Point(NamedTuple):
         """Makes a fixed point x + iy, m, of a mechanism with a number of links."""
         return cls((0j,) * links, place)
 
-    def along(self, link: int, place: complex) -> 'Point':
-        """Makes the point along + i across, m, on a turning link whose first pin is this point."""
+    def along(self, link: int, along: Real, across: Real = 0.0) -> 'Point':
+        """Makes the point along, across, m, on a turning link whose first pin is this point."""
         weights = list(self.weights)
-        weights[link] += place
+        weights[link] += along + 1j * across
         return Point(tuple(weights), self.fixed)
 
     def follow(
@@ -110,17 +110,13 @@ class Link(NamedTuple):
         """
         parent = max((j for j, weight in enumerate(pin.weights) if weight), default=None)
         origin = pin.fixed if parent is None else pin.weights[parent]
-        center = pin.along(index, _complex(*body.center))
+        center = pin.along(index, *body.center)
         return cls(name, body.mass, body.inertia, center, parent, origin)
 
 
 def direction(angle: Real) -> Any:
     """The unit vector in a direction, rad, as x + iy; floats and arrays have the same form."""
-    return _complex(cos(angle), sin(angle))
-
-
-def _complex(x: Real, y: Real) -> Any:
-    return x + 1j * y
+    return cos(angle) + 1j * sin(angle)
 
 
 def coupler_point(coupler: Coupler, pin: Point) -> dict[str, Point]:
@@ -133,7 +129,7 @@ def coupler_point(coupler: Coupler, pin: Point) -> dict[str, Point]:
     Returns:
         The point, or nothing.
     """
-    return {} if coupler.point is None else {'C': pin.along(1, _complex(*coupler.point))}
+    return {} if coupler.point is None else {'C': pin.along(1, *coupler.point)}
 
 
 class Pin(NamedTuple):
@@ -229,25 +225,6 @@ class Mechanism(Checked):
         if rest != self.loads:
             object.__setattr__(self, 'loads', rest)
 
-    def take_in(self, name: str, *terms: float) -> None:
-        """Stores a load on the output link in that part, the only place for it.
-
-        Args:
-            name: Name of the link.
-            *terms: Values of the part's `load_fields`.
-
-        Raises:
-            ConfigurationError: The mechanism has no such link, or the link already has a load.
-        """
-        self.output(name, 'load.link')
-        part = getattr(self, name)
-        if any(getattr(part, field) for field in part.load_fields):
-            raise ConfigurationError(
-                f'the load on the {name} is given twice: in {name} and in loads'
-            )
-        taken = replace(part, **dict(zip(part.load_fields, terms, strict=True)))
-        object.__setattr__(self, name, taken)
-
     def structure(self) -> Structure:
         """The structure of the links."""
         raise NotImplementedError
@@ -263,12 +240,11 @@ class Mechanism(Checked):
 
     def loop_of(self, description: Description) -> Loop:
         """The constants of the kinematics in a description."""
-        if description == self.description:
-            return self.loop()
-        reassembled: Mechanism = replace(cast('Any', self), assembly=description.assembly)
-        if description.coordinates == self.other_coordinates:
-            return reassembled.other_loop()
-        return reassembled.loop()
+        mechanism: Mechanism = self
+        if description.assembly != self.assembly:
+            mechanism = replace(cast('Any', self), assembly=description.assembly)
+        is_own = description.coordinates != self.other_coordinates
+        return mechanism.loop() if is_own else mechanism.other_loop()
 
     def other_loop(self) -> Loop:
         """The constants of the kinematics in the other coordinates."""
