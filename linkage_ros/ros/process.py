@@ -34,6 +34,7 @@ from linkage_ros.errors import ConfigurationError, LinkageError, one_line
 from linkage_ros.files import path_exists
 from linkage_ros.parameters.parameter_file import read_parameter_file
 from linkage_ros.parameters.presets import preset_names, preset_path
+from linkage_ros.run.scheduling import accompany_ticker
 
 _PIPE_SIZE = 65536  # bytes, the size of a pipe
 _FLUSH_SECONDS = 1.0  # s, for the reader of our last lines
@@ -154,6 +155,7 @@ def reported_as_configuration() -> Iterator[None]:
 
 def _spin(executor: SingleThreadedExecutor, node: Node) -> None:
     """Spins until the end, despite exceptions such as those for parameters without a type."""
+    accompany_ticker()  # the callbacks hold the interpreter, for which a tick may wait
     while node.context.ok():
         try:
             executor.spin()
