@@ -136,9 +136,14 @@ def test_two_stable_states_exist_between_two_folds(analysis):
 
 
 def test_torques_with_two_stable_states_do_not_depend_on_the_torque_asked_for(analysis):
-    other = analyse(PUMP, Motor(9.0, MOTOR.damping), speeds=(2.0, 6.0), progress=plain)
+    other = analyse(PUMP, Motor(12.5, MOTOR.damping), speeds=(2.0, 6.0), progress=plain)
     assert bistable_ranges(other.pieces) == bistable_ranges(analysis.pieces)
     assert other.states[0].motion.speed > analysis.states[0].motion.speed
+    # Beyond the fold the slow state no longer exists.
+    _, lost = (one for one in other.sensitivities if one['state'] == 0)
+    assert (lost['motion'], lost['changes']) == (None, {})
+    assert lost['reason'] == 'its curve ends at 12.65 N m: fold'
+    assert f'torque +5%: {lost["reason"]}' in '\n'.join(states_table(other))
 
 
 def test_small_changes_of_the_torque_leave_the_pump_about_the_same(analysis):
@@ -173,11 +178,14 @@ def test_efficiency_is_the_share_of_the_crank_work_that_lifts():
 
 
 def test_a_constant_force_lifts_nothing_and_no_force_has_no_efficiency(analysis):
-    assert settle(slid(force=-20.0), MOTOR, 2.0, plain).efficiency == pytest.approx(0, abs=1e-12)
+    found = settle(slid(force=-20.0), MOTOR, 2.0, plain)
+    assert found.efficiency == pytest.approx(0, abs=1e-12)
+    vars(found)['efficiency'] = -1e-17  # its sign depends on the machine; it is printed without
+    states = [analysis.states[0]._replace(motion=found), *analysis.states[1:]]
     assert analysis.states[0].motion.efficiency is None
-    head, _, *rows = states_table(analysis)[:5]
+    head, _, *rows = states_table(analysis._replace(states=states))[:5]
     assert 'efficiency' in head
-    assert [row.split()[5] for row in rows] == ['-', '-', '-']
+    assert [row.split()[5] for row in rows] == ['0.0000', '-', '-']
 
 
 def test_a_force_that_jumps_where_the_slider_turns_is_followed_within_half_a_percent():
@@ -220,7 +228,7 @@ def test_a_motion_is_followed_past_the_stretched_dyad():
 def test_a_pump_that_does_not_settle_in_time_says_so(motions):
     # For the first turns it stays beside the unstable state.
     x, w, v = motions[1].at(np.zeros(1))[:, 0].tolist()
-    with pytest.raises(ConfigurationError, match=r'does not settle within \d+ turns'):
+    with pytest.raises(ConfigurationError, match=r'does not settle within \d+\.\d turns'):
         settle(slid(position=x, velocity=v), MOTOR, w, lambda items, _: [next(iter(items))])
 
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from linkage_ros.lab.pump.harmonic_balance import AVERAGED, HarmonicBalance
 from linkage_ros.lab.pump.load_curve import (
+    ALONE,
     Piece,
     SteadyState,
     bistable_ranges,
@@ -75,7 +76,7 @@ class Analysis(NamedTuple):
         averaged: The averaged motion near each of them; None: there is none.
         pieces: The load curve.
         sensitivities: Each stable state under the changed torques: number of the state, torque,
-            N m, the changed state, and its relative changes. None if it no longer exists.
+            N m, the changed state, and its relative changes; or the reason why none is known.
         runs: Motions from named starts.
         shares: Fraction of the starts that settle at each state, by its number.
         ended: Fraction of the starts that end in the other assembly or outside all coordinates.
@@ -169,7 +170,7 @@ def analyse(
     states = steady_states(balance, pieces, motor.torque)
     for found in search.states:
         if not any(found.is_same(state.motion) for state in states):
-            pieces.append(Piece([found]))
+            pieces.append(Piece([found], ALONE, ALONE))
             states.append(SteadyState(found, pieces[-1]))
     states.sort(key=lambda state: state.motion.speed)
     averaging = HarmonicBalance(pump, motor.damping, AVERAGED)
@@ -243,4 +244,8 @@ def _changed(
                 if motion
             }
             record = motion and motion.record()
-            yield {'state': number, 'torque': torque, 'motion': record, 'changes': changes}
+            end, kind = piece.ends[1 if torque > state.torque else 0]
+            yield {
+                'state': number, 'torque': torque, 'motion': record, 'changes': changes,
+                'reason': None if motion else f'its curve ends at {end:.4g} N m: {kind}',
+            }  # fmt: skip

@@ -24,6 +24,7 @@ FOLD, PERIOD_DOUBLING, TORUS = 'fold', 'period doubling', 'torus'
 # Ends of a curve: a limit of speed or torque; or no next motion, because the crank stops or the
 # dyad is stretched.
 END, LOST = 'end of the scan', 'end of the description'
+ALONE = 'curves of so many turns are not followed'  # a single motion
 _GAP = 1e-2  # relative torque difference of a period doubling and the doubled motion
 # Longest and shortest step along a curve, relative to the unknowns' units, for each turn.
 _STEP, _SHORTEST = 0.3, 1e-2
@@ -42,7 +43,7 @@ class Piece:
 
     Attributes:
         motions: In the order of the curve.
-        begins_at: Type of its start: FOLD, PERIOD_DOUBLING, TORUS, END or LOST.
+        begins_at: Type of its start: FOLD, PERIOD_DOUBLING, TORUS, END, LOST or ALONE.
         ends_at: Type of its end, one of the same.
     """
 
@@ -54,6 +55,12 @@ class Piece:
     def stable(self) -> bool:
         """Whether its motions are stable; at its ends stability may be undefined."""
         return self.motions[len(self.motions) // 2].stable
+
+    @property
+    def ends(self) -> list[tuple[float, str]]:
+        """Torque, N m, and type of its ends, the lower torque first."""
+        last = self.motions[-1].torque, self.ends_at
+        return sorted(((self.motions[0].torque, self.begins_at), last))
 
 
 class SteadyState(NamedTuple):
@@ -110,11 +117,7 @@ def bistable_ranges(pieces: Sequence[Piece]) -> list[dict[str, Any]]:
     Returns:
         For each range: low and high, N m; low_is and high_is, the types of its ends.
     """
-    spans = [
-        sorted(((one.motions[0].torque, one.begins_at), (one.motions[-1].torque, one.ends_at)))
-        for one in pieces
-        if one.stable
-    ]
+    spans = [piece.ends for piece in pieces if piece.stable]
     ranges: list[dict[str, Any]] = []
     for (low, low_is), (high, high_is) in itertools.pairwise(sorted(itertools.chain(*spans))):
         if sum(start <= (low, low_is) and (high, high_is) <= end for start, end in spans) < 2:

@@ -27,6 +27,7 @@ _PAUSE = 10  # steps until motions outside the coordinates are continued in othe
 _KEPT = 400  # steps that are searched for the last turns
 # In other coordinates: longest step, s, tolerance, and longest time, of the time of a radian.
 _LONGEST, _ROUGH, _PATIENCE = 0.04, 1e-3, 6.0
+_GONE = 150.0  # in the same unit; after this time, the motion is not continued
 _CALM = 10  # steps in which the first coordinates must be suitable before they are used again
 
 
@@ -114,6 +115,8 @@ class Motions:
             self._step[number], self._leaves[number] = 0.1 / self._pace, False
             self._slope[:, number] = self._slopes(phase[:, None])[:, 0]
             del self._away[number], self.ends[number]
+        elif steps.time > _GONE / self._pace:
+            del self._away[number]
 
     def last_turns(self, number: int, turns: int) -> Array | None:
         """The last turns of a motion.

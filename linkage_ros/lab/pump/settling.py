@@ -245,7 +245,7 @@ def settle(
     if search.belongs[0] < 0:
         turns = search.motions.phases[-1][0, 0] / (2 * np.pi)
         raise ConfigurationError(
-            f'from {speed:g} rad/s the pump does not settle within {turns:.0f} turns: '
+            f'from {speed:g} rad/s the pump does not settle within {turns:.1f} turns: '
             'linkage_chart pump draws what it does'
         )
     return search.states[int(search.belongs[0])]

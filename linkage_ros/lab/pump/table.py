@@ -21,9 +21,10 @@ def states_table(analysis: Analysis) -> list[str]:
     ends = {
         '{} end in the other assembly, or where all descriptions end': analysis.ended,
         '{} come to rest, or rock to and fro': analysis.stopped,
-        'warning: {} settle at no state that is listed: quasi-periodic, chaotic, slow to settle, '
-        'or of a long period': analysis.unidentified,
-    }
+        'warning: {} settle at no state that is listed: quasi-periodic, chaotic, of a long '
+        'period, or slow to settle (raise slider.damping); draw such motions with --speeds':
+        analysis.unidentified,
+    }  # fmt: skip
     lines = [*_states_lines(analysis), *_changes_lines(analysis)]
     lines += [
         words.format(f'{share:.1%} of {COUNT} starts') for words, share in ends.items() if share
@@ -59,7 +60,7 @@ def _cells(analysis: Analysis, number: int) -> tuple[str, ...]:
     share = state.efficiency
     return (
         'stable' if state.stable else 'unstable', str(state.turns), f'{state.speed:.6f}',
-        f'{state.stroke:.6f}', f'{state.flow:.6f}', '-' if share is None else f'{share:.4f}',
+        f'{state.stroke:.6f}', f'{state.flow:.6f}', '-' if share is None else _fixed(share),
         f'{analysis.shares[number]:.1%}' if state.stable else '-', _complex(state.multipliers[0]),
         f'{averaged.speed:.4f}' if averaged else '-',
         _complex(averaged.multipliers[0]) if averaged else '-',
@@ -69,8 +70,13 @@ def _cells(analysis: Analysis, number: int) -> tuple[str, ...]:
 def _complex(value: complex) -> str:
     if abs(value) >= _LARGE:
         return f'{abs(value):.1e}'
-    aside = f' \N{PLUS-MINUS SIGN} {value.imag:.4f}i' if value.imag else ''
-    return f'{value.real:.4f}{aside}'
+    aside = f' \N{PLUS-MINUS SIGN} {_fixed(value.imag)}i' if value.imag else ''
+    return f'{_fixed(value.real)}{aside}'
+
+
+def _fixed(value: float, form: str = '.4f') -> str:
+    """Four decimals, or percents with two; a tiny negative value is 0, without a sign."""
+    return format(round(value, 4) + 0.0, form)
 
 
 def _changes_lines(analysis: Analysis) -> list[str]:
@@ -80,7 +86,10 @@ def _changes_lines(analysis: Analysis) -> list[str]:
         if state.stable:
             cells = (
                 f'torque {change - 1:+.0%}: '
-                + (', '.join(f'{name} {x:+.2%}' for name, x in one['changes'].items()) or 'none')
+                + (
+                    ', '.join(f'{name} {_fixed(x, "+.2%")}' for name, x in one['changes'].items())
+                    or one['reason']
+                )
                 for change, one in zip(
                     CHANGES,
                     (one for one in analysis.sensitivities if one['state'] == number),
