@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import signal
 from typing import Any
 
 from linkage_ros.errors import ConfigurationError
@@ -52,7 +53,8 @@ def pump(options: argparse.Namespace) -> None:
 
 
 def _analyse(*given: Any, **options: Any) -> Any:
-    """Runs `analyse`, which only the worker imports."""
+    """Runs `analyse`, which only the worker imports; Ctrl-C ends it at once."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     from linkage_ros.lab.pump.analysis import analyse
 
     return analyse(*given, **options)
