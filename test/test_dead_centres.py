@@ -190,8 +190,8 @@ def test_many_moments_have_the_bits_of_one_at_a_time():
     ('forged', 'words'),
     [
         (Description(('crank',), 'open'), 'recomputed'),
-        (Description(('slider',), 'open'), 'described by slider, open: the mechanism is not'),
-        (Description(('rocker',), 'sideways'), 'described by rocker, sideways'),
+        (Description(('slider',), 'open'), 'described by slider: the mechanism is not'),
+        (Description(('rocker',), 'sideways'), "assembly = 'sideways': must be one of open"),
     ],
 )
 def test_a_false_description_is_found(forged, words, tmp_path, monkeypatch):

@@ -94,8 +94,7 @@ _LARGEST = {int: TIME_END - 1, float: 1e30, Fraction: 1e30}
 
 def encode_motion(segment: Segment) -> dict[str, str]:
     """The record of a segment: exact fractions of turns and of turns per minute, or a torque."""
-    fields = {_NAMES.get(n, n): str(v) for n, v in vars(segment).items() if v is not None}
-    return seal(fields)
+    return seal({_NAMES.get(n, n): str(v) for n, v in vars(segment).items() if v is not None})
 
 
 def decode_motion(record: Mapping[str, str]) -> Segment:

@@ -16,7 +16,6 @@ import numpy.typing as npt
 
 from linkage_ros.errors import LinkageError, LogError
 from linkage_ros.log.reader import LogReader
-from linkage_ros.model.parts import CROSSED, OPEN
 from linkage_ros.motion.coordinates import Coordinates
 from linkage_ros.motion.driven_mechanism import DrivenMechanism, slope_at, turns_between
 from linkage_ros.motion.fixed_step_integrator import Plant, leap
@@ -98,13 +97,14 @@ class TorqueStates(Timeline):
         """The driven mechanism in the description of a segment.
 
         Raises:
-            LogError: The mechanism has no such coordinates or assembly.
+            LogError: The mechanism has no such coordinates.
+            ConfigurationError: It has no such assembly.
         """
         mechanism = self._own.solver.mechanism
         description = segment.description or mechanism.description
-        (links, side), known = description, (mechanism.coordinates, mechanism.other_coordinates)
-        if description.coordinates not in known or side not in {OPEN, CROSSED}:
-            raise LogError(f'described by {", ".join([*links, side])}: the mechanism is not')
+        if description.coordinates not in {mechanism.coordinates, mechanism.other_coordinates}:
+            words = ', '.join(description.coordinates)
+            raise LogError(f'described by {words}: the mechanism is not')
         return self._own.described(description)
 
     def _rows(self, driven: DrivenMechanism) -> list[int]:

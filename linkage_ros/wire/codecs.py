@@ -89,8 +89,8 @@ def _sequences(body: bytes, names: Sequence[str], quantities: Iterable[str]) -> 
 
 def joint_state(names: Sequence[str], frame_id: str) -> list[Part]:
     """A JointState message of joints."""
-    quantities = [quantity for quantity in QUANTITIES if quantity != 'acceleration']
-    return list(_sequences(_named(names, frame_id), names, quantities))
+    quantities = (quantity for quantity in QUANTITIES if quantity != 'acceleration')
+    return [*_sequences(_named(names, frame_id), names, quantities)]
 
 
 def trajectory(names: Sequence[str], frame_id: str) -> list[Part]:

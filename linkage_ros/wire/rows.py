@@ -137,20 +137,19 @@ class Template:
         return values
 
 
-def message_record(channel: int, times: tuple[int, int], data: bytes, sequence: int = 0) -> bytes:
+def message_record(channel: int, times: tuple[int, int], data: bytes) -> bytes:
     """The record of a message in an MCAP file.
 
     Args:
         channel: Number of its channel.
         times: Log and publish time, ns.
         data: CDR bytes.
-        sequence: Sequence number of the publisher.
 
     Returns:
         The bytes.
     """
     size = MESSAGE_HEAD.size - 9 + len(data)  # without opcode and length
-    return MESSAGE_HEAD.pack(_OPCODE, size, channel, sequence, *times) + data
+    return MESSAGE_HEAD.pack(_OPCODE, size, channel, 0, *times) + data
 
 
 class RowLayout(Template):
