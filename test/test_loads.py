@@ -37,9 +37,6 @@ from linkage_ros import (
 )
 from linkage_ros import record as record_module
 from linkage_ros.model.load_kinds import LOADS
-from linkage_ros.motion.adaptive_integrator import AdaptiveSteps
-from linkage_ros.motion.driven_mechanism import DrivenMechanism
-from linkage_ros.numeric import with_turns
 from linkage_ros.quantities import build, flatten
 
 SLIDER = 'mechanism: slider_crank, rpm: 60.0, crank: {length: 0.1}, coupler: {length: 0.3}'
@@ -406,52 +403,3 @@ def test_an_array_near_locking_has_the_bits_of_its_states():
     together = solver.state(cranks, 2.0, 1.5, by_math=True)
     alone = [solver.state(crank, 2.0, 1.5).torque for crank in cranks.tolist()]
     assert together.torque.tolist() == alone
-
-
-# Work and energy.
-
-
-def test_a_torque_driven_run_keeps_its_balance_of_energy_with_loads():
-    """Motor torque, weight, spring, force and a curve over the position all have a potential."""
-    at_points, value = (3.0, 3.13, 3.2), (5.0, -7.0, 3.0)
-    mechanism = with_loads(
-        ROCKERS['across_the_seam'],
-        LinkLoad('rocker', 3.0, stiffness=11.0, rest=3.2),
-        LoadCurve('rocker', 'position', at_points, value),
-    )
-    solver = Solver(mechanism)
-    steps = AdaptiveSteps(DrivenMechanism(solver, lambda _: 2.0), (0.3, 4.0))
-
-    def gained(place):
-        """What force and curve have done on the rocker, from its place at 0."""
-        corners = np.array(sorted({0.0, place, *(x for x in at_points if x < place)}))
-        pushed = 3.0 + np.interp(corners, at_points, value)
-        return np.sum((pushed[1:] + pushed[:-1]) / 2 * np.diff(corners))
-
-    def place():
-        return solver.state(steps.phase[0]).position[2] % TURN
-
-    def total():
-        turned = with_turns(steps.phase[0], steps.pairs)
-        return sum(solver.energy(*steps.phase)) - 2.0 * turned - gained(place())
-
-    start, places = total(), []
-    for tick in range(1, 6):
-        steps.advance(tick * 0.1)
-        places.append(place())
-        assert total() == pytest.approx(start, abs=1e-9 * abs(start))
-    assert min(places) < 3.13 < 3.2 < max(places)
-
-
-def test_comparison_catches_a_slip_of_a_part_in_1e10():
-    """Negative control of errors."""
-    slips = {
-        'spring': lambda x: replace(x, rocker=replace(x.rocker, stiffness=11.0 * SLIP)),
-        'over_crank_angle': lambda x: replace(
-            x, loads=(replace(x.loads[0], value=(4.0 * SLIP, -3.0, 8.0)),)
-        ),
-        'friction': lambda x: replace(x, loads=(Friction(0.2, 0.08 * SLIP),)),
-    }
-    for kind, slip in slips.items():
-        mechanism = loaded('across_the_seam', kind)
-        assert error(mechanism, [0.8, -3.0], meant=slip(mechanism)) > 5 * CLOSE

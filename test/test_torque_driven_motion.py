@@ -207,51 +207,7 @@ LIMITED = FourBar(
 )  # fmt: skip
 
 
-def limited_rest():
-    """The crank angle at which the weights alone balance, inside the reach."""
-    solver = Solver(LIMITED)
-    low, high = solver.mobility.arcs[0]
-    cranks = np.linspace(low + 0.05, high - 0.05, 2000)
-    potential = solver.energy((cranks,), (0.0,))[1]
-    return float(cranks[np.argmin(potential)]), (low, high)
-
-
-@both
-def test_a_limited_crank_swings_inside_its_arc(integrate):
-    rest, (low, high) = limited_rest()
-    assert low + 0.1 < rest < high - 0.1
-    steps = begun(integrate, LIMITED, (rest + 0.02, 0.0))
-    start, seen = energy(steps), []
-    for tick in range(1, 1001):
-        steps.advance(tick * 0.01)
-        seen.append(with_turns(steps.phase[0], steps.pairs))
-        assert energy(steps) == pytest.approx(start, abs=1e-9 * abs(start))
-    assert low < min(seen) < rest - 0.01
-    assert rest + 0.01 < max(seen) < high
-
-
 # ---------------------------------------------------------------- the edge
-
-
-@both
-@pytest.mark.parametrize(
-    ('velocity', 'time'),
-    # From the multiplier formulation, which runs through.
-    [(5.0, 0.399465563600), (6.0, 0.273729384923), (-6.0, 0.230043884145)],
-)
-def test_a_dyad_is_stretched_or_folded_when_it_should_be(integrate, velocity, time):
-    """And the pump goes on: before and after it stands in different assemblies."""
-    steps = begun(integrate, PUMP, (0.0, 1.5, 2.0, velocity), motor)
-    sides = []
-    for tick in (time - 1e-6, time + 1e-6):
-        steps.advance(tick)
-        half = len(steps.phase) // 2
-        _, coupler, rod, _ = steps.driven.solver.state(
-            steps.phase[:half], steps.phase[half:]
-        ).position
-        sides.append(math.sin(rod - coupler))
-    assert sides[0] * sides[1] < 0
-    assert max(map(abs, sides)) < 1e-4
 
 
 @both
