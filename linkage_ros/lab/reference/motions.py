@@ -6,7 +6,7 @@ The multibody equations are integrated by extrapolation (Gragg, Bulirsch and Sto
 and Wanner, Solving Ordinary Differential Equations I, II.9), which no compared method uses. Unit
 vectors replace angles, so that no trigonometry is needed, and the numbers are decimals of 34
 digits, which are five times as fast as mpmath. Shorter steps, a quadrature of the energy and an
-independent implementation agree (test/test_integrators.py).
+independent implementation agree (test/test_torque_driven_motion.py).
 """
 
 import itertools
