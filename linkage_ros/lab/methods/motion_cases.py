@@ -67,14 +67,15 @@ class MotionCase(Case):
         self._at = at or MotionReference(problem).at
 
     @cached_property
-    def _exact(self) -> list[tuple[Decimal, ...]]:
-        return [tuple(map(Decimal, self._at(time))) for time in self.times]
+    def _exact(self) -> Any:
+        """The true phases, in long doubles to resolve errors of doubles."""
+        rows = [map(Decimal, self._at(time)) for time in self.times]
+        return np.array([[np.longdouble(str(x)) for x in row] for row in rows])
 
     @cached_property
-    def _sizes(self) -> Phase:
-        rates = zip(*(state[self.problem.count :] for state in self._exact), strict=True)
-        largest = (float(max(map(abs, rate))) for rate in rates)
-        return (*self.problem.driven.units[: self.problem.count], *largest)
+    def _sizes(self) -> Any:
+        count = self.problem.count
+        return [*self.problem.driven.units[:count], *abs(self._exact[:, count:]).max(axis=0)]
 
     def own(self, _: Method) -> Iterable[Panel]:
         """See `Case`."""
@@ -102,8 +103,7 @@ class MotionCase(Case):
         if quantity == ENERGY:
             (kinetic, still), energy = map(self.problem.energy, (self.problem.start, tuple(phase)))
             return abs(sum(energy) - (kinetic + still)) / kinetic
-        values = zip(phase, self._exact[place], self._sizes, strict=True)
-        return max(abs(float(Decimal(value) - true)) / size for value, true, size in values)
+        return float(max(abs(np.array(phase) - self._exact[place]) / self._sizes))
 
     def outcomes(self, method: Method, setting: Setting, *panel: str) -> list[tuple[str, float]]:
         """See `Case`: wrong values count more than the failure after them."""
