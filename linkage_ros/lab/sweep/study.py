@@ -82,9 +82,8 @@ def read_study(path: str) -> Study:
     Raises:
         ConfigurationError: The study cannot be used; the message names the valid input.
     """
-    groups, given = _read_groups(path)
-    measures = given.pop('measures', [])
-    settings = build(Settings, given)
+    groups, values = _read_groups(path)
+    settings, measures = build(Settings, values), values.get('measures', [])
     configuration = load(settings.base)
     mechanism = configuration.mechanism
     if not hasattr(mechanism.loop(), 'transmission'):
@@ -115,25 +114,23 @@ def read_study(path: str) -> Study:
 
 
 def _read_groups(path: str) -> tuple[dict[str, dict[str, Any]], dict[str, Any]]:
-    """Reads the groups of a study, and its other settings.
+    """Reads the groups of a study by name, and all its values.
 
     Raises:
         ConfigurationError: The file cannot be read, or has an unknown name.
     """
-    groups: dict[str, dict[str, Any]] = {group: {} for group in _GROUPS}
-    given: dict[str, Any] = {}
+    values: dict[str, Any] = read_study_file(path)
     known = [*leaves(Settings), *(Leaf(x, _NUMBER, None) for x in ('measures', *_GROUPS))]
-    for name, value in read_study_file(path).items():
+    groups: dict[str, dict[str, Any]] = {group: {} for group in _GROUPS}
+    for name, value in values.items():
         group, _, rest = name.partition('.')
-        if rest and group in groups:
-            groups[group][rest] = value
-        elif name in groups:
-            raise ConfigurationError(f'{name} = {shown(value)}: write {name}: {{NAME: VALUE}}')
-        elif name not in {leaf.name for leaf in known}:
+        if group not in groups and name not in {leaf.name for leaf in known}:
             raise ConfigurationError(unknown_name(name, 'a study', known, 'docs/sizing.md'))
-        else:
-            given[name] = value
-    return groups, given
+        if name in groups:
+            raise ConfigurationError(f'{name} = {shown(value)}: write {name}: {{NAME: VALUE}}')
+        if group in groups:
+            groups[group][rest] = value
+    return groups, values
 
 
 def _columns(
