@@ -19,7 +19,6 @@ from linkage_ros.lab.commands.stability import GRIDS
 from linkage_ros.lab.methods import situations
 from linkage_ros.lab.methods.linkage_cases import NEAR, LinkageCase, TurnCase
 from linkage_ros.lab.methods.measure import BATCH, LIMIT, ONE, OUTCOMES, label, with_fronts
-from linkage_ros.lab.methods.motion_cases import ENERGY, MEAN, SLOWEST, TRAJECTORY
 from linkage_ros.lab.methods.registry import (
     CAP,
     DEFAULT,
@@ -282,16 +281,6 @@ def test_every_panel_has_a_front_of_right_points(accuracy):
     for points in panels.values():
         front = [r['max_error'] for r in points if r['pareto']]
         assert 0 <= max(front) <= LIMIT
-
-
-def test_every_integrator_is_measured_at_every_setting(errors):
-    kinds = itertools.product(('wind_pump', 'quadrilateral'), (TRAJECTORY, ENERGY), INTEGRATORS)
-    for mechanism, quantity, method in kinds:
-        settings = [label(setting) for setting in method.settings]
-        assert list(errors[mechanism, quantity, method.name, MEAN]) == settings
-        # Only steps up to a ms have a slowest ms.
-        short = [label(s) for s in method.settings if s.get('step', 0) <= 1e-3]
-        assert list(errors[mechanism, TRAJECTORY, method.name, SLOWEST]) == short
 
 
 def test_a_followed_crank_is_off_as_in_the_docs(accuracy, folder):
