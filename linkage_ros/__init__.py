@@ -23,6 +23,7 @@ from linkage_ros.errors import (
     ViewerError,
 )
 from linkage_ros.model.four_bar import FourBar
+from linkage_ros.model.kinematics import Reach
 from linkage_ros.model.load_curve import LoadCurve
 from linkage_ros.model.loads import Friction, LinkLoad
 from linkage_ros.model.parts import (
@@ -36,7 +37,6 @@ from linkage_ros.model.parts import (
     Rocker,
     Slider,
 )
-from linkage_ros.model.reach import Reach
 from linkage_ros.model.slider_crank import SliderCrank
 from linkage_ros.model.wind_pump import WindPump
 

@@ -17,7 +17,7 @@ from rcl_interfaces.srv import (
 )
 from ros_harness import decoded, node_arguments, stop, wait_for, watched
 
-from linkage_ros.model.load_kinds import LOADS
+from linkage_ros.model.parts import LOADS
 from linkage_ros.parameters.configuration import MechanismAndDrive, load, parameter_leaves
 
 RPM = -42.5

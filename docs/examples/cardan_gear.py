@@ -19,10 +19,9 @@ from typing import NamedTuple
 
 from linkage_ros.errors import MechanismError
 from linkage_ros.formulas import ZERO, Vector, atan2, cos, sin
+from linkage_ros.model.kinematics import LinkPose, Pose, Reach
 from linkage_ros.model.loads import Load
 from linkage_ros.model.parts import OPEN, Body, Coupler, Guide, Slider, gravity_quantity
-from linkage_ros.model.pose import LinkPose, Pose
-from linkage_ros.model.reach import Reach
 from linkage_ros.model.registry import MECHANISMS
 from linkage_ros.model.structure import Link, Mechanism, Point, Structure, coupler_point
 from linkage_ros.numeric import Real, two_sum

@@ -33,8 +33,8 @@ from linkage_ros.formulas import (
     total,
     where,
 )
+from linkage_ros.model.kinematics import LinkPose, Loop, Pose
 from linkage_ros.model.loads import JointLoad, Load
-from linkage_ros.model.pose import LinkPose, Loop, Pose
 from linkage_ros.model.structure import Dyad, Link, Mechanism, Pin, Point, Structure
 from linkage_ros.numeric import Real
 

@@ -22,8 +22,8 @@ from linkage_ros.dynamics.reactions import reactions
 from linkage_ros.dynamics.state import State
 from linkage_ros.dynamics.tape import leaves
 from linkage_ros.formulas import ZERO, Vector, dot, number, sqrt, where
+from linkage_ros.model.kinematics import LinkPose
 from linkage_ros.model.loads import Contact
-from linkage_ros.model.pose import LinkPose
 from linkage_ros.numeric import Real
 
 _ROUNDS = 1000

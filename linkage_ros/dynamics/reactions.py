@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from linkage_ros.dynamics.equations import Model, accelerations, velocities
 from linkage_ros.formulas import ZERO, Vector, cross, dot, is_finite, require, total
-from linkage_ros.model.pose import Pose
+from linkage_ros.model.kinematics import Pose
 from linkage_ros.model.structure import Dyad, Pin
 from linkage_ros.numeric import Real
 

@@ -19,9 +19,8 @@ from linkage_ros.dynamics.state import PointMotion, State
 from linkage_ros.dynamics.tape import Constants
 from linkage_ros.errors import ConfigurationError, MechanismError, UnreachableError
 from linkage_ros.formulas import ZERO, Opaque, Vector, is_finite, require
+from linkage_ros.model.kinematics import LinkPose, Reach
 from linkage_ros.model.loads import Load
-from linkage_ros.model.pose import LinkPose
-from linkage_ros.model.reach import Reach
 from linkage_ros.model.structure import Description, Mechanism, Point
 from linkage_ros.numeric import Real, real_numbers
 from linkage_ros.quantities import shown

@@ -18,7 +18,7 @@ from linkage_ros.dynamics.equations import Model, accelerations, balance, veloci
 from linkage_ros.dynamics.program import Program
 from linkage_ros.dynamics.tape import Constants
 from linkage_ros.formulas import ZERO, Opaque, Vector, total
-from linkage_ros.model.load_kinds import LOADS
+from linkage_ros.model.parts import LOADS
 from linkage_ros.model.structure import Mechanism
 from linkage_ros.numeric import Array, Real
 from linkage_ros.quantities import build, flatten

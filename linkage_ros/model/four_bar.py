@@ -37,7 +37,7 @@ from linkage_ros.formulas import (
     turned,
     where,
 )
-from linkage_ros.model.load_kinds import loads_field
+from linkage_ros.model.kinematics import LinkPose, Loop, Pose, Reach
 from linkage_ros.model.parts import (
     CROSSED,
     OPEN,
@@ -46,9 +46,8 @@ from linkage_ros.model.parts import (
     Frame,
     Rocker,
     gravity_quantity,
+    loads_field,
 )
-from linkage_ros.model.pose import LinkPose, Loop, Pose
-from linkage_ros.model.reach import Reach
 from linkage_ros.model.structure import (
     Dyad,
     Link,

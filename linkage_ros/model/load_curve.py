@@ -8,16 +8,15 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.files import open_file
 from linkage_ros.formulas import Opaque, where
+from linkage_ros.model.kinematics import LinkPose
 from linkage_ros.model.loads import AppliedLoad, continuous
-from linkage_ros.model.pose import LinkPose
-from linkage_ros.model.structure import Mechanism
 from linkage_ros.numeric import Real, without_turns
 from linkage_ros.quantities import quantity, shown
 
@@ -127,7 +126,7 @@ class LoadCurve(AppliedLoad):
                 f'most one turn, {_TURN!r}, and after a whole one end with the first, {value[0]:g}'
             )
 
-    def on(self, mechanism: Mechanism) -> 'CurveForce':
+    def on(self, mechanism: Any) -> 'CurveForce':
         """See `AppliedLoad`.
 
         Raises:

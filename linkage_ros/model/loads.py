@@ -15,7 +15,7 @@ from typing import Any, ClassVar, NamedTuple, Protocol
 
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.formulas import ZERO, where
-from linkage_ros.model.pose import LinkPose
+from linkage_ros.model.kinematics import LinkPose
 from linkage_ros.numeric import Real
 from linkage_ros.quantities import Checked, quantity
 
@@ -80,7 +80,7 @@ class JointLoad(Protocol):
 class AppliedLoad(Checked):
     """Base of the kinds of load in a mechanism's description: frozen dataclasses of quantities.
 
-    `linkage_ros.model.load_kinds` lists them.
+    `linkage_ros.model.parts` lists them.
 
     Attributes:
         group: Group of the parameters that hold its quantities; empty: no parameters of its own.

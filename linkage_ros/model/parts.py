@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The parts of mechanisms: links with two pins, sliders and fixed links.
+"""The parts of mechanisms: links with two pins, sliders and fixed links; the kinds of load.
 
 Lengths in m, masses in kg, inertias in kg m^2 about each body's own centre of mass, angles in
 rad counter-clockwise from the x axis of base_link.
@@ -9,7 +9,9 @@ rad counter-clockwise from the x axis of base_link.
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from linkage_ros.quantities import Checked, quantity
+from linkage_ros.model.load_curve import LoadCurve
+from linkage_ros.model.loads import AppliedLoad, Friction, LinkLoad
+from linkage_ros.quantities import Checked, groups, quantity
 
 OPEN = 'open'
 CROSSED = 'crossed'
@@ -20,6 +22,15 @@ _LENGTHS = (1e-9, 1e9)
 _MASSES = (0.0, 1e12)
 _FORCES = (-1e12, 1e12)
 _SLIDER_LOAD = 'force', 'damping', 'stiffness', 'rest_position'
+
+
+# The kinds of load. Add a new one here.
+LOADS: tuple[type[AppliedLoad], ...] = (LinkLoad, LoadCurve, Friction)
+
+
+def loads_field() -> Any:
+    """Declares the field of a mechanism that holds its loads."""
+    return groups(AppliedLoad, LOADS)
 
 
 def gravity_quantity() -> Any:

@@ -23,7 +23,7 @@ from typing import Any, ClassVar, NamedTuple, NoReturn
 
 from linkage_ros.errors import MechanismError, UnreachableError
 from linkage_ros.formulas import ZERO, Opaque, Vector, atan2, cos, dot, require, sin, sqrt, turned
-from linkage_ros.model.load_kinds import loads_field
+from linkage_ros.model.kinematics import LinkPose, Pose, Reach, directions
 from linkage_ros.model.parts import (
     CROSSED,
     OPEN,
@@ -32,9 +32,8 @@ from linkage_ros.model.parts import (
     Guide,
     Slider,
     gravity_quantity,
+    loads_field,
 )
-from linkage_ros.model.pose import LinkPose, Pose, directions
-from linkage_ros.model.reach import Reach
 from linkage_ros.model.structure import (
     Dyad,
     Link,
@@ -67,6 +66,8 @@ class SliderCrankLoop(NamedTuple):
         guide: Cosine and sine of the guide's direction.
         crank: Length r, m.
         coupler: Length b, m.
+        offset: Offset e of the guide, m.
+        refuse: Function that rejects a position of the slider.
     """
 
     transmission: Transmission
@@ -74,6 +75,8 @@ class SliderCrankLoop(NamedTuple):
     guide: Vector
     crank: float
     coupler: float
+    offset: float
+    refuse: Opaque
 
     def pose(self, q: tuple[Real, ...]) -> Pose:
         """The pose at a crank angle.
@@ -113,26 +116,12 @@ class SliderCrankLoop(NamedTuple):
         )
 
 
-class BySlider(NamedTuple):
+class BySlider(SliderCrankLoop):
     """The constants of a slider-crank whose coordinate is the slider's position.
 
-    It determines the motion at the dead centres of a crank that cannot turn fully.
-
-    Attributes:
-        side: 1: the crank pin lies left of the line from A0 to B, -1: right of it.
-        guide: Cosine and sine of the guide's direction.
-        crank: Length r, m.
-        coupler: Length b, m.
-        offset: Offset e of the guide, m.
-        refuse: Function that rejects a position.
+    It determines the motion at the dead centres of a crank that cannot turn fully. `side` is 1 if
+    the crank pin lies left of the line from A0 to B, -1 if right of it.
     """
-
-    side: int
-    guide: Vector
-    crank: float
-    coupler: float
-    offset: float
-    refuse: Opaque
 
     def pose(self, q: tuple[Real, ...]) -> Pose:
         """The pose at a position of the slider, m."""
@@ -246,14 +235,13 @@ class SliderCrank(Mechanism):
             self._transmission(),
             1 if self.assembly == OPEN else -1,
             Vector(cos(guide), sin(guide)),
-            self.crank.length,
-            self.coupler.length,
+            *self._lengths(),
+            Opaque(self._refuse_slide),
         )
 
     def other_loop(self) -> BySlider:
         """The constants of the pose at a position of the slider."""
-        own, refuse = self.loop(), Opaque(self._refuse_slide)
-        return BySlider(own.side, own.guide, *self._lengths(), refuse)
+        return BySlider(*self.loop())
 
     def _refuse_slide(self, slide: float) -> NoReturn:
         raise UnreachableError(

@@ -10,10 +10,9 @@ from typing import Any, ClassVar, NamedTuple, cast
 
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.formulas import ZERO, Vector, cos, sin
+from linkage_ros.model.kinematics import Loop, Reach
 from linkage_ros.model.loads import AppliedLoad, JointLoad, LinkForce, Load
 from linkage_ros.model.parts import Body, Coupler
-from linkage_ros.model.pose import Loop
-from linkage_ros.model.reach import Reach
 from linkage_ros.numeric import Real
 from linkage_ros.quantities import Checked, shown
 

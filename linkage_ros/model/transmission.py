@@ -22,7 +22,7 @@ from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 from linkage_ros.formulas import ZERO, Opaque, atan2, cos, number, require, sin, sqrt, where
-from linkage_ros.model.reach import Arc, Reach
+from linkage_ros.model.kinematics import Arc, Reach
 from linkage_ros.numeric import Real, is_rounding, largest, short_sum, two_sum, wrap
 
 

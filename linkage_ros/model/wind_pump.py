@@ -35,7 +35,7 @@ from linkage_ros.formulas import (
     sqrt,
     where,
 )
-from linkage_ros.model.load_kinds import loads_field
+from linkage_ros.model.kinematics import LinkPose, Pose, directions
 from linkage_ros.model.parts import (
     CROSSED,
     OPEN,
@@ -43,8 +43,8 @@ from linkage_ros.model.parts import (
     Coupler,
     Piston,
     gravity_quantity,
+    loads_field,
 )
-from linkage_ros.model.pose import LinkPose, Pose, directions
 from linkage_ros.model.structure import Dyad, Link, Mechanism, Pin, Point, Structure, coupler_point
 from linkage_ros.numeric import Real
 from linkage_ros.quantities import quantity

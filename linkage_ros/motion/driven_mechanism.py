@@ -24,8 +24,8 @@ from linkage_ros.dynamics.solver import Solver
 from linkage_ros.dynamics.state import State
 from linkage_ros.errors import LinkageError, MotionError
 from linkage_ros.formulas import where
+from linkage_ros.model.kinematics import FULL_TURN, Arc
 from linkage_ros.model.parts import CROSSED, OPEN
-from linkage_ros.model.reach import FULL_TURN, Arc
 from linkage_ros.model.structure import Description, Link
 from linkage_ros.numeric import Array, Real, with_turns, within_two_turns, wrap
 

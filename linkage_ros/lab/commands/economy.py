@@ -19,7 +19,7 @@ from linkage_ros import ConfigurationError, MechanismError, Solver
 from linkage_ros.lab import torque_models
 from linkage_ros.lab.output import NUMBERS, SMALL, TEXT, chart, folder, progress, save_records
 from linkage_ros.lab.torque_models import STATIC, TERMS, TorqueProgram
-from linkage_ros.model.load_kinds import LOADS
+from linkage_ros.model.parts import LOADS
 from linkage_ros.model.structure import Mechanism
 from linkage_ros.numeric import Array
 from linkage_ros.palette import (

@@ -25,8 +25,8 @@ from linkage_ros.dynamics.equations import Model, balance
 from linkage_ros.dynamics.tape import leaves
 from linkage_ros.formulas import ZERO, Opaque, Vector, atan2, cos, cross, dot, sin, sqrt
 from linkage_ros.lab.reference.states import Linkage, lengths
+from linkage_ros.model.kinematics import LinkPose, Pose
 from linkage_ros.model.parts import OPEN
-from linkage_ros.model.pose import LinkPose, Pose
 from linkage_ros.numeric import Real
 
 QUANTITIES = ('position', 'rate', 'acceleration', 'torque')

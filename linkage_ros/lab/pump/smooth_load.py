@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 from linkage_ros.formulas import Opaque, where
+from linkage_ros.model.kinematics import LinkPose
 from linkage_ros.model.load_curve import CurveForce, LoadCurve
-from linkage_ros.model.pose import LinkPose
 from linkage_ros.model.structure import Mechanism
 from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.numeric import Real
