@@ -5,22 +5,24 @@
 import functools
 import math
 from collections.abc import Callable
-from typing import Any, NoReturn
+from typing import Any, NoReturn, cast
 
 import numpy as np
 
 from linkage_ros.dynamics.compiled import compiled_arrays
 from linkage_ros.dynamics.equations import Model
-from linkage_ros.dynamics.joint_loads import search_names
+from linkage_ros.dynamics.joint_loads import Round, joint_load_round, search_names
 from linkage_ros.dynamics.program import Program
 from linkage_ros.dynamics.state import State
-from linkage_ros.dynamics.tape import Constants
+from linkage_ros.dynamics.tape import Constants, leaves
 from linkage_ros.errors import ConfigurationError, MechanismError, UnreachableError
 from linkage_ros.formulas import Opaque
 from linkage_ros.model.structure import Description, Mechanism
 from linkage_ros.numeric import Real, real_numbers, require_finite
 from linkage_ros.quantities import shown
 
+ROUND = 'q', 'u', 'a', 'search'  # arguments of a round of the search for joint forces
+_ROUNDS = 1000
 _IN_LINE = (
     'all links lie in one line: the forces in the joints have no finite value at a change point; '
     'ask for angles beside it'
@@ -121,6 +123,39 @@ class Evaluator:
         if self._compiled and not by_math:
             return compiled_arrays(program, *values)
         return program.arrays(*values, by_math=by_math)
+
+    def settle(self, *given: Any, by_math: bool = False) -> Round:
+        """Repeats rounds until the loads that depend on the joint forces are solved.
+
+        Args:
+            *given: Coordinates, their rates and their accelerations.
+            by_math: See `run`.
+
+        Returns:
+            The last round. Solved states stay unchanged, so that array results are bit-identical
+            to those of single states.
+
+        Raises:
+            UnreachableError: Friction locks the mechanism.
+        """
+        program = self.program(joint_load_round, *ROUND)
+        motion, shape = real_numbers(**dict(zip(program.names, given, strict=False)))
+        search: list[Real] = [1.0, 0.0, math.inf, *[0.0] * (len(program.names) - len(given) - 3)]
+        if shape:  # one program for all rounds
+            search = [np.full(shape, value) for value in search]
+        for _ in range(_ROUNDS):
+            found = cast('Round', self.run_program(program, *motion, *search, by_math=by_math))
+            if not np.any(found.left) or np.any(np.less(found.left, 0)):
+                break
+            search = leaves(found.search)
+        crank, locked = np.broadcast_arrays(motion[0], np.not_equal(found.left, 0))
+        if locked.any():
+            self.refuse_angle(
+                'friction locks the mechanism: no forces in its joints balance; lower the '
+                'coefficients or the pin radius',
+                crank[locked].item(0),
+            )
+        return found
 
     def row(self, letter: str, row: Any) -> tuple[Any, ...]:
         """The values of all coordinates, or of their rates or accelerations; or the torque.

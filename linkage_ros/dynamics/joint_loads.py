@@ -12,21 +12,17 @@ reaches 0, the forces become infinite or cease to exist: the mechanism is self-l
 
 import functools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
-
-import numpy as np
 
 from linkage_ros.dynamics.equations import Model, determinant, solved, state, velocities
 from linkage_ros.dynamics.reactions import reactions
 from linkage_ros.dynamics.state import State
-from linkage_ros.dynamics.tape import leaves
 from linkage_ros.formulas import ZERO, Vector, dot, number, sqrt, where
 from linkage_ros.model.kinematics import LinkPose
 from linkage_ros.model.loads import Contact
 from linkage_ros.numeric import Real
 
-_ROUNDS = 1000
 _PART = 1e-12  # largest change of a solved state, relative to the largest force
 _ROUNDING = 1e-6  # the same where rounding errors keep the change from shrinking
 _SINGULAR = 1e-12  # a determinant without correct digits
@@ -228,27 +224,3 @@ def _next(
 
 def _largest(values: Sequence[Real]) -> Real:
     return functools.reduce(lambda x, y: where(x > y, x, y), values)
-
-
-def settle(run: Callable[..., Round], count: int, shape: tuple[int, ...]) -> Round:
-    """Repeats rounds until the forces are solved or found not to exist.
-
-    Args:
-        run: `joint_load_round` of one motion, or of an array of them: a function of the numbers of
-            a `Search`.
-        count: Number of motions.
-        shape: Shape of an array of motions; empty: a single motion.
-
-    Returns:
-        The last round; `left` is not 0 where the mechanism is self-locking. Solved states stay
-        unchanged, so that array results are bit-identical to those of single states.
-    """
-    search: list[Real] = [1.0, 0.0, math.inf, *[0.0] * (count - 3)]
-    if shape:  # one program for all rounds
-        search = [np.full(shape, value) for value in search]
-    for _ in range(_ROUNDS):
-        found = run(*search)
-        if not np.any(found.left) or np.any(np.less(found.left, 0)):
-            break
-        search = leaves(found.search)
-    return found

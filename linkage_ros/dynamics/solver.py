@@ -7,12 +7,10 @@ import itertools
 from collections.abc import Callable, Sequence
 from typing import Any, cast
 
-import numpy as np
-
 from linkage_ros.dynamics import equations
 from linkage_ros.dynamics.equations import Meeting
-from linkage_ros.dynamics.evaluator import Evaluator, refuse_overflow
-from linkage_ros.dynamics.joint_loads import Round, joint_load_round, settle
+from linkage_ros.dynamics.evaluator import ROUND, Evaluator, refuse_overflow
+from linkage_ros.dynamics.joint_loads import joint_load_round
 from linkage_ros.dynamics.program import Program
 from linkage_ros.dynamics.reactions import Reactions, reactions
 from linkage_ros.dynamics.state import PointMotion, State
@@ -22,10 +20,8 @@ from linkage_ros.formulas import ZERO, Opaque, Vector, is_finite, require
 from linkage_ros.model.kinematics import LinkPose, Reach
 from linkage_ros.model.loads import Load
 from linkage_ros.model.structure import Description, Mechanism, Point
-from linkage_ros.numeric import Real, real_numbers
+from linkage_ros.numeric import Real
 from linkage_ros.quantities import shown
-
-_ROUND = 'q', 'u', 'a', 'search'  # arguments of a round
 
 # First lines of programs that take floats directly; for mechanisms with one coordinate.
 _HEADS = {
@@ -123,7 +119,7 @@ class Solver(Evaluator):
     def source(self) -> str:
         """The program of `state` as Python text; with friction, that of one round."""
         if self.model.joint_loads:
-            return self.program(joint_load_round, *_ROUND).source
+            return self.program(joint_load_round, *ROUND).source
         return self.program(equations.state, 'q', 'u', 'a').source
 
     def state(self, q: Any, u: Any = 0.0, a: Any = 0.0, *, by_math: bool = False) -> State:
@@ -148,7 +144,7 @@ class Solver(Evaluator):
         changes = self.row('a', a)
         if self.model.joint_loads:
             row = (*self.row('q', q), *self.row('u', u), *changes)
-            return self._settle(*row, by_math=by_math).state
+            return self.settle(*row, by_math=by_math).state
         given = {'q': q, 'u': u}
         if not all(type(change) is float and not change for change in changes):
             given['a'] = a
@@ -301,7 +297,7 @@ class Solver(Evaluator):
             )
         given = self.motion(state)
         if self.model.joint_loads:
-            forces, guides, *others = self._settle(*given).reactions
+            forces, guides, *others = self.settle(*given).reactions
         else:
             forces, guides, *others = self.run_program(
                 self.program(reactions, 'q', 'u', 'a'), *given
@@ -327,7 +323,7 @@ class Solver(Evaluator):
         links = [LinkPose(x, Vector(ZERO, ZERO), (), ()) for x in position]
         loads: list[Load] = list(self.model.loads)
         if self.model.joint_loads:
-            loads.append(self._settle(*self.motion(state)).load)
+            loads.append(self.settle(*self.motion(state)).load)
         found: dict[str, Real] = {}
         for load in loads:
             for j, force in load.forces(links, velocity).items():
@@ -360,25 +356,6 @@ class Solver(Evaluator):
     @functools.cached_property
     def _meetings(self) -> Callable[..., Any]:
         return self.program(equations.meetings, 'q', 'u').scalar
-
-    def _settle(self, *given: Any, by_math: bool = False) -> Round:
-        """Solves the motion under loads that depend on the joint forces.
-
-        Raises:
-            UnreachableError: Friction locks the mechanism.
-        """
-        program = self.program(joint_load_round, *_ROUND)
-        motion, shape = real_numbers(**dict(zip(program.names, given, strict=False)))
-        run = functools.partial(self.run_program, program, *motion, by_math=by_math)
-        found = settle(run, len(program.names) - len(given), shape)
-        crank, locked = np.broadcast_arrays(motion[0], np.not_equal(found.left, 0))
-        if locked.any():
-            self.refuse_angle(
-                'friction locks the mechanism: no forces in its joints balance; lower the '
-                'coefficients or the pin radius',
-                crank[locked].item(0),
-            )
-        return found
 
 
 def _point_motion(
