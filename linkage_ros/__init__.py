@@ -11,7 +11,6 @@ __version__ = '0.1.0'
 
 from linkage_ros.dynamics.reactions import Reactions
 from linkage_ros.dynamics.solver import Solver
-from linkage_ros.dynamics.state import PointMotion, State
 from linkage_ros.dynamics.travel import Travel, assemblies, travel
 from linkage_ros.errors import (
     ConfigurationError,
@@ -23,7 +22,7 @@ from linkage_ros.errors import (
     ViewerError,
 )
 from linkage_ros.model.four_bar import FourBar
-from linkage_ros.model.kinematics import Reach
+from linkage_ros.model.kinematics import PointMotion, Reach, State
 from linkage_ros.model.load_curve import LoadCurve
 from linkage_ros.model.loads import Friction, LinkLoad
 from linkage_ros.model.parts import (

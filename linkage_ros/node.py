@@ -12,8 +12,8 @@ from typing import Any
 from rclpy.clock import Clock, ClockType
 
 from linkage_ros import cli
-from linkage_ros.dynamics.state import State, loop_residual
 from linkage_ros.errors import LinkageError, LogError
+from linkage_ros.model.kinematics import State
 from linkage_ros.motion.coordinates import Coordinates
 from linkage_ros.motion.drives import FollowDrive, TorqueDrive
 from linkage_ros.motion.speed_driven import SpeedMotion
@@ -236,7 +236,7 @@ class LinkageNode(ParameterNode):
     def _figures(self) -> dict[str, str]:
         if self._state is None:
             return {}
-        residual = loop_residual(self._simulator.solver.structure, self._state)
+        residual = self._simulator.solver.structure.loop_residual(self._state)
         return {
             'crank speed, rad/s': f'{self._state.velocity[0]:.6g}',
             'driving torque, N m': f'{self._state.torque:.6g}',

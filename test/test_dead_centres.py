@@ -14,7 +14,6 @@ from ros_harness import logged, report_of, verified
 
 from linkage_ros import Solver
 from linkage_ros.dynamics import program
-from linkage_ros.dynamics.state import loop_residual
 from linkage_ros.errors import LinkageError, MotionError
 from linkage_ros.lab.methods.integrators import Multipliers
 from linkage_ros.lab.reference.motions import InitialValueProblem
@@ -161,7 +160,7 @@ def test_states_next_to_the_jump_at_pi_close_the_loop_and_verify(name, tmp_path)
     motion = simulator.begin(0, record_steps)
     for tick in range(600):
         state = simulator.snapshot_at(motion, simulator.elapsed(tick)).state
-        assert loop_residual(simulator.solver.structure, state) < 1e-13
+        assert simulator.solver.structure.loop_residual(state) < 1e-13
         turning = state.position[2:3] if name in SEAMS else ()
         assert all(-math.pi < angle <= math.pi for angle in turning)
     record(settings, tmp_path / 'run.mcap', duration=3.0)

@@ -32,7 +32,6 @@ from linkage_ros import (
     assemblies,
     travel,
 )
-from linkage_ros.dynamics.state import loop_residual
 
 
 def mobility(lengths, angle=0.0):
@@ -387,7 +386,7 @@ def counts(mechanism, *cranks):
     for crank in cranks:
         positions = assemblies(mechanism, crank)
         for position in positions:
-            gap = loop_residual(solver.structure, SimpleNamespace(position=position))
+            gap = solver.structure.loop_residual(SimpleNamespace(position=position))
             assert gap < 1e-14, (crank, position)
             assert position[0] == crank
         found.append(len(positions))

@@ -20,7 +20,6 @@ import operator
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
-from linkage_ros.dynamics.state import State
 from linkage_ros.formulas import (
     ZERO,
     Opaque,
@@ -33,7 +32,7 @@ from linkage_ros.formulas import (
     total,
     where,
 )
-from linkage_ros.model.kinematics import LinkPose, Loop, Pose
+from linkage_ros.model.kinematics import LinkPose, Loop, Pose, State
 from linkage_ros.model.loads import JointLoad, Load
 from linkage_ros.model.structure import Dyad, Link, Mechanism, Pin, Point, Structure
 from linkage_ros.numeric import Real

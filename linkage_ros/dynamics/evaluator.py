@@ -13,10 +13,10 @@ from linkage_ros.dynamics.compiled import compiled_arrays
 from linkage_ros.dynamics.equations import Model
 from linkage_ros.dynamics.joint_loads import Round, joint_load_round, search_names
 from linkage_ros.dynamics.program import Program
-from linkage_ros.dynamics.state import State
 from linkage_ros.dynamics.tape import Constants, leaves
 from linkage_ros.errors import ConfigurationError, MechanismError, UnreachableError
 from linkage_ros.formulas import Opaque
+from linkage_ros.model.kinematics import State
 from linkage_ros.model.structure import Description, Mechanism
 from linkage_ros.numeric import Real, real_numbers, require_finite
 from linkage_ros.quantities import shown

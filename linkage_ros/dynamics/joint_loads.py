@@ -17,9 +17,8 @@ from typing import Any, NamedTuple
 
 from linkage_ros.dynamics.equations import Model, determinant, solved, state, velocities
 from linkage_ros.dynamics.reactions import reactions
-from linkage_ros.dynamics.state import State
 from linkage_ros.formulas import ZERO, Vector, dot, number, sqrt, where
-from linkage_ros.model.kinematics import LinkPose
+from linkage_ros.model.kinematics import LinkPose, State
 from linkage_ros.model.loads import Contact
 from linkage_ros.numeric import Real
 

@@ -13,11 +13,10 @@ from linkage_ros.dynamics.evaluator import ROUND, Evaluator, refuse_overflow
 from linkage_ros.dynamics.joint_loads import joint_load_round
 from linkage_ros.dynamics.program import Program
 from linkage_ros.dynamics.reactions import Reactions, reactions
-from linkage_ros.dynamics.state import PointMotion, State
 from linkage_ros.dynamics.tape import Constants
 from linkage_ros.errors import ConfigurationError, MechanismError, UnreachableError
 from linkage_ros.formulas import ZERO, Opaque, Vector, is_finite, require
-from linkage_ros.model.kinematics import LinkPose, Reach
+from linkage_ros.model.kinematics import LinkPose, PointMotion, Reach, State
 from linkage_ros.model.loads import Load
 from linkage_ros.model.structure import Description, Mechanism, Point
 from linkage_ros.numeric import Real

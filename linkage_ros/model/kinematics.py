@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a mechanism's kinematics gives: the pose at given coordinates, and the reach of a crank."""
+"""What is known of a motion: the pose at given coordinates, the state, and the crank's reach."""
 
 import math
 from typing import NamedTuple, NoReturn, Protocol, TypeAlias
@@ -174,3 +174,37 @@ class Reach(NamedTuple):
         angles = np.concatenate([even, *(place + around for place in places)])
         all_angles: Array = np.unique(angles[(angles >= 0) & (angles <= even[-1])])
         return all_angles
+
+
+class State(NamedTuple):
+    """The motion of a mechanism at one crank angle, or at an array of them.
+
+    The links are in the order of the joints: crank, coupler, and rocker or slider; of a wind
+    pump crank, coupler, rod and slider.
+
+    Attributes:
+        position: Directions of the links from first to second pin, rad; in [-pi, pi], except the
+            crank's, which is the given angle. For a slider, its position on the guide, m.
+        velocity: Angular velocities of the links, rad/s; for a slider, its velocity, m/s.
+        acceleration: Angular accelerations, rad/s^2; for a slider, its acceleration, m/s^2.
+        torque: Driving torque on the crank, N m, counter-clockwise positive.
+    """
+
+    position: tuple[Real, ...]
+    velocity: tuple[Real, ...]
+    acceleration: tuple[Real, ...]
+    torque: Real
+
+
+class PointMotion(NamedTuple):
+    """The motion of a point, in the axes of base_link.
+
+    Attributes:
+        position: Position (x, y), m.
+        velocity: Velocity, m/s.
+        acceleration: Acceleration, m/s^2.
+    """
+
+    position: Vector
+    velocity: Vector
+    acceleration: Vector

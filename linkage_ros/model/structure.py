@@ -10,7 +10,7 @@ from typing import Any, ClassVar, NamedTuple, cast
 
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.formulas import ZERO, Vector, cos, sin
-from linkage_ros.model.kinematics import Loop, Reach
+from linkage_ros.model.kinematics import Loop, Reach, State
 from linkage_ros.model.loads import AppliedLoad, JointLoad, LinkForce, Load
 from linkage_ros.model.parts import Body, Coupler
 from linkage_ros.numeric import Real
@@ -181,6 +181,18 @@ class Structure(NamedTuple):
     pins: tuple[Pin, ...] = ()
     dyads: tuple[Dyad, ...] = ()
     other_dyads: tuple[Dyad, ...] = ()
+
+    def loop_residual(self, state: State) -> float:
+        """Distance between the ends of the two paths around the loop, m, for a state of floats."""
+        closure, last = self.closure, self.links[-1]
+        reached: complex = closure.fixed + sum(
+            weight * direction(angle)
+            for weight, angle in zip(closure.weights, state.position, strict=False)
+            if weight
+        )
+        if last.slides:
+            reached -= last.origin + state.position[-1] * direction(last.angle)
+        return abs(reached)
 
 
 class Description(NamedTuple):

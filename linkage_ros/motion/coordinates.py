@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from linkage_ros.dynamics.state import State
+from linkage_ros.model.kinematics import State
 from linkage_ros.numeric import Array, Real
 
 

@@ -21,10 +21,9 @@ from typing import Any, NoReturn, TypeAlias
 import numpy as np
 
 from linkage_ros.dynamics.solver import Solver
-from linkage_ros.dynamics.state import State
 from linkage_ros.errors import LinkageError, MotionError
 from linkage_ros.formulas import where
-from linkage_ros.model.kinematics import FULL_TURN, Arc
+from linkage_ros.model.kinematics import FULL_TURN, Arc, State
 from linkage_ros.model.parts import CROSSED, OPEN
 from linkage_ros.model.structure import Description, Link
 from linkage_ros.numeric import Array, Real, with_turns, within_two_turns, wrap

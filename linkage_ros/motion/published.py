@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 
 from linkage_ros.dynamics.solver import Solver
-from linkage_ros.dynamics.state import State
+from linkage_ros.model.kinematics import State
 from linkage_ros.motion.coordinates import Coordinates, stacked
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.numeric import Real, with_turns, within_two_turns, wrap

@@ -18,10 +18,10 @@ import numpy.typing as npt
 
 from linkage_ros.dynamics.program import Program
 from linkage_ros.dynamics.solver import Solver
-from linkage_ros.dynamics.state import State
 from linkage_ros.dynamics.tape import Constants
 from linkage_ros.errors import ConfigurationError, LinkageError
 from linkage_ros.formulas import Vector
+from linkage_ros.model.kinematics import State
 from linkage_ros.model.structure import Link, Point
 from linkage_ros.motion.coordinates import Coordinates
 from linkage_ros.motion.driven_mechanism import DrivenMechanism

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from linkage_ros.dynamics.solver import Solver
-from linkage_ros.dynamics.state import State
+from linkage_ros.model.kinematics import State
 from linkage_ros.model.structure import Mechanism
 from linkage_ros.numeric import Array
 

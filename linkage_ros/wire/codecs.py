@@ -9,8 +9,8 @@ import math
 import struct
 from collections.abc import Collection, Iterable, Sequence
 
-from linkage_ros.dynamics.state import State
 from linkage_ros.formulas import rint, where
+from linkage_ros.model.kinematics import State
 from linkage_ros.model.structure import Link
 from linkage_ros.numeric import Real, wrap
 from linkage_ros.units import NS_PER_S

@@ -6,8 +6,8 @@ import cmath
 from collections.abc import Sequence
 from xml.etree import ElementTree as ET
 
-from linkage_ros.dynamics.state import State
 from linkage_ros.errors import ConfigurationError
+from linkage_ros.model.kinematics import State
 from linkage_ros.model.loads import LinkForce, continuous
 from linkage_ros.model.structure import Mechanism
 from linkage_ros.wire.codecs import joint_rows

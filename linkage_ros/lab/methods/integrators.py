@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 from scipy import integrate
 
-from linkage_ros.dynamics.state import loop_residual
 from linkage_ros.formulas import Vector
 from linkage_ros.lab.reference.motions import InitialValueProblem, Phase
 from linkage_ros.lab.reference.multibody import Multibody
@@ -38,7 +37,7 @@ class _OwnCoordinates:
         """See above."""
         half, solver = len(self._phase) // 2, self._driven.solver
         state = solver.state(self._phase[:half], self._phase[half:], (0.0,) * half)
-        return loop_residual(solver.structure, state)
+        return solver.structure.loop_residual(state)
 
 
 class OfPackage(_OwnCoordinates):
