@@ -77,21 +77,22 @@ def travel(solver: Solver) -> Travel:
     state = solver.state(crank, 1.0)
     position, rate = state.position[-1], state.velocity[-1]
     slides = solver.structure.links[-1].slides
-    if not slides:
-        position = np.unwrap(position)
+
+    def whole_turns(angle: float) -> float:
+        return 0.0 if slides else 2 * math.pi * round(float(angle) / (2 * math.pi))
+
+    position = position if slides else np.unwrap(position)
     before = np.flatnonzero(np.sign(rate[:-1]) * np.sign(rate[1:]) < 0)
     at = [_reversal(solver, *crank[i : i + 2].tolist()) for i in before]
-    places = [solver.state(angle).position[-1] for angle in at]
-    if not slides:
-        # Each angle in the turn of the surrounding samples.
-        places = [p + _whole_turns(position[i] - p) for i, p in zip(before, places, strict=True)]
+    found = [solver.state(angle).position[-1] for angle in at]
+    # Each angle in the turn of the surrounding samples.
+    places = [p + whole_turns(position[i] - p) for i, p in zip(before, found, strict=True)]
     extremes: tuple[float, float] | None = None
-    if slides or not _whole_turns(position[-1] - position[0]):
+    if not whole_turns(position[-1] - position[0]):
         # If the output nearly rests, rounding errors hide the change of sign.
         ends = *places, float(position.min()), float(position.max())
-        low, high = min(ends), max(ends)
-        seam = 0.0 if slides else _whole_turns(0.5 * (low + high))
-        extremes = low - seam, high - seam
+        seam = whole_turns(0.5 * (min(ends) + max(ends)))
+        extremes = min(ends) - seam, max(ends) - seam
     ratio = None
     if len(at) == 2:
         way = at[1] - at[0]
@@ -109,10 +110,6 @@ def _reversal(solver: Solver, low: float, high: float) -> float:
         else:
             high = middle
     return high
-
-
-def _whole_turns(angle: float) -> float:
-    return 2 * math.pi * round(float(angle) / (2 * math.pi))
 
 
 def assemblies(mechanism: FourBar | SliderCrank, crank: float) -> tuple[tuple[float, ...], ...]:

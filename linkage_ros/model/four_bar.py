@@ -58,7 +58,7 @@ from linkage_ros.model.structure import (
     coupler_point,
     direction,
 )
-from linkage_ros.model.transmission import Square, Transmission, middle, swing
+from linkage_ros.model.transmission import Square, Transmission, swing_middle
 from linkage_ros.numeric import (
     HALF_PI,
     Real,
@@ -363,14 +363,16 @@ class FourBar(Mechanism):
         Raises:
             ConfigurationError: The rocker turns fully.
         """
-        spread, arcs = swing(*self._lengths()), self.reach().arcs
-        if spread == (0.0, math.pi):
+        lengths, arcs = self._lengths(), self.reach().arcs
+        links, _ = self.loop().pose((0.5 * sum(arcs[0]),))
+        rocker = links[2].position
+        middle = swing_middle(lengths, self.frame.angle, rocker, both_sides=len(arcs) > 1)
+        if middle is None:
             raise ConfigurationError(
                 f'{what}: the rocker of this {self.grashof} linkage turns fully, so that its '
                 'angle has no beginning; use a load over crank_angle'
             )
-        links, _ = self.loop().pose((0.5 * sum(arcs[0]),))
-        return middle(*spread, len(arcs) > 1, self.frame.angle, links[2].position)
+        return middle
 
     def structure(self) -> Structure:
         """The structure; the loop is cut at B."""

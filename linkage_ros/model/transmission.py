@@ -222,50 +222,36 @@ def _turned(start: float, end: float) -> Arc:
     return start - whole, end - whole
 
 
-def swing(crank: float, coupler: float, rocker: float, frame: float) -> tuple[float, float]:
-    """The smallest and the largest angle between the rocker and the frame.
+def swing_middle(
+    lengths: tuple[float, ...], frame: float, rocker: float, *, both_sides: bool
+) -> float | None:
+    """The middle of the swing of a four-bar's rocker.
 
     The end of the rocker is between |coupler - crank| and coupler + crank away from the crank's
-    pivot, which bounds the angle by the law of cosines.
+    pivot, which bounds the angle between rocker and frame by the law of cosines.
 
     Args:
-        crank: Length of the crank, m.
-        coupler: Length of the coupler, m.
-        rocker: Length of the rocker, m.
-        frame: Length of the frame, m.
-
-    Returns:
-        Angles in [0, pi], rad; 0 or pi: the rocker crosses the line of the frame.
-    """
-    longest = max(crank, coupler, rocker, frame)
-    nearest, farthest = abs(short_sum(longest, coupler, -crank)), coupler + crank
-    low, high = 0.0, math.pi
-    if abs(short_sum(longest, rocker, -frame)) < nearest:
-        low = _opposite(rocker, frame, nearest)
-    if short_sum(longest, coupler, crank, -rocker, -frame) < 0:
-        high = _opposite(rocker, frame, farthest)
-    return low, high
-
-
-def middle(low: float, high: float, both_sides: bool, frame: float, rocker: float) -> float:
-    """The middle of a rocker's swing.
-
-    Args:
-        low: From `swing`.
-        high: From `swing`.
-        both_sides: Whether it swings, or may swing, to both sides of the frame's line.
+        lengths: Lengths of crank, coupler, rocker and frame, m.
         frame: Direction of the frame, rad.
         rocker: One of the rocker's directions, rad.
+        both_sides: Whether it swings, or may swing, to both sides of the frame's line.
 
     Returns:
-        Direction in [-pi, pi], rad.
+        Direction in [-pi, pi], rad; None if the rocker turns fully.
     """
+    (r, b, c, d), longest = lengths, max(lengths)
+    nearest, low, high = abs(short_sum(longest, b, -r)), 0.0, math.pi
+    if abs(short_sum(longest, c, -d)) < nearest:
+        low = _opposite(c, d, nearest)
+    if short_sum(longest, b, r, -c, -d) < 0:
+        high = _opposite(c, d, b + r)
+    if low == 0 and high == math.pi:
+        return None
     found = 0.5 * (low + high)
     if low == 0 or high == math.pi or both_sides:
         found = math.pi if high == math.pi else 0.0
     back: float = wrap(frame + math.pi)  # from B0 to A0
-    side = math.copysign(1.0, wrap(rocker - back))
-    result: float = wrap(back + side * found)
+    result: float = wrap(back + math.copysign(found, wrap(rocker - back)))
     return result
 
 
