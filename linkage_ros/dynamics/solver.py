@@ -80,16 +80,16 @@ class Solver(Evaluator):
 
     def _shorten(self, method: Any, formula: Callable[..., Any], *letters: str) -> None:
         """Replaces a method of this solver by one that passes floats directly to the program."""
+        name = method.__name__
 
-        @functools.cache
-        def entry() -> Callable[..., Any]:
-            (q,), (u,), *_ = self.names.values()
-            head = *_HEADS[method.__name__], f'{q}, {u} = q, u'
-            found = self.program(formula, *letters).entry(*head, otherwise=method)
-            vars(self)[method.__name__] = found
-            return found
+        def first(*given: Any, **named: Any) -> Any:
+            if vars(self)[name] is first:
+                (q,), (u,), *_ = self.names.values()
+                head = *_HEADS[name], f'{q}, {u} = q, u'
+                vars(self)[name] = self.program(formula, *letters).entry(*head, otherwise=method)
+            return vars(self)[name](*given, **named)
 
-        vars(self)[method.__name__] = lambda *given, **named: entry()(*given, **named)
+        vars(self)[name] = first
 
     def __reduce__(self) -> tuple[Any, tuple[Mechanism]]:
         make = functools.partial(type(self), compiled=self._compiled, description=self.description)
