@@ -18,7 +18,7 @@ import math
 import re
 from collections.abc import Callable, Iterable
 from types import FunctionType
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar, cast
 
 import numpy as np
 
@@ -301,8 +301,7 @@ class Program:
         known, key = self.constants.known, (self.formula, self._arguments, *part)
         if key not in known:
             known[key] = make()
-        found: _T = known[key]
-        return found
+        return cast('_T', known[key])
 
     def untraced(self, *values: float) -> Any:
         """The formula itself on floats, for debugging and comparison."""

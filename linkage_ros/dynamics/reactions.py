@@ -98,8 +98,7 @@ class _Balance:
             center, _, acceleration = body.center.follow(self._directions, rates, changes)
             self._centers.append(center)
             self._known[j].append((center, (model.gravity - acceleration) * body.mass))
-            if not body.slides:
-                self._couples[j] -= body.inertia * change
+            self._couples[j] -= body.inertia * change
         for load in model.loads:
             for j, force in load.forces(pose.links, rates).items():
                 self._push(j, j, force)
@@ -149,8 +148,11 @@ class _Balance:
 
     def complete(self, j: int) -> None:
         """Solves the only unknown pin force of a link."""
-        pins = [pin for pin in self._pins.values() if j in (pin.first, pin.second)]
-        unknown = [pin for pin in pins if pin.name not in self.forces]
+        unknown = [
+            pin
+            for name, pin in self._pins.items()
+            if j in (pin.first, pin.second) and name not in self.forces
+        ]
         if unknown and not self._links[j].slides:
             (pin,), force = unknown, self.force(j)
             self._act(pin, force if pin.second == j else -force)

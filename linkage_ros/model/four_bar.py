@@ -380,14 +380,13 @@ class FourBar(Mechanism):
         A0 = Point.at(0j, 3)
         B0 = Point.at(self.frame.length * direction(self.frame.angle), 3)
         A, B = A0.along(0, crank.length), B0.along(2, rocker.length)
-        points = {'A0': A0, 'A': A, 'B': B, 'B0': B0, **coupler_point(coupler, A)}
         return Structure(
             (
                 Link.turning('crank', crank, 0, A0),
                 Link.turning('coupler', coupler, 1, A),
                 Link.turning('rocker', rocker, 2, B0),
             ),
-            points,
+            {'A0': A0, 'A': A, 'B': B, 'B0': B0, **coupler_point(coupler, A)},
             closure=Point.at(-B0.fixed, 3)
             .along(0, crank.length)
             .along(1, coupler.length)

@@ -251,8 +251,7 @@ def swing_middle(
     if low == 0 or high == math.pi or both_sides:
         found = math.pi if high == math.pi else 0.0
     back: float = wrap(frame + math.pi)  # from B0 to A0
-    result: float = wrap(back + math.copysign(found, wrap(rocker - back)))
-    return result
+    return float(wrap(back + math.copysign(found, wrap(rocker - back))))
 
 
 def _opposite(rocker: float, frame: float, opposite: float) -> float:
