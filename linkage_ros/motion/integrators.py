@@ -20,7 +20,6 @@ SciPy's Radau at 1e-12 one of 2e-5 N m at the same cost, its LSODA 2e-6 N m at a
 
 from __future__ import annotations
 
-from contextlib import suppress
 from typing import Any
 
 from linkage_ros.errors import ConfigurationError, LinkageError
@@ -31,8 +30,7 @@ from linkage_ros.motion.fixed_step_integrator import FixedSteps, Steps, Values
 from linkage_ros.motion.stiff_integrator import StiffSteps
 
 _STIFF = 2e3  # rate of settling, 1/s, above which implicit steps cost less than explicit ones
-_MOST_STEPS, _TRIED = 25, 0.1  # steps in each ms, of 12 to 30 us; s of the motion to try
-_MS_OF_END = 4  # the end of a motion may take 100 steps
+_MOST_STEPS, _TRIED = 50, 100  # steps in each ms, of 12 us; ms of the motion to try
 _RECORD: dict[str, Any] = {'tolerance': 1e-11, 'trials': 10_000}  # tolerance of implicit steps
 _RECORD_CORNERS: dict[str, Any] = {'tolerance': 1e-13, 'trials': 10_000}  # of explicit ones
 
@@ -68,19 +66,29 @@ def require_live(driven: DrivenMechanism, begin: Coordinates, period: float) -> 
         period: Period of the ticks, s.
 
     Raises:
-        ConfigurationError: Its first 0.1 s take too many steps.
+        ConfigurationError: Its first 0.1 s take too many steps, or it ends in the first ms.
     """
-    steps = live_method(driven)(driven, (*begin.q, *begin.u))
-    with suppress(LinkageError):  # the run itself reports it
-        steps.advance(_TRIED)
-    tried = steps.tried / (1e3 * steps.time + _MS_OF_END)
-    if tried > _MOST_STEPS:
+    method, tried, words = live_method(driven), 0.0, ''
+    steps = method(driven, (*begin.q, *begin.u))
+    # An implicit step takes twice as long, and one in two coordinates too.
+    most = _MOST_STEPS // (len(driven.links) * (2 if method is StiffSteps else 1))
+    for ms in range(1, _TRIED + 1):
+        try:
+            steps.advance(1e-3 * ms)
+        except LinkageError as error:
+            words = f'{error}' if ms == 1 else ''  # the run itself reports a later end
+            break
+        tried = steps.tried / ms
+    if tried > most:
+        words = (
+            f'it takes {tried:.0f} steps in each ms, where {most} fit: lower a stiffness, '
+            'the slope of a load or the speed, or add mass; linkage_record follows it'
+        )
+    if words:
         fastest = max(driven.rates[1], abs(steps.driven.speed(steps.phase)))
         raise ConfigurationError(
-            f'a live run cannot follow this motion: it takes {tried:.0f} steps in each ms, where '
-            f'{_MOST_STEPS} fit; a swing, or a radian of the crank, takes {1e3 / fastest:.3g} ms, '
-            f'and a tick {1e3 * period:.3g} ms: lower a stiffness, the slope of a load or the '
-            'speed, or add mass; linkage_record follows it'
+            'a live run cannot follow this motion, where a swing, or a radian of the crank, takes '
+            f'{1e3 / fastest:.3g} ms and a tick {1e3 * period:.3g} ms: {words}'
         )
 
 
