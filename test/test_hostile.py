@@ -8,8 +8,13 @@ limits of time and memory, benchmarks/reliability/fuzz.py tries the same ones.
 
 import os
 import random
+import signal
+import struct
 import subprocess
 import sys
+import time
+import tracemalloc
+from contextlib import contextmanager
 from pathlib import Path
 
 import hostile
@@ -17,13 +22,444 @@ import hostile_logs
 import hostile_outcomes
 import pytest
 import yaml
+from hostile_logs import TORQUE, chunk, packed, tight, whole
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from ros_harness import fresh_domain
+from joint_codec import encode_float64
+from mcap.records import Channel, DataEnd, Header, Message, Metadata, Schema, Statistics
+from mcap.writer import MCAP0_MAGIC
+from mcap_records import packed_records
+from ros_harness import assert_refused, command, fresh_domain
+from test_log import written
 
+from linkage_ros import (
+    ConfigurationError,
+    LinkageError,
+    LogError,
+    MotionError,
+    chart_tool,
+    log_tool,
+    replay,
+)
+from linkage_ros import record as record_module
+from linkage_ros.errors import one_line, printable
+from linkage_ros.log import mcap_file
+from linkage_ros.log.mcap_file import LARGEST
+from linkage_ros.log.metadata import (
+    CONFIGURATION_RECORD,
+    MOTION_RECORD,
+    encode_configuration,
+    encode_motion,
+    seal,
+)
 from linkage_ros.log.reader import LogReader
-from linkage_ros.parameters.configuration import load
+from linkage_ros.log.recover import recover
+from linkage_ros.log.writer import LogWriter
+from linkage_ros.parameters.configuration import configure, load, to_strings
+from linkage_ros.parameters.parameter_file import read_parameter_file
+from linkage_ros.record import record
+from linkage_ros.run.simulator import Simulator
 from linkage_ros.verification.verify import verify
+
+MOTION = encode_motion(Simulator(load('quadrilateral')).begin(0).segment)
+STEERING = '\x1b]0;title\x07\x1b[31m\u202e'
+
+
+@contextmanager
+def at_most(seconds):
+    """Fails where the work within hangs, even in a call that waits."""
+
+    def stop(*_):
+        raise AssertionError(f'not within {seconds} s')
+
+    before = signal.signal(signal.SIGALRM, stop)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
+
+
+@pytest.fixture
+def log(tmp_path):
+    path = tmp_path / 'run.mcap'
+    record(load('quadrilateral'), path, duration=0.1)
+    return path
+
+
+@pytest.fixture
+def out(tmp_path):
+    return tmp_path / 'out.mcap'
+
+
+@pytest.fixture
+def put(tmp_path):
+    """Writes bytes into a file; returns its path."""
+    return lambda name, data: ((tmp_path / name).write_bytes(data), tmp_path / name)[1]
+
+
+@pytest.fixture
+def stored(put):
+    return lambda data: put('bad.mcap', data)
+
+
+def read(path):
+    """All messages of a log, in the order of their times and in that of writing."""
+    with LogReader(path) as log:
+        return list(log.messages()), written(log)
+
+
+@contextmanager
+def little_memory(most):
+    """Fails where the work within takes more memory, bytes."""
+    tracemalloc.start()
+    try:
+        yield
+        assert tracemalloc.get_traced_memory()[1] < most
+    finally:
+        tracemalloc.stop()
+
+
+# ---------------------------------------------------------------- names of files
+
+
+NAMES = {
+    'a NUL': 'a\0b',
+    'half a character': 'a\ud800b.mcap',
+    'not UTF-8': 'a\udcffb.mcap',
+    'too long': 'x' * 300,
+    'far too long': 'x/' * 5000,
+    'of a terminal': STEERING,
+    'empty': '',
+    'a folder': '.',
+}
+
+
+@pytest.mark.parametrize('name', NAMES.values(), ids=NAMES)
+def test_any_file_name_gives_a_one_line_error(tmp_path, log, monkeypatch, name):
+    monkeypatch.chdir(tmp_path)
+    for use in (
+        lambda: LogReader(name),
+        lambda: recover(name, tmp_path / 'out.mcap'),
+        lambda: read_parameter_file(name),
+        lambda: load(name),
+    ):
+        with pytest.raises(LinkageError) as caught:
+            use()
+        assert str(caught.value).isprintable()
+        assert len(str(caught.value)) <= 600
+    if name not in {NAMES['not UTF-8'], NAMES['of a terminal']}:  # which are names like others
+        with pytest.raises(LogError):
+            recover(log, name)
+        with pytest.raises(LogError):
+            LogWriter(name, load('quadrilateral'), overwrite=True)
+
+
+@pytest.mark.parametrize('name', ['pipe', '/dev/null', '/dev/zero', '/dev/full'])
+def test_special_files_neither_block_nor_are_removed(tmp_path, out, name):
+    os.mkfifo(tmp_path / 'pipe')
+    (link := tmp_path / 'link.mcap').symlink_to(tmp_path / name)
+    with at_most(5):
+        with pytest.raises(LogError, match=r'link.mcap is no MCAP file|link.mcap is dam'):
+            LogReader(link)
+        with pytest.raises(LogError, match=r'no MCAP file|No such device'):
+            recover(link, out)
+        if name in {'pipe', '/dev/full'}:
+            with pytest.raises(LogError, match=r'No such device|is not a log'):
+                LogWriter(link, load('quadrilateral'), overwrite=True)
+    assert link.is_symlink()
+
+
+def test_a_pipe_is_read_to_its_end_and_not_waited_for_without_a_writer(tmp_path):
+    reading, writing = os.pipe()
+    text = 'sleep 0.3; printf "linkage_node: {ros__parameters: {rpm: 5.0}}"'
+    with subprocess.Popen(['sh', '-c', text], stdout=writing):
+        os.close(writing)
+        assert read_parameter_file(f'/dev/fd/{reading}') == {'rpm': 5.0}
+    os.close(reading)
+    os.mkfifo(pipe := tmp_path / 'pipe.yaml')
+    with at_most(5):
+        assert read_parameter_file(pipe) == {}
+    with pytest.raises(AssertionError, match='not within'), at_most(0.2):
+        pipe.open('rb').close()  # as it was
+
+
+# ---------------------------------------------------------------- words
+
+
+def test_an_error_is_one_line_that_any_terminal_takes():
+    error = ConfigurationError(f'a\nb\r\n{STEERING}\udcff {"x" * 10_000} end')
+    assert str(error).startswith('a b \\x1b]0;title\\x07\\x1b[31m\\u202e\\udcff xxx')
+    assert str(error).endswith('xxx end')
+    assert len(str(error)) <= 600
+    assert str(error).isprintable()
+    assert len(one_line('\x1b' * 10_000)) <= 600
+    assert printable('é ⚙') == 'é ⚙'
+
+
+def test_log_texts_are_escaped_and_shortened_on_the_terminal(stored, called):
+    data = whole(channels=300).replace(b'/joint_states7', b'/\x1b[2J\x1b[31m\x07\xc2\x9b7')
+    path = stored(hostile_logs.resummed(data))
+    code, said, err = called(log_tool, 'info', path)
+    assert (code, err) == (0, '')
+    assert '\\x1b[2J' in said
+    assert '\x1b' not in said
+    with LogReader(path) as log:
+        topic = log.topics[0]._replace(name='x' * 1_000_000)
+        log.topics = (topic, *log.topics[1:])
+        assert sum(map(len, log_tool.info(log))) < 1_100_000
+
+
+# ---------------------------------------------------------------- motions and settings
+
+
+def test_a_motion_that_takes_millions_of_steps_is_refused(out):
+    """Nothing in the file is out of its range, but a record of it took hours."""
+    extreme = configure({**TORQUE, 'start_rpm': 1e6, 'rate_hz': 10.0})
+    begin = time.process_time()
+    with pytest.raises(MotionError, match='too fast'):
+        record(extreme, out, duration=10.0)
+    assert time.process_time() - begin < 5
+    fast = configure({**TORQUE, 'start_rpm': 1e4, 'rate_hz': 10.0})
+    assert record(fast, out, duration=0.2, overwrite=True) == 2
+
+
+# ---------------------------------------------------------------- chunks and records
+
+
+CROWDED = 'unpack to more than is read'
+
+
+def test_more_true_messages_than_a_file_has_room_for_are_refused(stored, out, monkeypatch):
+    """A verification of such a file of 0.13 MB took 40 s, of one of 1.3 MB it would take 400."""
+    monkeypatch.setattr(mcap_file, '_FREE', 1 << 22)
+    path = stored(hostile_logs.clocks(2, 150))
+    with LogReader(path) as log:
+        for _ in range(3):  # each pass has an allowance of its own, as a replay in a loop needs
+            assert len(list(log.messages())) == len(written(log)) == 300
+    path = stored(hostile_logs.clocks(2, 1500))
+    with LogReader(path) as log:
+        for messages in (
+            log.messages,
+            lambda: written(log),
+            lambda: log.messages(['/joint_states']),
+        ):
+            with pytest.raises(LogError, match=CROWDED):
+                list(messages())
+    with pytest.raises(LogError, match=f'bad.mcap cannot be recovered: its .* {CROWDED}'):
+        recover(path, out)
+
+
+def test_a_log_of_a_linkage_at_rest_stays_far_below_what_may_unpack(tmp_path, out, monkeypatch):
+    path = tmp_path / 'run.mcap'
+    record(configure({'rpm': 0.0, 'rate_hz': 1000.0}), path, duration=6.0)
+    monkeypatch.setattr(mcap_file, '_FREE', 0)
+    monkeypatch.setattr(mcap_file, '_COST_PER_BYTE', mcap_file._COST_PER_BYTE // 4)
+    recover(path, out)
+    for file in (path, out):
+        assert [len(messages) for messages in read(file)] == [24_001] * 2
+    monkeypatch.setattr(mcap_file, '_COST_PER_BYTE', mcap_file._COST_PER_BYTE // 2)
+    with pytest.raises(LogError, match=CROWDED):
+        read(path)
+
+
+INNER = packed(Message(0, 1, b'', 1, 0))
+MANY = tight(packed(Message(0, 1, b'', 0, 0)) * 1000)  # later than their chunk begins
+OTHER = packed(Channel(9, '/joint_states', 'cdr', {}, 1))
+FIELDS = (
+    {'phase': '1e999999999'}, {'speed': '1e-999999999'}, {'stamp': '9' * 4000},
+    {'stamp': str(2**63)}, {'before': '-' + '9' * 30}, {'phase': '9' * 4200}, {'rpm': '[' * 500},
+    {'torque': 'NaN'}, {'torque': '1e999'}, {'phase': '1/2/3'}, {'rpm': '9' * 400}, {'rpm': '{}'},
+    {'rpm': '1e300'},
+)  # fmt: skip
+
+
+def misplaced():
+    """A log whose index has a bomb in place of a metadata record: the mcap library unpacks it."""
+    data = whole(chunk(b'zstd', hostile_logs.zeros(4096), 2**32))
+    at = data.index(b'\x06', data.index(b'linkage_ros/motion'))
+    index = data.rindex(struct.pack('<I', 18) + b'linkage_ros/motion') - 16
+    return hostile_logs.resummed(data[:index] + struct.pack('<Q', at) + data[index + 8 :])
+
+
+def merged(told):
+    """A log that was merged with another, so that two channels have one topic."""
+    messages = packed(*(Message(number, 0, b'', 0, 0) for number in (0, 9)))
+    counts = packed(Statistics(0, 2, {0: 1, 9: told}, 1, 1 + told, 1, 0, 2, 1))
+    return whole(OTHER, tight(messages), behind=OTHER + counts)
+
+
+def moved(fields):
+    """A log with a motion record that has other fields, under a right checksum."""
+    record = {name: text for name, text in {**MOTION, **fields}.items() if name != 'crc32'}
+    return whole(metadata=[(MOTION_RECORD, seal(record))])
+
+
+def foreign(*metadata, **options):
+    """An MCAP file of another tool, with metadata records."""
+    schema = Schema(1, b'float64 data\n', 'ros2msg', 'std_msgs/msg/Float64')
+    message = Message(1, 1, encode_float64(1.0), 1, 0)
+    head = Header('ros2', 'other'), schema, Channel(1, '/x', 'cdr', {}, 1), message
+    return packed_records([*head, *(Metadata(*pair) for pair in metadata)], **options)
+
+
+def explained(fields):
+    return foreign((CONFIGURATION_RECORD, fields))
+
+
+SETTINGS = to_strings(load('quadrilateral'))
+CURE = '; name a log of linkage_ros'
+BEGINS = 'is no MCAP file on a disk: it begins with'
+FORGED = {
+    'foreign': (foreign(), 'is no log of linkage_ros'),
+    'foreign, no chunks': (foreign(use_chunking=False), 'is no log of linkage_ros'),
+    'foreign, no statistics': (
+        foreign(use_statistics=False, use_summary_offsets=False),
+        'no log|not complete',
+    ),
+    'version alone': (explained(seal({'version': '0.1.0'})), '.'),
+    # With a right checksum: whatever wrote it, meant it.
+    'setting of the future': (explained(seal({**SETTINGS, 'crank.colour': '"red"'})), 'colour'),
+    'setting without JSON': (explained(seal({**SETTINGS, 'rpm': '150 rpm'})), 'is not JSON'),
+    'impossible linkage': (explained(seal({**SETTINGS, 'crank.length': '9.0'})), 'longest link'),
+    'nested deeper than Python goes': (
+        explained(seal({**SETTINGS, 'rpm': '[' * 10**5})),
+        'not JSON',
+    ),
+    'motion with a zero divisor': (
+        foreign(
+            (CONFIGURATION_RECORD, seal(SETTINGS)),
+            (MOTION_RECORD, seal({'stamp': '0', 'phase': '1/0', 'speed': '0', 'rpm': '1'})),
+        ),
+        'is damaged or not complete: .*ZeroDivisionError',
+    ),
+    'settings without a checksum': (explained(SETTINGS), 'checksum is wrong'),
+    'settings with another checksum': (
+        explained({**seal(SETTINGS), 'rpm': '151.0'}),
+        'checksum is wrong',
+    ),
+    'empty': (b'', f"{BEGINS} b''{CURE}"),
+    'magic alone': (MCAP0_MAGIC, 'is damaged or not complete: linkage_log recover'),
+    'text': (b'/**:\n  ros__parameters:\n', rf"{BEGINS} b'/..:\\n r'{CURE}"),
+    'bytes': (b'\xff\0' * 4_096, rf"{BEGINS} b'(\\xff\\x00){{4}}'{CURE}"),
+    'misplaced': (misplaced(), 'at most 16777216 are read'),
+    'times': (whole(times=(0, 2**31 * 10**9)), 'none of ROS'),
+    'nested': (whole(tight(tight(INNER) * 10)), 'other than messages'),
+    'counts': (whole(MANY), 'not as many'),
+    'waiting': (whole(*[MANY] * 3), 'same times'),
+    'fields': (whole(tight(hostile_logs.fields(16_000_000))), CROWDED),
+    'more': (merged(0), 'not as many'),
+    'fewer': (merged(2), 'not as many'),
+    'configurations': (
+        whole(metadata=[(CONFIGURATION_RECORD, encode_configuration(load('quadrilateral')))]),
+        '2 configuration records instead of one',
+    ),
+    'short chunk': (whole(chunk(b'', INNER, len(INNER) + 1)), 'size or checksum'),
+    'large chunk': (whole(chunk(b'', INNER, LARGEST + 1)), 'at most 16777216'),
+    'zstd': (whole(chunk(b'zstd', hostile_logs.zeros(1, 1 << 20), 1 << 19)), 'size of a chunk'),
+    'lz4': (whole(chunk(b'lz4', INNER, len(INNER))), "compressed by 'lz4': only zstd"),
+    **{str(fields)[:40]: (moved(fields), 'damaged') for fields in FIELDS},
+}
+
+
+@pytest.mark.parametrize(('data', 'words'), FORGED.values(), ids=FORGED)
+def test_a_foreign_or_forged_file_is_refused_in_one_line(stored, monkeypatch, data, words):
+    monkeypatch.setattr('linkage_ros.log.reader._MOST_WAITING', 2000 * 500)
+    path = stored(data)
+    with at_most(5), pytest.raises(LogError, match=words) as caught:
+        read(path)
+    assert str(path) in str(caught.value)
+    hostile_outcomes.log_file(path)
+
+
+def test_unmodified_logs_are_accepted(stored):
+    for data in (moved({}), whole(times=(0, 2**31 * 10**9 - 1))):
+        assert read(stored(data)) == ([], [])
+    assert [message.topic for message in read(stored(merged(1)))[1]] == ['/joint_states'] * 2
+
+
+def test_attempts_at_false_chunk_starts_are_bounded(stored, out):
+    head = struct.pack('<QQQII', 0, 0, LARGEST, 0, 4) + b'zstd' + struct.pack('<Q', 400_000)
+    landmark = hostile_logs.record_bytes(6, head, len(head) + 400_000)
+    begin = time.process_time()
+    with pytest.raises(LogError, match=CROWDED):
+        recover(stored(whole(b'\xff' + landmark * 20_000)), out)
+    assert time.process_time() - begin < 5
+    landmarks = b'\xff' + landmark * 20
+    assert recover(stored(whole(landmarks)), out, overwrite=True).damaged > len(landmarks)
+
+
+@pytest.mark.parametrize(
+    ('opcode', 'claimed'), [(5, 1), (6, 1), (0x0C, 1), (6, 2)],
+    ids=['message', 'chunk', 'metadata', 'chunk cut off'],
+)  # fmt: skip
+def test_a_huge_record_is_not_taken_into_memory(stored, out, opcode, claimed):
+    data, size = whole(), 1 << 26
+    end = data.rindex(packed(DataEnd(0)))
+    head = struct.pack('<QQQII', 0, 0, LARGEST, 0, 4) + b'zstd' + struct.pack('<Q', claimed * size)
+    head = {5: bytes(22), 6: head, 0x0C: bytes(8)}[opcode]
+    path = stored(data[:end] + struct.pack('<BQ', opcode, len(head) + claimed * size) + head)
+    with path.open('ab') as file:
+        length = file.truncate(file.tell() + size)  # a hole: it takes no disk
+    with little_memory(3 * LARGEST):
+        assert recover(path, out).damaged == length - end
+
+
+# ---------------------------------------------------------------- processes
+
+
+def test_a_path_that_the_terminal_cannot_show_is_recorded_to(tmp_path, called):
+    path = tmp_path / 'a\udcff\x1b[31m.mcap'
+    for module, *words in (
+        (record_module, 'quadrilateral', path, '--duration', '0.1'),
+        (log_tool, 'info', path),
+        (log_tool, 'verify', path),
+        (log_tool, 'recover', path, f'{path}.out'),
+    ):
+        code, out, err = called(module, *words)
+        assert (code, err) == (0, '')
+        assert 'a\\udcff' in out
+
+
+@pytest.mark.skipif(not Path('/dev/full').exists(), reason='needs /dev/full')
+def test_a_full_disk_under_stdout_is_one_line(log):
+    with Path('/dev/full').open('wb') as full:
+        done = subprocess.run(
+            command('log_tool', 'info', log), stdout=full, stderr=subprocess.PIPE, text=True
+        )
+    assert done.returncode == 2
+    assert done.stderr == 'linkage_log: [Errno 28] No space left on device\n'
+
+
+@pytest.mark.parametrize(
+    ('module', 'words'), [
+        (record_module, ['quadrilateral', 'out.mcap', '--revolutions', '1' * 5000]),
+        (record_module, ['quadrilateral', 'out.mcap', '--duration', '1e18']),
+        (record_module, ['x' * 5000, 'out.mcap']),
+        (replay, ['run.mcap', STEERING, 'a\nb', '\udcff' * 3000]),
+        (log_tool, ['info', '\x1b[31m']),
+        (chart_tool, ['motion', 'x' * 5000]),
+    ],
+    ids=range(6),
+)  # fmt: skip
+def test_a_wrong_command_line_is_one_line(tmp_path, monkeypatch, called, module, words):
+    monkeypatch.chdir(tmp_path)
+    code, out, err = called(module, *words)
+    assert_refused(code, out, err, '')
+    assert err[:-1].isprintable()
+    assert len(err) < 700
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_topic_of_no_name_is_not_published(stored, called):
+    data = whole().replace(b'/joint_states', b'/joint/\x1b[2Jes')
+    refusal = called(replay, stored(hostile_logs.resummed(data)))
+    words = r"'/joint/\\x1b\[2Jes' cannot be published: Invalid topic name"
+    assert_refused(*refusal, words)
+
+
+# ---------------------------------------------------------------- seeded cases
 
 CASES = int(os.environ.get('LINKAGE_ROS_CASES', '100'))
 MORE = settings(max_examples=max(15, CASES // 20))
@@ -43,12 +479,6 @@ def nodes():
     names = ('quadrilateral', 'wind_pump')
     yield [hostile_outcomes.LiveNode(load(name), context) for name in names]
     context.shutdown()
-
-
-@pytest.fixture
-def put(tmp_path):
-    """Writes bytes into a file; returns its path."""
-    return lambda name, data: (tmp_path / name).write_bytes(data) and tmp_path / name
 
 
 # How many of the cases are tried, and how many different refusals there are at least.
@@ -117,7 +547,7 @@ import resource, sys, time
 from pathlib import Path
 import numpy as np
 sys.path.insert(0, sys.argv[1])
-import hostile, hostile_bombs, hostile_outcomes as outcomes
+import hostile, hostile_logs, hostile_outcomes as outcomes
 from mcap.reader import make_reader
 np.seterr(all='raise')
 taken = int(Path('/proc/self/statm').read_text().split()[0]) * resource.getpagesize()
@@ -125,7 +555,7 @@ resource.setrlimit(resource.RLIMIT_AS, (taken + 2**29, taken + 2**29))
 path = Path('bomb.mcap')
 """
 BOMBS = """
-for number, bomb in enumerate(hostile_bombs.bombs()):
+for number, bomb in enumerate(hostile_logs.bombs()):
     path.write_bytes(bomb())
     begin = time.process_time()
     outcomes.log_file(path)
@@ -138,7 +568,7 @@ for number, bomb in enumerate(hostile.yaml_bombs()):
 print('all')
 """
 UNLIMITED = """
-path.write_bytes(hostile_bombs.bombs()[2]())
+path.write_bytes(hostile_logs.bombs()[2]())
 with path.open('rb') as stream:
     print(len(list(make_reader(stream).iter_messages())))
 """

@@ -25,7 +25,7 @@ from ros_harness import (
     watched,
 )
 from shell_harness import Shell, held
-from test_hostile_findings import little_memory
+from test_hostile import little_memory
 from test_rerun_view import free_port
 
 from linkage_ros import ViewerError, replay

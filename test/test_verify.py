@@ -6,15 +6,16 @@ import math
 import re
 import struct
 from fractions import Fraction
+from pathlib import Path
 
 import pytest
 from joint_codec import JointStateCodec
 from live_logs import START, live, ticks
 from mcap.records import Channel, Message, Metadata, Schema
 from mcap_records import records_of, write_records
-from ros_harness import assert_refused, report_of
+from ros_harness import assert_refused, report_of, verified
 
-from linkage_ros import LogError, log_tool
+from linkage_ros import LogError, log_tool, replay
 from linkage_ros.log.metadata import (
     CONFIGURATION_RECORD,
     END_RECORD,
@@ -22,10 +23,13 @@ from linkage_ros.log.metadata import (
     seal,
 )
 from linkage_ros.log.reader import LogReader
+from linkage_ros.log.recover import recover
 from linkage_ros.log.writer import LogWriter
+from linkage_ros.log_tool import verdict
 from linkage_ros.parameters.configuration import configure, from_strings, load, to_strings
 from linkage_ros.record import record
 from linkage_ros.run.simulator import Simulator
+from linkage_ros.verification.verify import verify
 from linkage_ros.wire.topics import (
     ROBOT_DESCRIPTION,
 )
@@ -480,6 +484,66 @@ def test_changes_with_valid_checksums_are_found(path, edit, words):
     except LogError as error:
         found = str(error)
     assert re.search(words, found), found
+
+
+# ---------------------------------------------------------------- of version 0.1.0
+
+# Recorded by that version, which knew neither joint_prefix nor frame_id. Its URDF gave links the
+# names of joints, so all but robot_description is compared.
+LOGS = {
+    preset: Path(__file__).parent / 'data' / f'version_0_1_0_{preset}.mcap'
+    for preset in ('quadrilateral', 'wind_pump')
+}
+STATES = 20
+each_log = pytest.mark.parametrize('preset', LOGS)
+
+
+@each_log
+def test_it_is_verified_except_for_the_description(preset):
+    with LogReader(LOGS[preset]) as log:
+        assert log.configuration == load(preset)
+        report = verify(log)
+        words = list(verdict(log, report))
+        topics = {topic.name for topic in log.topics}
+    assert (report.states, report.difference) == (STATES, '')
+    assert report.others == ('/robot_description',)
+    assert {*report.compared, *report.others} == topics
+    assert report.absent == ()
+    assert '  not recomputable, so not compared: /robot_description' in words
+
+
+@each_log
+@pytest.mark.parametrize('topic', ['/joint_states', '/driving_torque', '/mechanism_state'])
+def test_a_changed_state_in_it_is_found(tmp_path, preset, topic):
+    path = tmp_path / 'run.mcap'
+    path.write_bytes(LOGS[preset].read_bytes())
+    rewrite(path, flip(topic, 9, -1, 1))
+    assert topic in report_of(path).difference
+
+
+def test_the_description_of_a_log_of_this_version_is_compared(tmp_path):
+    path = tmp_path / 'run.mcap'
+    record(load('quadrilateral'), path, duration=0.1)
+    assert '/robot_description' in report_of(path).compared
+    rewrite(path, flip('/robot_description', 0, 100, 1))
+    assert '/robot_description' in report_of(path).difference
+
+
+@each_log
+def test_it_is_recovered(tmp_path, preset):
+    data, cut, out = LOGS[preset].read_bytes(), tmp_path / 'cut.mcap', tmp_path / 'out.mcap'
+    for kept in (data, data[:-100]):
+        cut.write_bytes(kept)
+        recover(cut, out, overwrite=True)
+        assert verified(out).states == STATES
+
+
+@each_log
+def test_it_is_replayed_in_a_viewer(called, tmp_path, preset):
+    words = '--no-ros', '--viewer', tmp_path / 'run.rrd', '--rate', 10
+    code, out, err = called(replay, LOGS[preset], *words)
+    assert (code, err) == (0, '')
+    assert 'messages replayed' in out
 
 
 # ---------------------------------------------------------------- command
