@@ -88,7 +88,7 @@ def has_speed(listener, low, high):
     return len(last) == 100 and low < sum(last) / 100 < high
 
 
-def test_a_killed_controller_is_noticed_and_a_new_one_takes_over(tmp_path, monkeypatch):
+def test_killed_controller_is_reported_and_a_new_one_takes_over(tmp_path, monkeypatch):
     """Names and frame come from the file of the plant, which the controller reads as well."""
     # A process that is killed as it writes to shared memory may leave it locked for the others.
     monkeypatch.setenv('FASTDDS_BUILTIN_TRANSPORTS', 'UDPv4')

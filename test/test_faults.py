@@ -151,7 +151,7 @@ def test_removed_log_can_be_saved_while_its_process_runs(tmp_path, end):
     assert (tmp_path / 'run.mcap').read_text() == 'of somebody else'
 
 
-def test_a_log_that_is_renamed_goes_on_there(tmp_path):
+def test_renamed_log_is_completed_under_its_new_name(tmp_path):
     log = begun(tmp_path / 'run.mcap')
     (tmp_path / 'run.mcap').rename(tmp_path / 'kept.mcap')
     log.flush()
@@ -160,7 +160,7 @@ def test_a_log_that_is_renamed_goes_on_there(tmp_path):
     assert not (tmp_path / 'run.mcap').exists()
 
 
-def test_a_log_is_brought_to_the_disk_as_long_as_there_is_one(tmp_path, monkeypatch):
+def test_log_is_synced_to_the_disk_and_a_failure_reported(tmp_path, monkeypatch):
     log, synced = begun(tmp_path / 'run.mcap'), []
     sync = log.disk_sync()
     monkeypatch.setattr(os, 'fdatasync', lambda number: synced.append(os.fstat(number).st_ino))
@@ -219,7 +219,7 @@ def test_view_that_others_can_reach_is_served_with_a_warning():
 
 
 @pytest.mark.parametrize('size', [0, 1000, 10_000])
-def test_a_log_that_is_cut_off_is_said_and_left_alone(tmp_path, size):
+def test_truncated_log_is_reported_and_left_alone(tmp_path, size):
     path = tmp_path / 'run.mcap'
     log = LogWriter(path, configure({'rpm': 60.0}), overwrite=False)
     motion = Simulator(configure({'rpm': 60.0})).begin(0)

@@ -370,7 +370,7 @@ def test_change_points_are_refused_after_any_number_of_turns(name, turns):
 
 
 @passed
-def test_angles_meant_as_change_points_miss_them(name):
+def test_typed_angles_of_change_points_miss_them_by_rounding(name):
     """Control of the test above: at these angles a guard of no width would let forces pass."""
     mechanism, _ = PASSED[name]
     for crank in (x for turns in (1, 3, 101, 1000) for x in passing(name, turns)):

@@ -162,7 +162,7 @@ def test_a_robot_may_name_the_crank_otherwise():
 
 
 @pytest.mark.parametrize('lead', [{}, {'effort_command_topic': '/torque', 'lead_time': 0.01}])
-def test_no_measurement_ends_the_motion(lead):
+def test_extreme_measurements_do_not_end_the_motion(lead):
     """Too large to be squared; at a limit, where rates have no bound; beyond it a moment later."""
     limited = four_bar(LIMITED['rocker_crank'])
     (start, end), *_ = limited.reach().arcs

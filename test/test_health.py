@@ -130,7 +130,7 @@ def test_lagging_part_is_reported_once_and_recovers_after_seconds():
     assert found == [[], [LAGS], *[[]] * 11, ['well, but 7 items were left out'], []]
 
 
-def test_losses_during_a_trouble_are_no_lag():
+def test_losses_while_a_viewer_is_absent_are_not_reported_as_lag():
     gone, back = Health('x', 3, trouble='gone'), Health('x', 7)
     well = 'well, but 7 items were left out'
     assert viewer(gone, *[back] * 12) == [['gone'], [well], *[[]] * 11]
@@ -141,7 +141,7 @@ def test_losses_during_a_trouble_are_no_lag():
     ('part', 'level', 'words'),
     [(Health('x', 1, OSError('gone')), ERROR, 'failed: gone'), (Health(''), OK, 'off')],
 )
-def test_a_failure_is_an_error_that_the_part_itself_says(part, level, words):
+def test_failure_of_a_part_is_an_error_that_the_part_itself_logs(part, level, words):
     assert viewer(part) == [[]]
     _, status = HealthMonitor('node').report(TickCounts(), {}, {'log': part}, [])
     assert (status.level, status.message) == (level, words)

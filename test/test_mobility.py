@@ -180,7 +180,7 @@ def test_period_is_the_fewest_turns_after_which_the_motion_repeats(name, assembl
 
 
 @pytest.mark.parametrize(('gap', 'found'), [(1e-14, 'crank-rocker'), (-1e-14, 'triple-rocker')])
-def test_a_gap_of_ten_femtometres_is_a_gap(gap, found):
+def test_gap_of_ten_femtometres_is_not_a_change_point(gap, found):
     assert mobility((1, 2.5, 1.5, 3 - gap)).grashof == found
 
 

@@ -467,7 +467,7 @@ def with_table(constants, x):
     return height + sin(height), where(height > 1, height, 1.0)
 
 
-def test_a_table_works_in_all_forms_and_tracebacks_pass_it():
+def test_table_works_in_all_forms_and_appears_in_tracebacks():
     program = Program(with_table, Constants((Opaque(lookup), 0.8)), ('x',))
     for x in np.linspace(-1, 6, 50).tolist():
         height = float(lookup(x * 0.8))

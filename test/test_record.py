@@ -178,7 +178,7 @@ def test_revolutions_hold_the_stamps_before_the_last_turn_ends(changes, revoluti
         ({'rpm': 0.0}, 1),
     ],
 )
-def test_revolutions_that_take_longer_than_stamps_go_are_refused(out, changes, revolutions):
+def test_revolutions_beyond_the_range_of_stamps_are_refused(out, changes, revolutions):
     with pytest.raises(ConfigurationError, match=r'revolutions|rest'):
         record(preset(**changes), out, revolutions=revolutions)
     assert not out.exists()
@@ -331,7 +331,7 @@ def test_a_wrong_command_line_is_one_line(called, tmp_path, monkeypatch, words, 
 # ---------------------------------------------------------------- as a process
 
 
-def test_a_reader_that_has_enough_of_the_output_is_no_error(out):
+def test_closed_output_pipe_is_not_an_error(out):
     reading, writing = os.pipe()
     os.close(reading)
     words = command('record', 'quadrilateral', out, '--duration', 0.1)

@@ -43,7 +43,7 @@ rclpy.try_shutdown()
 
 
 @pytest.mark.parametrize(('turns', 'code'), [('10**15', 1), ('10', 0)])
-def test_a_node_that_never_ends_is_ended(turns, code):
+def test_node_that_hangs_at_its_end_exits_with_code_1(turns, code):
     done = subprocess.run(
         [sys.executable, '-c', STUCK.format(turns=turns)], env=environment(fresh_domain()),
         capture_output=True, text=True, timeout=60, check=False,

@@ -144,7 +144,7 @@ def test_a_ramp_follows_its_closed_form(values):
             assert abs(crank.q[0] - rest) <= 1e-12
 
 
-def test_the_wrong_ramp_is_seen():
+def test_comparison_detects_an_acceleration_off_by_an_ulp():
     motion = begin(90.0, start_rpm=-120.0, crank_acceleration=11.3)
     with mp.workdps(60):
         angle, speed, _ = Ramp(90.0, -120.0, math.nextafter(11.3, 12)).at(10**9)
@@ -232,7 +232,7 @@ def test_changing_to_the_same_speed_changes_nothing(drive, stamps, later):
     ('rpm', 'start_rpm', 'acceleration', 'turns'),
     [(0.0, None, 0.0, 1), (0.0, 150.0, 0.0, 1), (0.0, 150.0, 3.0, 7), (0.0, -150.0, 3.0, 7)],
 )
-def test_a_crank_that_comes_to_rest_never_gets_there(rpm, start_rpm, acceleration, turns):
+def test_crank_that_comes_to_rest_never_completes_the_turns(rpm, start_rpm, acceleration, turns):
     motion = begin(rpm, start_rpm=start_rpm, crank_acceleration=acceleration)
     assert motion.time_to_turn(turns) is None
 
@@ -263,7 +263,7 @@ def test_time_to_turn_sees_a_peak_between_two_nanoseconds(sense):
 
 @settings(max_examples=20, deadline=None)
 @given(drives, st.integers(1, 50))
-def test_time_to_turn_splits_reached_from_not_yet_reached(drive, turns):
+def test_time_to_turn_is_the_first_nanosecond_at_which_the_turns_are_complete(drive, turns):
     motion = SpeedMotion.begin(drive, NOW)
     got = motion.time_to_turn(turns)
     if got is None:

@@ -102,7 +102,7 @@ def test_a_step_of_the_wall_clock_moves_the_stamps_once_and_is_counted(clock, ju
     assert run.counts.clock_steps == bool(moved)
 
 
-def test_it_never_sleeps_longer_than_it_may_take_to_stop():
+def test_ticker_at_a_low_rate_stops_at_once():
     simulator, first = Simulator(configure({'rate_hz': 0.01})), threading.Event()
     ticker = RealTimeTicker(simulator, lambda _: first.set(), lambda *_: None, lambda _: None)
     ticker.start()
@@ -185,7 +185,7 @@ def test_a_stopped_ticker_makes_no_more_of_the_ticks_that_are_due():
     assert run.stamps == [0, 2 * MS, 4 * MS]
 
 
-def test_a_tick_that_fails_ends_the_motion_and_is_told(clock):
+def test_failing_tick_ends_the_motion_and_is_reported(clock):
     def act(tick):
         if tick == 3:
             raise RuntimeError('broken')

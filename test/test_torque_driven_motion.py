@@ -390,7 +390,7 @@ def test_a_method_that_fails_has_no_time():
     assert case.rows(*panel)[-1] is None
 
 
-def test_errors_are_seen(cases):
+def test_errors_of_angle_and_speed_and_lost_turns_are_measured(cases):
     case = cases['driven']
     exact = [float(x) for x in MotionReference(DRIVEN).at(case.times[0])]
     length = DRIVEN.mechanism.crank.length
