@@ -360,18 +360,16 @@ def test_a_pump_without_a_state_is_drawn_and_recorded(analysis, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ('changes', 'torque', 'speeds', 'error', 'message'),
+    ('changes', 'torque', 'error', 'message'),
     [
-        ({'position': 3.0}, 8.4, (2.0,), UnreachableError, 'do not close .* within'),
-        ({}, -8.4, (2.0,), ConfigurationError, 'motor.torque = -8.4: must be a number from 1e-09'),
-        ({}, 8.4, (2.0, 0.0), ConfigurationError, 'start speed = 0.0: must be .* 1e.06 rad/s'),
-        ({}, 8.4, (math.inf,), ConfigurationError, 'start speed = inf: must be'),
-        ({'damping': 1e4}, 8.4, (2.0,), ConfigurationError, '251/s: must be at most'),
+        ({'position': 3.0}, 8.4, UnreachableError, 'do not close .* within'),
+        ({}, -8.4, ConfigurationError, 'motor.torque = -8.4: must be a number from 1e-09'),
+        ({'damping': 1e4}, 8.4, ConfigurationError, '251/s: must be at most'),
     ],
 )
-def test_pump_that_cannot_be_charted_is_refused(changes, torque, speeds, error, message):
+def test_pump_that_cannot_be_charted_is_refused(changes, torque, error, message):
     with pytest.raises(error, match=message):
-        analyse(slid(**changes), Motor(torque, 1.2), speeds=speeds, progress=plain)
+        analyse(slid(**changes), Motor(torque, 1.2), speeds=(2.0,), progress=plain)
 
 
 # ---------------------------------------------------------------- what is written

@@ -21,14 +21,8 @@ from linkage_ros.lab.pump.load_curve import (
     steady_states,
     with_curves,
 )
-from linkage_ros.lab.pump.periodic_motion import NUMBERS, PeriodicMotion
-from linkage_ros.lab.pump.settling import (
-    Search,
-    equations_of,
-    pace_of,
-    require_forwards,
-    require_slow,
-)
+from linkage_ros.lab.pump.periodic_motion import PeriodicMotion
+from linkage_ros.lab.pump.settling import Search, prepared, require_slow
 from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.motion.drives import Motor
 from linkage_ros.numeric import Array
@@ -105,7 +99,7 @@ class Analysis(NamedTuple):
                 {**state.motion.record(), 'share_of_starts': share}
                 for state, share in zip(self.states, self.shares, strict=True)
             ],
-            'averaged_states': [_numbers(motion) for motion in self.averaged if motion],
+            'averaged_states': [motion.numbers for motion in self.averaged if motion],
             'starts': {
                 'count': COUNT, 'ended': self.ended, 'stopped': self.stopped,
                 'unidentified': self.unidentified,
@@ -118,17 +112,12 @@ class Analysis(NamedTuple):
             ],
             'sensitivities': self.sensitivities,
             'load_curve': [
-                {**_numbers(motion), 'stable': piece.stable}
+                {**motion.numbers, 'stable': piece.stable}
                 for piece in self.pieces
                 for motion in piece.motions
             ],
             'runs': [run.record() for run in self.runs],
         }  # fmt: skip
-
-
-def _numbers(motion: PeriodicMotion) -> dict[str, Any]:
-    multipliers = [[value.real, value.imag] for value in motion.multipliers]
-    return {name: getattr(motion, name) for name in NUMBERS} | {'multipliers': multipliers}
 
 
 def analyse(
@@ -143,22 +132,20 @@ def analyse(
     Args:
         mechanism: The pump, with the start of its slider.
         motor: Motor of the pump.
-        speeds: Speeds of the crank at angle 0, rad/s, from which the pump is started.
+        speeds: Speeds of the crank at angle 0, above 0, rad/s, from which the pump is started.
         progress: Wraps an iterable in a progress bar with a label.
 
     Returns:
         The analysis.
 
     Raises:
-        ConfigurationError: The motor or a start speed does not turn the crank forwards, or the
-            damping is too strong.
+        ConfigurationError: The motor does not turn the crank forwards, or the damping is too
+            strong.
         UnreachableError: The pump cannot be assembled with its slider at the start position.
     """
-    given = require_forwards(mechanism, motor, speeds)
-    limits = _SLOWEST * min(speeds), _FASTEST * max(speeds)
-    pace = pace_of(motor, speeds)
+    balance, given, pace = prepared(mechanism, motor, speeds)
     require_slow(mechanism, motor, pace)
-    balance = equations_of(mechanism, motor, speeds)
+    limits = _SLOWEST * min(speeds), _FASTEST * max(speeds)
     pump = cast('WindPump', balance.solver.mechanism)
     inside = 2 * limits[0], limits[1] / 2
     resting = (next(balance.resting_sliders(*way), None) for way in (inside, inside[::-1]))

@@ -1,12 +1,18 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The equations of motion of a wind pump for many phases at once, some of them out of reach."""
+"""The equations of motion of a wind pump for many phases at once, some of them out of reach.
+
+Fourier series cannot follow the jump of a load curve with a return_value where the slider
+reverses. Between slider speeds of -width and width the force changes from one curve to the other,
+as a cubic polynomial of the speed.
+"""
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
-from typing import Any, cast
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -20,11 +26,15 @@ from linkage_ros.dynamics.equations import (
 from linkage_ros.dynamics.program import Program
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.dynamics.tape import Constants
-from linkage_ros.formulas import cos, sqrt, where
+from linkage_ros.formulas import Opaque, cos, sqrt, where
+from linkage_ros.model.kinematics import LinkPose
+from linkage_ros.model.load_curve import CurveForce, LoadCurve
+from linkage_ros.model.structure import Mechanism
 from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.numeric import Array, Real
 
 _EDGE = 1e-9  # relative, of the square of the dyad's length
+_WIDTH = 0.03  # relative to crank length x the motor's largest speed
 
 
 class PumpSolver(Solver):
@@ -80,3 +90,52 @@ def _terms(constants: tuple[Any, ...], *phase: Real) -> tuple[Real, ...]:
     (m11, m12), (_, m22) = mass_matrix(model, pose)
     held = balance(model, pose, velocities(pose, u), accelerations(pose, u, ()))
     return m11, m12, m22, *held, inside
+
+
+class _SmoothForce(NamedTuple):
+    curve: CurveForce
+    back: Opaque
+    width: float
+
+    def forces(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> dict[int, Real]:
+        """See `Load`."""
+        place, rate = links[self.curve.link].position, rates[self.curve.link] / self.width
+        share = where(rate > 1, 1.0, where(rate < -1, -1.0, 0.5 * rate * (3 - rate * rate)))
+        ends = self.curve.value(place), self.back(place)
+        return {self.curve.link: 0.5 * (ends[0] + ends[1] + share * (ends[0] - ends[1]))}
+
+
+@dataclass(frozen=True)
+class SmoothLoad(LoadCurve):
+    """A load curve with a return_value.
+
+    Attributes:
+        width: Slider speed within which the force changes, m/s.
+    """
+
+    width: float = 0.0
+
+    def on(self, mechanism: Mechanism) -> Any:
+        """See `LoadCurve`."""
+        force = super().on(mechanism)
+        return _SmoothForce(force, force.return_value or force.value, self.width)
+
+
+def smoothed(mechanism: WindPump, pace: float) -> WindPump:
+    """A pump whose loads do not jump.
+
+    Args:
+        mechanism: The pump.
+        pace: The largest crank speed, rad/s.
+
+    Returns:
+        The same pump if no load jumps.
+    """
+    width = _WIDTH * mechanism.crank.length * pace
+    loads = tuple(
+        SmoothLoad(load.link, load.over, load.at, load.value, load.return_value, width=width)
+        if isinstance(load, LoadCurve) and load.return_value
+        else load
+        for load in mechanism.loads
+    )
+    return mechanism if loads == mechanism.loads else replace(mechanism, loads=loads)

@@ -20,7 +20,6 @@ from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.numeric import Array
 
 _DIFFERENCE = 1e-5  # relative, for derivatives by central differences
-NUMBERS = ('torque', 'load', 'speed', 'stroke', 'flow')
 _FINE, _STEPS = 256, 4  # parts of a turn searched for reversals, and Newton steps to each
 _SAME = 1e-6  # relative difference of two numbers of one motion
 _TINY = 1e-5  # amplitude that counts as 0, in crank lengths
@@ -260,12 +259,22 @@ class PeriodicMotion:
         """Whether small deviations decay."""
         return abs(self.multipliers[0]) < 1
 
+    @property
+    def numbers(self) -> dict[str, Any]:
+        """Its main numbers, for JSON, in SI units."""
+        return {
+            **{
+                name: getattr(self, name) for name in ('torque', 'load', 'speed', 'stroke', 'flow')
+            },
+            'multipliers': [[value.real, value.imag] for value in self.multipliers],
+        }
+
     def record(self) -> dict[str, Any]:
         """The motion as a JSON record, in SI units; period in turns."""
         start = self.at(np.zeros(1))[:, 0].tolist()
         names = 'slider_position', 'crank_speed', 'slider_velocity'
         return {
-            **{name: getattr(self, name) for name in NUMBERS},
+            **self.numbers,
             'efficiency': self.efficiency,
             'stable': self.stable,
             'period': self.turns,
@@ -273,7 +282,6 @@ class PeriodicMotion:
             'slider_lowest': float(self.turning_points.min()),
             'slider_highest': float(self.turning_points.max()),
             'at_crank_angle_0': dict(zip(names, start, strict=True)),
-            'multipliers': [[value.real, value.imag] for value in self.multipliers],
         }
 
 

@@ -11,17 +11,16 @@ import numpy as np
 
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.errors import ConfigurationError
+from linkage_ros.lab.pump.equations import smoothed
 from linkage_ros.lab.pump.harmonic_balance import EXACT, HarmonicBalance
 from linkage_ros.lab.pump.motions import Motions
 from linkage_ros.lab.pump.periodic_motion import PeriodicMotion
-from linkage_ros.lab.pump.smooth_load import smoothed
 from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.drives import Motor
 from linkage_ros.numeric import Array
 from linkage_ros.quantities import Quantity
 
-_START = Quantity('number', 'crank speed to start from', 'rad/s', 1e-6, 1e6)
 _FORWARDS = Quantity('number', 'motor torque at rest that turns the crank', 'N m', 1e-9, 1e12)
 
 _FASTEST_SETTLING = 25.0  # times the pace; beyond, a turn takes too many explicit steps
@@ -156,28 +155,32 @@ def _beside(state: PeriodicMotion) -> Array:
     return np.concatenate((np.zeros((1, 2)), there))
 
 
-def require_forwards(mechanism: WindPump, motor: Motor, speeds: Sequence[float]) -> Array:
-    """The starts of a pump; refuses those, and motors, that do not turn the crank forwards.
+def prepared(
+    mechanism: WindPump, motor: Motor, speeds: Sequence[float]
+) -> tuple[HarmonicBalance, Array, float]:
+    """The equations and the starts of a pump; a load that jumps is replaced by a smooth one.
 
     Args:
         mechanism: The pump, with the start of its slider.
         motor: Motor of the pump.
-        speeds: Speeds of the crank at angle 0, rad/s.
+        speeds: Speeds of the crank at angle 0, above 0, rad/s.
 
     Returns:
-        Crank angles, rad, slider positions, m, and their rates, of shape (4, n).
+        The equations; crank angles, rad, slider positions, m, and their rates, of shape (4, n);
+        and the motor's no-load speed, rad/s, or without damping the fastest start.
 
     Raises:
-        ConfigurationError: The motor or a start speed does not turn the crank forwards.
+        ConfigurationError: The motor does not turn the crank forwards.
         UnreachableError: The pump cannot be assembled with its slider at the start position.
     """
     _FORWARDS.clean('motor.torque', motor.torque)
-    slider, solver = mechanism.slider, Solver(mechanism)
-    for speed in speeds:
-        _START.clean('start speed', speed)
-        solver.accelerations((0.0, slider.position), (speed, slider.velocity), motor.torque)
-    starts: Array = np.array([(0.0, slider.position, w, slider.velocity) for w in speeds]).T
-    return starts
+    x, v, fastest = mechanism.slider.position, mechanism.slider.velocity, max(speeds)
+    Solver(mechanism).accelerations((0.0, x), (fastest, v), motor.torque)
+    starts: Array = np.array([(0.0, x, w, v) for w in speeds]).T
+    pace = motor.torque / motor.damping if motor.damping else fastest
+    pump = smoothed(mechanism, pace)
+    harmonics = EXACT if pump is mechanism else 2 * EXACT
+    return HarmonicBalance(pump, motor.damping, harmonics), starts, pace
 
 
 def require_slow(mechanism: WindPump, motor: Motor, pace: float) -> None:
@@ -186,7 +189,7 @@ def require_slow(mechanism: WindPump, motor: Motor, pace: float) -> None:
     Args:
         mechanism: The pump.
         motor: Motor of the pump.
-        pace: From `pace_of`.
+        pace: From `prepared`.
 
     Raises:
         ConfigurationError: The damping is too strong.
@@ -198,23 +201,6 @@ def require_slow(mechanism: WindPump, motor: Motor, pace: float) -> None:
             f'at most {_FASTEST_SETTLING:g} times {pace:.3g} rad/s, its no-load speed, to be '
             'charted; lower motor.damping or slider.damping, or use linkage_record'
         )
-
-
-def pace_of(motor: Motor, speeds: Sequence[float]) -> float:
-    """The no-load speed of the motor; without damping, the fastest start."""
-    return motor.torque / motor.damping if motor.damping else max(speeds)
-
-
-def equations_of(mechanism: WindPump, motor: Motor, speeds: Sequence[float]) -> HarmonicBalance:
-    """The equations of a pump; a load that jumps is replaced by a smooth one.
-
-    Args:
-        mechanism: The pump.
-        motor: Motor of the pump.
-        speeds: Speeds of the crank at the starts, rad/s.
-    """
-    pump = smoothed(mechanism, pace_of(motor, speeds))
-    return HarmonicBalance(pump, motor.damping, EXACT if pump is mechanism else 2 * EXACT)
 
 
 def settle(
@@ -235,10 +221,11 @@ def settle(
         The stable motion.
 
     Raises:
-        ConfigurationError: The crank is not turned forwards, or the pump does not settle.
+        ConfigurationError: The motor does not turn the crank forwards, or the pump does not
+            settle.
     """
-    start = require_forwards(mechanism, motor, [speed])
-    search = Search(equations_of(mechanism, motor, [speed]), motor, start)
+    balance, start, _ = prepared(mechanism, motor, [speed])
+    search = Search(balance, motor, start)
     search.run(progress, _BLOCKS)
     if 0 in search.motions.ends:
         raise ConfigurationError(f'from {speed:g} rad/s {search.motions.ends[0]}')
