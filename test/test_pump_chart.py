@@ -337,10 +337,6 @@ def test_a_motion_gets_the_harmonics_that_it_needs(motions):
     assert found.speed == pytest.approx(motions[0].speed, rel=1e-5)
 
 
-def test_no_motions_have_no_distances(motions):
-    assert motions[0].distance(np.zeros((4, 3, 0))).shape == (0,)
-
-
 def test_a_pump_does_not_settle_at_a_saddle(motions):
     x, w, v = motions[1].at(np.zeros(1))[:, 0]
     found = settle(slid(position=float(x), velocity=float(v)), MOTOR, float(w), plain)

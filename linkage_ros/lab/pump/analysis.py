@@ -53,13 +53,6 @@ class Start(NamedTuple):
     state: int | None
     ended: str | None
 
-    def record(self) -> dict[str, Any]:
-        """For JSON."""
-        return {
-            'start': self.name, 'settles_at_state': self.state, 'ended': self.ended,
-            'duration': float(self.times[-1]),
-        }  # fmt: skip
-
 
 class Analysis(NamedTuple):
     """The results for one pump under one motor.
@@ -116,7 +109,13 @@ class Analysis(NamedTuple):
                 for piece in self.pieces
                 for motion in piece.motions
             ],
-            'runs': [run.record() for run in self.runs],
+            'runs': [
+                {
+                    'start': run.name, 'settles_at_state': run.state, 'ended': run.ended,
+                    'duration': float(run.times[-1]),
+                }
+                for run in self.runs
+            ],
         }  # fmt: skip
 
 

@@ -24,7 +24,7 @@ FOLD, PERIOD_DOUBLING, TORUS = 'fold', 'period doubling', 'torus'
 # Ends of a curve: a limit of speed or torque; or no next motion, because the crank stops or the
 # dyad is stretched.
 END, LOST = 'end of the scan', 'end of the description'
-ALONE = 'curves of so many turns are not followed'  # a single motion
+ALONE = 'not followed further'  # of a single motion
 _GAP = 1e-2  # relative torque difference of a period doubling and the doubled motion
 # Longest and shortest step along a curve, relative to the unknowns' units, for each turn.
 _STEP, _SHORTEST = 0.3, 1e-2
