@@ -258,8 +258,9 @@ def _measure_follow(*, quick: bool) -> tuple[list[dict[str, Any]], tuple[float, 
     bits, bandwidths = (_BITS[::2], _BANDWIDTHS[::4]) if quick else (_BITS, _BANDWIDTHS)
     kinds, points = list(itertools.product((False, True), bits)), []
     for velocity, bit in progress(kinds, 'errors, a followed crank'):
-        angles = _rounded(true.unwrapped, 2 * math.pi / 2**bit)
-        speeds = _rounded(true.u[0], 4 * speed / 2**bit) if velocity else itertools.repeat(None)
+        step, pace = 2 * math.pi / 2**bit, 4 * speed / 2**bit
+        angles = (step * np.rint(true.unwrapped / step)).tolist()
+        speeds = (pace * np.rint(true.u[0] / pace)).tolist() if velocity else [None] * len(stamps)
         measured = list(map(Measurement, stamps, angles, speeds))
         for bandwidth in bandwidths:
             motion = FollowMotion(FollowDrive(bandwidth))
@@ -270,11 +271,6 @@ def _measure_follow(*, quick: bool) -> tuple[list[dict[str, Any]], tuple[float, 
             })  # fmt: skip
     compared = true.u[0][2 * _TURN :] / radians_per_second(1.0)
     return points, (compared.min(), compared.max())
-
-
-def _rounded(values: Array, step: float) -> Sequence[float]:
-    found: list[float] = (step * np.rint(values / step)).tolist()
-    return found
 
 
 def draw_follow(points: Sequence[dict[str, Any]], title: str, path: Path) -> None:

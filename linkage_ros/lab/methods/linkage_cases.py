@@ -9,7 +9,6 @@ absolute, in rad.
 
 import itertools
 import math
-import time
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -35,6 +34,7 @@ from linkage_ros.lab.methods.measure import (
     Row,
     Setting,
     attempt,
+    elapsed,
 )
 from linkage_ros.lab.methods.stages import ACCELERATION, POSITION, QUANTITIES, SPEED
 from linkage_ros.lab.reference.states import DIRECTION, Linkage, Reference, other_assembly
@@ -205,14 +205,7 @@ class TurnCase(LinkageCase):
         """Prepares a method; returns a function that measures its time per state, us."""
         function = self.function(method, setting, quantity, mode)
         calls: Any = self._ones.tolist() if mode == ONE else [np.resize(self._ones, _BATCH)]
-
-        def timed() -> float:
-            start = time.perf_counter()
-            for crank in calls:
-                function(crank)
-            return (time.perf_counter() - start) / np.size(calls) * 1e6
-
-        return timed
+        return lambda: elapsed(function, calls) / np.size(calls) * 1e6
 
 
 def _rough(mechanism: Linkage, crank: float) -> Place:

@@ -17,6 +17,7 @@ A point of the chart of accuracy is the largest error and the time of a method w
 
 import itertools
 import math
+import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -93,6 +94,14 @@ def attempt(solve: Callable[..., Sequence[float]], *given: Any) -> Row:
         return None
     except FAILURES:
         return (math.nan,)
+
+
+def elapsed(function: Callable[[Any], object], arguments: Iterable[Any]) -> float:
+    """The time of calls with one argument after another, s."""
+    start = time.perf_counter()
+    for argument in arguments:
+        function(argument)
+    return time.perf_counter() - start
 
 
 class Case:

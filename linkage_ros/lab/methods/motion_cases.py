@@ -3,7 +3,6 @@
 """Cases for integrators: motions under a torque, and seeded random hard ones."""
 
 import math
-import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from decimal import Decimal
@@ -22,6 +21,7 @@ from linkage_ros.lab.methods.measure import (
     Setting,
     Situation,
     attempt,
+    elapsed,
 )
 from linkage_ros.lab.methods.situations import Random, four_bar, limited
 from linkage_ros.lab.reference.motions import (
@@ -68,12 +68,11 @@ class MotionCase(Case):
 
     @cached_property
     def _exact(self) -> Any:
-        """The true phases, in long doubles to resolve errors of doubles."""
-        rows = [map(Decimal, self._at(time)) for time in self.times]
-        return np.array([[np.longdouble(str(x)) for x in row] for row in rows])
+        """The true phases, in Decimals."""
+        return np.array([[*map(Decimal, self._at(time))] for time in self.times])
 
     @cached_property
-    def _sizes(self) -> Any:
+    def _sizes(self) -> list[float]:
         count = self.problem.count
         return [*self.problem.driven.units[:count], *abs(self._exact[:, count:]).max(axis=0)]
 
@@ -103,7 +102,8 @@ class MotionCase(Case):
         if quantity == ENERGY:
             (kinetic, still), energy = map(self.problem.energy, (self.problem.start, tuple(phase)))
             return abs(sum(energy) - (kinetic + still)) / kinetic
-        return float(max(abs(np.array(phase) - self._exact[place]) / self._sizes))
+        apart = abs(np.array([*map(Decimal, phase)]) - self._exact[place])
+        return float(max(apart.astype(float) / np.array(self._sizes, float)))
 
     def outcomes(self, method: Method, setting: Setting, *panel: str) -> list[tuple[str, float]]:
         """See `Case`: wrong values count more than the failure after them."""
@@ -112,8 +112,10 @@ class MotionCase(Case):
 
     def timer(self, method: Method, setting: Setting, _: str, mode: str) -> Callable[[], float]:
         """A function that measures the time of a simulated ms, or of the slowest, us."""
-        timed = _mean_time if mode == MEAN else _slowest_time
-        return lambda: timed(self.times, partial(method.solve, self.problem, setting))
+        begin, times = partial(method.solve, self.problem, setting), self.times
+        if mode == SLOWEST:
+            return lambda: _slowest_time(times, begin)
+        return lambda: elapsed(begin().at, times) / times[-1] * 1e3
 
 
 # Situations share motions, and panels of a chart share runs.
@@ -140,15 +142,6 @@ def followed(
     return [row for row in rows if row != ()]  # () if the motion has ended before
 
 
-def _mean_time(times: Sequence[float], begin: Callable[[], Any]) -> float:
-    """The time of a simulated ms of the whole motion, us."""
-    follower = begin()
-    start = time.perf_counter()
-    for moment in times:
-        follower.at(moment)
-    return (time.perf_counter() - start) / times[-1] * 1e3
-
-
 def _slowest_time(times: Sequence[float], begin: Callable[[], Any]) -> float:
     """Time of the slowest of the first 1000 ms, each requested by itself; fewer if short, us."""
     count = min(1000, round(times[-1] * _TICKS))
@@ -156,9 +149,7 @@ def _slowest_time(times: Sequence[float], begin: Callable[[], Any]) -> float:
     for _ in range(3):
         follower = begin()
         for i in range(count):
-            start = time.perf_counter()
-            follower.at((i + 1) * _TICK)
-            fastest[i] = min(fastest[i], time.perf_counter() - start)
+            fastest[i] = min(fastest[i], elapsed(follower.at, [(i + 1) * _TICK]))
     return max(fastest) * 1e6
 
 

@@ -224,8 +224,7 @@ def two_by_two(links: Links, crank: Real, locate: Locate) -> tuple[Pair, Pair, P
     """
     position = locate(crank)
     arm, coupler, output, slope, _ = _arms(links, crank, position)
-    over = -1.0 / dot(coupler, slope)
-    turn, move = first = dot(arm, slope) * over, cross(coupler, arm) * over
+    turn, move = first = _closing(coupler, slope, -arm.left())
     right = arm + coupler * (turn * turn)
     if links.c is not None:
         right -= output * (move * move)
