@@ -229,22 +229,19 @@ class Constants:
         while waiting:
             part = waiting.pop()
             kind = type(part)
-            if (kind is float and part) or kind is Opaque:
-                structure.append(kind)
-                self.numbers.append(part.function if kind is Opaque else part)
-            elif kind is complex or (isinstance(part, np.ndarray) and np.iscomplexobj(part)):
-                structure.append(complex)
-                waiting += part.imag, part.real
-            elif isinstance(part, tuple):
+            if isinstance(part, tuple):
                 structure += kind, len(part)
                 waiting += part[::-1]
-            elif not isinstance(part, (float, np.ndarray)):
-                structure.append(part)
-            elif part:
-                structure.append(float)
-                self.numbers.append(part)
+            elif kind is Opaque:
+                structure.append(kind)
+                self.numbers.append(part.function)
+            elif isinstance(part, (float, complex, np.ndarray)):
+                is_vector = kind is complex or (kind is not float and np.iscomplexobj(part))
+                for x in (part.real, part.imag) if is_vector else (part,):
+                    structure += (is_vector, float) if x else (is_vector, ZERO)
+                    self.numbers += [x] if x else []
             else:
-                structure.append(ZERO)
+                structure.append(part)
         self.known = _known.setdefault(tuple(structure), {})
 
     def part(self, rows: slice) -> 'Constants':
