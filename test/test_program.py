@@ -29,6 +29,7 @@ from linkage_ros import (
     MechanismError,
     SliderCrank,
     Solver,
+    State,
     UnreachableError,
     WindPump,
 )
@@ -452,6 +453,15 @@ def test_solvers_pickle_by_description(name):
     text = pickle.dumps(solver)
     assert bits(pickle.loads(text).state(q, u, u)) == bits(before)
     assert len(text) < len(pickle.dumps(solver.mechanism)) + 250
+
+
+def test_a_state_is_a_named_tuple_that_pickles():
+    state = Solver(CRANK_ROCKER).state(0.3, 1.0)
+    assert isinstance(state, State)
+    assert state._replace(torque=2.0) == State(*state[:3], 2.0) != state
+    again = pickle.loads(pickle.dumps(state))
+    assert type(again) is State
+    assert bits(again) == bits(state)
 
 
 # ------------------------------------------ 7: opaque functions, loops
