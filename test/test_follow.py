@@ -5,7 +5,6 @@
 import math
 import re
 import time
-from contextlib import suppress
 from dataclasses import replace
 
 import pytest
@@ -176,10 +175,12 @@ def test_extreme_measurements_do_not_end_the_motion(lead):
              (end, 5.0), (nearest, 5.0), (nearest, 1e12), (inside, 3.0)],
         ):  # fmt: skip
             data = message((n + 1) * MS, position=(0.0, position), velocity=(0.0, velocity))
-            with suppress(ValueError):
+            try:
                 heard = crank.read(data, 0)
-                answers += 1
-                assert math.isfinite(simulator.snapshot_measured(*heard).state.torque)
+            except ValueError:
+                continue
+            answers += 1
+            assert math.isfinite(simulator.snapshot_measured(*heard).state.torque)
         assert 0 < answers == 9 - crank.left_out.total()
         assert crank.left_out[NOT_FINITE] >= 2
 

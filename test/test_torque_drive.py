@@ -96,6 +96,7 @@ def test_a_command_within_the_limit_counts_from_when_it_came_until_it_is_too_old
         *((0.0, 2.0, 0.0, 2.0), (0.5, None, 0.0, 2.0), (0.001, None, 0.0, 0.0)),
         *((0.0, 5.1, 0.0, 5.0), (0.0, -1e300, 0.0, -5.0), (0.0, -5.0, 0.0, -5.0)),
         *((0.0, 1.5, 0.6, 0.0), (0.0, 1.5, 0.4, 1.5), (0.2, None, 0.0, 0.0)),
+        (0.1, None, 0.0, 0.0),  # still the same timeout
     ):
         clock.now += wait
         if command is not None:
