@@ -154,18 +154,20 @@ class Multipliers(OfScipy):
         units = tuple(length if slides else 1.0 for slides in self._bodies.slides)
         return (*state.position, *state.velocity), units * 2
 
-    def _split(self, values: Array) -> tuple[Array, Array]:
-        """The positions of the links, as in `Multibody`, and their rates."""
-        x, rates = np.split(values, 2)
-        return np.where(self._bodies.slides, [x, 0 * x], [np.cos(x), np.sin(x)]), rates
+    def _split(self, values: Sequence[float]) -> tuple[list[Vector], list[float]]:
+        """The links' positions, as `Multibody.gap` takes them, and their rates."""
+        half = len(values) // 2
+        pairs = zip(values, self._bodies.slides, strict=False)
+        places = [Vector(x, 0.0) if slides else Vector.at(x) for x, slides in pairs]
+        return places, list(values[half:])
 
     def _slope(self, values: Array) -> Array:
-        places, rates = self._split(values)
+        places, rates = self._split(values.tolist())
         half, k = len(rates), self._closing
         matrix, right = self._bodies.system(places, rates)
         right[0] += self._problem.motor.at(rates[0])
-        if k:
-            right[half:] -= k * (2 * matrix[half:, :half] @ rates + k * self._bodies.gap(places))
+        for i, gap in enumerate(self._bodies.gap(places) if k else (), half):
+            right[i] -= k * (2 * np.dot(matrix[i][:half], rates) + k * gap)
         return np.array([*rates, *np.linalg.solve(matrix, right)[:half]])
 
     def _correct(self, steps: Any) -> None:
@@ -176,21 +178,20 @@ class Multipliers(OfScipy):
     def _projected(self, values: Array) -> Array:
         """The nearest values that close the loop; those given if nothing is projected."""
         for _ in range(2 * self._projects):  # the second step corrects the first's nonlinearity
-            places, rates = self._split(values)
+            places, rates = self._split(values.tolist())
             half, (matrix, _) = len(rates), self._bodies.system(places, rates)
             gaps = np.zeros((len(matrix), 2))
             gaps[half:, 0] = self._bodies.gap(places)
-            gaps[half:, 1] = matrix[half:, :half] @ rates
+            gaps[half:, 1] = np.array(matrix)[half:, :half] @ rates
             values = values - np.linalg.solve(matrix, gaps)[:half].T.ravel()
         return values
 
     def at(self, time: float) -> Phase:
         """See above."""
         self._phase = tuple(self._projected(np.array(super().at(time))).tolist())
-        half = len(self._phase) // 2
-        (crank, _, _, *others), (speed, _, _, *rates) = self._phase[:half], self._phase[half:]
-        return crank, *others, speed, *rates
+        places, rates = self._split(self._phase)
+        return self._phase[0], *(place.x for place in places[3:]), rates[0], *rates[3:]
 
     def gap(self) -> float:
         """See above."""
-        return math.hypot(*self._bodies.gap(self._split(np.array(self._phase))[0]))
+        return math.hypot(*self._bodies.gap(self._split(self._phase)[0]))

@@ -22,6 +22,7 @@ from mpmath import mp
 from scipy import optimize
 
 from linkage_ros.dynamics.solver import Solver
+from linkage_ros.formulas import Vector, cross, dot
 from linkage_ros.lab.reference.multibody import Multibody, eliminate
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.drives import Motor
@@ -117,7 +118,7 @@ class MotionReference:
         """The motion at a time, s: coordinates, then rates; the crank with all its turns."""
         state = self._state(time)
         places, rates = self._split(state)
-        return state[0], *places[0, 3:], rates[0], *rates[3:]
+        return state[0], *(place.x for place in places[3:]), rates[0], *rates[3:]
 
     def end(self, until: float) -> float | None:
         """Finds the time at which coupler and third link first are in line: the coordinates end.
@@ -130,8 +131,8 @@ class MotionReference:
         """
 
         def sine(time: float) -> float:
-            (_, x, a, *_), (_, y, b, *_) = self._split(self._state(time))[0]
-            return float(x * b - y * a)
+            (_, coupler, third, *_), _rates = self._split(self._state(time))
+            return float(cross(coupler, third))
 
         for before, time in itertools.pairwise(np.arange(0.0, until + _LOOK, _LOOK).tolist()):
             if (sine(before) > 0) != (sine(time) > 0):
@@ -140,37 +141,37 @@ class MotionReference:
 
     def _begin(self) -> _State:
         """Initial values: the crank angle, the position of each link as two numbers, all rates."""
-        count, bodies = self._problem.count, self._bodies
+        count, bodies, zero = self._problem.count, self._bodies, Decimal(0)
         q, u = self._problem.start[:count], self._problem.start[count:]
         # Doubles serve as the first guess.
         found = self._problem.driven.solver.state(q, u, (0.0,) * count).position
-        pairs = zip(found, bodies.slides, strict=True)
-        places = np.array(
-            [(Decimal(x), Decimal(0)) if slides else unit(x) for x, slides in pairs]
-        ).T
+        places = [
+            Vector(Decimal(x), zero) if slides else unit(x)
+            for x, slides in zip(found, bodies.slides, strict=True)
+        ]
         for _ in range(_CLOSED):
-            turns = bodies.closed(places, [0] * len(found), -bodies.gap(places))
-            moved = (places + self._velocities(places, turns))[:, 1:3]
-            places[:, 1:3] = moved / np.sqrt((moved * moved).sum(axis=0))
+            turns = bodies.closed(places, [zero] * len(places), [-x for x in bodies.gap(places)])
+            places[1:3] = map(_turned_by, places[1:3], turns[1:3])
         speed, *others = map(Decimal, u)
-        rates = bodies.closed(places, [speed, 0, 0, *others], [0, 0])
-        return np.array([Decimal(q[0]), *places.ravel(), *rates])
+        rates = bodies.closed(places, [speed, zero, zero, *others], [zero, zero])
+        return np.array([Decimal(q[0]), *(x for place in places for x in place), *rates])
 
-    def _split(self, state: _State) -> tuple[_State, _State]:
-        """The positions of the links, as in `Multibody`, and their rates."""
-        *places, rates = state[1:].reshape(3, -1)
-        return np.array(places), rates
-
-    def _velocities(self, places: _State, rates: _State) -> _State:
-        x, y = places
-        return np.where(self._bodies.slides, [rates, 0 * rates], [-y * rates, x * rates])
+    def _split(self, state: _State) -> tuple[list[Vector], list[Decimal]]:
+        count = len(self._bodies.slides)
+        places = state[1 : 1 + 2 * count].reshape(count, 2)
+        return [Vector(*place) for place in places], state[1 + 2 * count :].tolist()
 
     def _slope(self, state: _State) -> _State:
-        (places, rates), motor = self._split(state), self._problem.motor
-        matrix, right = self._bodies.system(places, rates)
+        places, rates = self._split(state)
+        motor = self._problem.motor
+        rows, right = self._bodies.system(places, rates)
         right[0] += Decimal(motor.torque) - Decimal(motor.damping) * rates[0]
-        found = eliminate(matrix, right)[: len(rates)]
-        return np.array([rates[0], *self._velocities(places, rates).ravel(), *found])
+        moving = [
+            Vector(rate, Decimal(0)) if slid else place.left() * rate
+            for place, rate, slid in zip(places, rates, self._bodies.slides, strict=True)
+        ]
+        found = eliminate(rows, right)[: len(rates)]
+        return np.array([rates[0], *(x for vector in moving for x in vector), *found])
 
     def _state(self, time: float) -> _State:
         """The state at a time, from the nearest known one.
@@ -217,7 +218,14 @@ class MotionReference:
         return here
 
 
-def unit(angle: float) -> tuple[Decimal, Decimal]:
+def unit(angle: float) -> Vector:
     """The unit vector, in Decimals, in a direction given as a float, rad."""
     with mp.workdps(40):
-        return Decimal(str(mp.cos(angle))), Decimal(str(mp.sin(angle)))
+        return Vector(Decimal(str(mp.cos(angle))), Decimal(str(mp.sin(angle))))
+
+
+def _turned_by(place: Vector, turn: Decimal) -> Vector:
+    """Turns a unit vector by a small angle."""
+    moved = place + place.left() * turn
+    length: Decimal = dot(moved, moved).sqrt()
+    return moved * (1 / length)

@@ -13,35 +13,33 @@ it also holds where coupler and third link are in line in motion. It is a method
 many digits, the reference for states and motions.
 """
 
+from __future__ import annotations
+
 import operator
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeAlias
 
-import numpy as np
-
-from linkage_ros.formulas import ZERO
+from linkage_ros.formulas import ZERO, Vector, dot
 from linkage_ros.model.four_bar import FourBar
 from linkage_ros.model.structure import Mechanism
 
 Number: TypeAlias = Any  # a float, a Decimal or an mpf
-Row: TypeAlias = Any  # numbers, in a sequence or an array; NumPy has no type for Decimals
+Row: TypeAlias = list[Number]
 
 
 class Multibody:
     """The equations of one mechanism, in one kind of number.
 
-    Positions are arrays of shape (2, links): unit vectors of the links that turn, and (position,
-    0) of one that slides.
-
     Attributes:
         slides: For each link, whether it slides.
+        axis: Direction of the guide; (1, 0) if no link slides.
     """
 
     def __init__(
         self,
         mechanism: Mechanism,
         number: Callable[[float], Number],
-        unit: Callable[[float], Row],
+        unit: Callable[[float], Vector],
         length: Callable[[float], Number] | None = None,
     ) -> None:
         """Reads masses, lengths and loads from the mechanism's description.
@@ -54,24 +52,23 @@ class Multibody:
         """
         structure, length = mechanism.structure(), length or number
         *_, last = links = structure.links
-        self.slides, self._axis = np.array([x.slides for x in links]), np.vstack(unit(last.angle))
-        self._masses = np.array([number(link.mass) for link in links] * 2)
-        self._inertia = np.diag([number(link.inertia) for link in links])
-        self._gravity = np.vstack([*map(number, mechanism.gravity)])
-        closure, fixed = [*structure.closure.weights], structure.closure.fixed
-        if last.slides:
-            closure[-1], fixed = -1 + 0j, fixed - last.origin
-        self._fixed = np.array([length(fixed.real), length(fixed.imag)])
-        if isinstance(mechanism, FourBar):  # the structure holds its pivot in doubles
-            self._fixed = np.array(unit(mechanism.frame.angle)) * -length(mechanism.frame.length)
-        # Of each centre of mass, and of the gap of the loop: its weight on each link.
-        rows = []
+        self.slides, self.axis = [link.slides for link in links], unit(last.angle)
+        self._zero = number(0.0)
+        self._gravity = Vector(*map(number, mechanism.gravity))
+        self._bodies = []
         for i, link in enumerate(links):
             # From pin to pin by the lengths; from the last pin to the centre by the given value.
             *pins, own = (0j,) * i + (1 + 0j,) if link.slides else link.center.weights[: i + 1]
-            rest = [0j] * (len(links) - i - 1)
-            rows.append([*_numbers(pins, length), *_numbers([own, *rest], number)])
-        self._weights = np.array([*rows, _numbers(closure, length)]).transpose(2, 0, 1)
+            center = _vectors(pins, length) | _vectors([0j] * i + [own], number)
+            self._bodies.append((number(link.mass), number(link.inertia), center))
+        self._closure = _vectors(structure.closure.weights, length)
+        fixed = structure.closure.fixed
+        if last.slides:
+            self._closure[len(links) - 1] = Vector(number(-1.0), self._zero)
+            fixed -= last.origin
+        self._fixed = Vector(length(fixed.real), length(fixed.imag))
+        if isinstance(mechanism, FourBar):  # the structure holds its pivot in doubles
+            self._fixed = unit(mechanism.frame.angle) * -length(mechanism.frame.length)
         # Loads are tuples of indices and numbers.
         loads: Any = mechanism.link_loads()
         self._loads = [
@@ -79,55 +76,95 @@ class Multibody:
             for load in loads
         ]
 
-    def gap(self, places: Row) -> Row:
-        """The gap of the loop, m."""
-        arms = self._arms(places)[:, -1]
-        return self._fixed + (arms * np.where(self.slides, places[0], 1)).sum(axis=1)
+    def gap(self, places: Sequence[Vector]) -> Vector:
+        """The gap of the loop, m.
 
-    def closed(self, places: Row, rates: Row, opening: Row) -> Row:
+        Args:
+            places: Unit vector of each link, or (position, 0) of one that slides.
+
+        Returns:
+            The gap.
+        """
+        gap = self._fixed
+        for j, weight in self._closure.items():
+            slid = self.axis * places[j].x if self.slides[j] else places[j]
+            gap = gap + turned(weight, slid)
+        return gap
+
+    def closure(self, places: Sequence[Vector], rates: Row) -> tuple[list[Row], Row]:
+        """The derivatives G of the gap by the coordinates, and G' q', each as rows x and y."""
+        columns, bias = self._columns(self._closure, places, rates)
+        empty = Vector(self._zero, self._zero)
+        found = [columns.get(j, empty) for j in range(len(rates))]
+        return [[column.x for column in found], [column.y for column in found]], list(bias)
+
+    def closed(self, places: Sequence[Vector], rates: Row, opening: Row) -> Row:
         """Completes rates of coupler and third link so that the loop opens at a velocity, m/s."""
-        free = np.array([rates[0], 0, 0, *rates[3:]])
-        closure = self._columns(self._arms(places))[:, -1]
-        found = eliminate(closure[:, 1:3], np.array(opening) - closure @ free)
-        return np.array([free[0], *found, *free[3:]])
+        free = [*rates[:1], self._zero, self._zero, *rates[3:]]
+        closure, _ = self.closure(places, free)
+        moved = [sum(map(operator.mul, row, free)) for row in closure]
+        right = list(map(operator.sub, opening, moved))
+        return [free[0], *eliminate([row[1:3] for row in closure], right), *free[3:]]
 
-    def system(self, places: Row, rates: Row) -> tuple[Row, Row]:
+    def system(self, places: Sequence[Vector], rates: Row) -> tuple[list[Row], Row]:
         """The matrix and the right-hand side above, without a torque on the crank.
 
         Args:
-            places: Positions of the links.
+            places: See `gap`.
             rates: Velocities of the links, rad/s or m/s.
 
         Returns:
-            The matrix, and the right-hand side.
+            The rows of the matrix, and the right-hand side.
         """
-        arms, turning = self._arms(places), np.where(self.slides, 0, rates)
-        columns, bias = self._columns(arms), -(arms * (turning * turning)).sum(axis=2)
-        bodies, closure = columns[:, :-1].reshape(-1, len(rates)), columns[:, -1]
-        weighted = bodies.T * self._masses
-        right = weighted @ (self._gravity - bias[:, :-1]).ravel()
+        count = len(rates)
+        rows = [[self._zero] * count for _ in rates]
+        right = [self._zero] * count
+        for i, (mass, inertia, weights) in enumerate(self._bodies):
+            columns, bias = self._columns(weights, places, rates)
+            rows[i][i] += inertia
+            for j, one in columns.items():
+                right[j] += mass * dot(one, self._gravity - bias)
+                for k, other in columns.items():
+                    rows[j][k] += mass * dot(one, other)
         for load in self._loads:
             for j, force in load.forces((), rates).items():
                 right[j] += force
-        upper = np.concatenate([self._inertia + weighted @ bodies, closure.T], 1)
-        lower = np.concatenate([closure, 0 * closure[:, :2]], 1)
-        return np.concatenate([upper, lower]), np.concatenate([right, -bias[:, -1]])
+        closure, rest_of_gap = self.closure(places, rates)
+        for j, row in enumerate(rows):
+            row += [rest[j] for rest in closure]
+        rows += [[*row, self._zero, self._zero] for row in closure]
+        return rows, [*right, *(-x for x in rest_of_gap)]
 
-    def _arms(self, places: Row) -> Row:
-        """Each weight times the direction of its link, for all points; the first axis is x, y."""
-        (a, b), (x, y) = self._weights, np.where(self.slides, self._axis, places)
-        return np.array([a * x - b * y, a * y + b * x])
+    def _columns(
+        self, weights: Mapping[int, Vector], places: Sequence[Vector], rates: Row
+    ) -> tuple[dict[int, Vector], Vector]:
+        """The velocities of a point per rate of each link, and its acceleration at these rates."""
+        columns, bias = {}, Vector(self._zero, self._zero)
+        for j, weight in weights.items():
+            if self.slides[j]:
+                columns[j] = turned(weight, self.axis)
+            else:
+                arm = turned(weight, places[j])
+                columns[j], bias = arm.left(), bias - arm * (rates[j] * rates[j])
+        return columns, bias
 
-    def _columns(self, arms: Row) -> Row:
-        """The velocities of all points per rate of each link."""
-        return np.where(self.slides, arms, [-arms[1], arms[0]])
+
+def _vectors(weights: Sequence[complex], number: Callable[[float], Number]) -> dict[int, Vector]:
+    """The non-zero weights of a point, by link."""
+    return {
+        j: Vector(number(weight.real), number(weight.imag))
+        for j, weight in enumerate(weights)
+        if weight
+    }
 
 
-def _numbers(weights: Sequence[complex], number: Callable[[float], Number]) -> list[Row]:
-    return [(number(weight.real), number(weight.imag)) for weight in weights]
+def turned(weight: Vector, direction: Vector) -> Vector:
+    """The product of two vectors as complex numbers."""
+    (a, b), (x, y) = weight, direction
+    return Vector(a * x - b * y, a * y + b * x)
 
 
-def eliminate(rows: Row, right: Row) -> list[Number]:
+def eliminate(rows: list[Row], right: Row) -> Row:
     """Solves a system of equations by Gaussian elimination, for any kind of number.
 
     Args:
@@ -149,7 +186,7 @@ def eliminate(rows: Row, right: Row) -> list[Number]:
             if row[i]:
                 factor = row[i] / table[i][i]
                 row[i:] = [x - factor * y for x, y in zip(row[i:], table[i][i:], strict=True)]
-    found: list[Number] = []
+    found: Row = []
     for i, (*row, value) in reversed(list(enumerate(table))):
         found = [(value - sum(map(operator.mul, row[i + 1 :], found))) / row[i], *found]
     return found

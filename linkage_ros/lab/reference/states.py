@@ -11,14 +11,15 @@ to either side.
 
 from __future__ import annotations
 
+import operator
 from dataclasses import replace
 from fractions import Fraction
 from typing import Any, TypeAlias
 
-import numpy as np
 from mpmath import mp
 
 from linkage_ros import CROSSED, OPEN, FourBar, SliderCrank, UnreachableError
+from linkage_ros.formulas import Vector
 from linkage_ros.lab.reference.multibody import Multibody
 
 _DIGITS = 130
@@ -136,27 +137,29 @@ class Reference:
 
     def _solve(self, crank: _Number, coupler: _Number, output: _Number, _: _Number) -> Exact:
         """Solves the accelerations for the crank's motion, and the torque by virtual power."""
-        (speed, change), bodies = map(mp.mpf, self._motion), self._bodies
-        places = np.array([_unit(crank), _pair(coupler), _pair(output)]).T
-        slopes = bodies.closed(places, [mp.mpf(1)], [0, 0])
-        rates = slopes * speed
-        matrix, right = bodies.system(places, rates)
-        changes = bodies.closed(places, [change], right[3:])
+        (speed, change), zero, bodies = map(mp.mpf, self._motion), mp.mpf(0), self._bodies
+        places = [_unit(crank), _vector(coupler), _vector(output)]
+        slopes = bodies.closed(places, [mp.mpf(1), zero, zero], [zero, zero])
+        rates = [slope * speed for slope in slopes]
+        rows, right = bodies.system(places, rates)
+        changes = bodies.closed(places, [change, zero, zero], right[3:])
+        forces = [sum(map(operator.mul, row, changes)) for row in rows]
+        powers = (x * (y - z) for x, y, z in zip(slopes, forces, right, strict=False))
         return {
             'position': (mp.arg(coupler), output.real if self.slides else mp.arg(output)),
-            DIRECTION: (*places[:, 1], *places[: 1 if self.slides else 2, 2]),
+            DIRECTION: (*places[1], *places[2][: 1 if self.slides else 2]),
             'rate': tuple(rates[1:]),
             'acceleration': tuple(changes[1:]),
-            'torque': (slopes @ (matrix[:3, :3] @ changes - right[:3]),),
+            'torque': (sum(powers),),
         }
 
 
-def _unit(angle: _Number) -> tuple[_Number, _Number]:
-    return _pair(mp.expj(angle))
+def _unit(angle: _Number) -> Vector:
+    return _vector(mp.expj(angle))
 
 
-def _pair(number: _Number) -> tuple[_Number, _Number]:
-    return number.real, number.imag
+def _vector(number: _Number) -> Vector:
+    return Vector(number.real, number.imag)
 
 
 def _mean(a: _Number, b: _Number) -> _Number:
