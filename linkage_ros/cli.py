@@ -34,7 +34,7 @@ _LONGEST_SLEEP = 0.5  # s, until a signal that another thread received is handle
 
 
 class Parser(argparse.ArgumentParser):
-    """Reports an error of a command line in one line, without the usage before it."""
+    """Argument parser that reports an error in one line, without the usage text."""
 
     def error(self, message: str) -> NoReturn:
         """Ends the program with exit code 2."""
@@ -44,13 +44,13 @@ class Parser(argparse.ArgumentParser):
 def make_parser(
     name: str, purpose: str, examples: tuple[str, ...], notes: str = ''
 ) -> argparse.ArgumentParser:
-    """A parser with --version and examples.
+    """Makes a parser with --version and examples.
 
     Args:
         name: Name of the executable.
         purpose: One sentence.
-        examples: Command lines without the name.
-        notes: Lines below them.
+        examples: Command lines, without the name of the executable.
+        notes: Text below the examples.
 
     Returns:
         The parser.
@@ -78,12 +78,12 @@ def path(text: str) -> Path:
 
 
 def add_options(parser: Any, options: Iterable[Option]) -> None:
-    """Adds options to a parser, or a group of it.
+    """Adds options to a parser or to an argument group.
 
     Args:
-        parser: Parser of the program or the command, or a group of it.
-        options: The options; help and errors of a number give range and unit, and `note` is added
-            to its help.
+        parser: The parser or the group.
+        options: The options. For an option with a quantity, help and errors state its range and
+            unit; `note` is appended to the help.
     """
     for names, quantity, others in options:
         given = dict(others)
@@ -110,9 +110,9 @@ class Command(NamedTuple):
     Attributes:
         run: Does the work, with the options of the command line; returns an exit code or None.
         purpose: One sentence.
-        examples: Command lines without both names.
+        examples: Command lines, without the names of executable and command.
         options: The options and arguments of the command.
-        usage: Replaces the usage line of argparse; None: keep that.
+        usage: Usage line; None: that of argparse.
     """
 
     run: Callable[[argparse.Namespace], int | None]
@@ -147,12 +147,12 @@ def _described(
 class Stop:
     """A request to end the program, set by a signal; the main thread waits for it.
 
-    The signals are SIGINT, SIGTERM, and SIGHUP unless it is ignored, as behind nohup. Python
-    handles them in the main thread, and at once only where that thread waits in Python; so
-    all work is done in other threads, or the main thread waits here between its steps. A
-    threading.Event would lock itself up where a signal comes just as the wait for it begins;
-    this queue may be filled at any time. Linux may deliver a signal to another thread, for example
-    while the process is being stopped; then it is handled when the main thread wakes.
+    The signals are SIGINT, SIGTERM and, unless it is ignored (as under nohup), SIGHUP. Python
+    handles them in the main thread, and immediately only while that thread runs or waits in
+    Python; so all work is done in other threads, or the main thread waits here between its steps.
+    A threading.Event would deadlock if a signal arrived just as the wait begins; a SimpleQueue can
+    be filled at any time. Linux may deliver a signal to another thread, for example while the
+    process is being stopped; it is then handled when the main thread wakes.
     """
 
     def __init__(self) -> None:

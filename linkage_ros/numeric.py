@@ -88,7 +88,8 @@ def wrap(angle: Real, to_whole: Callable[[Real], Real] = round) -> Real:
 def nearest_turns(angle: float) -> int:
     """Rounds an angle to the nearest whole number of turns, exactly.
 
-    In floating point, odd multiples of pi would be ties: the double nearest to 3 pi lies below.
+    The double nearest to 3 pi is less than 3 pi, but in floating point its quotient with 2 pi is
+    1.5, which rounds up; exact fractions give 1.
 
     Args:
         angle: rad.
@@ -131,11 +132,11 @@ def without_turns(angle: Real, first: float) -> Real:
     """Reduces an angle by whole turns into the turn that begins at `first`, rad.
 
     Args:
-        angle: rad; a float, or an array with the same bits.
+        angle: rad; a float or an array, whose results are equal to the bit.
         first: rad.
 
     Returns:
-        The direction.
+        The reduced angle, rad.
     """
     floor = math.floor if isinstance(angle, float) else np.floor
     turns = floor((angle - first) * (1 / _TWO_PI[0]))
@@ -161,7 +162,7 @@ def short_sum(longest: float, *terms: float) -> float:
 
 
 def is_rounding(longest: float, total: float) -> bool:
-    """Returns whether an exact sum of lengths counts as 0, beside the longest of them."""
+    """Returns whether an exact sum of lengths counts as 0, compared with the longest length."""
     return abs(total) < 4 * math.ulp(longest)
 
 
@@ -187,7 +188,7 @@ def require_finite(**named: Real) -> None:
     """Raises unless every value is finite.
 
     Args:
-        **named: Floats or arrays, by name in errors, words joined by _.
+        **named: Floats or arrays, by their names in errors, with _ for a space.
 
     Raises:
         ConfigurationError: A value is not finite.
@@ -204,7 +205,8 @@ def real_numbers(**named: object) -> tuple[list[Real], tuple[int, ...]]:
     """Converts arguments to floats or arrays of floats.
 
     Args:
-        **named: Numbers, arrays or nested sequences, by name in errors, words joined by _.
+        **named: Numbers, arrays or nested sequences, by their names in errors, with _ for a
+            space.
 
     Returns:
         A float or an array of floats for each, and the shape to which they broadcast.

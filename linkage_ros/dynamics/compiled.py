@@ -51,7 +51,7 @@ def compiled_arrays(program: Program, *values: Any) -> Any:
 
 @functools.cache
 def _loop(source: str) -> Callable[..., int]:
-    """The source of a program for floats as a loop over columns, compiled.
+    """Compiles the source of a program for floats as a loop over columns.
 
     It takes the constants, a row for each argument and rows for the results, and returns the
     first column rejected by a guard, or -1.
@@ -82,12 +82,12 @@ def _loop(source: str) -> Callable[..., int]:
 
 
 def _refusing(column: str, statement: ast.stmt) -> str:
-    """The text of a statement; a guard returns the rejected column."""
+    """The source of a statement; a guard is changed to return the rejected column."""
     return re.sub(r'\n +.*', f' return {column}', ast.unparse(statement))
 
 
 def _results(tree: ast.expr) -> list[str]:
-    """The texts of all numbers of a nested result."""
+    """The source of each number in a nested result."""
     if isinstance(tree, ast.Call) and isinstance(tree.args[0], ast.Tuple):  # a named tuple
         tree = tree.args[0]
     if isinstance(tree, ast.Tuple):

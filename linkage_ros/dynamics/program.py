@@ -4,8 +4,8 @@
 
 A formula is an ordinary function of constants and arguments. It runs once on recording numbers:
 equal terms are shared, unused terms are dropped, and terms of constants alone are computed when
-the constants are bound. The order of operations is kept, so that results have the
-bits of the formula itself. Constants are floats, complex numbers and `Opaque` functions in nested
+the constants are bound. The order of operations is kept, so that results equal those of the
+formula itself to the bit. Constants are floats, complex numbers and `Opaque` functions in nested
 tuples. None, booleans, whole numbers, text and 0.0 among them belong to the structure, on which a
 formula may branch; terms that 0.0 makes vanish are not computed.
 """
@@ -64,7 +64,7 @@ class Writer:
         Args:
             tape: The operations.
             arrays: Names of the array inputs; none: all are floats.
-            head: The first lines of the program; empty: the usual one.
+            head: First lines of the program; empty: a `def` line with the inputs.
         """
         self.namespace: dict[str, Any] = {}
         self._tape, self._head, lines = tape, head, tape.lines
@@ -88,7 +88,7 @@ class Writer:
     def text(self) -> tuple[str, str]:
         """The sources of two functions.
 
-        The first computes all terms of constants alone, and returns them by name.
+        The first computes all terms that depend on constants alone, and returns them by name.
         The second is the program; it reads these names.
         """
         tape = self._tape
@@ -111,13 +111,13 @@ class Writer:
         return '\n    '.join(bind) + '\n\n\n', '\n    '.join(program) + '\n'
 
     def numbers(self) -> list[str]:
-        """The names in the program of numbers that depend on constants alone."""
+        """Names, in the program, of the numbers that depend on constants alone."""
         others = 'literal', 'require', *COMPARISONS
         outer = (i for i in self._live if i not in self._inner)
         return [self._words[i] for i in outer if self._tape.lines[i].operation not in others]
 
     def _statement(self, i: int) -> str:
-        """The statement of a line; empty if its text is inlined into its only use."""
+        """The statement of a line; empty if its expression is inlined where it is used once."""
         operation, operands, _ = self._tape.lines[i]
         read = [self._words[x] for x in operands]
         if operation == 'require':
@@ -163,7 +163,7 @@ class _Tuple(tuple[Any, ...]):
 
 @functools.cache
 def _quick(kind: Any) -> type:
-    """A named tuple that is made of a tuple of its values, without a call of a Python function."""
+    """A faster variant of a named tuple, constructed from one tuple of its values."""
 
     def reduce(row: tuple[Any, ...]) -> tuple[Any, ...]:
         return kind, tuple(row)
@@ -215,7 +215,7 @@ def _compile(tape: Tape, arrays: frozenset[str], head: tuple[str, ...], *, by_ma
     run = space[program[len('def ') : program.index('(')]]
 
     def bound(numbers: Iterable[Any], **others: Any) -> Callable[..., Any]:
-        """Replaces the texts by numbers, which Python reads faster than variables."""
+        """Puts numbers in the place of the quoted names: constants are faster than variables."""
         values = space['bind'](*numbers)
         constants = transformed(lambda x: values.get(x, x), run.__code__.co_consts)
         code = run.__code__.replace(co_consts=constants)
@@ -238,10 +238,10 @@ class Program:
     def __init__(
         self, formula: Callable[..., Any], constants: Constants, arguments: tuple[Argument, ...]
     ) -> None:
-        """Takes a formula.
+        """Binds a formula to constants.
 
         Args:
-            formula: From constants and arguments to numbers in nested tuples.
+            formula: Function of constants and arguments; returns numbers in nested tuples.
             constants: The constants of the formula.
             arguments: The names of the arguments.
         """
@@ -250,15 +250,16 @@ class Program:
 
     @functools.cached_property
     def scalar(self) -> Callable[..., Any]:
-        """The program for floats: a function of all numbers of the arguments, one by one."""
+        """The program for floats; each number of the arguments is a parameter of its own."""
         return self.code().bound(self.constants.numbers)
 
     def entry(self, *head: str, **functions: Callable[..., Any]) -> Callable[..., Any]:
-        """The program for floats as a function of other arguments.
+        """The program for floats as a function with other parameters.
 
         Args:
-            *head: Its definition, and lines that give the program's arguments their values.
-            **functions: What these lines may call.
+            *head: First lines of the function: its `def` line, then statements that compute the
+                program's arguments from its parameters.
+            **functions: Functions that these statements call, by name.
 
         Returns:
             The function.
@@ -282,7 +283,7 @@ class Program:
         *,
         by_math: bool = False,
     ) -> Code:
-        """The program without its constants, compiled once for a structure.
+        """The program before its constants are bound, compiled once for each structure.
 
         Args:
             arrays: Names of the arguments that are arrays; none: all are floats.
@@ -312,7 +313,7 @@ class Program:
         return transformed(formulas.number, result)
 
     def designs(self, *values: Real, by_math: bool = False) -> Any:
-        """Runs the program with constants that may also be arrays: designs times angles.
+        """Runs the program; the constants may also be arrays, for all designs and angles at once.
 
         Args:
             *values: Floats, and arrays that broadcast with those among the constants.

@@ -64,8 +64,8 @@ class Solver(Evaluator):
         Args:
             mechanism: The mechanism to solve.
             compiled: Whether Numba turns the programs for arrays into machine code.
-            description: Coordinates and assembly; None: the mechanism's own. In the mechanism's
-                other coordinates use only `driven_state`, `driven_by` and `meetings`; the torque
+            description: Coordinates and assembly; None: the mechanism's own. A solver in other
+                coordinates supports only `driven_state`, `driven_by` and `meetings`; their torque
                 still acts on the crank.
 
         Raises:
@@ -116,7 +116,7 @@ class Solver(Evaluator):
 
     @property
     def source(self) -> str:
-        """The program of `state` as Python text; with friction, that of one round."""
+        """The program of `state` as Python text; with friction, of one iteration."""
         if self.model.joint_loads:
             return self.program(joint_load_round, *ROUND).source
         return self.program(equations.state, 'q', 'u', 'a').source
@@ -200,8 +200,8 @@ class Solver(Evaluator):
             torque: Torque on the crank, N m, at its speed, rad/s.
 
         Returns:
-            A function of the coordinates and then their rates, one by one. It raises the errors
-            of `accelerations`.
+            A function whose parameters are the coordinates and then their rates. It raises the
+            errors of `accelerations`.
         """
         arguments = self.names['q'], self.names['u']
         constants = Constants((self.model, Opaque(torque)))
@@ -214,7 +214,7 @@ class Solver(Evaluator):
             y: Coordinates, then their rates, floats.
 
         Returns:
-            See `Meeting`; those of the dyads of the other coordinates, if any, come last.
+            A `Meeting` for each dyad; those of the other coordinates, if any, come last.
 
         Raises:
             LinkageError: As for `state`.
@@ -243,7 +243,8 @@ class Solver(Evaluator):
             q: Coordinates.
 
         Returns:
-            A row for each coordinate, kg m^2 between angles, kg between slides.
+            A row for each coordinate: kg m^2 between angles, kg m between an angle and a slide,
+            kg between slides.
 
         Raises:
             LinkageError: As for `state`.
@@ -333,11 +334,12 @@ class Solver(Evaluator):
         """Measures how close a dyad is to being in line, where the motion may end.
 
         Args:
-            q: Coordinates, floats, in a sequence even of one.
+            q: Coordinates, floats; a sequence, even for a single coordinate.
 
         Returns:
             The sine of the angle between the links or, for a slider, between the link and the
-            guide's normal; 0 where the loop does not close. Then a description of the place at 0.
+            guide's normal; 0 if the loop cannot close. Then a description of the position where
+            it is 0.
         """
         dyads, links = self.structure.dyads, self.structure.links
         if not dyads:

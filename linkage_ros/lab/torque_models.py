@@ -124,7 +124,7 @@ class TorqueProgram(NamedTuple):
     Attributes:
         scalar: Function of crank angle, rad, and constant speed, rad/s; returns the torque, N m,
             in a tuple.
-        source: Python text of the program; with friction, of one round.
+        source: Python text of the program; with friction, of one iteration.
     """
 
     scalar: Callable[[float, float], tuple[Any]]
@@ -148,7 +148,7 @@ def torque_program(mechanism: Mechanism, *, static: bool = False) -> TorqueProgr
         static: Whether to leave out all inertia.
 
     Returns:
-        The program; with friction, it repeats rounds.
+        The program; with friction, it solves for the joint forces by iteration.
     """
     if mechanism.joint_loads():
         pace, values = (_SLOW if static else 1.0), flatten(mechanism)
@@ -182,7 +182,7 @@ def series_program(torques: Array, period: float, harmonics: int) -> TorqueProgr
         harmonics: Number of harmonics.
 
     Returns:
-        A program like that of `torque_program`, at any speed.
+        A program like that of `torque_program`, which ignores its speed.
     """
     mean, *others = np.fft.rfft(torques, norm='forward')[: harmonics + 1].tolist()
     waves = tuple(Vector(2 * x.real, -2 * x.imag) for x in others)
@@ -206,7 +206,7 @@ def table_program(torques: Array, period: float) -> TorqueProgram:
         period: Period, rad.
 
     Returns:
-        A program like that of `torque_program`, at any speed.
+        A program like that of `torque_program`, which ignores its speed.
     """
     nodes, rows = len(torques), (torques.tolist(), (np.roll(torques, -1) - torques).tolist())
     value, slope = (Opaque(lambda i, row=row: row[i % nodes]) for row in rows)
@@ -221,7 +221,7 @@ def _table_torque(table: Any, angle: Real, _: Real) -> tuple[Real]:
 
 
 def operations(source: str) -> int:
-    """Counts the operations of one run of a program, with guards but without their errors."""
+    """Counts the arithmetic operations of a program, including the tests of its guards."""
     _, run = ast.parse(source).body
     parts = [x.test if isinstance(x, ast.If) else x for x in run.body]  # type: ignore[attr-defined]
     return sum(

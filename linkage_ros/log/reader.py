@@ -39,7 +39,7 @@ class LoggedMessage(NamedTuple):
         time: Log time, ns.
         data: CDR bytes.
         published: Publish time, ns.
-        channel: Its number in the log.
+        channel: Number of its channel in the log.
     """
 
     topic: str
@@ -146,7 +146,7 @@ class LogReader(AbstractContextManager['LogReader']):
         start: int | None = None,
         end: int | None = None,
     ) -> Iterator[LoggedMessage]:
-        """Reads messages in the order of their log times, equal ones in that of the file.
+        """Reads messages in the order of log time; at equal times, in the order of the file.
 
         Args:
             topics: Fully qualified names; None: all.
@@ -157,7 +157,8 @@ class LogReader(AbstractContextManager['LogReader']):
             The messages.
 
         Raises:
-            LogError: The file is damaged, unpacks to too much, or too many chunks overlap in time.
+            LogError: The file is damaged or too large when unpacked, or too many chunks overlap in
+                time.
         """
         channels = {t.number for t in self.topics if topics is None or t.name in topics}
         times = range(start or 0, TIME_END if end is None else end)
@@ -198,8 +199,8 @@ class LogReader(AbstractContextManager['LogReader']):
             other: Called with the messages of other channels.
 
         Yields:
-            Whole rows without sequence numbers, and None; at the end, the start of an incomplete
-            row, and the message that does not fit there, or None at the end of the log.
+            Whole rows without sequence numbers, with None. If a row is incomplete, its start is
+            the last item, with the message that does not fit, or None at the end of the log.
 
         Raises:
             LogError: The file is damaged.
@@ -238,7 +239,7 @@ class LogReader(AbstractContextManager['LogReader']):
             yield begun, None
 
     def _message(self, data: bytes, at: int, end: int) -> LoggedMessage:
-        """The message whose record is at a place in a chunk.
+        """Parses the message record from `at` to `end` of a chunk.
 
         Raises:
             KeyError: Its channel is unknown.
@@ -282,7 +283,7 @@ def _topic(channel: Channel, schemas: dict[int, Schema], statistics: Statistics)
 
 
 def paired(log: LogReader, topics: Iterable[Topic]) -> dict[Topic, LoggedTopic]:
-    """Finds the channels of a log that carry given topics, whatever their names.
+    """Finds the channels of a log that carry given topics, even if they were renamed.
 
     If several channels have the same type, those with an unchanged name are matched first, then
     the others in the order of their declaration, which is that of the topics.

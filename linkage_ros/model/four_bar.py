@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The four-bar linkage: description, mobility and exact pose.
 
-The loop is documents 1 and 2's, r e^(i alpha) + b e^(i beta) = c e^(i gamma) + d e^(i delta)
-(eq. 7 of the first, eq. 1 of the second); its solution here is this project's. Both halves of
+The loop equation is r e^(i alpha) + b e^(i beta) = c e^(i gamma) + d e^(i delta) (document 1,
+eq. 7; document 2, eq. 1); its solution here is this project's. Both halves of
 the quadrilateral, cut by the diagonal B0 - A of length L, are triangles of the same form:
 
     d - r e^(i theta) = e^(i theta/2) [(d-r) cos(theta/2) - i (d+r) sin(theta/2)]
@@ -80,7 +80,7 @@ class FourBarLoop(NamedTuple):
     """The constants of one four-bar linkage.
 
     Attributes:
-        transmission: From the crank to the transmission angle.
+        transmission: Map from crank angle to transmission angle.
         side: 1 for the open assembly, -1 for the crossed one.
         axis: Direction of the frame: cosine and sine of delta.
         ground: d - r and d + r, m.
@@ -161,10 +161,19 @@ class FourBarLoop(NamedTuple):
     def _careful_mean(
         self, halves: tuple[Real, ...], slopes: tuple[Real, Real], square: Real
     ) -> tuple[Real, Real]:
-        """(1 - nu) / 2 and its derivative where A passes B0 closely, L much shorter than d.
+        """Computes (1 - nu) / 2 and its derivative where A is close to B0, L much shorter than d.
 
-        There nu = (a - e) / L^2 loses its digits where a and e = (b-c)(b+c) mu' nearly agree. But
-        (a - e) (a + e) = L^2 g with a g that is a sum of non-negative terms, so nu = g / (a + e).
+        With a = (d-r)(d+r) and e = (b-c)(b+c) mu', nu = (a - e) / L^2 loses digits if a and e
+        nearly agree. The identity (a - e)(a + e) = L^2 g, where g is a sum of non-negative terms,
+        avoids the difference: nu = g / (a + e).
+
+        Args:
+            halves: From `Transmission.place`.
+            slopes: mu' / 2 and mu'' / 2.
+            square: L^2, m^2.
+
+        Returns:
+            The value, and its derivative with respect to the crank angle.
         """
         (S, C, sin_m, cos_m, u, v), (turn, bend) = halves, slopes
         kappa = self.transmission.kappa
@@ -254,7 +263,7 @@ class FourBar(Mechanism):
         return self.crank.length, self.coupler.length, self.rocker.length, self.frame.length
 
     def _sums(self) -> dict[str, tuple[float, ...]]:
-        """The sums of lengths that vanish at a change point, in words and as signed terms."""
+        """Sums of lengths that vanish at a change point: signed terms, by their description."""
         r, b, c, d = self._lengths()
         return {
             'coupler + rocker - frame - crank': (b, c, -d, -r),
@@ -304,7 +313,7 @@ class FourBar(Mechanism):
         )
 
     def _pairs(self, far: float, near: float, other: float) -> tuple[tuple[float, float], ...]:
-        """The pairs d - r, d + r and b - c, b + c, m, which agree with the short sums."""
+        """The pairs d - r, d + r and b - c, b + c, m, consistent with the short sums."""
         r, b, c, d = self._lengths()
         sum_dr, diff_dr, diff_bc = exact_sum(d, r), exact_sum(d, -r), exact_sum(b, -c)
         if near == 0 and other == 0:
@@ -314,7 +323,7 @@ class FourBar(Mechanism):
         return (diff_dr, sum_dr), (diff_bc, sum_dr if far == 0 else exact_sum(b, c))
 
     def _transmission(self, far: float, near: float, other: float, around: float) -> Transmission:
-        """The map from the short sums and the circumference d + r + b + c, m."""
+        """Makes the map from the short sums and the circumference d + r + b + c, m."""
         r, b, c, d = self._lengths()
         four_bc, delta = 4 * b * c, self.frame.angle
         at_far = exact_sum(d, r, -b, c) * exact_sum(d, r, b, -c) / four_bc

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What is known of a motion: the pose at given coordinates, the state, and the crank's reach."""
+"""Results of the kinematics: the pose at given coordinates, the state, and the crank's reach."""
 
 import math
 from typing import NamedTuple, NoReturn, Protocol, TypeAlias
@@ -18,7 +18,7 @@ FULL_TURN: tuple[Arc, ...] = ((0.0, 2 * math.pi),)
 
 
 class LinkPose(NamedTuple):
-    """The position of a link, and its derivatives by the coordinates.
+    """The position of a link, and its derivatives with respect to the coordinates.
 
     Attributes:
         position: Direction from first to second pin, in [-pi, pi] except the crank's, rad; of a
@@ -152,7 +152,7 @@ class Reach(NamedTuple):
     def samples(self, steps_per_turn: int = 720) -> Array:
         """Crank angles over one period that resolve the motion.
 
-        Steps are finer where motion is fast, far below the width.
+        Near angles where motion is fast, the steps are much smaller than `width`.
 
         Args:
             steps_per_turn: Number of even steps in a turn.

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Loads on the links of a mechanism: each gives a generalised force on every loaded link.
 
-The power of a load is the sum of its forces times the links' rates, so that a link that turns gets
-a torque about its own axis, and a sliding link gets a force along its guide. Viscous friction in a
-pin would be such a load, too: -c times the relative rate of its two links on one of them, and the
+The power of a load is the sum of its forces times the links' rates, so that a turning link gets a
+torque about its own axis, and a sliding link a force along its guide. Viscous friction in a pin
+would be such a load, too: -c times the relative rate of its two links on one of them, and the
 opposite on the other. Loads are named tuples of floats; in formulas an absent term is ZERO.
 """
 
@@ -23,25 +23,25 @@ _POSITIVE = (0.0, 1e12)
 
 
 class Load(Protocol):
-    """A load on links, for formulas.
+    """Interface of a load: generalised forces on links, computed from their motion.
 
-    One that acts on a single link may name its index in an attribute `link`: in MJCF it becomes
-    a motor on the joint of this link. Two more methods are optional: `resistance(links, rates)`,
-    the part of the forces that the frame exerts, such as those of dampers and springs; and
-    `potential(links)`, the potential energy up to a constant, J.
+    A load on a single link may have an attribute `link`, the index of that link: the MJCF export
+    then makes it a motor on the link's joint. Two methods are optional: `resistance(links, rates)`
+    gives the part of the forces that the frame exerts, such as those of dampers and springs;
+    `potential(links)` gives the potential energy up to a constant, J.
     """
 
     def forces(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> dict[int, Real]:
         """The generalised forces.
 
-        Joint forces treat the force on a turning link as a couple.
+        For the joint forces, the torque on a turning link is a couple.
 
         Args:
             links: Positions of the links.
             rates: Their velocities, rad/s or m/s.
 
         Returns:
-            By the index of the link, N m counter-clockwise, or N along the guide.
+            Forces by the index of the link: N m, counter-clockwise, or N along the guide.
         """
 
 
@@ -65,7 +65,7 @@ class JointLoad(Protocol):
     def contacts(
         self, pins: Sequence[Any], links: Sequence[Any], rates: Sequence[Real]
     ) -> list[Contact]:
-        """The joints that cause it.
+        """The joints whose forces cause the loads.
 
         Args:
             pins: `Structure.pins` of the mechanism.
@@ -73,14 +73,14 @@ class JointLoad(Protocol):
             rates: Velocities of the links, rad/s or m/s.
 
         Returns:
-            A contact for each, in the same order at all rates.
+            A contact for each joint; their order does not depend on the rates.
         """
 
 
 class AppliedLoad(Checked):
-    """Base of the kinds of load in a mechanism's description: frozen dataclasses of quantities.
+    """Base class of the loads in a mechanism's description: frozen dataclasses of quantities.
 
-    `linkage_ros.model.parts` lists them.
+    `linkage_ros.model.parts` lists the kinds.
 
     Attributes:
         group: Group of the parameters that hold its quantities; empty: no parameters of its own.
@@ -102,7 +102,7 @@ class AppliedLoad(Checked):
         return (self,)
 
     def on(self, _mechanism: Any) -> Load | None:
-        """The load on a mechanism for formulas; None: none, or one that depends on joint forces.
+        """The load as formulas use it; None: there is none, or it depends on joint forces.
 
         Raises:
             ConfigurationError: It does not fit the mechanism.
@@ -118,7 +118,7 @@ class AppliedLoad(Checked):
 class LinkLoad(AppliedLoad):
     """The load on the output link; the mechanism stores it in the values of that link.
 
-    `FourBar(..., loads=(LinkLoad('rocker', -5.0),))` is a four-bar whose rocker has torque -5 N m.
+    `FourBar(..., loads=(LinkLoad('rocker', -5.0),))` puts a torque of -5 N m on its rocker.
 
     Attributes:
         link: 'rocker' or 'slider'.
@@ -137,7 +137,7 @@ class LinkLoad(AppliedLoad):
     rest: float = quantity('number', 'rest position', 'rad or m', span=(-1e9, 1e9), default=0.0)
 
     def join(self, mechanism: Any) -> tuple[()]:
-        """See `AppliedLoad`; the link stores the values in its own.
+        """See `AppliedLoad`; the load's values become values of the link.
 
         Raises:
             ConfigurationError: The mechanism has no such link, or the link already has a load.
@@ -183,7 +183,7 @@ class LinkForce(NamedTuple):
         return {self.link: -lost}
 
     def potential(self, links: Sequence[LinkPose]) -> Real:
-        """See `Load`; that of the spring."""
+        """See `Load`; the energy of the spring."""
         stretch = self._stretch(links)
         return 0.5 * (self.stiffness * (stretch * stretch))
 
@@ -255,7 +255,7 @@ class Friction(AppliedLoad):
 
 
 class Rubbing(NamedTuple):
-    """Dry friction for formulas.
+    """Dry friction as formulas use it.
 
     Attributes:
         arm: Coefficient times radius of the pins, m; ZERO: no friction there.

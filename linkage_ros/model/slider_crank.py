@@ -61,7 +61,7 @@ class SliderCrankLoop(NamedTuple):
     """The constants of one slider-crank.
 
     Attributes:
-        transmission: From the crank to the transmission angle.
+        transmission: Map from crank angle to transmission angle.
         side: 1 for the open assembly, -1 for the crossed one.
         guide: Cosine and sine of the guide's direction.
         crank: Length r, m.

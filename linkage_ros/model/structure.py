@@ -31,11 +31,11 @@ class Point(NamedTuple):
 
     @classmethod
     def at(cls, place: complex, links: int) -> 'Point':
-        """Makes a fixed point x + iy, m, of a mechanism with a number of links."""
+        """Makes a fixed point at x + iy, m, for a mechanism with this number of links."""
         return cls((0j,) * links, place)
 
     def along(self, link: int, along: Real, across: Real = 0.0) -> 'Point':
-        """Makes the point along, across, m, on a turning link whose first pin is this point."""
+        """Makes the point [along, across], m, of a turning link whose first pin is this point."""
         weights = list(self.weights)
         weights[link] += along + 1j * across
         return Point(tuple(weights), self.fixed)
@@ -43,7 +43,7 @@ class Point(NamedTuple):
     def follow(
         self, directions: Sequence[Vector], rates: Sequence[Real], changes: Sequence[Real]
     ) -> tuple[Vector, Vector, Vector]:
-        """Motion of the point in a formula (document 2, eq. a2, a3, 34, 35; their derivative).
+        """Computes the motion of the point (document 2, eq. a2, a3, 34, 35; their derivative).
 
         Args:
             directions: Unit vector of each link.
@@ -70,8 +70,8 @@ class Point(NamedTuple):
 class Link(NamedTuple):
     """A moving link: its joint in the open tree for ROS, and its body.
 
-    URDF has no closed loops. The loop is cut at the pin of the output link, B between coupler and
-    rocker or slider, of a wind pump D between rod and slider. Every joint is measured from its
+    URDF has no closed loops. The loop is cut at the pin of the output link: B between coupler and
+    rocker or slider; in a wind pump, D between rod and slider. Every joint is measured from its
     parent in the tree: the coupler's from the crank, the rod's from the coupler.
 
     Attributes:
@@ -100,9 +100,9 @@ class Link(NamedTuple):
 
         Args:
             name: Its name.
-            body: The link.
-            index: Its place among the links.
-            pin: The first pin, on the frame or on the link whose weight is the last.
+            body: Its dimensions and mass.
+            index: Its index among the links.
+            pin: The first pin; it belongs to the last link with a weight, if any, else the frame.
 
         Returns:
             The link, with its joint in the tree.
@@ -114,19 +114,19 @@ class Link(NamedTuple):
 
 
 def direction(angle: Real) -> Any:
-    """The unit vector in a direction, rad, as x + iy; floats and arrays have the same form."""
+    """The unit vector cos + i sin of an angle, rad, or of an array of angles."""
     return cos(angle) + 1j * sin(angle)
 
 
 def coupler_point(coupler: Coupler, pin: Point) -> dict[str, Point]:
-    """The coupler point C by its name, if the coupler, link 1, has one.
+    """The coupler point C, by its name.
 
     Args:
         coupler: The coupler.
         pin: The crank pin A.
 
     Returns:
-        The point, or nothing.
+        The point; empty if the coupler has none.
     """
     return {} if coupler.point is None else {'C': pin.along(1, *coupler.point)}
 

@@ -70,15 +70,15 @@ class Square(NamedTuple):
 
 
 class Transmission(NamedTuple):
-    """The constants of the map.
+    """The constants of the map from crank angle to transmission angle.
 
     Attributes:
         reference: Direction of the reference line, rad, in two parts whose sum is exact to
             twice the digits of a double.
-        kappa: Coupling, signed: negative where the reference is an odd number of turns away,
-            so that crank angles 0 to pi from it have the branch of `assembly`.
-        cos: The square of cos m; it limits where the crank cannot reach the far side.
-        sin: The square of sin m; it limits where the crank cannot reach the near side.
+        kappa: kappa with a sign: negative if the reference is an odd number of turns away, so that
+            crank angles 0 to pi ahead of it have the branch of `assembly`.
+        cos: The square of cos m; it limits a crank that cannot reach the far side.
+        sin: The square of sin m; it limits a crank that cannot reach the near side.
         refuse: Function that rejects a crank angle.
     """
 
@@ -95,8 +95,8 @@ class Transmission(NamedTuple):
             crank: Crank angle, rad.
 
         Returns:
-            sin h, cos h, sin m, cos m, u and v, right to an ulp next to change points too, because
-            the rounding error of crank - reference is carried along.
+            sin h, cos h, sin m, cos m, u and v, accurate to an ulp even next to change points,
+            because the rounding error of crank - reference is carried along.
         """
         high, low = self.reference
         half, error = two_sum(0.5 * crank, -0.5 * high)
@@ -111,7 +111,7 @@ class Transmission(NamedTuple):
         return sin_h, cos_h, sin_m, cos_m, u, v
 
     def slopes(self, at: tuple[Real, ...], factor: float = 1.0) -> tuple[Real, Real]:
-        """Derivatives of the transmission angle by the crank angle.
+        """Derivatives of the transmission angle with respect to the crank angle.
 
         Args:
             at: From `place`.
@@ -175,15 +175,15 @@ class Transmission(NamedTuple):
         cures: Iterable[str],
         pass_by: float = 0.0,
     ) -> Reach:
-        """Makes the reach of the crank.
+        """Describes the reach of the crank.
 
         Args:
             grashof: Class of the linkage.
-            sums: Signed lengths whose sums vanish at a change point, by their descriptions: first
-                the one that limits cos m if it is negative, then those that limit sin m.
+            sums: Signed lengths by description; each sum vanishes at a change point. A negative
+                first sum limits cos m, another negative one limits sin m.
             cures: Changes that would let the crank turn; used only if it is limited.
-            pass_by: Half the crank angle within which the crank pin passes the rocker pivot, rad;
-                0: there is no such pivot, or the two coincide there.
+            pass_by: Half the crank angle within which the crank pin is close to the rocker pivot,
+                rad; 0: there is no such pivot, or the pin hits it.
 
         Returns:
             The reach.

@@ -13,8 +13,8 @@ the four-bar does (docs/mechanisms.md):
 
 and sin(phi2 - phi3) = side sqrt(PQ) / (2 l2 l3): no digits are lost next to a stretched dyad.
 The rates have document 3's form, phi2' = a11 phi1' + a12 xD' (its coefficients are damaged in
-print); the squared-rate terms of the accelerations, which it lacks, follow by differentiating the
-loop twice.
+print); the squared-rate terms of the accelerations, which the document lacks, follow by
+differentiating the loop twice.
 """
 
 import math
@@ -117,7 +117,17 @@ class WindPumpLoop(NamedTuple):
         def bend(
             own: Real, other: Real, arm_b: Real = ZERO, arm_c: Real = ZERO
         ) -> tuple[Real, Real]:
-            """Curvatures of coupler and rod, from the products of their rates."""
+            """Curvatures of coupler and rod for a pair of coordinates.
+
+            Args:
+                own: Product of the coupler's two rates.
+                other: Product of the rod's two rates.
+                arm_b: Crank's acceleration term along the rod, m.
+                arm_c: Crank's acceleration term along the coupler, m.
+
+            Returns:
+                Those of the coupler and of the rod.
+            """
             return (
                 -over_b * (arm_b + b * cos23 * own + c * other),
                 over_c * (arm_c + b * own + c * cos23 * other),
@@ -139,7 +149,7 @@ class WindPumpLoop(NamedTuple):
 
 
 class ByCoupler(WindPumpLoop):
-    """The constants for the angles of crank and coupler as coordinates.
+    """The constants of a wind pump whose coordinates are the angles of crank and coupler.
 
     They determine the motion where coupler and rod are in line. `side` is 1 if the rod points
     along the guide, -1 if against it.
@@ -181,9 +191,10 @@ class ByCoupler(WindPumpLoop):
 
 @dataclass(frozen=True)
 class WindPump(Mechanism):
-    """A wind pump, closed by inertia: crank A0-A, coupler A-B, rod B-D, slider D on the x axis.
+    """A wind pump: crank A0-A, coupler A-B, rod B-D, slider D on the x axis.
 
-    Two degrees of freedom: the crank angle and the slider's position are independent.
+    It has two degrees of freedom, the crank angle and the slider's position; they depend on each
+    other through the equations of motion alone.
 
     Attributes:
         coordinates: The crank's angle and the slider's position.

@@ -32,12 +32,12 @@ _TRIALS = 400  # largest number of trial steps per part of at most 1 ms
 
 
 class Method(NamedTuple):
-    """The weights of a method's sums of slopes; 0 for unused slopes.
+    """The coefficients of a Runge-Kutta method: weights of the slopes, 0 for unused slopes.
 
     Attributes:
-        stages: Weights of the point of each slope except the first.
+        stages: Weights for the point at which each slope after the first is evaluated.
         end: Weights for the end of a step.
-        error: Weights for its error, including the slope at the end.
+        error: Weights for the error of a step, including the slope at its end.
     """
 
     stages: tuple[tuple[Real, ...], ...]
@@ -74,13 +74,13 @@ class Steps(Protocol):
     time: float
 
     def changed(self) -> None:
-        """Notes that the torque is another from now on."""
+        """Prepares for a torque that has just changed."""
 
     def advance(self, time: float) -> None:
         """Integrates the motion to a time, s."""
 
     def phases(self, times: Sequence[float]) -> Iterator[tuple[Values, int]]:
-        """Integrates to rising times, s; yields phase and pairs of whole turns at each."""
+        """Integrates to increasing times, s; yields phase and pairs of whole turns at each."""
 
 
 # Makes the integrator of a motion from the values at t = 0.
@@ -88,11 +88,12 @@ Integrate: TypeAlias = Callable[[DrivenMechanism, Values], Steps]
 
 
 class Plant(NamedTuple):
-    """What a step integrates.
+    """The equations of motion that a step integrates.
 
     Attributes:
         units: Units of errors; see `DrivenMechanism`.
-        accelerations: Accelerations at given coordinates and rates, one by one.
+        accelerations: Function that takes the coordinates and then their rates as separate
+            arguments, and returns the accelerations.
     """
 
     units: tuple[Real, ...]
@@ -102,7 +103,7 @@ class Plant(NamedTuple):
 def leap(
     plant: Plant, values: tuple[Real, ...], h: Real, slope: tuple[Real, ...]
 ) -> tuple[tuple[Real, ...], tuple[Real, ...], tuple[Real, ...]]:
-    """Makes one step, of one motion or of many at once; a formula.
+    """Makes one step of one motion, or of many as arrays; used as a formula.
 
     Args:
         plant: The mechanism under its torque.
@@ -123,7 +124,7 @@ def leap(
 def moved(
     weights: Sequence[Real], values: tuple[Real, ...], h: Real, slopes: Sequence[Sequence[Real]]
 ) -> tuple[Real, ...]:
-    """The values after a weighted sum of slopes; a formula."""
+    """The values plus h times the weighted sum of the slopes; used as a formula."""
     used = [(weight, rates) for weight, rates in zip(weights, slopes, strict=True) if weight]
     return tuple(
         value + h * total(weight * rates[i] for weight, rates in used)
@@ -138,7 +139,18 @@ def errors(
     h: Real,
     slopes: Sequence[Sequence[Real]],
 ) -> tuple[Real, ...]:
-    """The error of each value in its unit; of rates above one unit, relative; a formula."""
+    """Estimates the errors of a step; used as a formula.
+
+    Args:
+        weights: Weights of the slopes.
+        units: Units of the values.
+        end: The values at the end of the step.
+        h: Length of the step, s.
+        slopes: The slopes of the step.
+
+    Returns:
+        The error of each value in its unit; of a rate above one unit, the relative error.
+    """
     sizes = [
         unit if i < len(end) // 2 else where(unit >= abs(value), unit, abs(value))
         for i, (unit, value) in enumerate(zip(units, end, strict=True))
@@ -174,7 +186,7 @@ class FixedSteps:
         Args:
             driven: The driven mechanism.
             phase: Coordinates, then their rates.
-            longest: Length of a step, s.
+            longest: Largest length of a step, s.
             tolerance: Largest error of a step, in rad and crank lengths; of rates, in the same
                 units per second, relative to rates above one unit.
             time: Time of the start, s.
@@ -200,7 +212,7 @@ class FixedSteps:
         self._leap = Program(self._formula, constants, (values, 'h', slope)).scalar
 
     def changed(self) -> None:
-        """Notes that the torque is another from now on."""
+        """Prepares for a torque that has just changed."""
         self._slope = None
 
     def phases(self, times: Sequence[float]) -> Iterator[tuple[Values, int]]:
@@ -210,7 +222,7 @@ class FixedSteps:
             yield self.phase, self.pairs
 
     def advance(self, time: float) -> None:
-        """Follows the motion to a time.
+        """Integrates the motion to a time.
 
         Args:
             time: Not before the time reached, s.

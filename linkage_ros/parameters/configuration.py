@@ -44,7 +44,7 @@ class MechanismAndDrive(Checked):
 
     @classmethod
     def of(cls, given: Mapping[str, object]) -> MechanismAndDrive:
-        """Reads both from parameters; a wind pump is always driven by a torque.
+        """Reads mechanism and drive from parameters; a wind pump is always driven by a torque.
 
         Raises:
             ConfigurationError: The mechanism is missing, or a wind pump has drive: speed.
@@ -162,7 +162,7 @@ def _others(sought: str, kinds: Mapping[str, type], own: str) -> list[str]:
 
 
 def preset_note(values: Mapping[str, object]) -> str:
-    """Prefix of the summary of the default preset; empty if a mechanism is given."""
+    """Text to print before the summary if the default preset is used; empty otherwise."""
     return '' if 'mechanism' in values else f'no mechanism given, so the {DEFAULT_PRESET}: '
 
 
@@ -221,7 +221,7 @@ def from_strings(strings: Mapping[str, str]) -> Configuration:
         The configuration.
 
     Raises:
-        ConfigurationError: A value is not JSON, or the configuration is bad.
+        ConfigurationError: A value is not JSON, or the configuration is invalid.
     """
     try:
         values = {name: json.loads(text) for name, text in strings.items()}

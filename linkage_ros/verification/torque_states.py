@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recomputes the states of a torque-driven log from its accelerations and commands.
 
-The coordinates with their rates and accelerations are taken from mechanism_state, in a record
-without commands the accelerations from the motor: the motion of all links and the torque,
+Coordinates, rates and accelerations are read from mechanism_state; in a record without commands
+the accelerations are computed from the motor's torque. The motion of all links and the torque,
 tau = M q'' + h - Q, must agree with them to the bit, and each state must follow from its
 predecessor under the torque logged there.
 """
@@ -51,7 +51,7 @@ class TorqueStates(Timeline):
     """
 
     def __init__(self, simulator: Simulator, log: LogReader, layout: RowLayout) -> None:
-        """Prepares the check; the layout has mechanism_state."""
+        """Prepares the check; the layout must contain mechanism_state."""
         super().__init__(simulator, log, layout)
         drive: Any = simulator.configuration.drive
         solver, self._motor = simulator.solver, drive.motor
@@ -134,7 +134,11 @@ class TorqueStates(Timeline):
         return table, crank
 
     def take(self, number: int, ticks: list[int]) -> tuple[int, str]:
-        """Checks the first states that were read last against their predecessors, and advances."""
+        """Checks states at the given ticks of a segment, and advances past them.
+
+        Returns:
+            The number of states that follow from their predecessors, and the error of the next.
+        """
         driven, found = self._driven, self._found[:, : len(ticks)]
         found[-1] -= self._motor.at(found[len(self._links)])
         origin = np.concatenate([self._before, found[:, :-1]], axis=1)
@@ -154,7 +158,7 @@ class TorqueStates(Timeline):
     def _many_follow(
         self, driven: DrivenMechanism, origin: Array, found: Array, spans: Array
     ) -> npt.NDArray[np.bool_]:
-        """Finds states that follow from their predecessors, by a few steps for all at once."""
+        """Finds states that follow from their predecessors, by integrating all of them at once."""
         nothing, half = np.zeros(len(spans), bool), len(driven.links)
         if driven.solver.coordinates != self._own.solver.coordinates:
             return nothing

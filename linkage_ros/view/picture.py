@@ -53,7 +53,7 @@ Rows: TypeAlias = tuple[str, npt.NDArray[np.int64], list[rr.ComponentColumn]]
 
 
 class Picture:
-    """Makes rows from samples, in batches of any size.
+    """Makes the rows that Rerun shows from the samples of a run, in batches of any size.
 
     Attributes:
         drawing: The linkage.
@@ -212,7 +212,7 @@ class Picture:
 
 
 def _points(places: list[Array] | None, names: Collection[str], pins: int) -> rr.Points2D:
-    """Names, points without size, and then pins, points without names."""
+    """The names, as labels of points without size, and the pins, as points without labels."""
     return rr.Points2D.from_fields(
         positions=places, colors=GREY, draw_order=_FRONT, labels=list(names), show_labels=True,
         radii=[0.0] * len(names) + [_PIN] * pins,
@@ -220,7 +220,7 @@ def _points(places: list[Array] | None, names: Collection[str], pins: int) -> rr
 
 
 class _Batch(NamedTuple):
-    """A batch of components for Rerun; its archetypes take three times the processor time."""
+    """A batch of components for Rerun, whose own archetypes take three times as long."""
 
     array: pa.Array
 

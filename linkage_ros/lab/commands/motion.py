@@ -25,7 +25,7 @@ from linkage_ros.units import radians_per_second
 
 
 def motion(options: argparse.Namespace) -> None:
-    """Draws one period of a mechanism, or of several beside each other, and writes a table.
+    """Draws one period of a mechanism, or of several side by side, and writes a table.
 
     Args:
         options: Options of the command line.
@@ -68,7 +68,7 @@ def motion(options: argparse.Namespace) -> None:
 
 
 def movie(options: argparse.Namespace) -> None:
-    """Draws the movie of a mechanism.
+    """Writes a movie of a mechanism.
 
     Args:
         options: Options of the command line.
@@ -88,7 +88,7 @@ def _names(options: argparse.Namespace) -> list[str]:
     """The names of the mechanisms.
 
     Raises:
-        ConfigurationError: They cannot be drawn beside each other.
+        ConfigurationError: They cannot be drawn side by side.
     """
     count, most = len(options.params), len(DESIGN_COLORS)
     if count > most or (count > 1 and options.fluctuation is not None):
@@ -124,7 +124,7 @@ def _show(
 def _driven(
     source: str, mechanism: Any, drive: Any, rpm: float | None, others: dict[str, Any]
 ) -> tuple[Period, list[str]]:
-    """Computes a period at a given speed, its class, and lines about it.
+    """Computes a period at a given speed; describes it by Grashof class, speed and travel.
 
     Raises:
         ConfigurationError: No speed is given, options exclude each other, or the reactions have
@@ -152,7 +152,7 @@ def _driven(
 def _settled(
     source: str, mechanism: Any, drive: Any, rpm: float | None, others: dict[str, Any]
 ) -> tuple[Period, list[str]]:
-    """Computes the steady motion of a wind pump, and lines about it.
+    """Computes the steady motion of a wind pump, and describes it in lines of text.
 
     Raises:
         ConfigurationError: The pump does not settle, or an option does not apply to it.
@@ -192,7 +192,7 @@ def settled_turn(motion: PeriodicMotion) -> Period:
 
 
 def _measures(period: Period) -> dict[str, float | None]:
-    """Measures of a design by name and unit; None if it lacks one."""
+    """Measured values by name and unit; None for a measure that the design does not have."""
     solver, columns = period.solver, period.columns
     link, found = solver.structure.links[-1], travel(solver) if solver.mobility else None
     way, torque = (
@@ -216,7 +216,7 @@ def _measures(period: Period) -> dict[str, float | None]:
 
 
 def _lines(measures: dict[str, dict[str, float | None]]) -> Iterator[str]:
-    """The measures of all designs as text, one line each, without those that no design has."""
+    """Table of all designs, one line for each measure that a design has."""
     width = 2 + max(12, *map(len, measures))
     yield ' ' * 32 + ''.join(f'{name:>{width}}' for name in measures)
     for name in next(iter(measures.values())):

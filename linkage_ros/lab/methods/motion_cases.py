@@ -44,7 +44,7 @@ _SEED = 20_261_122
 
 
 class MotionCase(Case):
-    """A motion at some times.
+    """A motion, compared at given times.
 
     Attributes:
         problem: The motion and its start.
@@ -62,7 +62,7 @@ class MotionCase(Case):
         quantities: Sequence[str] = (TRAJECTORY,),
         at: Callable[[float], Sequence[Any]] | None = None,
     ) -> None:
-        """Prepares it; without the true motion, `at`, a reference is integrated in many digits."""
+        """Prepares the case; `at` gives the true motion, None: a reference in 34 digits does."""
         self.problem, self.times, self.quantities = problem, tuple(times), quantities
         self._at = at or MotionReference(problem).at
 
@@ -81,12 +81,12 @@ class MotionCase(Case):
         return [(quantity, MEAN) for quantity in self.quantities]
 
     def panels(self, method: Method, setting: Setting) -> Iterable[Panel]:
-        """Quantities and modes that a method supports; steps up to a ms have a slowest ms."""
+        """Quantities and modes that a method supports; SLOWEST needs steps of at most 1 ms."""
         has_ticks = TRAJECTORY in self.quantities and setting.get('step', 0) <= _TICK
         return [*self.own(method), *[(TRAJECTORY, SLOWEST)] * has_ticks]
 
     def rows(self, method: Method, setting: Setting, *_: str) -> Sequence[Row]:
-        """See `Case`: phases with the gap of the loop, m, up to a failure or a refusal."""
+        """See `Case`: phases, each with the gap of the loop, m, until the method fails."""
         return followed(self.problem, self.times, method.solve, tuple(setting.items()))
 
     def error(self, quantity: str, place: int, row: Sequence[float]) -> float:
@@ -106,12 +106,12 @@ class MotionCase(Case):
         return float(max(apart.astype(float) / np.array(self._sizes, float)))
 
     def outcomes(self, method: Method, setting: Setting, *panel: str) -> list[tuple[str, float]]:
-        """See `Case`: wrong values count more than the failure after them."""
+        """See `Case`; after wrong values, a failure does not count."""
         found = super().outcomes(method, setting, *panel)
         return [each for each in found if each[0] == DIVERGED] or found
 
     def timer(self, method: Method, setting: Setting, _: str, mode: str) -> Callable[[], float]:
-        """A function that measures the time of a simulated ms, or of the slowest, us."""
+        """A function that measures the mean or slowest time per simulated ms, us."""
         begin, times = partial(method.solve, self.problem, setting), self.times
         if mode == SLOWEST:
             return lambda: _slowest_time(times, begin)
@@ -143,7 +143,7 @@ def followed(
 
 
 def _slowest_time(times: Sequence[float], begin: Callable[[], Any]) -> float:
-    """Time of the slowest of the first 1000 ms, each requested by itself; fewer if short, us."""
+    """Time of the slowest of the first 1000 simulated ms, or of all if fewer, us."""
     count = min(1000, round(times[-1] * _TICKS))
     fastest = [math.inf] * count
     for _ in range(3):
@@ -154,14 +154,14 @@ def _slowest_time(times: Sequence[float], begin: Callable[[], Any]) -> float:
 
 
 def even(seconds: float) -> list[float]:
-    """Even times at which states are compared, up to the last."""
+    """Evenly spaced times up to a last one, s, at which states are compared."""
     return [(i + 1) * _ASKED for i in range(round(seconds / _ASKED))]
 
 
 def motions(*, quick: bool) -> list[tuple[str, MotionCase]]:
-    """The motions of the chart of accuracy.
+    """The motions of the accuracy chart.
 
-    The fast pump, with and without motor and load, and a coasting four-bar.
+    They are the wind pump, with and without motor and load, and a coasting four-bar.
     """
     seconds = 0.5 if quick else 10.0
     return [
@@ -180,7 +180,7 @@ def _driven(random: Random, i: int) -> MotionCase:
 
 
 def _parallelogram(random: Random) -> FourBar:
-    """Without weights its motion is uniform, because the coupler does not turn."""
+    """A random parallelogram without gravity; its inertia at the crank is constant."""
     x, y = (float(k) / 64 for k in random.integers((8, 33), (32, 64)))
     return replace(four_bar((x, y, x, y)), gravity=(0.0, 0.0))
 
@@ -224,7 +224,7 @@ def _stiff_guide(random: Random, i: int) -> MotionCase:
 
 
 def _settling(begin: float, end: float, rate: float, time: float) -> tuple[float, float]:
-    """Path and speed of a body that approaches a speed under linear damping."""
+    """Distance and speed after a time of a body that approaches a speed under linear damping."""
     settled = -math.expm1(-rate * time)
     return end * time + (begin - end) * settled / rate, begin + (end - begin) * settled
 

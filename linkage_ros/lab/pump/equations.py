@@ -107,10 +107,10 @@ class _SmoothForce(NamedTuple):
 
 @dataclass(frozen=True)
 class SmoothLoad(LoadCurve):
-    """A load curve with a return_value.
+    """A load curve with a return_value, smoothed where the slider reverses.
 
     Attributes:
-        width: Slider speed within which the force changes, m/s.
+        width: Slider speed below which the force is between both curves, m/s.
     """
 
     width: float = 0.0
@@ -122,14 +122,14 @@ class SmoothLoad(LoadCurve):
 
 
 def smoothed(mechanism: WindPump, pace: float) -> WindPump:
-    """A pump whose loads do not jump.
+    """Replaces the load curves of a pump whose force jumps where the slider reverses.
 
     Args:
         mechanism: The pump.
-        pace: The largest crank speed, rad/s.
+        pace: Largest crank speed, rad/s, to which the width of the transition is proportional.
 
     Returns:
-        The same pump if no load jumps.
+        The pump with smooth loads; the given pump if none of its loads jumps.
     """
     width = _WIDTH * mechanism.crank.length * pace
     loads = tuple(

@@ -26,14 +26,14 @@ _TINY = 1e-5  # amplitude that counts as 0, in crank lengths
 
 
 def parts_of(turns: int, harmonics: int) -> Array:
-    """Even crank angles at which the mean of a product of two series is exact, rad.
+    """Evenly spaced crank angles, rad, at which the mean of a product of two series is exact.
 
     Args:
         turns: Turns of the crank.
         harmonics: Largest number of waves in a turn.
 
     Returns:
-        Angles from 0 on.
+        Angles, the first at 0.
     """
     count = turns * max(64, 4 * harmonics)
     return np.linspace(0, 2 * math.pi * turns, count, endpoint=False)
@@ -76,7 +76,8 @@ class PeriodicMotion:
         crank: Coefficients of the crank's speed, rad/s.
         torque: Torque of the motor at rest, N m.
         turns: Turns after which it repeats.
-        slow_multipliers: Factors of slow deviations of an averaged motion over a turn.
+        slow_multipliers: Floquet multipliers of an averaged motion, for slow deviations over a
+            turn; empty: they are computed from the motion.
     """
 
     solver: PumpSolver
@@ -89,7 +90,7 @@ class PeriodicMotion:
 
     @functools.cached_property
     def angles(self) -> Array:
-        """Crank angles in equal parts of its period, rad."""
+        """Evenly spaced crank angles over one period, rad."""
         return parts_of(self.turns, len(self.slider) // 2 // self.turns)
 
     @property
@@ -114,14 +115,14 @@ class PeriodicMotion:
         return np.array((position, speed, speed * slope))
 
     def distance(self, phases: Array) -> Array:
-        """Distances of other motions from this one, in crank lengths and shares of its speed.
+        """Mean distances of other motions from this one, in the `units` of the values.
 
         Args:
             phases: Crank angle, slider position and their rates, of shape (4, rows, motions).
 
         Returns:
-            The means of all rows, at the best whole number of turns between the motions; of
-            shape (motions).
+            The mean over the rows, of shape (motions); each motion is first shifted by the whole
+            number of turns that makes it smallest.
         """
         _, rows, motions = phases.shape
         apart = []
@@ -225,7 +226,7 @@ class PeriodicMotion:
 
     @functools.cached_property
     def monodromy(self) -> Array:
-        """Derivatives of the values of `at` after a period by the values before it.
+        """Derivatives of the values of `at` after a period with respect to those before it.
 
         By Magnus' method of order 4 (S. Blanes and others, Physics Reports 470 (2009), 151-238).
         """
@@ -244,7 +245,7 @@ class PeriodicMotion:
         return product
 
     def _jacobians(self, angles: Array) -> Array:
-        """Derivatives of the slopes by the values, over the crank angle; of shape (n, 3, 3)."""
+        """Jacobian matrices of d(values)/d(crank angle), at the angles; of shape (n, 3, 3)."""
         steps = _DIFFERENCE * self.units
         moves = np.concatenate((np.diag(steps), np.diag(-steps)))
         x, w, v = self.at(angles)[:, None] + moves.T[..., None]

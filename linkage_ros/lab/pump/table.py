@@ -10,7 +10,7 @@ _LARGE = 1e4  # multiplier of which only the magnitude is shown
 
 
 def states_table(analysis: Analysis) -> list[str]:
-    """Tables of the states, of their changes with the torque, and of unexplained starts.
+    """Tables of the states, of their sensitivity to the torque, and of unexplained starts.
 
     Args:
         analysis: Analysis of a pump.
@@ -55,7 +55,7 @@ def _states_lines(analysis: Analysis) -> list[str]:
 
 
 def _cells(analysis: Analysis, number: int) -> tuple[str, ...]:
-    """Row of a state, with the averaged state near it."""
+    """Table cells of a state and of the averaged state near it."""
     state, averaged = analysis.states[number].motion, analysis.averaged[number]
     share = state.efficiency
     return (
@@ -75,7 +75,7 @@ def _complex(value: complex) -> str:
 
 
 def _fixed(value: float, form: str = '.4f') -> str:
-    """Four decimals, or percents with two; a tiny negative value is 0, without a sign."""
+    """Formats a value rounded to four decimals; a rounded -0 loses its sign."""
     return format(round(value, 4) + 0.0, form)
 
 

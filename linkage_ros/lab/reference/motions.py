@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Motions under a torque: their initial values, and references right to 1e-17 in SI units.
+"""Motions under a torque: their initial values, and references accurate to 1e-17 in SI units.
 
 The multibody equations are integrated by extrapolation (Gragg, Bulirsch and Stoer: Hairer, Norsett
 and Wanner, Solving Ordinary Differential Equations I, II.9), which no compared method uses. Unit
@@ -44,7 +44,7 @@ Phase: TypeAlias = tuple[float, ...]
 
 @dataclass(frozen=True)
 class InitialValueProblem:
-    """A motion from its start, in the crank angle and, of a wind pump, the slider's position.
+    """The start of a motion in the crank angle and, for a wind pump, the slider's position.
 
     Attributes:
         mechanism: A four-bar or a wind pump.
@@ -87,14 +87,14 @@ def driven_pump(speed: float, velocity: float = 0.0) -> InitialValueProblem:
 
 
 def free_pump(speed: float) -> InitialValueProblem:
-    """The pump without motor and load, which conserves energy, from a crank speed, rad/s."""
+    """The pump without motor and load, which conserves energy; it starts at `speed`, rad/s."""
     driven = driven_pump(speed)
     slider = replace(driven.mechanism.slider, damping=0.0)
     return InitialValueProblem(replace(driven.mechanism, slider=slider), driven.start)
 
 
 def coasting() -> InitialValueProblem:
-    """The quadrilateral of document 1 from 150 rpm without a motor, which conserves energy."""
+    """The quadrilateral of document 1, which coasts from 150 rpm and conserves energy."""
     return InitialValueProblem(load('quadrilateral').mechanism, (0.0, 5 * math.pi))
 
 
@@ -115,19 +115,19 @@ class MotionReference:
             self._known = {Decimal(0): self._begin()}  # states by time
 
     def at(self, time: float) -> tuple[Decimal, ...]:
-        """The motion at a time, s: coordinates, then rates; the crank with all its turns."""
+        """Coordinates, then their rates, at a time, s; the crank angle includes whole turns."""
         state = self._state(time)
         places, rates = self._split(state)
         return state[0], *(place.x for place in places[3:]), rates[0], *rates[3:]
 
     def end(self, until: float) -> float | None:
-        """Finds the time at which coupler and third link first are in line: the coordinates end.
+        """Finds the first time at which coupler and third link are in line: a singularity.
 
         Args:
             until: End of the search, s.
 
         Returns:
-            Time, right to 1e-15 s; None: no such time before `until`.
+            Time, accurate to 1e-15 s; None: there is none before `until`.
         """
 
         def sine(time: float) -> float:
@@ -197,7 +197,7 @@ class MotionReference:
         return state
 
     def _extrapolated(self, start: _State, span: Decimal) -> tuple[_State | None, int]:
-        """The state after a step, and rows of its extrapolation table; None: not converged."""
+        """The state after a step, None if it does not converge, and the rows of its table."""
         above: list[_State] = []
         with suppress(ArithmeticError):  # of a diverging step
             slope = self._slope(start)
