@@ -256,6 +256,11 @@ def _discard_stdout() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
+def counted(number: int, noun: str) -> str:
+    """A number with its noun, in the plural unless the number is 1."""
+    return f'{number} {noun}{"" if number == 1 else "s"}'
+
+
 def print_error(name: str, error: object) -> None:
     """Prints one line, unless stderr is blocked for a second by a full pipe or Ctrl-S."""
     is_writable = sys.stderr is not None

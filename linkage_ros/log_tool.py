@@ -92,16 +92,16 @@ def verdict(log: LogReader, report: Verification) -> Iterator[str]:
     """
     if report.difference:
         yield f'{log.path}: DIFFERS: {report.difference}'
-        yield f'  equal before it: {report.states} states'
+        yield f'  equal before it: {cli.counted(report.states, "state")}'
     else:
         equal = f'within {math.ceil(report.ulp)} ulp' if report.ulp else 'to the bit'
-        yield f'{log.path}: {report.states} states, every one equal {equal}'
+        yield f'{log.path}: {cli.counted(report.states, "state")}, every one equal {equal}'
         yield f'  compared: {", ".join(report.compared) or "nothing"}'
     notes = (
         (report.others, f'not recomputable, so not compared: {", ".join(report.others)}'),
         (report.absent, f'not in the log: {", ".join(report.absent)}'),
         (report.missed,
-         f'{report.missed} ticks have no state: the run was late, or they are lost'),
+         f'{cli.counted(report.missed, "tick")} without a state: the run was late or lost states'),
         (report.cut, f'the last state is cut off, before {", ".join(report.cut)}'),
         (log.version != __version__,
          f'written by linkage_ros {log.version}, recomputed by {__version__}'),
@@ -111,12 +111,15 @@ def verdict(log: LogReader, report: Verification) -> Iterator[str]:
 
 def saved(path: Path, done: Recovered) -> str:
     """Describes the outcome of a recovery in one line."""
-    lost = f'{done.damaged} bytes, damaged places: {done.places}' if done.places else ''
+    lost = []
+    if done.places:
+        places = cli.counted(done.places, 'damaged place')
+        lost.append(f'{cli.counted(done.damaged, "byte")} in {places}')
     if done.unknown:
-        lost += f', {done.unknown} messages of unknown topics'
+        lost.append(f'{cli.counted(done.unknown, "message")} of unknown topics')
     return (
-        f'{path}: {done.messages} messages saved, {done.duration:.3f} s; '
-        f'lost: {lost or "nothing that was on the disk"}'
+        f'{path}: {cli.counted(done.messages, "message")} saved, {done.duration:.3f} s; '
+        f'lost: {", ".join(lost) or "nothing that was on the disk"}'
     )
 
 

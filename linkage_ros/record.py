@@ -97,7 +97,7 @@ def record(
                     bar.update(states)
         except MotionError as error:
             raise MotionError(
-                f'{error}; {path} keeps the {written} states before it',
+                f'{error}; {path} keeps the {cli.counted(written, "state")} before it',
                 time=error.time, coordinates=error.coordinates,
             ) from error  # fmt: skip
     return written
@@ -218,9 +218,10 @@ def _record(options: argparse.Namespace) -> int:
     if note := preset_note(values):
         print(note + summary(configuration, Solver(configuration.mechanism)))
     if stop.is_set():
-        print(f'{options.out}: stopped; the first {count} states are kept')
+        print(f'{options.out}: stopped; {cli.counted(count, "state")} kept')
         return cli.STOPPED_BY_USER
-    words = f'{options.out}: {count} states, {count / configuration.session.rate_hz:g} s'
+    duration = count / configuration.session.rate_hz
+    words = f'{options.out}: {cli.counted(count, "state")}, {duration:g} s'
     if options.out.is_file():
         words += f'; linkage_replay {options.out} --viewer web --no-ros shows it'
     print(words)

@@ -155,7 +155,7 @@ def _run(arguments: list[str]) -> int:
         items = stack.enter_context(feed(log, excerpt, loop=options.loop))
         show = stack.enter_context(_status(log, excerpt, pace))
         count = play(items, sinks, pace, keyboard, stop, show, paused=options.start_paused)
-    print(f'{options.log}: {count} messages replayed')
+    print(f'{options.log}: {cli.counted(count, "message")} replayed')
     return 0
 
 

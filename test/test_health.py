@@ -127,12 +127,12 @@ def viewer(*parts):
 
 def test_lagging_part_is_reported_once_and_recovers_after_seconds():
     found = viewer(Health('x'), Health('x', 3), Health('x', 3), *[Health('x', 7)] * 12)
-    assert found == [[], [LAGS], *[[]] * 11, ['well, but 7 items were left out'], []]
+    assert found == [[], [LAGS], *[[]] * 11, ['well, but items were left out: 7'], []]
 
 
 def test_losses_while_a_viewer_is_absent_are_not_reported_as_lag():
     gone, back = Health('x', 3, trouble='gone'), Health('x', 7)
-    well = 'well, but 7 items were left out'
+    well = 'well, but items were left out: 7'
     assert viewer(gone, *[back] * 12) == [['gone'], [well], *[[]] * 11]
     assert viewer(gone, *[back] * 12, Health('x', 9))[-1] == [LAGS]
 

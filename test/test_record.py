@@ -218,8 +218,8 @@ def test_the_command_says_what_it_wrote(called, out):
     assert called(record_module, *words) == (0, said, '')
     assert len(states_of(out)) == 40
     assert logged(out)[0].configuration == preset(rate_hz=50.0)
-    words = 'quadrilateral', '/dev/null', '--overwrite', '--duration', 0.1
-    assert called(record_module, *words) == (0, '/dev/null: 20 states, 0.1 s\n', '')
+    words = 'quadrilateral', '/dev/null', '--overwrite', '--duration', 0.005
+    assert called(record_module, *words) == (0, '/dev/null: 1 state, 0.005 s\n', '')
 
 
 def test_a_parameter_file_is_recorded_with_its_own_values(called, out, params):
@@ -352,6 +352,6 @@ def test_ctrl_c_leaves_a_complete_log(out):
             run.kill()
     assert (run.returncode, errors.strip()) == (130, '')
     states = states_of(out)
-    assert said == f'{out}: stopped; the first {len(states)} states are kept\n'
+    assert said == f'{out}: stopped; {len(states)} states kept\n'
     assert [stamp for stamp, _ in states] == [tick * 10**6 for tick in range(len(states))]
     assert len(states) > 1_500

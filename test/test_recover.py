@@ -263,7 +263,7 @@ def test_the_command_says_in_one_line_what_was_saved_and_lost(tmp_path, whole, c
     code, out, err = called(log_tool, 'recover', source, target)
     assert (code, err) == (0, '')
     assert out.startswith(f'{target}: {counts[-1] - counts[3] + counts[2]} messages saved, ')
-    assert re.search(r's; lost: \d+ bytes, damaged places: 1\n$', out)
+    assert re.search(r's; lost: \d+ bytes in 1 damaged place\n$', out)
     assert called(log_tool, 'verify', target)[0] == 0
     assert_refused(*called(log_tool, 'recover', source, target), 'exists already')
     assert called(log_tool, 'recover', source, target, '--overwrite')[0] == 0

@@ -254,7 +254,7 @@ def test_view_of_a_loop_has_rising_stamps_and_what_it_missed_is_reported(log, vi
     codec = JointStateCodec(('crank', 'coupler', 'rocker'))
     stamps = [shift + codec.decode(data)[0] for shift, data in view.shown]
     assert stamps == [n * 5_000_000 for n in range(len(stamps))]
-    words = 'linkage_replay: 7 states were not shown: the viewer lagged or ended\n'
+    words = 'linkage_replay: 7 states not shown: the viewer lagged or ended\n'
     assert capfd.readouterr().err == words
 
 

@@ -559,7 +559,7 @@ def test_the_command_tells_what_was_compared_and_by_what(tmp_path, called):
         f'{path}: 39 states, every one equal to the bit',
         f'  compared: {", ".join(QUADRILATERAL)}, /robot_description',
         '  not recomputable, so not compared: /diagnostics',
-        '  2 ticks have no state: the run was late, or they are lost',
+        '  2 ticks without a state: the run was late or lost states',
     ]
     assert 'written by linkage_ros 0.0.7, recomputed by' in last
     for bad in (tmp_path / 'missing.mcap', __file__):

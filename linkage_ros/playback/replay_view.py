@@ -68,5 +68,7 @@ def showing(name: str, log: LogReader, target: str, *, alone: bool) -> Iterator[
         worker.close(_CLOSE_SECONDS)
         lost = worker.dropped + view.dropped
         if lost and worker.error is None:
-            cli.print_error(name, f'{lost} states were not shown: the viewer lagged or ended')
+            cli.print_error(
+                name, f'{cli.counted(lost, "state")} not shown: the viewer lagged or ended'
+            )
     check()

@@ -144,6 +144,6 @@ class HealthMonitor:
         elif dropped > past[0].dropped and not any(one.trouble for one in past):
             level, words = WARN, f'the {part} lags: items were left out in the last {WINDOW} s'
         elif dropped:
-            words = f'well, but {dropped} items were left out'
+            words = f'well, but items were left out: {dropped}'
         values = {'target': target, 'lost': str(dropped)}
         return Status(level, f'{self._node}: {part}', words, values)
