@@ -3,15 +3,15 @@
 """Virtual power: from pose, masses and loads to the driving torque, or to the accelerations.
 
 Every centre of mass is a fixed combination of the link directions, G = sum_j rho_j e^(i phi_j)
-(+ constant). The sums over the bodies of document 1's power balance and document 3's virtual
-work, m v . a, J w eps and P . v, then need the bodies only through two kinds of constants,
+(+ constant). The sums over the bodies in document 1's power balance and document 3's virtual
+work, m v . a, J w eps and P . v, then depend on the bodies only through two kinds of constants,
 
     C_jk = sum_bodies m conj(rho_j) rho_k  (+ J on the diagonal)      W_j = sum_bodies m rho_j,
 
 computed once. With A + i B = C_jk e^(i (phi_k - phi_j)), the virtual power of all inertia forces
 through the spin of link j is sum_k A phi_k'' - B phi_k'^2. A sliding link adds its mass. The
-power of the loads is subtracted. Weighed with the links' velocities per rate of each coordinate
-(the jacobian), this gives the equations of motion M q'' + h - Q = driving torque, and 0 for
+power of the loads is subtracted. Weighted with the links' velocities per rate of each coordinate
+(the jacobian), these sums give the equations of motion M q'' + h - Q = driving torque, and 0 for
 undriven coordinates. No pin reaction appears.
 """
 
@@ -76,7 +76,7 @@ class Weight(NamedTuple):
 
 
 class Model(NamedTuple):
-    """The constants of a mechanism in motion, for formulas.
+    """The constants that the formulas of a mechanism use.
 
     Attributes:
         loop: Constants of the kinematics.
@@ -88,7 +88,7 @@ class Model(NamedTuple):
         gravity: Acceleration of gravity, m/s^2.
         loads: Loads on the links, without weights and `joint_loads`.
         joint_loads: Loads caused by joint forces, such as friction.
-        refuse: Refuses q, u and a that are not finite, or that make a result not finite.
+        refuse: Refuses q, u and a if they or a result are not finite.
         refuse_torque: Refuses q, u and a torque, likewise.
         refuse_forces: Refuses q at which forces in the joints have no finite value.
         massless: Refuses a mass matrix that is not positive.
@@ -162,7 +162,7 @@ class Model(NamedTuple):
         return link.mass if link.slides else self.coupling(j, j).x + link.inertia
 
     def coupled(self, pose: Pose, j: int, k: int) -> tuple[Real, Real]:
-        """C_jk e^(i (phi_k - phi_j)) as A and B."""
+        """A and B, the real and imaginary parts of C_jk e^(i (phi_k - phi_j))."""
         coupling, first, second = (
             self.coupling(j, k), pose.links[j].direction, pose.links[k].direction,
         )  # fmt: skip
@@ -217,7 +217,7 @@ def balance(
 
 
 def mass_matrix(model: Model, pose: Pose) -> list[list[Real]]:
-    """The mass matrix M, kg m^2 between angles, kg between slides."""
+    """The mass matrix M: kg m^2 between angles, kg m if mixed, kg between slides."""
     size, columns = len(pose.links), _columns(pose)
     inertias = [[ZERO] * size for _ in range(size)]
     for j in range(size):

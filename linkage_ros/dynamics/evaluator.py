@@ -88,7 +88,7 @@ class Evaluator:
         return Constants(self.model)
 
     def program(self, formula: Callable[..., Any], *letters: str) -> Program:
-        """The program of a formula; its arguments are given by their letters."""
+        """The program of a formula whose arguments have these letters."""
         key = formula, letters
         if key not in self._programs:
             arguments = tuple(self.names[letter] for letter in letters)
@@ -125,15 +125,15 @@ class Evaluator:
         return program.arrays(*values, by_math=by_math)
 
     def settle(self, *given: Any, by_math: bool = False) -> Round:
-        """Repeats rounds until the loads that depend on the joint forces are solved.
+        """Iterates until the joint forces and the loads that depend on them are consistent.
 
         Args:
             *given: Coordinates, their rates and their accelerations.
             by_math: See `run`.
 
         Returns:
-            The last round. Solved states stay unchanged, so that array results are bit-identical
-            to those of single states.
+            The last iteration. Solved states stay unchanged, so that array results are
+            bit-identical to those of single states.
 
         Raises:
             UnreachableError: Friction locks the mechanism.
@@ -158,7 +158,14 @@ class Evaluator:
         return found
 
     def row(self, letter: str, row: Any) -> tuple[Any, ...]:
-        """The values of all coordinates, or of their rates or accelerations; or the torque.
+        """Converts an argument of a solver method to a tuple of values.
+
+        Args:
+            letter: 'q', 'u' or 'a' for coordinates, rates or accelerations; or 'torque'.
+            row: The argument; a float for a single coordinate.
+
+        Returns:
+            A value for each coordinate; for the torque, one value.
 
         Raises:
             ConfigurationError: The number of values is wrong.

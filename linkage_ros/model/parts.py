@@ -124,7 +124,7 @@ class Guide(Checked):
     """The fixed link of a slider: the crank pivot A0 and a straight guide.
 
     Attributes:
-        angle: Direction of the guide, positive for the slider's position, rad.
+        angle: Direction in which the slider's position increases, rad.
     """
 
     angle: float = quantity(

@@ -43,7 +43,7 @@ class LoadArrows:
 
         Args:
             mechanism: The mechanism.
-            mark: The unit of sizes, m.
+            mark: Unit of the sizes of arrows, m.
             positions: Positions that the links can take, shape (n, links), rad and m.
         """
         bare: Any = mechanism
@@ -114,6 +114,6 @@ class LoadArrows:
         return self._with_head(body, forward, abs(share) * _RADIUS * _SWEEP[-1])
 
     def _with_head(self, body: Complex, forward: Complex, length: Array) -> Complex:
-        """Lines of arrows of given lengths, in marks, with a head in a given direction."""
+        """Adds heads to arrows; `length` is that of the arrows, in units of `mark`."""
         size = np.minimum(_HEAD, length) * self._mark
         return np.concatenate([body, body[:, -1:] + (size * forward)[:, np.newaxis] * _SIDES], 1)

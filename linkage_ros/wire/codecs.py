@@ -60,7 +60,7 @@ def joint_numbers(names: Sequence[str]) -> list[str]:
 
 
 def _named(names: Sequence[str], frame_id: str) -> bytes:
-    """A header and the names of joints, on a multiple of 4, without encapsulation."""
+    """A header and the names of joints, aligned to 4 bytes, without encapsulation."""
     body = count(header(frame_id), len(names))
     for name in names:
         body = string(body, name)
@@ -71,7 +71,7 @@ def _sequences(body: bytes, names: Sequence[str], quantities: Iterable[str]) -> 
     """The parts of a message of joints: constant bytes, then a sequence for each quantity.
 
     Args:
-        body: Its bytes before the sequences, without encapsulation, on a multiple of 4.
+        body: Its bytes before the sequences, aligned to 4 bytes, without encapsulation.
         names: The joints.
         quantities: The quantities in the sequences.
 
@@ -122,8 +122,8 @@ def crank_trajectory(
     Args:
         name: The joint.
         frame_id: Frame of the message.
-        points: Stamps, ns, rising, and position, rad, velocity, rad/s, acceleration, rad/s^2, and
-            effort, N m, there.
+        points: For each point its stamp, ns, in increasing order, and its values: position, rad,
+            velocity, rad/s, acceleration, rad/s^2, and effort, N m.
 
     Returns:
         Its CDR bytes.

@@ -52,7 +52,7 @@ Place: TypeAlias = tuple[float, float]  # the coupler's direction and the output
 
 
 class LinkageCase(Case):
-    """A linkage at some crank angles.
+    """A linkage at given crank angles.
 
     Attributes:
         mechanism: The linkage.
@@ -70,7 +70,7 @@ class LinkageCase(Case):
         *,
         decimal: bool = False,
     ) -> None:
-        """Prepares it; by default the guess is the first position, rounded to 0.1 rad or m."""
+        """Prepares the case; the default guess is the first position, rounded to 0.1 rad or m."""
         self.mechanism, self.cranks, self.decimal = mechanism, np.array(cranks), decimal
         self.guess = guess or _rough(mechanism, cranks[0])
         self.reference = Reference(mechanism, SPEED, ACCELERATION, decimal=decimal)
@@ -94,7 +94,7 @@ class LinkageCase(Case):
 
     @cached_property
     def _sizes(self) -> dict[str, Any]:
-        """Largest value of each quantity at even angles inside the reach; 0: it is rounding."""
+        """Largest value of each quantity inside the reach; 0 if it is only a rounding error."""
         solver, parts = Solver(self.mechanism), (np.arange(_EVEN) + 0.5) / _EVEN
         turns = solver.reach.period_turns
         cranks = [start + (end - start) * turns * parts for start, end in solver.reach.arcs]
@@ -108,7 +108,7 @@ class LinkageCase(Case):
         return sizes | {DIRECTION: np.array([1.0, 1.0, *output])}
 
     def error(self, quantity: str, place: int, row: Sequence[float]) -> float:
-        """See `Case`: a position is two numbers or, as unit vectors, more."""
+        """See `Case`; a position consists of two numbers, or more for unit vectors."""
         state, found = self._exact(place), np.array(row)
         if not state:
             return math.inf
@@ -182,7 +182,7 @@ class TurnCase(LinkageCase):
     rounds = 15
 
     def __init__(self, mechanism: Linkage, angles: int) -> None:
-        """Prepares it, with this number of even angles per turn."""
+        """Prepares the case, with this number of evenly spaced angles per turn."""
         reach = Solver(mechanism).reach
         fine = reach.samples(angles)
         even = np.linspace(0, fine[-1], angles * reach.period_turns + 1)
@@ -215,7 +215,7 @@ def _rough(mechanism: Linkage, crank: float) -> Place:
 
 
 def linkages(*, quick: bool) -> list[tuple[str, TurnCase]]:
-    """The three linkages of the chart of accuracy, by name.
+    """The three linkages of the accuracy chart, by name.
 
     The third is nearly a kite: its crank pin passes the rocker pivot at 1e-12 m. Its bodies are
     those of the first.

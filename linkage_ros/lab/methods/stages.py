@@ -65,7 +65,7 @@ class Links(NamedTuple):
 
     @classmethod
     def of(cls, mechanism: Linkage, tool: Any = None) -> 'Links':
-        """The constants of a linkage, with a number or a function of the crank angle as tool."""
+        """Collects the constants of a linkage; `tool`: a number or a function of the angle."""
         r, b, *rocker, d = lengths(mechanism)
         side = 1.0 if mechanism.assembly == OPEN else -1.0
         model = Model.of(mechanism, mechanism.structure())

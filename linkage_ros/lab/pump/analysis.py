@@ -85,7 +85,7 @@ class Analysis(NamedTuple):
     spread: float
 
     def record(self) -> dict[str, Any]:
-        """For JSON, in SI units."""
+        """The analysis as a JSON record, in SI units."""
         return {
             'motor': asdict(self.motor),
             'states': [
@@ -219,7 +219,7 @@ def _changed(
     states: Sequence[SteadyState],
     torque: float,
 ) -> Iterator[dict[str, Any]]:
-    """The stable states under another torque."""
+    """Records of the stable states under another torque, N m."""
     others = {state.piece: state.motion for state in steady_states(balance, found, torque)}
     for number, (state, piece) in enumerate(states):
         if state.stable:

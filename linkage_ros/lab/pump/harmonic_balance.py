@@ -54,7 +54,7 @@ class HarmonicBalance:
         solver: Solver of the pump.
         damping: Torque that the motor loses per crank speed, N m s.
         turns: Turns after which its motions repeat.
-        angles: Crank angles in equal parts of these turns, rad.
+        angles: Evenly spaced crank angles over these turns, rad.
         sizes: Numbers of coefficients of both series.
     """
 
@@ -74,7 +74,7 @@ class HarmonicBalance:
             self._waves[3 + order, :, slider:] = waves(self.angles, crank, turns, order)
 
     def over(self, turns: int, harmonics: int = 0) -> HarmonicBalance:
-        """The equations of motions with another number of turns; 0 harmonics: the same number."""
+        """The equations for another number of turns; with 0 harmonics, for as many as here."""
         return _balance(self._mechanism, self.damping, harmonics or self._harmonics, turns)
 
     def unknowns(self, motion: PeriodicMotion) -> Array:
@@ -93,7 +93,7 @@ class HarmonicBalance:
         return np.repeat((length, speed, motion.torque), (*self.sizes, 1))
 
     def tangent(self, motion: PeriodicMotion) -> Array:
-        """Derivatives of the unknowns along the curve of a motion by the mean crank speed."""
+        """Derivatives of the unknowns with respect to the mean crank speed, along the curve."""
         jacobian, _ = self.equations(self.unknowns(motion))
         row = jacobian[-1] = self.axis(of_speed=True)
         solved: Array = np.linalg.solve(jacobian, np.eye(len(row))[-1])
@@ -209,7 +209,7 @@ class HarmonicBalance:
         return finer.find(finer.unknowns(motion), finer.sized(*np.split(row, cuts)))
 
     def _slow_multipliers(self, unknowns: Array) -> tuple[complex, ...]:
-        """Factors of small deviations of an averaged motion over a turn, the largest first.
+        """Floquet multipliers of an averaged motion over a turn, the largest first.
 
         With slowly varying a1, b1 and w0 the equations become B (X0, a1, b1, w0)' = -J (...), J
         their Jacobian: xD'' = ... + 2 w0 (b1' cos phi1 - a1' sin phi1) + w0' dxD/dphi1, and X0
