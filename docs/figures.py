@@ -136,9 +136,9 @@ def dynamics_figures() -> list[Figure]:
             'through such points to {} in a record and to {} live',
             [_cell(k, 'stretched dyad') for k in kinds],
         ),
-        ('within {} % where it is that of the middle', [late[0.0]]),
+        ('within {} % if the torque belongs to the middle', [late[0.0]]),
         (
-            "It is {} % off where it is that of the tick's start, and {} % one tick later",
+            'The speed is {} % off if the torque belongs to the start of the tick, and {} % off',
             [late[0.5], late[1.5]],
         ),
     ]

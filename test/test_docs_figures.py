@@ -80,7 +80,7 @@ def test_figures_of_the_controllers_page_are_measured():
         errors = [100 * one['p99_ripple'] for one in (alone, fed)]
         check_quote('docs/controllers.md', row, *errors, errors[0] / errors[1])
         peaks.append(alone['peak_ripple'] / fed['peak_ripple'])
-    words = 'The peaks, {} to {} times less'
+    words = 'are {} to {} times smaller'
     check_quote('docs/controllers.md', words, min(peaks), max(peaks))
 
 
@@ -137,7 +137,7 @@ def test_figures_of_the_reliability_page_are_measured():
     lost = sorted(kill['lost'] for kill in found['killed']['runs'])
     middle = (lost[9] + lost[10]) / 2
     check_quote(
-        page, '{} s lost at least, {} s by median, {} s at most', lost[0], middle, lost[-1]
+        page, '{} s at least, {} s in the median and {} s at most', lost[0], middle, lost[-1]
     )
 
 

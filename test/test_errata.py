@@ -89,7 +89,7 @@ def test_right_hand_sides_of_eq_17_and_18_have_the_wrong_sign():
     _, *angles = exact.position
     assert np.abs(torque(cranks, *angles, -1) - exact.torque).max() < 1e-12
     off, peak = np.abs(torque(cranks, *angles, 1) - exact.torque).max(), np.abs(exact.torque).max()
-    assert f'off by up to {off:.2f} N m, of a peak of {peak:.2f} N m' in ERRATA
+    assert f'off by up to {off:.2f} N m, although its peak is {peak:.2f} N m' in ERRATA
 
 
 def test_jacobian_of_the_listing_has_two_slips():

@@ -18,8 +18,8 @@ class Adapter(Peer):
     name = 'C, scalar libm'
     flags = ()
     how = (
-        'benchmarks/peers/plain.c compiled with cc -O3, a loop over an array: one side, and the '
-        'same ten rows as ours.'
+        'The textbook closed form with B on one side of the diagonal (benchmarks/peers/plain.c), '
+        'compiled with cc -O3, as a loop over an array. Like ours, it returns ten quantities.'
     )
 
     def __init__(self, mechanism, speed, first):
@@ -54,9 +54,9 @@ class VectorAdapter(Adapter):
     # GCC would fuse sine and cosine into sincos, of which there is no vector function.
     flags = ('-ffast-math', '-march=native', '-fdisable-tree-sincos')
     how = (
-        'The same file with -ffast-math -march=native and libmvec, and without the pass that '
-        'fuses sine and cosine, of which libmvec has no vector form; that the library calls the '
-        'vector functions is checked from its symbols.'
+        'The same file, compiled with -ffast-math -march=native and libmvec. The compiler pass '
+        'that fuses sine and cosine is switched off, because libmvec has no vector form of the '
+        'fused function. The symbols of the library show that it calls the vector functions.'
     )
 
     def built(self, folder):

@@ -42,11 +42,12 @@ class Adapter(NewtonPeer):
     name = 'MuJoCo'
     distribution = 'mujoco'
     how = (
-        'A tree of three hinges through its Python functions. The loop is closed by our Newton '
-        'steps on mj_jacSite, from the last state carried on by its rates; accelerations by '
-        'mj_jacDot; the torque by mj_rne, projected on the velocity of the loop, since its '
-        'entry at the crank alone counts torques at the other hinges. No constraint of MuJoCo is '
-        'used: those are soft.'
+        'A tree of three hinges, solved through the Python functions of MuJoCo. Our Newton '
+        'iteration with mj_jacSite closes the loop, starting from the last state extrapolated by '
+        'its rates. The accelerations come from mj_jacDot. The torque is that of mj_rne, '
+        'projected on the velocity of the loop, because its value for the crank assumes that '
+        'torques act at the other hinges too. The constraints of MuJoCo are not used, because '
+        'they are soft.'
     )
 
     def __init__(self, mechanism, speed, first):

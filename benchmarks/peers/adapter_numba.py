@@ -14,8 +14,9 @@ class Adapter(Peer):
     name = 'Numba'
     distribution = 'numba'
     how = (
-        'njit of the textbook closed form of benchmarks/peers/plain.py, each state by itself on '
-        'one side; for arrays a compiled loop around it. Compiled before timing.'
+        'The textbook closed form with B on one side of the diagonal (benchmarks/peers/plain.py), '
+        'compiled by njit and called once for each state; for arrays, a compiled loop calls it. '
+        'The compilation is not timed.'
     )
 
     def __init__(self, mechanism, speed, first):

@@ -21,8 +21,9 @@ class Adapter(Peer):
 
     name = 'linkage_ros'
     how = (
-        'Solver.state, each state by itself. It always computes the torque; without it, the '
-        'program of the pose alone, its rates and curvatures multiplied by the speed.'
+        'Solver.state, called once for each state, or once for an array. It always computes the '
+        'torque; for the kinematics of one state at a time, the program of the pose is called '
+        'instead, and its derivatives are multiplied by the speed and its square.'
     )
 
     def __init__(self, mechanism, speed, first):

@@ -25,10 +25,11 @@ class Adapter(NewtonPeer):
     name = 'Pinocchio'
     distribution = 'pin'
     how = (
-        'A tree of three hinges through its Python functions. The loop is closed by our Newton '
-        'steps on computeJointJacobians and getFrameJacobian, from the last state carried on by '
-        'its rates; accelerations by getFrameClassicalAcceleration; the torque by rnea, projected '
-        'on the velocity of the loop.'
+        'A tree of three hinges, solved through the Python functions of Pinocchio. Our Newton '
+        'iteration with computeJointJacobians and getFrameJacobian closes the loop, starting from '
+        'the last state extrapolated by its rates. The accelerations come from '
+        'getFrameClassicalAcceleration, and the torque from rnea, projected on the velocity of '
+        'the loop.'
     )
 
     def __init__(self, mechanism, speed, first):

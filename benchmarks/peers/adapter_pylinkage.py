@@ -19,10 +19,10 @@ class Adapter(Peer):
     name = 'pylinkage'
     distribution = 'pylinkage'
     how = (
-        'step_with_derivatives, a step of the crank per state; for arrays '
-        'step_fast_with_kinematics. Numba, which it uses where present, is installed. Of two '
-        'assemblies it takes the one nearer to the last state. It gives the motion of the pins; '
-        'turning that into angles is not timed. It has no torque.'
+        'step_with_derivatives, with one step of the crank per state; for arrays, '
+        'step_fast_with_kinematics. Numba, which it uses if present, is installed. Of the two '
+        'assemblies it selects the one nearer to the previous state. It returns the motion of the '
+        'pins; the conversion to angles is not timed. It does not compute the torque.'
     )
 
     def __init__(self, mechanism, speed, first):

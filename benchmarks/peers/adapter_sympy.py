@@ -54,9 +54,10 @@ class Adapter(Peer):
     name = 'SymPy lambdify'
     distribution = 'sympy'
     how = (
-        'The textbook closed form on one side, derived twice by diff, the torque by virtual '
-        'power; lambdify with cse=True, for math and for NumPy. A whole array goes in at once, '
-        'and much of its time is memory for intermediate results. Derived before timing.'
+        'The textbook closed form with B on one side of the diagonal, differentiated twice by '
+        'diff, and the torque by virtual power; lambdify turns them into functions, with '
+        'cse=True, for math and for NumPy. An array is evaluated in one call, which spends much '
+        'of its time on memory for intermediate results. The derivation is not timed.'
     )
 
     def __init__(self, mechanism, speed, first):

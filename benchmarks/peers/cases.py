@@ -68,28 +68,29 @@ def cases():
     }
     return (
         Case(
-            'change point hit', 'A parallelogram, degree by degree until all links lie in line. '
-            'Rounding may save a peer from the division by zero.',
+            'change point hit', 'A parallelogram turns in steps of 1 deg to a change point, '
+            'where all links are in line. Rounding may save a peer from a division by zero.',
             parallelogram, degrees(-60, 0),
         ),
         Case(
-            'change point passed', 'The same through a turn, past both change points, no angle '
-            'on them.', parallelogram, once,
+            'change point passed', 'The same parallelogram in a whole turn past both change '
+            'points; no state is exactly at one.', parallelogram, once,
         ),
         Case(
-            'near a change point', 'A crank-rocker whose links miss lying in line by 1e-14 m, '
-            'up to 1e-8 rad from there, and past it.',
+            'near a change point', 'A crank-rocker whose links miss a change point by 1e-14 m, '
+            'at angles down to 1e-8 rad from it on both sides.',
             four_bar(0.125, 0.375, 0.125 + 1e-14, 0.375),
             around(math.pi, 1e-8, beyond=True),
         ),
         Case(
-            'typed in decimals', 'Links of 0.1, 0.2, 0.3, 0.4 m, whose sums meet as typed and '
-            'not in binary; a turn past the change point.', four_bar(0.1, 0.2, 0.3, 0.4), once,
+            'typed in decimals', 'Links of 0.1, 0.2, 0.3 and 0.4 m, in a whole turn past the '
+            'change point: 0.1 + 0.4 = 0.2 + 0.3 holds in decimals, but not in binary.',
+            four_bar(0.1, 0.2, 0.3, 0.4), once,
             ('0.1', '0.2', '0.3', '0.4'),
         ),
         Case(
-            'beyond the arc', f'A crank that reaches {dead / DEGREE:.1f} deg is turned to 150 '
-            'deg. A number for an angle where the loop cannot close is a wrong one.',
+            'beyond the arc', f'A crank that reaches {dead / DEGREE:.1f} deg is turned to '
+            '150 deg. Where the loop cannot close, every number is wrong.',
             limited, degrees(30, 150),
         ),
         Case(
@@ -97,21 +98,21 @@ def cases():
             around(dead, 1e-6, beyond=False),
         ),
         Case(
-            'crossed assembly', 'A turn of the four-bar of document 1 in its other assembly.',
+            'crossed assembly', 'The four-bar of document 1 in its other assembly, for a turn.',
             replace(preset, assembly='crossed'), once,
         ),
-        Case('tiny links', 'A turn; the crank is 1e-6 m long.', sizes['tiny'], once),
-        Case('huge links', 'A turn; the crank is 1e6 m long.', sizes['huge'], once),
+        Case('tiny links', 'A whole turn with a crank of 1e-6 m.', sizes['tiny'], once),
+        Case('huge links', 'A whole turn with a crank of 1e6 m.', sizes['huge'], once),
         Case(
-            'equal lengths', 'A rhombus; a turn past both of its change points.',
+            'equal lengths', 'A rhombus in a whole turn past both of its change points.',
             four_bar(0.25, 0.25, 0.25, 0.25), once,
         ),
         Case(
-            'few steps', 'A linkage whose links all turn, five angles a turn for two turns.',
+            'few steps', 'A double-crank at five angles per turn, for two turns.',
             four_bar(0.55, 0.4, 0.55, 0.12), tuple((0.5 + i) * 72 * DEGREE for i in range(10)),
         ),
         Case(
-            'long run', 'A turn of the four-bar of document 1 in steps of 10 deg, begun at a '
+            'long run', 'A whole turn of the four-bar of document 1 in steps of 10 deg, from a '
             'crank angle of a million turns.', preset,
             tuple(far + 10 * i * DEGREE for i in range(37)),
         ),

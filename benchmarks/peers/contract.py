@@ -74,8 +74,8 @@ class NewtonPeer(Peer):
 
     STEPS = 50
     COLD = (
-        'The same, each state from the first one: what a state costs that is asked for by '
-        'itself, as ours are.'
+        'The same, but each state starts from the first one, which shows the cost of a state '
+        'without a known neighbour. This package solves every state in this way.'
     )
     # Whether each state begins from the first one, as for one angle out of the blue.
     cold = False

@@ -13,31 +13,38 @@ ERRORS = {
 INTRODUCTION = """\
 # Peers, measured
 
-What other software makes of the same work, beside this package in one run. This page is written
-by
+This page compares other software with this package on the same task, in one run. It was written by
 
     python benchmarks/peers/run.py --markdown docs/peers.md
 
 on {date}, with {machine[cpu]}, {machine[cores]} cores, {machine[os]}, Python {python},
 NumPy {libraries[numpy]}{compiler}.
 
-The work is the four-bar of document 1 (`config/quadrilateral.yaml`) at 150 rpm: angle, rate and
-acceleration of coupler and rocker, and where it says so the driving torque. Beside a peer without
-torque ours is the kinematics alone, but in arrays ours always includes the torque. A ratio is a
-peer's time over ours: above 1, ours is faster. It is the median over
-{rounds} rounds in which both take turns on the same machine; set-up and compilation are not
-timed. Errors are the largest over {turn} crank angles against 50 digits.
+The task is to solve the four-bar of document 1 (`config/quadrilateral.yaml`) at 150 rpm: angle,
+rate and acceleration of coupler and rocker and, in the rows "with torque", the driving torque. A
+ratio is a peer's time divided by ours: above 1, ours is faster. A peer without torque is compared
+with our kinematics alone; for arrays, with our program that includes the torque. The ratio is the
+median of {rounds} rounds, in which peer and package run alternately on the same machine. Set-up
+and compilation are not timed. Errors are the largest over {turn} crank angles, compared with a
+solution in 50 digits.
 """
 HARD = """\
 ## Situations
 
-Each peer is asked state by state. *Right*: the angles are within 1e-6 rad of 50 digits, rates and
-accelerations within a millionth. *Rates wrong*: the angles alone are. *Wrong branch*: it went over
-to the other assembly. *NaN*: not a number, or the exception of a failed operation. *Refused*: an
-exception of its own. *Diverged*: a number that is neither assembly, or any number where the loop
-cannot close. The worst of all states counts, NaN before wrong branch before diverged, and how many
-there were of it. Peers that follow the
-motion, and peers that stay on one side, are given the right start.
+Each peer solves one state at a time, and each state has one of these outcomes:
+
+- *right*: the angles are within 1e-6 rad of a solution in 50 digits, and the rates and
+  accelerations within 1e-6 (relative, where they are above 1);
+- *rates wrong*: only the angles are right;
+- *wrong branch*: the angles are those of the other assembly;
+- *NaN*: the result is not a number, or the peer raises an arithmetic error;
+- *refused*: the peer raises another error;
+- *diverged*: the angles belong to neither assembly, or the loop cannot close, but the peer returns
+  a number.
+
+Each cell shows the worst outcome, and the share of states that have it if not all do. NaN is the
+worst, followed by wrong branch and diverged. Peers that follow the motion, and peers that keep the
+pin B on one side of the diagonal, are given the correct first state.
 """
 
 

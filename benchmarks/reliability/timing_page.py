@@ -38,9 +38,9 @@ thread without that priority, and 111 us without a log. So the log is written by
 
 ## Logs
 
-Processor time per state (four messages), for the quadrilateral at a given speed and for the wind
-pump under its torque. It is compared with zstd and crc32 of the same bytes alone, the least that
-writing a log takes.
+This table shows the processor time per state (four messages), for the quadrilateral at a given
+speed and for the wind pump under its torque. Compression of the same bytes (zstd and crc32) is the
+minimum for writing a log.
 
 {logs}
 
