@@ -151,7 +151,7 @@ class LinkageNode(ParameterNode):
             f', {one.dropped} lost to the {part}' for part, one in health.items() if one.dropped
         ]
         self.get_logger().info(
-            f'{cli.counted(counts.kept, "state")} published, '
+            f'{cli.counted(counts.kept, "state")}, '
             f'{cli.counted(counts.missed, "tick")} missed, '
             f'{cli.counted(counts.clock_steps, "clock step")}, latest tick '
             f'{counts.max_lateness / NS_PER_MS:.1f} ms late{"".join(lost)}'

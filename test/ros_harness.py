@@ -70,7 +70,7 @@ def fresh_domain():
 def environment(domain):
     return {
         **os.environ,
-        'PYTHONPATH': PACKAGE_PATH,
+        'PYTHONPATH': os.pathsep.join((os.environ.get('PYTHONPATH', ''), PACKAGE_PATH)),
         'ROS_DOMAIN_ID': str(domain),
         'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
         'PYTHONUNBUFFERED': '1',

@@ -56,7 +56,7 @@ def test_a_shared_machine_makes_no_warning_and_few_lines(tmp_path):
         demo.kill()
         demo.communicate()
     assert demo.returncode == 0, said
-    published, missed = re.search(r'(\d+) states published, (\d+) ticks? missed', said).groups()
+    published, missed = re.search(r'(\d+) states, (\d+) ticks? missed', said).groups()
     assert int(missed) > 0.03 * int(published), said
     # `make demo` adds one line, where it sets up; another tells of messages that were lost.
     assert len(said.splitlines()) <= 7 + ('not received' in said), said

@@ -131,7 +131,7 @@ def test_figures_of_the_reliability_page_are_measured():
     check_quote(page, '{} MiB more after the first minute', soak['growth_MiB'])
     check_quote(
         page,
-        '{}: {} states published, {} missed',
+        '{}: {} states, {} missed',
         *map(soak.get, ('ticks', 'published', 'missed')),
     )
     lost = sorted(kill['lost'] for kill in found['killed']['runs'])

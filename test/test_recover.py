@@ -156,6 +156,7 @@ DAMAGE = {
     **{f'length, bit {bit}': (in_record('metadata', 3, 1 + bit // 8), 1 << bit % 8, [], True)
        for bit in (12, 16, 21)},
     'motion': (in_record('metadata', 2, 80), 1, [], True),
+    'name of a motion': (in_record('metadata', 2, 28), 1, [], True),
 }  # fmt: skip
 
 

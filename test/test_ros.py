@@ -120,7 +120,7 @@ def test_unread_stderr_does_not_block_the_node(tmp_path, is_read):
             return
         first, last = said.result(30).splitlines()
     assert 'no mechanism given' in first
-    assert ' states published, ' in last
+    assert ' states, ' in last
 
 
 def test_repeated_signals_end_the_node_in_order(tmp_path):
@@ -128,7 +128,7 @@ def test_repeated_signals_end_the_node_in_order(tmp_path):
         while node.poll() is None:
             node.send_signal(signal.SIGINT)
             time.sleep(0.001)
-        assert ' states published, ' in node.stderr.read()
+        assert ' states, ' in node.stderr.read()
 
 
 ELSEWHERE = """

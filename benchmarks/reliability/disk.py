@@ -105,11 +105,11 @@ def run(path: Path, spoil, heard: Path, after: float) -> dict:
         # A log that cannot be put back is named by a place that ends with the process.
         unnamed = [word for word in process.output.split() if word.startswith('/proc/')]
         if unnamed:
-            shutil.copyfile(unnamed[0], path.with_suffix('.copy'))
+            shutil.copyfile(unnamed[0], heard.with_suffix('.mcap'))
         end = time.time_ns()
         code = process.end()
         listener.end()
-    states, saved = np.load(heard), path.with_suffix('.copy') if unnamed else path
+    states, saved = np.load(heard), heard.with_suffix('.mcap') if unnamed else path
     during = states[(states[:, 0] > begin) & (states[:, 0] < end), 0]
     return {
         'exit_code': code,

@@ -92,7 +92,7 @@ def run(there: Host, here: Host, kinds: list[tuple[str, float]], folder: Path) -
         listener.end()
     if code:
         print(f'the node ends with {code}: {turning.output[-600:]}')
-    said = re.search(r'(\d+) states published', turning.output)
+    said = re.search(r'(\d+) states', turning.output)
     return {
         'discovered': discovered, 'crossed': crossed, 'cuts': cuts, 'exit_code': code,
         'published': int(said[1]) if said else -1, 'arrived': np.load(times),

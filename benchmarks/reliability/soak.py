@@ -115,9 +115,7 @@ def errors(log: LogReader, simulator: Simulator, stamps: set[int]) -> dict[int, 
 
 def account(path: Path, heard: Path, output: str) -> dict:
     """Counts what was published, logged and heard, and checks the log."""
-    published, missed = map(
-        int, re.findall(r'(\d+) states published, (\d+) ticks? missed', output)[0]
-    )
+    published, missed = map(int, re.findall(r'(\d+) states, (\d+) ticks? missed', output)[0])
     with LogReader(path) as log:
         report = verify(log)
         topics = Counter(message.topic for message in log.messages())

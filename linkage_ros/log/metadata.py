@@ -23,13 +23,13 @@ CONFIGURATION_RECORD = 'linkage_ros'
 MOTION_RECORD = 'linkage_ros/motion'
 END_RECORD = 'linkage_ros/end'  # its field `messages`: the number of logged messages
 
-_CHECKSUM = 'crc32'
+CHECKSUM = 'crc32'  # name of a record's field
 
 
 def seal(fields: dict[str, str]) -> dict[str, str]:
     """Adds a checksum to the fields of a record."""
     checksum = zlib.crc32(json.dumps(sorted(fields.items())).encode())
-    return {**fields, _CHECKSUM: f'{checksum:08x}'}
+    return {**fields, CHECKSUM: f'{checksum:08x}'}
 
 
 def unseal(record: Mapping[str, str]) -> dict[str, str]:
@@ -44,7 +44,7 @@ def unseal(record: Mapping[str, str]) -> dict[str, str]:
     Raises:
         LogError: The checksum is wrong.
     """
-    fields = {name: text for name, text in record.items() if name != _CHECKSUM}
+    fields = {name: text for name, text in record.items() if name != CHECKSUM}
     if record != seal(fields):
         raise LogError('a record of linkage_ros is damaged: its checksum is wrong')
     return fields

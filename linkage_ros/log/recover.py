@@ -15,7 +15,13 @@ from mcap.records import Attachment, Channel, Metadata, Schema
 from linkage_ros.errors import LogError
 from linkage_ros.files import is_same_file
 from linkage_ros.log.mcap_file import HEAD, MAGIC_SIZE, McapFile, open_mcap, parsed
-from linkage_ros.log.metadata import CONFIGURATION_RECORD, END_RECORD, unseal
+from linkage_ros.log.metadata import (
+    CHECKSUM,
+    CONFIGURATION_RECORD,
+    END_RECORD,
+    MOTION_RECORD,
+    unseal,
+)
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.units import NS_PER_S
 from linkage_ros.wire.rows import MESSAGE_HEAD
@@ -133,6 +139,7 @@ class _Copy:
 
         Raises:
             LogError: The part is damaged; other exceptions are possible too.
+            ValueError: The name of a record is damaged.
         """
         library = self._new.library
         if isinstance(content, bytes):
@@ -140,8 +147,11 @@ class _Copy:
         elif isinstance(content, Attachment):
             library.add_attachment(**vars(content))
         elif isinstance(content, Metadata) and content.name != END_RECORD:  # a new one is written
-            if content.name.startswith(CONFIGURATION_RECORD):
+            is_named = content.name in {CONFIGURATION_RECORD, MOTION_RECORD}
+            if is_named or CHECKSUM in content.metadata:
                 unseal(content.metadata)
+                if not is_named:
+                    raise ValueError('the name of a record is damaged')
             self.is_configured |= content.name == CONFIGURATION_RECORD
             library.add_metadata(content.name, content.metadata)
 

@@ -153,7 +153,7 @@ def reported_as_configuration() -> Iterator[None]:
         ) from error
 
 
-def _spin(executor: SingleThreadedExecutor, node: Node) -> None:
+def _spin(executor: SingleThreadedExecutor, node: Node, ends: threading.Event) -> None:
     """Spins until the end, despite exceptions such as those for parameters without a type."""
     accompany_ticker()  # the callbacks hold the interpreter, for which a tick may wait
     while node.context.ok():
@@ -163,7 +163,8 @@ def _spin(executor: SingleThreadedExecutor, node: Node) -> None:
             return
         except Exception as error:  # noqa: BLE001, nothing bounds what others send
             words = one_line(f'{type(error).__name__}: {error}')
-            if 'timer is canceled' not in words:  # by another thread, just before the call
+            # A timer may be cancelled just before the call, and the node destroyed during it.
+            if 'timer is canceled' not in words and not ends.is_set():
                 node.get_logger().error(f'a callback failed: {words}', throttle_duration_sec=1.0)
         else:
             return
@@ -181,11 +182,15 @@ def spinning(node: Node) -> Iterator[None]:
     """
     executor = SingleThreadedExecutor()
     executor.add_node(node)
-    thread = threading.Thread(target=_spin, args=(executor, node), name='executor', daemon=True)
+    ends = threading.Event()
+    thread = threading.Thread(
+        target=_spin, args=(executor, node, ends), name='executor', daemon=True
+    )
     thread.start()
     try:
         yield
     finally:
+        ends.set()
         executor.shutdown(timeout_sec=2.0)
         thread.join(2.0)
         # Fast DDS may hang in C code that holds the interpreter lock (eProsima/Fast-DDS#6513): no

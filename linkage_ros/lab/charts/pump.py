@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import textwrap
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -27,6 +28,7 @@ _STABLE = tuple(
 )
 _UNSTABLE, _MOTOR, _REST = map(fractions, (DARK, BLACK, GREY))
 _PARTS = 256  # of a turn
+_WIDEST = 138  # letters of a line below the panels
 _FEW, _BETWEEN = 3, 12  # least points of a curve, and those drawn between two of them
 _TORQUES = 2.0  # largest torque drawn, times the motor's
 # Heights of a panel, the room below it, the room above all, and a line of text; widths of the left
@@ -61,7 +63,9 @@ def draw_pump(analysis: Analysis, title: str, path: Path, dpi: float) -> None:
     """
     stable = itertools.cycle(_STABLE)
     colors = {piece: next(stable) if piece.stable else _UNSTABLE for piece in analysis.pieces}
-    lines = states_table(analysis)
+    lines = [
+        part for line in states_table(analysis) for part in textwrap.wrap(line, _WIDEST) or ['']
+    ]
     legend = _LINE * (len(analysis.states) // 2 + 1)
     height = _HEAD + 3 * (_ROW + _GAP) + legend + _LINE * (len(lines) + 1)
     figure = Figure(figsize=(WIDTH, height), dpi=dpi)

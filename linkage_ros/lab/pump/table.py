@@ -21,9 +21,9 @@ def states_table(analysis: Analysis) -> list[str]:
     ends = {
         '{} end in the other assembly, or where all descriptions end': analysis.ended,
         '{} come to rest, or rock to and fro': analysis.stopped,
-        'warning: {} settle at no state that is listed: quasi-periodic, chaotic, of a long '
-        'period, or slow to settle (raise slider.damping); draw such motions with --speeds':
-        analysis.unidentified,
+        'warning: {} settle at no state that is listed: their motion is quasi-periodic, chaotic, '
+        'of a long period, or had not settled when its time ran out (slow where motor.damping or '
+        'slider.damping is small); draw such motions with --speeds': analysis.unidentified,
     }  # fmt: skip
     lines = [*_states_lines(analysis), *_changes_lines(analysis)]
     lines += [
