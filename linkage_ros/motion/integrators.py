@@ -6,13 +6,13 @@ Processor time in s for each second of motion, in ticks of 1 ms, of the quadrila
 and the wind pump at 3 rad/s under motor lines of several dampings:
 
     damping, N m s       rate, 1/s   explicit   implicit   DOP853   implicit, 1e-11
-    quadrilateral 30     6e2         0.05       0.07       0.5      0.3
-    quadrilateral 200    4e3         0.14       0.07       1.0      0.3
-    quadrilateral 1e3    2e4         0.4        0.05       2 to 3   0.3
-    quadrilateral 1e7    2e8         -          0.08       -        0.1
-    wind pump 1e5        5e3         0.1        0.15       0.4      0.15
-    wind pump 4e5        2e4         0.5        0.15       1.1      0.12
-    wind pump 1e7        5e5         12         0.09       17       0.15
+    quadrilateral 30     6e2         0.04       0.04       0.4      0.1
+    quadrilateral 200    4e3         0.1        0.04       1.0      0.13
+    quadrilateral 1e3    2e4         0.4        0.03       2 to 3   0.15
+    quadrilateral 1e7    2e8         -          0.03       -        0.04
+    wind pump 1e5        5e3         0.07       0.07       0.4      0.08
+    wind pump 4e5        2e4         0.4        0.1        1.2      0.09
+    wind pump 1e7        5e5         11         0.08       20       0.07
 
 Implicit steps at 1e-11 leave an error of 2e-7 N m in the quadrilateral's torque at 1e5 N m s,
 SciPy's Radau at 1e-12 one of 2e-5 N m at the same cost, its LSODA 2e-6 N m at a sixth of it.
