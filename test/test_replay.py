@@ -71,6 +71,7 @@ def played(log, *options):
             process,
         ):
             out, err = process.communicate(timeout=60)
+            quiet(listener)
         assert process.returncode == 0, err
         assert 'messages replayed' in out
         if 'nobody listens so far' not in err:

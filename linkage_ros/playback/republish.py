@@ -67,8 +67,11 @@ def republishing(
             )
         stack.enter_context(spinning(node))
         publishers = _publishers(node, log, set(topics))
+        every = [*publishers.values()]
+        stack.callback(_await_receipt, every)
         if clock_hz is not None:
             clock = create_publisher(node, SIMULATED_CLOCK)
+            every.append(clock)
 
             def tell() -> None:
                 clock.publish(encode_clock(pace.position()))
@@ -92,10 +95,14 @@ def republishing(
                 ) from error
 
         yield publish
-        end = time.monotonic() + _LAST_SECONDS
-        for publisher in publishers.values():
-            left = max(0.0, end - time.monotonic())
-            publisher.wait_for_all_acked(Duration(seconds=left))
+
+
+def _await_receipt(publishers: list[Publisher]) -> None:
+    """Waits until all messages are received, for a limited time."""
+    end = time.monotonic() + _LAST_SECONDS
+    for publisher in publishers:
+        left = max(0.0, end - time.monotonic())
+        publisher.wait_for_all_acked(Duration(seconds=left))
 
 
 def _publishers(node: Node, log: LogReader, topics: set[str]) -> dict[str, Publisher]:
