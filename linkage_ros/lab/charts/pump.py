@@ -17,7 +17,14 @@ from matplotlib.figure import Figure
 
 from linkage_ros.lab.output import NUMBERS, SMALL, TEXT, TITLE, WIDTH
 from linkage_ros.lab.pump.analysis import Analysis
-from linkage_ros.lab.pump.load_curve import Piece, SteadyState, bistable_ranges, stability_lost
+from linkage_ros.lab.pump.load_curve import (
+    END,
+    LOST,
+    Piece,
+    SteadyState,
+    bistable_ranges,
+    stability_lost,
+)
 from linkage_ros.lab.pump.table import states_table
 from linkage_ros.numeric import Array
 from linkage_ros.palette import BLACK, DARK, FIRST, GREY, SECOND, fractions, mixed
@@ -162,8 +169,13 @@ def _draw_over_torque(axes: Axes, analysis: Analysis, colors: _Colors, quantity:
     axes.axvline(analysis.motor.torque, color=_MOTOR, linewidth=1)
     _draw_branch(axes, analysis, colors, 'torque', quantity)
     if quantity == 'speed':
-        two = ', '.join(f'{one["low"]:.4g} to {one["high"]:.4g} N m' for one in ranges)
-        axes.set_title(f'Two stable states: {two or "nowhere here"}')
+        # Where a curve was not followed further, the range may go on.
+        two = ', '.join(
+            f'{"at most " * (one["low_is"] in {END, LOST})}{one["low"]:.4g} to '
+            f'{"at least " * (one["high_is"] in {END, LOST})}{one["high"]:.4g} N m'
+            for one in ranges
+        )
+        axes.set_title(f'Two or more stable states: {two or "nowhere here"}')
 
 
 def _draw_branch(axes: Axes, analysis: Analysis, colors: _Colors, x: str, y: str) -> None:
