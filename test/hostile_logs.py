@@ -38,7 +38,7 @@ MAGIC = b'\x89MCAP0\r\n'
 
 
 def resummed(data):
-    """A file whose summary has the right checksum, whatever is in it."""
+    """The file with a correct checksum for its summary, which may be forged."""
     start = struct.unpack_from('<Q', data, len(data) - 28)[0] if len(data) > 37 else 0
     if not 0 < start < len(data) - 37:
         return data
@@ -83,7 +83,7 @@ def whole(*data, indexed=None, behind=b'', times=(0, 1), metadata=(), again=0, c
         data: Records; chunks among them are indexed.
         indexed: How often, instead of once.
         behind: What else stands in the summary.
-        times: Of its first and last message, ns.
+        times: Log times of the first and the last message, ns.
         metadata: More metadata records.
         again: How often the last of them is indexed once more.
         channels: How many topics it has.

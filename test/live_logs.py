@@ -57,11 +57,11 @@ def live(
 
     Args:
         path: The log.
-        configuration: Of the run.
+        configuration: Configuration of the run.
         plan: Pairs of a kind and a value. 'rpm', 'motor', 'command': set it, rpm or N m, from the
             next tick on. 'skip': miss so many ticks. 'step': step the clock by so many ns, and
             make a tick. 'tick': make it so many ns late.
-        prefix: Of the names of the topics.
+        prefix: Prefix of the topic names.
         names: Other names of topics.
         diagnostics: Whether there are messages that do not belong to states.
         topics: Names of the topics of states; None: all.

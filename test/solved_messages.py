@@ -61,7 +61,7 @@ def solved_messages(configuration, motion, stamps):
     """The messages that belong to some stamps.
 
     Args:
-        configuration: Of the run.
+        configuration: Configuration of the run.
         motion: The piece of motion that all stamps lie in.
         stamps: ns.
 

@@ -91,8 +91,8 @@ def with_point_masses(mechanism: Any) -> Mechanism | None:
         mechanism: The mechanism.
 
     Returns:
-        The mechanism with a massless coupler; None if there is no coupler, it has no mass, or its
-        centre of mass is not between the pins.
+        The mechanism with a massless coupler. None if it has no coupler, or if the coupler has no
+        mass or a centre of mass that is not between its pins.
     """
     coupler, output = getattr(mechanism, 'coupler', None), Solver(mechanism).links[-1]
     if coupler is None or not (coupler.mass and 0 <= coupler.center[0] <= coupler.length):

@@ -134,7 +134,7 @@ class McapFile:
 
         Raises:
             LogError: The record is too large.
-            ValueError: There is no record; other exceptions are possible too.
+            ValueError: No record begins there. Damaged data may raise other exceptions.
         """
         opcode, body, end = self._record(at)
         entries, content = int.from_bytes(body[2:6], 'little'), None

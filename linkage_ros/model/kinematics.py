@@ -63,7 +63,7 @@ def directions(
 
     Args:
         apart: From the first link's outer pin to the second's, m.
-        square: Its length squared, m^2.
+        square: Square of the length of `apart`, m^2.
         root: Square root of (stretched length^2 - square) (square - folded length^2), m^2, with
             the sign of the assembly: positive where the pin lies left of the line.
         first: Length of the first link, m.

@@ -100,8 +100,8 @@ class Link(NamedTuple):
 
         Args:
             name: Its name.
-            body: Its dimensions and mass.
-            index: Its index among the links.
+            body: Dimensions and mass of the link.
+            index: Index of the link among all links.
             pin: The first pin; it belongs to the last link with a weight, if any, else the frame.
 
         Returns:

@@ -183,7 +183,7 @@ class Transmission(NamedTuple):
                 first sum limits cos m, another negative one limits sin m.
             cures: Changes that would let the crank turn; used only if it is limited.
             pass_by: Half the crank angle within which the crank pin is close to the rocker pivot,
-                rad; 0: there is no such pivot, or the pin hits it.
+                rad; 0 if there is no rocker pivot, or if the pin passes through it.
 
         Returns:
             The reach.

@@ -141,7 +141,7 @@ def play(
     for item in items:
         if count == 0 and not paused:
             pace.toggle()  # not before: reading the first message takes a while
-        # If every message is late, there are no waits, but keys must still be read.
+        # Keys must be read even if every message is late, so that the loop never waits.
         while (left := pace.seconds_until(item.time)) > 0 or time.monotonic() >= check_at:
             if stop.is_set():
                 return count

@@ -246,7 +246,7 @@ def muted_stderr() -> Iterator[None]:
 
 def _redirect(number: int) -> None:
     """Redirects stderr to an open file."""
-    with suppress(OSError, AttributeError):  # the disk is full, or there is no stderr
+    with suppress(OSError, AttributeError):  # the disk is full, or stderr is closed
         sys.stderr.flush()
     os.dup2(number, 2)
     os.close(number)

@@ -20,8 +20,8 @@ from linkage_ros.wire.topics import Topic
 # Items that wait for a stalled disk: half a minute's at 1 kHz.
 _CAPACITY = 30_000
 # s between batches, each of which is a chunk. A killed run loses at most this time plus delays of
-# a busy machine; 0.3 s are promised. After a wait, code and data are no longer in the processor's
-# caches: smaller batches take two to three times as long.
+# a busy machine; the documentation promises 0.3 s. While the thread waits, its code and data leave
+# the processor's caches, so that smaller batches cost two to three times as much.
 _PERIOD = 0.15
 # s between syncs to the disk, which bounds the loss in a power cut.
 _SYNC_PERIOD = 1.0

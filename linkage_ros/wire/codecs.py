@@ -71,7 +71,7 @@ def _sequences(body: bytes, names: Sequence[str], quantities: Iterable[str]) -> 
     """The parts of a message of joints: constant bytes, then a sequence for each quantity.
 
     Args:
-        body: Its bytes before the sequences, aligned to 4 bytes, without encapsulation.
+        body: Bytes of the message before the sequences, aligned to 4, without encapsulation.
         names: The joints.
         quantities: The quantities in the sequences.
 

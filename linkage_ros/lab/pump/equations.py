@@ -67,7 +67,7 @@ class PumpSolver(Solver):
 
         Args:
             torque: On the crank, N m.
-            phases: As in `terms`, of one shape.
+            phases: The arguments of `terms`, in arrays of one shape.
 
         Returns:
             Of shape (4, ...); the last two are nan where the dyad does not reach.
