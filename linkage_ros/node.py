@@ -16,6 +16,7 @@ from linkage_ros.errors import LinkageError, LogError
 from linkage_ros.model.kinematics import State
 from linkage_ros.motion.coordinates import Coordinates
 from linkage_ros.motion.drives import FollowDrive, TorqueDrive
+from linkage_ros.motion.segments import Segment
 from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.motion.torque_driven import Motion, TorqueMotion
 from linkage_ros.parameters.configuration import configure, parameter_leaves, preset_note
@@ -71,6 +72,7 @@ class LinkageNode(ParameterNode):
         self._simulator = simulator = Simulator(configuration)
         simulator.prepare_live()
         self._motion: Motion | None = None
+        self._segment: Segment | None = None  # the last one logged
         self._state: State | None = None
         others, heard = [ROBOT_DESCRIPTION, DIAGNOSTICS], inputs_of(simulator)
         self._ahead: CrankTrajectory | None = None
@@ -180,7 +182,9 @@ class LinkageNode(ParameterNode):
 
     def _continue(self, motion: Motion) -> Motion:
         """Continues with a motion, and logs its segment if it is new."""
-        self._log.write_motion(motion.segment)
+        if motion.segment is not self._segment:
+            self._segment = motion.segment
+            self._log.offer(self._segment)
         self._motion = motion
         return motion
 
@@ -193,13 +197,13 @@ class LinkageNode(ParameterNode):
         """Publishes, logs and shows a state."""
         self._state = snapshot.state
         row = snapshot.row(time.time_ns())
-        messages = snapshot.layout.messages(row)
-        for state, message in zip(self._states, messages, strict=True):
+        bodies = snapshot.layout.bodies
+        for state, body in zip(self._states, bodies, strict=True):
             if state.is_heard:
-                state.publisher.publish(message)
+                state.publisher.publish(row[body])
         self._log.offer(row)
         if self._view is not None:
-            self._view.offer((0, messages[0]))
+            self._view.offer((0, row[bodies[0]]))
 
     def _publish(self, topic: Topic, message: bytes) -> None:
         """Publishes and logs a message outside the ticks."""

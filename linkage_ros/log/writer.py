@@ -158,10 +158,10 @@ class LogWriter(AbstractContextManager['LogWriter']):
         while rows:
             room = max(0, CHUNK_SIZE - self._builder.count) // layout.size + 1
             some, rows = rows[: room * layout.size], rows[room * layout.size :]
-            times = layout.column(some, layout.times)
-            places = np.arange(0, len(some), layout.size, dtype=np.uint64)
-            heads = zip(layout.channels, layout.starts, strict=True)
-            self.add_records(some, {n: np.column_stack([times, places + s]) for n, s in heads})
+            index = np.empty((len(layout.channels), len(some) // layout.size, 2), np.uint64)
+            index[:, :, 0] = layout.column(some, layout.times)
+            index[:, :, 1] = np.add.outer(layout.starts, np.arange(0, len(some), layout.size))
+            self.add_records(some, dict(zip(layout.channels, index, strict=True)))
 
     def declare(self, record: Schema | Channel) -> None:
         """Appends a schema or channel, unless its number is already in use."""

@@ -124,8 +124,8 @@ class TorqueMotion:
         Raises:
             MotionError: The motion ends before that.
         """
-        self._advance(stamp)
         if torque != self._command:
+            self._advance(stamp)
             self._command = torque
             self._steps.changed()
 

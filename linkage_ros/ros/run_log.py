@@ -4,13 +4,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 from rclpy.node import Node
 
 from linkage_ros import cli
-from linkage_ros.motion.segments import Segment
 from linkage_ros.run.health import Health
 from linkage_ros.run.scheduling import accompany_ticker
 from linkage_ros.run.simulator import Simulator
@@ -29,7 +28,11 @@ _CLOSE_SECONDS = 30.0
 
 
 class RunLog:
-    """Writes a log, if the run has one, in separate threads; any thread may add to it."""
+    """Writes a log, if the run has one, in separate threads; any thread may add to it.
+
+    Attributes:
+        offer: Logs an item that a `LogWriter` consumes, such as the row of a state.
+    """
 
     def __init__(self, node: Node, simulator: Simulator, others: Iterable[Topic]) -> None:
         """Creates the log.
@@ -45,7 +48,7 @@ class RunLog:
         """
         self._node, session = node, simulator.configuration.session
         self._path, self._workers = session.log, list[Worker[Any]]()
-        self._segment: Segment | None = None
+        self.offer: Callable[[object], None] = lambda _: None
         if not session.log:
             return
         from linkage_ros.log.writer import LogWriter
@@ -61,16 +64,12 @@ class RunLog:
             'log', log, capacity=_CAPACITY, period=_PERIOD, on_error=self._report_end,
             on_start=accompany_ticker,
         )  # fmt: skip
+        self.offer = writing.offer
         # A slow sync must not delay the flushes.
         syncing: Worker[Any] = Worker(
             'sync', log.disk_sync(), capacity=1, period=_SYNC_PERIOD, on_error=self._report_no_sync
         )
         self._workers = [writing, syncing]
-
-    def offer(self, item: object) -> None:
-        """Logs an item of the log writer, such as the messages of a state."""
-        if self._workers:
-            self._workers[0].offer(item)
 
     def write(self, stamp: int, topic: Topic, message: bytes) -> None:
         """Logs a message.
@@ -82,12 +81,6 @@ class RunLog:
         """
         if self._workers:
             self.offer((self._channels[topic.name], stamp, message))
-
-    def write_motion(self, segment: Segment) -> None:
-        """Logs a segment of motion, unless it is the last logged one."""
-        if segment is not self._segment:
-            self.offer(segment)
-        self._segment = segment
 
     def health(self) -> Health:
         """Health of the log."""

@@ -56,11 +56,11 @@ class Worker(Generic[_T]):
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
         self._thread.start()
 
-    def offer(self, *items: _T) -> None:
-        """Queues items, which stay together; any thread may call this."""
+    def offer(self, item: _T) -> None:
+        """Queues an item; any thread may call this."""
         with self._lock:
-            self.dropped += max(0, len(self._queue) + len(items) - self._capacity)
-            self._queue.extend(items)
+            self.dropped += len(self._queue) == self._capacity
+            self._queue.append(item)
 
     def close(self, timeout: float) -> bool:
         """Hands over what is queued and ends the thread.

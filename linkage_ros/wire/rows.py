@@ -158,6 +158,7 @@ class RowLayout(Template):
     Attributes:
         channels: Channels of the messages.
         starts: First byte of each message's record.
+        bodies: Places of the messages' CDR bytes.
         times: Place of the first message's log time.
     """
 
@@ -180,14 +181,13 @@ class RowLayout(Template):
             patterns.append(re.escape(head) + b'.{%d}' % (MESSAGE_HEAD.size - _CONSTANT + size))
         super().__init__(parts, names)
         self.starts, self.times = self._ends[:-1], self.places[0]
+        ends = zip(self.starts, self._ends[1:], strict=True)
+        self.bodies = [slice(start + MESSAGE_HEAD.size, end) for start, end in ends]
         self._whole = re.compile(b'(?:%b)*' % b''.join(patterns), re.DOTALL)
 
     def messages(self, row: bytes) -> tuple[bytes, ...]:
         """The CDR bytes of the messages in a row."""
-        return tuple(
-            row[start + MESSAGE_HEAD.size : end]
-            for start, end in zip(self.starts, self._ends[1:], strict=True)
-        )
+        return tuple(row[body] for body in self.bodies)
 
     def begins(self, row: bytes) -> bool:
         """Returns whether records are those at the beginning of a row."""
