@@ -413,6 +413,7 @@ def test_a_crank_that_turns_fully_has_two_assemblies_everywhere(name):
     mechanism = of(FULL[name])
     cranks = np.linspace(-7.0, 7.0, 23).tolist()
     assert counts(mechanism, *cranks) == [2] * 23
+    assert [len(assemblies(mechanism, crank)) for crank in (1e9, -1e16, 1e17)] == [2] * 3
     for crank in cranks:
         own = [Solver(of(FULL[name], assembly=each)).state(crank) for each in ('open', 'crossed')]
         assert list(assemblies(mechanism, crank)) == [state.position for state in own]

@@ -14,10 +14,10 @@ from linkage_ros.errors import ConfigurationError, UnreachableError
 from linkage_ros.model.four_bar import FourBar
 from linkage_ros.model.parts import CROSSED, OPEN
 from linkage_ros.model.slider_crank import SliderCrank
-from linkage_ros.numeric import real_numbers, require_finite, wrap
+from linkage_ros.numeric import real_numbers, require_finite, within_two_turns, wrap
 from linkage_ros.quantities import shown
 
-_SAME = 16 * 2.0**-53  # relative: a few rounding errors of an angle of one turn
+_SAME = 16 * 2.0**-53 * math.tau  # rad; a few rounding errors of an angle of one turn
 
 
 class Travel(NamedTuple):
@@ -134,9 +134,9 @@ def assemblies(mechanism: FourBar | SliderCrank, crank: float) -> tuple[tuple[fl
     (crank,), _ = real_numbers(crank_angle=crank)
     require_finite(crank_angle=crank)
     solvers = [Solver(replace(mechanism, assembly=name)) for name in (OPEN, CROSSED)]
-    reach, near = solvers[0].reach, _SAME * max(abs(crank), math.tau)
+    reach, (within, _) = solvers[0].reach, within_two_turns(crank)
     ends = () if reach.turns_fully else [end for arc in reach.arcs for end in arc]
-    if any(abs(math.remainder(crank - end, math.tau)) <= near for end in ends):
+    if any(abs(math.remainder(within - end, math.tau)) <= _SAME for end in ends):
         return (_in_line(mechanism, crank),)
     try:
         both = [solver.state(crank).position for solver in solvers]
@@ -146,7 +146,7 @@ def assemblies(mechanism: FourBar | SliderCrank, crank: float) -> tuple[tuple[fl
     _, *turned = [x - y for x, y in zip(*both, strict=True)]
     slid = turned.pop() / mechanism.coupler.length if slides else 0.0
     apart = max(abs(slid), *(abs(wrap(angle)) for angle in turned))
-    return tuple(both[:1] if apart <= near else both)
+    return tuple(both[:1] if apart <= _SAME else both)
 
 
 def _in_line(mechanism: FourBar | SliderCrank, crank: float) -> tuple[float, ...]:
