@@ -253,18 +253,18 @@ class Program:
         """The program for floats; each number of the arguments is a parameter of its own."""
         return self.code().bound(self.constants.numbers)
 
-    def entry(self, *head: str, **functions: Callable[..., Any]) -> Callable[..., Any]:
+    def entry(self, *head: str, **others: Any) -> Callable[..., Any]:
         """The program for floats as a function with other parameters.
 
         Args:
             *head: First lines of the function: its `def` line, then statements that compute the
                 program's arguments from its parameters.
-            **functions: Functions that these statements call, by name.
+            **others: Functions and programs that these statements use, by name.
 
         Returns:
             The function.
         """
-        return self.code(head=head).bound(self.constants.numbers, **functions)
+        return self.code(head=head).bound(self.constants.numbers, **others)
 
     @property
     def tape(self) -> Tape:

@@ -27,7 +27,8 @@ _HEADS = {
     'state': (
         'def state(q, u=0.0, a=0.0, by_math=False):',
         'if (q.__class__ is not float or u.__class__ is not float',
-        '    or a.__class__ is not float or a): return otherwise(q, u, a, by_math=by_math)',
+        '    or a.__class__ is not float): return otherwise(q, u, a, by_math=by_math)',
+        'if a: return accelerated.scalar(q, u, a)',
     ),
     'accelerations': (
         'def accelerations(q, u, torque, by_math=False):',
@@ -86,7 +87,9 @@ class Solver(Evaluator):
             if vars(self)[name] is first:
                 (q,), (u,), *_ = self.names.values()
                 head = *_HEADS[name], f'{q}, {u} = q, u'
-                vars(self)[name] = self.program(formula, *letters).entry(*head, otherwise=method)
+                vars(self)[name] = self.program(formula, *letters).entry(
+                    *head, otherwise=method, accelerated=self.program(formula, 'q', 'u', 'a')
+                )
             return vars(self)[name](*given, **named)
 
         vars(self)[name] = first

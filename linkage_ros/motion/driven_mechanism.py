@@ -135,6 +135,11 @@ class DrivenMechanism:
         """Whether these are the mechanism's own coordinates."""
         return self.solver.coordinates == self.solver.mechanism.coordinates
 
+    @functools.cached_property
+    def is_usual(self) -> bool:
+        """Whether these are the mechanism's own coordinates in its own assembly."""
+        return bool(self.solver.description == self.solver.mechanism.description)
+
     def _better(self, y: tuple[float, ...], sine: float, other_sine: float) -> tuple[str, ...]:
         """The coordinates to use from here on; empty: the present ones."""
         mechanism = self.solver.mechanism

@@ -37,10 +37,10 @@ def published(driven: DrivenMechanism, y: tuple[float, ...], pairs: int) -> Coor
     if driven.has_crank:
         unwrapped = with_turns(y[0], pairs)
         y = within_two_turns(unwrapped)[0], *y[1:]
-    if solver.coordinates == solver.mechanism.coordinates:
+    if driven.is_own:
         q, u = y[:half], y[half:]
         a, state = driven.accelerations(*y), None
-        if solver.description != solver.mechanism.description:
+        if not driven.is_usual:
             state = solver.state(q, u, a)
         return Coordinates(q, u, a, unwrapped, state)
     y = legible(driven, y)
@@ -55,7 +55,7 @@ def all_published(
 ) -> Coordinates:
     """The same for many moments, in arrays, with the same bits."""
     solver = driven.solver
-    if solver.coordinates != solver.mechanism.coordinates:
+    if not driven.is_own:
         return stacked([published(driven, *moment) for moment in moments])
     crank = [with_turns(y[0], pairs) for y, pairs in moments]
     angles = [within_two_turns(angle)[0] for angle in crank]
@@ -63,7 +63,7 @@ def all_published(
     q, u = (np.array(angles), *y[: count - 1]), tuple(y[count - 1 :])
     a = solver.accelerations(q, u, driven.torque(u[0]), by_math=True)
     state = None
-    if solver.description != solver.mechanism.description:
+    if not driven.is_usual:
         state = solver.state(q, u, a, by_math=True)
     return Coordinates(q, u, a, np.array(crank), state)
 

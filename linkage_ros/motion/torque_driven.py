@@ -188,9 +188,7 @@ class TorqueMotion:
 
     def _describe(self, stamp: int, driven: DrivenMechanism) -> None:
         """Starts a segment at a stamp if the description of the motion changes there."""
-        description: Description | None = driven.solver.description
-        if description == self._solver.description:
-            description = None
+        description = None if driven.is_usual else driven.solver.description
         if description != self.segment.description:
             self.segment = replace(
                 self.segment, stamp=stamp, old_stamp=None, description=description
