@@ -10,10 +10,10 @@ import sys
 from linkage_ros import cli
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.files import create_file, is_same_file
+from linkage_ros.mjcf import make_mjcf
 from linkage_ros.parameters.configuration import Configuration, configure, read_values
 from linkage_ros.parameters.presets import find_file, preset_names
 from linkage_ros.run.simulator import Simulator
-from linkage_ros.wire.mjcf import make_mjcf
 from linkage_ros.wire.urdf import make_urdf
 
 _NAME = 'linkage_export'

@@ -21,6 +21,7 @@ from ros_harness import assert_refused
 from test_mujoco import slipped
 
 from linkage_ros import ConfigurationError, SliderCrank, export_tool
+from linkage_ros.mjcf import make_mjcf
 from linkage_ros.model.load_curve import CurveForce
 from linkage_ros.model.loads import LinkForce
 from linkage_ros.motion.drives import TorqueDrive
@@ -29,7 +30,6 @@ from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.parameters.presets import preset_names, preset_path
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.units import NS_PER_S
-from linkage_ros.wire.mjcf import make_mjcf
 from linkage_ros.wire.urdf import make_urdf
 
 PAGE = read('docs/urdf.md')
