@@ -29,10 +29,11 @@ from statistics import median
 import numpy as np
 import zstandard
 from harness import DOMAIN, Diagnostics, Process, finish, listening, node, options, running
+from mcap.records import Chunk
+from mcap.stream_reader import StreamReader
 from timing_page import CONTENDERS, limits, page
 
 from linkage_ros import cli
-from linkage_ros.log.mcap_file import McapFile
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.recover import recover
 from linkage_ros.parameters.configuration import configure, load
@@ -165,7 +166,9 @@ def log_speed(rounds: int) -> list[dict[str, object]]:
 def chunks(path: Path) -> list[bytes]:
     """The decompressed contents of all chunks of a log."""
     with path.open('rb') as stream:
-        return list(McapFile(stream).chunks())
+        records = list(StreamReader(stream, emit_chunks=True).records)
+    packed = [record.data for record in records if isinstance(record, Chunk)]
+    return [zstandard.decompress(data) for data in packed]
 
 
 def compress(packed: list[bytes]) -> None:

@@ -163,21 +163,6 @@ class McapFile:
             raise ValueError('a record is longer than the file')
         return opcode, body, at + HEAD.size + length
 
-    def chunks(self) -> Iterator[bytes]:
-        """Reads the chunks of an undamaged file.
-
-        Yields:
-            The unpacked records of each.
-
-        Raises:
-            LogError: The file unpacks to too much. Damage raises other exceptions too.
-        """
-        opcode, at = 0, MAGIC_SIZE
-        while opcode != Opcode.DATA_END:
-            opcode, content, at = self.part(at)
-            if opcode == Opcode.CHUNK:
-                yield content
-
     def next_place(self, at: int) -> int:
         """Finds where to continue after damage: at a chunk or a record of this package.
 
@@ -197,15 +182,15 @@ class McapFile:
             at += len(data) - _LANDMARK_SIZE + 1
         return self.size
 
-    def records(self, data: bytes, at: int = 0) -> Iterator[tuple[int, int, int]]:
+    def records(self, data: bytes, at: int = 0) -> Iterator[tuple[int, int]]:
         """Finds the records in a chunk.
 
         Args:
             data: The unpacked chunk.
-            at: Place of the first record.
+            at: First byte of the first record.
 
         Yields:
-            The opcode, the place and the end of each.
+            The first byte of each record, and the first byte after it.
 
         Raises:
             ValueError: A length is wrong, or a record is of a kind that chunks do not contain.
@@ -217,7 +202,7 @@ class McapFile:
             if at > len(data) or length < _IN_CHUNKS.get(opcode, LARGEST):
                 raise ValueError('a chunk has something other than messages')
             self.spend(0 if opcode == Opcode.MESSAGE else length * _PARSING_COST, 1)
-            yield opcode, start, at
+            yield start, at
 
     def summary(self) -> dict[type, list[Any]] | None:
         """Reads the records of the summary section, by type; None if there is none.

@@ -179,73 +179,62 @@ class LogReader(AbstractContextManager['LogReader']):
                     yield item
                     continue
                 _, data, _ = file.part(place)
-                for opcode, at, after in file.records(data):
-                    if opcode != Opcode.MESSAGE:
-                        continue
-                    message = self._message(data, at, after)
-                    if message.channel in channels and message.time in times:
-                        heapq.heappush(queue, (message.time, place, at, message))
-                        waiting += len(message.data) + _OVERHEAD
-                        if waiting > _MOST_WAITING:
-                            raise LogError('too much of it is of the same times to be sorted')
+                for start, end in file.records(data):
+                    if data[start] == Opcode.MESSAGE:
+                        message = self._message(data, start, end)
+                        if message.channel in channels and message.time in times:
+                            heapq.heappush(queue, (message.time, place, start, message))
+                            waiting += len(message.data) + _OVERHEAD
+                    if waiting > _MOST_WAITING:
+                        raise LogError('too much of it is of the same times to be sorted')
 
-    def rows(
-        self, layout: RowLayout, other: Callable[[LoggedMessage], object]
-    ) -> Iterator[tuple[bytes, LoggedMessage | None]]:
-        """Reads states in the order of writing.
+    def rows(self, layout: RowLayout, other: Callable[[LoggedMessage], object]) -> Iterator[bytes]:
+        """Reads the messages of states in the order of writing.
 
         Args:
-            layout: Layout of their messages, in the log's channels.
+            layout: Layout of their rows, in the log's channels.
             other: Called with the messages of other channels.
 
         Yields:
-            Whole rows without sequence numbers, with None. If a row is incomplete, its start is
-            the last item, with the message that does not fit, or None at the end of the log.
+            Their records, without sequence numbers: whole rows, or a message that is not part of
+            a whole row.
 
         Raises:
             LogError: The file is damaged.
         """
-        begun, found = b'', 0
+        found = 0
         with self._opened() as file:
-            for data in file.chunks():
+            for place in sorted(place for _, _, place, _ in self._chunks):
+                _, data, _ = file.part(place)
                 at = 0
                 while at < len(data):
-                    if not begun and (count := layout.count(data, at)):
+                    if count := layout.count(data, at):
                         rows = data[at : at + count * layout.size]
                         file.spend(0, count * len(layout.channels))
                         found += count * len(layout.channels)
                         at += len(rows)
-                        yield rows, None
+                        yield rows
                         continue
-                    opcode, start, at = next(file.records(data, at))
-                    if opcode != Opcode.MESSAGE:
-                        continue
-                    found += 1
-                    message = self._message(data, start, at)
-                    if message.channel not in layout.channels:
-                        other(message)
-                        continue
-                    times = message.time, message.published
-                    row = begun + message_record(message.channel, times, message.data)
-                    if not layout.begins(row):
-                        yield begun, message
-                        return
-                    begun = b'' if len(row) == layout.size else row
-                    if not begun:
-                        yield row, None
+                    start, at = next(file.records(data, at))
+                    if data[start] == Opcode.MESSAGE:
+                        message = self._message(data, start, at)
+                        found += 1
+                        if message.channel in layout.channels:
+                            times = message.time, message.published
+                            yield message_record(message.channel, times, message.data)
+                        else:
+                            other(message)
             if found != self._count:  # no checksum covers opcodes: damage hides a record
                 raise LogError('it is damaged: its messages are not as many as its summary says')
-        if begun:
-            yield begun, None
 
-    def _message(self, data: bytes, at: int, end: int) -> LoggedMessage:
-        """Parses the message record from `at` to `end` of a chunk.
+    def _message(self, data: bytes, start: int, end: int) -> LoggedMessage:
+        """Parses a message record of a chunk.
 
         Raises:
             KeyError: Its channel is unknown.
         """
-        _, _, channel, _, time, published = MESSAGE_HEAD.unpack_from(data, at)
-        body = data[at + MESSAGE_HEAD.size : end]
+        _, _, channel, _, time, published = MESSAGE_HEAD.unpack_from(data, start)
+        body = data[start + MESSAGE_HEAD.size : end]
         return LoggedMessage(self._names[channel], time, body, published, channel)
 
     @contextmanager

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recovers the readable part of a truncated or damaged log."""
 
-from collections import defaultdict
 from collections.abc import Callable
 from contextlib import suppress
+from itertools import compress, pairwise
 from pathlib import Path
 from typing import NamedTuple
 
@@ -24,7 +24,7 @@ from linkage_ros.log.metadata import (
 )
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.units import NS_PER_S
-from linkage_ros.wire.rows import MESSAGE_HEAD
+from linkage_ros.wire.rows import message_heads
 
 
 class Recovered(NamedTuple):
@@ -156,19 +156,22 @@ class _Copy:
             library.add_metadata(content.name, content.metadata)
 
     def _take_chunk(self, data: bytes) -> None:
-        new, kept = self._new, bytearray()
-        index: defaultdict[int, list[tuple[int, int]]] = defaultdict(list)
-        for opcode, start, end in self._file.records(data):
-            if opcode != Opcode.MESSAGE:
-                new.declare(parsed(opcode, data[start + HEAD.size : end]))
-                continue
-            _, _, channel, _, time, _ = MESSAGE_HEAD.unpack_from(data, start)
-            while self._spare and channel not in new.channels:
+        new, starts = self._new, [0, *(end for _, end in self._file.records(data))]
+        heads, sizes = message_heads(data, starts[:-1]), np.diff(starts)
+        channels, is_message = heads['channel'], heads['opcode'] == Opcode.MESSAGE
+        for i in np.flatnonzero(~is_message):
+            new.declare(parsed(data[starts[i]], data[starts[i] + HEAD.size : starts[i + 1]]))
+        numbers = dict.fromkeys(channels[is_message].tolist())
+        for number in numbers:
+            while self._spare and number not in new.channels:
                 new.declare(self._spare.pop(0))
-            if channel in new.channels:
-                index[channel].append((time, len(kept)))
-                kept += data[start:end]
-            else:
-                self._unknown += 1
-        new.add_records(kept, {n: np.array(e, np.uint64) for n, e in index.items()})
+        kept = is_message & np.isin(channels, [*new.channels])
+        self._unknown += int(is_message.sum() - kept.sum())
+        places = np.cumsum(sizes * kept) - sizes
+        entries = np.column_stack([heads['time'], places.astype(np.uint64)])
+        index = {n: entries[kept & (channels == n)] for n in numbers if n in new.channels}
+        if not kept.all():
+            spans = compress(pairwise(starts), kept.tolist())
+            data = b''.join(data[start:end] for start, end in spans)
+        new.add_records(data, index)
         new.flush()

@@ -131,22 +131,16 @@ class Verification:
         if self.difference or not any(c.messages for c in self._channels.values()):
             return
         self._prepare()
-        size, stray = self._layout.size, None
-        for rows, stray in self._log.rows(self._layout, self._hear):  # noqa: B007
-            self._rows += rows
+        size = self._layout.size
+        for records in self._log.rows(self._layout, self._hear):
+            self._rows += records
             if len(self._rows) >= _BATCH * size:
                 self._compare_rows(progress)
-            if self.difference:
-                break
+                if len(self._rows) >= size:
+                    break
         self._compare_rows(progress)
-        if stray and not self.difference:
-            self.difference = (
-                f'{stray.topic}: the message logged at {stray.time} ns is not the next one of '
-                f'state {self.states + 1}'
-            )
         if self._rows and not self.difference:
-            starts = zip(self._layout.starts, self._names, strict=True)
-            self.cut = tuple(name for start, name in starts if start >= len(self._rows))
+            self._check_rest()
         self.missed, self.ulp = self._timeline.missed, self._comparison.ulp
 
     def _hear(self, message: LoggedMessage) -> None:
@@ -160,13 +154,25 @@ class Verification:
 
     def _compare_rows(self, progress: Callable[[int], object]) -> None:
         """Compares all whole rows that were read."""
-        size = self._layout.size
-        while len(self._rows) >= size and not self.difference:
-            whole = len(self._rows) // size * size
-            count, self.difference = self._compare(bytes(self._rows[:whole]))
-            del self._rows[: count * size]
+        layout = self._layout
+        while not self.difference and (count := layout.count(self._rows, 0)):
+            count, self.difference = self._compare(bytes(self._rows[: count * layout.size]))
+            del self._rows[: count * layout.size]
             self.states += count
             progress(count)
+
+    def _check_rest(self) -> None:
+        """Names what is wrong with the messages that remain, which are not a whole row."""
+        layout, end = self._layout, self._layout.fitting(self._rows)
+        if end < len(self._rows):
+            _, _, channel, _, time, _ = MESSAGE_HEAD.unpack_from(self._rows, end)
+            self.difference = (
+                f'{self._names[layout.channels.index(channel)]}: the message logged at {time} ns '
+                f'is not the next one of state {self.states + 1}'
+            )
+        else:
+            starts = zip(layout.starts, self._names, strict=True)
+            self.cut = tuple(name for start, name in starts if start >= end)
 
     def _compare(self, rows: bytes) -> tuple[int, str]:
         """Compares states at the beginning of rows.

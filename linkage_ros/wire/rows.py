@@ -25,6 +25,10 @@ from linkage_ros.units import NS_PER_S
 
 # Opcode and length of the record, channel, sequence, log and publish time.
 MESSAGE_HEAD = struct.Struct('<BQHIQQ')
+_HEAD_FIELDS = np.dtype({
+    'names': ['opcode', 'channel', 'time'], 'formats': ['u1', '<u2', '<u8'],
+    'offsets': [0, 9, 15], 'itemsize': MESSAGE_HEAD.size,
+})  # fmt: skip
 _OPCODE = 5
 _CONSTANT = 15  # bytes of the head before its times
 
@@ -152,6 +156,23 @@ def message_record(channel: int, times: tuple[int, int], data: bytes) -> bytes:
     return MESSAGE_HEAD.pack(_OPCODE, size, channel, 0, *times) + data
 
 
+def message_heads(data: bytes, starts: Sequence[int]) -> npt.NDArray[Any]:
+    """Reads the heads of message records.
+
+    Args:
+        data: Bytes with the records.
+        starts: First byte of each record.
+
+    Returns:
+        Their fields opcode, channel and time (log time, ns); meaningless if another record is
+        shorter than such a head.
+    """
+    padded = np.frombuffer(data + bytes(MESSAGE_HEAD.size), np.uint8)
+    windows = np.lib.stride_tricks.sliding_window_view(padded, MESSAGE_HEAD.size)
+    heads: npt.NDArray[Any] = windows[np.array(starts, np.int64)].view(_HEAD_FIELDS)[:, 0]
+    return heads
+
+
 class RowLayout(Template):
     """The bytes of one state's messages.
 
@@ -189,11 +210,12 @@ class RowLayout(Template):
         """The CDR bytes of the messages in a row."""
         return tuple(row[body] for body in self.bodies)
 
-    def begins(self, row: bytes) -> bool:
-        """Returns whether records are those at the beginning of a row."""
-        return len(row) in self._ends and self.count(row + self._blank[len(row) :], 0) == 1
+    def fitting(self, records: bytes | bytearray) -> int:
+        """The length of the messages at the beginning that are the first ones of a row, bytes."""
+        rows = ((end, records[:end] + self._blank[end:]) for end in self._ends)
+        return max(end for end, row in rows if self.count(row, 0))
 
-    def count(self, data: bytes, at: int) -> int:
+    def count(self, data: bytes | bytearray, at: int) -> int:
         """Counts adjacent whole rows.
 
         Args:
