@@ -8,11 +8,15 @@ import errno
 import fcntl
 import os
 import stat
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO, Literal
 
 from linkage_ros.errors import LinkageError
+
+_EXISTS = 'exists already and is kept: choose another name, or'
+_WRITTEN = 'is being written by another run and is kept: choose another name'
 
 
 def open_file(path: Path | str, mode: Literal['rb', 'wb', 'xb'] = 'rb') -> BinaryIO:
@@ -62,12 +66,61 @@ def create_file(
     try:
         return open_file(path, 'wb' if overwrite else 'xb')
     except FileExistsError:
-        problem = f'exists already and is kept: choose another name, or {cure}'
+        problem = f'{_EXISTS} {cure}'
     except BlockingIOError:
-        problem = 'is being written by another run and is kept: choose another name'
+        problem = _WRITTEN
     except OSError as error:
-        problem = f'cannot be written: {error.strerror or error}'
+        problem = f'cannot be written: {_reason(error)}'
     raise kind(f'{path} {problem}')
+
+
+@contextmanager
+def replacement(
+    path: Path | str, kind: type[LinkageError], *, overwrite: bool, cure: str
+) -> Iterator[Path]:
+    """Makes a file that takes its name, and the place of an older file, when it is complete.
+
+    Args:
+        path: The file.
+        kind: Error to raise.
+        overwrite: Whether to replace an existing file.
+        cure: What a user must do to replace an existing file.
+
+    Yields:
+        A path beside the file. What is written there gets the name of the file at the end of the
+        block; an error in the block removes it.
+
+    Raises:
+        LinkageError: An error of that kind: the file exists and is kept, or cannot be replaced.
+    """
+    problem = ''
+    if os.path.lexists(path) and not overwrite:
+        problem = f'{_EXISTS} {cure}'
+    elif is_written(path):
+        problem = _WRITTEN
+    elif os.path.lexists(path) and not os.path.isfile(path):  # noqa: PTH113, for impossible names
+        problem = 'is not a file and is kept: choose another name'
+    if problem:
+        raise kind(f'{path} {problem}')
+    try:
+        target = Path(os.path.realpath(path))
+        beside = target.with_name(f'.{os.getpid()}.part')
+        beside.touch()
+    except (OSError, ValueError) as error:  # ValueError: a NUL, or half a character
+        raise kind(f'{path} cannot be written: {_reason(error)}') from error
+    try:
+        yield beside
+        try:
+            beside.replace(target)
+        except OSError as error:
+            raise kind(f'{path} cannot be written: {_reason(error)}') from error
+    finally:
+        beside.unlink(missing_ok=True)
+
+
+def _reason(error: Exception) -> str:
+    """The system's words for an error."""
+    return getattr(error, 'strerror', None) or str(error)
 
 
 def _open_nonblocking(path: str, flags: int) -> int:

@@ -9,6 +9,7 @@ from itertools import accumulate, pairwise
 from pathlib import Path
 from typing import NamedTuple
 
+import hostile_logs
 import pytest
 from mcap.records import Chunk, Message
 from mcap.stream_reader import StreamReader, breakup_chunk
@@ -224,6 +225,52 @@ def test_existing_files_are_kept(tmp_path, whole):
     for itself in (whole.path, tmp_path / 'link', tmp_path / 'hard link'):
         refused(whole.path, itself, 'is the broken log itself', overwrite=True)
     assert whole.path.read_bytes() == whole.data
+
+
+# Logs that are refused after their first messages: where they unpack to too much, or after a
+# record without which no command reads them.
+LATE = {
+    'bomb': (hostile_logs.clocks(4, 400_000), 'unpack to more than is read'),
+    'no configuration': (b'', 'has no configuration record'),
+}
+
+
+@pytest.mark.parametrize(('data', 'words'), LATE.values(), ids=LATE)
+@pytest.mark.parametrize('old', [True, False], ids=['replaced', 'new'])
+def test_refused_log_leaves_target_as_it_was(tmp_path, whole, data, words, old):
+    first = spans(whole.data, 'metadata')[0]
+    source, target = tmp_path / 'broken.mcap', tmp_path / 'out.mcap'
+    source.write_bytes(data or whole.data[: first[0]] + whole.data[first[1] :])
+    if old:
+        target.write_bytes(whole.data)
+    before = sorted(tmp_path.iterdir())
+    refused(source, target, words, overwrite=old)
+    assert sorted(tmp_path.iterdir()) == before
+    assert not old or target.read_bytes() == whole.data
+
+
+def test_target_appears_only_when_complete(tmp_path, whole):
+    source, target, link = tmp_path / 'run.mcap', tmp_path / 'out.mcap', tmp_path / 'link.mcap'
+    source.write_bytes(whole.data)
+    link.symlink_to(target)
+    target.write_bytes(b'')
+    sizes = []
+    recover(source, link, overwrite=True, progress=lambda _: sizes.append(target.stat().st_size))
+    assert set(sizes) == {0}
+    assert target.read_bytes() == whole.data
+    assert link.is_symlink()
+
+
+def test_target_that_is_written_or_no_file_is_kept(tmp_path, whole):
+    target, folder, missing = tmp_path / 'out.mcap', tmp_path / 'folder', tmp_path / 'no' / 'out'
+    with LogWriter(target, load('quadrilateral'), overwrite=False):
+        size = target.stat().st_size
+        refused(whole.path, target, 'is being written by another run', overwrite=True)
+        assert target.stat().st_size == size
+    folder.mkdir()
+    refused(whole.path, folder, 'is not a file and is kept', overwrite=True)
+    refused(whole.path, '/dev/null', '/dev/null is not a file and is kept', overwrite=True)
+    refused(whole.path, missing, 'no/out cannot be written: No such file', overwrite=True)
 
 
 def test_full_disk_ends_a_recovery(tmp_path, whole):

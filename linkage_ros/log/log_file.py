@@ -14,6 +14,17 @@ from linkage_ros.errors import LogError
 from linkage_ros.files import create_file, open_file
 
 
+def keep_other_files(path: Path | str) -> None:
+    """Checks that a file to be replaced is a log.
+
+    Raises:
+        LogError: It is not.
+    """
+    with suppress(OSError), open_file(path) as old:
+        if old.read(len(MCAP0_MAGIC)) not in {b'', MCAP0_MAGIC}:
+            raise LogError(f'{path} is not a log and is kept: choose another name')
+
+
 class LogFile:
     """A new file, written by one thread; the library calls `write`, `tell` and `flush`.
 
@@ -34,9 +45,8 @@ class LogFile:
                 by another run, or cannot be created.
         """
         self.path = path
-        with suppress(OSError), open_file(path) as old:
-            if overwrite and old.read(len(MCAP0_MAGIC)) not in {b'', MCAP0_MAGIC}:
-                raise LogError(f'{path} is not a log and is kept: choose another name')
+        if overwrite:
+            keep_other_files(path)
         self.stream: Any = create_file(
             path, LogError, overwrite=overwrite, cure='give --overwrite (a node: log_overwrite)'
         )

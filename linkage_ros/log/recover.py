@@ -13,7 +13,8 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Metadata, Schema
 
 from linkage_ros.errors import LogError
-from linkage_ros.files import is_same_file
+from linkage_ros.files import is_same_file, replacement
+from linkage_ros.log.log_file import keep_other_files
 from linkage_ros.log.mcap_file import HEAD, MAGIC_SIZE, McapFile, open_mcap, parsed
 from linkage_ros.log.metadata import (
     CHECKSUM,
@@ -56,8 +57,8 @@ def recover(
 
     Args:
         source: The log; it is not changed.
-        target: The new log.
-        overwrite: Whether to replace an existing file.
+        target: The new log; it appears, or replaces an older one, when it is complete.
+        overwrite: Whether to replace an existing log.
         progress: Called with the number of bytes that were read since the last call.
 
     Returns:
@@ -70,24 +71,21 @@ def recover(
     with open_mcap(Path(source)) as stream:
         if is_same_file(str(source), str(target)):
             raise LogError(f'{target} is the broken log itself: choose another name')
-        with LogWriter(target, None, overwrite=overwrite) as new:
-            copy = _Copy(McapFile(stream), new)
+        if overwrite:
+            keep_other_files(target)
+        with (
+            replacement(target, LogError, overwrite=overwrite, cure='give --overwrite') as path,
+            LogWriter(path, None, overwrite=True) as new,
+        ):
+            new.file.path = target  # for errors
             try:
-                return copy.run(progress)
+                return _Copy(McapFile(stream), new).run(progress)
             except LogError as error:
                 raise LogError(f'{source} cannot be recovered: {error}') from error
-            finally:
-                if not copy.is_configured:  # no command could read it
-                    new.file.close()
-                    Path(target).unlink(missing_ok=True)
 
 
 class _Copy:
-    """Copies the intact records of a log into a new one, with unchanged chunks.
-
-    Attributes:
-        is_configured: Whether the new log has a configuration.
-    """
+    """Copies the intact records of a log into a new one, with unchanged chunks."""
 
     def __init__(self, file: McapFile, new: LogWriter) -> None:
         """Prepares the copy.
@@ -97,7 +95,7 @@ class _Copy:
             new: The new log.
         """
         self._file, self._new = file, new
-        self._unknown, self.is_configured = 0, False
+        self._unknown, self._is_configured = 0, False
         # If the first chunk is lost, the summary still names the topics.
         self._spare: list[Schema | Channel] = []
         with suppress(Exception):  # the file is incomplete, or its summary is damaged
@@ -128,7 +126,7 @@ class _Copy:
                 places += 1
                 damaged += at - before
             progress(at - before)
-        if not self.is_configured:
+        if not self._is_configured:
             raise LogError('it has no configuration record')
         found = self._new.statistics
         duration = (found.message_end_time - found.message_start_time) / NS_PER_S
@@ -152,7 +150,7 @@ class _Copy:
                 unseal(content.metadata)
                 if not is_named:
                     raise ValueError('the name of a record is damaged')
-            self.is_configured |= content.name == CONFIGURATION_RECORD
+            self._is_configured |= content.name == CONFIGURATION_RECORD
             library.add_metadata(content.name, content.metadata)
 
     def _take_chunk(self, data: bytes) -> None:
