@@ -13,6 +13,7 @@ import hostile_logs
 import pytest
 from mcap.records import Chunk, Message
 from mcap.stream_reader import StreamReader, breakup_chunk
+from mcap.writer import MCAP0_MAGIC
 from ros_harness import assert_refused, report_of
 from test_log import spans, written
 from test_verify import CHANGES, live
@@ -215,11 +216,11 @@ def refused(source, target, words, **options):
 def test_existing_files_are_kept(tmp_path, whole):
     target, text = tmp_path / 'out.mcap', tmp_path / 'text'
     text.write_bytes(b'text')
-    target.write_bytes(b'precious')
+    target.write_bytes(MCAP0_MAGIC)
     refused(whole.path, target, r'out\.mcap exists already and is kept')
     refused(text, target, 'is no MCAP file', overwrite=True)
     refused(whole.path, text, 'is not a log and is kept', overwrite=True)
-    assert (target.read_bytes(), text.read_bytes()) == (b'precious', b'text')
+    assert (target.read_bytes(), text.read_bytes()) == (MCAP0_MAGIC, b'text')
     (tmp_path / 'link').symlink_to(whole.path)
     (tmp_path / 'hard link').hardlink_to(whole.path)
     for itself in (whole.path, tmp_path / 'link', tmp_path / 'hard link'):

@@ -15,10 +15,10 @@ from linkage_ros.files import create_file, open_file
 
 
 def keep_other_files(path: Path | str) -> None:
-    """Checks that a file to be replaced is a log.
+    """Checks that a file, if there is one, may be replaced by a log.
 
     Raises:
-        LogError: It is not.
+        LogError: It is neither empty nor a log.
     """
     with suppress(OSError), open_file(path) as old:
         if old.read(len(MCAP0_MAGIC)) not in {b'', MCAP0_MAGIC}:

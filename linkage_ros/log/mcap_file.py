@@ -33,6 +33,7 @@ _FOOTER = struct.Struct('<BQQQI8s')
 MAGIC_SIZE = len(MCAP0_MAGIC)
 _KINDS: dict[int, Any] = {
     Opcode.HEADER: records.Header,
+    Opcode.DATA_END: records.DataEnd,
     Opcode.SCHEMA: records.Schema,
     Opcode.CHANNEL: records.Channel,
     Opcode.CHUNK: records.Chunk,
@@ -129,23 +130,21 @@ class McapFile:
             at: Its place.
 
         Returns:
-            The opcode; the unpacked records of a chunk, None for an index or the end of the
-            section, or another record as the library parses it; and the end of the record.
+            The opcode; the unpacked records of a chunk, None for a message index, or another
+            record as the library parses it; and the end of the record.
 
         Raises:
             LogError: The record is too large.
             ValueError: No record begins there. Damaged data may raise other exceptions.
         """
-        opcode, body, end = self._record(at)
-        entries, content = int.from_bytes(body[2:6], 'little'), None
-        sizes: dict[int, int] = {Opcode.DATA_END: 4, Opcode.MESSAGE_INDEX: 6 + entries}
+        (opcode, body, end), content = self._record(at), None
         if opcode == Opcode.CHUNK:
             content = unpack(parsed(opcode, body))
             self.spend(len(content))
-        elif opcode in _KINDS:
+        elif opcode != Opcode.MESSAGE_INDEX:  # parsing its entries takes long
             self.spend(len(body) * _PARSING_COST)
             content = parsed(opcode, body)
-        elif len(body) != sizes[opcode]:
+        elif len(body) != 6 + int.from_bytes(body[2:6], 'little'):
             raise ValueError('the length of a record is wrong')
         return opcode, content, end
 

@@ -5,6 +5,7 @@
 import heapq
 from collections.abc import Callable, Container, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager
+from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
@@ -162,22 +163,16 @@ class LogReader(AbstractContextManager['LogReader']):
         """
         channels = {t.number for t in self.topics if topics is None or t.name in topics}
         times = range(start or 0, TIME_END if end is None else end)
-        # Time, chunk, place in it; without a message, a chunk to be unpacked when its time is due.
-        queue: list[tuple[int, int, int, LoggedMessage | None]] = [
-            (first, place, -1, None)
+        chunks = sorted(
+            (first, place)
             for first, last, place, held in self._chunks
             if first < times.stop and last >= times.start
             and not channels.isdisjoint(held or channels)
-        ]  # fmt: skip
-        heapq.heapify(queue)
-        waiting = 0
+        )  # fmt: skip
+        # Messages that may come after some of the next chunk; times, chunks and places in them.
+        queue, waiting = list[tuple[int, int, int, LoggedMessage]](), 0
         with self._opened() as file:
-            while queue:
-                _, place, _, item = heapq.heappop(queue)
-                if item:
-                    waiting -= len(item.data) + _OVERHEAD
-                    yield item
-                    continue
+            for (_, place), (due, _) in pairwise([*chunks, (TIME_END, 0)]):
                 _, data, _ = file.part(place)
                 for start, end in file.records(data):
                     if data[start] == Opcode.MESSAGE:
@@ -187,6 +182,10 @@ class LogReader(AbstractContextManager['LogReader']):
                             waiting += len(message.data) + _OVERHEAD
                     if waiting > _MOST_WAITING:
                         raise LogError('too much of it is of the same times to be sorted')
+                while queue and queue[0][0] < due:
+                    *_, message = heapq.heappop(queue)
+                    waiting -= len(message.data) + _OVERHEAD
+                    yield message
 
     def rows(self, layout: RowLayout, other: Callable[[LoggedMessage], object]) -> Iterator[bytes]:
         """Reads the messages of states in the order of writing.
@@ -287,8 +286,10 @@ def paired(log: LogReader, topics: Iterable[Topic]) -> dict[Topic, LoggedTopic]:
     measured, found = measured_channel(log), dict[Topic, LoggedTopic]()
     free = [channel for channel in log.topics if channel != measured]
     for topic in topics:
-        fitting = [channel for channel in free if channel.type == topic.interface.name]
-        fitting.sort(key=lambda channel: channel.name.rpartition('/')[2] != topic.name)
+        fitting = sorted(
+            (channel for channel in free if channel.type == topic.interface.name),
+            key=lambda channel: channel.name.rpartition('/')[2] != topic.name,
+        )
         if fitting:
             found[topic] = fitting[0]
             free.remove(fitting[0])

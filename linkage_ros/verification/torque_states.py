@@ -103,8 +103,9 @@ class TorqueStates(Timeline):
         mechanism = self._own.solver.mechanism
         description = segment.description or mechanism.description
         if description.coordinates not in {mechanism.coordinates, mechanism.other_coordinates}:
-            words = ', '.join(description.coordinates)
-            raise LogError(f'described by {words}: the mechanism is not')
+            raise LogError(
+                f'described by {", ".join(description.coordinates)}: the mechanism is not'
+            )
         return self._own.described(description)
 
     def _rows(self, driven: DrivenMechanism) -> list[int]:
