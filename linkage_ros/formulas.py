@@ -1,8 +1,8 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The vocabulary of the formulas: they run on floats, on arrays and on recording numbers.
+"""Functions for formulas that run on floats, on arrays and on symbolic numbers (`dynamics/tape`).
 
-A term that a mechanism does not have is `ZERO`: sums and products drop it.
+A term that a mechanism does not have is `ZERO`: it drops out of sums, and its products are `ZERO`.
 """
 
 import functools
@@ -19,7 +19,7 @@ from linkage_ros.numeric import Real
 class _Zero:
     """The zero of absent terms: x + ZERO is x itself, and ZERO * x is ZERO.
 
-    Unlike 0.0 it belongs to the structure of a mechanism, so that a program does not compute it.
+    Unlike 0.0, it is known when a formula is recorded, so that the program does not compute it.
     """
 
     __array_ufunc__ = None
@@ -66,15 +66,15 @@ ZERO = _Zero()
 
 
 def total(terms: Iterable[Real]) -> Real:
-    """The sum of the terms from left to right; ZERO if there are none.
+    """The sum of the terms, added from left to right; ZERO if there are none.
 
-    The built-in sum begins with 0 and, from Python 3.12, compensates rounding errors.
+    The built-in sum starts from 0 and, from Python 3.12, compensates rounding errors.
     """
     return functools.reduce(operator.add, terms, ZERO)
 
 
 def number(value: Real) -> Real:
-    """The value as a number: 0.0 for ZERO."""
+    """Replaces ZERO by 0.0; any other value is returned unchanged."""
     return 0.0 if value is ZERO else value
 
 
@@ -99,32 +99,32 @@ def atan2(y: Real, x: Real) -> Real:
 
 
 def rint(value: Real) -> Real:
-    """The nearest whole number; of two, the even one."""
+    """Rounds to the nearest whole number; halfway between two, to the even one."""
     return _apply('rint', round, np.rint, value)
 
 
 def is_finite(*values: Real) -> Any:
-    """The condition that the sum of some values, and so each of them, is finite.
+    """The condition that the sum of the values, and therefore each value, is finite.
 
     A program omits values whose finiteness follows from that of another value.
     """
     recorded = next((x for x in values if hasattr(x, 'tape')), None)
     if recorded is not None:
-        values = recorded.tape.unshown(values)
+        values = recorded.tape.without_implied(values)
     value = number(total(values))
     return value - value >= 0.0  # inf - inf is NaN, for which every comparison is false
 
 
 def where(condition: Any, then: Real, otherwise: Real) -> Real:
-    """One of two values, both of which must be finite.
+    """Selects one of two values by a condition; both values must be finite.
 
     Args:
         condition: A comparison of values.
-        then: The result where it holds.
+        then: The result where the condition holds.
         otherwise: The result elsewhere.
 
     Returns:
-        The value.
+        The selected value.
     """
     then, otherwise = number(then), number(otherwise)
     if hasattr(condition, 'tape'):
@@ -135,12 +135,13 @@ def where(condition: Any, then: Real, otherwise: Real) -> Real:
 
 
 def require(condition: Any, refuse: Callable[..., object], *values: Real) -> None:
-    """Guards the following formulas with a condition.
+    """Guards the formulas that follow it with a condition.
 
     Args:
-        condition: Must hold everywhere.
-        refuse: Called where it does not; raises an error that says what to do.
-        *values: Its arguments; of arrays, the first values at which the condition fails.
+        condition: A comparison of values, which must hold for all elements of arrays.
+        refuse: Function that raises an error; called if the condition fails.
+        *values: Arguments of `refuse`; from arrays, it gets the first values for which the
+            condition fails.
     """
     recorded = next((x for x in (condition, refuse) if hasattr(x, 'tape')), None)
     if recorded is not None:
@@ -152,12 +153,12 @@ def require(condition: Any, refuse: Callable[..., object], *values: Real) -> Non
 
 
 class Opaque:
-    """A function that a program calls unchanged, such as a table or a refusal.
+    """A function that a program calls, such as a table look-up or a function that raises an error.
 
-    Other functions that a formula calls become part of the program.
+    The operations of any other function that a formula calls are recorded.
 
     Attributes:
-        function: What is called.
+        function: The function to call.
     """
 
     def __init__(self, function: Callable[..., Any]) -> None:
@@ -172,8 +173,8 @@ class Vector(NamedTuple):
     """A vector in the plane.
 
     Attributes:
-        x: Along the x axis.
-        y: Along the y axis.
+        x: Component along the x axis.
+        y: Component along the y axis.
     """
 
     x: Real
@@ -193,7 +194,7 @@ class Vector(NamedTuple):
 
     @classmethod
     def at(cls, angle: Real) -> 'Vector':
-        """The unit vector in a direction, rad."""
+        """The unit vector at an angle, rad, from the x axis."""
         return cls(cos(angle), sin(angle))
 
     def left(self) -> 'Vector':
@@ -212,7 +213,7 @@ def cross(u: Vector, v: Vector) -> Real:
 
 
 def turned(vector: Vector, cos: Real, sin: Real) -> Vector:
-    """A vector rotated by an angle, and scaled if cos^2 + sin^2 is not 1."""
+    """Rotates a vector by an angle with this cos and sin; scales it if cos^2 + sin^2 is not 1."""
     return Vector(vector.x * cos - vector.y * sin, vector.x * sin + vector.y * cos)
 
 

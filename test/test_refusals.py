@@ -388,8 +388,8 @@ BAD_CALLS = [
         lambda: configure({'drive': 'follow', 'rate_hz': 3.0}),
         "'rate_hz' is not … four_bar: measurements set the rate; leave it…",
     ),
-    (lambda: forces(PARALLELOGRAM, 0.25), 'at 14.3239449 deg … change point; ask for angles …'),
-    (lambda: forces(EQUAL_ROD, math.pi / 2), 'at 90 deg … change point; ask for angles beside it'),
+    (lambda: forces(PARALLELOGRAM, 0.25), 'at 14.3239449 deg … change point; choose angles …'),
+    (lambda: forces(EQUAL_ROD, math.pi / 2), 'at 90 deg … change point; choose angles near it'),
 ]
 
 

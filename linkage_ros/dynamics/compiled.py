@@ -33,7 +33,7 @@ def compiled_arrays(program: Program, *values: Any) -> Any:
 
     Raises:
         ConfigurationError: Numba is not installed.
-        LinkageError: As in the program for floats, at the first rejected values.
+        LinkageError: The error of the program for floats, for the first values that it rejects.
     """
     if any(line.operation == 'call' for line in program.tape.lines):
         return program.arrays(*values)
@@ -53,8 +53,8 @@ def compiled_arrays(program: Program, *values: Any) -> Any:
 def _loop(source: str) -> Callable[..., int]:
     """Compiles the source of a program for floats as a loop over columns.
 
-    It takes the constants, a row for each argument and rows for the results, and returns the
-    first column rejected by a guard, or -1.
+    The loop takes the constants, an array with a row for each argument, and an array with a row
+    for each result, which it fills. It returns the first column rejected by a guard, or -1.
 
     Raises:
         ConfigurationError: Numba is not installed.
@@ -82,12 +82,12 @@ def _loop(source: str) -> Callable[..., int]:
 
 
 def _refusing(column: str, statement: ast.stmt) -> str:
-    """The source of a statement; a guard is changed to return the rejected column."""
+    """Writes a statement as source; a guard is changed to return the column that it rejects."""
     return re.sub(r'\n +.*', f' return {column}', ast.unparse(statement))
 
 
 def _results(tree: ast.expr) -> list[str]:
-    """The source of each number in a nested result."""
+    """Lists the source of each number in a nested result."""
     if isinstance(tree, ast.Call) and isinstance(tree.args[0], ast.Tuple):  # a named tuple
         tree = tree.args[0]
     if isinstance(tree, ast.Tuple):

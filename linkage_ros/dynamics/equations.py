@@ -37,7 +37,7 @@ from linkage_ros.model.loads import JointLoad, Load
 from linkage_ros.model.structure import Dyad, Link, Mechanism, Pin, Point, Structure
 from linkage_ros.numeric import Real
 
-# A refusal that accepts everything.
+# In the place of a function that rejects values: it accepts them all.
 ACCEPT = Opaque(lambda *_: None)
 
 
@@ -53,7 +53,7 @@ class Weight(NamedTuple):
     gravity: Vector
 
     def _moment(self, j: int) -> Vector:
-        """Conj(W_j) g as x and y, N m; of a link that slides m g, N."""
+        """Conj(W_j) g as a vector, N m; for a sliding link, m g, N."""
         if self.links[j].slides:
             return self.gravity * self.links[j].mass
         turning = (link for link in self.links if not link.slides)
@@ -61,7 +61,7 @@ class Weight(NamedTuple):
         return Vector(dot(arm, self.gravity), cross(arm, self.gravity))
 
     def forces(self, links: Sequence[LinkPose], _rates: Sequence[Real]) -> dict[int, Real]:
-        """See `Load`: Re(conj(i W_j e^(i phi_j)) g)."""
+        """See `Load`; the torque on a turning link is Re(conj(i W_j e^(i phi_j)) g)."""
         return {
             j: (dot if self.links[j].slides else cross)(link.direction, self._moment(j))
             for j, link in enumerate(links)
@@ -82,22 +82,23 @@ class Model(NamedTuple):
         loop: Constants of the kinematics.
         links: The links.
         pins: The pin joints; empty if they are not known.
-        places: Their points, in the same order.
-        dyads: The dyads of these coordinates.
-        other_dyads: Those of the mechanism's other coordinates.
+        pin_points: The points of the pins, in the same order.
+        dyads: The dyads in the chosen coordinates.
+        other_dyads: The dyads in the mechanism's other coordinates.
         gravity: Acceleration of gravity, m/s^2.
         loads: Loads on the links, without weights and `joint_loads`.
         joint_loads: Loads caused by joint forces, such as friction.
-        refuse: Refuses q, u and a if they or a result are not finite.
-        refuse_torque: Refuses q, u and a torque, likewise.
-        refuse_forces: Refuses q at which forces in the joints have no finite value.
-        massless: Refuses a mass matrix that is not positive.
+        refuse: Function that rejects q, u and a if a value or a result is not finite.
+        refuse_torque: Function that rejects q, u and a torque if a value or a result is not
+            finite.
+        refuse_forces: Function that rejects q at which the joint forces have no finite value.
+        massless: Function that rejects a mass matrix that is not positive definite.
     """
 
     loop: Loop
     links: tuple[Link, ...]
     pins: tuple[Pin, ...]
-    places: tuple[Point, ...]
+    pin_points: tuple[Point, ...]
     dyads: tuple[Dyad, ...]
     other_dyads: tuple[Dyad, ...]
     gravity: Vector
@@ -122,7 +123,8 @@ class Model(NamedTuple):
             mechanism: The mechanism.
             structure: Links, bodies and points of the mechanism.
             loop: Constants of the kinematics; None: the mechanism's own.
-            **refusals: The last fields; those left out accept everything.
+            **refusals: Functions that reject values, for the last fields; by default, all values
+                are accepted.
 
         Returns:
             The constants.
@@ -157,7 +159,7 @@ class Model(NamedTuple):
         return result
 
     def inertia(self, j: int) -> Real:
-        """C_jj of a link, kg m^2; of a link that slides its mass, kg."""
+        """C_jj of a link, kg m^2; for a sliding link, its mass, kg."""
         link = self.links[j]
         return link.mass if link.slides else self.coupling(j, j).x + link.inertia
 
@@ -171,12 +173,15 @@ class Model(NamedTuple):
 
 
 def velocities(pose: Pose, u: Sequence[Real]) -> list[Real]:
-    """Velocity of each link, from the rates of the coordinates."""
+    """Computes the velocity of each link, rad/s or m/s, from the rates of the coordinates."""
     return [_product(link.jacobian, u) for link in pose.links]
 
 
 def accelerations(pose: Pose, u: Sequence[Real], a: Sequence[Real]) -> list[Real]:
-    """Acceleration of each link; without a, the part at constant rates."""
+    """Computes the acceleration of each link, rad/s^2 or m/s^2.
+
+    Without accelerations `a` of the coordinates, the rates `u` are taken as constant.
+    """
     products = [x * y for x, y in itertools.combinations_with_replacement(u, 2)]
     return [
         _product(link.curvature, products) + (_product(link.jacobian, a) if a else ZERO)
@@ -191,10 +196,10 @@ def _product(row: Iterable[Real], column: Iterable[Real]) -> Real:
 def balance(
     model: Model, pose: Pose, rates: Sequence[Real], changes: Sequence[Real]
 ) -> list[Real]:
-    """M q'' + h - Q: the force that must act on each coordinate.
+    """Computes M q'' + h - Q, the generalised force that must act on each coordinate.
 
-    It is linear in the accelerations. With the full accelerations it is the driving torque;
-    with those at q'' = 0 it is h - Q.
+    This force is linear in the accelerations. For the actual accelerations, it is the driving
+    torque; for the accelerations at q'' = 0, it is h - Q.
 
     Args:
         model: The constants.
@@ -203,7 +208,7 @@ def balance(
         changes: Acceleration of each link, rad/s^2 or m/s^2.
 
     Returns:
-        For each coordinate, N m where it is an angle, else N.
+        The force on each coordinate: N m on an angle, N on a slider's position.
     """
     forces = [model.inertia(j) * change for j, change in enumerate(changes)]
     for load in model.all_loads():
@@ -217,7 +222,7 @@ def balance(
 
 
 def mass_matrix(model: Model, pose: Pose) -> list[list[Real]]:
-    """The mass matrix M: kg m^2 between angles, kg m if mixed, kg between slides."""
+    """Computes the mass matrix M; see `Solver.matrix` for the units."""
     size, columns = len(pose.links), _columns(pose)
     inertias = [[ZERO] * size for _ in range(size)]
     for j in range(size):
@@ -238,7 +243,7 @@ def _columns(pose: Pose) -> list[tuple[Real, ...]]:
 
 
 def state(model: Model, q: Sequence[Real], u: Sequence[Real], a: Sequence[Real] = ()) -> State:
-    """The motion of all links, and the required torque on the crank; without a, at q'' = 0."""
+    """Computes the motion of all links and the driving torque; without `a`, at q'' = 0."""
     require(is_finite(*q), model.refuse, *q, *u, *a)
     pose = model.loop.pose(tuple(q))
     rates, changes = velocities(pose, u), accelerations(pose, u, a)
@@ -249,7 +254,7 @@ def state(model: Model, q: Sequence[Real], u: Sequence[Real], a: Sequence[Real] 
 
 
 def forward(model: Model, q: Sequence[Real], u: Sequence[Real], torque: Real) -> tuple[Real, ...]:
-    """The accelerations under a torque on the crank: M q'' + h - Q = torque, solved for q''."""
+    """Solves M q'' + h - Q = torque for the accelerations q'', given the torque on the crank."""
     require(is_finite(*q), model.refuse_torque, *q, *u, torque)
     pose = model.loop.pose(tuple(q))
     held = balance(model, pose, velocities(pose, u), accelerations(pose, u, ()))
@@ -265,7 +270,7 @@ def forward(model: Model, q: Sequence[Real], u: Sequence[Real], torque: Real) ->
 
 
 def acceleration(model: Model, q: Sequence[Real], u: Sequence[Real], torque: Real) -> Real:
-    """The acceleration of the only coordinate under a torque on the crank."""
+    """Computes the acceleration under a torque on the crank; for a single coordinate."""
     (found,) = forward(model, q, u, torque)
     return found
 
@@ -273,7 +278,7 @@ def acceleration(model: Model, q: Sequence[Real], u: Sequence[Real], torque: Rea
 def driven(
     constants: tuple[Model, Opaque], q: Sequence[Real], u: Sequence[Real]
 ) -> tuple[Real, ...]:
-    """The accelerations under a torque that is a function of the crank's speed."""
+    """Computes the accelerations under a torque that is a function of the crank's speed."""
     model, torque = constants
     require(is_finite(*q), model.refuse, *q, *u)
     crank_speed, *_ = velocities(model.loop.pose(tuple(q)), u)
@@ -281,14 +286,14 @@ def driven(
 
 
 def driven_state(model: Model, q: Sequence[Real], u: Sequence[Real], torque: Real) -> State:
-    """The motion of all links under a torque on the crank."""
+    """Computes the motion of all links under a torque on the crank."""
     return state(model, q, u, forward(model, q, u, torque))._replace(torque=torque)
 
 
 def solved(
     matrix: Sequence[Sequence[Real]], right: Sequence[Real], whole: Real
 ) -> tuple[Real, ...]:
-    """Solves linear equations by Cramer's rule, with a known determinant."""
+    """Solves linear equations by Cramer's rule; `whole` is the determinant of the matrix."""
     return tuple(
         determinant(
             [[*row[:i], side, *row[i + 1 :]] for row, side in zip(matrix, right, strict=True)]
@@ -299,7 +304,7 @@ def solved(
 
 
 def determinant(rows: Sequence[Sequence[Real]]) -> Real:
-    """The determinant, by expansion along the first row."""
+    """Computes a determinant by expansion along the first row."""
     if not rows:
         return 1.0
     result: Real = ZERO
@@ -310,7 +315,7 @@ def determinant(rows: Sequence[Sequence[Real]]) -> Real:
 
 
 class Meeting(NamedTuple):
-    """The angle at which the two links of a dyad meet.
+    """The angle between the two links of a dyad.
 
     Attributes:
         sine: Absolute value of the sine of the angle; 0 if the links are in line.
@@ -322,12 +327,12 @@ class Meeting(NamedTuple):
 
 
 def meetings(model: Model, q: Sequence[Real], u: Sequence[Real]) -> tuple[Meeting, ...]:
-    """The angles at which the links of dyads meet; the first are the dyads of the pose."""
+    """Computes the angles between the links of all dyads; the dyads of the pose come first."""
     pose = model.loop.pose(tuple(q))
     rates, found = velocities(pose, u), []
     for dyad, exact in itertools.zip_longest((*model.dyads, *model.other_dyads), pose.sines):
         first, second = (pose.links[j].direction for j in (dyad.first, dyad.second))
-        # A sliding link does not turn; the angle is that to the normal of its guide.
+        # A sliding link does not turn; the angle is measured from the normal of its guide.
         slides = model.links[dyad.second].slides
         normal = second.left() if slides else second
         slope, sine = dot(first, normal), cross(first, normal) if exact is None else exact
@@ -337,7 +342,7 @@ def meetings(model: Model, q: Sequence[Real], u: Sequence[Real]) -> tuple[Meetin
 
 
 def energy(model: Model, q: Sequence[Real], u: Sequence[Real]) -> tuple[Real, Real]:
-    """Kinetic energy, and the potential energy of weights and loads up to a constant, J."""
+    """Computes the kinetic energy, and the potential energy of weights and loads, J."""
     require(is_finite(*q, *u), model.refuse, *q, *u)
     pose = model.loop.pose(tuple(q))
     matrix = mass_matrix(model, pose)
@@ -354,6 +359,6 @@ def energy(model: Model, q: Sequence[Real], u: Sequence[Real]) -> tuple[Real, Re
 
 
 def matrix(model: Model, q: Sequence[Real]) -> tuple[tuple[Real, ...], ...]:
-    """The mass matrix, a row for each coordinate."""
+    """Computes the mass matrix as nested tuples, a row for each coordinate."""
     require(is_finite(*q), model.refuse, *q)
     return tuple(map(tuple, mass_matrix(model, model.loop.pose(tuple(q)))))

@@ -21,11 +21,11 @@ from linkage_ros.model.structure import Description, Mechanism
 from linkage_ros.numeric import Real, real_numbers, require_finite
 from linkage_ros.quantities import shown
 
-ROUND = 'q', 'u', 'a', 'search'  # arguments of a round of the search for joint forces
+ROUND = 'q', 'u', 'a', 'search'  # arguments of `joint_load_round`
 _ROUNDS = 1000
 _IN_LINE = (
     'all links lie in one line: the forces in the joints have no finite value at a change point; '
-    'ask for angles beside it'
+    'choose angles near it'
 )
 
 
@@ -39,14 +39,14 @@ class Evaluator:
         description: Choice of coordinates and assembly.
         coordinates: Names of the links whose positions are the coordinates.
         model: Constants of the formulas.
-        names: Names of the coordinates, of their rates and of their accelerations, by the letters
-            q, u and a; 'torque' stands for the torque, 'search' for that of joint forces.
+        names: Names of the numbers in each argument of the formulas. The keys are 'q', 'u' and
+            'a' for coordinates, rates and accelerations; 'torque'; and 'search' for joint loads.
     """
 
     def __init__(
         self, mechanism: Mechanism, compiled: bool, description: Description | None
     ) -> None:
-        """Names the arguments; see `Solver`.
+        """Collects constants and names of arguments; see `Solver` for the parameters.
 
         Raises:
             MechanismError: The argument is not a mechanism.
@@ -88,7 +88,7 @@ class Evaluator:
         return Constants(self.model)
 
     def program(self, formula: Callable[..., Any], *letters: str) -> Program:
-        """The program of a formula whose arguments have these letters."""
+        """Returns the program of a formula whose arguments have these keys in `names`."""
         key = formula, letters
         if key not in self._programs:
             arguments = tuple(self.names[letter] for letter in letters)
@@ -101,10 +101,10 @@ class Evaluator:
         Args:
             formula: The formula.
             by_math: Whether array results have the same bits as results of single floats.
-            **given: Its arguments by their letters.
+            **given: Arguments of the formula, by their keys in `names`.
 
         Returns:
-            Its result: arrays if one of the arguments is an array.
+            The result of the formula: arrays if one of the arguments is an array.
         """
         values = [x for letter, row in given.items() for x in self.row(letter, row)]
         return self.run_program(self.program(formula, *given), *values, by_math=by_math)
@@ -132,8 +132,8 @@ class Evaluator:
             by_math: See `run`.
 
         Returns:
-            The last iteration. Solved states stay unchanged, so that array results are
-            bit-identical to those of single states.
+            The last iteration. In arrays, states that are solved stay unchanged, so that the
+            results are bit-identical to those of single states.
 
         Raises:
             UnreachableError: Friction locks the mechanism.
@@ -182,7 +182,7 @@ class Evaluator:
         return tuple(found)
 
     def rows(self, state: State) -> tuple[tuple[Real, ...], ...]:
-        """Positions, rates and accelerations of all links.
+        """Returns positions, velocities and accelerations of all links.
 
         Raises:
             ConfigurationError: The argument is not a state of this mechanism.
@@ -195,11 +195,11 @@ class Evaluator:
         return rows
 
     def motion(self, state: State) -> tuple[Real, ...]:
-        """Coordinates, their rates and their accelerations."""
+        """Returns the coordinates, rates and accelerations of a state."""
         return tuple(row[i] for row in self.rows(state) for i in self._moving)
 
     def refuse_angle(self, reason: str, crank: float, *_: float) -> NoReturn:
-        """Rejects a crank angle.
+        """Rejects a crank angle for a reason, which becomes part of the message.
 
         Raises:
             UnreachableError: Always.

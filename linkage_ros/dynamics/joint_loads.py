@@ -2,12 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Loads that depend on the joint forces and change them, such as dry friction.
 
-For a given motion, the forces are linear in the loads: F_k = F0_k + sum_m R_km s_m, where s_m is
-the magnitude of the force in joint m, and R_km holds the coefficient of friction. Newton's method
-solves s_k = |F_k|. Its matrix, 1_km - F_k . R_km / |F_k|, has the determinant 1 without friction.
-Several solutions may exist. The right one is reached continuously from the frictionless forces as
-the coefficients grow, and the determinant stays positive on the way. Where the determinant
-reaches 0, the forces become infinite or cease to exist: the mechanism is self-locking.
+For a given motion, the joint forces are linear in the loads: F_k = F0_k + sum_m R_km s_m, where
+s_m is the magnitude of the force in joint m, and R_km is proportional to the coefficients of
+friction. Newton's method solves s_k = |F_k|. Its matrix, 1_km - F_k . R_km / |F_k|, has the
+determinant 1 without friction. Several solutions may exist. The right solution is reached
+continuously from the frictionless forces as the coefficients grow, and the determinant stays
+positive on this path. Where the determinant reaches 0, the forces become infinite or cease to
+exist: the mechanism is self-locking.
 """
 
 import functools
@@ -22,18 +23,18 @@ from linkage_ros.model.kinematics import LinkPose, State
 from linkage_ros.model.loads import Contact
 from linkage_ros.numeric import Real
 
-_PART = 1e-12  # largest change of a solved state, relative to the largest force
-_ROUNDING = 1e-6  # the same where rounding errors keep the change from shrinking
-_SINGULAR = 1e-12  # a determinant without correct digits
-_STEP = 1e-9  # smallest step of the coefficients, as a fraction of them
+_CHANGE = 1e-12  # of the largest force: forces that change by less in a round are solved
+_ROUNDING = 1e-6  # the same limit, if rounding errors keep the change from shrinking
+_SINGULAR = 1e-12  # a determinant below this has no correct digits
+_STEP = 1e-9  # smallest step of the coefficients, as a fraction of their full values
 
 
 class FoundLoad(NamedTuple):
     """The loads that joint forces cause, such as friction, as a `Load`.
 
     Attributes:
-        inner: Torques of the pins between two links on each link, N m.
-        outer: Loads of the frame on each link: of its pins, N m; of its guide, N.
+        inner: Torque on each link from its pins to other moving links, N m.
+        outer: Load on each link from the frame: torque of a pin, N m; force of a guide, N.
     """
 
     inner: tuple[Real, ...]
@@ -53,11 +54,11 @@ class Search(NamedTuple):
     """Progress of the search for the joint forces of a state.
 
     Attributes:
-        share: Fraction of the coefficients of this round, from 0 to 1.
+        share: Fraction of the full coefficients that the round uses, from 0 to 1.
         solved: Largest fraction for which the forces are solved.
-        change: Change in the last round, N; inf before the first round of a fraction.
+        change: Largest change in the last round, N; inf before the first round of a fraction.
         sizes: Latest magnitudes of the forces in the joints that cause loads, N.
-        known: The same at the fraction `solved`.
+        known: These magnitudes at the fraction `solved`, N.
     """
 
     share: Any
@@ -68,14 +69,15 @@ class Search(NamedTuple):
 
 
 class Round(NamedTuple):
-    """The outcome of one round.
+    """The result of one round of the search, which is a step of Newton's method.
 
     Attributes:
-        state: The state under the loads of the previous forces.
-        reactions: The fields of `Reactions`, in its order.
+        state: The state under the loads that the previous forces cause.
+        reactions: Forces under these loads: the fields of `Reactions`, in its order.
         load: These loads.
         search: Input of the next round; unchanged where the forces are solved.
-        left: 0 where the forces are solved, -1 where the mechanism is self-locking, 1 elsewhere.
+        left: 0 if the forces are solved, 1 if more rounds are needed, -1 if friction locks the
+            mechanism.
     """
 
     state: State
@@ -86,7 +88,7 @@ class Round(NamedTuple):
 
 
 def search_names(model: Model) -> Search:
-    """The names of the numbers of a `Search`, for a program of `joint_load_round`."""
+    """Names the numbers of a `Search`, which is an argument of `joint_load_round`."""
     contacts = _contacts(model, [0.0] * len(model.links))
     rows: list[Any] = [
         tuple(f'{word}_{i}_{contact.joint}' for i, contact in enumerate(contacts))
@@ -107,12 +109,12 @@ def joint_load_round(
     Args:
         model: The constants.
         q: Coordinates.
-        u: Their rates.
-        a: Their accelerations.
-        search: The joint forces so far.
+        u: Rates of the coordinates.
+        a: Accelerations of the coordinates.
+        search: The joint forces from the previous round.
 
     Returns:
-        The round.
+        The result of the round.
     """
     rates = velocities(model.loop.pose(tuple(q)), u)
     contacts = _contacts(model, rates)
@@ -121,7 +123,7 @@ def joint_load_round(
     loaded = model._replace(loads=(*model.loads, load))
     found = reactions(loaded, q, u, a)
 
-    # The loads of a force of 1 N in each joint in turn: R_km.
+    # R_km: the forces in joints k under the loads that a force of 1 N in joint m causes.
     nothing: Any = ZERO
     links = tuple(link._replace(mass=nothing, inertia=nothing) for link in model.links)
     weightless = model._replace(links=links, gravity=Vector(ZERO, ZERO))
@@ -140,7 +142,7 @@ def _contacts(model: Model, rates: Sequence[Real]) -> list[Contact]:
 def _exerted(
     contacts: Sequence[Contact], share: Real, links: int, sizes: Sequence[Real]
 ) -> FoundLoad:
-    """The loads of joint forces of given magnitudes, with a fraction of the coefficients."""
+    """Computes the loads that joint forces cause, with a fraction of the coefficients."""
     inner, outer = [ZERO] * links, [ZERO] * links
     for contact, size in zip(contacts, sizes, strict=True):
         row = inner if len(contact.levers) > 1 else outer
@@ -150,7 +152,7 @@ def _exerted(
 
 
 def _forces(model: Model, contacts: Sequence[Contact], found: tuple[Any, ...]) -> list[Vector]:
-    """The forces in the joints of contacts."""
+    """Returns the force, N, in the joint of each contact."""
     pins, guides, *_ = found
     names = [*(pin.name for pin in model.pins), *(x.name for x in model.links if x.slides)]
     forces = [*pins, *(Vector(guide, ZERO) for guide in guides)]
@@ -160,15 +162,15 @@ def _forces(model: Model, contacts: Sequence[Contact], found: tuple[Any, ...]) -
 def _advanced(
     search: Search, forces: Sequence[Vector], slopes: Sequence[Sequence[Vector]]
 ) -> tuple[Search, Real]:
-    """The search after a step of Newton's method.
+    """Advances the search by a step of Newton's method.
 
     Args:
-        search: The search before it.
-        forces: F_k.
+        search: The search before the step.
+        forces: F_k, the force in each joint, N.
         slopes: R_km in the order [m][k].
 
     Returns:
-        The search, and `Round.left`.
+        The search after the step, and `Round.left`.
     """
     sizes = [sqrt(dot(force, force)) for force in forces]
     matrix = [
@@ -187,17 +189,17 @@ def _advanced(
 def _next(
     search: Search, steps: Sequence[Real], whole: Real, largest: Real
 ) -> tuple[Search, Real]:
-    """The input of the next round, and `Round.left`.
+    """Computes the input of the next round, and `Round.left`.
 
     Args:
         search: Input of this round.
-        steps: Newton's steps, N.
-        whole: The determinant.
+        steps: Newton's steps of the magnitudes of the forces, N.
+        whole: Determinant of Newton's matrix.
         largest: The largest force, N.
     """
     share, change = search.share, _largest([abs(step) for step in steps])
     shrinks = change < 0.5 * search.change
-    close = change <= where(shrinks, _PART, _ROUNDING) * largest
+    close = change <= where(shrinks, _CHANGE, _ROUNDING) * largest
 
     def case(is_close: Real, shrinks_only: Real, fails: Real) -> Real:
         otherwise = where(shrinks, shrinks_only, fails)

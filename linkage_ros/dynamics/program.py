@@ -2,12 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Turns formulas into straight-line Python: one program for each structure of constants.
 
-A formula is an ordinary function of constants and arguments. It runs once on recording numbers:
-equal terms are shared, unused terms are dropped, and terms of constants alone are computed when
-the constants are bound. The order of operations is kept, so that results equal those of the
-formula itself to the bit. Constants are floats, complex numbers and `Opaque` functions in nested
-tuples. None, booleans, whole numbers, text and 0.0 among them belong to the structure, on which a
-formula may branch; terms that 0.0 makes vanish are not computed.
+A formula is an ordinary function of constants and arguments. It runs once on symbolic numbers,
+which record its operations: equal terms are shared, unused terms are dropped, and terms of
+constants alone are computed when the constants are bound. The order of operations is kept, so that
+results equal those of the formula itself to the bit. Constants are floats, complex numbers and
+`Opaque` functions in nested tuples. None, booleans, whole numbers, text and the value 0.0 among
+the constants are part of the structure: a formula may branch on them, and terms that vanish
+because of a 0.0 are not computed.
 """
 
 import collections
@@ -46,7 +47,7 @@ _FUNCTIONS: dict[str, tuple[Callable[..., float], Callable[..., Real]]] = {
 }  # fmt: skip
 _EXACT = 'sqrt', 'rint'  # functions whose results NumPy rounds correctly, as Python does
 _RESERVED = {*_FUNCTIONS, 'abs', 'bind', 'inf', 'refuse', 'locals'}
-_LONG = 200  # characters of a term that gets a line of its own
+_LONG = 200  # characters from which a term gets a line of its own
 _serial = itertools.count(1)
 _T = TypeVar('_T')
 
@@ -55,7 +56,7 @@ class Writer:
     """Writes the lines of a tape as Python, for floats or for arrays.
 
     Attributes:
-        namespace: Named tuples used in the text.
+        namespace: Classes of named tuples that the program uses, by name.
     """
 
     def __init__(self, tape: Tape, arrays: frozenset[str], head: tuple[str, ...]) -> None:
@@ -86,10 +87,10 @@ class Writer:
         self._taken = {*_RESERVED, *self._words.values(), *re.findall(r'\w+', ' '.join(head))}
 
     def text(self) -> tuple[str, str]:
-        """The sources of two functions.
+        """Writes the sources of two functions.
 
         The first computes all terms that depend on constants alone, and returns them by name.
-        The second is the program; it reads these names.
+        The second is the program, which uses these names.
         """
         tape = self._tape
         written = [
@@ -111,13 +112,13 @@ class Writer:
         return '\n    '.join(bind) + '\n\n\n', '\n    '.join(program) + '\n'
 
     def numbers(self) -> list[str]:
-        """Names, in the program, of the numbers that depend on constants alone."""
+        """Lists the names of the numbers in the program that depend on constants alone."""
         others = 'literal', 'require', *COMPARISONS
         outer = (i for i in self._live if i not in self._inner)
         return [self._words[i] for i in outer if self._tape.lines[i].operation not in others]
 
     def _statement(self, i: int) -> str:
-        """The statement of a line; empty if its expression is inlined where it is used once."""
+        """Writes the statement of a line; empty if its value, used only once, is inlined."""
         operation, operands, _ = self._tape.lines[i]
         read = [self._words[x] for x in operands]
         if operation == 'require':
@@ -163,7 +164,7 @@ class _Tuple(tuple[Any, ...]):
 
 @functools.cache
 def _quick(kind: Any) -> type:
-    """A faster variant of a named tuple, constructed from one tuple of its values."""
+    """Makes a faster variant of a named tuple, constructed from one tuple of its values."""
 
     def reduce(row: tuple[Any, ...]) -> tuple[Any, ...]:
         return kind, tuple(row)
@@ -188,8 +189,8 @@ class Code(NamedTuple):
 
     Attributes:
         text: Source code of the function.
-        bound: Makes the program from the numbers of the constants and, by name, the functions
-            that it calls.
+        bound: Function that makes the program from the numbers of the constants and, by name,
+            the functions that `Program.entry` adds.
     """
 
     text: str
@@ -206,7 +207,7 @@ def _compile(tape: Tape, arrays: frozenset[str], head: tuple[str, ...], *, by_ma
     for name, (scalar, array) in _FUNCTIONS.items():
         is_slow = by_math and name not in _EXACT
         space |= {name: scalar, f'array_{name}': by_element(scalar) if is_slow else array}
-    # In the program, texts stand for the numbers that depend on constants alone.
+    # In the compiled program, strings stand for the numbers that depend on constants alone.
     numbers = '|'.join(writer.numbers()) or '$'
     quoted = re.sub(rf'\b({numbers})\b(?!\()', r"'\1'", program)
     exec(compile(bind + quoted, path, 'exec'), space)  # noqa: S102
@@ -215,7 +216,7 @@ def _compile(tape: Tape, arrays: frozenset[str], head: tuple[str, ...], *, by_ma
     run = space[program[len('def ') : program.index('(')]]
 
     def bound(numbers: Iterable[Any], **others: Any) -> Callable[..., Any]:
-        """Puts numbers in the place of the quoted names: constants are faster than variables."""
+        """Replaces strings in a program by numbers: constants are faster than variables."""
         values = space['bind'](*numbers)
         constants = transformed(lambda x: values.get(x, x), run.__code__.co_consts)
         code = run.__code__.replace(co_consts=constants)
@@ -243,14 +244,14 @@ class Program:
         Args:
             formula: Function of constants and arguments; returns numbers in nested tuples.
             constants: The constants of the formula.
-            arguments: The names of the arguments.
+            arguments: The names of the numbers in each argument.
         """
         self.formula, self.constants, self._arguments = formula, constants, arguments
         self.names: list[str] = leaves(arguments)
 
     @functools.cached_property
     def scalar(self) -> Callable[..., Any]:
-        """The program for floats; each number of the arguments is a parameter of its own."""
+        """The program for floats; each number of the arguments is a separate parameter."""
         return self.code().bound(self.constants.numbers)
 
     def entry(self, *head: str, **others: Any) -> Callable[..., Any]:
@@ -273,7 +274,7 @@ class Program:
 
     @property
     def source(self) -> str:
-        """The program for floats as Python text."""
+        """The Python source of the program for floats."""
         return self.code().text
 
     def code(
@@ -283,12 +284,12 @@ class Program:
         *,
         by_math: bool = False,
     ) -> Code:
-        """The program before its constants are bound, compiled once for each structure.
+        """Compiles the program, without its constants, once for each structure.
 
         Args:
             arrays: Names of the arguments that are arrays; none: all are floats.
             head: First lines of the function; see `entry`.
-            by_math: Whether arrays use the functions of `math`.
+            by_math: Whether to apply the functions of `math` to arrays, element by element.
 
         Returns:
             The code.
@@ -298,14 +299,14 @@ class Program:
         )
 
     def _once(self, part: tuple[Any, ...], make: Callable[[], _T]) -> _T:
-        """Caches an object for all programs of one formula and structure."""
+        """Makes an object once for all programs of one formula and structure."""
         known, key = self.constants.known, (self.formula, self._arguments, *part)
         if key not in known:
             known[key] = make()
         return cast('_T', known[key])
 
     def untraced(self, *values: float) -> Any:
-        """The formula itself on floats, for debugging and comparison."""
+        """Evaluates the formula itself on floats, for debugging and comparison."""
         given = iter(values)
         result = self.formula(
             self.constants.tree, *(transformed(lambda _: next(given), x) for x in self._arguments)
@@ -313,10 +314,10 @@ class Program:
         return transformed(formulas.number, result)
 
     def designs(self, *values: Real, by_math: bool = False) -> Any:
-        """Runs the program; the constants may also be arrays, for all designs and angles at once.
+        """Runs the program for many designs and angles at once: constants may be arrays as well.
 
         Args:
-            *values: Floats, and arrays that broadcast with those among the constants.
+            *values: Floats, and arrays that broadcast with the arrays among the constants.
             by_math: See `arrays`.
 
         Returns:
@@ -332,9 +333,9 @@ class Program:
         """Runs the program on arrays of one shape.
 
         Args:
-            *values: Arrays, and floats that are the same everywhere.
+            *values: Arrays, and floats that hold for all their elements.
             by_math: Whether to use the functions of `math`, element by element, for results with
-                the bits of the scalar program; NumPy's are faster.
+                the bits of the scalar program; NumPy's functions are faster.
 
         Returns:
             The result, with arrays.

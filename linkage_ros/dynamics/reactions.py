@@ -2,9 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Pin forces, shaking force and shaking moment: Newton-Euler, body by body.
 
-Virtual power gives the driving torque without them, so they are computed only on request. The
-moments of a dyad's two links about their outer pins give the force in their common pin; a link
-with one unknown pin force gives that one; and last the crank gives the driving torque once more.
+Virtual power gives the driving torque without these forces, so they are computed only on request.
+The balances of moments of a dyad's two links about their outer pins give the force in their common
+pin. A link with a single unknown pin force gives that force by its balance of forces. Last, the
+crank's balance of moments gives the driving torque once more.
 """
 
 from collections.abc import Sequence
@@ -16,22 +17,23 @@ from linkage_ros.model.kinematics import Pose
 from linkage_ros.model.structure import Dyad, Pin
 from linkage_ros.numeric import Real
 
-# Relative to the coordinate: no double lies on a change point, and k * math.pi misses by 2 ulp.
+# Relative to the coordinate: no double is exactly at a change point; k * math.pi is 2 ulp off.
 _ROUNDING = 2.0**-51
 _ORIGIN = Vector(ZERO, ZERO)
-_FRAME = -1  # the last body
+_FRAME = -1  # index of the last body
 
 
 class Reactions(NamedTuple):
     """Forces in the joints, in the axes of base_link; floats or arrays, as in the state.
 
     Attributes:
-        pins: Forces (x, y) at 'A0', of the frame on the crank, 'A', of the crank on the coupler,
-            'B', of the coupler on the rocker, rod or slider, 'B0', of the frame on the rocker, and
-            'D', of the rod on the slider; N.
-        guide_force: Force of the guide on the slider, to its left, N; None without a slider.
+        pins: Forces (x, y), N, by the name of the pin. 'A0': frame on crank; 'A': crank on
+            coupler; 'B': coupler on rocker, rod or slider; 'B0': frame on rocker; 'D': rod on
+            slider.
+        guide_force: Force of the guide on the slider, to the guide's left, N; None if there is no
+            slider.
         shaking_force: Force (x, y) of bearings and guide on the frame, N. It includes an external
-            force on the slider, because that comes from outside the machine.
+            force on the slider, because that force comes from outside the machine.
         shaking_moment: Moment on the frame about A0, including the drive's reaction, N m.
         torque: Driving torque from the crank's balance of moments, N m.
     """
@@ -46,7 +48,7 @@ class Reactions(NamedTuple):
 def reactions(
     model: Model, q: Sequence[Real], u: Sequence[Real], a: Sequence[Real]
 ) -> tuple[tuple[Vector, ...], tuple[Real, ...], Vector, Real, Real]:
-    """The forces in the joints of a mechanism in motion, as fields of `Reactions`.
+    """Computes the forces in the joints of a moving mechanism, as fields of `Reactions`.
 
     The forces grow without bound near a change point or a limit of the crank.
     """
@@ -57,22 +59,22 @@ def reactions(
         first, second = pose.links[dyad.first], pose.links[dyad.second]
         for angle, k1, k2 in zip(q, first.jacobian, second.jacobian, strict=True):
             slope = (ZERO if model.links[dyad.second].slides else k2) - k1
-            # The coordinates are those of a change point, rounded.
+            # Within rounding errors, the coordinates are those of a change point.
             near = _ROUNDING * abs(slope) * (1 + abs(angle))
             require(abs(sine) > near, model.refuse_forces, *q)
         balance.solve(dyad, sine)
     for j in reversed(range(len(pose.links))):
         balance.complete(j)
-    guides = tuple(balance.lean(j) for j, link in enumerate(model.links) if link.slides)
+    guides = tuple(balance.solve_guide(j) for j, link in enumerate(model.links) if link.slides)
     torque, forces = balance.moment(0), tuple(balance.forces[pin.name] for pin in model.pins)
     return forces, guides, -balance.force(_FRAME), -balance.moment(_FRAME) - torque, torque
 
 
 class _Balance:
-    """Newton's and Euler's equations of all links and, behind them, the frame.
+    """Newton's and Euler's equations of all bodies: the links and, as the last body, the frame.
 
     Attributes:
-        forces: Forces in the solved pins by name, of the first link on the second.
+        forces: Forces in the solved pins, by name: force of the pin's first link on the second.
     """
 
     def __init__(
@@ -85,12 +87,12 @@ class _Balance:
         self.forces: dict[str, Vector] = {}
         self._links, self._pins = model.links, {pin.name: pin for pin in model.pins}
         self._directions = [link.direction for link in pose.links]
-        self._place = {
+        self._positions = {
             pin.name: place.follow(self._directions, rates, changes)[0]
-            for pin, place in zip(model.pins, model.places, strict=True)
+            for pin, place in zip(model.pins, model.pin_points, strict=True)
         }
-        # The known forces on each body, with their places, and its known couple; those of inertia
-        # are reversed (d'Alembert).
+        # For each body, the known forces with their points of application, and the known couple;
+        # inertia forces and couples are included with reversed signs (d'Alembert).
         self._known: list[list[tuple[Vector, Vector]]] = [[] for _ in (*model.links, 'frame')]
         self._couples = [ZERO] * len(self._known)
         self._centers = []
@@ -107,41 +109,41 @@ class _Balance:
                 self._push(_FRAME, j, -force)
 
     def _push(self, body: int, j: int, force: Real) -> None:
-        """Adds a generalised force on a link, or its reaction on the frame."""
+        """Adds a generalised force, defined by the motion of link j, to a link or to the frame."""
         if self._links[j].slides:
             self._known[body].append((self._centers[j], self._directions[j] * force))
         else:
             self._couples[body] += force
 
     def force(self, j: int) -> Vector:
-        """The force that must still act on a body."""
+        """The force that must still act on a body, in addition to the known forces."""
         return -Vector(*map(total, zip(*(force for _, force in self._known[j]), strict=True)))
 
     def moment(self, j: int, about: Vector = _ORIGIN) -> Real:
-        """The moment that must still act on a body, about a point."""
+        """The moment about a point that must still act on a body, in addition to known forces."""
         return -(
             self._couples[j]
             + total(cross(place - about, force) for place, force in self._known[j])
         )
 
     def _act(self, pin: Pin, force: Vector) -> None:
-        """Adds a pin force to both links."""
+        """Adds the force in a pin to both of its links."""
         self.forces[pin.name] = force
-        self._known[pin.second].append((self._place[pin.name], force))
+        self._known[pin.second].append((self._positions[pin.name], force))
         first = _FRAME if pin.first is None else pin.first
-        self._known[first].append((self._place[pin.name], -force))
+        self._known[first].append((self._positions[pin.name], -force))
 
     def solve(self, dyad: Dyad, sine: Real) -> None:
-        """Finds the force in the inner pin from the moments about the outer pins."""
-        inner = self._place[dyad.pin]
+        """Solves the force in the common pin of a dyad, from the moments about its outer pins."""
+        inner = self._positions[dyad.pin]
         first, second = self._directions[dyad.first], self._directions[dyad.second]
-        outer = self._place[dyad.outer[0]]
+        outer = self._positions[dyad.outer[0]]
         across_first = -self.moment(dyad.first, outer) / dot(inner - outer, first)
         if self._links[dyad.second].slides:
             across_second = -dot(self.force(dyad.second), second)
             second = second.left()
         else:
-            outer = self._place[dyad.outer[1]]
+            outer = self._positions[dyad.outer[1]]
             across_second = self.moment(dyad.second, outer) / dot(inner - outer, second)
         force = (second * across_first - first * across_second) * (1.0 / sine)
         self._act(self._pins[dyad.pin], force)
@@ -157,8 +159,8 @@ class _Balance:
             (pin,), force = unknown, self.force(j)
             self._act(pin, force if pin.second == j else -force)
 
-    def lean(self, j: int) -> Real:
-        """Solves the force of a guide on its slider, positive to the guide's left."""
+    def solve_guide(self, j: int) -> Real:
+        """Solves the force of a guide on its slider, N, positive to the guide's left."""
         across = self._directions[j].left()
         force = dot(across, self.force(j))
         self._known[_FRAME].append((self._centers[j], across * -force))

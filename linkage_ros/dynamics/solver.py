@@ -41,9 +41,9 @@ _HEADS = {
 class Solver(Evaluator):
     """The exact mechanics of one mechanism.
 
-    The coordinates are the crank angle and, for a wind pump, the slider's position. For one
-    coordinate, q, u and a are floats or arrays; for more, sequences of them. A tuple always holds
-    one value per coordinate, even if there is only one. Arrays broadcast.
+    The coordinates are the crank angle and, for a wind pump, the slider's position. With one
+    coordinate, q, u and a are floats or arrays; with more, sequences of floats or arrays. A tuple
+    always holds one value per coordinate, even if there is only one. Arrays broadcast.
 
     Attributes:
         mechanism: Description of the mechanism.
@@ -64,7 +64,7 @@ class Solver(Evaluator):
 
         Args:
             mechanism: The mechanism to solve.
-            compiled: Whether Numba turns the programs for arrays into machine code.
+            compiled: Whether Numba compiles the programs for arrays to machine code.
             description: Coordinates and assembly; None: the mechanism's own. A solver in other
                 coordinates supports only `driven_state`, `driven_by` and `meetings`; their torque
                 still acts on the crank.
@@ -100,12 +100,12 @@ class Solver(Evaluator):
 
     @functools.cached_property
     def mobility(self) -> Reach | None:
-        """Reach of the crank; None if its angle alone does not determine the motion."""
+        """The reach of the crank; None if the crank angle alone does not determine the motion."""
         return self.mechanism.reach()
 
     @property
     def reach(self) -> Reach:
-        """Reach of the crank.
+        """The reach of the crank.
 
         Raises:
             MechanismError: The crank angle alone does not determine the motion.
@@ -119,7 +119,7 @@ class Solver(Evaluator):
 
     @property
     def source(self) -> str:
-        """The program of `state` as Python text; with friction, of one iteration."""
+        """The Python source of `state`; with friction, the source of one iteration."""
         if self.model.joint_loads:
             return self.program(joint_load_round, *ROUND).source
         return self.program(equations.state, 'q', 'u', 'a').source
@@ -131,16 +131,17 @@ class Solver(Evaluator):
             q: Coordinates: crank angle, rad; slider position, m. A crank angle within a few turns
                 keeps all its digits.
             u: Rates of the coordinates, rad/s and m/s.
-            a: Accelerations of the coordinates, rad/s^2 and m/s^2. For the slider of a wind pump,
-                take the one that `accelerations` gives.
+            a: Accelerations of the coordinates, rad/s^2 and m/s^2. `accelerations` computes the
+                acceleration of a wind pump's slider.
             by_math: Whether array results have the same bits as results of single floats.
 
         Returns:
-            Floats for floats; otherwise arrays of the broadcast shape.
+            The state. Its values are floats if all arguments are floats, and otherwise arrays of
+            the broadcast shape.
 
         Raises:
-            UnreachableError: The loop cannot close there, or is stretched so that no finite rate
-                exists.
+            UnreachableError: At these coordinates, the loop cannot close, or it is stretched, so
+                that no finite rates exist.
             ConfigurationError: A value is not a finite number, or the torque overflows.
         """
         changes = self.row('a', a)
@@ -153,20 +154,20 @@ class Solver(Evaluator):
         return cast('State', self.run(equations.state, by_math=by_math, **given))
 
     def accelerations(self, q: Any, u: Any, torque: Any, *, by_math: bool = False) -> Any:
-        """The accelerations under a torque: M q'' + h - Q = torque, solved for q''.
+        """Solves M q'' + h - Q = torque for the accelerations q'' under a given torque.
 
         Args:
             q: Coordinates.
-            u: Their rates.
-            torque: On the crank, N m, counter-clockwise positive.
+            u: Rates of the coordinates.
+            torque: Torque on the crank, N m, positive counter-clockwise.
             by_math: See `state`.
 
         Returns:
-            Accelerations, rad/s^2, for a wind pump also m/s^2; a tuple for a tuple or for more
-            than one coordinate, else a float or an array.
+            Accelerations of the coordinates, rad/s^2, for a wind pump's slider m/s^2. They are a
+            tuple if q is a tuple or there are several coordinates; otherwise a float or an array.
 
         Raises:
-            UnreachableError: The loop cannot close there, or a dyad is stretched.
+            UnreachableError: At these coordinates, the loop cannot close, or a dyad is stretched.
             ConfigurationError: A value is not a finite number, or an acceleration overflows.
             MechanismError: A moving coordinate has no mass.
         """
@@ -179,12 +180,12 @@ class Solver(Evaluator):
         return found if len(self.coordinates) > 1 or isinstance(q, tuple) else found[0]
 
     def driven_state(self, q: Any, u: Any, torque: Any, *, by_math: bool = False) -> State:
-        """Solves the whole motion under a torque.
+        """Solves positions, rates and accelerations of all links under a given torque.
 
         Args:
             q: Coordinates.
-            u: Their rates.
-            torque: On the crank, N m, counter-clockwise positive.
+            u: Rates of the coordinates.
+            torque: Torque on the crank, N m, positive counter-clockwise.
             by_math: See `state`.
 
         Returns:
@@ -197,27 +198,27 @@ class Solver(Evaluator):
         return cast('State', self.run(equations.driven_state, by_math=by_math, **given))
 
     def driven_by(self, torque: Callable[[float], float]) -> Callable[..., tuple[float, ...]]:
-        """The accelerations under a torque law, for integrators: floats without checks.
+        """Makes a fast function for integrators: the accelerations under a torque law.
 
         Args:
-            torque: Torque on the crank, N m, at its speed, rad/s.
+            torque: Function of the crank speed, rad/s; returns the torque on the crank, N m.
 
         Returns:
-            A function whose parameters are the coordinates and then their rates. It raises the
-            errors of `accelerations`.
+            A function whose parameters are the coordinates and then their rates, all floats. It
+            does not check their types; its errors are those of `accelerations`.
         """
         arguments = self.names['q'], self.names['u']
         constants = Constants((self.model, Opaque(torque)))
         return Program(equations.driven, constants, arguments).scalar
 
     def meetings(self, y: Sequence[float]) -> tuple[Meeting, ...]:
-        """The angles between the two links of each dyad.
+        """Computes the angle between the two links of each dyad.
 
         Args:
-            y: Coordinates, then their rates, floats.
+            y: Coordinates, then their rates; floats.
 
         Returns:
-            A `Meeting` for each dyad; those of the other coordinates, if any, come last.
+            A `Meeting` for each dyad; the dyads of the other coordinates, if any, come last.
 
         Raises:
             LinkageError: As for `state`.
@@ -225,14 +226,15 @@ class Solver(Evaluator):
         return cast('tuple[Meeting, ...]', self._meetings(*y))
 
     def energy(self, q: Any, u: Any) -> tuple[Real, Real]:
-        """The mechanical energy of all bodies.
+        """Computes the mechanical energy of the mechanism.
 
         Args:
             q: Coordinates.
-            u: Their rates.
+            u: Rates of the coordinates.
 
         Returns:
-            Kinetic energy plus the potential energy of weights and loads, up to a constant, J.
+            The kinetic energy, J; and the potential energy of weights and loads, up to a
+            constant, J.
 
         Raises:
             LinkageError: As for `state`.
@@ -240,14 +242,14 @@ class Solver(Evaluator):
         return cast('tuple[Real, Real]', self.run(equations.energy, q=q, u=u))
 
     def matrix(self, q: Any) -> tuple[tuple[Real, ...], ...]:
-        """The mass matrix M.
+        """Computes the mass matrix M.
 
         Args:
             q: Coordinates.
 
         Returns:
-            A row for each coordinate: kg m^2 between angles, kg m between an angle and a slide,
-            kg between slides.
+            A row for each coordinate: kg m^2 between angles, kg m between an angle and a slider's
+            position, kg for the slider's position alone.
 
         Raises:
             LinkageError: As for `state`.
@@ -258,13 +260,13 @@ class Solver(Evaluator):
         """Computes the motion of a point of the mechanism.
 
         Args:
-            state: From `state`; floats or arrays.
-            name: 'A0', 'A', 'B', 'C' (the coupler point, where there is one), the four-bar's 'B0'
+            state: A state of floats or arrays, from `state`.
+            name: 'A0', 'A', 'B', 'C' (the coupler point, if there is one), the four-bar's 'B0'
                 or the wind pump's 'D'.
             by_math: See `state`.
 
         Returns:
-            Its position, velocity and acceleration in the axes of base_link.
+            Position, velocity and acceleration of the point, in the axes of base_link.
 
         Raises:
             ConfigurationError: The mechanism has no such point.
@@ -284,10 +286,10 @@ class Solver(Evaluator):
         """Computes the forces in the joints, the shaking force and the shaking moment.
 
         Args:
-            state: From `state`; floats or arrays.
+            state: A state of floats or arrays, from `state`.
 
         Returns:
-            The forces.
+            The forces and the moment.
 
         Raises:
             UnreachableError: The mechanism is at a change point, where joint forces are infinite.
@@ -313,14 +315,14 @@ class Solver(Evaluator):
         """Computes the forces of loads and friction on the links, without weights.
 
         Args:
-            state: From `state`; floats or arrays.
+            state: A state of floats or arrays, from `state`.
 
         Returns:
-            By the name of each loaded link, the torque, counter-clockwise positive, N m; for a
-            sliding link, the force along its guide, N.
+            The torque on each loaded link, by the link's name, positive counter-clockwise, N m;
+            for a sliding link, the force along its guide, N.
 
         Raises:
-            ConfigurationError: It is not a state of this mechanism.
+            ConfigurationError: The argument is not a state of this mechanism.
         """
         position, velocity, _ = self.rows(state)
         links = [LinkPose(x, Vector(ZERO, ZERO), (), ()) for x in position]
@@ -340,9 +342,9 @@ class Solver(Evaluator):
             q: Coordinates, floats; a sequence, even for a single coordinate.
 
         Returns:
-            The sine of the angle between the links or, for a slider, between the link and the
-            guide's normal; 0 if the loop cannot close. Then a description of the position where
-            it is 0.
+            The sine of the angle between the two links of the dyad or, for a slider, between the
+            link and the guide's normal; 0 if the loop cannot close. Also a description of the
+            position in which this sine is 0.
         """
         dyads, links = self.structure.dyads, self.structure.links
         if not dyads:
@@ -354,7 +356,7 @@ class Solver(Evaluator):
         sine, dyad = min(zip(sines, dyads, strict=False))
         first, second = links[dyad.first], links[dyad.second]
         if second.slides:
-            return sine, f'the {first.name} stands across the guide'
+            return sine, f'the {first.name} is perpendicular to the guide'
         return sine, f'{first.name} and {second.name} are in line'
 
     @functools.cached_property

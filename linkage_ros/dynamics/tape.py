@@ -27,9 +27,9 @@ OPERATORS = {
 COMPARISONS = '>', '>=', '<', '<='
 # x * 1, x / 1, x - 0.0 and x + -0.0 are x for every double, signed zeros included.
 _NEUTRAL = {'*': '1.0', '/': '1.0', '-': '0.0', '+': '-0.0'}
-# For each operation, the number of first operands whose non-finite values make the result so.
+# For each operation, how many of its first operands must be finite for a finite result.
 _PASSED_ON = {'+': 2, '-': 2, '*': 2, '/': 1, 'neg': 1, 'abs': 1}
-# Files whose functions do not name the values that they compute.
+# Files whose local variables do not become names in the program.
 _UNNAMED = __file__, formulas.__file__, numeric.__file__
 
 
@@ -43,7 +43,7 @@ class Recorder:
         self.tape, self.line = tape, line
 
     def binary(self, sign: str, a: Real, b: Real) -> Real:
-        """Records an operation between two values; the operators of ZERO drop it."""
+        """Records an operation between two values; leaves it to ZERO if one of them is ZERO."""
         if a is ZERO or b is ZERO:
             return NotImplemented
         return self.tape.record(sign, a, b)
@@ -53,7 +53,7 @@ class Recorder:
         return self.tape.record('call', self, *values)
 
     def __getitem__(self, i: int) -> 'Recorder':
-        """Records the choice of one of the results of a call."""
+        """Records the selection of one result of a call that returns several."""
         return self.tape.record(f'[{i}]', self)
 
     def __bool__(self) -> bool:
@@ -90,8 +90,8 @@ class Tape:
     Attributes:
         title: Name of the formula.
         lines: The operations.
-        names: Names of the results of lines in the formulas.
-        result: Result of the formula, in recording numbers.
+        names: Names of the variables that hold the results of lines, by line.
+        result: Result of the formula: nested tuples of `Recorder`s.
     """
 
     def __init__(
@@ -100,9 +100,9 @@ class Tape:
         """Records a formula.
 
         Args:
-            formula: Function from constants and arguments to nested tuples of numbers.
+            formula: Function of constants and arguments; returns numbers in nested tuples.
             constants: Constants of the structure to record; their values do not matter.
-            arguments: Names of the arguments.
+            arguments: Names of the numbers in each argument.
         """
         self.title = formula.__name__
         self.names: dict[int, str] = {}
@@ -113,7 +113,7 @@ class Tape:
         given = iter(
             [self._add('constant', (), at) if isinstance(x, numbers) else x for x, at in named]
         )
-        # An active profiler is kept; names are then missing.
+        # An active profiler is left in place; the tape then has no names.
         is_free = sys.getprofile() is None
         if is_free:
             sys.setprofile(self._take_names)
@@ -128,11 +128,11 @@ class Tape:
         self.result = transformed(formulas.number, result)
 
     def record(self, operation: str, *operands: Real) -> Recorder:
-        """Records an operation, or finds it on the tape.
+        """Records an operation, unless it is already on the tape.
 
         Args:
             operation: Name of the operation.
-            *operands: Recording numbers and literals.
+            *operands: Symbolic numbers and floats.
 
         Returns:
             The result of the operation.
@@ -152,25 +152,26 @@ class Tape:
                 return kept
         return self._add(operation, tuple(x.line for x in known))
 
-    def unshown(self, values: Iterable[Real]) -> list[Recorder]:
+    def without_implied(self, values: Iterable[Real]) -> list[Recorder]:
         """Leaves out values whose finiteness follows from that of another value.
 
-        A sum, difference, product or quotient is finite only if its operands are.
+        A finite sum, difference or product has finite operands; a finite quotient has a finite
+        dividend.
 
         Args:
-            values: Recording numbers, and finite ones.
+            values: Symbolic numbers, and floats that are finite.
 
         Returns:
-            The other recording numbers.
+            The symbolic numbers that must be checked.
         """
         recorded = [x for x in values if isinstance(x, Recorder)]
-        shown, lines = set[int](), [x.line for x in recorded]
+        implied, lines = set[int](), [x.line for x in recorded]
         for i in lines:  # the list grows
             operation, operands, _ = self.lines[i]
-            passed = {*operands[: _PASSED_ON.get(operation, 0)]} - shown
-            shown |= passed
+            passed = {*operands[: _PASSED_ON.get(operation, 0)]} - implied
+            implied |= passed
             lines += passed
-        return [x for x in recorded if x.line not in shown]
+        return [x for x in recorded if x.line not in implied]
 
     def _add(self, *line: Any) -> Recorder:
         found = Line(*line)
@@ -188,7 +189,7 @@ class Tape:
 
 
 def leaves(tree: Any) -> list[Any]:
-    """All values of nested tuples, in order."""
+    """Lists all values of nested tuples, in order."""
     if not isinstance(tree, tuple):
         return [tree]
     return [leaf for part in tree for leaf in leaves(part)]
@@ -213,14 +214,14 @@ class Constants:
     """The constants of a formula, prepared once for all programs that use them.
 
     Attributes:
-        numbers: The numbers and opaque functions in the tree, in order.
-        known: Compiled programs for constants of this structure, independent of their values.
+        numbers: The numbers and opaque functions among the constants, in order.
+        known: Programs compiled for constants of this structure, whatever their values.
     """
 
     def __init__(self, tree: Any) -> None:
-        """Splits nested tuples of floats, complex numbers, `Opaque` functions and other values.
+        """Separates the numbers and functions in nested tuples from the structure of the tuples.
 
-        For many designs at once, numbers are arrays of a row for each design.
+        For many designs at once, each number is an array with a row for each design.
         """
         self._given = tree
         self.numbers: list[Any] = []
@@ -245,7 +246,7 @@ class Constants:
         self.known = _known.setdefault(tuple(structure), {})
 
     def part(self, rows: slice) -> 'Constants':
-        """The constants of some designs, where numbers are arrays of a row for each."""
+        """Selects the constants of some designs, by rows of the arrays."""
         chosen = copy.copy(self)
         chosen.numbers = [x[rows] if isinstance(x, np.ndarray) else x for x in self.numbers]
         return chosen

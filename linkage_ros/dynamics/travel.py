@@ -25,12 +25,13 @@ class Travel(NamedTuple):
 
     Attributes:
         output: Name of the output link, such as 'rocker' or 'slider'.
-        slides: Whether it slides.
-        extremes: Lowest and highest position, rad or m; beyond pi only if it swings through pi.
-            None: it turns fully.
-        at: Crank angles in [0, 2 pi) or [0, 4 pi) at which it reverses, rad.
+        slides: Whether the output link slides.
+        extremes: Lowest and highest position, rad or m; an angle is beyond pi only if the link
+            swings through pi. None: the link turns fully.
+        at: Crank angles in [0, 2 pi) or [0, 4 pi) at which the link reverses, rad.
         transmission: Smallest and largest transmission angle, between coupler and rocker or
-            between coupler and the normal of the guide; rad in [0, pi]. None: no such angle.
+            between coupler and the normal of the guide; rad in [0, pi]. None: the mechanism has
+            no such angle.
         time_ratio: Ratio of the longer to the shorter crank rotation between the two reversals;
             None unless there are exactly two.
     """
@@ -62,7 +63,7 @@ def travel(solver: Solver) -> Travel:
         solver: Solver of a mechanism whose crank turns fully.
 
     Returns:
-        The travel; its positions are right to a few ulp, because they are extremes.
+        The travel. Its positions are accurate to a few ulp, because they are extremes.
 
     Raises:
         MechanismError: The crank does not turn fully.
@@ -70,7 +71,7 @@ def travel(solver: Solver) -> Travel:
     reach = solver.reach
     reach.require_full_turn()
     period = reach.period_turns * 2 * math.pi
-    # Beside the symmetric angles, at which a rate may vanish exactly.
+    # Midpoints, because at symmetric angles a rate may be exactly 0.
     crank = reach.samples()
     crank = 0.5 * (crank[1:] + crank[:-1])
     crank = np.append(crank, crank[0] + period)
@@ -85,12 +86,12 @@ def travel(solver: Solver) -> Travel:
     before = np.flatnonzero(np.sign(rate[:-1]) * np.sign(rate[1:]) < 0)
     at = [_reversal(solver, *crank[i : i + 2].tolist()) for i in before]
     found = [solver.state(angle).position[-1] for angle in at]
-    # Each angle in the turn of the surrounding samples.
-    places = [p + whole_turns(position[i] - p) for i, p in zip(before, found, strict=True)]
+    # Each angle is shifted into the turn of the surrounding samples.
+    reversed_at = [p + whole_turns(position[i] - p) for i, p in zip(before, found, strict=True)]
     extremes: tuple[float, float] | None = None
     if not whole_turns(position[-1] - position[0]):
         # If the output nearly rests, rounding errors hide the change of sign.
-        ends = *places, float(position.min()), float(position.max())
+        ends = *reversed_at, float(position.min()), float(position.max())
         seam = whole_turns(0.5 * (min(ends) + max(ends)))
         extremes = min(ends) - seam, max(ends) - seam
     ratio = None
@@ -115,16 +116,17 @@ def _reversal(solver: Solver, low: float, high: float) -> float:
 def assemblies(mechanism: FourBar | SliderCrank, crank: float) -> tuple[tuple[float, ...], ...]:
     """Finds the assemblies of a linkage at a crank angle.
 
-    Document 2 counts them: two, the open assembly and then the crossed one; one, where coupler
-    and output are in line (for a slider-crank: the coupler and the normal of the guide), at the
-    end of a limited crank's reach or at a change point; none beyond that reach.
+    As in document 2, there are usually two: first the open assembly, then the crossed one. There
+    is only one if coupler and output are in line (for a slider-crank: the coupler and the normal
+    of the guide), at the end of a limited crank's reach or at a change point. There is none
+    beyond that reach.
 
     Args:
         mechanism: The linkage; its own `assembly` is ignored.
         crank: Crank angle, rad.
 
     Returns:
-        For each assembly the positions of crank, coupler and output, as in `State.position`.
+        The positions of crank, coupler and output in each assembly, as in `State.position`.
 
     Raises:
         ConfigurationError: The crank angle is not one finite number.
@@ -150,7 +152,7 @@ def assemblies(mechanism: FourBar | SliderCrank, crank: float) -> tuple[tuple[fl
 
 
 def _in_line(mechanism: FourBar | SliderCrank, crank: float) -> tuple[float, ...]:
-    """The position at the end of a crank's reach: both assemblies meet there."""
+    """The position at the end of a crank's reach, where both assemblies coincide."""
     angle, pin = mechanism.frame.angle, cmath.rect(mechanism.crank.length, crank)
     b = mechanism.coupler.length
     if isinstance(mechanism, SliderCrank):
