@@ -4,7 +4,7 @@
 
 import os
 
-# Before the SDK is imported, which reads it. It would warn that files get no index, which is
-# intended, that flushes time out, which is how they are used here, and that a disk is full, which
-# is reported here.
+# The SDK reads this variable when it is imported. By default it would warn that files get no
+# index, which is intended; that flushes time out, which is expected here; and that a disk is full,
+# which this package reports itself.
 os.environ.setdefault('RUST_LOG', 'warn,re_log_encoding=off,re_sdk=off,re_grpc_client=off')

@@ -18,11 +18,11 @@ from linkage_ros.numeric import Array
 from linkage_ros.view.load_arrows import Complex, LoadArrows
 from linkage_ros.view.reach import reach
 
-# Shares of the width of all that moves: size of a pivot's triangle (a mark), and the greatest
-# length of the scale.
+# Fractions of the size of the picture: a mark, which is the size of a pivot's triangle and the
+# unit of other lengths; and the greatest length of the scale bar.
 _MARK, _SCALE = 0.04, 0.25
-_PIVOT_HEIGHT = 1.4  # of a pivot with its ground, marks
-# Distance of a name from its pin, and from that of a slider's block; height of a name; marks.
+_PIVOT_HEIGHT = 1.4  # height of a pivot's symbol with its ground, marks
+# Distance of a label from a pin, and from the pin of a slider's block; height of a label; marks.
 _LABEL_DISTANCE, _LABEL_BEYOND_BLOCK, _LABEL_HEIGHT = 1.5, 1.9, 1.4
 
 
@@ -30,27 +30,27 @@ class Drawing:
     """The picture of one mechanism.
 
     Attributes:
-        joints: Names of the joints, in the order of positions.
-        turning: Names of the links that have a direction: all but a slider.
+        joints: Names of the joints, in the order of the links.
+        turning: Names of the links that turn: all except a slider.
         pivots: The fixed pivots A0 and, if there is one, B0; shape (1 or 2, 2), m.
-        pivot_names: Their names.
-        pivot_labels: Positions of their labels; shape as pivots, m.
-        pins: Names of the moving points, in the order of `place`.
-        ends: The pins of each link that turns, in the order of the loop.
-        owners: Links that determine the colours of the paths, by moving point; points on the
-            circle of the crank pin have none.
+        pivot_names: Names of the pivots.
+        pivot_labels: Positions of the labels of the pivots; shape as `pivots`, m.
+        pins: Names of the moving points, in the order in which `place` returns them.
+        ends: Both pins of each link that turns, in the order of the loop.
+        owners: Names of the links that own the moving points, by point; the path of a point has
+            the colour of its owner. Points on the circle of the crank pin have no owner.
         loaded: Names of the links on which loads act.
         paths: Closed paths of the output link's pin and of the coupler point C, by the name of
-            the link whose point it is; shape (n, 2), m. Empty for a mechanism with a free slider.
+            the owner; shape (n, 2), m. Empty for a mechanism with a free slider.
         ground: Drawing of the fixed link, lines of shape (n, 2), m.
         scale: A scale bar below the drawing, a line of shape (4, 2), m.
-        scale_length: Its length, m.
-        bounds: Lower left and upper right corner of the whole motion, shape (2, 2), m; with a
-            free slider, of the positions possible at every crank angle.
+        scale_length: Length of the scale bar, m.
+        bounds: Lower left and upper right corner of the picture in all positions that `reach`
+            samples, shape (2, 2), m.
     """
 
     def __init__(self, mechanism: Mechanism, crank_angle: float = 0.0) -> None:
-        """Makes the drawing.
+        """Computes the parts of the picture that do not move.
 
         Args:
             mechanism: The mechanism.
@@ -68,7 +68,7 @@ class Drawing:
         self.pivots = plane(np.array([points[name].fixed for name in self.pivot_names]))
         loop = _pins_of_the_loop(structure)
         self.ends = dict(zip(self.turning, pairwise(loop), strict=True))
-        # The next link for pins between two links, the own link for other points.
+        # The owner of a pin between two links is the later link; other points have one link.
         self.owners = dict(zip(loop[2:], self.joints[2:], strict=False))
         asides = {name: self.joints[np.flatnonzero(points[name].weights)[-1]] for name in self.pins
                   if name not in loop}  # fmt: skip
@@ -89,7 +89,7 @@ class Drawing:
         if self._links[-1].slides:
             axis = cmath.rect(1.0, self._links[-1].angle)
             self.ground += _rail(swept[:, self._output] @ (1, 1j), axis, mark)
-        # Names of pivots are below them, or above if the links are below.
+        # Labels of pivots are below the pivots, or above them if the links are below.
         is_low = swept[..., 1].mean() < self.pivots[:, 1:]
         above = np.where(is_low, _LABEL_DISTANCE + _LABEL_HEIGHT, -_PIVOT_HEIGHT)
         self.pivot_labels = self.pivots + mark * above * [0.0, 1.0]
@@ -109,8 +109,8 @@ class Drawing:
     def _connect(self, asides: dict[str, str]) -> None:
         """Determines the corners of the links and the directions that labels must avoid.
 
-        Corners are the pins, the pivots and, around a slider's pin, the four of its block and the
-        middles of three of its sides.
+        Corners are the pins, the pivots and, around a slider's pin, the four corners of its block
+        and the midpoints of three of the block's sides.
         """
         names = [*self.pins, *self.pivot_names]
         self._corners: dict[str, list[int]] = {}
@@ -142,20 +142,20 @@ class Drawing:
             position: Positions of the links, shape (n, links), rad and m.
 
         Returns:
-            The pins, in the order of `pins`; shape (n, pins, 2), m.
+            The points, in the order of `pins`; shape (n, pins, 2), m.
         """
         # A slider's position is not an angle, but no point depends on it: its weights are 0.
         turned = np.exp(1j * np.where([link.slides for link in self._links], 0.0, position))
         return plane(turned @ self._weights.T + self._fixed)
 
     def links_from_joints(self, position: Array) -> Array:
-        """Converts positions or rates of the joints to those of the links.
+        """Converts positions or rates of the joints to positions or rates of the links.
 
         Args:
-            position: Joint positions in the order of the tree, shape (n, links), rad and m.
+            position: Positions or rates of the joints in the order of the links, shape (n, links).
 
         Returns:
-            Directions in base_link, rad, and slides, m; as `place` takes them.
+            Positions or rates of the links: angles in base_link, and slider positions.
         """
         links: Array = position.copy()
         for i, link in enumerate(self._links):
@@ -164,28 +164,28 @@ class Drawing:
         return links
 
     def links(self, points: Array) -> dict[str, Array]:
-        """The lines of the moving links, by their names.
+        """Draws the moving links.
 
         Args:
-            points: As `place` gives them, shape (n, pins, 2), m.
+            points: Points from `place`, shape (n, pins, 2), m.
 
         Returns:
-            Lines of shape (n, 2, 2), m. A coupler with a point is a triangle, (n, 4, 2), a
-            slider a block, (n, 5, 2).
+            Lines of shape (n, 2, 2), m, by the name of the link. A coupler with a coupler point is
+            a triangle, shape (n, 4, 2); a slider is a block, shape (n, 5, 2).
         """
         corners = self._all_corners(points)
         return {link: corners[:, shape] for link, shape in self._corners.items()}
 
     def loads(self, points: Array, positions: Array, rates: Array) -> dict[str, Array]:
-        """The arrows of the loads, by the names of the links on which they act.
+        """Draws the arrows of the loads.
 
         Args:
-            points: As `place` gives them, shape (n, pins, 2), m.
-            positions: Positions of the links, as `place` takes them.
-            rates: Their rates, rad/s and m/s.
+            points: Points from `place`, shape (n, pins, 2), m.
+            positions: Positions of the links, shape (n, links), rad and m.
+            rates: Rates of the links, rad/s and m/s.
 
         Returns:
-            Lines of shape (n, k, 2), m.
+            Lines of shape (n, k, 2), m, by the name of the link on which the load acts.
         """
         if not self.loaded:
             return {}
@@ -193,13 +193,13 @@ class Drawing:
         return {link: plane(lines) for link, lines in arrows.items()}
 
     def labels(self, points: Array) -> Array:
-        """Positions of the pins' labels, in the widest gap between the links.
+        """Places the label of each pin in the widest gap between the links around the pin.
 
         Args:
-            points: From `place`, shape (n, pins, 2), m.
+            points: Points from `place`, shape (n, pins, 2), m.
 
         Returns:
-            Positions of the same shape, m.
+            Positions of the labels, of the same shape, m.
         """
         ways = self._all_corners(points)[:, self._ways] - points[:, :, np.newaxis]
         angles = np.sort(np.arctan2(ways[..., 1], ways[..., 0]), axis=2)
@@ -222,7 +222,7 @@ def plane(points: Complex) -> Array:
 
 
 def _pins_of_the_loop(structure: Structure) -> list[str]:
-    """The pins between the links that turn, in the order of the loop."""
+    """Names the pins between the links that turn, in the order of the loop."""
     names = {point: name for name, point in structure.points.items()}
     way, rest = structure.closure.weights, (0j,) * len(structure.links)
     found = []
@@ -234,7 +234,7 @@ def _pins_of_the_loop(structure: Structure) -> list[str]:
 
 
 def _pivot(pivot: Array, size: float) -> list[Array]:
-    """The symbol of a fixed pivot: a triangle on hatched ground."""
+    """Draws the symbol of a fixed pivot: a triangle on hatched ground."""
     shapes: list[list[tuple[float, float]]] = [
         [(0, 0), (-0.6, -1), (0.6, -1), (0, 0)],
         [(-1, -1), (1, -1)],
@@ -250,7 +250,7 @@ def _round_below(length: float) -> float:
 
 
 def _rail(path: Complex, axis: complex, size: float) -> list[Array]:
-    """Hatched ground below a slider, as long as its stroke."""
+    """Draws hatched ground below a slider, as long as its stroke."""
     along = path * axis.conjugate()
     below = 1j * (along.imag.mean() - 0.6 * size)
     start, end = along.real.min() - 1.6 * size, along.real.max() + 1.6 * size

@@ -19,20 +19,20 @@ from linkage_ros.numeric import Array
 
 Complex: TypeAlias = npt.NDArray[np.complexfloating[Any, Any]]
 
-# In marks (see `drawing`): the longest straight arrow and the room between it and the slider's
-# pin; the radius of a curved arrow; a head.
+# In marks (see `drawing`): length of the longest straight arrow, and its distance from the
+# slider's pin; radius of a curved arrow; length of an arrow's head.
 _LONGEST, _BESIDE_PIN, _RADIUS, _HEAD = 6.0, 1.5, 2.6, 0.9
 _SWEEP = np.linspace(0.0, 1.5 * math.pi, 25)  # angle of the longest curved arrow, rad
 # The head of an arrow along the x axis, from its tip.
 _SIDES = np.array([cmath.rect(1.0, math.pi - 0.45), 0.0, cmath.rect(1.0, math.pi + 0.45)])
-_HARDLY = 1e-300  # a rate with a sign but negligible resistance
+_HARDLY = 1e-300  # a rate that has a sign, but causes a negligible resistance
 
 
 class LoadArrows:
-    """Arrows for the sum of all loads on a link, without those caused by joint forces.
+    """Arrows for the sum of all loads on a link, without loads that joint forces cause.
 
-    The largest load so far has the longest arrow. Loads that do not depend on speed are known from
-    the start. Points are x + iy, m.
+    The longest arrow shows the largest load so far; loads that do not depend on speed are known
+    from the start. Points are x + iy, m.
 
     Attributes:
         links: Names of the links on which loads act.
@@ -61,7 +61,7 @@ class LoadArrows:
 
     @property
     def farthest(self) -> complex:
-        """Distance of the far end of the longest straight arrow from the slider's pin."""
+        """The vector from the slider's pin to the far end of the longest straight arrow, m."""
         return (_BESIDE_PIN + _LONGEST) * self._mark * self._outwards
 
     def lines(self, positions: Array, rates: Array, slider_pin: Complex) -> dict[str, Complex]:
@@ -69,11 +69,11 @@ class LoadArrows:
 
         Args:
             positions: Positions of the links, shape (n, links), rad and m.
-            rates: Their rates, rad/s and m/s.
-            slider_pin: The pin of the slider, if there is one, shape (n,).
+            rates: Rates of the links, rad/s and m/s.
+            slider_pin: Positions of the slider's pin, shape (n,); not used without a slider.
 
         Returns:
-            Lines of shape (n, points), by the name of the loaded link.
+            Lines of shape (n, points), by the name of the link on which the load acts.
         """
         found = {}
         for name, share in self._shares(positions, rates).items():
@@ -86,7 +86,7 @@ class LoadArrows:
         return found
 
     def _shares(self, positions: Array, rates: Array) -> dict[str, Array]:
-        """The loads relative to the largest so far, from -1 to 1."""
+        """Divides the load on each link by its largest value so far: results from -1 to 1."""
         state = State(tuple(positions.T), tuple(rates.T), tuple(0.0 * rates.T), 0.0)
         found = {}
         with np.errstate(all='ignore'):  # a state in a log may be impossible
@@ -98,7 +98,7 @@ class LoadArrows:
         return found
 
     def _straight(self, pin: Complex, share: Array) -> Complex:
-        """Arrows that push or pull the slider."""
+        """Draws arrows that push or pull the slider."""
         near = pin + np.where(share, _BESIDE_PIN * self._mark, 0.0) * self._outwards
         far = near + abs(share) * _LONGEST * self._mark * self._outwards
         pulls = share * self._side > 0
@@ -107,13 +107,13 @@ class LoadArrows:
         return self._with_head(body, forward, abs(share) * _LONGEST)
 
     def _curved(self, pivot: complex, angle: Array, share: Array) -> Complex:
-        """Arrows about a pivot, from the link in the direction of the torque."""
+        """Draws arrows about a pivot, from the link in the direction of the torque."""
         turned = np.exp(1j * (angle[:, np.newaxis] + share[:, np.newaxis] * _SWEEP))
         forward = 1j * np.sign(share) * turned[:, -1]
         body = pivot + _RADIUS * self._mark * turned
         return self._with_head(body, forward, abs(share) * _RADIUS * _SWEEP[-1])
 
     def _with_head(self, body: Complex, forward: Complex, length: Array) -> Complex:
-        """Adds heads to arrows; `length` is that of the arrows, in units of `mark`."""
+        """Adds heads to arrows; `length` holds the lengths of the arrows in units of `mark`."""
         size = np.minimum(_HEAD, length) * self._mark
         return np.concatenate([body, body[:, -1:] + (size * forward)[:, np.newaxis] * _SIDES], 1)

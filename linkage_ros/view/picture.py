@@ -27,12 +27,13 @@ from linkage_ros.view.drawing import Drawing
 TIMELINE = 'ros2_timestamp'  # Rerun's name for the stamps in an MCAP log
 LINKAGE = 'linkage'
 _MOVING, _FIXED = f'{LINKAGE}/moving', f'{LINKAGE}/fixed'
-# Curves: the torque, and position and rate of a slider; rates, and directions in base_link, of
-# the links that turn. Joint angles are relative to the parent link, and jump at pi.
+# Entities of curves: VALUES has the torque, and position and rate of a slider; RATES and
+# DIRECTIONS have rates and directions in base_link of the links that turn. Joint angles would be
+# relative to the parent link, and would jump at pi.
 VALUES, RATES, DIRECTIONS = 'values', 'rates', 'directions'
 
 _DRAWING_NS = 20_000_000  # 50 drawings a second of stamp time
-_TURNS, _LONGEST = 5, 60.0  # plotted at constant speed: turns, and the limit in seconds
+_TURNS, _LONGEST = 5, 60.0  # plotted at a given speed: turns, but at most this many seconds
 _STANDING_SECONDS, _DRIVEN_SECONDS = 10.0, 5.0  # seconds plotted at standstill, and under a torque
 _FRONT = 32.0  # drawing order of the pins, above all lines
 _THIN, _MEDIUM, _THICK, _PIN = -1.0, -2.0, -3.5, -5.0  # radii; negative: points on the screen
@@ -53,10 +54,10 @@ Rows: TypeAlias = tuple[str, npt.NDArray[np.int64], list[rr.ComponentColumn]]
 
 
 class Picture:
-    """Makes the rows that Rerun shows from the samples of a run, in batches of any size.
+    """Converts samples of a run to rows for Rerun, in batches of any size.
 
     Attributes:
-        drawing: The linkage.
+        drawing: Drawing of the linkage.
     """
 
     def __init__(self, configuration: Configuration) -> None:
@@ -67,7 +68,7 @@ class Picture:
         self.drawing = Drawing(mechanism, start)
         turning = self.drawing.turning
         sliders = self.drawing.joints[len(turning) :]
-        # The links of the curves.
+        # The links whose motion the curves show, by entity.
         self._curves = {
             VALUES: ('crank', *sliders, *sliders), RATES: turning, DIRECTIONS: turning[1:],
         }  # fmt: skip
@@ -77,10 +78,10 @@ class Picture:
     def rows(
         self, stamps: npt.NDArray[np.int64], position: Array, velocity: Array, effort: Array
     ) -> Iterator[Rows]:
-        """Rows for the next samples.
+        """Converts the next samples to rows.
 
         Args:
-            stamps: ns, shape (n,), n > 0.
+            stamps: Stamps of the samples, ns, shape (n,), n > 0.
             position: Positions of the joints in tree order, rad and m; shape (n, joints).
             velocity: Velocities of the joints, rad/s and m/s.
             effort: Efforts of the joints, N m.
@@ -107,12 +108,12 @@ class Picture:
     def frame(
         self, stamps: npt.NDArray[np.int64], position: Array, velocity: Array, _: Array
     ) -> Iterator[Rows]:
-        """Rows of the moving parts alone; see `rows`."""
+        """Converts samples to rows of the moving parts alone; see `rows`."""
         places, rates = map(self.drawing.links_from_joints, (position, velocity))
         yield _MOVING, stamps, self._moving(places, rates)
 
     def _moving(self, places: Array, rates: Array) -> list[rr.ComponentColumn]:
-        """Names and pins as points, links and loads as lines."""
+        """Draws labels and pins as points, and links and loads as lines."""
         drawing = self.drawing
         pins = drawing.place(places)
         points = np.concatenate([drawing.labels(pins), pins], axis=1)
@@ -125,7 +126,7 @@ class Picture:
                 _column(_STRIPS, strips, (len(pins), len(lines)))]  # fmt: skip
 
     def constants(self) -> dict[str, list[rr.AsComponents]]:
-        """Components that are sent once, by entity: colours, names, paths, the ground."""
+        """Returns the components that are sent once, by entity: colours, labels, paths, ground."""
         drawing = self.drawing
         scale = drawing.scale.mean(axis=0)
         fixed = [*drawing.ground, drawing.scale, *drawing.paths.values()]
@@ -153,9 +154,10 @@ class Picture:
         }  # fmt: skip
 
     def layout(self) -> rrb.Blueprint:
-        """The linkage beside two columns of plots; each shows one plot, with tabs for the others.
+        """Lays out the linkage and two columns of plots; a column has tabs for its plots.
 
-        The plots have the height of the window: on low plots Rerun labels the y axis once.
+        The plots have the height of the window, because Rerun gives the y axis of a low plot only
+        one label.
 
         Returns:
             The blueprint.
@@ -181,7 +183,7 @@ class Picture:
         )
 
     def _plot(self, title: str, entity: str, shown: int | None = None) -> rrb.TimeSeriesView:
-        """Curves of an entity over the last seconds: all, or one."""
+        """Plots all curves of an entity over the last seconds, or only curve number `shown`."""
         names = self._curves[entity]
         series = rr.SeriesLines(
             names=names,
@@ -212,7 +214,7 @@ class Picture:
 
 
 def _points(places: list[Array] | None, names: Collection[str], pins: int) -> rr.Points2D:
-    """The names, as labels of points without size, and the pins, as points without labels."""
+    """Makes labels, on points without size, and pins, which are points without labels."""
     return rr.Points2D.from_fields(
         positions=places, colors=GREY, draw_order=_FRONT, labels=list(names), show_labels=True,
         radii=[0.0] * len(names) + [_PIN] * pins,
@@ -220,24 +222,24 @@ def _points(places: list[Array] | None, names: Collection[str], pins: int) -> rr
 
 
 class _Batch(NamedTuple):
-    """A batch of components for Rerun, whose own archetypes take three times as long."""
+    """A batch of components for Rerun; making Rerun's own archetypes takes three times as long."""
 
     array: pa.Array
 
     def as_arrow_array(self) -> pa.Array:
-        """The components."""
+        """Returns the components; Rerun calls this method."""
         return self.array
 
 
 def _column(
     kind: tuple[Any, pa.DataType], components: pa.Array, shape: tuple[int, ...]
 ) -> rr.ComponentColumn:
-    """Components for shape[0] stamps, shape[1] for each."""
+    """Makes a column for shape[0] stamps, with shape[1] components for each stamp."""
     offsets = shape[1] * np.arange(shape[0] + 1, dtype=np.int32)
     return rr.ComponentColumn(kind[0], _Batch(components), offsets=offsets)
 
 
 def _pairs(points: Array) -> pa.Array:
-    """Points, shape (..., 2), as Rerun takes them."""
+    """Converts points, shape (..., 2), to Rerun's type."""
     numbers = pa.array(points.astype(np.float32).ravel())
     return pa.FixedSizeListArray.from_arrays(numbers, type=_POSITIONS[1])

@@ -14,7 +14,7 @@ from linkage_ros.model.structure import Mechanism
 from linkage_ros.numeric import Array
 
 _STEPS_PER_TURN = 360
-_BEFORE_END = 1e-9  # of half an arc
+_BEFORE_END = 1e-9  # distance of the first and last sample from the end, of half an arc
 # Grid of crank angles and slider positions of a mechanism with a free slider.
 _ANGLES, _POSITIONS = 72, 121
 
@@ -50,10 +50,10 @@ def reach(mechanism: Mechanism, crank_angle: float) -> Array:
 
 
 def _area(solver: Solver, start: float) -> Array:
-    """Positions at all crank angles, with all positions of the slider from the start onwards.
+    """Samples all crank angles with a range of slider positions around the start.
 
-    These are the positions at which the loop closes at every crank angle; if the start is not one
-    of them, those at which it closes at some crank angle.
+    In this range, the loop closes at every crank angle; or, if that is not so at the start, at
+    some crank angle.
     """
     longest = sum(abs(weight) for weight in solver.structure.closure.weights)
     places = np.linspace(-longest, longest, _POSITIONS)
@@ -68,7 +68,7 @@ def _area(solver: Solver, start: float) -> Array:
 
 
 def _position(solver: Solver, angle: float, place: float) -> tuple[float, ...]:
-    """Positions of the links, or () where the loop does not close."""
+    """Computes the positions of the links; empty if the loop does not close."""
     try:
         return solver.state((angle, place)).position
     except UnreachableError:

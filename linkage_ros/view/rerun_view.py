@@ -34,15 +34,16 @@ from linkage_ros.view.viewer_process import ViewerProcess, open_viewer
 
 _WALL_CLOCK = 10**18  # ns; smaller stamps, before September 2001, are times since a start
 _BATCH = 20_000  # greatest number of samples sent at once
-# s between batches. A file takes four times the space with small ones; live, each costs as much
-# processor time as fifty samples, and the linkage moves ten times a second, curves less often.
+# Time between batches, s: of drawings and of curves to a viewer, and to a file. In a viewer, a
+# batch costs as much processor time as fifty samples; a file of small batches would be four times
+# as large.
 _PERIOD, _CURVES_PERIOD, _FILE_PERIOD = 0.1, 0.2, 1.0
 _SEND_SECONDS, _WRITE_SECONDS = 2.0, 5.0  # longest delay of a batch by a viewer or a disk
-_CLOSE_SECONDS, _LAST_SECONDS = 2.5, 0.5  # time for the rest at the end, and for a lagging viewer
-_ANSWER_SECONDS = 3.0  # a viewer that has just been started needs about one
+_CLOSE_SECONDS, _LAST_SECONDS = 2.5, 0.5  # longest closing time; for a viewer that does not read
+_ANSWER_SECONDS = 3.0  # a viewer that has just been started needs about 1 s
 
 
-# CDR bytes of a message on joint_states, and the time by which its stamp is to be shifted, ns.
+# The time by which the stamp of a message on joint_states is shifted, ns, and its CDR bytes.
 Sample: TypeAlias = tuple[int, bytes]
 
 
@@ -55,12 +56,12 @@ class View:
     answer. A file keeps everything but the last two seconds, however the run ends. It has no
     index, which would grow in memory; `rerun rrd optimize` adds one.
 
-    Stamps are times of day; those too small for that are durations: a record from 0 is marked
-    0 s, 1 s, 2 s and not with dates in 1970.
+    Stamps are shown as dates and times of day, but small stamps are shown as durations: a record
+    that starts at 0 has the labels 0 s, 1 s, 2 s, not dates in 1970.
 
     Attributes:
-        page: URL of the page for a browser; empty: there is none.
-        trouble: Current reason for sending nothing; empty: none.
+        page: URL of the page for a browser; empty: there is no page.
+        trouble: Reason why nothing is sent at present; empty: there is no such reason.
         dropped: Number of samples dropped because the viewer lagged or was absent.
         period: Time between calls of `consume`, s.
     """
@@ -89,7 +90,8 @@ class View:
         self.dropped, self.period = 0, _PERIOD
         self._picture, self._target = Picture(configuration), target
         self._template = Simulator(configuration).joint_states
-        self._waiting, self._due = list[Sample](), 0.0  # for the curves, and their time, s
+        # Samples that the curves do not show yet, and the time of the next curves, s.
+        self._waiting, self._due = list[Sample](), 0.0
         self._process: ViewerProcess | None = None
         self._file: BinaryIO | None = None  # locked, so that other runs cannot replace it
         self._stream = rr.RecordingStream('linkage_ros')
@@ -111,7 +113,7 @@ class View:
         """Shows the samples since the last call, and curves that are due.
 
         Args:
-            samples: In the order of their stamps.
+            samples: Samples in the order of their stamps.
 
         Raises:
             ViewerError: The window could not open, the page's server ended, or the disk is full.
@@ -126,7 +128,7 @@ class View:
                 self.dropped += len(batch)
 
     def close(self) -> None:
-        """Sends the rest and disconnects within 3 s, even if the viewer hangs."""
+        """Sends the remaining samples and disconnects within 3 s, even if the viewer hangs."""
         thread = threading.Thread(target=self._disconnect, name='viewer close', daemon=True)
         thread.start()
         thread.join(_LAST_SECONDS if self.trouble else _CLOSE_SECONDS)
@@ -181,7 +183,7 @@ class View:
             self._stream.log(entity, *components, static=True, strict=True)
 
     def _show(self, samples: Sequence[Sample]) -> None:
-        """Sends the last drawing and, if they are due, all drawings and curves."""
+        """Sends all drawings and curves if they are due, and otherwise only the last drawing."""
         self._waiting += samples
         if self._file or time.monotonic() > self._due:
             self._due = time.monotonic() + _CURVES_PERIOD
@@ -197,7 +199,7 @@ class View:
     def _read(
         self, samples: Sequence[Sample]
     ) -> tuple[npt.NDArray[np.int64], Array, Array, Array]:
-        """Shown stamps, ns, and positions, rates and efforts of the joints."""
+        """Decodes samples: shifted stamps, ns; positions, rates and efforts of the joints."""
         stamps, numbers = self._template.read(b''.join([data for _, data in samples]))
         position, velocity, effort = np.split(numbers, 3, axis=1)
         return stamps + np.array([shift for shift, _ in samples]), position, velocity, effort
@@ -219,14 +221,14 @@ class View:
 
 
 def _is_reachable(address: tuple[str, int], timeout: float) -> bool:
-    """Waits until something accepts connections at an address, a host and a port.
+    """Waits until a server accepts connections at an address.
 
     Args:
         address: Host and port.
-        timeout: Longest time, s; there is at least one attempt.
+        timeout: Longest time to wait, s; there is at least one attempt.
 
     Returns:
-        Whether something accepts connections.
+        Whether a server accepts connections.
     """
     deadline = time.monotonic() + timeout
     while True:

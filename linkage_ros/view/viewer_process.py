@@ -34,7 +34,7 @@ class ViewerProcess:
 
         Args:
             command: The binary and its arguments.
-            outlives: Whether it survives this process, even after a signal of the terminal.
+            outlives: Whether the viewer survives this process, even a signal from the terminal.
 
         Raises:
             ViewerError: The program cannot be run.
@@ -49,19 +49,19 @@ class ViewerProcess:
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
                 stderr=self._errors,
-                # With `CI` set, it sends no usage statistics, and the user's settings stay.
+                # With `CI`, the viewer sends no usage statistics and keeps the user's settings.
                 env={**os.environ, 'RUST_LOG': 'error', 'CI': '1'},
-                start_new_session=True,  # Ctrl-C in the terminal must not reach it
+                start_new_session=True,  # Ctrl-C in the terminal must not reach the viewer
             )
         except OSError as error:
             self._errors.close()
             raise ViewerError(f'{command[0]} cannot be run: {error.strerror or error}') from error
 
     def runs(self) -> bool:
-        """Returns whether it runs; if not, the user has closed its window.
+        """Returns whether the viewer runs; if not, the user has closed its window.
 
         Raises:
-            ViewerError: It has failed, or a page's server has ended.
+            ViewerError: The viewer has failed, or a page's server has ended.
         """
         code = self.process.poll()
         if code is None or (self._outlives and code in _CLOSED_BY_USER):
@@ -80,24 +80,25 @@ class ViewerProcess:
             self.process.terminate()
             try:
                 self.process.wait(_TIMEOUT)
-            except subprocess.TimeoutExpired:  # it is stopped, for example by SIGSTOP
+            except subprocess.TimeoutExpired:  # the viewer is stopped, for example by SIGSTOP
                 self.process.kill()
                 self.process.wait()
         self._errors.close()
 
 
 def open_viewer(bind: str, *, window: bool) -> tuple[ViewerProcess, str, int, str]:
-    """Opens a window, which stays open with its contents, or serves a page while this runs.
+    """Opens a window, which stays open when this process ends, or serves a page until then.
 
     Args:
-        bind: Address on which it takes and serves data, and serves the page.
-        window: Whether it is a window.
+        bind: Address on which the viewer receives and serves data, and serves the page.
+        window: Whether to open a window; otherwise a page is served.
 
     Returns:
-        The process; host and port at which it takes data; the page's URL, empty for a window.
+        The process; host and port at which the viewer receives data; the page's URL, empty for a
+        window.
 
     Raises:
-        ViewerError: There is no screen, no such address or no program.
+        ViewerError: There is no screen, the address is invalid, or the program is missing.
     """
     if window:
         require_screen()
@@ -108,7 +109,7 @@ def open_viewer(bind: str, *, window: bool) -> tuple[ViewerProcess, str, int, st
     else:
         page_port = str(free_address(bind)[1])
         options = ['--serve-web', '--web-viewer-port', page_port]
-        # The host name stands for all addresses of this machine.
+        # If the page is served on all addresses of this machine, its URL has the host name.
         name = socket.gethostname() if host in {'0.0.0.0', '[::]'} else host  # noqa: S104
         url = urllib.parse.quote(f'rerun+http://{name}:{port}/proxy', safe='')
         page = f'http://{name}:{page_port}/?url={url}'
@@ -136,7 +137,7 @@ def find_viewer() -> Path:
         The binary itself: the `rerun` command is a wrapper that does not pass signals on.
 
     Raises:
-        ViewerError: It is not installed.
+        ViewerError: The program is not installed.
     """
     import rerun
 
@@ -157,7 +158,7 @@ def free_address(bind: str) -> tuple[str, int]:
         The address as written in URLs, and a free port.
 
     Raises:
-        ViewerError: It is not an address of this machine.
+        ViewerError: `bind` is not an address of this machine.
     """
     try:
         address = ipaddress.ip_address(bind)
