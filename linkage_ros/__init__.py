@@ -3,8 +3,8 @@
 """Planar linkages that move exactly: states, driving torque, ROS 2 node, log, replay and view.
 
 Describe a mechanism (`FourBar`, `SliderCrank` or `WindPump`) and pass it to a `Solver`, which
-gives its states, accelerations, joint forces and energy. Units are SI: m, kg, rad, s, N. Angles
-and torques are counter-clockwise positive. Each value may be a float or an array.
+computes its states, accelerations, joint forces and energy. Units are SI: m, kg, rad, s, N. Angles
+and torques are positive counter-clockwise. Each value may be a float or an array.
 """
 
 __version__ = '0.1.0'

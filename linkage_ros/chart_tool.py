@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Command line of linkage_chart; `lab/commands` has a file for each command."""
+"""Command line of linkage_chart; the modules in `lab/commands` run its commands."""
 
 import argparse
 import sys
@@ -25,7 +25,7 @@ _QUICK: cli.Option = (('--quick',), None, {
 def _parser() -> argparse.ArgumentParser:
     parser = cli.make_parser(
         _NAME,
-        'Draw the motion of a mechanism, or measurements of the methods; needs no ROS.',
+        'Draw the motion of a mechanism, or compare methods of solving it; needs no ROS.',
         ('motion quadrilateral', 'motion my_linkage.yaml --reactions --out charts',
          'motion slider_crank --rpm 30 --acceleration 1',
          'accuracy --quick --out charts', 'stability --out charts', 'economy quadrilateral',
@@ -33,7 +33,7 @@ def _parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     presets = f'parameter file, or a preset: {", ".join(preset_names())}'
     params = {'metavar': 'PARAMS', 'help': presets}
-    note = " (default: the file's); of a wind_pump, the one it settles from"
+    note = " (default: the file's); for a wind_pump, the speed from which it settles"
     rpm: cli.Option = (('--rpm',), _RPM, {'metavar': 'N', 'note': note})
     cli.add_commands(parser, {
         'motion': cli.Command(
@@ -43,15 +43,15 @@ def _parser() -> argparse.ArgumentParser:
             (
                 (('params',), None,
                  {'metavar': 'PARAMS', 'nargs': '+',
-                  'help': f'{presets}; several: beside each other'}),
+                  'help': f'{presets}; several are compared'}),
                 rpm,
                 (('--acceleration',),
                  Quantity('number', 'crank acceleration at every angle', 'rad/s^2', -1e9, 1e9),
                  {'default': 0.0, 'metavar': 'A', 'note': ' (default 0)'}),
                 (('--fluctuation',),
-                 Quantity('number', 'largest less smallest speed over the mean, which a flywheel '
-                          'keeps', '', 1e-6, 1.0),
-                 {'metavar': 'F', 'note': '; adds the flywheel, and judges the motor: PNG'}),
+                 Quantity('number', 'coefficient of fluctuation, (largest - smallest speed) / '
+                          'mean, that a flywheel must keep', '', 1e-6, 1.0),
+                 {'metavar': 'F', 'note': '; sizes the flywheel and checks the motor: PNG'}),
                 (('--reactions',), None,
                  {'action': 'store_true', 'help': 'add joint forces, shaking force and moment'}),
                 _OUT,
@@ -83,13 +83,13 @@ def _parser() -> argparse.ArgumentParser:
                 _QUICK,
                 (('--rpm',), _RPM,
                  {'nargs': '+', 'metavar': 'N',
-                  'note': "; besides the file's (default: a quarter to four times it)"}),
+                  'note': "; the file's speed is added (default: a quarter to four times it)"}),
                 (('--tolerance',),
-                 Quantity('number', 'error that is allowed, a share of the peak', '', 1e-9, 1.0),
+                 Quantity('number', 'allowed error, relative to the peak torque', '', 1e-9, 1.0),
                  {'default': 0.01, 'metavar': 'E', 'note': ' (default 0.01)'}),
                 _OUT,
             ),
-            '%(prog)s PARAMS [options]',  # after --rpm it would be parsed as a speed
+            '%(prog)s PARAMS [options]',  # after --rpm, PARAMS would be parsed as a speed
         ),
         'sweep': cli.Command(
             _run, 'many designs of one mechanism, measured and compared: CSV and PNG',
@@ -98,15 +98,15 @@ def _parser() -> argparse.ArgumentParser:
             (
                 (('study',), None,
                  {'metavar': 'STUDY', 'help': 'study file; see docs/sizing.md'}),
-                (('--workers',), Quantity('whole', 'processes that do the work', '', 1, 1024),
+                (('--workers',), Quantity('whole', 'number of worker processes', '', 1, 1024),
                  {'metavar': 'N', 'note': ' (default: one for each processor)'}),
                 (('--scheduler',), None,
-                 {'metavar': 'ADDRESS', 'help': 'Dask cluster that does the work instead'}),
+                 {'metavar': 'ADDRESS', 'help': 'use the Dask cluster at this address instead'}),
                 _OUT,
             ),
         ),
         'pump': cli.Command(
-            _run, 'steady states of a wind pump over start and motor torque: PNG and JSON',
+            _run, 'steady states of a wind pump by start speed and motor torque: PNG and JSON',
             ('', 'my_pump.yaml --speeds 1 4 --quick --out charts'),
             (
                 (('params',), None,
@@ -114,11 +114,11 @@ def _parser() -> argparse.ArgumentParser:
                   'help': 'parameter file, or a preset (default wind_pump)'}),
                 _QUICK,
                 (('--speeds',),
-                 Quantity('number', 'crank speed to start from', 'rad/s', 1e-6, 1e6),
+                 Quantity('number', 'initial crank speed', 'rad/s', 1e-6, 1e6),
                  {'nargs': '+', 'default': [2.0, 6.0], 'metavar': 'W', 'note': ' (default 2 6)'}),
                 _OUT,
             ),
-            '%(prog)s [PARAMS] [options]',  # after --speeds they would be parsed as speeds
+            '%(prog)s [PARAMS] [options]',  # after --speeds, PARAMS would be parsed as a speed
         ),
     })  # fmt: skip
     return parser

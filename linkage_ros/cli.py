@@ -29,15 +29,15 @@ from linkage_ros.quantities import Quantity, shown
 Option: TypeAlias = tuple[tuple[str, ...], Quantity | None, dict[str, Any]]
 
 STOPPED_BY_USER = 130
-_LONGEST_WAIT = 1.0  # s, to write an error to a full pipe
-_LONGEST_SLEEP = 0.5  # s, until a signal that another thread received is handled
+_LONGEST_WAIT = 1.0  # s, for a blocked stderr to accept an error message
+_LONGEST_SLEEP = 0.5  # s, before a signal that another thread received is handled
 
 
 class Parser(argparse.ArgumentParser):
     """Argument parser that reports an error in one line, without the usage text."""
 
     def error(self, message: str) -> NoReturn:
-        """Ends the program with exit code 2."""
+        """Prints the error and ends the program with exit code 2."""
         self.exit(2, f'{self.prog}: {one_line(message)}; see {self.prog} --help\n')
 
 
@@ -48,7 +48,7 @@ def make_parser(
 
     Args:
         name: Name of the executable.
-        purpose: One sentence.
+        purpose: What the executable does, in one sentence.
         examples: Command lines, without the name of the executable.
         notes: Text below the examples.
 
@@ -61,7 +61,7 @@ def make_parser(
 
 
 def path(text: str) -> Path:
-    """Converts an argument of a command line to a path; refuses an empty one.
+    """Converts a command-line argument to a path; an empty argument is an error.
 
     Args:
         text: The argument.
@@ -73,7 +73,7 @@ def path(text: str) -> Path:
         ArgumentTypeError: The argument is empty.
     """
     if not text:
-        raise argparse.ArgumentTypeError("'' is no path: name one")
+        raise argparse.ArgumentTypeError("'' is not a path: give one")
     return Path(text)
 
 
@@ -95,7 +95,7 @@ def add_options(parser: Any, options: Iterable[Option]) -> None:
 
 def _read_number(name: str, quantity: Quantity, text: str) -> object:
     value: float | str = text
-    for kind in (float, int):  # a whole number stays one
+    for kind in (float, int):  # int is last, so that a whole number becomes an int
         with suppress(ValueError):
             value = kind(text)
     try:
@@ -105,14 +105,14 @@ def _read_number(name: str, quantity: Quantity, text: str) -> object:
 
 
 class Command(NamedTuple):
-    """One command of an executable that has several.
+    """A command of an executable, such as `info` of linkage_log.
 
     Attributes:
-        run: Does the work, with the options of the command line; returns an exit code or None.
-        purpose: One sentence.
+        run: Function that runs the command with its parsed options; returns an exit code or None.
+        purpose: What the command does, in one sentence.
         examples: Command lines, without the names of executable and command.
         options: The options and arguments of the command.
-        usage: Usage line; None: that of argparse.
+        usage: Usage line; None: argparse writes it.
     """
 
     run: Callable[[argparse.Namespace], int | None]
@@ -123,7 +123,7 @@ class Command(NamedTuple):
 
 
 def add_commands(parser: argparse.ArgumentParser, commands: Mapping[str, Command]) -> None:
-    """Adds commands to a parser; `options.run(options)` runs the selected command."""
+    """Adds commands to a parser; the attribute `run` of the parsed options runs the command."""
     parsers = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
     for name, (run, purpose, examples, options, usage) in commands.items():
         words = _described(f'{parser.prog} {name}', purpose, examples)
@@ -163,16 +163,16 @@ class Stop:
             self._signals.append(signal.SIGHUP)
         for number in self._signals:
             signal.signal(number, self._request)
-            # At exit Python restores its own handlers; a second Ctrl-C would then kill it.
+            # At exit Python restores its own handlers; a second Ctrl-C would kill the process.
             atexit.register(signal.signal, number, signal.SIG_IGN)
 
     def _request(self, *_: object) -> None:
-        for number in self._signals:  # each handler would interrupt the previous one
+        for number in self._signals:  # another signal would interrupt this handler
             signal.signal(number, signal.SIG_IGN)
         self.set()
 
     def set(self) -> None:
-        """Requests the end."""
+        """Requests the end of the program."""
         self._is_set = True
         self._asked.put(None)
 
@@ -201,7 +201,7 @@ def run(name: str, command: Callable[[], int | None]) -> int:
 
     Args:
         name: Name of the executable, for messages.
-        command: Does the work; returns its exit code, None for 0.
+        command: Function that does the work; returns an exit code, or None for 0.
 
     Returns:
         The exit code: 2 for an error that the user can correct, 130 after Ctrl-C.
@@ -211,12 +211,12 @@ def run(name: str, command: Callable[[], int | None]) -> int:
         sys.stdout.reconfigure(errors='backslashreplace')
     try:
         code = command() or 0
-        if sys.stdout is not None:  # it was closed
+        if sys.stdout is not None:  # None: the process was started with stdout closed
             sys.stdout.flush()
     except KeyboardInterrupt:
         print(file=sys.stderr)
         return STOPPED_BY_USER
-    except BrokenPipeError:  # the reader of our output is gone
+    except BrokenPipeError:  # the reader of stdout has closed the pipe
         _discard_stdout()
         return 0
     except (LinkageError, ImportError, OSError) as error:  # stdout may be a file on a full disk
@@ -229,7 +229,7 @@ def run(name: str, command: Callable[[], int | None]) -> int:
 
 
 def leave(code: int) -> int:
-    """Ends a process after its work; a ROS process at once, without Python's clean-up.
+    """Exits a ROS process at once, without Python's clean-up; does nothing in another process.
 
     While the interpreter shuts down, Fast DDS may hang or crash (Fast-DDS#6513), and a
     second Ctrl-C would be an error.
@@ -238,12 +238,12 @@ def leave(code: int) -> int:
         code: Exit code.
 
     Returns:
-        The exit code, if Python may exit normally.
+        The exit code, if rclpy was not imported.
     """
     if 'rclpy' not in sys.modules:
         return code
     for stream in (sys.stdout, sys.stderr):
-        with suppress(OSError, ValueError, AttributeError):  # closed, or the reader is gone
+        with suppress(OSError, ValueError, AttributeError):  # the stream may be closed or broken
             stream.flush()
     os._exit(code)
 
@@ -257,14 +257,17 @@ def _discard_stdout() -> None:
 
 
 def counted(number: int, noun: str) -> str:
-    """A number with its noun, in the plural unless the number is 1."""
+    """Formats a number and its noun, which is in the plural unless the number is 1."""
     return f'{number} {noun}{"" if number == 1 else "s"}'
 
 
 def print_error(name: str, error: object) -> None:
-    """Prints one line, unless stderr is blocked for a second by a full pipe or Ctrl-S."""
+    """Prints an error on one line of stderr; gives up if stderr is blocked for a second.
+
+    A full pipe, or Ctrl-S in the terminal, blocks stderr.
+    """
     is_writable = sys.stderr is not None
-    with suppress(OSError, TypeError):  # it is not a file
+    with suppress(OSError, TypeError):  # stderr may lack a file descriptor
         is_writable = bool(select.select([], [sys.stderr], [], _LONGEST_WAIT)[1])
     if is_writable:
         with suppress(OSError):

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Program behind `make demo`: runs a four-bar on ROS 2, or records it where rclpy is missing."""
+"""Program behind `make demo`: runs a four-bar on ROS 2, or records it if rclpy is missing."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def _run_live(viewer: str) -> None:
 
 def _run_recorded(viewer: str) -> None:
     print('rclpy is not installed here: recording the run without ROS')
-    rate = 1 if viewer == SPAWN else 1000  # a file is not watched live
+    rate = 1 if viewer == SPAWN else 1000  # a view written to a file needs no real time
     for command in (
         _command('record', 'quadrilateral', _LOG, '--duration', _SECONDS, '--overwrite'),
         _command('replay', _LOG, '--no-ros', '--rate', rate, '--viewer', viewer),
@@ -79,7 +79,7 @@ def _run() -> None:
 
 def _main() -> int:
     purpose = 'turn a four-bar on ROS 2 for 8 s and watch it; without rclpy, record it'
-    notes = 'It writes into the folder demo, here.'
+    notes = 'The results are written into the folder demo in the current directory.'
     cli.make_parser('python -m linkage_ros.demo', purpose, ('',), notes).parse_args()
     return cli.leave(cli.run(_NAME, _run))
 

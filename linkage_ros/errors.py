@@ -2,20 +2,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """The errors of linkage_ros.
 
-A program reads the fields, a person reads the message: one line that names the value, the
-valid range and what to do.
+A program reads the attributes of an error. A person reads its message: one line that names the
+value, the valid range and what to do.
 """
 
 from __future__ import annotations
 
-_LONGEST = 600  # characters of an error
+_LONGEST = 600  # characters of an error message
 
 
 def printable(text: str) -> str:
     """Escapes the characters of a text that are not printable.
 
     Args:
-        text: May contain names and values from untrusted files.
+        text: A text that may contain names and values from untrusted files.
 
     Returns:
         The text, without control characters.
@@ -31,10 +31,10 @@ def shortened(text: str, longest: int) -> str:
 
     Args:
         text: Any text.
-        longest: Most characters of the result.
+        longest: Maximum length of the result, characters.
 
     Returns:
-        The text, or its beginning and end.
+        The text itself if it is short enough, otherwise its beginning and end.
     """
     if len(text) <= longest:
         return text
@@ -42,10 +42,10 @@ def shortened(text: str, longest: int) -> str:
 
 
 def one_line(text: str) -> str:
-    """A text on one line, printable and shortened, for an error message.
+    """Makes a text fit for an error message: printable, short and on one line.
 
     Args:
-        text: May contain names and values from untrusted files.
+        text: A text that may contain names and values from untrusted files.
 
     Returns:
         At most 600 characters; the middle of a longer text is left out.
@@ -54,7 +54,7 @@ def one_line(text: str) -> str:
     return shortened(printable(words), _LONGEST)
 
 
-# By module: the feature that needs it, the library, and the arguments of pip.
+# For each module: why it is needed, and the arguments of `pip install`.
 _LIBRARIES = {
     'mcap': ('logs need mcap', 'mcap lz4 zstandard'),
     'lz4': ('logs need lz4', 'mcap lz4 zstandard'),
@@ -71,13 +71,13 @@ _LIBRARIES = {
 
 
 def missing_library(module: str) -> str:
-    """Message for a user who lacks a library.
+    """Returns the error message for a missing library.
 
     Args:
         module: The module that cannot be imported.
 
     Returns:
-        One line: what needs the library, and how to install it.
+        One line that says which feature needs the library, and how to install it.
     """
     name = module.partition('.')[0]
     if name.startswith('rcl') or name.endswith('_msgs'):
@@ -112,7 +112,8 @@ class UnreachableError(LinkageError, ValueError):
 
     Attributes:
         crank_angle: The first requested angle that is out of reach, rad.
-        arcs: The reachable arcs of the crank, pairs (from, to) in rad; empty if there is none.
+        arcs: The reachable arcs of the crank angle, pairs (from, to) in rad; empty if no angle
+            is reachable.
     """
 
     def __init__(
@@ -127,8 +128,9 @@ class MotionError(LinkageError):
     """A torque-driven motion cannot be continued.
 
     Attributes:
-        time: Time of its end, s.
-        coordinates: Last crank angle, rad, and slider position, m.
+        time: Time at which the motion ends, s.
+        coordinates: Coordinates at that time: crank angle, rad, and for a wind pump also the
+            slider position, m.
     """
 
     def __init__(self, message: str, *, time: float, coordinates: tuple[float, ...]) -> None:

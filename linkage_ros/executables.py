@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Entry points; each imports its program only when it runs.
+"""Entry points of the executables; each imports its program only when it is called.
 
 Importing rclpy takes most of the start-up time. Ctrl-C during the import ends the program without
 a traceback, and a missing rclpy gives a one-line error.

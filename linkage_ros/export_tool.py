@@ -20,7 +20,7 @@ _NAME = 'linkage_export'
 
 
 def urdf(options: argparse.Namespace) -> None:
-    """Writes the URDF of the open tree.
+    """Writes the mechanism as URDF: a tree of links, with the loop open.
 
     Args:
         options: Options of the command line.
@@ -35,7 +35,7 @@ def urdf(options: argparse.Namespace) -> None:
 
 
 def mjcf(options: argparse.Namespace) -> None:
-    """Writes the MJCF with the loop closed.
+    """Writes the mechanism as MJCF, with the loop closed.
 
     Args:
         options: Options of the command line.
@@ -57,10 +57,11 @@ def _configuration(options: argparse.Namespace) -> Configuration:
 
 
 def _write(options: argparse.Namespace, text: str) -> None:
-    """Writes the file.
+    """Writes a text to the output file and prints the path.
 
     Raises:
-        ConfigurationError: It exists and is not to be replaced, or cannot be written.
+        ConfigurationError: The file holds the parameters, exists and --overwrite is not given,
+            or cannot be written.
     """
     if is_same_file(str(options.out), str(find_file(options.params))):
         raise ConfigurationError(
@@ -74,9 +75,9 @@ def _write(options: argparse.Namespace, text: str) -> None:
 
 
 def _options(file: str) -> tuple[cli.Option, ...]:
-    """The options of both commands."""
+    """The options that both commands have; `file` names the output file in the help."""
     presets = f'parameter file, or a preset: {", ".join(preset_names())}'
-    prefix = 'put before every joint and link name (default: joint_prefix of the file)'
+    prefix = 'prefix of every joint and link name (default: joint_prefix of the file)'
     return (
         (('params',), None, {'metavar': 'PARAMS', 'help': presets}),
         (('out',), None, {'metavar': file, 'type': cli.path, 'help': 'the file to write'}),
@@ -93,11 +94,11 @@ def _parser() -> argparse.ArgumentParser:
     )
     control: cli.Option = (('--ros2-control',), None, {
         'action': 'store_true',
-        'help': 'add the tag by which ros2_control drives the crank of a node',
+        'help': 'add the tag with which ros2_control drives the crank of a node',
     })  # fmt: skip
     cli.add_commands(parser, {
         'urdf': cli.Command(
-            urdf, 'the URDF of the open tree, as on robot_description',
+            urdf, 'the URDF of the open tree, as published on robot_description',
             ('quadrilateral linkage.urdf',
              'my_linkage.yaml linkage.urdf --joint-prefix left_ --ros2-control'),
             (*_options('OUT.urdf'), control),

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Opens and inspects files at user-given paths, which may be missing or special files."""
+"""Opens and inspects files at paths from users, which may be missing or special files."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ _WRITTEN = 'is being written by another run and is kept: choose another name'
 def open_file(path: Path | str, mode: Literal['rb', 'wb', 'xb'] = 'rb') -> BinaryIO:
     """Opens a file without waiting.
 
-    A pipe without a writer is empty; one without a reader cannot be opened for writing. A file
-    opened for writing is locked: this package refuses to open it for writing a second time, in
-    any process.
+    A pipe without a writer reads as empty; a pipe without a reader cannot be opened for writing.
+    A file opened for writing is locked: this package refuses to open it for writing a second
+    time, in any process.
 
     Args:
         path: The file.
@@ -39,8 +39,8 @@ def open_file(path: Path | str, mode: Literal['rb', 'wb', 'xb'] = 'rb') -> Binar
     """
     opener = _open_nonblocking if mode == 'rb' else _open_locked
     try:
-        stream = open(path, mode, opener=opener)  # noqa: SIM115, the caller's to close
-    except ValueError as error:  # a NUL, or half a character
+        stream = open(path, mode, opener=opener)  # noqa: SIM115, the caller closes it
+    except ValueError as error:  # the name has a NUL or a lone surrogate
         raise OSError(errno.EINVAL, str(error)) from error
     os.set_blocking(stream.fileno(), True)
     return stream
@@ -53,7 +53,7 @@ def create_file(
 
     Args:
         path: The file.
-        kind: Error to raise.
+        kind: Class of the error to raise.
         overwrite: Whether to replace an existing file.
         cure: What a user must do to replace an existing file.
 
@@ -61,7 +61,8 @@ def create_file(
         The file, to be closed by the caller.
 
     Raises:
-        LinkageError: An error of that kind: the file exists and is kept, or cannot be created.
+        LinkageError: The file exists and is kept, or cannot be created; the error is of class
+            `kind`.
     """
     try:
         return open_file(path, 'wb' if overwrite else 'xb')
@@ -124,18 +125,18 @@ def _reason(error: Exception) -> str:
 
 
 def _open_nonblocking(path: str, flags: int) -> int:
-    return os.open(path, flags | os.O_NONBLOCK, 0o666)  # less the umask, as open does
+    return os.open(path, flags | os.O_NONBLOCK, 0o666)  # the umask applies, as with open()
 
 
 def _open_locked(path: str, flags: int) -> int:
-    """Opens a file for writing, locks it until it is closed, and then empties it.
+    """Opens a file for writing, locks it until it is closed, and truncates it.
 
     Raises:
         BlockingIOError: The file is locked.
         OSError: The file cannot be opened.
     """
     number = _open_nonblocking(path, flags & ~os.O_TRUNC)
-    if stat.S_ISREG(os.fstat(number).st_mode):  # /dev/null is shared
+    if stat.S_ISREG(os.fstat(number).st_mode):  # a device such as /dev/null is not locked
         try:
             fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
@@ -148,7 +149,7 @@ def _open_locked(path: str, flags: int) -> int:
 
 
 def is_written(path: Path | str) -> bool:
-    """Returns whether `open_file` has a file open for writing."""
+    """Returns whether this package has a file open for writing, in any process."""
     with suppress(OSError), open_file(path) as stream:
         try:
             fcntl.flock(stream.fileno(), fcntl.LOCK_SH | fcntl.LOCK_NB)
@@ -167,5 +168,5 @@ def is_same_file(path: str, other: str) -> bool:
 
 
 def path_exists(path: Path | str) -> bool:
-    """Returns whether a path exists; unlike Path.exists, also for impossible names."""
+    """Returns whether a path exists; False for an invalid name, where Path.exists may raise."""
     return os.path.exists(path)  # noqa: PTH110

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Arithmetic for floats and arrays: exact sums of lengths, angles of many turns, finite values."""
+"""Arithmetic for floats and arrays: exact sums, angles of many turns, checks of arguments."""
 
 import functools
 import itertools
@@ -23,7 +23,10 @@ Array: TypeAlias = npt.NDArray[np.float64]
 
 
 def by_element(function: Callable[..., float]) -> Callable[..., Real]:
-    """Extends a function of floats to arrays; NumPy's functions may differ in the last bit."""
+    """Extends a function of floats to arrays, by calling it for each element.
+
+    NumPy's functions of arrays may differ from it in the last bit.
+    """
     floats = {float}
 
     @functools.wraps(function)
@@ -51,14 +54,14 @@ largest = by_element(max)
 
 @by_element
 def exact_sum(*terms: float) -> float:
-    """The exact sum, rounded once."""
+    """The sum of the terms, rounded only once."""
     return math.fsum(terms)
 
 
 # pi/2 and 2 pi in two parts: the nearest double, and the remainder.
 HALF_PI = (math.pi / 2, 6.123233995736766e-17)
 _TWO_PI = (2 * math.pi, 2.4492935982947064e-16)
-# The same with a first part of 31 bits: its products with up to 4 million turns are exact.
+# 2 pi with a first part of 31 bits: its products with up to 4 million turns are exact.
 _SHORT_TWO_PI = (6.2831853069365025, 2.430840202602477e-10)
 TURN = Fraction(_TWO_PI[0]) + Fraction(_TWO_PI[1])
 
@@ -75,10 +78,10 @@ def wrap(angle: Real, to_whole: Callable[[Real], Real] = round) -> Real:
 
     Args:
         angle: Angle or array of angles, rad.
-        to_whole: Rounds to the nearest whole number, as `np.rint` does of arrays.
+        to_whole: Function that rounds to the nearest whole number: `np.rint` for arrays.
 
     Returns:
-        The same direction, rad.
+        The wrapped angle, rad.
     """
     turns = to_whole(angle * (1 / _TWO_PI[0]))
     return (angle - turns * _TWO_PI[0]) - turns * _TWO_PI[1]
@@ -92,7 +95,7 @@ def nearest_turns(angle: float) -> int:
     1.5, which rounds up; exact fractions give 1.
 
     Args:
-        angle: rad.
+        angle: Angle, rad.
 
     Returns:
         The number of turns.
@@ -101,26 +104,27 @@ def nearest_turns(angle: float) -> int:
 
 
 def within_two_turns(angle: float) -> tuple[float, int]:
-    """Removes whole pairs of turns from an angle: a state repeats after at most two turns.
+    """Removes pairs of whole turns from an angle: a state repeats after at most two turns.
 
     Args:
-        angle: rad.
+        angle: Angle, rad.
 
     Returns:
-        The angle, nearer to 0 than two turns and rounded once, and the number of pairs.
+        The remaining angle, rad, which is between -2 and 2 turns and rounded once; and the number
+        of pairs removed.
     """
     pairs = int(angle / (2 * _TWO_PI[0]))
     return with_turns(angle, -pairs), pairs
 
 
 def with_turns(angle: float, pairs: int | Fraction) -> float:
-    """Adds pairs of turns to an angle and rounds once: the inverse of `within_two_turns`."""
+    """Adds pairs of turns to an angle, rad, and rounds once; inverts `within_two_turns`."""
     return math.fsum((angle, *_parts_of(pairs))) if pairs else angle
 
 
 @functools.lru_cache(maxsize=64)
 def _parts_of(pairs: int | Fraction) -> tuple[float, ...]:
-    """Splits pairs of turns into floats with the exact sum, rad."""
+    """Expresses pairs of turns, in rad, as floats whose sum is exact."""
     parts, rest = [], pairs * 2 * TURN
     while rest:
         parts.append(float(rest))
@@ -129,11 +133,11 @@ def _parts_of(pairs: int | Fraction) -> tuple[float, ...]:
 
 
 def without_turns(angle: Real, first: float) -> Real:
-    """Reduces an angle by whole turns into the turn that begins at `first`, rad.
+    """Reduces an angle by whole turns into the turn that begins at `first`.
 
     Args:
-        angle: rad; a float or an array, whose results are equal to the bit.
-        first: rad.
+        angle: Float or array, rad; both give results that are equal to the bit.
+        first: Smallest angle of that turn, rad.
 
     Returns:
         The reduced angle, rad.
@@ -162,19 +166,19 @@ def short_sum(longest: float, *terms: float) -> float:
 
 
 def is_rounding(longest: float, total: float) -> bool:
-    """Returns whether an exact sum of lengths counts as 0, compared with the longest length."""
+    """Returns whether a sum of lengths counts as 0: it is below 4 ulp of the longest length."""
     return abs(total) < 4 * math.ulp(longest)
 
 
 def rounded(length: float, *, up: bool) -> str:
-    """Formats a bound with six digits, rounded to the side on which it still holds.
+    """Formats a limit of a length with six digits, rounded so that it still holds.
 
     Args:
-        length: The bound, m.
-        up: Whether it is a lower bound; otherwise an upper one.
+        length: The limit, m.
+        up: Whether to round up, for a lower limit; an upper limit is rounded down.
 
     Returns:
-        Its text.
+        The formatted limit.
     """
     text = f'{length:.6g}'
     gap = length - float(text) if up else float(text) - length

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """All colours of Rerun, charts, documents and URDF.
 
-The palette of Okabe and Ito, which colour-blind people can tell apart, and greys. A link and its
-curves have the same colour; colours of links stand out from black and from white. Pairs of
-other things, such as states, energies or controllers, have two further colours. In charts without
-a mechanism, a legend explains the colours.
+They are greys and the palette of Okabe and Ito, whose colours colour-blind people can tell apart.
+A link and its curves have the same colour; colours of links stand out from black and from white.
+Pairs of other things, such as states, energies or controllers, have two further colours. In
+charts without a mechanism, a legend explains the colours.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Progress bars and lines of the command lines, on stderr if that is a terminal."""
+"""Progress bars and status lines of the executables, on stderr if it is a terminal."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tqdm import tqdm
 def progress_bar(
     items: Iterable[Any] | None = None, *, wanted: bool = True, **options: Any
 ) -> tqdm[Any]:
-    """A progress bar on stderr, if that is a terminal; it disappears at the end.
+    """Makes a progress bar on stderr, if that is a terminal; the bar disappears at the end.
 
     Args:
         items: The items to iterate over; None: the bar is updated by hand.
@@ -35,7 +35,7 @@ def waiting(words: str) -> Iterator[None]:
     """Shows a line on stderr while the block runs, if stderr is a terminal.
 
     Args:
-        words: The line, such as the reason for waiting.
+        words: Text of the line, such as the reason for waiting.
 
     Yields:
         None.

@@ -22,7 +22,7 @@ from linkage_ros.errors import ConfigurationError, shortened
 
 _T = TypeVar('_T')
 _LONGEST = 80  # characters of a value in an error
-_ANY = '(?s).*'  # text
+_ANY = '(?s).*'  # pattern of any text
 
 
 @dataclass(frozen=True)
@@ -31,11 +31,11 @@ class Quantity:
 
     Attributes:
         kind: 'number', 'whole', 'pair', 'list', 'choice', 'text' or 'switch'.
-        meaning: One line for people.
-        unit: SI unit; empty where there is none.
-        low: Smallest valid value, inclusive (numbers, whole numbers and pairs).
-        high: Largest valid value, inclusive.
-        choices: The valid words of a choice.
+        meaning: Description for users, in one line.
+        unit: Unit; empty if there is none.
+        low: Smallest valid number, inclusive; also for each number of a pair or list.
+        high: Largest valid number, inclusive.
+        choices: The valid values of a choice.
         pattern: Regular expression of valid text; empty: any text is valid.
         live: Whether the value may be changed while the node runs.
     """
@@ -51,12 +51,12 @@ class Quantity:
 
     @property
     def span(self) -> str:
-        """The range with its unit, of numbers, whole numbers and pairs."""
+        """The range and its unit as text; only for numbers, whole numbers, pairs and lists."""
         return f'{self.low:g} to {self.high:g} {self.unit}'.rstrip()
 
     @property
     def valid(self) -> str:
-        """The valid values in words."""
+        """Describes the valid values in words."""
         return {
             'number': f'a number from {self.span}',
             'whole': f'a whole number from {self.span}',
@@ -68,11 +68,11 @@ class Quantity:
         }[self.kind]
 
     def clean(self, name: str, value: object) -> object:
-        """Returns the value in its field's type.
+        """Checks a value and converts it to the type of its field.
 
         Args:
             name: Name of the field in error messages.
-            value: The value; whole numbers are accepted as numbers, and lists as pairs.
+            value: The value; a number may be a whole number, and a pair may be a list.
 
         Returns:
             The value as float, int, tuple of floats, str or bool.
@@ -86,7 +86,7 @@ class Quantity:
         return cleaned
 
     def _read(self, value: object) -> object:
-        """The value in its field's type; None if it is not valid."""
+        """Converts a value to the type of its field; returns None if the value is not valid."""
         if self.kind == 'number':
             return self._number(value)
         if self.kind in {'pair', 'list'}:
@@ -116,7 +116,7 @@ class Quantity:
 
 
 def shown(value: object) -> str:
-    """Formats a value for an error message, shortened."""
+    """Formats a value for an error message, with at most 80 characters."""
     try:
         return shortened(' '.join(repr(value).split()), _LONGEST)
     except ValueError:  # Python cannot print an integer of thousands of digits
@@ -136,7 +136,7 @@ def quantity(
     live: bool = False,
     default: Any = MISSING,
 ) -> Any:
-    """Declares a dataclass field that holds a `Quantity`; without default it is required."""
+    """Declares a dataclass field with a `Quantity`; without a default, the field is required."""
     described = Quantity(kind, meaning, unit, *span, choices, pattern, live)
     return dataclasses.field(default=default, metadata={'quantity': described})
 
@@ -146,8 +146,8 @@ def groups(base: type, kinds: Sequence[Any]) -> Any:
 
     Args:
         base: Base class of the valid objects.
-        kinds: The valid classes. The attribute `group` names the group of parameters of each; ''
-            for none. A parameter file may set one of each group.
+        kinds: The valid classes. The attribute `group` of a class names its group of parameters;
+            it is '' if the class has none. A parameter file may set each group once.
 
     Returns:
         The field; empty by default.
@@ -159,13 +159,13 @@ def groups(base: type, kinds: Sequence[Any]) -> Any:
 
 
 class _Held(NamedTuple):
-    """Dataclasses of quantities that a field may hold.
+    """The objects that a field may hold; their classes are dataclasses of quantities.
 
     Attributes:
-        kinds: The dataclasses by their names in dotted names.
+        kinds: The classes, by their part of a dotted parameter name.
         base: Base class of the valid objects.
         valid: Description of the valid objects.
-        is_group: Whether it holds a tuple of them, one of each kind at most.
+        is_group: Whether the field holds a tuple of such objects.
     """
 
     kinds: Mapping[str, Any]
@@ -175,7 +175,7 @@ class _Held(NamedTuple):
 
 
 def _parts(cls: Any) -> Iterator[tuple[dataclasses.Field[Any], Quantity | _Held]]:
-    """The fields of a dataclass of quantities, and the contents of each."""
+    """Yields the fields of a dataclass of quantities, each with a description of its value."""
     hints = typing.get_type_hints(cls)
     for field in dataclasses.fields(cls):
         kind = hints[field.name]
@@ -184,7 +184,7 @@ def _parts(cls: Any) -> Iterator[tuple[dataclasses.Field[Any], Quantity | _Held]
 
 
 class Checked:
-    """Base of frozen dataclasses of quantities, which checks them on creation."""
+    """Base class of frozen dataclasses of quantities; checks the fields on creation."""
 
     def __post_init__(self) -> None:
         for field, part in _parts(type(self)):
@@ -218,7 +218,10 @@ class Leaf(NamedTuple):
 
 
 def leaves(cls: type, prefix: str = '') -> tuple[Leaf, ...]:
-    """All quantities of a dataclass, nested ones with dotted names, in order of declaration."""
+    """Lists the quantities of a dataclass in order of declaration.
+
+    Quantities of nested dataclasses have dotted names.
+    """
     found: list[Leaf] = []
     for field, part in _parts(cls):
         if isinstance(part, Quantity):
@@ -233,7 +236,7 @@ def leaves(cls: type, prefix: str = '') -> tuple[Leaf, ...]:
 
 
 def build(cls: type[_T], values: Mapping[str, object], prefix: str = '') -> _T:
-    """Makes a dataclass from flat dotted names, the inverse of `flatten`.
+    """Builds an instance of a dataclass from values by dotted name; inverts `flatten`.
 
     Args:
         cls: A dataclass of quantities and of such dataclasses.
@@ -244,7 +247,8 @@ def build(cls: type[_T], values: Mapping[str, object], prefix: str = '') -> _T:
         The object; missing fields have their defaults.
 
     Raises:
-        ConfigurationError: A value is bad; the message starts with its dotted name.
+        ConfigurationError: A value is missing or not valid; the message starts with its dotted
+            name.
     """
     arguments: dict[str, object] = {}
     for field, part in _parts(cls):
@@ -264,10 +268,11 @@ def build(cls: type[_T], values: Mapping[str, object], prefix: str = '') -> _T:
 
 
 def flatten(instance: object, prefix: str = '') -> dict[str, object]:
-    """The quantities of an object by dotted name; those that are None are left out.
+    """Returns the values of an object by dotted name; None values are left out.
 
     Raises:
-        ConfigurationError: Not expressible as parameters: two of one kind, or a user's kind.
+        ConfigurationError: Parameters cannot express the object: it holds two objects of one
+            group, or an object that belongs to no group.
     """
     flat: dict[str, object] = {}
     for field, part in _parts(type(instance)):
@@ -282,7 +287,7 @@ def flatten(instance: object, prefix: str = '') -> dict[str, object]:
             found = {names.get(type(member)): member for member in value}
             if None in found or len(found) < len(value):
                 raise ConfigurationError(
-                    f'{field.name} holds {shown(value)}: parameters can say one of each: '
+                    f'{field.name} holds {shown(value)}: parameters can hold one of each: '
                     f'{", ".join(part.kinds)}'
                 )
         for name, member in found.items():

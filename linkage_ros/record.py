@@ -38,9 +38,9 @@ from linkage_ros.wire.topics import ROBOT_DESCRIPTION, qualified
 _NAME = 'linkage_record'
 _DEFAULT_DURATION = 10.0  # s
 _LONGEST = 1e9  # s; stamps of thirty years still fit ROS's time
-_DURATION = Quantity('number', 'how long', 's', 1e-9, _LONGEST)
-_REVOLUTIONS = Quantity('whole', 'how far the crank turns', 'turns', 1, _LONGEST)
-_LONGEST_WAIT = 3600  # s; time limit of the revolutions of a torque-driven motion
+_DURATION = Quantity('number', 'duration', 's', 1e-9, _LONGEST)
+_REVOLUTIONS = Quantity('whole', 'rotation of the crank', 'turns', 1, _LONGEST)
+_LONGEST_WAIT = 3600  # s; a torque-driven crank must make its revolutions within this time
 _BATCH = 2048  # states per batch
 _RATE = next(leaf.quantity for leaf in leaves(Session) if leaf.name == 'rate_hz')
 
@@ -55,23 +55,25 @@ def record(
     progress: bool = False,
     stopped: Callable[[], bool] = lambda: False,
 ) -> int:
-    """Writes the states from t = 0 up to, but not including, the end; log times are stamps.
+    """Writes the states from t = 0 up to, but not including, the end.
+
+    The log time of each message is its stamp.
 
     Args:
         configuration: Configuration of the run.
         path: The new log.
         duration: Duration, s; by default 10.
-        revolutions: Turns of the crank, either way, instead of a duration.
+        revolutions: Turns of the crank in either direction, instead of a duration.
         overwrite: Whether to replace an existing file.
-        progress: Whether to show a bar on stderr.
-        stopped: Called every few thousand states; if it returns True, the record ends early.
+        progress: Whether to show a progress bar on stderr.
+        stopped: Called before each batch of states; if it returns True, the record ends early.
 
     Returns:
         The number of states written.
 
     Raises:
-        ConfigurationError: The duration is not positive, or its end is never reached.
-        MotionError: A torque-driven motion ends earlier; the states before that are kept.
+        ConfigurationError: The duration is not positive, or the crank never makes the revolutions.
+        MotionError: A torque-driven motion ends earlier; the log keeps the states before its end.
         LogError: The file cannot be written.
     """
     simulator = Simulator(configuration)
@@ -110,12 +112,12 @@ def _rows(
 
     Args:
         simulator: Simulator of the configuration.
-        motion: Its motion from t = 0.
-        count: Number of states; None: until the last turn ends.
-        turns: Turns of the crank, either way.
+        motion: The motion from t = 0.
+        count: Number of states; None: until the turns are complete.
+        turns: Turns of the crank in either direction; used if `count` is None.
 
     Yields:
-        Rows in the machine's layout.
+        The rows of a batch, in the simulator's layout.
 
     Raises:
         ConfigurationError: The crank has not made its turns within an hour.
@@ -123,7 +125,7 @@ def _rows(
     """
     start, tick = simulator.configuration.drive.crank_angle, 0
     while tick != count:
-        # A motion that ends with a turn is followed for at most a second beyond it.
+        # If turns are counted, at most a second beyond the last one is computed.
         most = simulator.tick_at(NS_PER_S) + 1 if count is None else count - tick
         stamps = [simulator.elapsed(tick + i) for i in range(min(_BATCH, most))]
         found = motion.at_all(stamps)
@@ -147,16 +149,16 @@ def _rows(
 def count_states(
     simulator: Simulator, motion: Motion, duration: float | None, revolutions: int | None
 ) -> int | None:
-    """The number of states in a record.
+    """Computes the number of states in a record.
 
     Args:
         simulator: Simulator of the configuration.
-        motion: Motion of its crank, from t = 0.
-        duration: s; None: 10.
-        revolutions: Turns of the crank, either way, instead of a duration.
+        motion: The motion from t = 0.
+        duration: Duration, s; None: 10.
+        revolutions: Turns of the crank in either direction, instead of a duration.
 
     Returns:
-        The number; None if only the simulation can tell when the turns are complete.
+        The number; None for the turns of a torque-driven crank, which must be simulated first.
 
     Raises:
         ConfigurationError: A value is out of range, or the crank never makes these turns.

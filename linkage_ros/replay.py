@@ -26,16 +26,16 @@ from linkage_ros.units import NS_PER_S
 
 _NAME = 'linkage_replay'
 _CLOCK_HZ = 40.0
-_OFFSET = Quantity('number', 'skip the beginning', 's of the log', 0.0, 1e9)
-_DURATION = replace(_OFFSET, meaning='play this much from there, the end excluded', low=1e-9)
+_OFFSET = Quantity('number', 'length to skip at the beginning', 's of the log', 0.0, 1e9)
+_DURATION = replace(_OFFSET, meaning='length to replay, the end excluded', low=1e-9)
 _OPTIONS: list[cli.Option] = [
     (('log',), None, {'metavar': 'LOG.mcap', 'type': cli.path, 'help': 'the log'}),
     (('-r', '--rate'),
-     Quantity('number', 'log time over real time', low=MIN_RATE, high=MAX_RATE),
+     Quantity('number', 'ratio of log time to real time', low=MIN_RATE, high=MAX_RATE),
      {'note': ' (default 1)', 'default': 1.0, 'metavar': 'R'}),
     (('-l', '--loop'), None,
      {'action': 'store_true',
-      'help': 'begin again at the end, until Ctrl-C; the time on /clock goes on'}),
+      'help': 'repeat the log until Ctrl-C; the time on /clock keeps increasing'}),
     (('--start-offset',), _OFFSET, {'default': 0.0, 'metavar': 'S'}),
     (('--playback-duration',), _DURATION, {'metavar': 'S'}),
     (('-p', '--start-paused'), None,
@@ -47,8 +47,9 @@ _OPTIONS: list[cli.Option] = [
     (('--topics',), None,
      {'nargs': '+', 'metavar': 'NAME', 'help': 'replay these topics only'}),
     (('--viewer',), None,
-     {'default': '', 'metavar': 'TARGET', 'help': f'also show it in Rerun: {VIEWERS}'}),
-    (('--no-ros',), None, {'action': 'store_true', 'help': 'do not publish, only view'}),
+     {'default': '', 'metavar': 'TARGET', 'help': f'also show the log in Rerun: {VIEWERS}'}),
+    (('--no-ros',), None,
+     {'action': 'store_true', 'help': 'show the log in the viewer without publishing it'}),
 ]  # fmt: skip
 
 
@@ -80,7 +81,8 @@ def _parser() -> argparse.ArgumentParser:
         ('run.mcap', 'run.mcap --rate 0.5 --start-offset 2 --topics /joint_states',
          'run.mcap --loop --clock', 'run.mcap --viewer spawn --no-ros'),
     )  # fmt: skip
-    parser.usage = '%(prog)s LOG.mcap [options]'  # after --topics it would be parsed as a topic
+    # After --topics, the log would be parsed as a topic.
+    parser.usage = '%(prog)s LOG.mcap [options]'
     parser.epilog = f'{KEYS}\n\n{parser.epilog}'
     cli.add_options(parser, _OPTIONS)
     return parser
@@ -105,7 +107,10 @@ def _check(options: argparse.Namespace, log: LogReader) -> None:
 
 
 def _split(arguments: list[str]) -> tuple[list[str], list[str]]:
-    """Splits off the arguments of ROS: from --ros-args to -- or the end."""
+    """Splits a command line into arguments of this program and arguments of ROS.
+
+    The arguments of ROS go from --ros-args to -- or the end, after the program's name.
+    """
     start = arguments.index('--ros-args') if '--ros-args' in arguments else len(arguments)
     end = arguments.index('--', start) if '--' in arguments[start:] else len(arguments)
     return arguments[1:start] + arguments[end + 1 :], [arguments[0], *arguments[start:end]]
@@ -119,7 +124,8 @@ def _sinks(
     publishes = not options.no_ros and (
         find_spec('rclpy') or options.clock is not None or not options.viewer
     )
-    # The viewer is opened first, because its errors come at once; but topics get messages first.
+    # The viewer is opened first, because its errors appear at once; but a message is published
+    # before it is shown.
     sinks: list[Sink] = []
     if options.viewer:
         from linkage_ros.playback.replay_view import showing
@@ -130,7 +136,7 @@ def _sinks(
         from linkage_ros.playback.republish import republishing
 
         publishing = republishing(_NAME, ros_arguments, log, excerpt.topics, pace, options.clock)
-        with waiting('looks for listeners'):
+        with waiting('waiting for subscribers'):
             sinks.insert(0, stack.enter_context(publishing))
     return sinks
 
@@ -150,7 +156,7 @@ def _run(arguments: list[str]) -> int:
         shorten_switch_interval()
         minimize_timer_slack()
         if options.delay:
-            with waiting(f'begins in {options.delay:g} s'):
+            with waiting(f'the replay begins in {options.delay:g} s'):
                 stop.wait(options.delay)
         items = stack.enter_context(feed(log, excerpt, loop=options.loop))
         show = stack.enter_context(_status(log, excerpt, pace))

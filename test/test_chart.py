@@ -327,7 +327,7 @@ def elapsed(crank, speed):
     [
         (['motion', 'pentagon'], "no preset 'pentagon'"),
         (['motion', ''], "no preset '': choose one of"),
-        (['motion', 'quadrilateral', '--out', ''], "argument --out: '' is no path: name one"),
+        (['motion', 'quadrilateral', '--out', ''], "argument --out: '' is not a path: give one"),
         (['motion', 'quadrilateral', '--rpm', 'nan'], "--rpm: 'nan': must be a number from"),
         (['motion', 'quadrilateral', '--rpm', 'fast'], "--rpm: 'fast': must be a number from"),
         (['motion', 'quadrilateral', '--acceleration', '1e99'], "--acceleration: '1e99': must be"),

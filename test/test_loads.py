@@ -80,14 +80,14 @@ EXAMPLES = {
 WRONG = {
     # Points.
     'not rising': (f'{SLIDER}, load: {{link: slider, at: [1.0, 0.5], value: [1.0, 2.0]}}',
-                   r'load\.at must rise: its number 2, 0\.5, is not above 1 before it'),
+                   r'load\.at must increase: number 2, 0\.5, is not above 1 before it'),
     'unequal': (f'{SLIDER}, load: {{link: slider, at: [0.0, 1.0], value: [1.0]}}',
                 r'load\.value has 1 numbers and load\.at 2: give one for each point'),
     'more than a turn': (f'{SLIDER}, load: {{link: slider, at: [0.0, 6.5], value: [1.0, 1.0]}}',
-                         r'load\.at spans 6\.5 rad .*: must be at most one turn'),
+                         r'load\.at spans 6\.5 rad .*: must span at most one turn'),
     'unequal ends': (
         f'{SLIDER}, load: {{link: slider, at: [0.0, {TURN}], value: [1.0, 2.0]}}',
-        'ends with 2: must .* after a whole one end with the first, 1',
+        'ends with 2: must .* after a whole turn, the last value must equal the first, 1',
     ),
     'return over the angle': (
         f'{SLIDER}, load: {{link: slider, {POINTS}, return_value: [1.0, 2.0]}}',
@@ -124,7 +124,7 @@ WRONG = {
             'infinite.csv': r'must be a list of numbers from',
             'empty.csv': 'each line below at,value must be 2 numbers',
             'unequal.csv': 'each line below at,value must be 2 numbers',
-            'falling.csv': r'load\.at must rise: its number 2, -1, is not above 0',
+            'falling.csv': r'load\.at must increase: number 2, -1, is not above 0',
         }.items()
     },
     'file and points': (f'{SLIDER}, load: {{link: slider, file: words.csv, {POINTS}}}',

@@ -391,5 +391,5 @@ def test_a_cut_file_and_a_tail_of_zeros_or_of_garbage_are_reported(path, answer)
 @pytest.mark.parametrize('arguments', [['info', ''], ['verify', ''], ['recover', 'run.mcap', '']])
 def test_an_empty_name_is_no_folder(called, arguments):
     assert_refused(
-        *called(log_tool, *arguments), ".mcap: '' is no path: name one; see linkage_log"
+        *called(log_tool, *arguments), ".mcap: '' is not a path: give one; see linkage_log"
     )

@@ -415,14 +415,14 @@ MESSAGES = {
     'a: [{b: 1}]': "'a' holds a mapping; write a bool",
     'a:\nb: 1': "'a' has no value; write a bool",
     'a: [1, ~, ]': "mixes types, 1 and '~'; give one",
-    '[a]: 1': 'a list is no name; write "name: value"',
-    '"": 1': "'' is no name; write",
-    'a: &x 1\nb: *x': r'line 4: ROS takes no alias \(\*x\); write the value',
-    r'a: "x\0"': r"'x\\x00' holds a NUL or half a character; remove it",
+    '[a]: 1': 'a list is not a name; write "name: value"',
+    '"": 1': "'' is not a name; write",
+    'a: &x 1\nb: *x': r'line 4: ROS accepts no alias \(\*x\); write the value',
+    r'a: "x\0"': r"'x\\x00' holds a NUL or a surrogate; remove it",
     'a' * 256 + ': 1': "'a{39} [.]{3} a{34}' makes a name of over 255; shorten it",
-    'a: b: c': r'line 3: no YAML in UTF-8 \(mapping values are not allowed.*\); correct the file',
-    'a: "x': r'no YAML in UTF-8 \(found unexpected end of stream\); correct',
-    'a: \x01': r'no YAML in UTF-8 \(.*\); correct the file there',
+    'a: b: c': r'line 3: not YAML in UTF-8 \(mapping values are not allowed.*\); correct',
+    'a: "x': r'not YAML in UTF-8 \(found unexpected end of stream\); correct',
+    'a: \x01': r'not YAML in UTF-8 \(.*\); correct this line',
 }  # fmt: skip
 LAYOUT = {
     'hello': "line 1: 'hello' where a mapping belongs; begin the file with",
@@ -434,8 +434,8 @@ LAYOUT = {
         "line 3: 'four_bar' where a mapping belongs; begin the file with"
     ),
     'ros__params: {a: 1}': "'1' where a mapping belongs; begin",
-    'ros__parameters: {a: 1}': "'' before ros__parameters is no node; begin",
-    'a-b: {ros__parameters: {a: 1}}': "'a-b' before ros__parameters is no node; begin",
+    'ros__parameters: {a: 1}': "'' before ros__parameters is not a node; begin",
+    'a-b: {ros__parameters: {a: 1}}': "'a-b' before ros__parameters is not a node; begin",
     'x: {ros__parameters: {a: 1}, y: {}}': "'y' follows ros__parameters; move it before",
 }
 
@@ -471,7 +471,7 @@ def test_an_unreadable_file_is_named(name, message, tmp_path):
 @pytest.mark.parametrize('wrong', [b'\xe9', b'\x01'])
 def test_names_the_line_of_a_wrong_byte(wrong, write, loader):
     path = write(b'\n' * 5000 + own('a: 1\nb: ').encode().rstrip(b'\n') + wrong + b'\n')
-    with pytest.raises(ConfigurationError, match=r', line 5004: no YAML in UTF-8 \(.*\); correct'):
+    with pytest.raises(ConfigurationError, match=r', line 5004: not YAML in UTF-8 .*; correct'):
         read_parameter_file(path)
 
 

@@ -27,10 +27,12 @@ class Output(io.StringIO):
         return shown
 
 
-@pytest.mark.parametrize(('is_terminal', 'words'), [(True, 'looks for listeners'), (False, '')])
+@pytest.mark.parametrize(
+    ('is_terminal', 'words'), [(True, 'waiting for subscribers'), (False, '')]
+)
 def test_waiting_line_is_shown_on_a_terminal_and_erased(monkeypatch, is_terminal, words):
     monkeypatch.setattr(sys, 'stderr', output := Output(is_terminal))
-    with waiting('looks for listeners'):
+    with waiting('waiting for subscribers'):
         assert output.lines() == [words]
-        print('nobody listens so far', file=sys.stderr)
-    assert output.lines() == ['nobody listens so far', '']  # it stands alone
+        print('no subscribers yet; --delay S', file=sys.stderr)
+    assert output.lines() == ['no subscribers yet; --delay S', '']  # it stands alone

@@ -257,8 +257,8 @@ BAD_FILES = {
     'value out of range': (layout(crank='{length: 0.0}'), r'crank.length = 0.0: must be a number'),
     'value missing': (layout(crank='{mass: 1.0}'), r'crank.length is missing: must be a number'),
     'name misspelt': (layout(crank='{lenght: 0.1}'), r'did you mean crank.length'),
-    'no YAML': ('/**:\n\tros__parameters:\n', r'line 2: no YAML'),
-    'binary': (bytes(range(256)) * 16, 'no YAML'),
+    'no YAML': ('/**:\n\tros__parameters:\n', r'line 2: not YAML'),
+    'binary': (bytes(range(256)) * 16, 'not YAML'),
     'measured crank': (
         '/**: {ros__parameters: {drive: follow}}',
         'run linkage_node, or give drive: speed',
@@ -304,7 +304,7 @@ def test_a_degenerate_but_possible_file_is_recorded(called, out, params, text):
     ('words', 'reason'),
     [
         ([], 'required: PARAMS, OUT.mcap; see linkage_record --help'),
-        (['quadrilateral', ''], "argument OUT.mcap: '' is no path: name one; see"),
+        (['quadrilateral', ''], "argument OUT.mcap: '' is not a path: give one; see"),
         (['', 'run.mcap'], "no preset '': choose one of .*, wiper"),
         *(
             ([name, 'run.mcap'], f"no preset '{re.escape(name)}': choose one of .*quadrilateral")

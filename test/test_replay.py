@@ -74,7 +74,7 @@ def played(log, *options):
             quiet(listener)
         assert process.returncode == 0, err
         assert 'messages replayed' in out
-        if 'nobody listens so far' not in err:
+        if 'no subscribers yet' not in err:
             break
     assert err == ''
     return listener
@@ -133,7 +133,7 @@ def test_loop_repeats_the_bytes_and_its_clock_never_goes_back(log):
         process.send_signal(signal.SIGINT)
         out, err = process.communicate(timeout=20)
     assert process.returncode == 0
-    assert not err or 'nobody listens so far' in err  # where discovery takes its time
+    assert not err or 'no subscribers yet' in err  # where discovery takes its time
     heard = listener.received[STATES]
     assert unbroken(heard, 400 * stored(log, STATES, 10**9, 1_250_000_000))
     assert len(listener.received[DESCRIPTION]) == 1
@@ -176,7 +176,9 @@ def test_keys_pause_step_change_the_rate_and_resume(log, player):
     start, listener = player
     options = '--start-paused', '--delay', 0.1, '--clock', '--playback-duration', 1, '--rate', 0.5
     with start(*options) as shell:
-        shell.sees(rb'looks for listeners.*begins in 0\.1 s.*0\.000/1\.000 s, rate 0\.5, paused')
+        shell.sees(
+            rb'waiting for subscribers.*begins in 0\.1 s.*0\.000/1\.000 s, rate 0\.5, paused'
+        )
         assert not held(shell.terminal)
         wait_for(lambda: len(clock_times(listener)) > 10)
         assert not listener.received[STATES]
@@ -352,5 +354,5 @@ def test_message_that_cannot_be_published_is_one_line(called, monkeypatch, tmp_p
 
 def test_file_that_is_not_a_log_is_one_line(called, tmp_path):
     (tmp_path / 'text.mcap').write_text('no log')
-    for name, words in (('text.mcap', "it begins with b'no log'"), ('', "'' is no path")):
+    for name, words in (('text.mcap', "it begins with b'no log'"), ('', "'' is not a path")):
         assert_refused(*called(replay, name and tmp_path / name), words)

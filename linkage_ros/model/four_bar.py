@@ -3,19 +3,20 @@
 """The four-bar linkage: description, mobility and exact pose.
 
 The loop equation is r e^(i alpha) + b e^(i beta) = c e^(i gamma) + d e^(i delta) (document 1,
-eq. 7; document 2, eq. 1); its solution here is this project's. Both halves of
-the quadrilateral, cut by the diagonal B0 - A of length L, are triangles of the same form:
+eq. 7; document 2, eq. 1). The solution given here was derived for this project. The diagonal
+B0 - A, of length L, divides the quadrilateral into two triangles of the same form:
 
     d - r e^(i theta) = e^(i theta/2) [(d-r) cos(theta/2) - i (d+r) sin(theta/2)]
     b - c e^(i mu)    = e^(i mu/2)    [(b-c) cos(mu/2)    - i (b+c) sin(mu/2)]
 
-with theta = alpha - delta and the signed transmission angle mu = gamma - beta, and their
-quotient is e^(i (beta - delta)). Differentiated, with nu = [(d-r)(d+r) - (b-c)(b+c) mu'] / L^2:
+with theta = alpha - delta and the signed transmission angle mu = gamma - beta. The first divided
+by the second is e^(i (beta - delta)). Differentiation with respect to the crank angle gives, with
+nu = [(d-r)(d+r) - (b-c)(b+c) mu'] / L^2,
 
     beta' = (1 - nu - mu') / 2        gamma' = (1 - nu + mu') / 2
 
-All sums of lengths that decide the mobility are `short_sum`s, so that equalities also hold for
-lengths typed in decimals.
+All sums of lengths that decide the mobility are computed by `short_sum`, so that equalities also
+hold for lengths typed in decimals.
 """
 
 import math
@@ -71,8 +72,8 @@ from linkage_ros.numeric import (
 )
 from linkage_ros.quantities import quantity
 
-# If |d - r| is below this fraction of d + r, the rates need the form of `_careful_mean`: the plain
-# one has an error of about an ulp over the square of this fraction.
+# If |d - r| is below this fraction of d + r, `_mean_near_pivot` computes the rates: the error of
+# the plain formula is about an ulp divided by the square of this fraction.
 _CLOSE = 1 / 64
 
 
@@ -88,9 +89,10 @@ class FourBarLoop(NamedTuple):
         length: L^2 at theta = 0 and its increase up to theta = pi, m^2; None: crank pin and
             rocker pivot coincide at theta = 0 (rhombus and kite, r = d and b = c).
         moment: (b - c)(b + c), m^2.
-        arm: r (r - d cos theta) in the same form as L^2, m^2.
-        quotient: +1 or -1: where `length` is None, the quotient of the two triangles' brackets.
-        close: Whether the crank pin passes the rocker pivot closely, L much shorter than d.
+        arm: r (r - d cos theta) at theta = 0 and its increase up to theta = pi, m^2.
+        quotient: Quotient of the two triangles' brackets if `length` is None: +1 or -1.
+        close: Whether the crank pin passes so close to the rocker pivot that L becomes much
+            shorter than d.
     """
 
     transmission: Transmission
@@ -114,7 +116,7 @@ class FourBarLoop(NamedTuple):
             The pose.
         """
         (crank,) = q
-        halves = self.transmission.place(crank)
+        halves = self.transmission.half_angles(crank)
         S, C, sin_m, cos_m, *_ = halves
         # Unit vectors: half_way = e^(i (delta + theta/2)), the crank is half_way e^(i theta/2).
         ax, ay = self.axis
@@ -137,7 +139,7 @@ class FourBarLoop(NamedTuple):
             scale = 1.0 / square
             base = turned(half_way, scale * dot(ground, dyad), scale * cross(ground, dyad))
             if self.close:
-                mean, mean_slope = self._careful_mean(halves, (turn, bend), square)
+                mean, mean_slope = self._mean_near_pivot(halves, (turn, bend), square)
             else:
                 # (1 - nu) / 2 = [r (r - d cos theta) + (b-c)(b+c) mu'/2] / L^2
                 arm, arm_growth = self.arm
@@ -158,22 +160,22 @@ class FourBarLoop(NamedTuple):
             (2 * (signed * cos_m),),
         )
 
-    def _careful_mean(
+    def _mean_near_pivot(
         self, halves: tuple[Real, ...], slopes: tuple[Real, Real], square: Real
     ) -> tuple[Real, Real]:
-        """Computes (1 - nu) / 2 and its derivative where A is close to B0, L much shorter than d.
+        """Computes (1 - nu) / 2 and its derivative where A is close to B0, so that L << d.
 
         With a = (d-r)(d+r) and e = (b-c)(b+c) mu', nu = (a - e) / L^2 loses digits if a and e
         nearly agree. The identity (a - e)(a + e) = L^2 g, where g is a sum of non-negative terms,
         avoids the difference: nu = g / (a + e).
 
         Args:
-            halves: From `Transmission.place`.
+            halves: Result of `Transmission.half_angles`.
             slopes: mu' / 2 and mu'' / 2.
             square: L^2, m^2.
 
         Returns:
-            The value, and its derivative with respect to the crank angle.
+            (1 - nu) / 2, and its derivative with respect to the crank angle.
         """
         (S, C, sin_m, cos_m, u, v), (turn, bend) = halves, slopes
         kappa = self.transmission.kappa
@@ -191,22 +193,22 @@ class FourBarLoop(NamedTuple):
         a, e = diff_dr * sum_dr, 2 * self.moment * turn
         growth = ZERO if self.length is None else self.length[1]
         e_slope, square_slope = 2 * self.moment * bend, growth * (S * C)
-        alike = a * e > 0
-        top, bottom = where(alike, g, a - e), where(alike, a + e, square)
-        top_slope = where(alike, g_slope, -e_slope)
+        same_sign = a * e > 0
+        top, bottom = where(same_sign, g, a - e), where(same_sign, a + e, square)
+        top_slope = where(same_sign, g_slope, -e_slope)
         nu = top / bottom
-        nu_slope = (top_slope - nu * where(alike, e_slope, square_slope)) / bottom
+        nu_slope = (top_slope - nu * where(same_sign, e_slope, square_slope)) / bottom
         return 0.5 * (1.0 - nu), -0.5 * nu_slope
 
 
 class ByRocker(NamedTuple):
     """The constants of a four-bar linkage whose coordinate is the rocker's angle.
 
-    It determines the motion at the dead centres of a crank that cannot turn fully.
+    This angle determines the motion at the dead centres of a crank that cannot turn fully.
 
     Attributes:
-        reversed: Constants of the reversed linkage: its crank is the rocker, and its coupler
-            goes from B to A.
+        reversed: Constants of the reversed linkage, whose crank is this linkage's rocker, and
+            whose coupler goes from B to A.
     """
 
     reversed: Loop
@@ -229,10 +231,10 @@ class FourBar(Mechanism):
         coupler: Floating link, from the crank pin A to B.
         rocker: Output link, from B0.
         assembly: 'open': B lies left of the line from A to B0; 'crossed': right of it. For a
-            linkage with change points, it names the branch at crank angles 0 to pi, counted
+            linkage with change points, it names the branch at crank angles from 0 to pi, measured
             from the frame.
         gravity: Acceleration of gravity [x, y], m/s^2.
-        loads: Load curves and friction; other loads belong to the rocker.
+        loads: Load curves and friction; the values of a `LinkLoad` are moved to the rocker.
     """
 
     other_coordinates: ClassVar[tuple[str, ...]] = ('rocker',)
@@ -248,7 +250,7 @@ class FourBar(Mechanism):
     loads: tuple[Any, ...] = loads_field()
 
     def __post_init__(self) -> None:
-        if type(self.rocker) is Body:  # a rocker without its own load
+        if type(self.rocker) is Body:  # a plain body becomes a rocker without a load
             object.__setattr__(self, 'rocker', Rocker(**vars(self.rocker)))
         super().__post_init__()
         longest, *others = sorted(self._lengths(), reverse=True)
@@ -263,7 +265,7 @@ class FourBar(Mechanism):
         return self.crank.length, self.coupler.length, self.rocker.length, self.frame.length
 
     def _sums(self) -> dict[str, tuple[float, ...]]:
-        """Sums of lengths that vanish at a change point: signed terms, by their description."""
+        """Signed terms of each sum of lengths that vanishes at a change point, by description."""
         r, b, c, d = self._lengths()
         return {
             'coupler + rocker - frame - crank': (b, c, -d, -r),
@@ -273,15 +275,15 @@ class FourBar(Mechanism):
 
     @property
     def grashof(self) -> str:
-        """The class of the linkage.
+        """The Grashof class of the linkage.
 
-        'crank-rocker', 'double-crank', 'rocker-crank', 'double-rocker', 'triple-rocker' or
+        It is 'crank-rocker', 'double-crank', 'rocker-crank', 'double-rocker', 'triple-rocker' or
         'change-point'.
         """
         r, b, c, d = self._lengths()
         links = {'crank-rocker': r, 'double-rocker': b, 'rocker-crank': c, 'double-crank': d}
         shortest, middle, long, longest = sorted(links.values())
-        # Shortest + longest against the other two (Grashof).
+        # Grashof: shortest + longest link, compared with the sum of the other two.
         excess = short_sum(longest, shortest, longest, -middle, -long)
         if excess > 0:
             return 'triple-rocker'
@@ -290,7 +292,7 @@ class FourBar(Mechanism):
         return min(links, key=lambda name: links[name])
 
     def loop(self) -> FourBarLoop:
-        """The constants of the pose."""
+        """The constants of the pose at a crank angle."""
         r, b, c, d = self._lengths()
         longest, side = largest(r, b, c, d), 1 if self.assembly == OPEN else -1
         far, near, other = (short_sum(longest, *terms) for terms in self._sums().values())
@@ -323,7 +325,7 @@ class FourBar(Mechanism):
         return (diff_dr, sum_dr), (diff_bc, sum_dr if far == 0 else exact_sum(b, c))
 
     def _transmission(self, far: float, near: float, other: float, around: float) -> Transmission:
-        """Makes the map from the short sums and the circumference d + r + b + c, m."""
+        """Makes the map from the values of `_sums` and the perimeter d + r + b + c, all in m."""
         r, b, c, d = self._lengths()
         four_bc, delta = 4 * b * c, self.frame.angle
         at_far = exact_sum(d, r, -b, c) * exact_sum(d, r, b, -c) / four_bc
@@ -339,7 +341,8 @@ class FourBar(Mechanism):
     def other_loop(self) -> ByRocker:
         """The constants of the pose at a rocker angle."""
         r, b, c, d = self._lengths()
-        # Rotated by half a turn, towards 0; the nearest float and its error.
+        # Direction from B0 to A0: the frame's angle plus or minus pi, whichever is closer to 0,
+        # as a float and its rounding error.
         way = math.copysign(2.0, -self.frame.angle)
         high, error = two_sum(self.frame.angle, way * HALF_PI[0])
         reference = high, error + way * HALF_PI[1]
@@ -351,13 +354,13 @@ class FourBar(Mechanism):
         return ByRocker(loop._replace(transmission=transmission, axis=axis))
 
     def reach(self) -> Reach:
-        """Reach of the crank."""
+        """The reach of the crank."""
         loop = self.loop()
         pass_by = abs(loop.ground[0]) / (2 * math.sqrt(self.crank.length * self.frame.length))
         return loop.transmission.reach(self.grashof, self._sums(), self._cures(), pass_by)
 
     def _cures(self) -> Iterator[str]:
-        """Changes of length that let a limited crank turn, as separate clauses."""
+        """Yields changes of length, each of which lets a limited crank turn fully."""
         r, b, c, d = self._lengths()
         triangle = (b, c, -d), (d, min(b, c), -max(b, c))
         at_most = min(short_sum(max(self._lengths()), *terms) for terms in triangle)
@@ -379,12 +382,12 @@ class FourBar(Mechanism):
         if middle is None:
             raise ConfigurationError(
                 f'{what}: the rocker of this {self.grashof} linkage turns fully, so that its '
-                'angle has no beginning; use a load over crank_angle'
+                'swing has no middle; use a load over crank_angle'
             )
         return middle
 
     def structure(self) -> Structure:
-        """The structure; the loop is cut at B."""
+        """The structure of the linkage, whose loop is cut at B."""
         crank, coupler, rocker = self.crank, self.coupler, self.rocker
         A0 = Point.at(0j, 3)
         B0 = Point.at(self.frame.length * direction(self.frame.angle), 3)

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Results of the kinematics: the pose at given coordinates, the state, and the crank's reach."""
+"""Results of the kinematics: the pose at given coordinates, the state and the crank's reach."""
 
 import math
 from typing import NamedTuple, NoReturn, Protocol, TypeAlias
@@ -13,7 +13,7 @@ from linkage_ros.numeric import Array, Real
 
 Arc: TypeAlias = tuple[float, float]
 
-_PER_DECADE = 24  # ratio of lengths of successively finer steps
+_PER_DECADE = 24  # samples per decade of the distance from an angle where motion is fast
 FULL_TURN: tuple[Arc, ...] = ((0.0, 2 * math.pi),)
 
 
@@ -21,13 +21,14 @@ class LinkPose(NamedTuple):
     """The position of a link, and its derivatives with respect to the coordinates.
 
     Attributes:
-        position: Direction from first to second pin, in [-pi, pi] except the crank's, rad; of a
-            sliding link its place along its guide, m.
-        direction: Unit vector of the link; of a sliding link, of its guide.
+        position: Direction from the first to the second pin, rad, in [-pi, pi] except for the
+            crank; for a sliding link, its position along the guide, m.
+        direction: Unit vector of the link; for a sliding link, unit vector of its guide.
         jacobian: Velocity of the link per rate of each coordinate; ZERO: the coordinate does not
             move the link.
-        curvature: Acceleration of the link per product of two rates (1 1; 1 2; 2 2) at constant
-            rates; ZERO: none.
+        curvature: Acceleration of the link at constant rates of the coordinates, per product of
+            the rates of coordinates 1 and 1 and, if there are two, of 1 and 2, and of 2 and 2;
+            ZERO: no such acceleration.
     """
 
     position: Real
@@ -40,9 +41,9 @@ class Pose(NamedTuple):
     """The positions of all links at given coordinates.
 
     Attributes:
-        links: One for each moving link.
+        links: The pose of each moving link.
         sines: For each dyad, the sine of the angle from its first to its second link or, for a
-            slider, to the normal of its guide; right to a few ulp even near 0.
+            slider, to the normal of its guide; accurate to a few ulp even near 0.
     """
 
     links: tuple[LinkPose, ...]
@@ -53,7 +54,7 @@ class Loop(Protocol):
     """The constants of a mechanism's kinematics: a named tuple of floats and `Opaque`s."""
 
     def pose(self, q: tuple[Real, ...]) -> Pose:
-        """The exact pose at the coordinates; guards refuse unreachable coordinates."""
+        """Computes the exact pose at the coordinates; guards reject unreachable coordinates."""
 
 
 def directions(
@@ -62,16 +63,16 @@ def directions(
     """The directions of a dyad's links, along the path from the first to the second outer pin.
 
     Args:
-        apart: From the first link's outer pin to the second's, m.
+        apart: Vector from the first link's outer pin to the second link's, m.
         square: Square of the length of `apart`, m^2.
         root: Square root of (stretched length^2 - square) (square - folded length^2), m^2, with
-            the sign of the assembly: positive where the pin lies left of the line.
+            the sign of the assembly: positive if the common pin lies left of `apart`.
         first: Length of the first link, m.
         second: Length of the second link, m.
 
     Returns:
-        Unit vectors; the sine of the angle from the first to the second is -root over twice the
-        product of the lengths.
+        The unit vectors of both links; the sine of the angle from the first to the second link
+        is -root over twice the product of the lengths.
     """
     moment, scale = (first - second) * (first + second), 0.5 / square
     part, rest = scale * (square + moment) / first, scale * (square - moment) / second
@@ -86,16 +87,16 @@ class Reach(NamedTuple):
 
     Attributes:
         grashof: Class, such as 'crank-rocker' or 'change-point'; see the mechanism.
-        arcs: Reachable crank angles, (from, to) with from in [0, 2 pi), rad; the whole turn
-            if it turns fully.
+        arcs: Arcs of reachable crank angles, (from, to) with from in [0, 2 pi), rad; a whole
+            turn if the crank turns fully.
         period_turns: Turns of the crank after which the motion repeats.
-        transmission: Smallest and largest transmission angle, rad in [0, pi]; 0 or pi: links
-            become collinear. None: the mechanism has no such angle.
-        limits: Reasons why the crank cannot turn fully; empty if it does.
-        cures: Changes that would let it turn, each sufficient; empty if it does.
+        transmission: Smallest and largest transmission angle, rad in [0, pi]; at 0 and pi, links
+            are collinear. None: the mechanism has no such angle.
+        limits: Reasons why the crank cannot turn fully; empty if it can.
+        cures: Changes, each of which would let the crank turn fully; empty if it already does.
         equalities: Descriptions of sums of lengths that count as 0 but are not 0 in binary.
-        fast: A crank angle at which motion may be fast, repeated every half turn, rad.
-        width: Half-width of that region, rad; inf: motion is fast nowhere.
+        fast: Crank angle, rad, near which motion may be fast; the same holds half a turn away.
+        width: Half-width of these regions, rad; inf: motion is not fast anywhere.
     """
 
     grashof: str
@@ -110,7 +111,7 @@ class Reach(NamedTuple):
 
     @property
     def turns_fully(self) -> bool:
-        """Whether the crank turns through every angle."""
+        """Whether the crank can turn through every angle."""
         return not self.limits
 
     @property
@@ -120,7 +121,7 @@ class Reach(NamedTuple):
         return self.turns_fully and (low == 0 or high == math.pi)
 
     def require_full_turn(self) -> None:
-        """Refuses a mechanism whose crank does not turn through every angle.
+        """Rejects a mechanism whose crank cannot turn fully.
 
         Raises:
             MechanismError: The crank is limited; the message names class, cause and arcs.
@@ -129,7 +130,7 @@ class Reach(NamedTuple):
             raise MechanismError(self._refusal('turn fully'))
 
     def refuse(self, crank: float) -> NoReturn:
-        """Refuses a crank angle without a state or with infinite rates.
+        """Rejects a crank angle at which no state exists, or the rates are infinite.
 
         Args:
             crank: Crank angle, rad.
@@ -150,7 +151,7 @@ class Reach(NamedTuple):
         )
 
     def samples(self, steps_per_turn: int = 720) -> Array:
-        """Crank angles over one period that resolve the motion.
+        """Returns crank angles over one period, in steps small enough to resolve the motion.
 
         Near angles where motion is fast, the steps are much smaller than `width`.
 
@@ -158,7 +159,7 @@ class Reach(NamedTuple):
             steps_per_turn: Number of even steps in a turn.
 
         Returns:
-            Angles from 0 to 2 pi or 4 pi, rad, in rising order.
+            Angles from 0 to 2 pi or 4 pi, rad, in increasing order.
         """
         turns = self.period_turns
         even: Array = np.linspace(
@@ -170,8 +171,8 @@ class Reach(NamedTuple):
         decades = math.log10(step * 40 / self.width) + 2
         fine = np.geomspace(self.width * 0.01, step * 40, math.ceil(decades * _PER_DECADE))
         around = np.concatenate([-fine[::-1], [0.0], fine])
-        places = [self.fast % math.pi + math.pi * i for i in range(-1, 2 * turns + 1)]
-        angles = np.concatenate([even, *(place + around for place in places)])
+        centers = [self.fast % math.pi + math.pi * i for i in range(-1, 2 * turns + 1)]
+        angles = np.concatenate([even, *(center + around for center in centers)])
         all_angles: Array = np.unique(angles[(angles >= 0) & (angles <= even[-1])])
         return all_angles
 
@@ -179,15 +180,15 @@ class Reach(NamedTuple):
 class State(NamedTuple):
     """The motion of a mechanism at one crank angle, or at an array of them.
 
-    The links are in the order of the joints: crank, coupler, and rocker or slider; of a wind
-    pump crank, coupler, rod and slider.
+    The links are in the order of the joints: crank, coupler, and rocker or slider; for a wind
+    pump: crank, coupler, rod and slider.
 
     Attributes:
-        position: Directions of the links from first to second pin, rad; in [-pi, pi], except the
-            crank's, which is the given angle. For a slider, its position on the guide, m.
+        position: Directions of the links from first to second pin, rad, in [-pi, pi] except for
+            the crank, which has the given angle. For a slider, its position on the guide, m.
         velocity: Angular velocities of the links, rad/s; for a slider, its velocity, m/s.
         acceleration: Angular accelerations, rad/s^2; for a slider, its acceleration, m/s^2.
-        torque: Driving torque on the crank, N m, counter-clockwise positive.
+        torque: Driving torque on the crank, N m, positive counter-clockwise.
     """
 
     position: tuple[Real, ...]

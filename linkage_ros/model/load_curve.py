@@ -22,7 +22,7 @@ from linkage_ros.quantities import quantity, shown
 
 _TURN = 2 * math.pi
 _ROUNDING = 8 * math.ulp(_TURN)  # rad: tolerance of points that are one turn apart
-_PLACES = (-1e9, 1e9)
+_POSITIONS = (-1e9, 1e9)
 _FORCES = (-1e12, 1e12)
 _COLUMNS = 'at', 'value', 'return_value'
 _MOST_BYTES = 1 << 22
@@ -34,12 +34,14 @@ class LoadCurve(AppliedLoad):
 
     Attributes:
         link: 'crank', or the output link: 'rocker' or 'slider'.
-        over: 'crank_angle': the crank's direction, and the first point follows the last one turn
-            later; 'position': the output link's, a rocker's angle continuous over its swing. The
-            end values hold outside the points.
-        at: Crank angles or positions of the points, rising, rad or m.
-        value: Load on the link there: N m counter-clockwise; on a slider, N along the guide.
-        return_value: With over: position, the load while the link's rate is negative; None: value.
+        over: Variable of the curve. 'crank_angle': the direction of the crank; the curve repeats
+            every turn. 'position': the position of the output link, or the angle of a rocker,
+            continuous over its swing; the end values hold outside the points.
+        at: Crank angles or positions of the points, in increasing order, rad or m.
+        value: Load on the link at these points: N m, counter-clockwise; on a slider, N along the
+            guide.
+        return_value: Load on the link while its rate is negative, only over 'position'; None: the
+            same as `value`.
         file: A CSV file with columns at, value and optionally return_value. It is read on
             creation; the name is not kept.
     """
@@ -51,21 +53,25 @@ class LoadCurve(AppliedLoad):
         'choice', 'link that the load curve acts on', choices=('crank', 'rocker', 'slider')
     )
     over: str = quantity(
-        'choice', 'what the curve depends on', choices=('crank_angle', 'position'),
+        'choice', 'variable of the load curve', choices=('crank_angle', 'position'),
         default='crank_angle',
     )  # fmt: skip
     at: tuple[float, ...] | None = quantity(
-        'list', 'where its points are, rising', 'rad or m', span=_PLACES, default=None
+        'list',
+        'angles or positions of the points, in increasing order',
+        'rad or m',
+        span=_POSITIONS,
+        default=None,
     )
     value: tuple[float, ...] | None = quantity(
         'list', 'force or torque on the link at these points', 'N or N m', span=_FORCES,
         default=None,
     )  # fmt: skip
     return_value: tuple[float, ...] | None = quantity(
-        'list', 'the same while the position falls; empty: as value', 'N or N m', span=_FORCES,
-        default=None,
+        'list', 'the same while the position decreases; empty: as value', 'N or N m',
+        span=_FORCES, default=None,
     )  # fmt: skip
-    file: str = quantity('text', 'a CSV file with these columns instead', default='')
+    file: str = quantity('text', 'CSV file with these lists as columns, given instead', default='')
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -83,7 +89,7 @@ class LoadCurve(AppliedLoad):
         for i, (x, y) in enumerate(itertools.pairwise(at), 2):
             if not x < y:
                 raise ConfigurationError(
-                    f'load.at must rise: its number {i}, {y:g}, is not above {x:g} before it'
+                    f'load.at must increase: number {i}, {y:g}, is not above {x:g} before it'
                 )
         if self.over == 'crank_angle':
             self._require_one_turn(at, value)
@@ -115,23 +121,24 @@ class LoadCurve(AppliedLoad):
     def _require_one_turn(self, at: Sequence[float], value: Sequence[float]) -> None:
         if self.return_value is not None:
             raise ConfigurationError(
-                "load.return_value is for load.over = 'position': leave it out, the crank angle "
-                'tells forth from back'
+                "load.return_value is for load.over = 'position': leave it out; over crank_angle, "
+                'value holds the load of both strokes'
             )
         span = at[-1] - at[0]
         ends = span >= _TURN - _ROUNDING and value[0] != value[-1]
         if span > _TURN + _ROUNDING or ends:
             raise ConfigurationError(
-                f'load.at spans {span:g} rad and load.value ends with {value[-1]:g}: must be at '
-                f'most one turn, {_TURN!r}, and after a whole one end with the first, {value[0]:g}'
+                f'load.at spans {span:g} rad and load.value ends with {value[-1]:g}: must span at '
+                f'most one turn, {_TURN!r}; after a whole turn, the last value must equal the '
+                f'first, {value[0]:g}'
             )
 
     def on(self, mechanism: Any) -> 'CurveForce':
         """See `AppliedLoad`.
 
         Raises:
-            ConfigurationError: The mechanism has no such link, or a link of a curve over position
-                turns fully.
+            ConfigurationError: The mechanism has no such link, or the curve is over position and
+                the link turns fully.
         """
         link, at, value = mechanism.output(self.link, 'load.link'), self.at or (), self.value or ()
         if self.over == 'crank_angle':
@@ -139,20 +146,20 @@ class LoadCurve(AppliedLoad):
         middle = mechanism.swing_middle("load.over = 'position'")
         if middle is not None:
             turns = round((0.5 * (at[0] + at[-1]) - middle) / _TURN)
-            at = tuple(place - turns * _TURN for place in at)
+            at = tuple(angle - turns * _TURN for angle in at)
         back = Opaque(Table(at, self.return_value)) if self.return_value else None
         return CurveForce(link, link, middle, Opaque(Table(at, value)), back)
 
 
 class CurveForce(NamedTuple):
-    """A load curve for formulas.
+    """A load curve as formulas use it.
 
     Attributes:
         link: Index of the link.
         over: Index of the link on whose position the curve depends.
         middle: Middle of the swing of a link that turns, rad; see `continuous`.
         value: The load as a function of this position.
-        return_value: The load while the position falls; None: the same.
+        return_value: The load while the position decreases; None: the same as `value`.
     """
 
     link: int
@@ -163,24 +170,24 @@ class CurveForce(NamedTuple):
 
     def forces(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> dict[int, Real]:
         """See `Load`."""
-        place = continuous(links[self.over].position, self.middle)
-        force = self.value(place)
+        position = continuous(links[self.over].position, self.middle)
+        force = self.value(position)
         if self.return_value is not None:
-            force = where(rates[self.link] >= 0, force, self.return_value(place))
+            force = where(rates[self.link] >= 0, force, self.return_value(position))
         return {self.link: force}
 
 
 class Table:
-    """A function that is linear between points, for floats and arrays with the same bits."""
+    """A function that is linear between points; floats and arrays give the same bits."""
 
     def __init__(
         self, at: Sequence[float], value: Sequence[float], *, turns: bool = False
     ) -> None:
-        """Takes the points.
+        """Computes the slopes between the points.
 
         Args:
-            at: Places of the points, rising.
-            value: Values there; the end values hold outside.
+            at: Values of x at the points, in increasing order.
+            value: Values at the points; the end values hold outside.
             turns: Whether `at` are directions, rad, so that the points repeat every turn.
         """
         self._turns = turns
@@ -188,28 +195,27 @@ class Table:
             at, value = (*at, at[0] + _TURN), (*value, value[0])
         with np.errstate(all='ignore'):
             slopes = np.diff(value) / np.diff(at)
-        # The slopes before the first point and after the last; a direction that is rounded may lie
-        # there.
+        # Slopes before the first point and after the last, where a rounded direction may lie.
         before, after = (slopes[-1], slopes[0]) if turns else (0.0, 0.0)
         self._lists = [[*at], [at[0], *at], [value[0], *value], [before, *slopes, after]]
         self._arrays = [np.array(row) for row in self._lists]
         self._lists[3] = self._arrays[3].tolist()
 
-    def __call__(self, place: Real) -> Real:
-        """The value at a place, or at an array of them."""
-        is_float = isinstance(place, float)
+    def __call__(self, x: Real) -> Real:
+        """The value at x, a float or an array."""
+        is_float = isinstance(x, float)
         at, start, value, slope = self._lists if is_float else self._arrays
         if self._turns:
-            place = without_turns(place, at[0])
-        i = bisect.bisect_right(at, place) if is_float else np.searchsorted(at, place, 'right')
-        return value[i] + slope[i] * (place - start[i])
+            x = without_turns(x, at[0])
+        i = bisect.bisect_right(at, x) if is_float else np.searchsorted(at, x, 'right')
+        return value[i] + slope[i] * (x - start[i])
 
 
 def _columns(data: bytes) -> dict[str, tuple[float, ...]]:
-    """The columns of a CSV table.
+    """Reads the columns of a CSV table, by name.
 
     Raises:
-        ValueError: It is not such a table.
+        ValueError: The table is too long, or a name or a number in it is not valid.
     """
     if len(data) > _MOST_BYTES:
         raise ValueError(f'is longer than {_MOST_BYTES} bytes')

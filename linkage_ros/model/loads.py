@@ -4,8 +4,9 @@
 
 The power of a load is the sum of its forces times the links' rates, so that a turning link gets a
 torque about its own axis, and a sliding link a force along its guide. Viscous friction in a pin
-would be such a load, too: -c times the relative rate of its two links on one of them, and the
-opposite on the other. Loads are named tuples of floats; in formulas an absent term is ZERO.
+would be such a load, too: it acts on one link with -c times the relative rate of the two links,
+and on the other link with the opposite. Loads are named tuples of floats; in formulas an absent
+term is ZERO.
 """
 
 import math
@@ -32,13 +33,13 @@ class Load(Protocol):
     """
 
     def forces(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> dict[int, Real]:
-        """The generalised forces.
+        """Computes the generalised forces.
 
-        For the joint forces, the torque on a turning link is a couple.
+        A torque on a turning link acts as a couple, which matters for the joint forces.
 
         Args:
-            links: Positions of the links.
-            rates: Their velocities, rad/s or m/s.
+            links: Poses of the links.
+            rates: Velocities of the links, rad/s or m/s.
 
         Returns:
             Forces by the index of the link: N m, counter-clockwise, or N along the guide.
@@ -51,8 +52,8 @@ class Contact(NamedTuple):
     Attributes:
         joint: Name of the pin or, for a guide, of the link that slides on it.
         levers: The load per force in the joint, by the index of the link: m; for a sliding link,
-            dimensionless. A load on two links acts between them; one on a single link comes from
-            the frame.
+            dimensionless. A load with two links acts between them; a load with one link acts
+            between that link and the frame.
     """
 
     joint: str
@@ -60,7 +61,10 @@ class Contact(NamedTuple):
 
 
 class JointLoad(Protocol):
-    """Loads caused by joint forces, such as friction; both are solved together."""
+    """Interface of a load that joint forces cause, such as friction.
+
+    Such loads and the joint forces are solved together.
+    """
 
     def contacts(
         self, pins: Sequence[Any], links: Sequence[Any], rates: Sequence[Real]
@@ -80,11 +84,11 @@ class JointLoad(Protocol):
 class AppliedLoad(Checked):
     """Base class of the loads in a mechanism's description: frozen dataclasses of quantities.
 
-    `linkage_ros.model.parts` lists the kinds.
+    `linkage_ros.model.parts.LOADS` lists the classes of loads.
 
     Attributes:
-        group: Group of the parameters that hold its quantities; empty: no parameters of its own.
-        has_corners: Whether its force may have a corner or a jump while the links move.
+        group: Name of the parameter group of the load; empty: the load has no such group.
+        has_corners: Whether the force may have a corner or a jump while the links move.
     """
 
     group: ClassVar[str] = ''
@@ -94,23 +98,27 @@ class AppliedLoad(Checked):
         """Adds the load to a mechanism during its creation.
 
         Returns:
-            The remaining loads; none if a part of the mechanism takes over the load's values.
+            The load itself; empty if a part of the mechanism takes over the load's values.
 
         Raises:
-            ConfigurationError: The mechanism cannot have it.
+            ConfigurationError: The mechanism cannot have this load.
         """
         return (self,)
 
     def on(self, _mechanism: Any) -> Load | None:
-        """The load as formulas use it; None: there is none, or it depends on joint forces.
+        """Returns the load as formulas use it; None: joint forces cause all of the load.
 
         Raises:
-            ConfigurationError: It does not fit the mechanism.
+            ConfigurationError: The load does not fit the mechanism.
         """
         return None
 
     def in_joints(self, _mechanism: Any) -> JointLoad | None:
-        """The part of the load that joint forces cause; None: no such part. See `on`."""
+        """Returns the part of the load that joint forces cause; None: there is no such part.
+
+        Raises:
+            ConfigurationError: The load does not fit the mechanism.
+        """
         return None
 
 
@@ -122,18 +130,19 @@ class LinkLoad(AppliedLoad):
 
     Attributes:
         link: 'rocker' or 'slider'.
-        force: Load on the link: torque, counter-clockwise positive, N m; on a slider, force, N.
+        force: Load on the link: torque, N m, counter-clockwise; on a slider, force along the
+            guide, N.
         damping: Resistance per rate of the link, N m s or N s/m.
         stiffness: Stiffness of a spring to the frame, N m/rad or N/m.
         rest: Position at which the spring is at rest, rad or m.
     """
 
-    link: str = quantity('choice', 'link that it acts on', choices=('rocker', 'slider'))
+    link: str = quantity('choice', 'link that the load acts on', choices=('rocker', 'slider'))
     force: float = quantity(
         'number', 'force or torque', 'N or N m', span=(-1e12, 1e12), default=0.0
     )
     damping: float = quantity('number', 'resistance per rate', span=_POSITIVE, default=0.0)
-    stiffness: float = quantity('number', 'of a spring', span=_POSITIVE, default=0.0)
+    stiffness: float = quantity('number', 'stiffness of a spring', span=_POSITIVE, default=0.0)
     rest: float = quantity('number', 'rest position', 'rad or m', span=(-1e9, 1e9), default=0.0)
 
     def join(self, mechanism: Any) -> tuple[()]:
@@ -183,7 +192,7 @@ class LinkForce(NamedTuple):
         return {self.link: -lost}
 
     def potential(self, links: Sequence[LinkPose]) -> Real:
-        """See `Load`; the energy of the spring."""
+        """See `Load`; this is the energy of the spring."""
         stretch = self._stretch(links)
         return 0.5 * (self.stiffness * (stretch * stretch))
 
@@ -194,14 +203,14 @@ class LinkForce(NamedTuple):
 
 
 def continuous(position: Real, middle: Real) -> Real:
-    """The position of a link without the jump from pi to -pi.
+    """Makes the position of a link continuous over its swing, without a jump from pi to -pi.
 
     Args:
-        position: rad in [-pi, pi], or m.
-        middle: Middle of the link's swing, in [-pi, pi], rad; None: it slides.
+        position: Direction in [-pi, pi], rad; for a sliding link, its position, m.
+        middle: Middle of the link's swing, in [-pi, pi], rad; None: the link slides.
 
     Returns:
-        The position, within pi of the middle.
+        The direction within pi of the middle, rad; for a sliding link, its position, m.
     """
     if middle is None:
         return position
@@ -213,8 +222,8 @@ def continuous(position: Real, middle: Real) -> Real:
 class Friction(AppliedLoad):
     """Dry friction: one coefficient and radius for all pins, and one coefficient for the guide.
 
-    A pin resists the rotation of its two links with coefficient x radius x force, the guide the
-    sliding with coefficient x normal force; both are 0 at rest.
+    A pin resists the relative rotation of its two links with a torque, coefficient x radius x
+    force. The guide resists sliding with a force, coefficient x normal force. Both are 0 at rest.
 
     Attributes:
         pin: Coefficient of friction of the pins.
@@ -258,8 +267,8 @@ class Rubbing(NamedTuple):
     """Dry friction as formulas use it.
 
     Attributes:
-        arm: Coefficient times radius of the pins, m; ZERO: no friction there.
-        guide: Coefficient of the guide; ZERO: no friction there.
+        arm: Coefficient times radius of the pins, m; ZERO: the pins have no friction.
+        guide: Coefficient of the guide; ZERO: the guide has no friction.
     """
 
     arm: Real
@@ -268,7 +277,7 @@ class Rubbing(NamedTuple):
     def contacts(
         self, pins: Sequence[Any], links: Sequence[Any], rates: Sequence[Real]
     ) -> list[Contact]:
-        """See `JointLoad`; the joints with friction, pins first."""
+        """See `JointLoad`; the contacts are the joints with friction, pins first."""
         contacts = []
         for pin in pins if self.arm is not ZERO else ():
             # A sliding link does not turn: its guide transmits the couple to the frame.

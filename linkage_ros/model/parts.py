@@ -1,9 +1,9 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The parts of mechanisms: links with two pins, sliders and fixed links; the kinds of load.
+"""The parts of mechanisms: links with two pins, sliders and fixed links; the classes of loads.
 
-Lengths in m, masses in kg, inertias in kg m^2 about each body's own centre of mass, angles in
-rad counter-clockwise from the x axis of base_link.
+Lengths are in m, masses in kg, moments of inertia in kg m^2 about each body's own centre of mass,
+and angles in rad, counter-clockwise from the x axis of base_link.
 """
 
 from dataclasses import dataclass
@@ -16,15 +16,15 @@ from linkage_ros.quantities import Checked, groups, quantity
 OPEN = 'open'
 CROSSED = 'crossed'
 
-# Bounds of inputs. Products of up to six lengths must neither overflow nor underflow; every
-# linkage that can be built is far within these bounds.
+# Ranges of inputs. Products of up to six lengths must neither overflow nor underflow; every
+# linkage that can be built is far within these ranges.
 _LENGTHS = (1e-9, 1e9)
 _MASSES = (0.0, 1e12)
 _FORCES = (-1e12, 1e12)
 _SLIDER_LOAD = 'force', 'damping', 'stiffness', 'rest_position'
 
 
-# The kinds of load. Add a new one here.
+# The classes of loads. Add a new class here.
 LOADS: tuple[type[AppliedLoad], ...] = (LinkLoad, LoadCurve, Friction)
 
 
@@ -81,8 +81,8 @@ class Rocker(Body):
     """The output link of a four-bar, and the load on it.
 
     Attributes:
-        torque: External torque on it, counter-clockwise positive, N m.
-        damping: Resistance of its bearing per angular velocity, N m s.
+        torque: External torque on the rocker, positive counter-clockwise, N m.
+        damping: Resistance of the rocker's bearing per angular velocity, N m s.
         stiffness: Stiffness of a torsion spring to the frame, N m/rad.
         rest_angle: Direction in which the spring is at rest, rad.
     """
@@ -90,16 +90,17 @@ class Rocker(Body):
     load_fields: ClassVar[tuple[str, ...]] = ('torque', 'damping', 'stiffness', 'rest_angle')
 
     torque: float = quantity(
-        'number', 'external torque, counter-clockwise positive', 'N m', span=_FORCES, default=0.0
+        'number', 'external torque, positive counter-clockwise', 'N m', span=_FORCES, default=0.0
     )
     damping: float = quantity(
         'number', 'resistance per angular velocity', 'N m s', span=_MASSES, default=0.0
     )
     stiffness: float = quantity(
-        'number', 'of a torsion spring to the frame', 'N m/rad', span=_MASSES, default=0.0
-    )
+        'number', 'stiffness of a torsion spring to the frame', 'N m/rad', span=_MASSES,
+        default=0.0,
+    )  # fmt: skip
     rest_angle: float = quantity(
-        'number', 'direction in which that spring is at rest', 'rad', span=(-1e3, 1e3), default=0.0
+        'number', 'direction in which the spring is at rest', 'rad', span=(-1e3, 1e3), default=0.0
     )
 
 
@@ -162,16 +163,16 @@ class Slider(Checked):
         'number', 'resistance per sliding speed', 'N s/m', span=_MASSES, default=0.0
     )
     stiffness: float = quantity(
-        'number', 'of a spring to the frame', 'N/m', span=_MASSES, default=0.0
+        'number', 'stiffness of a spring to the frame', 'N/m', span=_MASSES, default=0.0
     )
     rest_position: float = quantity(
-        'number', 'position at which that spring is at rest', 'm', span=(-1e9, 1e9), default=0.0
+        'number', 'position at which the spring is at rest', 'm', span=(-1e9, 1e9), default=0.0
     )
 
 
 @dataclass(frozen=True)
 class Piston(Checked):
-    """A slider independent of the crank angle; it slides along the x axis of base_link.
+    """A slider on the x axis of base_link, whose position the crank angle does not determine.
 
     Attributes:
         position: Position at t = 0, m.
@@ -195,8 +196,8 @@ class Piston(Checked):
         'number', 'external force along the guide', 'N', span=_FORCES, default=0.0
     )
     stiffness: float = quantity(
-        'number', 'of a spring to the frame', 'N/m', span=_MASSES, default=0.0
+        'number', 'stiffness of a spring to the frame', 'N/m', span=_MASSES, default=0.0
     )
     rest_position: float = quantity(
-        'number', 'position at which that spring is at rest', 'm', span=(-1e9, 1e9), default=0.0
+        'number', 'position at which the spring is at rest', 'm', span=(-1e9, 1e9), default=0.0
     )

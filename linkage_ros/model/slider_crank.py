@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The slider-crank: description, mobility and exact pose.
 
-The loop is document 4's (eq. 2, where e = 0), with an offset e and in the guide's axes:
+The loop equation is that of document 4 (eq. 2, where e = 0), with an offset e and in the guide's
+axes:
 
     r e^(i alpha) + b e^(i beta) = x + i e
 
@@ -89,7 +90,7 @@ class SliderCrankLoop(NamedTuple):
         """
         (angle,) = q
         r, b, guide = self.crank, self.coupler, self.guide
-        halves = self.transmission.place(angle)
+        halves = self.transmission.half_angles(angle)
         S, C, sin_m, cos_m, *_ = halves
         # Half of sin mu, and cos mu.
         sine, cosine = sin_m * cos_m, (cos_m - sin_m) * (cos_m + sin_m)
@@ -119,8 +120,8 @@ class SliderCrankLoop(NamedTuple):
 class BySlider(SliderCrankLoop):
     """The constants of a slider-crank whose coordinate is the slider's position.
 
-    It determines the motion at the dead centres of a crank that cannot turn fully. `side` is 1 if
-    the crank pin lies left of the line from A0 to B, -1 if right of it.
+    This position determines the motion at the dead centres of a crank that cannot turn fully.
+    `side` is 1 if the crank pin lies left of the line from A0 to B, -1 if right of it.
     """
 
     def pose(self, q: tuple[Real, ...]) -> Pose:
@@ -152,13 +153,13 @@ class SliderCrank(Mechanism):
     Attributes:
         crank: Driven link, from A0, the origin.
         coupler: Connecting rod, from the crank pin A to B.
-        slider: Output link, at B; its position counts along the guide from the foot of the
+        slider: Output link, at B; its position is measured along the guide from the foot of the
             perpendicular from A0.
         frame: Direction of the guide.
-        assembly: 'open': the slider is on the + side of the crank pin where the crank points
-            along the guide; 'crossed': on the - side.
+        assembly: 'open': the slider is on the positive side of the crank pin when the crank
+            points along the guide; 'crossed': on the negative side.
         gravity: Acceleration of gravity [x, y], m/s^2.
-        loads: Load curves and friction; other loads belong to the slider.
+        loads: Load curves and friction; the values of a `LinkLoad` are moved to the slider.
     """
 
     other_coordinates: ClassVar[tuple[str, ...]] = ('slider',)
@@ -192,7 +193,7 @@ class SliderCrank(Mechanism):
         return longest
 
     def _sums(self) -> dict[str, tuple[float, ...]]:
-        """The sums of lengths that vanish at a change point, in words and as signed terms."""
+        """Signed terms of each sum of lengths that vanishes at a change point, by description."""
         r, b, e = self._lengths()
         return {
             'coupler + offset - crank': (b, e, -r),
@@ -201,10 +202,10 @@ class SliderCrank(Mechanism):
 
     @property
     def grashof(self) -> str:
-        """The class of the linkage.
+        """The Grashof class of the linkage.
 
-        'crank-slider' (the crank turns fully), 'rotating-coupler' (the coupler does),
-        'change-point' or 'non-Grashof' (neither does).
+        It is 'crank-slider' (the crank turns fully), 'rotating-coupler' (the coupler turns
+        fully), 'non-Grashof' (neither turns fully) or 'change-point'.
         """
         r, b, e = self._lengths()
         crank = short_sum(self._longest(), r, abs(e), -b)
@@ -229,7 +230,7 @@ class SliderCrank(Mechanism):
         )
 
     def loop(self) -> SliderCrankLoop:
-        """The constants of the pose."""
+        """The constants of the pose at a crank angle."""
         guide = self.frame.angle
         return SliderCrankLoop(
             self._transmission(),
@@ -245,24 +246,24 @@ class SliderCrank(Mechanism):
 
     def _refuse_slide(self, slide: float) -> NoReturn:
         raise UnreachableError(
-            f'crank and coupler do not reach, or are in line, with the slider at {slide:.9g} m',
+            f'with the slider at {slide:.9g} m, crank and coupler do not reach it or are in line',
             crank_angle=math.nan,
             arcs=(),
         )
 
     def reach(self) -> Reach:
-        """Reach of the crank."""
+        """The reach of the crank."""
         return self._transmission().reach(self.grashof, self._sums(), self._cures())
 
     def _cures(self) -> Iterator[str]:
-        """Changes of length that let a limited crank turn, as separate clauses."""
+        """Yields changes of length, each of which lets a limited crank turn fully."""
         r, b, e = self._lengths()
         yield f'lengthen the coupler to at least {rounded(r + abs(e), up=True)} m'
         if (shorter := short_sum(self._longest(), b, -abs(e))) > 0:
             yield f'shorten the crank to at most {rounded(shorter, up=False)} m'
 
     def structure(self) -> Structure:
-        """The structure; the loop is cut at B."""
+        """The structure of the linkage, whose loop is cut at B."""
         crank, coupler, slider = self.crank, self.coupler, self.slider
         foot = 1j * slider.offset * direction(self.frame.angle)
         A0 = Point.at(0j, 3)

@@ -21,8 +21,9 @@ class Point(NamedTuple):
     """A point as a combination of the directions of the links that turn.
 
     Attributes:
-        weights: The point is the sum of weights[j] e^(i phi_j), plus `fixed`, m; one for each
-            moving link, 0 for one that slides. In formulas they are vectors.
+        weights: Complex weights of the moving links, m: the point is `fixed` plus the sum of
+            weights[j] e^(i phi_j). The weight of a sliding link is 0. In formulas, weights and
+            `fixed` are vectors.
         fixed: Constant part x + iy, m.
     """
 
@@ -30,9 +31,9 @@ class Point(NamedTuple):
     fixed: Any = 0j
 
     @classmethod
-    def at(cls, place: complex, links: int) -> 'Point':
-        """Makes a fixed point at x + iy, m, for a mechanism with this number of links."""
-        return cls((0j,) * links, place)
+    def at(cls, position: complex, links: int) -> 'Point':
+        """Makes a fixed point at x + iy, m, for a mechanism with this number of moving links."""
+        return cls((0j,) * links, position)
 
     def along(self, link: int, along: Real, across: Real = 0.0) -> 'Point':
         """Makes the point [along, across], m, of a turning link whose first pin is this point."""
@@ -43,7 +44,7 @@ class Point(NamedTuple):
     def follow(
         self, directions: Sequence[Vector], rates: Sequence[Real], changes: Sequence[Real]
     ) -> tuple[Vector, Vector, Vector]:
-        """Computes the motion of the point (document 2, eq. a2, a3, 34, 35; their derivative).
+        """Computes the motion of the point (document 2, eq. a2, a3, 34, 35 and derivatives).
 
         Args:
             directions: Unit vector of each link.
@@ -80,9 +81,9 @@ class Link(NamedTuple):
         inertia: Moment of inertia about its centre of mass, kg m^2; 0 for a sliding link.
         center: Centre of mass; for a link that slides, its pin.
         parent: Index of the parent link; None: base_link.
-        origin: Place of the joint in its parent, x + iy, m.
-        angle: Direction of the joint's x axis in its parent, rad.
-        slides: Whether the joint is prismatic, along that axis.
+        origin: Position of the joint in the axes of its parent, x + iy, m.
+        angle: Direction of the joint's x axis in the axes of its parent, rad.
+        slides: Whether the joint is prismatic, along its x axis.
     """
 
     name: str
@@ -99,10 +100,10 @@ class Link(NamedTuple):
         """Makes a link that turns about its first pin.
 
         Args:
-            name: Its name.
+            name: Name of the link.
             body: Dimensions and mass of the link.
             index: Index of the link among all links.
-            pin: The first pin; it belongs to the last link with a weight, if any, else the frame.
+            pin: The first pin; the parent is the last link with a weight in it, or else the frame.
 
         Returns:
             The link, with its joint in the tree.
@@ -119,14 +120,14 @@ def direction(angle: Real) -> Any:
 
 
 def coupler_point(coupler: Coupler, pin: Point) -> dict[str, Point]:
-    """The coupler point C, by its name.
+    """Makes the coupler point C.
 
     Args:
         coupler: The coupler.
         pin: The crank pin A.
 
     Returns:
-        The point; empty if the coupler has none.
+        The point by name; empty if the coupler has no such point.
     """
     return {} if coupler.point is None else {'C': pin.along(1, *coupler.point)}
 
@@ -136,8 +137,8 @@ class Pin(NamedTuple):
 
     Attributes:
         name: Name of the pin's point.
-        first: Index of the link that exerts the force of the pin; None: the frame.
-        second: Index of the link on which it acts.
+        first: Index of the link that exerts the pin force; None: the frame.
+        second: Index of the link on which the force acts.
     """
 
     name: str
@@ -146,14 +147,14 @@ class Pin(NamedTuple):
 
 
 class Dyad(NamedTuple):
-    """Two links joined by a pin, positioned by the links before them (an Assur group).
+    """Two links joined by a pin, whose outer pins determine their positions (an Assur group).
 
     Attributes:
-        first: Index of the link attached to the links before.
-        second: Index of the other link; a sliding link counts as an infinite link across its
+        first: Index of the first link.
+        second: Index of the second link; a sliding link counts as an infinite link across its
             guide.
-        pin: Name of the pin that joins them.
-        outer: Names of their outer pins, the second empty for a link that slides.
+        pin: Name of the pin that joins the two links.
+        outer: Names of the outer pins of the two links; for a sliding link, the second is empty.
     """
 
     first: int
@@ -163,15 +164,15 @@ class Dyad(NamedTuple):
 
 
 class Structure(NamedTuple):
-    """A mechanism, without its motion.
+    """The links, points and joints of a mechanism, without its motion.
 
     Attributes:
         links: The moving links, each after its parent.
         points: The pins A0, A, B and, if present, B0, D and the coupler point C.
-        closure: The path around the loop without sliding links; it ends at the sliding link or
-            at its own start.
+        closure: Sum of the turning links' vectors around the loop. If the loop is closed, it is
+            0 or, with a sliding link, the position of that link's pin.
         pins: The pin joints; empty if joint forces are not supported.
-        dyads: Dyads in the order in which they are closed.
+        dyads: Dyads in the order in which they are solved.
         other_dyads: Dyads in the other coordinates; see `Mechanism`.
     """
 
@@ -183,7 +184,7 @@ class Structure(NamedTuple):
     other_dyads: tuple[Dyad, ...] = ()
 
     def loop_residual(self, state: State) -> float:
-        """Distance between the ends of the two paths around the loop, m, for a state of floats."""
+        """The closure error of the loop, m, at a state of floats."""
         closure, last = self.closure, self.links[-1]
         reached: complex = closure.fixed + sum(
             weight * direction(angle)
@@ -211,16 +212,16 @@ class Description(NamedTuple):
 
 
 class Mechanism(Checked):
-    """Base of all mechanisms: frozen dataclasses of parts, checked on creation.
+    """Base class of all mechanisms: frozen dataclasses of parts, checked on creation.
 
     Attributes:
         coordinates: Names of the links whose positions determine all others.
-        other_coordinates: Links that do so where the `coordinates` are singular, at a dead centre
-            or a stretched dyad; empty: none.
+        other_coordinates: Names of the links whose positions do so where the `coordinates` are
+            singular, at a dead centre or a stretched dyad; empty: no such links.
         crank: The link that the drive turns.
         assembly: How the loop is closed.
         gravity: Acceleration of gravity [x, y], m/s^2.
-        loads: Loads on the links, besides those of the parts.
+        loads: Loads on the links, in addition to the loads that the parts hold.
     """
 
     coordinates: ClassVar[tuple[str, ...]] = ('crank',)
@@ -250,7 +251,7 @@ class Mechanism(Checked):
         return Description(self.coordinates, self.assembly)
 
     def loop_of(self, description: Description) -> Loop:
-        """The constants of the kinematics in a description."""
+        """The constants of the kinematics in the coordinates and assembly of a description."""
         mechanism: Mechanism = self
         if description.assembly != self.assembly:
             mechanism = replace(cast('Any', self), assembly=description.assembly)
@@ -269,7 +270,7 @@ class Mechanism(Checked):
         return tuple(load for load in found if load is not None)
 
     def _own_load(self, name: str, part: Any) -> Load | None:
-        """The load on the output link from the values of its part; None: no load."""
+        """Makes the load on the output link from the values of its part; None: no load."""
         force, damping, stiffness, rest = (getattr(part, field) for field in part.load_fields)
         if not (force or damping or stiffness):
             return None
@@ -284,7 +285,7 @@ class Mechanism(Checked):
         return tuple(found for load in self.loads if (found := load.in_joints(self)) is not None)
 
     def output(self, name: str, what: str) -> int:
-        """Index of a link on which loads may act: the crank or the output link.
+        """The index of a link on which loads may act: the crank or the output link.
 
         Args:
             name: Name of the link.
@@ -304,7 +305,7 @@ class Mechanism(Checked):
         return names.index(name)
 
     def swing_middle(self, _what: str) -> float | None:
-        """The middle of the output link's swing, the origin of its position.
+        """The middle of the output link's swing.
 
         Args:
             _what: Name of the setting, for the error.
@@ -318,7 +319,7 @@ class Mechanism(Checked):
         return None
 
     def reach(self) -> Reach | None:
-        """Reach of the crank; None: the crank angle alone does not determine the motion."""
+        """The reach of the crank; None: the crank angle alone does not determine the motion."""
         return None
 
     def start(self) -> tuple[tuple[float, ...], tuple[float, ...]]:

@@ -1,20 +1,22 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The map from crank angle to transmission angle, shared by four-bar and slider-crank; swings.
+"""The map from crank angle to transmission angle for four-bar and slider-crank; rocker swings.
 
-Let h be half the crank angle, counted from the line of the fixed pivots, and m half the angle
-at which coupler and rocker meet. By the factored closed form (docs/mechanisms.md)
+Let h be half the crank angle, measured from the line of the fixed pivots, and m half the
+transmission angle, at which coupler and rocker meet. By the factored closed form
+(docs/mechanisms.md)
 
     cos^2 m = p + kappa^2 cos^2 h        sin^2 m = q + kappa^2 sin^2 h        p + q + kappa^2 = 1
 
-with constants of the lengths alone. The crank turns fully exactly where p >= 0 and q >= 0: then
-these are sums of terms that are never negative, and nothing cancels. Where p = 0 or q = 0, at
-change points, the root is taken with its sign, kappa cos h or kappa sin h, and motion runs
-smoothly through the point. With u = kappa cos h / cos m and v = kappa sin h / sin m
+where the constants depend on the lengths alone. The crank turns fully if and only if p >= 0 and
+q >= 0: then all terms of these sums are non-negative, and nothing cancels. If p = 0 or q = 0, the
+linkage has change points: the root, kappa cos h or kappa sin h, is taken with its sign, and the
+motion is smooth there. With u = kappa cos h / cos m and v = kappa sin h / sin m
 
     d(2m)/d(2h) = u v        d^2(2m)/d(2h)^2 = [u^2 (1 - v^2) cot m - v^2 (1 - u^2) tan m] / 2
 
-without division by the sine of the transmission angle. The formulas are this project's.
+without division by the sine of the transmission angle. These formulas were derived for this
+project.
 """
 
 import math
@@ -27,13 +29,13 @@ from linkage_ros.numeric import Real, is_rounding, largest, short_sum, two_sum, 
 
 
 class Square(NamedTuple):
-    """cos^2 m = p + x^2 with x = kappa cos h, or sin^2 m = q + x^2 with x = kappa sin h.
+    """A function of h: cos^2 m = p + (kappa cos h)^2, or sin^2 m = q + (kappa sin h)^2.
 
     Attributes:
-        least: p or q; ZERO where it counts as 0: the root is x itself, with its sign.
-        most: The square where x^2 is largest, 1 - q or 1 - p without their rounding.
-        limits: Whether the square can become negative, at unreachable crank angles.
-        from_most: Whether to compute it as `most` minus the square of the other product, where
+        least: Its smallest value, p or q; ZERO if that counts as 0: the root then has a sign.
+        most: Its largest value, 1 - q or 1 - p, without the rounding error of this difference.
+        limits: Whether it is negative at some crank angles, which are unreachable.
+        from_most: Whether to compute it as `most` minus the square of the other product, because
             this loses fewer digits.
     """
 
@@ -59,7 +61,7 @@ class Square(NamedTuple):
             crank: Crank angle, rad.
 
         Returns:
-            The root.
+            cos m or sin m.
         """
         if self.least is ZERO:
             return x
@@ -75,10 +77,10 @@ class Transmission(NamedTuple):
     Attributes:
         reference: Direction of the reference line, rad, in two parts whose sum is exact to
             twice the digits of a double.
-        kappa: kappa with a sign: negative if the reference is an odd number of turns away, so that
-            crank angles 0 to pi ahead of it have the branch of `assembly`.
-        cos: The square of cos m; it limits a crank that cannot reach the far side.
-        sin: The square of sin m; it limits a crank that cannot reach the near side.
+        kappa: kappa with a sign: negative if the reference, rounded to whole turns, is an odd
+            number of turns. `assembly` thus names the branch up to pi beyond the reference.
+        cos: The square of cos m; it limits a crank that cannot reach the far side (h = pi/2).
+        sin: The square of sin m; it limits a crank that cannot reach the near side (h = 0).
         refuse: Function that rejects a crank angle.
     """
 
@@ -88,15 +90,15 @@ class Transmission(NamedTuple):
     sin: Square
     refuse: Opaque
 
-    def place(self, crank: Real) -> tuple[Real, ...]:
-        """Half the crank angle, from the reference line, and half the transmission angle.
+    def half_angles(self, crank: Real) -> tuple[Real, ...]:
+        """Computes functions of h and m, the halves of the crank and the transmission angle.
 
         Args:
             crank: Crank angle, rad.
 
         Returns:
             sin h, cos h, sin m, cos m, u and v, accurate to an ulp even next to change points,
-            because the rounding error of crank - reference is carried along.
+            because the rounding error of crank - reference is taken into account.
         """
         high, low = self.reference
         half, error = two_sum(0.5 * crank, -0.5 * high)
@@ -110,17 +112,17 @@ class Transmission(NamedTuple):
         v = 1.0 if self.sin.least is ZERO else x / sin_m
         return sin_h, cos_h, sin_m, cos_m, u, v
 
-    def slopes(self, at: tuple[Real, ...], factor: float = 1.0) -> tuple[Real, Real]:
+    def slopes(self, halves: tuple[Real, ...], factor: float = 1.0) -> tuple[Real, Real]:
         """Derivatives of the transmission angle with respect to the crank angle.
 
         Args:
-            at: From `place`.
-            factor: Factor of the results.
+            halves: Result of `half_angles`.
+            factor: Factor by which the derivatives are multiplied.
 
         Returns:
             d(2m)/d(2h) and d^2(2m)/d(2h)^2, times the factor.
         """
-        p, q, (_, _, sin_m, cos_m, u, v) = self.cos.least, self.sin.least, at
+        p, q, (_, _, sin_m, cos_m, u, v) = self.cos.least, self.sin.least, halves
         # 1 - u^2 = p / cos^2 m and 1 - v^2 = q / sin^2 m, without cancellation.
         second: Real = ZERO
         if q is not ZERO:
@@ -135,7 +137,7 @@ class Transmission(NamedTuple):
         return not (self.cos.limits or self.sin.limits)
 
     def arcs(self) -> tuple[Arc, ...]:
-        """Reachable crank angles in closed form: cos^2 m and sin^2 m must not be negative.
+        """The reachable crank angles, at which neither cos^2 m nor sin^2 m is negative.
 
         Returns:
             Arcs (from, to) with from in [0, 2 pi), rad; one turn if the crank turns fully.
@@ -149,12 +151,12 @@ class Transmission(NamedTuple):
         nearest = 2 * math.atan2(math.sqrt(lacks[0]), math.sqrt(self.sin.most))
         farthest = 2 * math.atan2(math.sqrt(self.cos.most), math.sqrt(lacks[1]))
         if not self.sin.limits:
-            return (_turned(middle - farthest, middle + farthest),)
+            return (_normalized(middle - farthest, middle + farthest),)
         if not self.cos.limits:
-            return (_turned(middle + nearest, middle + 2 * math.pi - nearest),)
+            return (_normalized(middle + nearest, middle + 2 * math.pi - nearest),)
         return (
-            _turned(middle + nearest, middle + farthest),
-            _turned(middle - farthest, middle - nearest),
+            _normalized(middle + nearest, middle + farthest),
+            _normalized(middle - farthest, middle - nearest),
         )
 
     def extremes(self) -> Arc:
@@ -179,9 +181,9 @@ class Transmission(NamedTuple):
 
         Args:
             grashof: Class of the linkage.
-            sums: Signed lengths by description; each sum vanishes at a change point. A negative
-                first sum limits cos m, another negative one limits sin m.
-            cures: Changes that would let the crank turn; used only if it is limited.
+            sums: Signed lengths by description; each sum is 0 at a change point. If the first sum
+                is negative, cos m limits the crank; if another sum is negative, sin m does.
+            cures: Changes that would let the crank turn fully; used only if it is limited.
             pass_by: Half the crank angle within which the crank pin is close to the rocker pivot,
                 rad; 0 if there is no rocker pivot, or if the pin passes through it.
 
@@ -197,7 +199,7 @@ class Transmission(NamedTuple):
             for (words, total), limits in zip(totals.items(), limited, strict=True)
             if limits and total < 0 and words not in rounding
         )
-        # Motion is fast at h = 0 and h = pi/2, within these half angles.
+        # Motion is fast where h is within these widths of 0 or pi/2.
         leasts = [float(square.least) for square in (self.cos, self.sin)]
         widths = [math.sqrt(x) / abs(self.kappa) for x in leasts if x > 0]
         return Reach(
@@ -217,7 +219,7 @@ class Transmission(NamedTuple):
         )
 
 
-def _turned(start: float, end: float) -> Arc:
+def _normalized(start: float, end: float) -> Arc:
     whole = 2 * math.pi * math.floor(start / (2 * math.pi))
     return start - whole, end - whole
 
@@ -227,17 +229,17 @@ def swing_middle(
 ) -> float | None:
     """The middle of the swing of a four-bar's rocker.
 
-    The end of the rocker is between |coupler - crank| and coupler + crank away from the crank's
-    pivot, which bounds the angle between rocker and frame by the law of cosines.
+    The distance of the rocker's end from the crank's pivot is between |coupler - crank| and
+    coupler + crank. By the law of cosines, this bounds the angle between rocker and frame.
 
     Args:
         lengths: Lengths of crank, coupler, rocker and frame, m.
         frame: Direction of the frame, rad.
-        rocker: One of the rocker's directions, rad.
-        both_sides: Whether it swings, or may swing, to both sides of the frame's line.
+        rocker: A direction of the rocker during its swing, rad.
+        both_sides: Whether the rocker swings, or may swing, to both sides of the frame's line.
 
     Returns:
-        Direction in [-pi, pi], rad; None if the rocker turns fully.
+        Direction of the rocker in [-pi, pi], rad; None if the rocker turns fully.
     """
     (r, b, c, d), longest = lengths, max(lengths)
     nearest, low, high = abs(short_sum(longest, b, -r)), 0.0, math.pi
@@ -255,6 +257,6 @@ def swing_middle(
 
 
 def _opposite(rocker: float, frame: float, opposite: float) -> float:
-    """The angle between two sides of a triangle."""
+    """The angle of a triangle between two sides, from the length of the opposite side, rad."""
     cosine = (rocker * rocker + frame * frame - opposite * opposite) / (2 * rocker * frame)
     return math.acos(max(-1.0, min(1.0, cosine)))

@@ -2,19 +2,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """The wind pump: two coordinates, the crank angle and the slider's position, and its exact pose.
 
-The loop is document 3's, l1 e^(i phi1) + l2 e^(i phi2) + l3 e^(i phi3) = xD. Given the crank pin A
-and the slider's pin D, coupler and rod are one two-link dyad. With L = |D - A| and, for xD >= 0,
-h = phi1 / 2 (for xD < 0, h = (phi1 - pi) / 2 and |xD|), it closes as the factored closed form of
-the four-bar does (docs/mechanisms.md):
+The loop equation is that of document 3, l1 e^(i phi1) + l2 e^(i phi2) + l3 e^(i phi3) = xD. Given
+the crank pin A and the slider's pin D, coupler and rod form a dyad of two links. With L = |D - A|
+and h = phi1 / 2 for xD >= 0 (for xD < 0, use h = (phi1 - pi) / 2 and |xD|), the dyad has the same
+factored closed form as the four-bar (docs/mechanisms.md):
 
     P = (l2+l3)^2 - L^2 = (l2+l3-xD-l1)(l2+l3+xD+l1) + 4 l1 xD cos^2 h
     Q = L^2 - (l2-l3)^2 = (xD-l1-l2+l3)(xD-l1+l2-l3) + 4 l1 xD sin^2 h
     B - A = (D-A) [(l2-l3)(l2+l3) + L^2 + i side sqrt(PQ)] / (2 L^2)
 
 and sin(phi2 - phi3) = side sqrt(PQ) / (2 l2 l3): no digits are lost next to a stretched dyad.
-The rates have document 3's form, phi2' = a11 phi1' + a12 xD' (its coefficients are damaged in
-print); the squared-rate terms of the accelerations, which the document lacks, follow by
-differentiating the loop twice.
+The rates have the form of document 3, phi2' = a11 phi1' + a12 xD' (its coefficients are damaged in
+print); the squared-rate terms of the accelerations, which the document lacks, follow from
+differentiating the loop equation twice.
 """
 
 import math
@@ -60,7 +60,7 @@ class WindPumpLoop(NamedTuple):
         coupler: Length b of the coupler, m.
         rod: Length c of the rod, m.
         side: 1 for the open assembly, -1 for the crossed one.
-        refuse: Refuses coordinates.
+        refuse: Function that rejects coordinates.
     """
 
     crank: float
@@ -70,7 +70,7 @@ class WindPumpLoop(NamedTuple):
     refuse: Opaque
 
     def squares(self, q: tuple[Real, ...]) -> tuple[Real, Real, Real]:
-        """P, Q and L^2, m^2; refuses a dyad that does not close or is in line.
+        """Computes P, Q and L^2, m^2; rejects a dyad that does not close or is in line.
 
         Args:
             q: Crank angle, rad, and the slider's position, m.
@@ -85,8 +85,8 @@ class WindPumpLoop(NamedTuple):
         far = growth * where(ahead, cosine * cosine, sine * sine)
         one, other = d - r - b + c, d - r + b - c
         stretch, fold = (b + c - d - r) * total_length + far, one * other + near
-        # A sum of lengths is off by about an ulp of their total. Where the short sums are small,
-        # so is the rounding of their product: a slider that passes the crank pin is not refused.
+        # The error of a sum of lengths is about an ulp of their total. Where the short sums are
+        # small, so is the error of their product: a slider may pass through the crank pin.
         ulp = _EPSILON * total_length
         require(stretch > ulp * total_length, self.refuse, *q)
         require(fold > ulp * (abs(one) + abs(other)) + _EPSILON * near, self.refuse, *q)
@@ -122,11 +122,11 @@ class WindPumpLoop(NamedTuple):
             Args:
                 own: Product of the coupler's two rates.
                 other: Product of the rod's two rates.
-                arm_b: Crank's acceleration term along the rod, m.
-                arm_c: Crank's acceleration term along the coupler, m.
+                arm_b: Component of the crank's acceleration term along the rod, m.
+                arm_c: Component of the crank's acceleration term along the coupler, m.
 
             Returns:
-                Those of the coupler and of the rod.
+                The curvature of the coupler and that of the rod.
             """
             return (
                 -over_b * (arm_b + b * cos23 * own + c * other),
@@ -151,8 +151,8 @@ class WindPumpLoop(NamedTuple):
 class ByCoupler(WindPumpLoop):
     """The constants of a wind pump whose coordinates are the angles of crank and coupler.
 
-    They determine the motion where coupler and rod are in line. `side` is 1 if the rod points
-    along the guide, -1 if against it.
+    These angles determine the motion where coupler and rod are in line. `side` is 1 if the rod
+    points along the guide, -1 if it points against it.
     """
 
     def pose(self, q: tuple[Real, ...]) -> Pose:
@@ -199,13 +199,13 @@ class WindPump(Mechanism):
     Attributes:
         coordinates: The crank's angle and the slider's position.
         crank: Driven link, from A0, the origin.
-        coupler: From the crank pin A to B.
-        rod: From B to the slider's pin D.
+        coupler: Link from the crank pin A to B.
+        rod: Link from B to the slider's pin D.
         slider: The pump's piston, at D.
         assembly: 'open': B lies left of the line from A to D; 'crossed': right of it, that is,
             below it if the slider is to the right.
         gravity: Acceleration of gravity [x, y], m/s^2.
-        loads: Load curves and friction; other loads belong to the slider.
+        loads: Load curves and friction; the values of a `LinkLoad` are moved to the slider.
     """
 
     coordinates: ClassVar[tuple[str, ...]] = ('crank', 'slider')
@@ -222,7 +222,7 @@ class WindPump(Mechanism):
     loads: tuple[Any, ...] = loads_field()
 
     def loop(self) -> WindPumpLoop:
-        """The constants of the pose."""
+        """The constants of the pose at a crank angle and a slider position."""
         return WindPumpLoop(
             self.crank.length,
             self.coupler.length,
@@ -250,7 +250,7 @@ class WindPump(Mechanism):
 
     def _refuse_rod(self, crank: float, coupler: float) -> NoReturn:
         raise UnreachableError(
-            f'the rod does not reach the guide, or stands across it, at crank angle '
+            f'the rod does not reach the guide, or is perpendicular to it, at crank angle '
             f'{math.degrees(crank):.9g} deg and coupler angle {math.degrees(coupler):.9g} deg',
             crank_angle=crank,
             arcs=(),
@@ -269,7 +269,7 @@ class WindPump(Mechanism):
         return f'there the slider can be within {words} m'
 
     def structure(self) -> Structure:
-        """The structure; the loop is cut at D."""
+        """The structure of the pump, whose loop is cut at D."""
         crank, coupler, rod, slider = self.crank, self.coupler, self.rod, self.slider
         A0 = Point.at(0j, 4)
         A = A0.along(0, crank.length)

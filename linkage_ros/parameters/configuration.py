@@ -69,7 +69,7 @@ class Configuration:
         kind: The names of mechanism and drive.
         mechanism: The description of the mechanism.
         drive: The description of the drive.
-        session: How the run is published, logged and shown.
+        session: Settings of publishing, logging and viewing.
     """
 
     kind: MechanismAndDrive
@@ -78,7 +78,7 @@ class Configuration:
     session: Session
 
     def parameters(self) -> dict[str, object]:
-        """All settings by parameter name, defaults included."""
+        """Returns the values of all parameters by name, defaults included."""
         parts = (self.kind, self.mechanism, self.drive, self.session)
         known = {leaf.name for leaf in parameter_leaves(self.kind)}
         flat = (item for part in parts for item in flatten(part).items())
@@ -86,9 +86,9 @@ class Configuration:
 
 
 def parameter_leaves(kind: MechanismAndDrive) -> tuple[Leaf, ...]:
-    """The parameters that a mechanism and a drive use, in the order of their declaration."""
+    """Lists the parameters that a mechanism and a drive use, in the order of declaration."""
     classes = (MechanismAndDrive, MECHANISMS[kind.mechanism], DRIVES[kind.drive], Session)
-    unused = 'rate_hz' if kind.drive == 'follow' else ''  # set by measurements
+    unused = 'rate_hz' if kind.drive == 'follow' else ''  # measurements set the rate
     return tuple(leaf for cls in classes for leaf in leaves(cls) if leaf.name != unused)
 
 
@@ -101,8 +101,8 @@ def configure(values: Mapping[str, object]) -> Configuration:
     """Checks parameters and makes a configuration.
 
     Args:
-        values: Values by dotted parameter name. Without 'mechanism' they change the
-            quadrilateral preset.
+        values: Values by dotted parameter name. If 'mechanism' is missing, they override the
+            values of the quadrilateral preset.
 
     Returns:
         The configuration.
@@ -137,7 +137,7 @@ def configure(values: Mapping[str, object]) -> Configuration:
 
 
 def _not_a_parameter(name: str, kind: MechanismAndDrive) -> str:
-    """Error message for an unknown parameter of a mechanism and drive."""
+    """Writes the error message for an unknown parameter of a mechanism and drive."""
     driven = {'torque': 'torque-driven ', 'follow': 'measured '}.get(kind.drive, '')
     owner, valid = f'a {driven}{kind.mechanism}', parameter_leaves(kind)
     block = name.partition('.')[0]
@@ -155,14 +155,14 @@ def _not_a_parameter(name: str, kind: MechanismAndDrive) -> str:
 
 
 def _others(sought: str, kinds: Mapping[str, type], own: str) -> list[str]:
-    """The other kinds with a parameter or group of this name; none if this kind has it."""
+    """Lists the other kinds with a parameter or group of this name; none if `own` has it, too."""
     names = {kind: [f'{leaf.name}.' for leaf in leaves(cls)] for kind, cls in kinds.items()}
     having = [kind for kind in kinds if any(x.startswith(f'{sought}.') for x in names[kind])]
     return [] if own in having else having
 
 
 def preset_note(values: Mapping[str, object]) -> str:
-    """Text to print before the summary if the default preset is used; empty otherwise."""
+    """Returns a text to print before the summary if the default preset is used; otherwise ''."""
     return '' if 'mechanism' in values else f'no mechanism given, so the {DEFAULT_PRESET}: '
 
 
@@ -207,7 +207,7 @@ def load(source: str) -> Configuration:
 
 
 def to_strings(configuration: Configuration) -> dict[str, str]:
-    """All settings of a configuration: JSON values by parameter name."""
+    """Converts a configuration to JSON texts by parameter name."""
     return {name: json.dumps(value) for name, value in configuration.parameters().items()}
 
 
@@ -215,7 +215,7 @@ def from_strings(strings: Mapping[str, str]) -> Configuration:
     """Restores a configuration from `to_strings`.
 
     Args:
-        strings: JSON values by parameter name.
+        strings: JSON texts by parameter name.
 
     Returns:
         The configuration.

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Texts about parameters and configurations: for --help, and one line for each run."""
+"""Describes parameters for --help, and a configuration in the line that each run prints."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ def help_on(parameters: Iterable[Leaf]) -> str:
 
 
 def _valid(quantity: Quantity) -> str:
-    """The valid values; empty if any text is valid."""
+    """Describes the valid values; empty if any text is valid."""
     return '' if quantity.valid == 'text' else f'{quantity.valid}; '
 
 
 def _default(value: object) -> str:
-    """The default as a user would type it; empty if the meaning explains it."""
+    """Shows the default as a user would type it; empty if the meaning explains it."""
     if value is MISSING:
         return ' (required)'
     if value in (None, ''):
@@ -52,7 +52,7 @@ def _default(value: object) -> str:
 
 
 def help_on_every_kind() -> str:
-    """Describes the parameters of a four_bar at a given speed, then those of other kinds."""
+    """Describes the parameters of a four_bar, then those that other drives and mechanisms add."""
     usual = MechanismAndDrive('four_bar', 'speed')
     leaves = parameter_leaves(usual)
     parts = ['parameters of a four_bar:', help_on(leaves)]

@@ -18,8 +18,8 @@ class FeedForward(Checked):
     """Settings of the feed-forward torque for a controller.
 
     Attributes:
-        effort_command_topic: Topic of the driving torque for a controller; empty: none.
-        lead_time: Time after the stamp for which that torque is computed, s.
+        effort_command_topic: Topic of the driving torque for a controller; empty: no topic.
+        lead_time: Time from the stamp to the moment for which the torque is computed, s.
     """
 
     effort_command_topic: str = quantity(
@@ -27,7 +27,7 @@ class FeedForward(Checked):
         pattern=_TOPIC, default='',
     )  # fmt: skip
     lead_time: float = quantity(
-        'number', 'time ahead of the stamp for which it is computed', 's',
+        'number', 'time from the stamp to the moment of the computed torque', 's',
         span=(0.0, 10.0), default=0.0,
     )  # fmt: skip
 
@@ -37,8 +37,8 @@ class SpeedFeedForward(FeedForward, SpeedDrive):
     """A crank at a given speed, with feed-forward torque and trajectory.
 
     Attributes:
-        trajectory_command_topic: Topic of the crank's motion ahead of time; empty: none.
-        trajectory_horizon: Length of that motion, s.
+        trajectory_command_topic: Topic of the crank's motion ahead of time; empty: no topic.
+        trajectory_horizon: Duration of that motion, s.
     """
 
     trajectory_command_topic: str = quantity(
@@ -46,7 +46,7 @@ class SpeedFeedForward(FeedForward, SpeedDrive):
         pattern=_TOPIC, default='',
     )  # fmt: skip
     trajectory_horizon: float = quantity(
-        'number', 'time ahead that the motion reaches; half of it is between messages', 's',
+        'number', 'duration of that motion; it is published anew after half of it', 's',
         span=(0.01, 10.0), default=0.5,
     )  # fmt: skip
 

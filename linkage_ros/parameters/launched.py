@@ -44,27 +44,27 @@ class Linkage(NamedTuple):
 
 
 def given(arguments: Mapping[str, str], names: Iterable[str]) -> dict[str, object]:
-    """The parameters that launch arguments set.
+    """Returns the parameters that launch arguments set.
 
     Args:
-        arguments: Texts by name; an empty one sets nothing.
+        arguments: Texts by name; an empty text sets nothing.
         names: Names of the arguments that are parameters.
 
     Returns:
-        Values, with the types that `-p NAME:=VALUE` gives them.
+        Values by name, with the types that `-p NAME:=VALUE` would give them.
     """
     texts = {name: arguments[name] for name in names if arguments[name]}
     return {name: text if name in _TEXTS else read_scalar(text) for name, text in texts.items()}
 
 
 def follow(arguments: Mapping[str, str]) -> Linkage:
-    """The parameters of a node that follows a measured crank.
+    """Returns the parameters of a node that follows a measured crank.
 
     Args:
         arguments: All arguments of follow.launch.py.
 
     Returns:
-        The parameters, without values of the file that such a node lacks.
+        The parameters; values of the file that such a node does not have are left out.
 
     Raises:
         ConfigurationError: The file or a value cannot be used.
@@ -80,14 +80,14 @@ def follow(arguments: Mapping[str, str]) -> Linkage:
 
 
 def demo(arguments: Mapping[str, str]) -> Linkage:
-    """The parameters of the demo: those of the file, overridden by arguments.
+    """Returns the parameters of the demo: values of the file, overridden by arguments.
 
     Args:
         arguments: All arguments of demo.launch.py.
 
     Returns:
-        The parameters. The node gets the values, not the file: which value rcl prefers for a
-        name in two sections and an argument depends on their order.
+        The parameters. The node gets these values instead of the file, because rcl's choice
+        between two sections of a file and an argument depends on their order.
 
     Raises:
         ConfigurationError: The file or a value cannot be used.
@@ -121,7 +121,7 @@ def is_asked_for(arguments: Mapping[str, str], name: str) -> bool:
 
 
 def parameter_file(values: Mapping[str, object]) -> str:
-    """Writes parameters to a file: launch_ros would convert the text 1e3 to a number.
+    """Writes parameters to a file, because launch_ros would convert the text 1e3 to a number.
 
     Args:
         values: Values by dotted name, for any node.
@@ -136,9 +136,9 @@ def rviz_file(template: Path, fixed_frame: str, frame_prefix: str) -> str:
     """Writes RViz's configuration for the frames of a launch.
 
     Args:
-        template: The file for a linkage without prefixes.
+        template: RViz's configuration for a linkage without prefixes.
         fixed_frame: As in `Linkage`.
-        frame_prefix: Frame prefix of robot_state_publisher. RViz adds a '/' to its own.
+        frame_prefix: Frame prefix of robot_state_publisher. RViz adds a '/' to its own prefix.
 
     Returns:
         Path of the template, or of a file in memory.
@@ -159,14 +159,14 @@ def _file_in_memory(text: str) -> str:
 
 
 def how_to_install(package: str, feature: str) -> str:
-    """Installation advice for a missing ROS package; empty if a sourced workspace has it.
+    """Advises how to install a ROS package that is missing.
 
     Args:
-        package: Its name.
-        feature: The feature that is missing without it.
+        package: Name of the package.
+        feature: The feature that is missing without the package.
 
     Returns:
-        One line.
+        One line; empty if a sourced workspace has the package.
     """
     prefixes = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
     index = Path('share', 'ament_index', 'resource_index', 'packages', package)

@@ -2,11 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reads a ROS 2 parameter file as a node does, without ROS.
 
-A node gets its parameters from rcl, whose YAML is not PyYAML's: `1e2` is a float, `on` a bool,
-`010` is 8 and `[0, -9.81]` is refused. To read the same
-values as the node, this reader interprets the events of PyYAML as
-rcl_yaml_param_parser/src/parse.c does. It refuses what rcl refuses, and also what rcl silently
-drops or garbles.
+A node gets its parameters from rcl, which reads YAML differently from PyYAML: `1e2` is a float,
+`on` is a bool, `010` is 8, and `[0, -9.81]` is refused. To read the same values as the node, this
+reader interprets the events of PyYAML as rcl_yaml_param_parser/src/parse.c does. It refuses files
+that rcl refuses, and also files of which rcl silently drops or garbles a part.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ Parameters: TypeAlias = dict[str, ParameterValue]
 
 _LOADER = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)  # libyaml, as in rcl, if available
 _MAX_BYTES = 1 << 20
-_MAX_NAME = 255  # also bounds the nesting depth, because parents count
+_MAX_NAME = 255  # characters with all parents, so that the nesting depth is bounded as well
 _NODE = re.compile(r'/?((\*\*?|[A-Za-z_]\w{0,243})/)*(\*\*?|[A-Za-z_]\w*)', re.ASCII)
 _BOOL = re.compile('([yY]|[yY]es|YES|[tT]rue|TRUE|[oO]n|ON)|[nN]o?|NO|[fF]alse|FALSE|[oO]ff|OFF')
 _VALUE = 'write a bool, integer, float or string, or a list of one of these'
@@ -42,20 +41,20 @@ def read_parameter_file(path: Path | str, node_name: str = 'linkage_node') -> Pa
 
     Args:
         path: The YAML file.
-        node_name: A node with its namespace, such as left/linkage_node. Sections of other nodes
-            are checked, but not returned.
+        node_name: Name of the node with its namespace, such as left/linkage_node. Sections of
+            other nodes are checked, but not returned.
 
     Returns:
         The values by dotted name. Where two sections set the same name, the later one wins.
 
     Raises:
-        ConfigurationError: The file cannot be read, or rcl refuses or garbles it.
+        ConfigurationError: The file cannot be read, or rcl would refuse or garble it.
     """
     return _Reader(path, 'parameter', node_name, _LAYOUT).read(())
 
 
 def read_study_file(path: Path | str) -> Parameters:
-    """Reads a study: a file of names and values as below `ros__parameters`, without nodes.
+    """Reads a study: a file that has the content of a section `ros__parameters`, without nodes.
 
     Args:
         path: The YAML file.
@@ -70,7 +69,7 @@ def read_study_file(path: Path | str) -> Parameters:
 
 
 class _Reader:
-    """One pass over the events of a file."""
+    """Reads a file in one pass over its YAML events."""
 
     def __init__(self, path: Path | str, kind: str, node_name: str, layout: str) -> None:
         self.file = str(path) if str(path).isprintable() else repr(str(path))
@@ -89,7 +88,7 @@ class _Reader:
         self.sections: dict[str, Parameters] = {}
 
     def read(self, path: tuple[str, ...]) -> Parameters:
-        """Reads the file, whose names are below a path of names."""
+        """Reads the file as if all its names were below a path of names."""
         while not isinstance(event := self.next(), yaml.StreamEndEvent):
             if isinstance(event, yaml.MappingStartEvent):
                 for names, value in self.leaves(path):
@@ -99,7 +98,7 @@ class _Reader:
         return {name: value for own in self.sections.values() for name, value in own.items()}
 
     def leaves(self, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], yaml.Event]]:
-        """Yields the names down to each value of a mapping, and the event that begins it."""
+        """Yields each value of a mapping: its path of names, and the event that begins it."""
         key, section = '', _section(path)
         while following := self.key(path if section is None else path[section + 1 :]):
             if section is None and key.startswith(_SECTION):
@@ -109,7 +108,7 @@ class _Reader:
             if not isinstance(event, yaml.MappingStartEvent):
                 yield (*path, key), event
                 continue
-            # Inside another name, rcl misnames the parameters after these.
+            # After a path inside another name, rcl gives wrong names to parameters.
             if path and section != len(path) - 1 and ('/' if section is None else '.') in key:
                 raise self.error(f'{key!r} is a path; write its parts one below the other')
             yield from self.leaves((*path, key))
@@ -125,7 +124,7 @@ class _Reader:
         if section > 1:
             node = node.replace('//', '/')
         if not _NODE.fullmatch(node):
-            raise self.error(f'{node!r} before ros__parameters is no node; {self.layout}')
+            raise self.error(f'{node!r} before ros__parameters is not a node; {self.layout}')
         value = self.value(name, event)
         if not _matches(node, self.node_name):
             return
@@ -135,7 +134,7 @@ class _Reader:
         for group in itertools.accumulate(path[section + 1 : -1], '{}.{}'.format):
             if group in values:
                 raise self.error(f'{group!r} is a value and a group; rename one')
-        # Which of two values rcl keeps depends on their types, and on their spelling.
+        # Which of two values rcl keeps depends on their types and on the spelling of the name.
         if name in values and ('.' in path[-1] or _types(value) != _types(values[name])):
             raise self.error(f'{name!r} is set twice, in two ways; remove one')
         values[name] = value
@@ -161,12 +160,12 @@ class _Reader:
         return read_scalar(event.value)
 
     def key(self, path: tuple[str, ...]) -> str:
-        """The next key of a mapping below a path of names; empty at its end."""
+        """Reads the next key of a mapping below a path of names; empty at the mapping's end."""
         event = self.next()
         if isinstance(event, yaml.MappingEndEvent):
             return ''
         if not isinstance(event, yaml.ScalarEvent) or not event.value:
-            raise self.error(f'{_show(event)} is no name; write "name: value"')
+            raise self.error(f'{_show(event)} is not a name; write "name: value"')
         if len('.'.join((*path, event.value))) > _MAX_NAME:
             raise self.error(f'{_show(event)} makes a name of over {_MAX_NAME}; shorten it')
         return event.value
@@ -179,14 +178,14 @@ class _Reader:
                 self.line = self.data.count(b'\n', 0, error.position) + 1
             self.line = getattr(getattr(error, 'problem_mark', None), 'line', self.line - 1) + 1
             reason = getattr(error, 'problem', None) or getattr(error, 'reason', error)
-            raise self.error(f'no YAML in UTF-8 ({reason}); correct the file there') from error
+            raise self.error(f'not YAML in UTF-8 ({reason}); correct this line') from error
         self.line = getattr(event.start_mark, 'line', 0) + 1
         if isinstance(event, yaml.AliasEvent):
             raise self.error(
-                f'ROS takes no alias (*{shortened(str(event.anchor), 40)}); write the value'
+                f'ROS accepts no alias (*{shortened(str(event.anchor), 40)}); write the value'
             )
         if isinstance(event, yaml.ScalarEvent) and re.search('[\0\ud800-\udfff]', event.value):
-            raise self.error(f'{_show(event)} holds a NUL or half a character; remove it')
+            raise self.error(f'{_show(event)} holds a NUL or a surrogate; remove it')
         return event
 
     def error(self, problem: str) -> ConfigurationError:
@@ -194,7 +193,7 @@ class _Reader:
 
 
 def _section(path: tuple[str, ...]) -> int | None:
-    """Place of `ros__parameters` in a path of names; None if it is not there."""
+    """Finds the index of `ros__parameters` in a path of names; None if the path lacks it."""
     # rcl compares only as many characters as this name has.
     return next((i for i, key in enumerate(path) if key.startswith(_SECTION)), None)
 
@@ -202,7 +201,7 @@ def _section(path: tuple[str, ...]) -> int | None:
 def _matches(section: str, node: str) -> bool:
     """Returns whether a section is for a node: '**' matches any number of names, '*' one."""
     wildcards = {'**': '(/[^/]+)*', '*': '/[^/]+'}
-    section = re.sub(r'\*\*(/+\*\*)+', '**', section)  # many would take long to fail
+    section = re.sub(r'\*\*(/+\*\*)+', '**', section)  # repeated ** would match too slowly
     parts = [wildcards.get(part, f'/{re.escape(part)}') for part in section.split('/') if part]
     return re.fullmatch(''.join(parts), f'/{node.strip("/")}') is not None
 
@@ -217,7 +216,7 @@ def _types(value: ParameterValue) -> list[type]:
 
 
 def read_scalar(text: str) -> _Scalar:
-    """The value of an unquoted scalar: a bool, a number as strtoll or strtod read it, or text."""
+    """Reads an unquoted scalar: a bool, a number as strtoll or strtod would read it, or text."""
     if match := _BOOL.fullmatch(text):
         return match[1] is not None
     if re.fullmatch(r'[+-]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)', text):

@@ -17,7 +17,7 @@ from linkage_ros.quantities import shown
 
 
 def preset_names() -> list[str]:
-    """The names of all presets, in alphabetical order."""
+    """Lists the names of all presets, in alphabetical order."""
     return sorted(_presets())
 
 
@@ -25,13 +25,13 @@ def preset_path(name: str) -> Path:
     """Finds the parameter file of a preset.
 
     Args:
-        name: The preset's name, which is its file's name without `.yaml`.
+        name: Name of the preset, which is the name of its file without `.yaml`.
 
     Returns:
-        The file, in the first place that has it.
+        The file, from the first folder of presets that has it.
 
     Raises:
-        ConfigurationError: No place has such a preset.
+        ConfigurationError: No folder has such a preset.
     """
     presets = _presets()
     if name not in presets:
@@ -50,7 +50,7 @@ def find_file(source: str) -> Path:
         source: Path of a ROS 2 parameter file, or the name of a preset.
 
     Returns:
-        The file, which need not exist where source is a path.
+        The file; if source is a path, the file need not exist.
     """
     path = Path(source)
     is_path = source and (path.suffix or path_exists(path))  # '' would be the current folder
@@ -58,11 +58,12 @@ def find_file(source: str) -> Path:
 
 
 def _presets() -> dict[str, Path]:
-    """The presets: for each name, the first file found."""
+    """Finds all presets; for each name, the first file counts."""
     root = Path(__file__).resolve().parents[2]
     # A sourced workspace comes first, also for code that runs from a checkout: by sourcing, a ROS
-    # user selects an installation, and an overlay replaces presets. Then come those of pip: with
-    # --target; with --user or --prefix, in PREFIX/lib/python3.X/site-packages; in an environment.
+    # user selects an installation, and an overlay replaces presets. Then come the folders of pip:
+    # with --target; with --user or --prefix, in PREFIX/lib/python3.X/site-packages; in an
+    # environment.
     sourced = filter(None, os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep))
     prefixes = [*map(Path, sourced), root, *root.parents[2:3], Path(sys.prefix)]
     folders = [prefix / 'share' / 'linkage_ros' / 'config' for prefix in prefixes]

@@ -16,7 +16,7 @@ from linkage_ros.wire.urdf import joint_names, link_of
 
 JOINT_PREFIX = '[A-Za-z0-9_]*'  # regular expression
 SPAWN, WEB = 'spawn', 'web'
-# For help and errors.
+# The valid values of the parameter viewer, for help and errors.
 VIEWERS = f'{SPAWN}, {WEB}, rerun+http://HOST:PORT/proxy or a .rrd path'
 
 _URL = re.compile(r'rerun\+http://(\[[0-9a-fA-F:.]+\]|[^][/:\s]+):(\d{1,5})/proxy')
@@ -25,20 +25,20 @@ _LAST_PORT = 65535
 
 @dataclass(frozen=True)
 class Session(Checked):
-    """How a run is published, logged and shown.
+    """Settings of publishing, logging and viewing a run.
 
     Attributes:
         rate_hz: States per second.
         log: Path of the MCAP file; empty: no log.
         log_overwrite: Whether an existing log or .rrd file may be replaced.
         viewer: One of VIEWERS; empty: no viewer.
-        viewer_bind: Address on which a spawned viewer's data, or the page, are served.
+        viewer_bind: Address on which the data of a spawned viewer, or the page, is served.
         joint_prefix: Prepended to every joint name in messages and to the URDF's link names.
-        crank_joint: Name of the crank in messages from and to a robot; empty: its own name.
-        frame_id: Link, and frame of messages, that carries the fixed pivots.
+        crank_joint: Name of the crank in messages from and to a robot; empty: the usual name.
+        frame_id: Name of the link that carries the fixed pivots, and frame of the messages.
     """
 
-    rate_hz: float = quantity('number', 'states a second', 'Hz', span=(0.01, 1e5), default=200.0)
+    rate_hz: float = quantity('number', 'states per second', 'Hz', span=(0.01, 1e5), default=200.0)
     log: str = quantity('text', 'path of the .mcap log; empty: no log', default='')
     log_overwrite: bool = quantity('switch', 'replace an existing log or .rrd file', default=False)
     viewer: str = quantity('text', f'{VIEWERS}; empty: none', default='')
@@ -46,26 +46,26 @@ class Session(Checked):
         'text', 'address on which a spawned viewer or the page is served', default='127.0.0.1'
     )
     joint_prefix: str = quantity(
-        'text', 'put before every joint name, in and out, and every URDF link name',
+        'text', 'prefix of every joint name in messages and of every URDF link name',
         pattern=JOINT_PREFIX, default='',
     )  # fmt: skip
     crank_joint: str = quantity(
         'text', "a robot's name for the crank, in measurements, commands and trajectories; "
-        'empty: crank, behind joint_prefix', default='',
+        'empty: crank, after joint_prefix', default='',
     )  # fmt: skip
     frame_id: str = quantity(
-        'text', 'link that carries the fixed pivots; joint_prefix is not put before it',
+        'text', 'link that carries the fixed pivots; joint_prefix does not apply to it',
         pattern='[A-Za-z0-9_][A-Za-z0-9_./-]*', default=ROOT_FRAME,
     )  # fmt: skip
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        is_place = is_recording(self.viewer) or viewer_address(self.viewer) is not None
-        if self.viewer not in ('', SPAWN, WEB) and not is_place:
+        is_target = is_recording(self.viewer) or viewer_address(self.viewer) is not None
+        if self.viewer not in ('', SPAWN, WEB) and not is_target:
             raise ConfigurationError(viewer_error(self.viewer))
 
     def require_names(self, mechanism: Mechanism) -> None:
-        """Refuses a frame_id or crank_joint that is another name of the linkage.
+        """Rejects a frame_id or crank_joint that is the name of another part of the linkage.
 
         Args:
             mechanism: The linkage.
@@ -93,7 +93,7 @@ def viewer_address(target: str) -> tuple[str, int] | None:
         target: The value of the parameter.
 
     Returns:
-        Host and port; None if it is not such a URL.
+        Host and port; None if the value is not the URL of a viewer.
     """
     match = _URL.fullmatch(target)
     if match is None or int(match[2]) > _LAST_PORT:
@@ -102,10 +102,10 @@ def viewer_address(target: str) -> tuple[str, int] | None:
 
 
 def is_recording(target: str) -> bool:
-    """Returns whether a viewer has the form of a file's path."""
+    """Returns whether a value of the parameter viewer has the form of a .rrd file's path."""
     return Path(target).suffix == '.rrd' and '://' not in target
 
 
 def viewer_error(target: str) -> str:
-    """Error message for an invalid viewer."""
+    """Writes the error message for an invalid value of the parameter viewer."""
     return f'viewer = {shown(target)} is not one of: {VIEWERS}'

@@ -11,10 +11,10 @@ from linkage_ros.quantities import Leaf, shown
 
 # Least similarity of misspelt names, from 0 to 1: with a group, and without.
 _SIMILAR, _SIMILAR_WORD = 0.85, 0.65
-# Groups whose parameters may have no group here, such as crank.rpm.
+# Groups that a user may put before a parameter that has no group, as in crank.rpm.
 _TOP = ('', 'crank', 'motor', 'drive')
 
-# Words of textbooks and other tools, with the names that they may mean, the likeliest first.
+# Words of textbooks and other tools, with the names that they may mean, the most likely first.
 _MEANINGS = {
     'base ground fixed': ('frame',),
     'input driver': ('crank',),
@@ -48,17 +48,17 @@ _MEANINGS = {
 def unknown_name(
     name: str, owner: str, valid: Iterable[Leaf], where: str, elsewhere: str = ''
 ) -> str:
-    """Error message for a name that does not exist.
+    """Writes the error message for an unknown parameter name.
 
     Args:
         name: The name that was given.
-        owner: The object that has no such parameter.
-        valid: The parameters that it has.
-        where: The command that lists them.
-        elsewhere: Names the objects that have the parameter; empty if none has.
+        owner: Description of the object that has no such parameter.
+        valid: The parameters of the object.
+        where: The command that lists these parameters.
+        elsewhere: Clause that says which objects have the parameter; empty if none has it.
 
     Returns:
-        One line, with the name that was probably meant, or else with those of the group.
+        One line, with the name that was probably meant, or else with the names of the group.
     """
     units = {leaf.name: leaf.quantity.unit for leaf in valid}
     group = (
@@ -77,14 +77,14 @@ def unknown_name(
 
 
 def nearest(name: str, valid: Collection[str]) -> str:
-    """The valid name that was probably meant: by its meaning, else by its letters.
+    """Finds the valid name that was probably meant: by its meaning, or else by its letters.
 
     Args:
         name: A name that is not valid.
         valid: The valid names.
 
     Returns:
-        One of them; empty if none is near.
+        A valid name; empty if none is similar.
     """
     group, _, word = name.lower().rpartition('.')
     words = [word, *_meanings(word)]

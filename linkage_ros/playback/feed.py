@@ -14,9 +14,9 @@ from typing import NamedTuple
 from linkage_ros.log.reader import LoggedMessage, LogReader
 from linkage_ros.units import NS_PER_S
 
-# The product is the greatest number of messages read ahead, so that unpacking a chunk delays no
-# message. Handing them over one by one would wake the reading thread at every message; while that
-# works for milliseconds on end, a subscriber on the same processor gets its message late.
+# Messages in a batch, and batches that are read ahead, so that unpacking a chunk delays no
+# message. Single messages instead of batches would wake the reading thread at every message; while
+# this thread works for milliseconds, a subscriber on the same processor gets its message late.
 _BATCH, _BATCHES = 16, 256
 
 
@@ -25,9 +25,9 @@ class Excerpt(NamedTuple):
 
     Attributes:
         start: First log time, ns.
-        end: Log time at which it ends, ns; excluded. An excerpt up to the end of the log ends one
-            message period after its last message, so that the rounds of a loop join.
-        topics: Fully qualified names.
+        end: Log time at which the excerpt ends, ns, exclusive. An excerpt up to the end of the
+            log ends one message period after the last message, so that loops have no gap.
+        topics: Fully qualified names of the topics.
     """
 
     start: int
@@ -55,8 +55,8 @@ def excerpt_of(
     Args:
         log: The log.
         offset: Time to skip at the beginning, s.
-        duration: Time to play from there, s; None: to the end.
-        topics: Fully qualified names; None: all.
+        duration: Length of the excerpt, s; None: to the end of the log.
+        topics: Fully qualified names of the topics; None: all topics.
 
     Returns:
         The excerpt.
@@ -70,15 +70,15 @@ def excerpt_of(
 
 @contextmanager
 def feed(log: LogReader, excerpt: Excerpt, *, loop: bool) -> Iterator[Iterator[Item]]:
-    """Reads an excerpt in a thread of its own.
+    """Reads an excerpt in a separate thread.
 
     Args:
-        log: The log; from here on, only the feed may use it.
+        log: The log; from then on, only the feed may use it.
         excerpt: The part to play; latched messages of earlier times come first.
-        loop: Whether to start again at its end, without limit.
+        loop: Whether to repeat the excerpt without end.
 
     Yields:
-        The items; raises a LogError where the file is damaged.
+        An iterator over the items; it raises a LogError where the file is damaged.
     """
     batches = _batches(log, excerpt, loop=loop)
     with ThreadPoolExecutor(1, 'reader') as reader:
@@ -106,7 +106,7 @@ def _batches(log: LogReader, excerpt: Excerpt, *, loop: bool) -> Iterator[list[I
     last = {message.topic: message for message in before}
     yield [Item(excerpt.start, message) for message in last.values()]
     shift, count = 0, 1
-    while count and (loop or not shift):  # another round without a message would have none either
+    while count and (loop or not shift):  # after a round without messages, no other has any
         messages, count = log.messages(excerpt.topics, excerpt.start, excerpt.end), 0
         while batch := [Item(m.time + shift, m) for m in itertools.islice(messages, _BATCH)]:
             yield batch

@@ -20,10 +20,10 @@ _KEY = re.compile(rb' |\x1b[\[O][ABC]')
 
 
 class Keyboard(AbstractContextManager['Keyboard']):
-    """Reads the keys of a terminal; no keys in the background or without a terminal.
+    """Reads the keys of a terminal; in the background or without a terminal, there are no keys.
 
-    To be used in the main thread, since it handles Ctrl-Z: the terminal is restored while the
-    program is stopped, and the next `read` takes it again.
+    Use it in the main thread, because it handles Ctrl-Z: the terminal is restored while the
+    program is stopped, and the next `read` prepares it again.
     """
 
     def __init__(self, descriptor: int = 0) -> None:
@@ -44,10 +44,10 @@ class Keyboard(AbstractContextManager['Keyboard']):
         """Waits for a key.
 
         Args:
-            timeout: Longest time, s; without a terminal, always the full time.
+            timeout: Longest time to wait, s; without a terminal, the full time.
 
         Returns:
-            SPACE, RIGHT, UP or DOWN; None: no key, or another one.
+            SPACE, RIGHT, UP or DOWN; None if no key, or another key, was pressed.
         """
         watched = [self._descriptor] if self._take_terminal() else []
         key = self._next_key()

@@ -16,9 +16,9 @@ from linkage_ros.units import NS_PER_S
 
 KEYS = (
     'keys, in a terminal:\n'
-    '  space        pause or go on\n'
-    '  right arrow  while paused: play the next message, with all others of its log time\n'
-    '  up, down     rate 0.1 higher or lower'
+    '  space        pause or resume\n'
+    '  right arrow  while paused: play the next message, and all others with its log time\n'
+    '  up, down     increase or decrease the rate by 0.1'
 )
 
 Sink: TypeAlias = Callable[[Item], None]
@@ -39,23 +39,23 @@ class Pace:
     """The position of a replay in log time, ns; it never decreases.
 
     Deadlines are absolute: delays of single waits do not add up. The position does not pass the
-    next message before that is published, so that a clock made of it never leads the messages.
-    One thread may control it while others read it.
+    next message before that message is published, so that a clock that shows the position is
+    never ahead of the messages. One thread may control the pace while others read it.
 
     Attributes:
-        rate: Log time over real time, while it is not paused.
-        paused: Whether it is paused.
+        rate: Ratio of log time to real time while the replay is not paused.
+        paused: Whether the replay is paused.
     """
 
     def __init__(
         self, start: int, rate: float, now: Callable[[], int] = time.monotonic_ns
     ) -> None:
-        """Starts paused.
+        """Sets the position of a replay that is paused at first.
 
         Args:
-            start: Log time, ns.
-            rate: Log time over real time.
-            now: Real time, ns.
+            start: Log time of the position, ns.
+            rate: Ratio of log time to real time.
+            now: Function that returns the real time, ns.
         """
         self.rate, self.paused, self._now = rate, True, now
         # Log time at a real time, and the rate since then; replaced as a whole, so that another
@@ -64,7 +64,7 @@ class Pace:
         self._next, self._played_until = start, start - 1
 
     def position(self) -> int:
-        """Log time reached, ns."""
+        """Returns the log time that the replay has reached, ns."""
         log, real, rate = self._timing
         return min(log + round((self._now() - real) * rate), self._next)
 
@@ -72,7 +72,7 @@ class Pace:
         """Lets the position advance up to the next message.
 
         Args:
-            time: Its log time, ns.
+            time: Log time of that message, ns.
 
         Returns:
             Real time until the message is due, s; 0 or less: now; infinite while paused.
@@ -91,7 +91,7 @@ class Pace:
         return left / NS_PER_S
 
     def toggle(self) -> None:
-        """Pauses or resumes."""
+        """Pauses or resumes the replay."""
         self.paused = not self.paused
         self.change_rate(0.0)
 
@@ -99,7 +99,7 @@ class Pace:
         """Changes the rate, unless it would be out of bounds.
 
         Args:
-            difference: Difference to add.
+            difference: Difference to add to the rate.
         """
         rate = round(self.rate + difference, 6)  # 1.1 - 0.1 is 1
         if MIN_RATE <= rate <= MAX_RATE:
@@ -117,16 +117,16 @@ def play(
     items: Iterable[Item], sinks: Iterable[Sink], pace: Pace, keyboard: Keyboard, stop: Stop,
     show: Show, *, paused: bool,
 ) -> int:  # fmt: skip
-    """Hands items to sinks, each when it is due; in the main thread.
+    """Passes each item to all sinks when it is due; must run in the main thread.
 
     Args:
-        items: In the order of their times.
-        sinks: Each gets every item.
+        items: Items in the order of their times.
+        sinks: Functions that take an item.
         pace: Determines when a message is due.
         keyboard: Controls the pace.
         stop: Ends the replay early.
-        show: Called at least a few times a second.
-        paused: Whether to wait for a key before the first.
+        show: Shows the log time; called at least a few times a second.
+        paused: Whether to wait for a key before the first item.
 
     Returns:
         The number of items.

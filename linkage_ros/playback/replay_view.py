@@ -22,12 +22,12 @@ _CLOSE_SECONDS = 10.0
 
 @contextmanager
 def showing(name: str, log: LogReader, target: str, *, alone: bool) -> Iterator[Sink]:
-    """Shows messages in a view, served to this machine alone.
+    """Opens a view of a replay, which is served to this machine alone.
 
     Args:
         name: Name of the program, for its messages to the user.
         log: The log.
-        target: As for a View.
+        target: Target of the view; see `View`.
         alone: Whether this is the only sink; the replay then ends with the view.
 
     Yields:
@@ -49,10 +49,10 @@ def showing(name: str, log: LogReader, target: str, *, alone: bool) -> Iterator[
     def show(item: Item) -> None:
         check()
         if item.message.topic in topics:
-            # In a loop, each round follows the one before.
+            # In a loop, the stamps of each round continue those of the previous round.
             worker.offer((item.time - item.message.time, item.message.data))
 
-    # The commands have the same type.
+    # Selected by name, because joint_commands has the same type.
     topics = {channel.name for channel in paired(log, [JOINT_STATES]).values()}
     view = View(log.configuration, target)
     if view.trouble:

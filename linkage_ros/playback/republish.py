@@ -26,8 +26,8 @@ from linkage_ros.ros.topics import create_publisher, wait_for_subscribers
 from linkage_ros.wire.cdr import encode_clock
 from linkage_ros.wire.topics import SIMULATED_CLOCK, TOPICS, Topic, effort_commands
 
-# Waiting times, s: for a subscriber, because earlier messages are lost; for subscribers to find
-# the node; and for them to receive the last messages.
+# Longest waiting times, s: for a first subscriber, because earlier messages are lost; for all
+# subscribers to be found; and for subscribers to receive the last messages.
 _DISCOVERY_SECONDS, _MATCH_SECONDS, _LAST_SECONDS = 3.0, 0.5, 2.0
 
 
@@ -40,15 +40,16 @@ def republishing(
     pace: Pace,
     clock_hz: float | None,
 ) -> Iterator[Sink]:
-    """Publishes messages as a node.
+    """Runs a node that publishes messages of a log.
 
     Args:
         name: Name of the node.
-        arguments: ROS's part of the command line.
-        log: Determines types and quality of service.
+        arguments: The arguments of ROS on the command line.
+        log: The log; determines types and quality of service.
         topics: Fully qualified names of the topics to publish.
         pace: Position in the log.
-        clock_hz: Rate, in real time, of publishing the position on /clock; None: never.
+        clock_hz: Rate, in real time, at which the position is published on /clock, Hz; None: it
+            is not published.
 
     Yields:
         The function that publishes a message.
@@ -73,17 +74,17 @@ def republishing(
             clock = create_publisher(node, SIMULATED_CLOCK)
             every.append(clock)
 
-            def tell() -> None:
+            def publish_position() -> None:
                 clock.publish(encode_clock(pace.position()))
 
             # The node's own clock may be /clock. The position is published while paused as well,
             # and once more at the end.
             steady = Clock(clock_type=ClockType.STEADY_TIME)
-            timer = node.create_timer(1 / clock_hz, tell, clock=steady)
-            stack.callback(tell)
+            timer = node.create_timer(1 / clock_hz, publish_position, clock=steady)
+            stack.callback(publish_position)
             stack.callback(timer.cancel)
         if not wait_for_subscribers(publishers.values(), _DISCOVERY_SECONDS, _MATCH_SECONDS):
-            node.get_logger().info('nobody listens so far; --delay S gives them time')
+            node.get_logger().info('no subscribers yet; --delay S gives them time to connect')
 
         def publish(item: Item) -> None:
             try:
@@ -98,7 +99,7 @@ def republishing(
 
 
 def _await_receipt(publishers: list[Publisher]) -> None:
-    """Waits until all messages are received, for a limited time."""
+    """Waits until all messages are received, but at most 2 s."""
     end = time.monotonic() + _LAST_SECONDS
     for publisher in publishers:
         left = max(0.0, end - time.monotonic())
