@@ -12,10 +12,11 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from scipy.integrate import solve_ivp
 
-from linkage_ros import ConfigurationError, UnreachableError
+from linkage_ros import ConfigurationError, Solver, UnreachableError
 from linkage_ros.lab.charts.pump import draw_pump
 from linkage_ros.lab.output import DPI
 from linkage_ros.lab.pump.analysis import analyse
+from linkage_ros.lab.pump.equations import PumpSolver
 from linkage_ros.lab.pump.harmonic_balance import HarmonicBalance
 from linkage_ros.lab.pump.load_curve import (
     FOLD,
@@ -31,7 +32,9 @@ from linkage_ros.lab.pump.settling import settle
 from linkage_ros.lab.pump.table import states_table
 from linkage_ros.lab.reference.motions import InitialValueProblem, MotionReference
 from linkage_ros.model.load_curve import LoadCurve
+from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.drives import Motor
+from linkage_ros.motion.fixed_step_integrator import FixedSteps
 from linkage_ros.parameters.configuration import load
 
 PUMP = load('wind_pump').mechanism
@@ -215,14 +218,36 @@ def test_runs_end_at_the_states(analysis):
     assert HIGH['speed'] == pytest.approx(np.mean(fast.speeds[-100:]), rel=0.02)
 
 
-def test_a_motion_is_followed_past_the_stretched_dyad():
-    starts = np.array([(0.0, 1.5, 2.0, 6.0), (0.0, 1.5, 2.0, 0.0)]).T
-    found = Motions(BALANCE.solver, MOTOR, starts)
-    found.advance(10)
-    assert found.times[-1][0] < 0.25  # there coupler and rod are in line
-    found.advance(200)
-    assert found.times[-1].min() > 20
+# A rod that is longer than crank and coupler together, and one that is not.
+@pytest.mark.parametrize(('rod', 'position'), [(1.6, 1.5), (0.9, 1.0)])
+def test_a_motion_is_followed_past_the_stretched_dyad(rod, position):
+    pump = replace(PUMP, rod=replace(PUMP.rod, length=rod, center=(rod / 2, 0.0)))
+    start = 0.0, position, 2.0, 6.0
+    found = Motions(PumpSolver(pump), MOTOR, np.array([start]).T)
+    found.advance(60)
     assert not found.ends
+    steps, ways = FixedSteps(DrivenMechanism(Solver(pump), MOTOR.at), start), set()
+    for time in np.linspace(0, found.times[-1][0], 500)[1:]:
+        steps.advance(time)
+        ways.add(steps.driven.solver.description)
+    assert len(ways) > 1  # the pump's own coordinates do not describe the motion
+    crank, x, w, v = found.phases[-1][:, 0]
+    assert crank == pytest.approx(steps.driven.crank(steps.phase, steps.pairs), abs=0.01)
+    assert (x, w, v) == pytest.approx(steps.phase[1:], abs=0.01)
+
+
+def test_a_motion_in_the_other_assembly_is_told():
+    # Stretched by a fast slider, the dyad closes the other way; later it comes back.
+    found = Motions(
+        BALANCE.solver, MOTOR, np.array([(0.0, 1.5, 2.0, 6.0), (0.0, 1.5, 2.0, 0.0)]).T
+    )
+    told = []
+    for _ in range(30):
+        found.advance(1)
+        told.append(dict(found.ends))
+    assert {0: 'it goes over to the other assembly'} in told
+    assert told[-1] == {}
+    assert not any(1 in ends for ends in told)
 
 
 def test_a_pump_that_does_not_settle_in_time_says_so(motions):

@@ -51,6 +51,7 @@ _LABELS = {
 _DOTS: dict[str, Any] = {'color': _MOTOR, 'linestyle': ':'}
 _STYLE: dict[Any, Any] = {
     'axes.titlesize': TEXT, 'axes.labelsize': TEXT, 'legend.fontsize': SMALL,
+    'axes.titley': 1.0,  # a place that is given need not be found
     'axes.grid': True, 'grid.color': '0.9', 'grid.linewidth': 0.6, 'axes.axisbelow': True,
 }  # fmt: skip
 _Colors: TypeAlias = dict[Piece, tuple[float, float, float]]

@@ -11,12 +11,10 @@ from typing import Any
 
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.lab.output import DPI, folder, progress, save_records
+from linkage_ros.lab.pump.analysis import Analysis, analyse
 from linkage_ros.lab.sweep.spread import processes
 from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.motion.drives import TorqueDrive
-from linkage_ros.parameters.configuration import load
-from linkage_ros.parameters.descriptions import motor_line
-from linkage_ros.parameters.presets import find_file
 
 
 def pump(options: argparse.Namespace) -> None:
@@ -28,33 +26,44 @@ def pump(options: argparse.Namespace) -> None:
     Raises:
         ConfigurationError: The mechanism is not a wind pump, or the folder cannot be written.
     """
-    configuration = load(options.params)
-    mechanism, drive = configuration.mechanism, configuration.drive
-    if not (isinstance(mechanism, WindPump) and isinstance(drive, TorqueDrive)):
-        raise ConfigurationError(f'{options.params} is no wind_pump: try the preset wind_pump')
-    name = find_file(options.params).stem
-    title = f'{name}: {motor_line(drive.motor)}'
-    records, picture = options.out / f'{name}_settled.json', options.out / f'{name}_settled.png'
     # With several threads, BLAS takes many times as long for matrices of this size if the
     # machine is busy. It reads this variable when a process starts.
     os.environ['OPENBLAS_NUM_THREADS'] = '1'
-    with folder(options.out), processes(1) as worker:
-        analysis = worker.submit(
-            _analyse, mechanism, drive.motor, speeds=options.speeds, progress=progress
-        )
-        # These imports, which include Matplotlib, take place while the worker computes.
-        from linkage_ros.lab.charts.pump import draw_pump
-        from linkage_ros.lab.pump.table import states_table
+    with processes(1) as worker:
+        worker.submit(_start)
+        # The worker starts during these imports, and computes during those of Matplotlib below.
+        from linkage_ros.parameters.configuration import load
+        from linkage_ros.parameters.descriptions import motor_line
+        from linkage_ros.parameters.presets import find_file
 
-        found = analysis.result()
-        save_records(records, [found.record()])
-        draw_pump(found, title, picture, DPI / 2 if options.quick else DPI)
+        configuration = load(options.params)
+        mechanism, drive = configuration.mechanism, configuration.drive
+        if not (isinstance(mechanism, WindPump) and isinstance(drive, TorqueDrive)):
+            raise ConfigurationError(f'{options.params} is no wind_pump: try the preset wind_pump')
+        name = find_file(options.params).stem
+        title = f'{name}: {motor_line(drive.motor)}'
+        records, picture = (options.out / f'{name}_settled.{end}' for end in ('json', 'png'))
+        with folder(options.out):
+            analysis = worker.submit(
+                _analyse, mechanism, drive.motor, speeds=options.speeds, progress=progress
+            )
+            from linkage_ros.lab.charts.pump import draw_pump
+            from linkage_ros.lab.pump.table import states_table
+
+            found = analysis.result()
+            save_records(records, [found.record()])
+            draw_pump(found, title, picture, DPI / 2 if options.quick else DPI)
     print(records, *states_table(found), picture, sep='\n')
 
 
-def _analyse(*given: Any, **options: Any) -> Any:
-    """Runs `analyse`, which only the worker imports; Ctrl-C ends it at once."""
-    signal.signal(signal.SIGINT, signal.default_int_handler)
-    from linkage_ros.lab.pump.analysis import analyse
+def _start() -> None:
+    """Makes the worker process start, and import this module."""
 
-    return analyse(*given, **options)
+
+def _analyse(*given: Any, **options: Any) -> Analysis:
+    """Runs `analyse` in the worker, where Ctrl-C ends it at once."""
+    handler = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        return analyse(*given, **options)
+    finally:
+        signal.signal(signal.SIGINT, handler)

@@ -30,10 +30,11 @@ from linkage_ros.formulas import Opaque, cos, sqrt, where
 from linkage_ros.model.kinematics import LinkPose
 from linkage_ros.model.load_curve import CurveForce, LoadCurve
 from linkage_ros.model.structure import Mechanism
-from linkage_ros.model.wind_pump import WindPump
+from linkage_ros.model.wind_pump import ByCoupler, WindPump, WindPumpLoop
 from linkage_ros.numeric import Array, Real
 
 _EDGE = 1e-9  # relative, of the square of the dyad's length
+_LARGEST = 1e9  # angles, rad
 _WIDTH = 0.03  # relative to crank length x the motor's largest speed
 
 
@@ -45,15 +46,17 @@ class PumpSolver(Solver):
         pump = cast('WindPump', self.mechanism)
         b, c = pump.coupler.length, pump.rod.length
         limits = (b - c) ** 2 + _EDGE * (b + c) ** 2, (b + c) ** 2 * (1 - _EDGE)
-        constants = Constants((Model.of(pump, self.structure), pump.crank.length, limits))
-        program = Program(_terms, constants, ('angle', 'position', 'speed', 'velocity'))
+        model = Model.of(pump, self.structure, pump.loop_of(self.description))
+        constants = Constants((model, limits))
+        program = Program(_terms, constants, ('q0', 'q1', 'u0', 'u1'))
         return program.code(frozenset(program.names)).bound(constants.numbers)
 
     def terms(self, *phases: Array) -> list[Array]:
         """The terms of the equations of motion M q'' + h = torque on the crank.
 
         Args:
-            phases: Crank angles, rad, slider positions, m, and their rates.
+            phases: Crank angles, rad, slider positions, m, and their rates; or those of the
+                solver's other coordinates, crank and coupler angles, if the rod is long.
 
         Returns:
             M11, M12, M22, h1 and h2; h2 is nan where the dyad does not reach.
@@ -63,7 +66,7 @@ class PumpSolver(Solver):
         return [*found, np.where(inside > 0, h2, np.nan)]
 
     def slopes(self, torque: Real, *phases: Array) -> Array:
-        """Rates of crank angle, slider position, crank speed and slider velocity.
+        """Rates of both coordinates and of their rates.
 
         Args:
             torque: On the crank, N m.
@@ -80,16 +83,30 @@ class PumpSolver(Solver):
 
 def _terms(constants: tuple[Any, ...], *phase: Real) -> tuple[Real, ...]:
     """M11, M12, M22, h1, h2, and a number that is above 0 where the dyad reaches."""
-    model, r, (low, high) = constants
-    angle, x, *u = phase
-    square = x * x - 2 * r * x * cos(angle) + r * r
-    inside = (square - low) * (high - square)
+    model, limits = constants
+    q, u = phase[:2], phase[2:]
+    inside, reached = _reach(model.loop, limits, *q)
     # Elsewhere, the terms at another place.
-    q = where(inside > 0, angle, 0.0), where(inside > 0, x, r + sqrt(0.5 * (low + high)))
-    pose = model.loop.pose(q)
+    pose = model.loop.pose(
+        tuple(where(inside > 0, *both) for both in zip(q, reached, strict=True))
+    )
     (m11, m12), (_, m22) = mass_matrix(model, pose)
     held = balance(model, pose, velocities(pose, u), accelerations(pose, u, ()))
     return m11, m12, m22, *held, inside
+
+
+def _reach(
+    loop: WindPumpLoop, limits: tuple[Real, Real], angle: Real, other: Real
+) -> tuple[Real, tuple[Real, Real]]:
+    """A number that is above 0 where coordinates are valid, and coordinates that are.
+
+    A rod that is longer than crank and coupler together reaches the guide at all their angles.
+    """
+    if isinstance(loop, ByCoupler):
+        return _LARGEST - abs(angle) - abs(other), (0.0, 0.0)
+    r, (low, high) = loop.crank, limits
+    square = other * other - 2 * r * other * cos(angle) + r * r
+    return (square - low) * (high - square), (0.0, r + sqrt(0.5 * (low + high)))
 
 
 class _SmoothForce(NamedTuple):

@@ -3,24 +3,30 @@
 """Integrates motions of a wind pump from many starts at once.
 
 Each motion has its own step lengths, by Dormand and Prince's method of order 5. A step of many
-motions takes little longer than a step of one. A motion that stretches the dyad is continued
-separately in other coordinates.
+motions takes little longer than a step of one. If the rod is longer than crank and coupler
+together, crank and coupler angle describe every motion, and are used. If not, crank angle and
+slider position are, and a motion that stretches the dyad is continued separately.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
 from linkage_ros.errors import LinkageError
 from linkage_ros.lab.pump.equations import PumpSolver
+from linkage_ros.model.parts import CROSSED, OPEN
+from linkage_ros.model.structure import Description
+from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.drives import Motor
 from linkage_ros.motion.fixed_step_integrator import DORMAND_PRINCE, FixedSteps
 from linkage_ros.numeric import Array
 
+_STAGES = *map(np.array, DORMAND_PRINCE.stages), np.array(DORMAND_PRINCE.end)
+_ERROR = np.array(DORMAND_PRINCE.error)
 _TOLERANCE = 5e-4  # of a step, in rad, crank lengths, and these per second at the motor's speed
 _SHORTEST = 1e-5  # step, of the time of a radian
 _PAUSE = 10  # steps until motions outside the coordinates are continued in others
@@ -29,6 +35,7 @@ _KEPT = 400  # steps that are searched for the last turns
 _LONGEST, _ROUGH, _PATIENCE = 0.04, 1e-3, 6.0
 _GONE = 150.0  # in the same unit; after this time, the motion is not continued
 _CALM = 10  # steps in which the first coordinates must be suitable before they are used again
+_CROSSED = 'it goes over to the other assembly'
 
 
 class Motions:
@@ -36,7 +43,6 @@ class Motions:
 
     Attributes:
         active: Numbers of the motions still integrated; the others have stopped.
-        ends: By number: the place of a motion outside this assembly, or the reason for its end.
         times: At all steps, s; each of shape (n).
         phases: Crank angle, rad, slider position, m, and their rates; each of shape (4, n).
     """
@@ -47,55 +53,76 @@ class Motions:
         Args:
             solver: Solver of the pump.
             motor: Motor of the pump.
-            starts: Crank angle, rad, slider position, m, and their rates, of shape (4, n).
+            starts: Crank angle, rad, slider position, m, and their rates, of shape (4, n); all on
+                the same side of the crank.
         """
-        self._solver, self._motor = solver, motor
-        self._driven = DrivenMechanism(solver, motor.at)
+        pump = cast('WindPump', solver.mechanism)
+        r, b, c = (link.length for link in (pump.crank, pump.coupler, pump.rod))
+        self._own, self._solver, self._there, unit = solver, solver, starts.copy(), r
+        if r + b < c:
+            side = OPEN if starts[1, 0] > 0 else CROSSED
+            description = Description(pump.other_coordinates, side)
+            self._solver, unit = PumpSolver(pump, description=description), r / b
+            self._there, _ = _described(starts, solver, self._solver)
+        self._motor, self._driven = motor, DrivenMechanism(self._solver, motor.at)
         self._pace = max(starts[2].max(), motor.torque / motor.damping if motor.damping else 0.0)
-        r = solver.mechanism.crank.length
-        self._units = np.array((1.0, r, self._pace, self._pace * r))[:, None]
-        self._slope = self._slopes(starts)
+        self._units = np.array((1.0, unit, self._pace, self._pace * unit))[:, None]
+        self._slope = self._slopes(self._there)
         self._step = np.full(starts.shape[1], 0.1 / self._pace)
         self._leaves: Any = np.isnan(self._slope).any(axis=0)
+        self._crossed = self._leaves.copy()
         self.active: Any = np.arange(starts.shape[1])
         self._away: dict[int, FixedSteps] = {}
-        self.ends: dict[int, str] = {}
+        self._ends: dict[int, str] = {}
         self.times, self.phases = [np.zeros(starts.shape[1])], [starts.copy()]
+
+    @property
+    def ends(self) -> dict[int, str]:
+        """By number: the place of a motion outside this assembly, or the reason for its end."""
+        crossed = np.flatnonzero(self._crossed).tolist()
+        return {**dict.fromkeys(crossed, _CROSSED), **self._ends}
 
     def advance(self, steps: int) -> None:
         """Advances all motions by a number of steps, some of which are repeated."""
+        course = []
         with np.errstate(all='ignore'):  # non-finite values have no slope
             for step in range(steps):
                 self._try()
                 if step % _PAUSE == 0:
                     for number in np.flatnonzero(self._leaves).tolist():
-                        if number in self._away or number not in self.ends:
+                        if number in self._away or number not in self._ends:
                             self._carry(number)
+                course.append(self._there)
+        if self._solver is not self._own:
+            block, sines = _described(np.array(course).swapaxes(0, 1), self._solver, self._own)
+            course = list(block.swapaxes(0, 1))
+            self._crossed = (sines[-1] < 0) == (self._own.description.assembly == OPEN)
+        self.phases += course
 
     def _try(self) -> None:
-        on, phases, times = self.active, self.phases[-1].copy(), self.times[-1].copy()
-        h, start, slopes = self._step[on], phases[:, on], np.empty((7, 4, len(on)))
-        slopes[0] = self._slope[:, on]
-        for stage, row in enumerate((*DORMAND_PRINCE.stages, DORMAND_PRINCE.end), 1):
-            end = start + h * np.tensordot(row, slopes[:stage], 1)
-            slopes[stage] = self._slopes(end)
-        error = h * np.tensordot(DORMAND_PRINCE.error, slopes, 1) / self._units
+        on, there, times = self.active, self._there.copy(), self.times[-1].copy()
+        h, start, slopes = self._step[on], there[:, on], np.empty((7, 4 * len(on)))
+        slopes[0] = self._slope[:, on].ravel()
+        for stage, row in enumerate(_STAGES, 1):
+            end = start + h * (row @ slopes[:stage]).reshape(start.shape)
+            slopes[stage] = self._slopes(end).ravel()
+        error = h * (_ERROR @ slopes).reshape(start.shape) / self._units
         worst = np.nan_to_num(np.abs(error).max(axis=0) / _TOLERANCE, nan=np.inf)
         good = (worst <= 1) & ~self._leaves[on]
         times[on] += np.where(good, h, 0.0)
-        phases[:, on] = np.where(good, end, start)
+        there[:, on] = np.where(good, end, start)
         self.times.append(times)
-        self.phases.append(phases)
-        self._slope[:, on] = np.where(good, slopes[-1], slopes[0])
+        self._there = there
+        self._slope[:, on] = np.where(good, slopes[-1].reshape(start.shape), self._slope[:, on])
         self._step[on] = h * np.clip(0.9 * np.maximum(worst, 1e-9) ** -0.2, 0.2, 4.0)
         self._leaves |= self._step < _SHORTEST / self._pace
 
-    def _slopes(self, phases: Array) -> Array:
-        return self._solver.slopes(self._motor.at(phases[2]), *phases)
+    def _slopes(self, there: Array) -> Array:
+        return self._solver.slopes(self._motor.at(there[2]), *there)
 
     def _carry(self, number: int) -> None:
         """Follows one motion in other coordinates until the first ones are suitable again."""
-        phase, calm = self.phases[-1][:, number], 0
+        phase, calm = self._there[:, number], 0
         start = tuple(phase.tolist())
         try:
             steps = self._away.get(number) or FixedSteps(self._driven, start, _LONGEST, _ROUGH)
@@ -105,18 +132,20 @@ class Motions:
                 is_own = steps.driven.solver.description == self._solver.description
                 calm = calm + 1 if is_own else 0
         except LinkageError as error:
-            self.ends[number] = str(error)
+            self._ends[number] = str(error)
             self._away.pop(number, None)
             return
-        self._away[number], self.ends[number] = steps, 'it goes over to the other assembly'
+        self._away[number], self._crossed[number] = steps, True
         self.times[-1][number] += steps.time - begin
         if calm == _CALM:
             phase[:] = steps.driven.crank(steps.phase, steps.pairs), *steps.phase[1:]
             self._step[number], self._leaves[number] = 0.1 / self._pace, False
             self._slope[:, number] = self._slopes(phase[:, None])[:, 0]
-            del self._away[number], self.ends[number]
+            self._crossed[number] = False
+            del self._away[number]
         elif steps.time > _GONE / self._pace:
             del self._away[number]
+            self._ends[number] = _CROSSED
 
     def last_turns(self, number: int, turns: int) -> Array | None:
         """The last turns of a motion.
@@ -134,3 +163,20 @@ class Motions:
         inside = rows[:, 0] > rows[-1, 0] - 2 * math.pi * turns
         forwards = not inside[0] and rows[inside, 2].min() > 0
         return rows[inside].T if forwards else None
+
+
+def _described(phases: Array, solver: PumpSolver, other: PumpSolver) -> tuple[Array, Array]:
+    """Phases in the coordinates of another solver, and the sine of the angle from rod to coupler.
+
+    Args:
+        phases: In the coordinates of a solver, of shape (4, ...).
+        solver: The solver.
+        other: The other solver.
+
+    Returns:
+        Of shapes (4, ...) and (...).
+    """
+    state = solver.driven_state(tuple(phases[:2]), tuple(phases[2:]), 0.0)
+    moving = [solver.links.index(name) for name in other.coordinates]
+    rows = [values[link] for values in (state.position, state.velocity) for link in moving]
+    return np.array(rows), np.sin(state.position[1] - state.position[2])

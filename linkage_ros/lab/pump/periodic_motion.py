@@ -22,6 +22,7 @@ from linkage_ros.numeric import Array
 _DIFFERENCE = 1e-5  # relative, for derivatives by central differences
 _FINE, _STEPS = 256, 4  # parts of a turn searched for reversals, and Newton steps to each
 _SAME = 1e-6  # relative difference of two numbers of one motion
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(96)  # of Gauss's quadrature over a turn
 _TINY = 1e-5  # amplitude that counts as 0, in crank lengths
 
 
@@ -165,10 +166,9 @@ class PeriodicMotion:
     @functools.cached_property
     def speeds(self) -> list[float]:
         """Mean crank speed over time in each turn, rad/s."""
-        nodes, weights = np.polynomial.legendre.leggauss(96)
-        angles = math.pi * (nodes + 1)
+        angles = math.pi * (_NODES + 1)
         turns = (self.at(angles + 2 * math.pi * turn)[1] for turn in range(self.turns))
-        return [float(2 / (weights @ (1 / speed))) for speed in turns]
+        return [float(2 / (_WEIGHTS @ (1 / speed))) for speed in turns]
 
     @property
     def load(self) -> float:

@@ -31,7 +31,7 @@ _NEAR = 0.05  # distance of a settled motion, relative to crank length and speed
 _COMING, _NEARER = 0.5, 0.95  # or this distance, and twice in a row a reduction by this factor
 _LED = 2.0  # or this distance to a state that Newton's method finds from its last turns
 _WAIT = 4  # checks before states are identified from motions
-_LATE, _RARE = 10, 0.02  # checks after which this few motions are given up
+_LATE, _RARE = 10, 0.005  # checks after which this few motions are given up
 _ASKED = 6  # failures to identify a state at one check
 _PERIODS = range(1, 9)  # turns after which a motion may repeat
 _REPEATS = 0.02  # allowed residual of a series over a period, relative to the motion's spread
@@ -59,7 +59,9 @@ class Search:
     ) -> None:  # fmt: skip
         """Starts the search with the known states; the first starts are those that are drawn."""
         self._balance, self._motor, self.states = balance, motor, list(states)
-        self.beside = [state for state in self.states if not state.stable]
+        unstable = [state for state in self.states if not state.stable]
+        slopes = balance.solver.slopes
+        self.beside = [one for one in unstable if np.isfinite(slopes(0.0, *_beside(one))).all()]
         starts = np.hstack((starts, *map(_beside, self.beside)))
         # These are integrated further after they have settled.
         self._drawn: Any = np.full(starts.shape[1], fill_value=True)
