@@ -258,7 +258,8 @@ def test_figures_in_the_pump_preset_are_measured():
 @pytest.mark.parametrize(
     ('folder', 'module', 'function', 'names', 'page'),
     [('peers', 'report', 'markdown', ['peers'], 'peers.md'),
-     ('reliability', 'timing_page', 'page', ['realtime', 'log_speed'], 'timing.md')],
+     ('reliability', 'timing_page', 'page', ['realtime', 'log_speed', 'accuracy', 'peers'],
+      'timing.md')],
 )  # fmt: skip
 def test_a_page_is_what_its_run_makes_of_the_numbers(
     monkeypatch, folder, module, function, names, page
@@ -266,6 +267,13 @@ def test_a_page_is_what_its_run_makes_of_the_numbers(
     monkeypatch.syspath_prepend(ROOT / 'benchmarks' / folder)
     made = getattr(import_module(module), function)(*map(content, names))
     assert made == read(f'docs/{page}')
+
+
+def test_timing_picture_is_drawn_beside_its_page(monkeypatch, tmp_path):
+    monkeypatch.syspath_prepend(ROOT / 'benchmarks' / 'reliability')
+    assert import_module('timing_page').write(tmp_path) == read('docs/timing.md')
+    assert sorted(path.name for path in tmp_path.iterdir()) == ['timing.md', 'timing.png']
+    assert '](timing.png)' in read('docs/timing.md')
 
 
 def test_a_wrong_number_is_found():

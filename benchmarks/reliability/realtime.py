@@ -11,10 +11,11 @@ alone, in turns as well: processor time.
     python benchmarks/reliability/realtime.py --out docs                         in eight minutes
     python benchmarks/reliability/realtime.py --slices 1 --seconds 3 --rounds 1  a short try
 
-After every round the figures go to DIR/realtime.json and DIR/log_speed.json, and the page of them
-to DIR/timing.md, so that Ctrl-C keeps what was measured. Of each contender: median and 99 % of the
-lateness, us, medians over the slices, and the largest; the ticks missed and those there were; the
-processor time, s, from the median slice. Exit code 1 where a limit does not hold.
+After every round the figures go to DIR/realtime.json and DIR/log_speed.json, and page and picture
+to DIR/timing.md and DIR/timing.png, so that Ctrl-C keeps what was measured. For each contender:
+median and 99 % of the lateness, us (medians over the slices), and the largest; the numbers of
+missed ticks and of all ticks; the processor time, s, from the median slice. The exit code is 1 if
+a limit does not hold.
 """
 
 import json
@@ -31,7 +32,7 @@ import zstandard
 from harness import DOMAIN, Diagnostics, Process, finish, listening, node, options, running
 from mcap.records import Chunk
 from mcap.stream_reader import StreamReader
-from timing_page import CONTENDERS, limits, page
+from timing_page import CONTENDERS, limits, write
 
 from linkage_ros import cli
 from linkage_ros.log.reader import LogReader
@@ -212,8 +213,8 @@ def main() -> int:
                 print(f'{number + 1}: {name}: {json.dumps(slices[name][-1])}', flush=True)
             records = [summary(name, found) for name, found in slices.items()]
             code = finish('realtime', given.out, records, limits(records, logs))
-            (given.out / 'timing.md').write_text(page(records, logs))
-    print(page(records, logs))
+            text = write(given.out)
+    print(text)
     return code
 
 

@@ -1,8 +1,21 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The figures of realtime.py as a page: docs/timing.md is made by this and never by hand."""
+"""The timing page and its picture, made from the JSON of the benchmarks.
 
+python benchmarks/reliability/timing_page.py    renews docs/timing.md and docs/timing.png
+"""
+
+import argparse
+import json
 from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from linkage_ros.lab.methods.registry import LIVE, RECORDS
+from linkage_ros.palette import FIRST, fractions
+
+DOCS = Path(__file__).parents[2] / 'docs'
+# The figures of the page, in the order of the arguments of `page` and `draw`.
+SOURCES = 'realtime', 'log_speed', 'accuracy', 'peers'
 
 CONTENDERS = {
     'bare loop': 'bare loop of sleeps',
@@ -15,13 +28,20 @@ CONTENDERS = {
 PAGE = """\
 # Timing
 
-This page shows the node's punctuality at 1 kHz and the cost of logs. On an idle machine, this
-command measures and writes it, with [realtime.json](realtime.json) and
-[log_speed.json](log_speed.json):
+This page shows the punctuality of the node at 1 kHz, and the cost of ticks, logs, motions under a
+torque, and states. [realtime.json](realtime.json), [log_speed.json](log_speed.json),
+[accuracy.json](accuracy.json) and [peers.json](peers.json) hold the figures; this command makes
+page and picture from them:
 
-    python benchmarks/reliability/realtime.py --out docs
+    python benchmarks/reliability/timing_page.py
+
+![Cost of logs, ticks, motions under a torque, and states](timing.png)
 
 ## Ticks at 1 kHz
+
+On an idle machine, this command measures ticks and logs:
+
+    python benchmarks/reliability/realtime.py --out docs
 
 The contenders take turns in slices. Each node has one subscriber in another process. The rclpy
 timers publish only joint states, without a log. Lateness is the time from a tick's deadline to
@@ -44,11 +64,27 @@ minimum for writing a log.
 
 {logs}
 
+## Motions under a torque
+
+This table shows the time per millisecond of motion for the integrators of a live run and of a
+record, on average and in the slowest millisecond.
+
+    linkage_chart accuracy --out docs
+
+{steps}
+
+## States and arrays
+
+This table shows the time per state of the quadrilateral, with its driving torque, in this package
+and in C and other software. [peers.md](peers.md) has all peers, and their errors.
+
+    python benchmarks/peers/run.py --markdown docs/peers.md
+
+{states}
+
 ## Limits
 
 {limits}
-
-States and arrays beside other software are in [peers.md](peers.md).
 """
 
 
@@ -87,8 +123,60 @@ def limits(ticks: Sequence[dict], logs: Sequence[dict]) -> dict[str, bool]:
     return {words: value <= most for words, value, most in _limits(ticks, logs)}
 
 
-def page(ticks: Sequence[dict], logs: Sequence[dict]) -> str:
-    """The page."""
+def _steps(accuracy: dict) -> Iterator[tuple[str, float, float]]:
+    """Each integrator and mechanism, with the mean and the longest time of a ms of motion, us."""
+    settings = {LIVE: 'step 0.001, tolerance 1e-09', RECORDS: ''}
+    found = {
+        (one['method'], one['mechanism'], one['mode']): one['us_per_state']
+        for one in accuracy['records']
+        if one['quantity'] == 'trajectory' and one['setting'] == settings.get(one['method'])
+    }
+    for method, use in ((LIVE, 'live run'), (RECORDS, 'record')):
+        for mechanism in ('quadrilateral', 'wind_pump'):
+            mean, slowest = (
+                found[method, mechanism, mode] for mode in ('motion', 'motion, slowest ms')
+            )
+            yield f'{use}, {mechanism}', mean, slowest
+
+
+def _states(peers: dict) -> Iterator[tuple[str, float, float]]:
+    """Each peer that computes the torque, with its time per state, us, and over ours."""
+    modes = {'one': 'one at a time', 'array': 'arrays'}
+    for one in peers['records']:
+        if one['work'] == 'torque':
+            yield f'{one["peer"]}, {modes[one["mode"]]}', one['us_per_state'], one['ratio']
+
+
+def draw(
+    ticks: Sequence[dict], logs: Sequence[dict], accuracy: dict, peers: dict, path: Path
+) -> None:
+    """Draws the figures of the page."""
+    from linkage_ros.lab.output import chart
+
+    def bars(axes, title: str, values: dict[str, float]) -> None:
+        names = list(values)[::-1]
+        drawn = axes.barh(names, [values[name] for name in names], color=fractions(FIRST))
+        axes.bar_label(drawn, fmt='%.3g', padding=3)
+        axes.set_title(title)
+        axes.margins(x=0.15)
+        axes.grid(visible=False, axis='y')
+        axes.spines[['top', 'right']].set_visible(False)
+
+    with chart(path, 7.5, 'Processor time of ticks, logs, motions and states') as figure:
+        grid = figure.subplots(2, 2)
+        costs = {CONTENDERS[one['contender']]: per_tick(one) for one in ticks}
+        bars(grid[0, 0], 'A tick at 1 kHz, us', costs)
+        over = {f'{x["work"]}, {x["case"]}': x['over_compression'] for x in logs}
+        over = {name: value for name, value in over.items() if 'alone' not in name}
+        bars(grid[0, 1], 'A logged state, over compression alone', over)
+        means = {name: mean for name, mean, _ in _steps(accuracy)}
+        bars(grid[1, 0], 'A ms of motion under a torque, us', means)
+        ratios = {name: ratio for name, _, ratio in _states(peers)}
+        bars(grid[1, 1], 'A state with torque, over linkage_ros', ratios)
+
+
+def page(ticks: Sequence[dict], logs: Sequence[dict], accuracy: dict, peers: dict) -> str:
+    """Returns the page."""
     late = 'late, us: median', '99 %', 'largest'
     keys = 'p50_us', 'p99_us', 'max_us'
     return PAGE.format(
@@ -114,6 +202,14 @@ def page(ticks: Sequence[dict], logs: Sequence[dict]) -> str:
                 for one in logs
             ],
         ),
+        steps=table(
+            ('', 'us a ms', 'slowest ms, us'),
+            [(words, f'{mean:.3g}', f'{most:.3g}') for words, mean, most in _steps(accuracy)],
+        ),
+        states=table(
+            ('', 'us a state', 'over linkage_ros'),
+            [(words, f'{time:.3g}', f'{ratio:.3g}') for words, time, ratio in _states(peers)],
+        ),
         limits=table(
             ('', 'measured', 'limit'),
             [
@@ -122,3 +218,25 @@ def page(ticks: Sequence[dict], logs: Sequence[dict]) -> str:
             ],
         ),
     )
+
+
+def write(folder: Path) -> str:
+    """Writes the page and its picture; returns the page.
+
+    Args:
+        folder: Holds the figures of realtime.py; the others are those of docs.
+    """
+    files = {name: folder / f'{name}.json' for name in SOURCES}
+    found = [
+        json.loads((file if file.exists() else DOCS / file.name).read_text())
+        for file in files.values()
+    ]
+    text = page(*found)
+    (folder / 'timing.md').write_text(text)
+    draw(*found, folder / 'timing.png')
+    return text
+
+
+if __name__ == '__main__':
+    argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()
+    write(DOCS)
