@@ -92,7 +92,8 @@ def verdict(log: LogReader, report: Verification) -> Iterator[str]:
     """
     if report.difference:
         yield f'{log.path}: DIFFERS: {report.difference}'
-        yield f'  equal before it: {cli.counted(report.states, "state")}'
+        equal = cli.counted(report.states, 'state')
+        yield f'  equal before it: {equal}; what follows was not compared'
     else:
         equal = f'within {math.ceil(report.ulp)} ulp' if report.ulp else 'to the bit'
         yield f'{log.path}: {cli.counted(report.states, "state")}, every one equal {equal}'

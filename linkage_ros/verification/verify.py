@@ -3,8 +3,9 @@
 """Recomputes every state of a log from its configuration and its segments of motion.
 
 Messages are equal if their bytes are equal, or if their numbers are within 4 ulp of the largest
-one, because sines differ between machines. Topics are identified by their types, because their
-names may be remapped. Other topics of the log are named, not compared.
+one, because sines differ between machines; 0.0 and -0.0 are equal. The log times of a live run are
+not known, so only their equality within a state is checked. Topics are identified by their types,
+because their names may be remapped. Other topics of the log are named, not compared.
 """
 
 import math
@@ -196,7 +197,10 @@ class Verification:
                 count, wrong = self._timeline.take(number, ticks[:count])
                 break
         else:
-            wrong = wrong or 'no tick and no measurement after the last one has that stamp'
+            wrong = wrong or (
+                'no tick or measurement that may come next has that stamp; states before it may '
+                'be lost, since a record has one at every tick'
+            )
         if wrong:
             wrong = f'state {self.states + count + 1}, stamp {stamps[count]} ns: {wrong}'
         return count, wrong
