@@ -162,7 +162,7 @@ class _Held(NamedTuple):
     """The objects that a field may hold; their classes are dataclasses of quantities.
 
     Attributes:
-        kinds: The classes, by their part of a dotted parameter name.
+        kinds: The valid classes, by the names that stand for them in dotted parameter names.
         base: Base class of the valid objects.
         valid: Description of the valid objects.
         is_group: Whether the field holds a tuple of such objects.
@@ -208,8 +208,8 @@ class Leaf(NamedTuple):
 
     Attributes:
         name: Dotted path, such as 'crank.length'.
-        quantity: Its kind, meaning and range.
-        default: Its default; `MISSING` if it is required.
+        quantity: Kind, meaning and range.
+        default: Default value; `MISSING` if the quantity is required.
     """
 
     name: str
@@ -239,7 +239,7 @@ def build(cls: type[_T], values: Mapping[str, object], prefix: str = '') -> _T:
     """Builds an instance of a dataclass from values by dotted name; inverts `flatten`.
 
     Args:
-        cls: A dataclass of quantities and of such dataclasses.
+        cls: A dataclass whose fields are quantities or such dataclasses.
         values: Values by dotted name; names that cls does not have are ignored.
         prefix: Prepended to the names of cls.
 

@@ -109,7 +109,7 @@ def _check(options: argparse.Namespace, log: LogReader) -> None:
 def _split(arguments: list[str]) -> tuple[list[str], list[str]]:
     """Splits a command line into arguments of this program and arguments of ROS.
 
-    The arguments of ROS go from --ros-args to -- or the end, after the program's name.
+    The arguments of ROS are the program's name and all words from --ros-args to -- or the end.
     """
     start = arguments.index('--ros-args') if '--ros-args' in arguments else len(arguments)
     end = arguments.index('--', start) if '--' in arguments[start:] else len(arguments)

@@ -104,7 +104,7 @@ def joint_load_round(
     a: Sequence[Real],
     search: Search,
 ) -> Round:
-    """Solves the motion under the loads of given joint forces, and makes one Newton step.
+    """Computes the state under the loads that given joint forces cause, and one Newton step.
 
     Args:
         model: The constants.
@@ -142,7 +142,7 @@ def _contacts(model: Model, rates: Sequence[Real]) -> list[Contact]:
 def _exerted(
     contacts: Sequence[Contact], share: Real, links: int, sizes: Sequence[Real]
 ) -> FoundLoad:
-    """Computes the loads that joint forces cause, with a fraction of the coefficients."""
+    """Computes the loads that forces of given sizes cause; `share` scales the coefficients."""
     inner, outer = [ZERO] * links, [ZERO] * links
     for contact, size in zip(contacts, sizes, strict=True):
         row = inner if len(contact.levers) > 1 else outer

@@ -116,11 +116,11 @@ class _Balance:
             self._couples[body] += force
 
     def force(self, j: int) -> Vector:
-        """The force that must still act on a body, in addition to the known forces."""
+        """The force that is missing in the balance of forces on a body, N."""
         return -Vector(*map(total, zip(*(force for _, force in self._known[j]), strict=True)))
 
     def moment(self, j: int, about: Vector = _ORIGIN) -> Real:
-        """The moment about a point that must still act on a body, in addition to known forces."""
+        """The moment that is missing in the balance of moments on a body about a point, N m."""
         return -(
             self._couples[j]
             + total(cross(place - about, force) for place, force in self._known[j])
@@ -134,7 +134,7 @@ class _Balance:
         self._known[first].append((self._positions[pin.name], -force))
 
     def solve(self, dyad: Dyad, sine: Real) -> None:
-        """Solves the force in the common pin of a dyad, from the moments about its outer pins."""
+        """Computes the force in the common pin of a dyad from the moments about its outer pins."""
         inner = self._positions[dyad.pin]
         first, second = self._directions[dyad.first], self._directions[dyad.second]
         outer = self._positions[dyad.outer[0]]
@@ -149,7 +149,7 @@ class _Balance:
         self._act(self._pins[dyad.pin], force)
 
     def complete(self, j: int) -> None:
-        """Solves the only unknown pin force of a link."""
+        """Computes the last unknown pin force of a link from its balance of forces."""
         unknown = [
             pin
             for name, pin in self._pins.items()
@@ -160,7 +160,7 @@ class _Balance:
             self._act(pin, force if pin.second == j else -force)
 
     def solve_guide(self, j: int) -> Real:
-        """Solves the force of a guide on its slider, N, positive to the guide's left."""
+        """Computes the force of a guide on its slider, N, positive to the guide's left."""
         across = self._directions[j].left()
         force = dot(across, self.force(j))
         self._known[_FRAME].append((self._centers[j], across * -force))

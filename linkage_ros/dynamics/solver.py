@@ -125,7 +125,7 @@ class Solver(Evaluator):
         return self.program(equations.state, 'q', 'u', 'a').source
 
     def state(self, q: Any, u: Any = 0.0, a: Any = 0.0, *, by_math: bool = False) -> State:
-        """Solves positions, rates, accelerations and the driving torque.
+        """Computes positions, rates and accelerations of all links, and the driving torque.
 
         Args:
             q: Coordinates: crank angle, rad; slider position, m. A crank angle within a few turns
@@ -180,7 +180,7 @@ class Solver(Evaluator):
         return found if len(self.coordinates) > 1 or isinstance(q, tuple) else found[0]
 
     def driven_state(self, q: Any, u: Any, torque: Any, *, by_math: bool = False) -> State:
-        """Solves positions, rates and accelerations of all links under a given torque.
+        """Computes positions, rates and accelerations of all links under a given torque.
 
         Args:
             q: Coordinates.
@@ -343,7 +343,7 @@ class Solver(Evaluator):
 
         Returns:
             The sine of the angle between the two links of the dyad or, for a slider, between the
-            link and the guide's normal; 0 if the loop cannot close. Also a description of the
+            link and the guide's normal, or 0 if the loop cannot close; and a description of the
             position in which this sine is 0.
         """
         dyads, links = self.structure.dyads, self.structure.links

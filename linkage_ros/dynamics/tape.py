@@ -181,7 +181,7 @@ class Tape:
         return Recorder(self, self._numbers[found])
 
     def _take_names(self, frame: FrameType, event: str, _: object) -> None:
-        """Copies the variable names of a formula's function when it returns."""
+        """Copies the names of a function's variables when the function returns."""
         if event == 'return' and frame.f_code.co_filename not in _UNNAMED:
             for name, value in frame.f_locals.items():
                 if isinstance(value, Recorder) and value.tape is self:

@@ -292,7 +292,7 @@ class FourBar(Mechanism):
         return min(links, key=lambda name: links[name])
 
     def loop(self) -> FourBarLoop:
-        """The constants of the pose at a crank angle."""
+        """The constants of the kinematics; the coordinate is the crank angle."""
         r, b, c, d = self._lengths()
         longest, side = largest(r, b, c, d), 1 if self.assembly == OPEN else -1
         far, near, other = (short_sum(longest, *terms) for terms in self._sums().values())
@@ -325,7 +325,7 @@ class FourBar(Mechanism):
         return (diff_dr, sum_dr), (diff_bc, sum_dr if far == 0 else exact_sum(b, c))
 
     def _transmission(self, far: float, near: float, other: float, around: float) -> Transmission:
-        """Makes the map from the values of `_sums` and the perimeter d + r + b + c, all in m."""
+        """Makes the transmission from the values of `_sums` and the perimeter `around`, m."""
         r, b, c, d = self._lengths()
         four_bc, delta = 4 * b * c, self.frame.angle
         at_far = exact_sum(d, r, -b, c) * exact_sum(d, r, b, -c) / four_bc
@@ -339,7 +339,7 @@ class FourBar(Mechanism):
         )
 
     def other_loop(self) -> ByRocker:
-        """The constants of the pose at a rocker angle."""
+        """The constants of the kinematics; the coordinate is the rocker angle."""
         r, b, c, d = self._lengths()
         # Direction from B0 to A0: the frame's angle plus or minus pi, whichever is closer to 0,
         # as a float and its rounding error.

@@ -230,7 +230,7 @@ class SliderCrank(Mechanism):
         )
 
     def loop(self) -> SliderCrankLoop:
-        """The constants of the pose at a crank angle."""
+        """The constants of the kinematics; the coordinate is the crank angle."""
         guide = self.frame.angle
         return SliderCrankLoop(
             self._transmission(),
@@ -241,7 +241,7 @@ class SliderCrank(Mechanism):
         )
 
     def other_loop(self) -> BySlider:
-        """The constants of the pose at a position of the slider."""
+        """The constants of the kinematics; the coordinate is the slider's position."""
         return BySlider(*self.loop())
 
     def _refuse_slide(self, slide: float) -> NoReturn:

@@ -103,7 +103,8 @@ class Link(NamedTuple):
             name: Name of the link.
             body: Dimensions and mass of the link.
             index: Index of the link among all links.
-            pin: The first pin; the parent is the last link with a weight in it, or else the frame.
+            pin: The first pin. The last link with a weight in this point is the parent, or else
+                the frame.
 
         Returns:
             The link, with its joint in the tree.
@@ -242,7 +243,7 @@ class Mechanism(Checked):
         raise NotImplementedError
 
     def loop(self) -> Loop:
-        """The constants of the kinematics."""
+        """The constants of the kinematics in the mechanism's own coordinates."""
         raise NotImplementedError
 
     @property

@@ -184,8 +184,8 @@ class Transmission(NamedTuple):
             sums: Signed lengths by description; each sum is 0 at a change point. If the first sum
                 is negative, cos m limits the crank; if another sum is negative, sin m does.
             cures: Changes that would let the crank turn fully; used only if it is limited.
-            pass_by: Half the crank angle within which the crank pin is close to the rocker pivot,
-                rad; 0 if there is no rocker pivot, or if the pin passes through it.
+            pass_by: Largest h at which the crank pin is close to the rocker pivot, rad; 0 if there
+                is no rocker pivot, or if the pin passes through it.
 
         Returns:
             The reach.
@@ -257,6 +257,6 @@ def swing_middle(
 
 
 def _opposite(rocker: float, frame: float, opposite: float) -> float:
-    """The angle of a triangle between two sides, from the length of the opposite side, rad."""
+    """The angle between the sides `rocker` and `frame` of a triangle, rad."""
     cosine = (rocker * rocker + frame * frame - opposite * opposite) / (2 * rocker * frame)
     return math.acos(max(-1.0, min(1.0, cosine)))

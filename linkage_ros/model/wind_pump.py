@@ -222,7 +222,7 @@ class WindPump(Mechanism):
     loads: tuple[Any, ...] = loads_field()
 
     def loop(self) -> WindPumpLoop:
-        """The constants of the pose at a crank angle and a slider position."""
+        """The constants of the kinematics; the coordinates are crank angle and slider position."""
         return WindPumpLoop(
             self.crank.length,
             self.coupler.length,
@@ -232,7 +232,7 @@ class WindPump(Mechanism):
         )
 
     def other_loop(self) -> ByCoupler:
-        """The constants of the pose at the angles of crank and coupler."""
+        """The constants of the kinematics; the coordinates are the angles of crank and coupler."""
         return ByCoupler(*self.loop()[:-1], Opaque(self._refuse_rod))
 
     def start(self) -> tuple[tuple[float, ...], tuple[float, ...]]:

@@ -155,7 +155,7 @@ def _not_a_parameter(name: str, kind: MechanismAndDrive) -> str:
 
 
 def _others(sought: str, kinds: Mapping[str, type], own: str) -> list[str]:
-    """Lists the other kinds with a parameter or group of this name; none if `own` has it, too."""
+    """Lists the other kinds that have a parameter or group; an empty list if `own` has it."""
     names = {kind: [f'{leaf.name}.' for leaf in leaves(cls)] for kind, cls in kinds.items()}
     having = [kind for kind in kinds if any(x.startswith(f'{sought}.') for x in names[kind])]
     return [] if own in having else having

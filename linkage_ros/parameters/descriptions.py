@@ -41,7 +41,7 @@ def _valid(quantity: Quantity) -> str:
 
 
 def _default(value: object) -> str:
-    """Shows the default as a user would type it; empty if the meaning explains it."""
+    """Formats a default value as a user would type it; empty for None and for empty text."""
     if value is MISSING:
         return ' (required)'
     if value in (None, ''):

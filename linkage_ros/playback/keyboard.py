@@ -86,7 +86,7 @@ class Keyboard(AbstractContextManager['Keyboard']):
         return found[0].replace(b'O', b'[') if found else None
 
     def _take_terminal(self) -> bool:
-        """Switches the terminal to single keys without echo; returns whether there is one."""
+        """Switches the terminal to single keys without echo; returns whether keys can be read."""
         if self._saved is None:
             return False
         with suppress(OSError):  # a terminal without job control

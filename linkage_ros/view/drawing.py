@@ -222,7 +222,7 @@ def plane(points: Complex) -> Array:
 
 
 def _pins_of_the_loop(structure: Structure) -> list[str]:
-    """Names the pins between the links that turn, in the order of the loop."""
+    """Lists the names of the pins between the links that turn, in the order of the loop."""
     names = {point: name for name, point in structure.points.items()}
     way, rest = structure.closure.weights, (0j,) * len(structure.links)
     found = []
