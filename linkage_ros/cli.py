@@ -148,7 +148,7 @@ class Stop:
     """A request to end the program, set by a signal; the main thread waits for it.
 
     The signals are SIGINT, SIGTERM and, unless it is ignored (as under nohup), SIGHUP. Python
-    handles them in the main thread, and immediately only while that thread runs or waits in
+    handles signals in the main thread, and without delay only while that thread runs or waits in
     Python; so all work is done in other threads, or the main thread waits here between its steps.
     A threading.Event would deadlock if a signal arrived just as the wait begins; a SimpleQueue can
     be filled at any time. Linux may deliver a signal to another thread, for example while the

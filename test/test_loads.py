@@ -131,7 +131,7 @@ WRONG = {
                         'leave out at, value and return_value, which the file holds'),
     # Links.
     'over position on a crank': (f'{SLIDER}, load: {{link: crank, over: position, {POINTS}}}',
-                                 r'must be crank_angle where load\.link is crank'),
+                                 r'must be crank_angle if load\.link is crank'),
     'another link': (f'{SLIDER}, load: {{link: coupler, {POINTS}}}',
                      r"load\.link = 'coupler': must be one of crank, rocker, slider"),
     "another mechanism's": (f'{SLIDER}, load: {{link: rocker, {POINTS}}}',

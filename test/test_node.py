@@ -180,7 +180,7 @@ BAD = [
     (['--params-file', 'quadrilateral'], r'is a preset, and --params-file takes a path: .*\.yaml'),
     ([*PUMP, '-p', 'drive:=speed'], "drive = 'speed': must be torque"),
     ([*PUMP, '-p', 'rpm:=60.0'], "'rpm' is not a parameter of a torque-driven wind_pump"),
-    ([*PUMP, '-p', 'slider.position:=0.1'], 'no motion starts there: coupler and rod do not'),
+    ([*PUMP, '-p', 'slider.position:=0.1'], 'the motion cannot start: coupler and rod do not'),
 ]
 
 

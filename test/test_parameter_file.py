@@ -419,7 +419,7 @@ MESSAGES = {
     '"": 1': "'' is not a name; write",
     'a: &x 1\nb: *x': r'line 4: ROS accepts no alias \(\*x\); write the value',
     r'a: "x\0"': r"'x\\x00' holds a NUL or a surrogate; remove it",
-    'a' * 256 + ': 1': "'a{39} [.]{3} a{34}' makes a name of over 255; shorten it",
+    'a' * 256 + ': 1': "'a{39} [.]{3} a{34}' makes a name of over 255 characters; shorten",
     'a: b: c': r'line 3: not YAML in UTF-8 \(mapping values are not allowed.*\); correct',
     'a: "x': r'not YAML in UTF-8 \(found unexpected end of stream\); correct',
     'a: \x01': r'not YAML in UTF-8 \(.*\); correct this line',

@@ -70,7 +70,7 @@ AN_ANGLE = 'must be a number from -1000 to 1000 rad'
 A_TEXT = 'must be text of the form [A-Za-z0-9_]*'
 A_RATE = 'must be a number from 0.01 to 100000 Hz'
 NO_LOOP = 'm: the loop cannot close; shorten it or lengthen the others'
-NO_REACH = 'm: the loop cannot close; bring it nearer to 0 or lengthen them'
+NO_REACH = 'm: the loop cannot close; bring the offset nearer to 0, or lengthen crank or coupler'
 
 
 VIEWERS = 'spawn, web, rerun+http://HOST:PORT/proxy or a .rrd path'

@@ -348,7 +348,7 @@ def test_message_that_cannot_be_published_is_one_line(called, monkeypatch, tmp_p
         log.write(channel, 0, b'none' * 20)
     code, _, err = called(replay, path)
     assert code == 2
-    assert 'a message on /driving_torque is not of its type' in err
+    assert 'a message on /driving_torque does not match the type of the topic' in err
     assert 'Traceback' not in err
 
 

@@ -68,11 +68,11 @@ def _loop(source: str) -> Callable[..., int]:
     *before, _ = bind.body
     *statements, result = body.body
     lines = [
-        *(_refusing('0', x) for x in before),
+        *(_statement_source('0', x) for x in before),
         'for i in range(given.shape[1]):',
         *(f'    {name.arg} = given[{n}, i]' for n, name in enumerate(body.args.args)),
-        *(f'    {_refusing("i", x)}' for x in statements),
-        *(f'    found[{n}, i] = {text}' for n, text in enumerate(_results(result.value))),
+        *(f'    {_statement_source("i", x)}' for x in statements),
+        *(f'    found[{n}, i] = {text}' for n, text in enumerate(_number_sources(result.value))),
         'return -1',
     ]
     head = f'def loop({ast.unparse(bind.args)}, given, found):'
@@ -81,15 +81,15 @@ def _loop(source: str) -> Callable[..., int]:
     return numba.njit(space['loop'], error_model='numpy')  # type: ignore[no-any-return]
 
 
-def _refusing(column: str, statement: ast.stmt) -> str:
+def _statement_source(column: str, statement: ast.stmt) -> str:
     """Writes a statement as source; a guard is changed to return the column that it rejects."""
     return re.sub(r'\n +.*', f' return {column}', ast.unparse(statement))
 
 
-def _results(tree: ast.expr) -> list[str]:
+def _number_sources(tree: ast.expr) -> list[str]:
     """Lists the source of each number in a nested result."""
     if isinstance(tree, ast.Call) and isinstance(tree.args[0], ast.Tuple):  # a named tuple
         tree = tree.args[0]
     if isinstance(tree, ast.Tuple):
-        return [text for part in tree.elts for text in _results(part)]
+        return [text for part in tree.elts for text in _number_sources(part)]
     return [ast.unparse(tree)]

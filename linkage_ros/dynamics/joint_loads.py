@@ -118,7 +118,7 @@ def joint_load_round(
     """
     rates = velocities(model.loop.pose(tuple(q)), u)
     contacts = _contacts(model, rates)
-    exert = functools.partial(_exerted, contacts, search.share, len(rates))
+    exert = functools.partial(_caused_loads, contacts, search.share, len(rates))
     load, everyone = exert(search.sizes), range(len(contacts))
     loaded = model._replace(loads=(*model.loads, load))
     found = reactions(loaded, q, u, a)
@@ -130,7 +130,7 @@ def joint_load_round(
     units = [exert([1.0 if k == m else ZERO for k in everyone]) for m in everyone]
     alone = [reactions(weightless._replace(loads=(unit,)), q, u, a) for unit in units]
     slopes = [_forces(model, contacts, one) for one in alone]
-    ahead, left = _advanced(search, _forces(model, contacts, found), slopes)
+    ahead, left = _newton_step(search, _forces(model, contacts, found), slopes)
     return Round(state(loaded, q, u, a), found, load, ahead, left)
 
 
@@ -139,7 +139,7 @@ def _contacts(model: Model, rates: Sequence[Real]) -> list[Contact]:
     return [x for load in loads for x in load.contacts(model.pins, model.links, rates)]
 
 
-def _exerted(
+def _caused_loads(
     contacts: Sequence[Contact], share: Real, links: int, sizes: Sequence[Real]
 ) -> FoundLoad:
     """Computes the loads that forces of given sizes cause; `share` scales the coefficients."""
@@ -159,7 +159,7 @@ def _forces(model: Model, contacts: Sequence[Contact], found: tuple[Any, ...]) -
     return [forces[names.index(contact.joint)] for contact in contacts]
 
 
-def _advanced(
+def _newton_step(
     search: Search, forces: Sequence[Vector], slopes: Sequence[Sequence[Vector]]
 ) -> tuple[Search, Real]:
     """Advances the search by a step of Newton's method.
@@ -183,10 +183,10 @@ def _advanced(
     lacking = [found - size for found, size in zip(sizes, search.sizes, strict=True)]
     whole = number(determinant(matrix))
     steps = solved(matrix, lacking, where(whole > _SINGULAR, whole, 1.0))
-    return _next(search, steps, whole, _largest(sizes))
+    return _next_round(search, steps, whole, _largest(sizes))
 
 
-def _next(
+def _next_round(
     search: Search, steps: Sequence[Real], whole: Real, largest: Real
 ) -> tuple[Search, Real]:
     """Computes the input of the next round, and `Round.left`.

@@ -118,7 +118,7 @@ class Writer:
         return [self._words[i] for i in outer if self._tape.lines[i].operation not in others]
 
     def _statement(self, i: int) -> str:
-        """Writes the statement of a line; empty if its value, used only once, is inlined."""
+        """Writes a line as a statement; empty if its expression is inlined at its only use."""
         operation, operands, _ = self._tape.lines[i]
         read = [self._words[x] for x in operands]
         if operation == 'require':
@@ -154,7 +154,7 @@ class Writer:
         if type(tree) is tuple:
             return inside
         name = type(tree).__name__
-        self.namespace[name] = _quick(type(tree))
+        self.namespace[name] = _fast_variant(type(tree))
         return f'{name}({inside})'
 
 
@@ -163,7 +163,7 @@ class _Tuple(tuple[Any, ...]):
 
 
 @functools.cache
-def _quick(kind: Any) -> type:
+def _fast_variant(kind: Any) -> type:
     """Makes a faster variant of a named tuple, constructed from one tuple of its values."""
 
     def reduce(row: tuple[Any, ...]) -> tuple[Any, ...]:
@@ -270,7 +270,7 @@ class Program:
     @property
     def tape(self) -> Tape:
         """The recorded formula."""
-        return self._once((), lambda: Tape(self.formula, self.constants.tree, self._arguments))
+        return self._cached((), lambda: Tape(self.formula, self.constants.tree, self._arguments))
 
     @property
     def source(self) -> str:
@@ -294,11 +294,11 @@ class Program:
         Returns:
             The code.
         """
-        return self._once(
+        return self._cached(
             (arrays, head, by_math), lambda: _compile(self.tape, arrays, head, by_math=by_math)
         )
 
-    def _once(self, part: tuple[Any, ...], make: Callable[[], _T]) -> _T:
+    def _cached(self, part: tuple[Any, ...], make: Callable[[], _T]) -> _T:
         """Makes an object once for all programs of one formula and structure."""
         known, key = self.constants.known, (self.formula, self._arguments, *part)
         if key not in known:

@@ -64,7 +64,7 @@ def reactions(
             require(abs(sine) > near, model.refuse_forces, *q)
         balance.solve(dyad, sine)
     for j in reversed(range(len(pose.links))):
-        balance.complete(j)
+        balance.solve_last_pin(j)
     guides = tuple(balance.solve_guide(j) for j, link in enumerate(model.links) if link.slides)
     torque, forces = balance.moment(0), tuple(balance.forces[pin.name] for pin in model.pins)
     return forces, guides, -balance.force(_FRAME), -balance.moment(_FRAME) - torque, torque
@@ -103,12 +103,12 @@ class _Balance:
             self._couples[j] -= body.inertia * change
         for load in model.loads:
             for j, force in load.forces(pose.links, rates).items():
-                self._push(j, j, force)
+                self._add_load(j, j, force)
             held = load.resistance(pose.links, rates) if hasattr(load, 'resistance') else {}
             for j, force in held.items():
-                self._push(_FRAME, j, -force)
+                self._add_load(_FRAME, j, -force)
 
-    def _push(self, body: int, j: int, force: Real) -> None:
+    def _add_load(self, body: int, j: int, force: Real) -> None:
         """Adds a generalised force, defined by the motion of link j, to a link or to the frame."""
         if self._links[j].slides:
             self._known[body].append((self._centers[j], self._directions[j] * force))
@@ -126,7 +126,7 @@ class _Balance:
             + total(cross(place - about, force) for place, force in self._known[j])
         )
 
-    def _act(self, pin: Pin, force: Vector) -> None:
+    def _add_pin_force(self, pin: Pin, force: Vector) -> None:
         """Adds the force in a pin to both of its links."""
         self.forces[pin.name] = force
         self._known[pin.second].append((self._positions[pin.name], force))
@@ -146,9 +146,9 @@ class _Balance:
             outer = self._positions[dyad.outer[1]]
             across_second = self.moment(dyad.second, outer) / dot(inner - outer, second)
         force = (second * across_first - first * across_second) * (1.0 / sine)
-        self._act(self._pins[dyad.pin], force)
+        self._add_pin_force(self._pins[dyad.pin], force)
 
-    def complete(self, j: int) -> None:
+    def solve_last_pin(self, j: int) -> None:
         """Computes the last unknown pin force of a link from its balance of forces."""
         unknown = [
             pin
@@ -157,7 +157,7 @@ class _Balance:
         ]
         if unknown and not self._links[j].slides:
             (pin,), force = unknown, self.force(j)
-            self._act(pin, force if pin.second == j else -force)
+            self._add_pin_force(pin, force if pin.second == j else -force)
 
     def solve_guide(self, j: int) -> Real:
         """Computes the force of a guide on its slider, N, positive to the guide's left."""

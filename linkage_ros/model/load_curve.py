@@ -95,7 +95,7 @@ class LoadCurve(AppliedLoad):
             self._require_one_turn(at, value)
         elif self.link == 'crank':
             raise ConfigurationError(
-                "load.over = 'position': must be crank_angle where load.link is crank"
+                "load.over = 'position': must be crank_angle if load.link is crank"
             )
 
     def _read(self) -> None:

@@ -249,7 +249,7 @@ class Friction(AppliedLoad):
                 'give both above 0, or leave both out'
             )
 
-    def in_joints(self, mechanism: Any) -> 'Rubbing | None':
+    def in_joints(self, mechanism: Any) -> 'DryFriction | None':
         """See `AppliedLoad`.
 
         Raises:
@@ -259,11 +259,11 @@ class Friction(AppliedLoad):
             raise ConfigurationError(
                 f'friction.guide = {self.guide:g}: this mechanism has no guide; leave it out'
             )
-        rubbing = Rubbing(self.pin * self.pin_radius, self.guide)
-        return rubbing if any(rubbing) else None
+        friction = DryFriction(self.pin * self.pin_radius, self.guide)
+        return friction if any(friction) else None
 
 
-class Rubbing(NamedTuple):
+class DryFriction(NamedTuple):
     """Dry friction as formulas use it.
 
     Attributes:

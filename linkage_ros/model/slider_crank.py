@@ -180,9 +180,9 @@ class SliderCrank(Mechanism):
         r, b, e = self._lengths()
         if short_sum(self._longest(), abs(e), -r, -b) > 0:
             raise MechanismError(
-                f'the offset of the slider, {e:g} m, is farther from 0 than crank + coupler '
-                f'reach, by {math.fsum((abs(e), -r, -b)):.6g} m: the loop cannot close; bring it '
-                'nearer to 0 or lengthen them'
+                f'the offset of the slider, {e:g} m, is farther from 0 than crank + coupler, by '
+                f'{math.fsum((abs(e), -r, -b)):.6g} m: the loop cannot close; bring the offset '
+                'nearer to 0, or lengthen crank or coupler'
             )
 
     def _lengths(self) -> tuple[float, float, float]:

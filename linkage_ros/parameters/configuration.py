@@ -130,7 +130,7 @@ def configure(values: Mapping[str, object]) -> Configuration:
             q, u, *_ = start(mechanism, drive)
             Solver(mechanism).accelerations(q, u, drive.motor.at(u[0]))
         except UnreachableError as error:
-            raise ConfigurationError(f'no motion starts there: {error}') from error
+            raise ConfigurationError(f'the motion cannot start: {error}') from error
     elif isinstance(drive, SpeedDrive):
         Solver(mechanism).reach.require_full_turn()
     return Configuration(kind, mechanism, drive, session)

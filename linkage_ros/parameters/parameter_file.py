@@ -167,7 +167,9 @@ class _Reader:
         if not isinstance(event, yaml.ScalarEvent) or not event.value:
             raise self.error(f'{_show(event)} is not a name; write "name: value"')
         if len('.'.join((*path, event.value))) > _MAX_NAME:
-            raise self.error(f'{_show(event)} makes a name of over {_MAX_NAME}; shorten it')
+            raise self.error(
+                f'{_show(event)} makes a name of over {_MAX_NAME} characters; shorten it'
+            )
         return event.value
 
     def next(self) -> yaml.Event:

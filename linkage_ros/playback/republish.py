@@ -91,8 +91,8 @@ def republishing(
                 publishers[item.message.topic].publish(item.message.data)
             except RuntimeError as error:  # RCLError, which has no public name
                 raise LogError(
-                    f'{log.path}: a message on {item.message.topic} is not of its type and cannot '
-                    'be published; --topics leaves a topic out'
+                    f'{log.path}: a message on {item.message.topic} does not match the type of '
+                    'the topic and cannot be published; --topics can leave the topic out'
                 ) from error
 
         yield publish
@@ -117,7 +117,9 @@ def _publishers(node: Node, log: LogReader, topics: set[str]) -> dict[str, Publi
                 topic = Topic(name, known[kind], latched, 1 if latched else 10)
                 publishers[name] = create_publisher(node, topic)
             except KeyError as error:
-                raise LogError(f'{log.path}: {name} has the foreign type {kind}') from error
+                raise LogError(
+                    f'{log.path}: {name} has the type {kind}, which linkage_ros does not write'
+                ) from error
             except USER_ERRORS as error:
                 words = str(error).partition('\n')[0]
                 raise LogError(f'{log.path}: {name!r:.80} cannot be published: {words}') from error

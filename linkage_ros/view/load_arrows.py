@@ -39,7 +39,7 @@ class LoadArrows:
     """
 
     def __init__(self, mechanism: Mechanism, mark: float, positions: Array) -> None:
-        """Finds the loads.
+        """Finds the links with loads, and the largest loads at a negligible speed.
 
         Args:
             mechanism: The mechanism.
