@@ -7,11 +7,10 @@ from __future__ import annotations
 import argparse
 import os
 import signal
-from typing import Any
 
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.lab.output import DPI, folder, progress, save_records
-from linkage_ros.lab.pump.analysis import Analysis, analyse
+from linkage_ros.lab.pump.analysis import analyse
 from linkage_ros.lab.sweep.spread import processes
 from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.motion.drives import TorqueDrive
@@ -30,7 +29,9 @@ def pump(options: argparse.Namespace) -> None:
     # machine is busy. It reads this variable when a process starts.
     os.environ['OPENBLAS_NUM_THREADS'] = '1'
     with processes(1) as worker:
+        handler = signal.signal(signal.SIGINT, signal.SIG_IGN)  # which the worker inherits
         worker.submit(_start)
+        signal.signal(signal.SIGINT, handler)
         # The worker starts during these imports, and computes during those of Matplotlib below.
         from linkage_ros.parameters.configuration import load
         from linkage_ros.parameters.descriptions import motor_line
@@ -45,7 +46,7 @@ def pump(options: argparse.Namespace) -> None:
         records, picture = (options.out / f'{name}_settled.{end}' for end in ('json', 'png'))
         with folder(options.out):
             analysis = worker.submit(
-                _analyse, mechanism, drive.motor, speeds=options.speeds, progress=progress
+                analyse, mechanism, drive.motor, speeds=options.speeds, progress=progress
             )
             from linkage_ros.lab.charts.pump import draw_pump
             from linkage_ros.lab.pump.table import states_table
@@ -58,12 +59,3 @@ def pump(options: argparse.Namespace) -> None:
 
 def _start() -> None:
     """Makes the worker process start, and import this module."""
-
-
-def _analyse(*given: Any, **options: Any) -> Analysis:
-    """Runs `analyse` in the worker, where Ctrl-C ends it at once."""
-    handler = signal.signal(signal.SIGINT, signal.default_int_handler)
-    try:
-        return analyse(*given, **options)
-    finally:
-        signal.signal(signal.SIGINT, handler)

@@ -65,11 +65,15 @@ def spread(
 
 @contextmanager
 def processes(count: int) -> Iterator[Executor]:
-    """Starts worker processes on this machine."""
+    """Starts worker processes on this machine; an error or Ctrl-C ends them at once."""
     context = multiprocessing.get_context('spawn')
     executor = ProcessPoolExecutor(count, context, initializer=_prepare)
     try:
         yield executor
+    except BaseException:
+        for process in multiprocessing.active_children():
+            process.terminate()
+        raise
     finally:
         executor.shutdown(cancel_futures=True)
 
