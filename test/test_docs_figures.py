@@ -151,7 +151,7 @@ def test_figures_of_the_readme_are_measured():
                   for start in ('', ', cold'))  # fmt: skip
     check_quote(
         'README.md',
-        'linkage_ros has {} right, pylinkage {}, MuJoCo and Pinocchio {} at best, SymPy {}',
+        'linkage_ros solves {} correctly, pylinkage {}, MuJoCo and Pinocchio {} at best, SymPy {}',
         *(right['linkage_ros'], right['pylinkage'], engines, right['SymPy lambdify']),
     )
     runs = content('reliability')['killed']['runs']
