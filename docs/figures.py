@@ -83,14 +83,15 @@ def methods_figures() -> list[Figure]:
     listing = _points("document 1's listing", quadrilateral, 'position', _ONE)
     (vector_c,) = (r['ratio'] for r in records('peers') if r['peer'] == 'C, vector math')
     ratios = [_over_live(name, quadrilateral, mean, 'tolerance 1e-09') for name in _MULTIPLIERS]
+    gaps = [_cell(name, _LOOP) for name in _MULTIPLIERS]
     return [
         ('the best of the others is off by {} rad', [min(e for e in errors if e)]),
         (
-            'place the quadrilateral in {} of its time, and in {} as an array',
+            "of the quadrilateral in {} of the default's time, and in {} of it for arrays",
             [_share(circles, 'position', mode) for mode in (_ONE, _BATCH)],
         ),
         (
-            'driving torque they take {} of its time, and {} as an array',
+            "the method takes {} of the default's time, and {} of it for arrays",
             [_share(circles, 'torque', mode) for mode in (_ONE, _BATCH)],
         ),
         (
@@ -98,24 +99,23 @@ def methods_figures() -> list[Figure]:
             [_share('factored, float32', 'torque', _BATCH)],
         ),
         (
-            '{} of the time of the live default on the pump, {} of it on the quick quadrilateral',
+            "needs {} of the live default's time on the pump, and {} times as long on",
             [_over_live(RECORDS, name, mean) for name in (pump, quadrilateral)],
         ),
         (
-            'takes {} times as long as that of the live default on the pump, and {} times on the',
+            '{} times as long as that of the live default on the pump, and {} times as long on',
             [_over_live(RECORDS, name, slowest) for name in (pump, quadrilateral)],
         ),
-        ('multipliers take {} times, with Baumgarte {} times, projected {} times', ratios),
+        ("take {} times the live default's time without stabilisation", ratios[:1]),
+        ("{} times with Baumgarte's, and {} times with projections", ratios[1:]),
         ('they are off by {} rad', [listing[0]['max_error']]),
         (
             'give a rate to {} and an acceleration to {} at best',
             [_best('central differences', order) for order in ('rate', 'acceleration')],
         ),
-        (
-            "to {} crank lengths in the long run. Baumgarte's equation keeps {}, projections {}",
-            [_cell(name, _LOOP) for name in _MULTIPLIERS],
-        ),
-        ('Vectorised C takes {} of our time for an array', [vector_c]),
+        ('to {} crank lengths in the long run', gaps[:1]),
+        ('equation keeps it within {}, projections within {}', gaps[1:]),
+        ("vectorised C takes {} of this package's time", [vector_c]),
     ]
 
 

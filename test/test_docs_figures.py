@@ -170,7 +170,7 @@ DEFINED = {
         'but within 1e-6', 'after 50 iterations', "Document 1's listing", 'in 130 digits',
         'of which 100 are left', 'at 1e-12 m', '10 s from 6 rad/s', '4 s from 150 rpm',
         '1000 us would be real time', 'in 34 digits', 'At a tolerance of 1e-9',
-        'within 1e-12 rad', "loop's gap at 0",
+        'by 1e-12 rad', "loop's gap at 0",
     ),
     'dynamics': (
         'at most 1 ms', 'of order 5', 'of order 4', 'exceeds 1e-9 (rad', 'up to 400 trials',
@@ -213,11 +213,11 @@ def test_a_number_that_nobody_measured_is_found(figures):
     page = read('docs/methods.md')
     longer = f'{page}\nIt takes 3.7 of that, or 2e-8 s.\n'
     assert neither_measured_nor_defined(figures, 'methods', longer) == ['3.7', '2e-8']
-    share = figures.place('place the quadrilateral in {} of its time, and', page)
+    share = figures.place("of the quadrilateral in {} of the default's time, and", page)
     wrong = page[: share.start(1)] + '0.123' + page[share.end(1) :]
     assert figures.filled('methods', wrong) == page
     with pytest.raises(ValueError, match='0 times on the page'):
-        figures.filled('methods', page.replace('driving', 'other'))
+        figures.filled('methods', page.replace('quadrilateral in', 'other in'))
 
 
 def test_conclusions_of_methods_follow_from_its_numbers(figures):
@@ -229,8 +229,8 @@ def test_conclusions_of_methods_follow_from_its_numbers(figures):
         elif point['method'] == DEFAULT:
             assert point['max_error'] < 2e-15, point
     words = [
-        'place the quadrilateral in {} of its time, and in {} as an array',
-        'driving torque they take {} of its time, and {} as an array',
+        "of the quadrilateral in {} of the default's time, and in {} of it for arrays",
+        "the method takes {} of the default's time, and {} of it for arrays",
         "`float32` takes {} of the default's time",
     ]
     shares = dict(figures.methods_figures())
