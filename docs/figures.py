@@ -126,7 +126,7 @@ def dynamics_figures() -> list[Figure]:
     late = {r['delay_ticks']: 100 * r['largest_deviation'] for r in records('delay')}
     kinds = RECORDS, LIVE
     return [
-        ('it takes {} % of a core for the quadrilateral at 150 rpm', [each / 10]),
+        ('takes {} % of a core for the quadrilateral at 150 rpm', [each / 10]),
         (
             'are right to {} in a record and to {} live, for motor lines and guides alike',
             [max(_cell(k, 'steep motor line'), _cell(k, 'stiff guide')) for k in kinds],
