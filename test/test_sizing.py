@@ -295,9 +295,10 @@ def test_sizing_quotes_the_figures(savings):
     names = 'gravity', 'inertia', 'coupler'
     errors = [f'{of(savings, name)["error"]:.3g}' for name in names]
     words = (
-        f'Below {handover(savings):.0f} rpm the weights of this linkage count more than its '
-        f'inertia, above it less: without gravity the torque at 150 rpm is off by {errors[0]}0 of '
-        f'its peak, without any inertia by {errors[1]}, without the coupler by {errors[2]}.'
+        f'Below {handover(savings):.0f} rpm the weights of this linkage contribute more to the torque '
+        f'than its inertia; above {handover(savings):.0f} rpm they contribute less. At 150 rpm, the '
+        f'torque is off by {errors[0]}0 of its peak without gravity, by {errors[1]} without any '
+        f'inertia, and by {errors[2]} without the coupler.'
     )
     assert words in ' '.join(read('docs/sizing.md').split())
 

@@ -18,8 +18,9 @@ class Adapter(Peer):
     name = 'C, scalar libm'
     flags = ()
     how = (
-        'The textbook closed form with B on one side of the diagonal (benchmarks/peers/plain.c), '
-        'compiled with cc -O3, as a loop over an array. Like ours, it returns ten quantities.'
+        'The textbook closed form (benchmarks/peers/plain.c), which keeps B on one side of the '
+        'diagonal, is compiled with cc -O3 as a loop over an array. Like the program of this '
+        'package, it returns ten quantities.'
     )
 
     def __init__(self, mechanism, speed, first):
@@ -54,7 +55,7 @@ class VectorAdapter(Adapter):
     # GCC would fuse sine and cosine into sincos, of which there is no vector function.
     flags = ('-ffast-math', '-march=native', '-fdisable-tree-sincos')
     how = (
-        'The same file, compiled with -ffast-math -march=native and libmvec. The compiler pass '
+        'The same file is compiled with -ffast-math -march=native and libmvec. The compiler pass '
         'that fuses sine and cosine is switched off, because libmvec has no vector form of the '
         'fused function. The symbols of the library show that it calls the vector functions.'
     )

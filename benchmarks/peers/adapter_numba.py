@@ -14,9 +14,9 @@ class Adapter(Peer):
     name = 'Numba'
     distribution = 'numba'
     how = (
-        'The textbook closed form with B on one side of the diagonal (benchmarks/peers/plain.py), '
-        'compiled by njit and called once for each state; for arrays, a compiled loop calls it. '
-        'The compilation is not timed.'
+        'njit compiles the textbook closed form (benchmarks/peers/plain.py), which keeps B on one '
+        'side of the diagonal. The function is called once for each state; for arrays, a compiled '
+        'loop calls it. The compilation is not timed.'
     )
 
     def __init__(self, mechanism, speed, first):

@@ -21,8 +21,8 @@ class Adapter(Peer):
 
     name = 'linkage_ros'
     how = (
-        'Solver.state, called once for each state, or once for an array. It always computes the '
-        'torque; for the kinematics of one state at a time, the program of the pose is called '
+        'Solver.state is called once for each state, or once for an array. It always computes the '
+        'torque. For the kinematics of one state at a time, the program of the pose is called '
         'instead, and its derivatives are multiplied by the speed and its square.'
     )
 

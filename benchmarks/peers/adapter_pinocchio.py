@@ -25,11 +25,11 @@ class Adapter(NewtonPeer):
     name = 'Pinocchio'
     distribution = 'pin'
     how = (
-        'A tree of three hinges, solved through the Python functions of Pinocchio. Our Newton '
-        'iteration with computeJointJacobians and getFrameJacobian closes the loop, starting from '
-        'the last state extrapolated by its rates. The accelerations come from '
-        'getFrameClassicalAcceleration, and the torque from rnea, projected on the velocity of '
-        'the loop.'
+        'The model is a tree of three hinges, solved through the Python functions of Pinocchio. A '
+        'Newton iteration written for this comparison closes the loop with computeJointJacobians '
+        'and getFrameJacobian, starting from the last state extrapolated by its rates. The '
+        'accelerations come from getFrameClassicalAcceleration. The torque comes from rnea: its '
+        'joint torques are projected on the velocity of the loop.'
     )
 
     def __init__(self, mechanism, speed, first):

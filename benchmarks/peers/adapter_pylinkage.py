@@ -19,8 +19,8 @@ class Adapter(Peer):
     name = 'pylinkage'
     distribution = 'pylinkage'
     how = (
-        'step_with_derivatives, with one step of the crank per state; for arrays, '
-        'step_fast_with_kinematics. Numba, which it uses if present, is installed. Of the two '
+        'step_with_derivatives is called with one step of the crank per state; for arrays, '
+        'step_fast_with_kinematics. pylinkage uses Numba, which is installed. Of the two '
         'assemblies it selects the one nearer to the previous state. It returns the motion of the '
         'pins; the conversion to angles is not timed. It does not compute the torque.'
     )

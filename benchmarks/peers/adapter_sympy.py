@@ -54,10 +54,10 @@ class Adapter(Peer):
     name = 'SymPy lambdify'
     distribution = 'sympy'
     how = (
-        'The textbook closed form with B on one side of the diagonal, differentiated twice by '
-        'diff, and the torque by virtual power; lambdify turns them into functions, with '
-        'cse=True, for math and for NumPy. An array is evaluated in one call, which spends much '
-        'of its time on memory for intermediate results. The derivation is not timed.'
+        'SymPy derives the textbook closed form, which keeps B on one side of the diagonal: diff '
+        'differentiates it twice, virtual power gives the torque, and lambdify makes functions '
+        'for math and for NumPy, with cse=True. An array is evaluated in one call, which spends '
+        'much of its time on memory for intermediate results. The derivation is not timed.'
     )
 
     def __init__(self, mechanism, speed, first):

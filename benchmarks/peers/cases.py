@@ -73,47 +73,53 @@ def cases():
             parallelogram, degrees(-60, 0),
         ),
         Case(
-            'change point passed', 'The same parallelogram in a whole turn past both change '
-            'points; no state is exactly at one.', parallelogram, once,
+            'change point passed', 'The same parallelogram makes a whole turn past both '
+            'change points; no state is exactly at a change point.', parallelogram, once,
         ),
         Case(
-            'near a change point', 'A crank-rocker whose links miss a change point by 1e-14 m, '
-            'at angles down to 1e-8 rad from it on both sides.',
+            'near a change point', 'The links of a crank-rocker miss a change point by '
+            '1e-14 m; the crank angles are down to 1e-8 rad from it on both sides.',
             four_bar(0.125, 0.375, 0.125 + 1e-14, 0.375),
             around(math.pi, 1e-8, beyond=True),
         ),
         Case(
-            'typed in decimals', 'Links of 0.1, 0.2, 0.3 and 0.4 m, in a whole turn past the '
-            'change point: 0.1 + 0.4 = 0.2 + 0.3 holds in decimals, but not in binary.',
+            'typed in decimals', 'Links of 0.1, 0.2, 0.3 and 0.4 m make a whole turn past '
+            'the change point: 0.1 + 0.4 = 0.2 + 0.3 holds in decimals, but not in binary.',
             four_bar(0.1, 0.2, 0.3, 0.4), once,
             ('0.1', '0.2', '0.3', '0.4'),
         ),
         Case(
-            'beyond the arc', f'A crank that reaches {dead / DEGREE:.1f} deg is turned to '
-            '150 deg. Where the loop cannot close, every number is wrong.',
+            'beyond the arc', f'A crank that can reach {dead / DEGREE:.1f} deg is turned '
+            'to 150 deg. Where the loop cannot close, every number is wrong.',
             limited, degrees(30, 150),
         ),
         Case(
-            'dead centre', 'The same crank, up to 1e-6 rad from the end of its arc.', limited,
+            'dead centre', 'The same crank approaches the end of its arc to 1e-6 rad.', limited,
             around(dead, 1e-6, beyond=False),
         ),
         Case(
-            'crossed assembly', 'The four-bar of document 1 in its other assembly, for a turn.',
+            'crossed assembly', 'The four-bar of document 1 makes a turn in its other assembly.',
             replace(preset, assembly='crossed'), once,
         ),
-        Case('tiny links', 'A whole turn with a crank of 1e-6 m.', sizes['tiny'], once),
-        Case('huge links', 'A whole turn with a crank of 1e6 m.', sizes['huge'], once),
         Case(
-            'equal lengths', 'A rhombus in a whole turn past both of its change points.',
+            'tiny links', 'A linkage with a crank of 1e-6 m makes a whole turn.', sizes['tiny'],
+            once,
+        ),
+        Case(
+            'huge links', 'A linkage with a crank of 1e6 m makes a whole turn.', sizes['huge'],
+            once,
+        ),
+        Case(
+            'equal lengths', 'A rhombus makes a whole turn past both of its change points.',
             four_bar(0.25, 0.25, 0.25, 0.25), once,
         ),
         Case(
-            'few steps', 'A double-crank at five angles per turn, for two turns.',
+            'few steps', 'A double-crank is solved at five angles per turn, for two turns.',
             four_bar(0.55, 0.4, 0.55, 0.12), tuple((0.5 + i) * 72 * DEGREE for i in range(10)),
         ),
         Case(
-            'long run', 'A whole turn of the four-bar of document 1 in steps of 10 deg, from a '
-            'crank angle of a million turns.', preset,
+            'long run', 'The four-bar of document 1 makes a whole turn in steps of 10 deg, '
+            'starting at a crank angle of a million turns.', preset,
             tuple(far + 10 * i * DEGREE for i in range(37)),
         ),
     )  # fmt: skip

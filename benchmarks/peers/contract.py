@@ -74,8 +74,9 @@ class NewtonPeer(Peer):
 
     STEPS = 50
     COLD = (
-        'The same, but each state starts from the first one, which shows the cost of a state '
-        'without a known neighbour. This package solves every state in this way.'
+        'This row uses the same code, but each state starts from the first state of the turn, '
+        'which shows the cost of a state without a known neighbour. This package solves every '
+        'state without a neighbour.'
     )
     # Whether each state begins from the first one, as for one angle out of the blue.
     cold = False

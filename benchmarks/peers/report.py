@@ -20,13 +20,14 @@ This page compares other software with this package on the same task, in one run
 on {date}, with {machine[cpu]}, {machine[cores]} cores, {machine[os]}, Python {python},
 NumPy {libraries[numpy]}{compiler}.
 
-The task is to solve the four-bar of document 1 (`config/quadrilateral.yaml`) at 150 rpm: angle,
-rate and acceleration of coupler and rocker and, in the rows "with torque", the driving torque. A
-ratio is a peer's time divided by ours: above 1, ours is faster. A peer without torque is compared
-with our kinematics alone; for arrays, with our program that includes the torque. The ratio is the
-median of {rounds} rounds, in which peer and package run alternately on the same machine. Set-up
-and compilation are not timed. Errors are the largest over {turn} crank angles, compared with a
-solution in 50 digits.
+The task is to solve the four-bar of document 1 (`config/quadrilateral.yaml`) at 150 rpm: to
+compute angle, rate and acceleration of coupler and rocker and, in the rows "with torque", the
+driving torque. A ratio is a peer's time divided by the time of this package: above 1, this
+package is faster. For one state at a time, a peer without torque is compared with the package's
+kinematics alone; for arrays, with the package's program that includes the torque. The ratio is
+the median of {rounds} rounds, in which peer and package run alternately on the same machine.
+Set-up and compilation are not timed. Errors are the largest over {turn} crank angles, compared
+with a solution in 50 digits.
 """
 HARD = """\
 ## Situations
@@ -34,17 +35,18 @@ HARD = """\
 Each peer solves one state at a time, and each state has one of these outcomes:
 
 - *right*: the angles are within 1e-6 rad of a solution in 50 digits, and the rates and
-  accelerations within 1e-6 (relative, where they are above 1);
+  accelerations within 1e-6, relative to values above 1;
 - *rates wrong*: only the angles are right;
 - *wrong branch*: the angles are those of the other assembly;
 - *NaN*: the result is not a number, or the peer raises an arithmetic error;
 - *refused*: the peer raises another error;
-- *diverged*: the angles belong to neither assembly, or the loop cannot close, but the peer returns
-  a number.
+- *diverged*: the angles belong to neither assembly, or the peer returns a number although the loop
+  cannot close.
 
-Each cell shows the worst outcome, and the share of states that have it if not all do. NaN is the
-worst, followed by wrong branch and diverged. Peers that follow the motion, and peers that keep the
-pin B on one side of the diagonal, are given the correct first state.
+Each cell shows the worst outcome and, unless all states have this outcome, the share of states
+that do. NaN is the worst, followed by wrong branch and diverged. Peers that follow the motion,
+and peers that keep the pin B on one side of the diagonal from A to B0, are given the correct
+first state.
 """
 
 
@@ -89,7 +91,7 @@ def markdown(results):
     lines = [INTRODUCTION.format(**results)]
     for mode, title in MODES.items():
         lines += [f'## {title}', '', *speeds(results['records'], mode), '']
-    lines += ['## How each is called', '']
+    lines += ['## How each program is called', '']
     lines += [f'- **{name}**: {how}' for name, how in results['calls'].items()]
     lines += ['', *(f'Left out: {line}.' for line in results['left_out']), HARD]
     outcomes = results['outcomes']
