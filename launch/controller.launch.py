@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A torque-driven quadrilateral as the plant, and a controller that keeps its speed.
+"""Starts a torque-driven quadrilateral as the plant, and a controller that keeps its speed.
 
 ros2 launch linkage_ros controller.launch.py rpm:=600.0 feed_forward:=false log:=run.mcap
 """

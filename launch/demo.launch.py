@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The node and robot_state_publisher, for a parameter file or a preset: the linkage in tf.
+"""Starts the node and robot_state_publisher, which puts the linkage into tf.
 
 ros2 launch linkage_ros demo.launch.py params:=quadrilateral log:=run.mcap rviz:=true
 """

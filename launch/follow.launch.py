@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A linkage whose crank is measured: its passive joints, also in tf, and its torque.
+"""Publishes the passive joints, tf and driving torque of a linkage whose crank is measured.
 
 ros2 launch linkage_ros follow.launch.py params:=linkage.yaml measured:=/joint_states
 """
@@ -20,9 +20,9 @@ ARGUMENTS = {
     'params': ('quadrilateral', 'parameter file or preset'),
     'measured': ('/joint_states', "the robot's topic with the crank"),
     'joint_states': ('linkage/joint_states', "the linkage's own topic"),
-    'follow_bandwidth': ('', 'of the filter, Hz'),
+    'follow_bandwidth': ('', 'bandwidth of the filter, Hz'),
     'effort_command_topic': ('', 'topic of the driving torque for a controller'),
-    'lead_time': ('', 'time ahead of the stamp for which it is computed, s'),
+    'lead_time': ('', 'time ahead of the stamp for which the torque is computed, s'),
     **FRAMES,
     **NAMES,
     **OUTPUTS,

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Two linkages on one shaft, in one tf tree: the right one follows the crank of the left one.
+"""Starts two linkages on one shaft, in one tf tree; the right one follows the left one's crank.
 
 ros2 launch linkage_ros two_linkages.launch.py left:=quadrilateral right:=wiper rpm:=60.0
 """
@@ -14,7 +14,7 @@ from linkage_ros.ros.launching import description, where_installed
 
 ARGUMENTS = {
     'left': ('quadrilateral', 'parameter file or preset of the linkage that turns'),
-    'right': ('slider_crank', 'parameter file or preset of the one that follows its crank'),
+    'right': ('slider_crank', 'parameter file or preset of the linkage that follows'),
     'rpm': ('', 'crank speed'),
     'rviz': ('false', 'true: open RViz as well'),
 }

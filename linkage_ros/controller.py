@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """linkage_controller: keeps a torque-driven crank at a speed; a prototype to copy and change.
 
-A PI controller acts on the measured speed of each joint state. The exact torque of the desired
-motion is added, computed for the crank angle at which the command will act.
+A PI controller acts on the measured speed of each joint state. The controller adds the exact
+torque of the desired motion, computed for the crank angle at which the command will act.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class Settings(Checked):
         rpm: Crank speed to keep, turns per minute.
         bandwidth: Bandwidth of the speed loop, Hz.
         feed_forward: Whether the exact torque is added.
-        lead_time: Delay from a measurement to the middle of the time its command acts, s.
+        lead_time: Delay from a measurement to the middle of the period of its command, s.
         joint_prefix: Prefix of the plant's joints; None: that in the plant's parameter file.
     """
 
@@ -62,11 +62,11 @@ class Settings(Checked):
     )
     feed_forward: bool = quantity('switch', 'whether the exact torque is added', default=True)
     lead_time: float = quantity(
-        'number', 'delay from a measurement to the middle of the time its command acts', 's',
+        'number', 'delay from a measurement to the middle of the period of its command', 's',
         span=(0.0, 10.0), default=0.0015,
     )  # fmt: skip
     joint_prefix: str | None = quantity(
-        'text', "of the plant's joints; default: joint_prefix in the parameter file of plant",
+        'text', "prefix of the plant's joints; default: joint_prefix in plant's parameter file",
         pattern=JOINT_PREFIX, default=None,
     )  # fmt: skip
 
@@ -86,7 +86,7 @@ class SpeedController:
             mechanism: The controlled mechanism.
             rpm: Speed to keep.
             bandwidth: Bandwidth of the proportional term alone, Hz.
-            lead: Delay from a measurement to the middle of the time its command acts, s; None:
+            lead: Delay from a measurement to the middle of the period of its command, s; None:
                 no feed-forward.
 
         Raises:
@@ -94,7 +94,7 @@ class SpeedController:
         """
         if not mechanism.reach():
             raise ConfigurationError(
-                f'plant: a wind_pump keeps its own speed; name a linkage, such as {DEFAULT_PRESET}'
+                f'plant: must be a linkage, such as {DEFAULT_PRESET}, not a wind_pump'
             )
         self._solver, self._lead = Solver(mechanism), lead
         self._solver.reach.require_full_turn()

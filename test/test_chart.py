@@ -254,7 +254,7 @@ def test_two_turns_are_drawn_where_the_period_has_two(tmp_path, called):
     assert np.abs(np.diff(rocker)).max() < 0.03
     assert rocker[-1] == pytest.approx(rocker[0], abs=1e-13)
     given = called(chart_tool, 'motion', odd, '--reactions', '--out', tmp_path / 'out')
-    assert_refused(*given, 'change point.*leave the reactions out')
+    assert_refused(*given, 'change point.*leave --reactions out')
     assert not (tmp_path / 'out').exists()
 
 
@@ -338,7 +338,7 @@ def elapsed(crank, speed):
         (['motion', 'quadrilateral', '--out', '/proc/nowhere'], 'cannot be written'),
         (
             ['motion', 'wind_pump', '--reactions'],
-            '--reactions is for a crank at a given speed, and wind_pump moves as its motor',
+            '--reactions is for a crank at a given speed, but the motor of wind_pump',
         ),
         (['motion', 'wind_pump', '--acceleration', '1'], ': leave --acceleration out'),
         (['motion', 'wind_pump', '--rpm', '-5'], '--rpm = -5: must be above 0 rpm, because'),
@@ -346,7 +346,7 @@ def elapsed(crank, speed):
         (['motion', 'wiper', 'wiper'], 'wiper, wiper: give each file another name'),
         (
             ['motion', 'wiper', 'press', '--fluctuation', '0.1'],
-            '2 mechanisms: must be at most 7, and one with --fluctuation',
+            '2 mechanisms: must be at most 7, and only one with --fluctuation',
         ),
         (['motion', *map(str, range(8))], '8 mechanisms: must be at most 7'),
         (
@@ -354,7 +354,7 @@ def elapsed(crank, speed):
             'wiper.png: must end with .gif or, with ffmpeg installed, .mp4',
         ),
         (['movie', 'wiper', '/proc/nowhere/wiper.gif'], 'cannot be written'),
-        (['movie', 'wiper', 'wiper.gif', '--rpm', '0'], 'the crank stands still'),
+        (['movie', 'wiper', 'wiper.gif', '--rpm', '0'], 'the crank is at rest'),
         (['motion'], 'PARAMS'),
         ([], 'COMMAND'),
     ],
@@ -371,5 +371,5 @@ def test_a_crank_without_a_speed_of_its_own_needs_one(
     monkeypatch.chdir(tmp_path)
     Path('crank.yaml').write_text(f'/**: {{ros__parameters: {{drive: {drive}}}}}')
     kind, *rest = command
-    words = 'crank.yaml has no crank speed of its own: at which speed to draw it. Add --rpm 60'
+    words = 'crank.yaml has no crank speed of its own: give a speed, such as --rpm 60'
     assert_refused(*called(chart_tool, kind, 'crank.yaml', *rest), words)

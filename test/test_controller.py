@@ -172,7 +172,7 @@ def sent_back(commands):
         ('plant:=pentagon', 'no preset'),
         (
             'plant:=wind_pump',
-            'keeps its own speed; name a linkage, such as quadrilateral$',
+            'plant: must be a linkage, such as quadrilateral, not a wind_pump$',
         ),
         ('rpm:=fast', 'rpm'),
         ('feed_forward:=3', 'feed_forward = 3: must be true or false'),

@@ -267,7 +267,7 @@ def test_the_command_writes_records_and_a_picture(tmp_path, called):
     [
         (['wind_pump'], 'its crank angle alone does not determine its motion'),
         (['wind_pump', '--rpm', '20'], 'its crank angle alone does not determine its motion'),
-        (['quadrilateral', '--rpm', '0'], 'quadrilateral at 0 rpm: a crank at rest, or'),
+        (['quadrilateral', '--rpm', '0'], 'quadrilateral at 0 rpm: the torque is compared'),
         (['quadrilateral', '--tolerance', '0'], "--tolerance: '0': must be a number from 1e-09"),
         (['quadrilateral', '--rpm', 'x'], "--rpm: 'x': must be a number from -1e+06"),
         ([], 'PARAMS'),
@@ -295,10 +295,10 @@ def test_sizing_quotes_the_figures(savings):
     names = 'gravity', 'inertia', 'coupler'
     errors = [f'{of(savings, name)["error"]:.3g}' for name in names]
     words = (
-        f'Below {handover(savings):.0f} rpm the weights of this linkage contribute more to the torque '
-        f'than its inertia; above {handover(savings):.0f} rpm they contribute less. At 150 rpm, the '
-        f'torque is off by {errors[0]}0 of its peak without gravity, by {errors[1]} without any '
-        f'inertia, and by {errors[2]} without the coupler.'
+        f'Below {handover(savings):.0f} rpm the weights of this linkage contribute more to the '
+        f'torque than its inertia; above {handover(savings):.0f} rpm they contribute less. At 150 '
+        f'rpm, the torque is off by {errors[0]}0 of its peak without gravity, by {errors[1]} '
+        f'without any inertia, and by {errors[2]} without the coupler.'
     )
     assert words in ' '.join(read('docs/sizing.md').split())
 
@@ -370,10 +370,10 @@ def test_direction_does_not_matter_to_inertia():
 
 
 def test_a_crank_without_inertia_and_one_too_slow_have_no_cycle():
-    with pytest.raises(MechanismError, match='no steady cycle of its speed was found'):
+    with pytest.raises(MechanismError, match='no steady cycle of the crank speed was found'):
         Crank(load('quadrilateral').mechanism).cycle(1e-4, 0.0)
     crank = Crank(load('slider_crank').mechanism)
-    with pytest.raises(ConfigurationError, match='without a mass'):
+    with pytest.raises(ConfigurationError, match='the inertia at the crank is 0'):
         crank.cycle(6.0, 0.0)
     assert crank.cycle(6.0, crank.inertia_for(0.1, 6.0)).fluctuation == pytest.approx(0.1)
 

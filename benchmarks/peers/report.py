@@ -35,7 +35,7 @@ HARD = """\
 Each peer solves one state at a time, and each state has one of these outcomes:
 
 - *right*: the angles are within 1e-6 rad of a solution in 50 digits, and the rates and
-  accelerations within 1e-6, relative to values above 1;
+  accelerations are within 1e-6 (relative for values above 1);
 - *rates wrong*: only the angles are right;
 - *wrong branch*: the angles are those of the other assembly;
 - *NaN*: the result is not a number, or the peer raises an arithmetic error;

@@ -7,10 +7,11 @@ energy E = (M + J) u^2 / 2 changes over the crank angle by
 
     dE/dtheta = c + motor(u) - R,
 
-where R is the torque of weights, loads and friction, and c a constant torque. Each round takes R
-and the motor as straight lines of E, solves this linear equation for one period, and chooses the
-energy at its start so that the mean speed is the given one; c follows, because the period closes.
-A motor carries the cycle at the mean speed for which c = 0.
+where R is the torque of weights, loads and friction, and c a constant torque. Each iteration
+linearises R and the motor's torque in E, solves the linear equation for one period, and chooses
+the energy at the start of the period so that the mean speed is the given one. c follows from the
+condition that the energy is periodic. At the mean speed for which c = 0, the motor alone drives
+the cycle.
 """
 
 import math
@@ -35,16 +36,17 @@ from linkage_ros.parameters.descriptions import motor_line
 from linkage_ros.units import radians_per_second
 
 _RPM = 1 / radians_per_second(1.0)
-_PARTS = 2880  # of a turn: four digits of a flywheel where load curves have corners
-_ROUNDS, _CLOSE = 30, 1e-11  # relative change of the speed at which rounds end
-_UNEVEN = 10.0  # fluctuation of a crank without a cycle
-_APART = 1e-6  # relative difference in speed between two energies that give a slope
-# Mean speeds that are tried to bracket the speed under a motor: from 1/50 to 50 times the
-# given speed.
+# Angles per turn, which give four digits of a flywheel's inertia if a load curve has corners.
+_PARTS = 2880
+_ROUNDS, _CLOSE = 30, 1e-11  # most iterations; relative change of the speed that ends them
+_UNEVEN = 10.0  # fluctuation assigned to a crank without a steady cycle
+_APART = 1e-6  # relative difference of the speeds between which a slope is computed
+# Ratio and number of the mean speeds that are tried to bracket the speed under a motor: from 1/50
+# to 50 times the given speed.
 _NEXT, _STARTS = 1.25, 19
 _SLOWEST = 1e-13  # margin above the energy of a stopped crank, relative to the span
 _MASSLESS = 1e-9  # inertia, relative to the largest at the crank, that counts as none
-_NONE = 'no steady cycle of its speed was found'
+_NONE = 'no steady cycle of the crank speed was found'
 _NO_MOTOR = Motor()
 
 
@@ -53,9 +55,9 @@ class Cycle(NamedTuple):
 
     Attributes:
         crank: Crank angles, rad.
-        velocity: Crank speed at these, rad/s.
-        torque: Applied torque at these, N m.
-        demand: Torque that the mechanism takes, N m; the flywheel takes the rest.
+        velocity: Crank speed at these angles, rad/s.
+        torque: Applied torque at these angles, N m.
+        demand: Torque that the mechanism needs, N m; the flywheel takes the rest.
         constant: Constant part of the applied torque besides the motor's, N m.
     """
 
@@ -81,7 +83,7 @@ class Crank:
     """The steady cycles of a crank, with and without a flywheel."""
 
     def __init__(self, mechanism: Mechanism) -> None:
-        """Solves the part that does not depend on the speed; the crank must turn fully."""
+        """Computes the inertia at the crank over a period; the crank must turn fully."""
         self._solver = Solver(mechanism)
         self._solver.reach.require_full_turn()
         self._angles = self._solver.reach.samples(_PARTS)
@@ -91,14 +93,15 @@ class Crank:
     def energy(self, speed: float) -> float:
         """Energy between the extreme speeds to first order, J.
 
-        The range of the integral of mean torque less driving torque at a constant speed.
+        At a constant speed, the mean torque less the driving torque is integrated over the crank
+        angle; the energy is the difference between the largest and smallest integral.
         """
         taken = self._solver.state(self._angles, np.full_like(self._angles, speed)).torque
         found = extent(self._angles, self._integral(mean(self._angles, taken) - taken))
         return found.high - found.low
 
     def inertia_for(self, fluctuation: float, speed: float) -> float:
-        """Inertia to add to the crank for a fluctuation, kg m^2; 0: none is needed."""
+        """Inertia to add to the crank to reach a fluctuation, kg m^2; 0 if none is needed."""
 
         def excess(added: float) -> float:
             try:
@@ -119,18 +122,18 @@ class Crank:
         Args:
             speed: Mean speed over time, with the sign of the rotation, rad/s.
             added: Inertia added to the crank, kg m^2.
-            motor: The motor.
+            motor: Motor whose line adds to the constant torque.
 
         Returns:
             One period.
 
         Raises:
             MechanismError: No cycle is found.
-            ConfigurationError: A moving coordinate has no mass.
+            ConfigurationError: The inertia at the crank is 0 at some angle.
         """
         inertia = self._inertia + added
         if inertia.min() <= _MASSLESS * inertia.max():
-            raise ConfigurationError('something moves without a mass at some angle')
+            raise ConfigurationError('the inertia at the crank is 0 at some crank angle')
         velocity = np.full_like(self._angles, speed)
         for _ in range(_ROUNDS):
             last, slope = velocity, CubicSpline(self._angles, velocity)(self._angles, 1)
@@ -178,16 +181,16 @@ class Crank:
     def _solve(
         self, resistance: Array, slope: Array, energy: Array, inertia: Array, speed: float
     ) -> tuple[Array, float]:
-        """Solves dE/dtheta = c - resistance - slope (E - energy) over a period.
+        """Solves dE/dtheta = c - resistance - slope (E - energy) over a period for E and c.
 
         Raises:
             MechanismError: No solution has the mean speed.
         """
-        way = 1 if speed > 0 else -1  # in the direction of the motion, in which changes fade
+        way = 1 if speed > 0 else -1  # direction of the motion, in which disturbances decay
         slope, rest = way * slope[::way], way * (slope * energy - resistance)[::way]
         growth = np.exp(self._integral(slope))
         fixed, even = (self._integral(growth * x) / growth for x in (rest, 1 + 0 * rest))
-        # The energy is fixed + start * each, of which c keeps the period closed.
+        # The energy is fixed + start * each, with the c that makes it periodic.
         rise, fixed_c = (1 - 1 / growth[-1]) / even[-1], fixed[-1] / even[-1]
         fixed, each = fixed - fixed_c * even, 1 / growth + rise * even
 
@@ -214,7 +217,7 @@ def size_flywheel(
     """Finds and draws the flywheel of a mechanism, and assesses its motor if there is one.
 
     `fluctuation` is the allowed difference of largest and smallest speed, relative to the mean,
-    and `name` that of the parameter file. Returns lines about the result.
+    and `name` is the name of the parameter file. Returns lines of text about the result.
     """
     crank, speed = Crank(period.solver.mechanism), period.speed
     added, energy = crank.inertia_for(fluctuation, speed), crank.energy(speed)
@@ -233,7 +236,7 @@ def size_flywheel(
     ]
     if motor:
         carried, words = _carried(crank, motor, speed, added)
-        needed = f'where the cycle takes {period.mean_power / speed:.4g} N m'
+        needed = f'and the cycle needs {period.mean_power / speed:.4g} N m'
         lines += [
             f'{motor_line(motor)}: {motor.at(speed):.4g} N m at this speed, {needed}',
             f'with the flywheel: {words}',
@@ -276,21 +279,21 @@ def _carried(crank: Crank, motor: Motor, speed: float, added: float) -> tuple[Cy
     except LinkageError as error:
         return None, str(error)
     if cycle is None:
-        return None, 'the motor does not carry the cycle'
+        return None, 'the motor cannot drive the cycle'
     at = f'at {_RPM * cycle.speed:.4g} rpm, fluctuation {cycle.fluctuation:.4g}'
-    return cycle, f'the motor carries the cycle {at}'
+    return cycle, f'the motor drives the cycle {at}'
 
 
 def _draw_plane(axes: Axes, motor: Motor, carried: Cycle | None, steady: Cycle) -> None:
-    """Draws a motor's line, the torque of the mechanism, and the motor's motion."""
-    cycle, label = carried or steady, 'taken by the mechanism, with the flywheel'
+    """Draws torque over speed: motor line, demand of the mechanism, and operating range."""
+    cycle, label = carried or steady, 'needed by the mechanism, with the flywheel'
     _plot(axes, _RPM * cycle.velocity, cycle.demand, FIRST, label)
     point, slope = (_RPM * cycle.speed, motor.at(cycle.speed)), -motor.damping / _RPM
     axes.axline(point, slope=slope, color=fractions(GREY), label="the motor's line")
     if carried is not None:
         thick = {'linewidth': 4.0, 'solid_capstyle': 'butt'}
         speeds = _RPM * carried.velocity
-        _plot(axes, speeds, carried.torque, BLACK, 'where the motor runs', **thick)
+        _plot(axes, speeds, carried.torque, BLACK, 'operating range', **thick)
     axes.set(xlabel='Crank speed, rpm', ylabel='Torque, N m')
 
 

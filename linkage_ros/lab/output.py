@@ -19,8 +19,8 @@ from linkage_ros import ConfigurationError, __version__
 from linkage_ros.numeric import Array
 from linkage_ros.progress import progress_bar
 
-# Charts must be readable at a width of 700 pixels, half their size: no text is smaller than 8 of
-# these pixels.
+# Charts must be readable at half their size, a width of 700 pixels; there, no text is smaller than
+# 8 pixels.
 WIDTH, DPI = 10.0, 140  # inches, and pixels in each
 TITLE, TEXT, SMALL, NUMBERS = 11.0, 10.0, 9.0, 8.5  # points
 STYLE: dict[Any, Any] = {
@@ -51,7 +51,7 @@ def progress(items: Iterable[Any], words: str) -> Iterable[Any]:
 
 
 def about() -> dict[str, str]:
-    """Versions and machine of a measurement."""
+    """Versions of the software and description of the machine, for measurements."""
     models: list[str] = []
     with suppress(OSError):
         models = re.findall(r'model name\s*: (.*)', Path('/proc/cpuinfo').read_text())
@@ -70,7 +70,7 @@ def save_records(path: Path, records: list[dict[str, Any]]) -> None:
 
 
 def save_csv(path: Path, head: Sequence[str], rows: Iterable[Iterable[object]]) -> None:
-    """Writes a table, floats to the last bit and None as an empty cell, once it is complete."""
+    """Writes a complete CSV file, with all digits of floats and an empty cell for None."""
     new = path.with_suffix('.csv.new')
     with new.open('w', newline='', encoding='utf-8') as stream:
         csv.writer(stream, lineterminator='\n').writerows([head, *rows])
@@ -95,7 +95,7 @@ def chart(
     Raises:
         OSError: The file cannot be written.
     """
-    # Programs that draw nothing, such as workers, do not wait for these.
+    # Programs that draw nothing, such as the workers of a sweep, need not import matplotlib.
     from matplotlib import rc_context
     from matplotlib.figure import Figure
 
@@ -107,7 +107,7 @@ def chart(
 
 
 def over_crank(axes: Any, crank: Array, label: str, parts: int = 8) -> None:
-    """Finishes a diagram over the crank angle: ticks at even parts of it, and a line at 0."""
+    """Finishes a diagram over the crank angle: `parts` even ticks, a label, a line at 0."""
     end = math.degrees(crank[-1])
     axes.set(xlim=(0, end), xticks=np.linspace(0, end, parts + 1), ylabel=label)
     low, high = axes.get_ylim()

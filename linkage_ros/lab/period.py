@@ -54,7 +54,7 @@ class Period:
     def __init__(
         self, solver: Solver, crank: Array, state: State, *, speed: float, mean_power: float
     ) -> None:
-        """Stores a motion: its state at all crank angles."""
+        """Stores the states of a motion at all crank angles as columns."""
         self.solver = solver
         self.crank, self.speed, self.mean_power = crank, speed, mean_power
         self.columns: dict[str, Column] = {}
@@ -86,7 +86,7 @@ class Period:
 class SpeedDrivenPeriod(Period):
     """One period of a mechanism, with the same speed and acceleration at every angle.
 
-    The crank angles are 0.5 deg apart, and closer next to change points.
+    The crank angles are 0.5 deg apart, and closer together near change points.
     """
 
     def __init__(
@@ -131,8 +131,8 @@ class SpeedDrivenPeriod(Period):
     def _add_reactions(self, state: State) -> None:
         if self.solver.reach.has_change_point:
             raise ConfigurationError(
-                'this mechanism passes a change point, where the forces in its joints have no '
-                'finite value: leave the reactions out'
+                'this mechanism passes a change point, where the forces in its joints are '
+                'infinite: leave --reactions out'
             )
         found = self.solver.reactions(state)
         for pin, force in found.pins.items():
@@ -144,7 +144,7 @@ class SpeedDrivenPeriod(Period):
 
 
 def mean(crank: Array, values: Array) -> float:
-    """The mean of a quantity over crank angles, rad, that rise over a period."""
+    """The mean of a quantity over a period; `crank` holds the rising crank angles, rad."""
     return float(trapezoid(values, crank)) / float(crank[-1] - crank[0])
 
 
@@ -153,10 +153,10 @@ def extent(crank: Array, values: Array) -> Extent:
 
     Args:
         crank: Crank angles in rising order, over the whole period, rad.
-        values: Values at these.
+        values: Values at these angles.
 
     Returns:
-        The extent; peaks between the angles by the parabola through the three nearest values.
+        The extent; a peak between angles is that of a parabola through the three nearest values.
     """
     low, low_at = _peak(crank, -values)
     high, high_at = _peak(crank, values)

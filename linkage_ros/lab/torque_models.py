@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Simpler models of the driving torque at a constant crank speed, as programs.
 
-Terms are left out with their parameters; reduced models replace the coupler or the whole torque.
+A term is left out by setting its parameters to 0; reduced models replace the coupler or the whole
+torque.
 """
 
 import ast
@@ -66,7 +67,7 @@ def terms(mechanism: Mechanism) -> dict[str, frozenset[str]]:
     found = {name: frozenset(_members(values, own)) for name, own in TERMS.items()}
     return {
         name: own for name, own in found.items()
-        # A link without mass has its inertia as its only term.
+        # The only term of a link without mass is that of its inertia.
         if (own or (name == STATIC and masses)) and own != found.get(f'{name}.inertia')
     }  # fmt: skip
 
@@ -88,7 +89,7 @@ def with_point_masses(mechanism: Any) -> Mechanism | None:
     """Moves the coupler's mass to its two pins, as parts of crank and output link.
 
     Args:
-        mechanism: The mechanism.
+        mechanism: Mechanism to simplify.
 
     Returns:
         The mechanism with a massless coupler. None if it has no coupler, or if the coupler has no
@@ -144,7 +145,7 @@ def torque_program(mechanism: Mechanism, *, static: bool = False) -> TorqueProgr
     """The program of a mechanism's driving torque.
 
     Args:
-        mechanism: The mechanism.
+        mechanism: Mechanism whose crank turns at a constant speed.
         static: Whether to leave out all inertia.
 
     Returns:
@@ -177,7 +178,7 @@ def series_program(torques: Array, period: float, harmonics: int) -> TorqueProgr
     """Replaces the driving torque at one speed by a Fourier series.
 
     Args:
-        torques: Torques at even angles of one period, the first at 0, N m.
+        torques: Torques at evenly spaced angles of one period, the first at 0, N m.
         period: Period, rad.
         harmonics: Number of harmonics.
 
@@ -202,7 +203,7 @@ def table_program(torques: Array, period: float) -> TorqueProgram:
     """Replaces the driving torque at one speed by a table with linear interpolation.
 
     Args:
-        torques: Torques at the nodes, even angles of one period, the first at 0, N m.
+        torques: Torques at the nodes, which are evenly spaced over one period from 0 on, N m.
         period: Period, rad.
 
     Returns:

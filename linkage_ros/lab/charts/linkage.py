@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Draws a mechanism and the paths of its pins in a chart, or as a movie beside its torque."""
+"""Draws a mechanism and the paths of its pins in a chart, or in a movie with its torque."""
 
 import math
 from collections.abc import Sequence
@@ -26,7 +26,7 @@ SECONDS = 3.0  # of the movie, for each turn of the crank
 _RATE = 20  # frames in a second
 _SIZE, _DPI = (8.0, 4.2), 90  # inches, and pixels in each
 _WRITERS: dict[str, Any] = {'.gif': PillowWriter, '.mp4': FFMpegWriter}
-_AWAY = 16.0  # points, of a name from its pin
+_AWAY = 16.0  # distance of a name from its pin, points
 _NAME: dict[str, Any] = {
     'textcoords': 'offset points', 'fontsize': SMALL, 'va': 'center', 'annotation_clip': False,
 }  # fmt: skip
@@ -62,14 +62,14 @@ class LinkagePicture:
         }
         pins = np.concatenate([drawing.pivots, shown.reshape(-1, 2)])
         self._pins = self._plot(pins, DARK, linestyle='', marker='o', markersize=3.5)
-        # The names of pivots stand beside the ground, which is below.
+        # The ground is drawn below the pivots, so their names are placed to the sides.
         middle = pins[:, 0].mean()
         self._asides = [(pivot[0] - middle, 0.0) for pivot in drawing.pivots]
         low, high = axes.dataLim.get_points()
         scale = drawing.scale - drawing.scale.min(axis=0) + low - (0.0, 0.06 * (high - low).max())
         self._plot(scale, GREY, linewidth=0.9)
         axes.annotate(f'{drawing.scale_length:g} m', tuple(scale[2]), xytext=(5, 0), **_NAME)
-        halo = withStroke(linewidth=2.5, foreground='white')  # around names, which lie on paths
+        halo = withStroke(linewidth=2.5, foreground='white')  # names may lie on paths
         self._names = [
             axes.annotate(name, (0, 0), xytext=(0, 0), ha='center', path_effects=[halo], **_NAME)
             for name in (*drawing.pivot_names, *drawing.pins)
@@ -97,7 +97,7 @@ class LinkagePicture:
 
 
 def draw_movie(period: Period, title: Sequence[str], path: Path) -> None:
-    """Draws the moving mechanism, and its torque over the crank angle so far.
+    """Draws the moving mechanism, and its torque up to the present crank angle.
 
     Args:
         period: Period to draw.
@@ -105,8 +105,8 @@ def draw_movie(period: Period, title: Sequence[str], path: Path) -> None:
         path: A .gif or .mp4 file, replaced if it exists.
 
     Raises:
-        ConfigurationError: The crank stands still, the file's name has another ending, or ffmpeg
-            is missing.
+        ConfigurationError: The crank is at rest, the file's name does not end with .gif or .mp4,
+            or ffmpeg is missing.
     """
     writer = _WRITERS.get(path.suffix)
     if not writer or not writer.isAvailable():
@@ -136,11 +136,11 @@ def _frames(period: Period) -> list[int]:
     """The samples of the period at even steps of time.
 
     Raises:
-        ConfigurationError: The crank stands still.
+        ConfigurationError: The crank is at rest at some angle.
     """
     speed = np.abs(period.columns['crank.velocity'].values)
     if not speed.min() > 0:
-        raise ConfigurationError('the crank stands still: nothing would move; give --rpm 30')
+        raise ConfigurationError('the crank is at rest: a movie needs a speed, such as --rpm 30')
     steps = 2 * np.diff(period.crank) / (speed[1:] + speed[:-1])
     time = np.concatenate([[0.0], np.cumsum(steps)])
     frames = round(period.crank[-1] / (2 * math.pi) * SECONDS * _RATE)

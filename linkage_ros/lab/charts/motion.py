@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Draws the curves of one mechanism over a period, or of several beside each other."""
+"""Draws the curves of one mechanism over a period, or those of several side by side."""
 
 import math
 import re
@@ -21,18 +21,18 @@ from linkage_ros.lab.period import Period, extent
 from linkage_ros.numeric import Array
 from linkage_ros.palette import BLACK, COLORS, DARK, Color, color_of, fractions
 
-# Inches. From top to bottom: linkage, for each row a diagram and the numbers below it, title of
-# the last. From left to right: numbers, diagrams, text.
+# Inches. Heights: linkage; a diagram; the gap below it with the tick labels; foot. Widths: margin
+# left of the diagrams, text right of them.
 _LINKAGE, _ROW, _GAP, _FOOT = 2.8, 1.35, 0.5, 0.1
 _LEFT, _TEXT = 0.8, 4.5
-DRAWN_AT = 45.0  # deg, of the crank: links of most mechanisms stand apart there
+DRAWN_AT = 45.0  # crank angle of the picture, deg; the links of most mechanisms are apart there
 _TITLES = {
     'deg': 'Direction', 'rad/s': 'Rate', 'rad/s^2': 'Accel.', 'N m': 'Driving torque',
     'm': 'Slider position', 'm/s': 'Slider velocity', 'm/s^2': 'Slider accel.',
 }  # fmt: skip
 _DASHES = ('-', (0, (6, 3)), (0, (3, 3)), (0, (1, 2)))
-# Colour of the link on which the pin's force acts; B0 has the ground's colour, unlike B.
-# Other quantities have the colour of no link.
+# A pin's force has the colour of the link on which it acts, but the force at B0 has the ground's
+# colour. Shaking force, shaking moment and guide force have colours that no link has.
 _FORCES: dict[str, Color] = {
     'A0': COLORS['crank'], 'A': COLORS['coupler'], 'B': COLORS['rocker'], 'B0': DARK,
     'guide': BLACK, 'x': BLACK, 'y': DARK, 'moment': BLACK, 'torque': COLORS['crank'],
@@ -54,18 +54,18 @@ class _Curve(NamedTuple):
     values: Array
 
 
-# A diagram: its title, with quantity and unit; its curves; further lines of figures.
+# A diagram: its title, with quantity and unit; its curves; lines of text below the legend.
 _Panel: TypeAlias = tuple[str, Sequence[_Curve], Sequence[str]]
 
 
 def draw_motion(periods: Mapping[str, Period], lines: Iterable[str], path: Path) -> None:
     """Draws a period: position, rate, acceleration, torque, and reactions if there are any.
 
-    Of several mechanisms, it draws the motion of the outputs and the torques in common diagrams.
+    For several mechanisms, common diagrams show the motion of the output links and the torques.
 
     Args:
         periods: Periods by name; at most as many as `DESIGN_COLORS`.
-        lines: Description of one mechanism.
+        lines: Description of the mechanism; empty for several mechanisms.
         path: The PNG file, replaced if it exists.
     """
     first, *others = periods.values()
@@ -130,13 +130,13 @@ def _compared(periods: Mapping[str, Period]) -> Iterator[_Panel]:
 
 
 def _curve(period: Period, column: str, name: str, across: str = '') -> _Curve:
-    """The curve of a column, or of the length of a vector of two."""
+    """The curve of a column, or of the magnitude of a vector with two columns."""
     unit, values = period.columns[column]
     if across:
         values = np.hypot(values, period.columns[across].values)
     if unit == 'rad':
         unit, values = 'deg', np.degrees(values)
-    values = np.round(values, 12) + 0.0  # a parallelogram's coupler moves by rounding alone
+    values = np.round(values, 12) + 0.0  # a parallelogram's coupler turns only by rounding
     return _Curve(name, _FORCES.get(name) or color_of(name), unit, period.crank, values)
 
 
@@ -148,11 +148,11 @@ def _by_unit(curves: Sequence[_Curve], title: str = '') -> Iterator[_Panel]:
 
 
 def _draw(axes: Axes, title: str, curves: Sequence[_Curve], words: Sequence[str]) -> None:
-    """Draws the curves; beside them peaks with their angles, and rms."""
+    """Draws the curves; writes their peaks, the angles of the peaks, and rms beside them."""
     unit = curves[0].unit
     heading = f'{unit:<8}{"min":>11}{"at deg":>7}{"max":>11}{"at deg":>7}{"rms":>10}'
     lines, texts = [Line2D([], [], color='0.4', linestyle='none')], [heading]
-    # Forces may coincide: dashed, they show what lies below.
+    # Curves of forces may coincide: dashes show the curve below.
     dashes = cycle(_DASHES if unit == 'N' else _DASHES[:1])
     for curve, dash in zip(curves, dashes, strict=False):
         degrees, color = np.degrees(curve.crank), fractions(curve.color)

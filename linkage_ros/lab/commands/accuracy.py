@@ -1,11 +1,12 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""linkage_chart accuracy: one picture per linkage, one for all motions, one for `follow`.
+"""linkage_chart accuracy: one picture per linkage, one for all motions, one for `drive: follow`.
 
-`follow` is judged by the torque error of a measured crank, over the filter's bandwidth and the
-encoder's bits. A motor whose torque falls steeply with the speed turns the quadrilateral at 150
-rpm. An encoder rounds the angle to 2^bits steps a turn; a sensor with as many bits, over twice the
-speed in both directions, rounds the speed. `FollowMotion` gets both 1000 times a second.
+The last picture shows the torque error of a measured crank over the filter's bandwidth, for
+encoders of several resolutions. A motor whose torque falls steeply with the speed turns the
+quadrilateral at 150 rpm. The encoder rounds the angle to 2^bits steps a turn; a speed sensor with
+as many bits, whose range is twice the speed in both directions, rounds the speed. `FollowMotion`
+gets 1000 measurements a second.
 """
 
 import argparse
@@ -58,15 +59,15 @@ from linkage_ros.palette import (
 from linkage_ros.parameters.configuration import load
 from linkage_ros.units import NS_PER_S, radians_per_second
 
-_CEILING = 10.0  # position of larger errors
-_LEAST = 1e-17  # position of an error of 0
-_SPAN = 1.0, 100.0  # range of drawn errors of a followed crank, %
+_CEILING = 10.0  # larger errors are drawn here
+_LEAST = 1e-17  # an error of 0 is drawn here
+_SPAN = 1.0, 100.0  # range of the axis of torque errors of a measured crank, %
 _BITS = (12, 14, 16, 18, 20)
 _BANDWIDTHS = (5.0, 7.0, 10.0, 14.0, 20.0, 30.0, 40.0, 60.0, 80.0, 120.0, 160.0, 240.0)  # Hz
 _RPM = 150.0
 _DAMPING = 20.0  # damping of the motor, N m s: the speed stays within 3 % of 150 rpm
 _PERIOD = NS_PER_S // 1000  # between measurements, ns
-_TURN = 400  # measurements; two turns to settle, two that are compared
+_TURN = 400  # measurements in a turn; two turns settle, the next two are compared
 
 
 def _style(marker: str, color: Color, size: float = 6.0, *, filled: bool = True) -> dict[str, Any]:
@@ -102,7 +103,11 @@ _ENCODERS = [
     _style(marker, color, 5)
     for marker, color in zip('s^oDv', (VERMILION, ORANGE, GREEN, BLUE, PURPLE), strict=True)
 ]
-_ROLES = {DEFAULT: 'default', LIVE: 'live; star: steps of 1 ms', RECORDS: 'default for records'}
+_ROLES = {
+    DEFAULT: 'default',
+    LIVE: 'live default; star: 1 ms steps',
+    RECORDS: 'default for records',
+}
 
 
 def accuracy(options: argparse.Namespace) -> None:
@@ -130,12 +135,12 @@ def accuracy(options: argparse.Namespace) -> None:
         written += (out / 'accuracy_follow.json', out / 'accuracy_follow.png')
         save_records(written[-2], errors)
         words = f'quadrilateral, {slowest:.0f} to {fastest:.0f} rpm, measured at 1 kHz'
-        draw_follow(errors, f'Torque of a crank that is measured: {words}', written[-1])
+        draw_follow(errors, f'Torque error of a measured crank: {words}', written[-1])
     print(*written, sep='\n')
 
 
 def draw_accuracy(points: Sequence[Point], title: str, path: Path) -> None:
-    """Draws one linkage, quantity by quantity in both modes; or all motions, row by row.
+    """Draws one linkage, with a row for each quantity, or all motions, with a row for each.
 
     Args:
         points: Points of a linkage, or of all motions.
@@ -173,7 +178,7 @@ def draw_accuracy(points: Sequence[Point], title: str, path: Path) -> None:
         ]  # fmt: skip
         limit = f'worse than {LIMIT:g}: not on the front'
         handles += [
-            Line2D([], [], color=fractions(BLACK), linewidth=1.0, label='front of right answers'),
+            Line2D([], [], color=fractions(BLACK), linewidth=1.0, label='front of right points'),
             Line2D([], [], color='0.85', linewidth=7, label=limit),
         ]
         figure.legend(
@@ -187,7 +192,7 @@ def _name(method: str) -> str:
 
 
 def _settings(methods: Sequence[Method]) -> str:
-    """Labels the points with their settings."""
+    """Describes the settings of all methods in one text."""
     kinds: dict[str, list[str]] = {}
     for method in methods:
         for name in dict.fromkeys(itertools.chain(*method.settings)):
@@ -196,7 +201,9 @@ def _settings(methods: Sequence[Method]) -> str:
                 words = f'{name} ' + ', '.join(f'{value:g}' for value in values)
                 kinds.setdefault(words, []).append(method.name)
     joined = '; '.join(f'{", ".join(names)}: {words}' for words, names in kinds.items())
-    return f'Settings along the lines: {joined}. Errors above {_CEILING:g} are drawn there.'
+    return (
+        f'Settings along the lines: {joined}. Errors above {_CEILING:g} are drawn at {_CEILING:g}.'
+    )
 
 
 def _log_axes(axes: Axes, **options: Any) -> None:
@@ -224,7 +231,7 @@ def _draw_panel(axes: Axes, points: Sequence[Point]) -> None:
     if failed := dict.fromkeys(p['method'] for p in points if p not in drawn):
         height = 0.565 if points[0]['mechanism'] == NEAR else 0.97  # clear of the curves
         axes.text(
-            0.98, height, 'no answer at some angle, in some setting:\n' + '\n'.join(failed),
+            0.98, height, 'no answer at some angle with some setting:\n' + '\n'.join(failed),
             ha='right', va='top', transform=axes.transAxes, color='0.3',
         )  # fmt: skip
 
@@ -234,15 +241,15 @@ def _places(points: Sequence[Point]) -> tuple[list[float], list[float]]:
     return [p['us_per_state'] for p in points], heights.tolist()
 
 
-# ---------------------------------------------------------------- a followed crank
+# ---------------------------------------------------------------- a measured crank
 
 
 def _measure_follow(*, quick: bool) -> tuple[list[dict[str, Any]], tuple[float, float]]:
-    """Measures encoders and bandwidths.
+    """Measures the torque error for several encoders and bandwidths.
 
-    Returns the points: resolution, whether the velocity is measured as well, bandwidth of the
-    filter, Hz, and largest torque error, relative to the largest torque at a constant speed. Then
-    the lowest and highest crank speed, rpm.
+    Returns the points, each with the resolution in bits, whether the velocity is measured too, the
+    bandwidth of the filter, Hz, and the largest torque error, relative to the largest torque at a
+    constant speed; and the lowest and highest crank speed, rpm.
     """
     solver, speed = Solver(load('quadrilateral').mechanism), radians_per_second(_RPM)
     drive = TorqueDrive(motor=Motor(_DAMPING * speed, _DAMPING), start_rpm=_RPM)
@@ -257,7 +264,7 @@ def _measure_follow(*, quick: bool) -> tuple[list[dict[str, Any]], tuple[float, 
     peak = np.abs(solver.state(turn, np.full(_TURN, speed), np.zeros(_TURN)).torque).max()
     bits, bandwidths = (_BITS[::2], _BANDWIDTHS[::4]) if quick else (_BITS, _BANDWIDTHS)
     kinds, points = list(itertools.product((False, True), bits)), []
-    for velocity, bit in progress(kinds, 'errors, a followed crank'):
+    for velocity, bit in progress(kinds, 'errors, a measured crank'):
         step, pace = 2 * math.pi / 2**bit, 4 * speed / 2**bit
         angles = (step * np.rint(true.unwrapped / step)).tolist()
         speeds = (pace * np.rint(true.u[0] / pace)).tolist() if velocity else [None] * len(stamps)
@@ -295,7 +302,7 @@ def draw_follow(points: Sequence[dict[str, Any]], title: str, path: Path) -> Non
                 default, color=fractions(BLACK), linestyle='--', linewidth=1.0,
                 label=f'default, {default:g} Hz',
             )  # fmt: skip
-            measured = 'angle and velocity are' if velocity else 'the angle is'
+            measured = 'angle and velocity are' if velocity else 'only the angle is'
             axes.set_title(f'{measured} measured')
             axes.set_xlabel('follow_bandwidth, Hz', fontsize=TEXT)
             for axis in (axes.xaxis, axes.yaxis):

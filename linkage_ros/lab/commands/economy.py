@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""linkage_chart economy: the torque of one mechanism without each of its terms, over speed."""
+"""linkage_chart economy: error of the driving torque without each of its terms, over speed."""
 
 import argparse
 import functools
@@ -57,10 +57,11 @@ _REDUCED = {
     POINT_MASSES: ('*-', 9, PURPLE, 'two point masses'),
 }
 
-# One simpler model at one speed, as in the JSON file: 'mechanism', the name of the file; 'rpm';
-# 'left_out', the omitted term or the reduced model; 'error', the largest one of the torque over a
-# period, as a share of the full torque's peak; savings: 'operations', 'microseconds' of one run,
-# and 'parameters', values that need not be identified; the same of the full model: 'full_...'.
+# One simpler model at one speed, as in the JSON file: 'mechanism', the name of the parameter file;
+# 'rpm'; 'left_out', the omitted term or the reduced model; 'error', the largest torque error over
+# a period, as a share of the full torque's peak; the savings 'operations', 'microseconds' of one
+# run, and 'parameters', values that need not be identified; 'full_operations' and so on, the same
+# costs of the full model.
 Saving: TypeAlias = dict[str, Any]
 _COSTS = 'operations', 'microseconds', 'parameters'
 
@@ -73,17 +74,18 @@ def economy(options: argparse.Namespace) -> None:
 
     Raises:
         ConfigurationError: No speed is given, or the folder cannot be written.
-        MechanismError: The crank angle does not determine the motion, or nothing needs a torque.
+        MechanismError: The crank angle does not determine the motion, or no torque is needed.
     """
     configuration, name = load(options.params), find_file(options.params).stem
     given = options.rpm or []
-    own = getattr(configuration.drive, 'rpm', given[0] if given else 0.0)  # of the summary
+    # The speed of the summary.
+    own = getattr(configuration.drive, 'rpm', given[0] if given else 0.0)
     rpms = sorted({own, *(given or (own * factor for factor in _FACTORS))})
     measured = Economy(configuration.mechanism, name)
     if 0.0 in rpms:
         raise ConfigurationError(
-            f'{options.params} at 0 rpm: a crank at rest, or without a speed of its own, has no '
-            'turn to compare; choose speeds, such as --rpm 30 60'
+            f'{options.params} at 0 rpm: the torque is compared over a turn of the crank, which '
+            'needs a speed; choose speeds, such as --rpm 30 60'
         )
     records, picture = (options.out / f'{name}_economy.{suffix}' for suffix in ('json', 'png'))
     with folder(options.out):
@@ -109,7 +111,7 @@ class Economy:
             name: Name of its parameter file.
 
         Raises:
-            MechanismError: The crank does not turn fully, or nothing needs a torque.
+            MechanismError: The crank does not turn fully, or no torque is needed.
         """
         reach = Solver(mechanism).reach
         reach.require_full_turn()
@@ -174,7 +176,7 @@ class Economy:
         ) + (f'; {_listed(smallest, "or")} will do' if good else '')
 
     def _models(self, rpm: float) -> dict[str, tuple[TorqueProgram, int]]:
-        """The full and the simpler models at a speed: programs, and the values they need."""
+        """The full and the simpler models at a speed: program and number of parameters."""
         count = sum(self._counts[x] for x in frozenset[str]().union(*self.terms.values()))
         needs = {
             name: count - sum(self._counts[x] for x in own) for name, own in self.terms.items()
@@ -239,7 +241,7 @@ class Economy:
 
 
 def handover(savings: Sequence[Saving]) -> float | None:
-    """The speed at which weights and inertia contribute equally, rpm; None: one is absent.
+    """The speed at which weights and inertia contribute equally, rpm; None if one is absent.
 
     The torque of weights does not depend on speed; that of inertia grows with its square.
     """
@@ -260,7 +262,7 @@ def _listed(names: Sequence[str], word: str) -> str:
 def _draw(
     savings: Sequence[Saving], sentence: str, rpm: float, tolerance: float, path: Path
 ) -> None:
-    """Draws bars over speed; of one speed, reduced models and a table of the savings."""
+    """Draws bars over speed and, for one speed, the reduced models and a table of savings."""
     terms = [x for x in dict.fromkeys(x['left_out'] for x in savings) if x in TERMS]
     own, heights = [x for x in savings if x['rpm'] == rpm], (3.7, 2.4 + 0.17 * len(terms))
     words = textwrap.fill(f'{sentence[0].upper()}{sentence[1:]}.', 88)
@@ -298,12 +300,12 @@ def _draw_bars(axes: Axes, savings: Sequence[Saving], terms: Sequence[str]) -> N
     if 0 < speeds[0] < rpm < speeds[-1]:
         at = float(np.interp(rpm, speeds, range(len(speeds))))
         axes.axvline(at, color=fractions(BLACK), linewidth=0.9, linestyle=(0, (4, 3)))
-        inertia = f'inertia counts more, from {rpm:.3g} rpm on'
-        for words, side in (('weights count more  ', 'right'), (f'  {inertia}', 'left')):
+        inertia = f'inertia dominates, from {rpm:.3g} rpm on'
+        for words, side in (('weights dominate  ', 'right'), (f'  {inertia}', 'left')):
             axes.text(at, 1.01, words, ha=side, va='bottom', transform=axes.get_xaxis_transform())
     axes.set_xticks(range(len(speeds)), [f'{rpm:g} rpm' for rpm in speeds], fontsize=TEXT)
     axes.tick_params(axis='x', length=0)
-    axes.set(xlim=(-0.5, len(speeds) - 0.5), ylabel="Error, share of the torque's peak")
+    axes.set(xlim=(-0.5, len(speeds) - 0.5), ylabel='Torque error, share of the peak torque')
     axes.legend(
         title='left out', title_fontsize=SMALL, loc='center left', bbox_to_anchor=(1.0, 0.5),
         labelspacing=0.35,
@@ -311,7 +313,7 @@ def _draw_bars(axes: Axes, savings: Sequence[Saving], terms: Sequence[str]) -> N
 
 
 def _draw_reduced(axes: Axes, own: Sequence[Saving]) -> None:
-    """Draws the errors of the reduced models over the time that they take."""
+    """Draws the torque errors of the reduced models over their computing time."""
     full = own[0]['full_microseconds']
     for kind, (style, size, color, label) in _REDUCED.items():
         group = [x for x in own if kind in x['left_out'] and x['error'] > _LEAST]
@@ -325,8 +327,8 @@ def _draw_reduced(axes: Axes, own: Sequence[Saving]) -> None:
             )  # fmt: skip
     axes.axvline(full, color=fractions(BLACK), linewidth=1.2, label='full model')
     axes.set(
-        xlim=(0, 1.1 * full), ylabel='Error of reduced models',
-        xlabel=f'Time of one torque at {own[0]["rpm"]:g} rpm, \N{MICRO SIGN}s',
+        xlim=(0, 1.1 * full), ylabel='Torque error of reduced models',
+        xlabel=f'Time to compute one torque at {own[0]["rpm"]:g} rpm, \N{MICRO SIGN}s',
     )  # fmt: skip
 
 

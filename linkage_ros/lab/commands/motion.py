@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""linkage_chart motion and movie: a period at a given speed, or a settled wind pump."""
+"""linkage_chart motion and movie: one period at a given speed, or of a settled wind pump."""
 
 import argparse
 import math
@@ -93,7 +93,7 @@ def _names(options: argparse.Namespace) -> list[str]:
     count, most = len(options.params), len(DESIGN_COLORS)
     if count > most or (count > 1 and options.fluctuation is not None):
         raise ConfigurationError(
-            f'{count} mechanisms: must be at most {most}, and one with --fluctuation'
+            f'{count} mechanisms: must be at most {most}, and only one with --fluctuation'
         )
     names = [find_file(source).stem for source in options.params]
     if len(set(names)) < count:
@@ -133,7 +133,7 @@ def _driven(
     rpm = getattr(drive, 'rpm', None) if rpm is None else rpm
     if rpm is None:
         raise ConfigurationError(
-            f'{source} has no crank speed of its own: at which speed to draw it? Add --rpm 60'
+            f'{source} has no crank speed of its own: give a speed, such as --rpm 60'
         )
     acceleration = others.get('acceleration', 0.0)
     if 'fluctuation' in others and (acceleration or not rpm):
@@ -159,14 +159,14 @@ def _settled(
     """
     for option in others:
         raise ConfigurationError(
-            f'--{option} is for a crank at a given speed, and {source} moves as its motor '
-            f'drives it: leave --{option} out'
+            f'--{option} is for a crank at a given speed, but the motor of {source} determines '
+            f'its speed: leave --{option} out'
         )
     name, given = ('start_rpm', drive.start_rpm) if rpm is None else ('--rpm', rpm)
     if not given > 0:
         raise ConfigurationError(
             f'{name} = {given:g}: must be above 0 rpm, because a wind_pump is started '
-            'forwards and left to its motor; try --rpm 20'
+            'forwards before its motor drives it; try --rpm 20'
         )
     speed = radians_per_second(given)
     settled = settle(mechanism, drive.motor, speed, progress)
@@ -181,7 +181,7 @@ def _settled(
 
 
 def settled_turn(motion: PeriodicMotion) -> Period:
-    """One period of a steady state, in steps of 0.5 deg."""
+    """One period of a steady state of a wind pump, in steps of 0.5 deg."""
     crank = np.linspace(0, 2 * math.pi * motion.turns, 720 * motion.turns + 1)
     position, rate, velocity = motion.at(crank)
     torque = Motor(motion.torque, motion.damping).at(rate)
@@ -192,7 +192,7 @@ def settled_turn(motion: PeriodicMotion) -> Period:
 
 
 def _measures(period: Period) -> dict[str, float | None]:
-    """Measured values by name and unit; None for a measure that the design does not have."""
+    """Measures of a design by name and unit; None for a measure that does not apply to it."""
     solver, columns = period.solver, period.columns
     link, found = solver.structure.links[-1], travel(solver) if solver.mobility else None
     way, torque = (
@@ -216,7 +216,7 @@ def _measures(period: Period) -> dict[str, float | None]:
 
 
 def _lines(measures: dict[str, dict[str, float | None]]) -> Iterator[str]:
-    """Table of all designs, one line for each measure that a design has."""
+    """A table of all designs, with a line for each measure that applies to any design."""
     width = 2 + max(12, *map(len, measures))
     yield ' ' * 32 + ''.join(f'{name:>{width}}' for name in measures)
     for name in next(iter(measures.values())):

@@ -42,7 +42,7 @@ from linkage_ros.lab.output import (
 )
 from linkage_ros.palette import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, WHITE, fractions, mixed
 
-# Fill and text. They differ in grey scale too, and each cell names its outcome.
+# Colours of cell and text. The colours of cells also differ in grey scale.
 _COLORS = {
     RIGHT: (mixed(GREEN, WHITE, 0.9), mixed(GREEN, BLACK, 0.7)),
     REFUSED: (mixed(SKY, WHITE, 0.6), mixed(BLUE, BLACK, 0.7)),
@@ -51,9 +51,9 @@ _COLORS = {
     NAN: (BLACK, WHITE),
 }
 _WORDS = {
-    RIGHT: 'right', REFUSED: 'refused: an error says why',
-    DIVERGED: 'wrong: a value that diverged',
-    WRONG_BRANCH: "wrong branch: the other assembly's", NAN: 'NaN, an arithmetic error, or stuck',
+    RIGHT: 'right', REFUSED: 'refused: an error states the reason',
+    DIVERGED: 'wrong: a finite value',
+    WRONG_BRANCH: "wrong branch: the other assembly's", NAN: 'NaN, arithmetic error, no progress',
 }  # fmt: skip
 _SHORT = {DIVERGED: 'wrong', WRONG_BRANCH: 'branch'}  # in a cell
 _DEFAULTS = {
@@ -72,7 +72,7 @@ GRIDS = (
 _WIDE, _HIGH = 92 / DPI, 53 / DPI
 _LEFT, _ABOVE = 1.2, 1.4
 _TOP, _FOOT = 0.5, 0.75
-_NAMES, _SAID = 16, 42  # characters per line of situations and of their descriptions
+_NAMES, _SAID = 16, 42  # characters per line of a situation's name and of its description
 
 
 def stability(options: argparse.Namespace) -> None:
@@ -94,14 +94,14 @@ def stability(options: argparse.Namespace) -> None:
         save_records(records, cells)
         title = (
             'Outcome of each method in each situation\n'
-            f'the worst of {cases} cases, or of a few motions, and the largest relative error'
+            f'worst outcome of {cases} cases, or of a few motions, and largest relative error'
         )
         draw_stability(cells, title, picture)
     print(records, picture, sep='\n')
 
 
 def draw_stability(cells: Sequence[dict[str, Any]], title: str, path: Path) -> None:
-    """Draws one grid below the other.
+    """Draws all grids, one below the other.
 
     Args:
         cells: Cells of all grids.

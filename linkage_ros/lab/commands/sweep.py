@@ -26,7 +26,7 @@ CANNOT_TURN, OUTSIDE, VALID, FRONT = OUTCOMES = (
 )  # fmt: skip
 _BLOCK = 2048  # designs per block, independent of the number of workers
 _HEIGHT = 4.6  # inches
-_MARGIN = 0.08  # margin, relative to the span of the good designs
+_MARGIN = 0.08  # margin of an axis, relative to the range of the good designs
 _LOOKS: dict[str, dict[str, Any]] = {
     OUTSIDE: {'color': fractions(GREY), 's': 4, 'alpha': 0.5},
     VALID: {'color': fractions(SKY), 's': 6},
@@ -79,9 +79,9 @@ class _Results:
     """The measures of all designs.
 
     Attributes:
-        study: The study.
-        base: Measures of the base by name; NaN where it has none.
-        of: Measures of the designs by name; NaN likewise.
+        study: Study that contains the designs.
+        base: Measures of the base by name; NaN for a measure that it does not have.
+        of: Measures of the designs by name; NaN for a measure that a design does not have.
         outcomes: One of OUTCOMES for each design.
         summary: The number of designs with each outcome.
     """
@@ -90,7 +90,7 @@ class _Results:
         """Determines the outcomes of designs.
 
         Args:
-            study: The study.
+            study: Study that contains the designs.
             base: A row of `measure` for the base.
             found: A row of `measure` for each design; NaN for designs not yet measured.
         """
@@ -110,7 +110,7 @@ class _Results:
         self.summary = f'{len(found)} design{"s" * (len(found) > 1)}: {", ".join(counts)}'
 
     def _front(self) -> Array:
-        """The numbers of the designs on the Pareto front."""
+        """The indices of the designs on the Pareto front."""
         first, second = (
             self.of[name] * (1.0 if goal == 'least' else -1.0)
             for name, goal in self.study.goals.items()
@@ -130,17 +130,17 @@ class _Results:
         if not self._good.any():
             counts = ''.join(f', {x.sum()} have {words}' for words, x in self._held.items())
             raise ConfigurationError(
-                f'no designs are left: of {len(self._good)}, {(self._turns == 1).sum()} turn'
+                f'no designs are left: of {len(self._good)}, {(self._turns == 1).sum()} turn fully'
                 f'{counts}; change the ranges or the constraints'
             )
 
     def spread(self, measure: str) -> tuple[Array, Array]:
-        """Parameters and measure of the good designs that have it."""
+        """Parameters and values of a measure, for the good designs that have this measure."""
         has = self._good & np.isfinite(self.of[measure])
         return self.study.designs[has], self.of[measure][has]
 
     def lines(self) -> Iterator[str]:
-        """Range and base of each measure, and the parameter that explains most of its variance."""
+        """Lines of text: range and base of each measure, and the cause of most variance."""
         for name, base in self.base.items():
             designs, values = self.spread(name)
             if len(values):
@@ -156,7 +156,7 @@ class _Results:
                 yield line
 
     def table(self) -> tuple[list[str], list[list[object]]]:
-        """The head of the table, and a row for each measured design; missing values are None."""
+        """Column titles, and a row for each measured design; missing values are None."""
         units = {leaf.name: leaf.quantity.unit for leaf in self.study.columns}
         units |= {name: MEASURES[name].unit for name in self.of}
         head = ['design', *(f'{name} [{unit}]' for name, unit in units.items()), 'outcome']

@@ -2,10 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Integrators of motion under a torque, from one requested time to the next.
 
-Each begins at the start of an initial value problem. `at` integrates to a time not before the last
-one, s, and returns the phase: coordinates, the crank with all its turns, then their rates. `gap`
-is then the gap of the loop, m. The package's own methods are those of live runs
-(motion/fixed_step_integrator.py) and of records (motion/adaptive_integrator.py).
+Each integrator begins at the start of an initial value problem. `at(time)` integrates to a time,
+s, which must not be before the last one, and returns the phase: the coordinates, where the crank
+angle includes whole turns, then their rates. `gap()` then returns the gap of the loop, m. The
+package's own methods are those of live runs (motion/fixed_step_integrator.py) and of records
+(motion/adaptive_integrator.py).
 """
 
 import math
@@ -28,7 +29,7 @@ _MOST_STEPS = 500  # between two times; with more the solver counts as stuck
 
 
 class _OwnCoordinates:
-    """An integrator in the coordinates of the mechanism, which close the loop but for rounding."""
+    """An integrator in the mechanism's own coordinates, which keep the loop closed."""
 
     def __init__(self, problem: InitialValueProblem) -> None:
         self._driven, self._phase = problem.driven, problem.start
@@ -41,7 +42,7 @@ class _OwnCoordinates:
 
 
 class OfPackage(_OwnCoordinates):
-    """The package's own steps, which change coordinates, and count the turns of the crank."""
+    """The package's own integrators, which change coordinates and count the crank's turns."""
 
     def __init__(self, problem: InitialValueProblem, begin: Integrate) -> None:
         self._steps = begin(problem.driven, problem.start)
@@ -78,7 +79,7 @@ class RungeKutta4(_OwnCoordinates):
 
 
 def _moved(phase: Phase, h: float, slope: Sequence[float]) -> Phase:
-    """Moves along one slope; a sixth faster than the sums of fixed_step_integrator.py."""
+    """Moves a phase along one slope; a sixth faster than fixed_step_integrator.py does."""
     return tuple([value + h * rate for value, rate in zip(phase, slope, strict=True)])
 
 
@@ -122,7 +123,7 @@ class OfScipy(_OwnCoordinates):
                 raise ArithmeticError(message)
             self._between = steps.dense_output()
             self._correct(steps)
-        raise ArithmeticError(f'the steps from {steps.t} s on are too short to get anywhere')
+        raise ArithmeticError(f'the steps from {steps.t} s on are too short to make progress')
 
 
 class Multipliers(OfScipy):
@@ -142,7 +143,7 @@ class Multipliers(OfScipy):
         closing: float = 0.0,
         projects: bool = False,
     ) -> None:
-        """Starts with Baumgarte's k, 1/s, or with projections after every step."""
+        """Starts with Baumgarte's k, `closing`, 1/s, or with projections after every step."""
         self._bodies = Multibody(problem.mechanism, float, Vector.at)
         self._closing, self._projects = closing, projects
         super().__init__(problem, 'DOP853', tolerance)
@@ -155,7 +156,7 @@ class Multipliers(OfScipy):
         return (*state.position, *state.velocity), units * 2
 
     def _split(self, values: Sequence[float]) -> tuple[list[Vector], list[float]]:
-        """The links' positions, as `Multibody.gap` takes them, and their rates."""
+        """The links' positions, in the form that `Multibody.gap` needs, and their rates."""
         half = len(values) // 2
         pairs = zip(values, self._bodies.slides, strict=False)
         places = [Vector(x, 0.0) if slides else Vector.at(x) for x, slides in pairs]

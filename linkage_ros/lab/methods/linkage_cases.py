@@ -43,19 +43,19 @@ from linkage_ros.parameters.configuration import load
 
 NEAR = 'near a change point'
 _EVEN = 48  # angles, over a period or an arc
-_NOTHING = 1e-12  # of the largest value of a quantity
+_NOTHING = 1e-12  # smaller shares of the largest value of a quantity count as 0
 _BATCH = 4096  # states
 _FAR = 1e12  # rad: beyond it an angle has lost its direction
 _TURN = np.longdouble('6.283185307179586476925287')  # rad
 Function: TypeAlias = Callable[[Real], tuple[Real, ...]]
-Place: TypeAlias = tuple[float, float]  # the coupler's direction and the output
+Place: TypeAlias = tuple[float, float]  # direction of the coupler and position of the output
 
 
 class LinkageCase(Case):
     """A linkage at given crank angles.
 
     Attributes:
-        mechanism: The linkage.
+        mechanism: Linkage to solve.
         cranks: Angles at which methods are judged, in order, rad.
         guess: Initial guess of iterations.
         decimal: See `Reference`.
@@ -70,7 +70,7 @@ class LinkageCase(Case):
         *,
         decimal: bool = False,
     ) -> None:
-        """Prepares the case; the default guess is the first position, rounded to 0.1 rad or m."""
+        """Prepares the case; by default, the guess is the first position, rounded to 0.1."""
         self.mechanism, self.cranks, self.decimal = mechanism, np.array(cranks), decimal
         self.guess = guess or _rough(mechanism, cranks[0])
         self.reference = Reference(mechanism, SPEED, ACCELERATION, decimal=decimal)
@@ -83,7 +83,7 @@ class LinkageCase(Case):
         return LinkageCase(other, self.cranks, self.guess, decimal=self.decimal)
 
     def _state(self, place: int) -> dict[str, Any]:
-        """The true values, in long doubles to resolve errors of doubles; empty: no state."""
+        """The true values, in long doubles to resolve errors of doubles; empty without a state."""
         with suppress(UnreachableError):
             state = self.reference.state(float(self.cranks[place]))
             return {
@@ -138,7 +138,7 @@ class LinkageCase(Case):
             method: A method for linkages.
             setting: Setting of the method.
             quantity: One of QUANTITIES; see `stages.formula`.
-            mode: Whether the function takes an angle or an array of them.
+            mode: ONE for a function of one angle, BATCH for a function of an array of angles.
 
         Returns:
             The function. A method that cannot solve this linkage raises a `LinkageError`.
@@ -164,7 +164,7 @@ class LinkageCase(Case):
             columns = np.broadcast_arrays(*function(cranks), cranks)[:-1]
             return [*np.stack(columns, -1).tolist()]
 
-        # One bad angle makes an array fail: then each angle is evaluated alone.
+        # If an array fails because of one bad angle, each angle is evaluated alone.
         with np.errstate(all='ignore'), suppress(LinkageError, *FAILURES):
             return rows(self.cranks)
         return [attempt(lambda x: rows(x)[0], crank) for crank in self.cranks[:, None]]
@@ -182,13 +182,13 @@ class TurnCase(LinkageCase):
     rounds = 15
 
     def __init__(self, mechanism: Linkage, angles: int) -> None:
-        """Prepares the case, with this number of evenly spaced angles per turn."""
+        """Prepares the case; `angles` is the number of evenly spaced crank angles per turn."""
         reach = Solver(mechanism).reach
         fine = reach.samples(angles)
         even = np.linspace(0, fine[-1], angles * reach.period_turns + 1)
         # Starts half a step after 0, so that special angles do not bias a method.
         self._ones = even[:-1] + math.pi / angles
-        # Beside the even angles, some where the motion is fast, and the fast places themselves.
+        # Besides the even angles: some angles where the motion is fast, and the fastest of all.
         fast = reach.fast + math.pi * np.arange(2 * reach.period_turns)
         some = np.setdiff1d(fine, even)[:: 360 // angles]
         cranks = np.unique(np.concatenate([self._ones, some, fast]))

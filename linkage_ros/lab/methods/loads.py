@@ -3,13 +3,13 @@
 """Methods for loads, each of which computes one number, and the situations in which they fail.
 
 A load curve is interpolated between its points. It acts on the crank of a linkage at rest, without
-gravity: the driving torque is its negative value. The right answer is the linear interpolation in
-exact fractions.
+gravity, so that the driving torque is the negative value of the curve. The right answer is the
+linear interpolation in exact fractions.
 
-Friction depends on the force that it changes. Only the guide of a slider-crank has friction: its
-normal force is N = |b + k N|, where b is the force without friction. The right answer is
-b / (1 - k) or -b / (1 + k), the one that continues |b| as the coefficient grows. If neither does,
-the mechanism locks.
+Friction depends on the force that it changes. Only the guide of a slider-crank has friction. Its
+normal force is N = |b + k N|, where b is the force without friction and k is proportional to the
+coefficient of friction. The right answer is b / (1 - k) or -b / (1 + k): the solution that
+develops continuously from |b| as the coefficient grows. If neither does, the mechanism locks.
 """
 
 import bisect
@@ -40,8 +40,8 @@ class NumberCase(Case):
     """A number that methods compute.
 
     Attributes:
-        given: Their input. For a load curve: its points, rad and N m, and the crank angle, rad.
-            For friction: the linkage, the crank angle, b, N, and k.
+        given: Input of the methods. For a load curve: its points, rad and N m, and the crank
+            angle, rad. For friction: the linkage, the crank angle, rad, b, N, and k.
         exact: The right answer.
         size: The unit of relative errors.
     """
@@ -62,7 +62,7 @@ class NumberCase(Case):
 
 
 def _lines(at: list[float], value: list[float], crank: float) -> float:
-    """The value on the straight lines between points that rise within a turn (rad), N m."""
+    """Linear interpolation, N m, between points at angles, rad, that rise within a turn."""
     places = [*map(Fraction, at), Fraction(at[0]) + TURN]
     place = places[0] + (Fraction(crank) - places[0]) % TURN
     i = bisect.bisect_right(places, place) - 1
@@ -91,7 +91,7 @@ STRAIGHT = 'straight lines'
 CURVE_METHODS = [
     Method(STRAIGHT, 'load', 'nothing', 'this package: model/load_curve.py', _own_curve),
     Method('cubic spline', 'load', 'a smooth curve', 'SciPy, CubicSpline, periodic', _spline),
-    Method('even nodes', 'load', 'points on the nodes', f'{_NODES} nodes, linear between', _nodes),
+    Method('even nodes', 'load', 'load points that are nodes', f'{_NODES} nodes, linear', _nodes),
 ]
 
 
@@ -117,7 +117,7 @@ def _steep(random: Random, _: int) -> NumberCase:
 
 
 CURVE_SITUATIONS = (
-    Situation('corner of a load curve', f'{_BESIDE:g} rad beside one of its points', _corner),
+    Situation('corner of a load curve', f'{_BESIDE:g} rad beside a point of the curve', _corner),
     Situation('steep edge', f'between two points that are {_STEEP:g} rad apart', _steep),
 )
 
@@ -144,7 +144,7 @@ def _fixed_point(_: SliderCrank, __: float, push: float, gain: float) -> float:
 
 
 def _newton(_: SliderCrank, __: float, push: float, gain: float) -> float:
-    force = 10.0 * abs(push)  # as from a previous state with a larger normal force
+    force = 10.0 * abs(push)  # a first guess, as from a state with a larger normal force
     for _round in range(_ROUNDS):
         sign = math.copysign(1.0, push + gain * force)
         force = sign * push / (1 - sign * gain)
@@ -158,23 +158,23 @@ FRICTION_METHODS = [
         _grown,
     ),
     Method(
-        'Newton, at once', 'friction', 'a first guess', 'Newton on N = abs(b + k N)', _newton,
+        'Newton, at once', 'friction', 'a first guess', 'Newton: N = abs(b + k N)', _newton,
     ),
     Method(
-        'fixed point', 'friction', 'a gain below 1', 'friction and forces in turn', _fixed_point,
+        'fixed point', 'friction', 'abs(k) below 1', 'friction and forces alternate', _fixed_point,
     ),
 ]  # fmt: skip
 
 
 def _rubbing(random: Random, _: int, *, share: float, relieves: bool = False) -> NumberCase:
-    """A random slider-crank with a fraction of the coefficient of friction at which |k| is 1."""
+    """A random slider-crank; its coefficient of friction is `share` of that for |k| = 1."""
     r, b, offset = random.uniform((0.1, 0.5, -0.02), (0.3, 1.0, 0.02)).tolist()
     crank = float(random.uniform(0.5, 2.6)) * (1 if random.random() < 0.5 else -1)
     smooth = slider_crank(r, b, offset)
     push, velocity = _guide(smooth, crank)
     pushed = replace(smooth, slider=replace(smooth.slider, force=_PROBE))
     slope = -math.copysign(1.0, velocity) * (_guide(pushed, crank)[0] - push) / _PROBE
-    # Gain in the direction of the force: 1 or more locks the mechanism.
+    # k in the direction of the force: the mechanism locks if it is 1 or more.
     locks = share * math.copysign(1.0, slope * push)
     if (locks < 0) != relieves:
         return _rubbing(random, 0, share=share, relieves=relieves)
@@ -186,18 +186,18 @@ def _rubbing(random: Random, _: int, *, share: float, relieves: bool = False) ->
 
 FRICTION_SITUATIONS = (
     Situation(
-        'friction', 'the normal force grows by a tenth', partial(_rubbing, share=0.1)
+        'friction', 'friction adds about a tenth to the normal force', partial(_rubbing, share=0.1)
     ),
     Situation(
-        'nearly self-locking', 'the coefficient is 0.999 of the one that locks',
+        'nearly self-locking', 'the coefficient is 0.999 of the value that locks',
         partial(_rubbing, share=0.999),
     ),
     Situation(
-        'friction that relieves', 'friction takes off three times what presses on the guide',
+        'friction that relieves', 'friction reduces the normal force to a quarter',
         partial(_rubbing, share=3.0, relieves=True),
     ),
     Situation(
-        'self-locking', 'the coefficient is 1.001 of the one that locks',
+        'self-locking', 'the coefficient is 1.001 of the value that locks',
         partial(_rubbing, share=1.001), exists=False,
     ),
 )  # fmt: skip

@@ -3,16 +3,17 @@
 """Methods, the cases on which they are measured, and the measurements for both charts.
 
 A case is one problem, of a linkage, a motion, a load curve or friction, whose true answer is
-known. A method answers it row by row: at each crank angle, at one time after another, or once. A
-situation makes cases. A cell of the chart of stability shows the worst outcome, in this order:
+known. A method answers with rows: one for each crank angle, one for each time, or a single one. A
+situation makes cases. A cell of the stability chart shows the worst outcome of all rows. From best
+to worst, the outcomes are:
 
     right         every value within 1e-6, relative to its size (`Case.error`)
-    refused       an error that says why; where no state exists, this is the right answer
+    refused       an error that states the reason; where no state exists, this is right
     diverged      a finite value that is wrong, or any value where no state exists
     wrong branch  wrong, but within 1e-6 of the other assembly's position
     NaN           no number, or an arithmetic error
 
-A point of the chart of accuracy is the largest error and the time of a method with a setting.
+A point of the accuracy chart shows the largest error and the time of a method with a setting.
 """
 
 import itertools
@@ -38,24 +39,25 @@ ONE, BATCH = 'one at a time', 'batch'
 _SEED = 20_261_121
 
 Setting: TypeAlias = dict[str, float]
-Row: TypeAlias = Sequence[float] | None  # an answer; not finite: failure; None: refusal
+Row: TypeAlias = Sequence[float] | None  # an answer; not finite after a failure; None: refused
 Panel: TypeAlias = tuple[str, str]  # a quantity and a mode
 
 # A method with a setting, as in the JSON file: names of 'method' and 'mechanism'; 'setting' as
-# text; 'quantity' and 'mode'; 'us_per_state', us, including all preceding work, for a motion per
-# simulated ms, so that 1000 us is real time; 'max_error', the largest relative error over the
-# period or motion; None where the method fails; 'pareto': no right point is faster and closer.
+# text; 'quantity' and 'mode'; 'us_per_state', the time of a state including all preceding work, or
+# of a simulated ms of a motion, us (1000 us is real time); 'max_error', the largest relative error
+# over the period or motion; both None if the method fails; 'pareto', whether no other right point
+# beats this one.
 Point: TypeAlias = dict[str, Any]
 
 
 @dataclass(frozen=True)
 class Method:
-    """One way to solve a stage.
+    """One way to compute a stage of the solution, or all of it.
 
     Attributes:
         name: Name in charts and docs.
-        stage: What it computes: 'state' (all of it), 'position', 'rates', 'motion', 'load' or
-            'friction'.
+        stage: Result of the method: 'state' (everything), 'position', 'rates', 'motion', 'load'
+            or 'friction'.
         needs: Input besides the description of the case.
         source: Publication or file, with the equation number.
         solve: For linkages, the formula of its stage, as in `stages`. For motions, a function
@@ -64,7 +66,7 @@ class Method:
         settings: The settings for the accuracy chart, from coarse to fine.
         steady: The setting for the stability chart: the best practical one.
         modes: For linkages: 'one at a time', 'batch' or both.
-        tool: Makes the additional input of its formula from linkage case and setting.
+        tool: Makes an additional input of the formula from the linkage's case and the setting.
         narrow: Whether it computes in single precision, crank angle and results included.
     """
 
@@ -112,11 +114,11 @@ class Case:
         return [(method.stage, ONE)]
 
     def rows(self, method: Method, setting: Setting, quantity: str, mode: str) -> Sequence[Row]:
-        """The answers of a method."""
+        """The answers of a method, one for each place at which the case is judged."""
         raise NotImplementedError
 
     def error(self, quantity: str, place: int, row: Sequence[float]) -> float:
-        """The largest relative error of finite values at a place; inf: no state exists there."""
+        """The largest relative error of the finite values of a row; inf if no state exists."""
         raise NotImplementedError
 
     def wrong(self, _quantity: str, _place: int, _row: Sequence[float]) -> str:
@@ -124,7 +126,7 @@ class Case:
         return DIVERGED
 
     def outcomes(self, method: Method, setting: Setting, *panel: str) -> list[tuple[str, float]]:
-        """The outcomes of a method at all places, and its errors; inf without a value."""
+        """The outcomes and errors of a method in all rows; inf is the error without a value."""
         found: list[tuple[str, float]] = []
         for place, row in enumerate(self.rows(method, setting, *panel)):
             if row is None or not all(map(math.isfinite, row)):
@@ -145,8 +147,8 @@ class Situation:
         words: Description in charts and docs.
         make: Makes a case from random numbers and the number of the case.
         exists: Whether a state exists; otherwise the right answer is a refusal.
-        share: Number of cases of a cheaper situation for each case of this one.
-        fewest: Number of cases at least.
+        share: Divisor of the number of cases, above 1 for an expensive situation.
+        fewest: Smallest number of cases.
         seed: Seed of the random numbers; by default its name.
     """
 
@@ -159,7 +161,7 @@ class Situation:
     seed: tuple[int, str] | None = None
 
     def cases(self, count: int) -> list[Case]:
-        """Makes this number of cases, fewer if they are large; the same at every call."""
+        """Makes `count` / `share` cases, at least `fewest`; every call makes the same."""
         number, word = self.seed or (_SEED, self.name)
         random = np.random.default_rng([number, *word.encode()])
         return [self.make(random, i) for i in range(max(self.fewest, count // self.share))]
@@ -171,13 +173,13 @@ def measure_outcomes(
     """Runs every method in every situation.
 
     Args:
-        situations: The situations.
-        methods: The methods.
+        situations: Situations to run.
+        methods: Methods to run in each situation.
         cases: Number of cases of each situation.
 
     Returns:
         The cells, situation by situation: names of method and situation, the worst outcome, and
-        the largest error of a finite value, None without one.
+        the largest error of a finite value, or None without a finite value.
     """
     cells, made = [], lru_cache(1)(Situation.cases)
     for situation, method in progress([*itertools.product(situations, methods)], 'situations'):
@@ -202,12 +204,12 @@ def measure_accuracy(
     """Measures errors and times of methods.
 
     Args:
-        cases: By name; each a `TurnCase` or a `MotionCase`.
-        methods: The methods.
-        quick: Whether to use one round.
+        cases: Names of mechanisms, each with a `TurnCase` or a `MotionCase`.
+        methods: Methods to measure in each case.
+        quick: Whether to time each method only once.
 
     Returns:
-        The points of the chart, with marked Pareto fronts.
+        The points of the chart; those on a Pareto front are marked.
     """
     points: list[Point] = []
     for name, case in cases:
@@ -235,7 +237,7 @@ def measure_accuracy(
 
 
 def with_fronts(points: list[Point]) -> list[Point]:
-    """Marks the Pareto front of each panel: right points that no other right point dominates."""
+    """Marks the Pareto front of each panel: right points that no other right point beats."""
     # Wrong points are not part of any front.
     right = [
         point for point in points

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Cases for integrators: motions under a torque, and seeded random hard ones."""
+"""Cases for integrators: motions under a torque, some of them random and hard to integrate."""
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -35,11 +35,11 @@ from linkage_ros.lab.reference.motions import (
 from linkage_ros.motion.drives import Motor
 
 TRAJECTORY, ENERGY, LOOP = 'trajectory', 'energy', 'loop'  # judged quantities
-# Time of a whole motion; and of its slowest tick, which limits a live node.
+# Modes: mean time of a motion, and time of its slowest tick, which limits a live node.
 MEAN, SLOWEST = 'motion', 'motion, slowest ms'
 _ASKED = 0.05  # s between two states that are compared
 _TICK = 1e-3  # s
-_TICKS = 300  # number of ticks in a second of motion, of which the slowest counts
+_TICKS = 300  # timed ticks for each second of a motion, of which the slowest counts
 _SEED = 20_261_122
 
 
@@ -62,7 +62,7 @@ class MotionCase(Case):
         quantities: Sequence[str] = (TRAJECTORY,),
         at: Callable[[float], Sequence[Any]] | None = None,
     ) -> None:
-        """Prepares the case; `at` gives the true motion, None: a reference in 34 digits does."""
+        """Prepares the case; `at` gives the true phase at a time, by default in 34 digits."""
         self.problem, self.times, self.quantities = problem, tuple(times), quantities
         self._at = at or MotionReference(problem).at
 
@@ -81,12 +81,12 @@ class MotionCase(Case):
         return [(quantity, MEAN) for quantity in self.quantities]
 
     def panels(self, method: Method, setting: Setting) -> Iterable[Panel]:
-        """Quantities and modes that a method supports; SLOWEST needs steps of at most 1 ms."""
+        """Quantities and modes to measure; SLOWEST needs steps of at most 1 ms."""
         has_ticks = TRAJECTORY in self.quantities and setting.get('step', 0) <= _TICK
         return [*self.own(method), *[(TRAJECTORY, SLOWEST)] * has_ticks]
 
     def rows(self, method: Method, setting: Setting, *_: str) -> Sequence[Row]:
-        """See `Case`: phases, each with the gap of the loop, m, until the method fails."""
+        """See `Case`; a row is a phase and the gap of the loop, m, until the method fails."""
         return followed(self.problem, self.times, method.solve, tuple(setting.items()))
 
     def error(self, quantity: str, place: int, row: Sequence[float]) -> float:
@@ -106,7 +106,7 @@ class MotionCase(Case):
         return float(max(apart.astype(float) / np.array(self._sizes, float)))
 
     def outcomes(self, method: Method, setting: Setting, *panel: str) -> list[tuple[str, float]]:
-        """See `Case`; after wrong values, a failure does not count."""
+        """See `Case`; if some values are wrong, failures and right values do not count."""
         found = super().outcomes(method, setting, *panel)
         return [each for each in found if each[0] == DIVERGED] or found
 
@@ -143,7 +143,7 @@ def followed(
 
 
 def _slowest_time(times: Sequence[float], begin: Callable[[], Any]) -> float:
-    """Time of the slowest of the first 1000 simulated ms, or of all if fewer, us."""
+    """Time of the slowest of the first ms, us: 300 for each second of the motion, at most 1000."""
     count = min(1000, round(times[-1] * _TICKS))
     fastest = [math.inf] * count
     for _ in range(3):
@@ -154,7 +154,7 @@ def _slowest_time(times: Sequence[float], begin: Callable[[], Any]) -> float:
 
 
 def even(seconds: float) -> list[float]:
-    """Evenly spaced times up to a last one, s, at which states are compared."""
+    """Evenly spaced times up to `seconds`, s, at which states are compared."""
     return [(i + 1) * _ASKED for i in range(round(seconds / _ASKED))]
 
 
@@ -180,7 +180,7 @@ def _driven(random: Random, i: int) -> MotionCase:
 
 
 def _parallelogram(random: Random) -> FourBar:
-    """A random parallelogram without gravity; its inertia at the crank is constant."""
+    """A random parallelogram without gravity, whose inertia at the crank is constant."""
     x, y = (float(k) / 64 for k in random.integers((8, 33), (32, 64)))
     return replace(four_bar((x, y, x, y)), gravity=(0.0, 0.0))
 
@@ -224,7 +224,7 @@ def _stiff_guide(random: Random, i: int) -> MotionCase:
 
 
 def _settling(begin: float, end: float, rate: float, time: float) -> tuple[float, float]:
-    """Distance and speed after a time of a body that approaches a speed under linear damping."""
+    """Distance and speed, after a time, of a body that approaches a speed under damping."""
     settled = -math.expm1(-rate * time)
     return end * time + (begin - end) * settled / rate, begin + (end - begin) * settled
 
@@ -253,36 +253,36 @@ def _long(_: Random, i: int, *, quantity: str) -> MotionCase:
 
 MOTION_SITUATIONS = (
     Situation(
-        'driven pump', 'the wind pump with its motor, from 2, 6 and other rad/s', _driven,
+        'driven pump', 'the wind pump with its motor, starting at 2, 6 and other rad/s', _driven,
         share=10, fewest=2, seed=(_SEED, '_driven'),
     ),
     Situation(
         'change point under a torque',
-        'a parallelogram whose crank is driven through both, several times', _change_point,
+        'a torque drives a parallelogram through both, several times', _change_point,
         share=5, fewest=2, seed=(_SEED, '_change_point'),
     ),
     Situation(
         'steep motor line',
-        'a parallelogram at rest under motor lines of 1e3 to 1e9 N m s', _steep_line,
+        'a parallelogram starts at rest; motor damping 1e3 to 1e9 N m s', _steep_line,
         share=5, fewest=2, seed=(_SEED, '_steep_line'),
     ),
     Situation(
         'stiff guide',
-        "a slider, moving and pressed, in a pump's guide of 1e5 to 1e11 N s/m", _stiff_guide,
+        "a force on a pump's moving slider; damping 1e5 to 1e11 N s/m", _stiff_guide,
         share=5, fewest=2, seed=(_SEED, '_stiff_guide'),
     ),
     Situation(
         'stretched dyad',
-        'coupler and third link come into line at speed, and the motion goes on', _stretched,
+        'coupler and third link come into line in motion, which continues', _stretched,
         share=3, fewest=4, seed=(_SEED, '_stretched'),
     ),
     Situation(
         'long free run',
-        'quadrilateral for 30 s, pump for a minute, without motors: the energy',
+        'energy of quadrilateral (30 s) and pump (60 s) without motors',
         partial(_long, quantity=ENERGY), share=15,
     ),
     Situation(
-        'loop after a long run', 'the same: by how much the loop is open',
+        'loop after a long run', 'gap of the loop in the same motions',
         partial(_long, quantity=LOOP), share=15,
     ),
 )  # fmt: skip

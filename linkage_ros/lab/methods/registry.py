@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """All methods, for charts, tests and docs/methods.md.
 
-To add a method, append an entry here, or in a file of your own before a chart is drawn. Position
-methods by iteration or from a table have a tool, which makes a function of the crank angle.
+To add a method, append an entry here, or from a file of your own before a chart is drawn. Position
+methods that iterate or use a table have a tool, which makes a function of the crank angle.
 """
 
 import cmath
@@ -27,7 +27,7 @@ from linkage_ros.motion.integrators import live_steps, record_steps
 from linkage_ros.numeric import Real, wrap
 
 CAP = 50
-_ENDLESS = 200  # limit of iterations of a loop without its own
+_ENDLESS = 200  # iterations after which a loop without a limit of its own is stopped
 
 
 def newton_raphson(case: LinkageCase, setting: Setting) -> Locate:
@@ -38,10 +38,10 @@ def newton_raphson(case: LinkageCase, setting: Setting) -> Locate:
 
     Args:
         case: The linkage and the initial guess.
-        setting: 'tolerance' of step (rad, of a slider m) and residual (m).
+        setting: 'tolerance' of the step (rad; m for a slider) and of the residual (m).
 
     Returns:
-        The function.
+        Function from the crank angle, rad, to coupler and output.
     """
     names = 'crank', 'coupler', 'output'
     step = Program(stages.newton_step, Constants(stages.Links.of(case.mechanism)), names).scalar
@@ -91,16 +91,16 @@ def listing(case: LinkageCase, _: Setting) -> Locate:
 # A chart requests each table several times in a row.
 @lru_cache(maxsize=2)
 def hermite(mechanism: Linkage, nodes: int) -> Locate:
-    """A table of exact positions and rates over one period, of a crank that turns fully.
+    """Interpolates in a table of exact positions and rates over one period.
 
-    It is read by cubic Hermite interpolation (de Boor, A Practical Guide to Splines, ch. IV).
+    The interpolation is cubic Hermite (de Boor, A Practical Guide to Splines, ch. IV).
 
     Args:
-        mechanism: The linkage.
+        mechanism: Linkage whose crank turns fully.
         nodes: Number of nodes per period.
 
     Returns:
-        The function.
+        Function from the crank angle, rad, to coupler and output.
     """
     solver = Solver(mechanism)
     solver.reach.require_full_turn()
@@ -147,22 +147,22 @@ METHODS = [
     ),
     Method(
         'half-angle', POSITION, 'nothing',
-        'document 2, eq. 16 to 26; of a slider-crank by the same substitution',
+        'document 2, eq. 16 to 26; the same substitution for a slider-crank',
         stages.half_angle,
     ),
     Method(
         'Newton-Raphson', POSITION,
-        'a first guess, and each angle close to the one before', 'document 1, eq. 8 to 12',
+        'a first guess; small steps of the crank angle', 'document 1, eq. 8 to 12',
         stages.looked_up, tuple({'tolerance': 10.0**-k} for k in (1, 3, 6, 9, 12, 15)),
         {'tolerance': 1e-12}, (ONE,), tool=newton_raphson,
     ),
     Method(
-        "document 1's listing", POSITION, 'the same, and a four-bar',
-        'document 1, as printed: see its errata', stages.looked_up, modes=(ONE,),
+        "document 1's listing", POSITION, 'the same; a four-bar',
+        'document 1, as printed; see the errata', stages.looked_up, modes=(ONE,),
         tool=listing,
     ),
     Method(
-        'table, cubic Hermite', POSITION, 'a full turn; memory for its nodes',
+        'table, cubic Hermite', POSITION, 'a crank that turns fully; memory',
         'de Boor, A Practical Guide to Splines, ch. IV', stages.looked_up,
         tuple({'nodes': 4**k} for k in range(2, 9)), {'nodes': 4096},
         tool=lambda case, setting: hermite(case.mechanism, setting['nodes']),
@@ -172,7 +172,7 @@ METHODS = [
         stages.two_by_two,
     ),
     Method(
-        'central differences', RATES, 'positions a step to both sides',
+        'central differences', RATES, 'positions one step before and after',
         'Dahlquist and Bjorck, Numerical Methods in Scientific Computing, 3.3',
         stages.central_differences,
         tuple({'step': 10.0**-k} for k in (1, 2, 3, 4, 5, 6, 7)), {'step': 1e-4},
@@ -181,11 +181,11 @@ METHODS = [
 ]  # fmt: skip
 
 
-# The defaults, of live runs and of records.
+# The defaults of live runs and of records.
 LIVE, RECORDS = 'fixed steps, checked', 'DOP853, guarded'
 _SECONDS = (0.025, 0.01, 0.005, 0.0025, LONGEST_STEP, 0.0005)
 _LIVE: Setting = {'step': LONGEST_STEP, 'tolerance': TOLERANCE}
-_UNCHECKED = 1e300  # no error of a step is larger
+_UNCHECKED = 1e300  # tolerance that no error of a step exceeds
 _DOP853 = 'Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, II.5 and II.6'
 
 _MULTIPLIERS = tuple({'tolerance': 10.0**-k} for k in (5, 7, 9, 11, 13)), {'tolerance': 1e-9}
@@ -204,16 +204,16 @@ INTEGRATORS = (
                 tolerance=setting.get('tolerance', _UNCHECKED),
             ),
         ),
-        # Without its tolerance no step is shortened, which shows the order.
+        # Other settings have no tolerance: no step is shortened, which shows the order.
         tuple(_LIVE if step == LONGEST_STEP else {'step': step} for step in _SECONDS), _LIVE,
     ),
     Method(
-        RECORDS, 'motion', 'SciPy; a torque that does not leap',
+        RECORDS, 'motion', 'SciPy; a torque without jumps',
         f'{_DOP853}; motion/adaptive_integrator.py',
         lambda problem, _: OfPackage(problem, record_steps),
     ),
     Method(
-        'DOP853', 'motion', 'SciPy; no edge of the coordinates on the way', _DOP853,
+        'DOP853', 'motion', 'SciPy; no singularity of the coordinates', _DOP853,
         lambda problem, setting: OfScipy(problem, 'DOP853', setting['tolerance']),
         tuple({'tolerance': 10.0**-k} for k in (5, 7, 9, 11, 13)), {'tolerance': 1e-13},
     ),
@@ -224,7 +224,7 @@ INTEGRATORS = (
         tuple({'step': step} for step in _SECONDS), {'step': LONGEST_STEP},
     ),
     Method(
-        'Radau', 'motion', 'SciPy; no edge of the coordinates on the way',
+        'Radau', 'motion', 'SciPy; no singularity of the coordinates',
         'Hairer and Wanner, Solving Ordinary Differential Equations II, IV.8',
         lambda problem, setting: OfScipy(problem, 'Radau', setting['tolerance']),
         tuple({'tolerance': 10.0**-k} for k in range(3, 9)), {'tolerance': 1e-7},
@@ -236,14 +236,14 @@ INTEGRATORS = (
     ),
     Method(
         'multipliers, Baumgarte', 'motion',
-        'SciPy; no change point; a rate at which the gap closes',
+        'SciPy; no change point; a rate at which the gap decays',
         "the same; the gap obeys gap'' + 2 k gap' + k^2 gap = 0, k = 20/s",
         lambda problem, setting: Multipliers(problem, setting['tolerance'], closing=_CLOSING),
         *_MULTIPLIERS,
     ),
     Method(
         'multipliers, projected', 'motion', 'SciPy; no strong damping',
-        'Eich, SIAM J. Numer. Anal. 30 (1993); positions and rates, after every step',
+        'Eich, SIAM J. Numer. Anal. 30 (1993); projects positions and rates after every step',
         lambda problem, setting: Multipliers(problem, setting['tolerance'], projects=True),
         *_MULTIPLIERS,
     ),

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Linkages for testing methods, some random, and the situations in which methods fail on them."""
+"""Linkages for testing methods, most of them random, and situations in which methods fail."""
 
 import cmath
 import math
@@ -96,7 +96,7 @@ def with_change_point(random: Random) -> FourBar:
 
 
 def limited(random: Random) -> FourBar:
-    """A four-bar whose crank cannot turn fully."""
+    """A random four-bar whose crank cannot turn fully."""
     while True:
         lengths = tuple(float(x) for x in random.uniform(0.2, 1.0, 4))
         r, b, c, d = lengths
@@ -211,12 +211,12 @@ def _long_run(random: Random, _: int) -> LinkageCase:
 
 SITUATIONS = (
     Situation('ordinary', 'random linkages that turn fully, far from change points', _ordinary),
-    Situation('change point hit', 'all links in one line, to the last bit', _hit),
-    Situation('change point passed', 'two turns through it, in both assemblies', _passed),
+    Situation('change point hit', 'all links are exactly in one line', _hit),
+    Situation('change point passed', 'two turns through it, from either assembly', _passed),
     Situation(
-        'near a change point', 'missed by 1e-11 to 1e-13 m; angles to 1e-14 rad from it', _near
+        'near a change point', 'missed by 1e-11 to 1e-13 m; angles as close as 1e-14 rad', _near
     ),
-    Situation('dead centre', 'a limited crank comes up to it, to 1e-6 rad', _dead_centre),
+    Situation('dead centre', 'a limited crank approaches it to 1e-6 rad', _dead_centre),
     Situation(
         'no assembly',
         'a crank turned beyond its reach: no state exists',
@@ -225,15 +225,15 @@ SITUATIONS = (
     ),
     Situation(
         'half-angle denominator',
-        'the coefficient of the quadratic term is 0 but for rounding',
+        'the coefficient of the quadratic term is 0 to rounding',
         _denominator,
     ),
-    Situation('wrong first guess', "the other assembly's position", _wrong_guess),
-    Situation('few steps', 'links that turn, asked five times a turn', _few_steps),
-    Situation('equal lengths', 'rhombi, kites, parallelograms, with both change points', _equal),
+    Situation('wrong first guess', "it is the other assembly's position", _wrong_guess),
+    Situation('few steps', 'a double-crank, solved at five angles a turn', _few_steps),
+    Situation('equal lengths', 'rhombi, kites, parallelograms pass both change points', _equal),
     Situation(
         'lengths in decimals',
-        'a change point is meant, but 0.2 + 0.3 - 0.1 - 0.4 is not 0',
+        'a change point is intended, but 0.2 + 0.3 - 0.1 - 0.4 is not 0',
         _decimals,
     ),
     Situation('long run', 'after 1e9 turns', _long_run),

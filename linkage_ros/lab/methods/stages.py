@@ -2,16 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Formulas from the crank angle of a linkage to position, velocity, acceleration and torque.
 
-A method computes one stage; the package's own formulas do the others. The position before it is
-given as unit vectors. After a position stage, the 2x2 solve of documents 1 and 4 gives the rates
-that are consistent with it. The torque is the package's own sum. So every method has a point in
-each chart of its stage and of later ones. Each formula is traced (dynamics/program.py), like the
-package's own, so that all are compared on equal terms. The loop equation is that of documents 1
-(eq. 7 and 8) and 4 (eq. 2):
+A method computes one stage; the package's own formulas compute the other stages. A method for
+rates gets the position as unit vectors. After a method for positions, the 2x2 solve of documents 1
+and 4 gives the rates that are consistent with its positions. The torque is always the package's
+own sum. So every method has a point in the charts of its own stage and of the later stages. Each
+formula is traced (dynamics/program.py), like the package's own, so that all are compared on equal
+terms. The loop equation is that of documents 1 (eq. 7 and 8) and 4 (eq. 2):
 
     gap = r e^(i alpha) + b e^(i beta) - B(y) = 0
 
-with B(gamma) = d e^(i delta) + c e^(i gamma) of a rocker, and B(x) = (x + i e) e^(i guide) of a
+with B(gamma) = d e^(i delta) + c e^(i gamma) for a rocker, and B(x) = (x + i e) e^(i guide) for a
 slider.
 """
 
@@ -35,7 +35,8 @@ STATE, POSITION, RATES = 'state', 'position', 'rates'
 OWN = {STATE: QUANTITIES, POSITION: QUANTITIES[:1], RATES: QUANTITIES[1:3]}
 SPEED, ACCELERATION = 5 * math.pi, 20.0  # of the crank, rad/s (150 rpm) and rad/s^2
 
-# Of the coupler's direction and the output: each an angle, rad, a unit vector, or m.
+# Direction of the coupler and position of the output, each an angle, rad, or a unit vector; the
+# position of a slider is in m.
 Pair: TypeAlias = tuple[Any, Any]
 Locate: TypeAlias = Callable[[Real], Pair]  # from the crank angle
 
@@ -65,7 +66,7 @@ class Links(NamedTuple):
 
     @classmethod
     def of(cls, mechanism: Linkage, tool: Any = None) -> 'Links':
-        """Collects the constants of a linkage; `tool`: a number or a function of the angle."""
+        """Collects the constants of a linkage; `tool` is a number or a function of the angle."""
         r, b, *rocker, d = lengths(mechanism)
         side = 1.0 if mechanism.assembly == OPEN else -1.0
         model = Model.of(mechanism, mechanism.structure())
@@ -86,9 +87,9 @@ def formula(quantity: str, stage: str, solve: Callable[..., Any]) -> Callable[..
         solve: Formula of the stage.
 
     Returns:
-        The formula, from links and crank angle: to the coupler's direction, an angle or the
-        numbers of a unit vector, and the output, the same or m; to their velocities or
-        accelerations; to the driving torque, N m, in a tuple of one.
+        A function of links and crank angle. It returns, by quantity: the direction of the coupler
+        and the position of the output, each an angle, rad, the two components of a unit vector,
+        or m; their rates; their accelerations; the driving torque, N m, in a tuple of one.
     """
     position, rates = (solve, two_by_two) if stage == POSITION else (factored, solve)
 
@@ -113,13 +114,13 @@ def formula(quantity: str, stage: str, solve: Callable[..., Any]) -> Callable[..
 
 
 def factored(links: Links, crank: Real) -> Pair:
-    """The package's own: sums of terms that are never negative (model.transmission)."""
+    """The package's own form: sums of terms that are never negative (model.transmission)."""
     _, coupler, output = links.model.loop.pose((crank,)).links
     return coupler.direction, output.position if links.c is None else output.direction
 
 
 def two_circles(links: Links, crank: Real) -> Pair:
-    """B by intersecting the circles about A and B0, or the one about A and the slider's path."""
+    """B by intersecting the circle about A with the circle about B0 or the slider's path."""
     r, b, c, d, angle, side, *_ = links
     arm, frame = Vector.at(crank) * r, Vector.at(angle)
     if c is None:
@@ -135,7 +136,7 @@ def two_circles(links: Links, crank: Real) -> Pair:
 
 
 def half_angle(links: Links, crank: Real) -> Pair:
-    """Tangents of half angles solve quadratic equations (document 2, eq. 16 to 26)."""
+    """Solves quadratic equations for tangents of half angles (document 2, eq. 16 to 26)."""
     r, b, c, d, angle, side, *_ = links
     theta = crank - angle
     if c is None:
@@ -161,7 +162,7 @@ def _half_angle_root(a: Real, b: Real, c: Real, sign: Real) -> Real:
 
 
 def looked_up(links: Links, crank: Real) -> Pair:
-    """Positions from opaque functions: the tool and the two parts of its result."""
+    """Calls the tool, an opaque function of the angle, and splits its result into two parts."""
     locate, first, second = links.tool
     found = locate(crank)
     return first(found), second(found)
@@ -188,7 +189,7 @@ def _arms(links: Links, crank: Real, place: Pair) -> tuple[Vector, ...]:
 
 
 def _closing(coupler: Vector, slope: Vector, gap: Vector) -> Pair:
-    """The changes of coupler and output that move the gap by a vector: Cramer's rule."""
+    """Changes of coupler and output that change the gap by a given vector (Cramer's rule)."""
     over = -1.0 / dot(coupler, slope)
     return cross(gap, slope) * over, dot(coupler, gap) * over
 
@@ -198,7 +199,7 @@ def _direction(link: Real | Vector) -> Vector:
 
 
 def posed(links: Links, crank: Real, place: Pair, first: Pair, second: Pair) -> Pose:
-    """The pose of a position and its derivatives by the crank angle."""
+    """Makes the pose from positions and their derivatives with respect to the crank angle."""
     poses = [LinkPose(crank, Vector.at(crank), (1.0,), (ZERO,))]
     for at, rate, change in zip(place, first, second, strict=True):
         slides = links.c is None and len(poses) > 1
@@ -209,7 +210,7 @@ def posed(links: Links, crank: Real, place: Pair, first: Pair, second: Pair) -> 
 
 
 def newton_step(links: Links, crank: Real, coupler: Real, output: Real) -> tuple[Real, ...]:
-    """Changes of coupler and output that close the loop to first order; and its present gap."""
+    """Changes of coupler and output that close the loop to first order, and its gap now, m."""
     _, arm, _, slope, gap = _arms(links, crank, (coupler, output))
     return (*_closing(arm, slope, -gap), *gap)
 
@@ -218,7 +219,7 @@ def newton_step(links: Links, crank: Real, coupler: Real, output: Real) -> tuple
 
 
 def two_by_two(links: Links, crank: Real, locate: Locate) -> tuple[Pair, Pair, Pair]:
-    """The differentiated loop, solved for both unknowns.
+    """Solves the differentiated loop equation for the derivatives of coupler and output.
 
     Document 1, eq. 13 to 18; for a slider-crank, document 4, eq. 5 to 8.
     """
@@ -232,7 +233,7 @@ def two_by_two(links: Links, crank: Real, locate: Locate) -> tuple[Pair, Pair, P
 
 
 def central_differences(links: Links, crank: Real, locate: Locate) -> tuple[Pair, Pair, Pair]:
-    """Positions a step before and after (for instance Dahlquist and Bjorck, sec. 3.3)."""
+    """Derivatives from positions one step before and after (Dahlquist and Bjorck, sec. 3.3)."""
     step = links.tool
     before, here, after = locate(crank - step), locate(crank), locate(crank + step)
     (a, b), (c, d) = (

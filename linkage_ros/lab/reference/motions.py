@@ -31,10 +31,12 @@ from linkage_ros.parameters.configuration import load
 _CONTEXT = Context(prec=34)
 _LOOK = 0.02  # s between two checks for the end of the coordinates
 _SHORTEST = Decimal('1e-6')  # s
-_GROWTH = Decimal('1.3')  # growth of the step length after a step with few rows
-_FEW, _ROWS = 9, 12  # largest number of rows of the extrapolation; the order is twice that
+_GROWTH = Decimal('1.3')  # factor of the step length after a step with few rows
+# Rows of the extrapolation: steps grow after one with at most _FEW; with more than _ROWS a step is
+# halved. The order is twice the number of rows.
+_FEW, _ROWS = 9, 12
 _TOLERANCE = Decimal('1e-20')  # tolerance of a step, in SI units
-_CLOSED = 4  # corrections of a position in doubles until all digits are right
+_CLOSED = 4  # Newton steps from a position in doubles to one in all digits
 _State: TypeAlias = Any  # an array of Decimals; NumPy has no type for it
 
 
@@ -99,7 +101,7 @@ def coasting() -> InitialValueProblem:
 
 
 class MotionReference:
-    """Integrates one motion."""
+    """Integrates one motion in decimals of 34 digits, from any known state."""
 
     def __init__(self, problem: InitialValueProblem, longest: float = 0.1) -> None:
         """Closes the loop at the start.
@@ -121,13 +123,13 @@ class MotionReference:
         return state[0], *(place.x for place in places[3:]), rates[0], *rates[3:]
 
     def end(self, until: float) -> float | None:
-        """Finds the first time at which coupler and third link are in line: a singularity.
+        """Finds the first time at which coupler and third link are in line, a singularity.
 
         Args:
             until: End of the search, s.
 
         Returns:
-            Time, accurate to 1e-15 s; None: there is none before `until`.
+            Time, accurate to 1e-15 s; None if there is none before `until`.
         """
 
         def sine(time: float) -> float:
@@ -174,7 +176,7 @@ class MotionReference:
         return np.array([rates[0], *(x for vector in moving for x in vector), *found])
 
     def _state(self, time: float) -> _State:
-        """The state at a time, from the nearest known one.
+        """Integrates to the state at a time, s, from the nearest known state.
 
         Raises:
             ArithmeticError: Even the shortest step fails.

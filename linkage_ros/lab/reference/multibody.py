@@ -2,15 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Multibody equations of any mechanism, with constraints and Lagrange multipliers.
 
-Every link has its own coordinate. The force that closes the loop is solved with the accelerations:
+Every link has its own coordinate. The equations yield the accelerations and, at the same time, the
+force lambda that closes the loop:
 
     [ M   G^T ] [   q''    ]   [ Q - h        ]
     [ G    0  ] [ -lambda  ] = [ -(G' q')     ]
 
 The lower rows are the loop closure, differentiated twice. This is the textbook form for any
 mechanism (Baumgarte, Comput. Methods Appl. Mech. Eng. 1 (1972), eq. 1 to 5). It needs no dyads, so
-it also holds where coupler and third link are in line in motion. It is a method in floats and, in
-many digits, the reference for states and motions.
+it also holds when moving coupler and third link come into line. In floats it is one of the
+compared methods; in many digits it is the reference for states and motions.
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ class Multibody:
         """Reads masses, lengths and loads from the mechanism's description.
 
         Args:
-            mechanism: The mechanism.
+            mechanism: Mechanism to describe.
             number: Converts a float to the kind of number.
             unit: Makes the unit vector of an angle, rad, in these numbers.
             length: Converts a length, m; by default `number`.
@@ -83,7 +84,7 @@ class Multibody:
             places: Unit vector of each link, or (position, 0) of one that slides.
 
         Returns:
-            The gap.
+            The gap as a vector.
         """
         gap = self._fixed
         for j, weight in self._closure.items():
@@ -92,14 +93,14 @@ class Multibody:
         return gap
 
     def closure(self, places: Sequence[Vector], rates: Row) -> tuple[list[Row], Row]:
-        """The derivatives G of the gap by the coordinates, and G' q', each as rows x and y."""
+        """The derivatives G of the gap by the coordinates, and G' q'; the rows are x and y."""
         columns, bias = self._columns(self._closure, places, rates)
         empty = Vector(self._zero, self._zero)
         found = [columns.get(j, empty) for j in range(len(rates))]
         return [[column.x for column in found], [column.y for column in found]], list(bias)
 
     def closed(self, places: Sequence[Vector], rates: Row, opening: Row) -> Row:
-        """Completes rates of coupler and third link so that the loop opens at a velocity, m/s."""
+        """Computes the rates of coupler and third link that open the loop at a velocity, m/s."""
         free = [*rates[:1], self._zero, self._zero, *rates[3:]]
         closure, _ = self.closure(places, free)
         moved = [sum(map(operator.mul, row, free)) for row in closure]
@@ -107,7 +108,7 @@ class Multibody:
         return [free[0], *eliminate([row[1:3] for row in closure], right), *free[3:]]
 
     def system(self, places: Sequence[Vector], rates: Row) -> tuple[list[Row], Row]:
-        """The matrix and the right-hand side above, without a torque on the crank.
+        """The matrix and the right-hand side of the equations above, without a driving torque.
 
         Args:
             places: See `gap`.

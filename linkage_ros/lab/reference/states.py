@@ -24,12 +24,12 @@ from linkage_ros.lab.reference.multibody import Multibody
 
 _DIGITS = 130
 _ASIDE = '1e-60'  # rad
-_STRAIGHT = '1e-25'  # sine of the transmission angle: below, the mean of two states is taken
+_STRAIGHT = '1e-25'  # below this sine of the transmission angle, two states are averaged
 DIRECTION = 'direction'
 
 _Number: TypeAlias = Any  # an mpf or mpc; mpmath has no type annotations
-# By 'position' (of the coupler, rad, and of the output, rad or m), 'direction' (the same with unit
-# vectors for angles), 'rate', 'acceleration' and 'torque' (in a tuple of one).
+# Values by quantity: 'position' (of the coupler, rad, and of the output, rad or m), 'direction'
+# (the same with unit vectors in place of angles), 'rate', 'acceleration', 'torque' (in a tuple).
 Exact: TypeAlias = dict[str, tuple[_Number, ...]]
 # The mechanisms with a textbook closed form of the loop.
 Linkage: TypeAlias = FourBar | SliderCrank
@@ -61,7 +61,7 @@ class Reference:
         """Reads the mechanism's numbers.
 
         Args:
-            mechanism: The linkage.
+            mechanism: Linkage to solve.
             speed: Crank speed, rad/s.
             acceleration: Crank acceleration, rad/s^2.
             decimal: Whether lengths have their typed decimal value: 0.1 is exactly a tenth.
@@ -78,7 +78,7 @@ class Reference:
         """The state at a crank angle, rad.
 
         Raises:
-            UnreachableError: The loop does not close there, or the crank has a limit there.
+            UnreachableError: The loop does not close at this angle, or the crank's arc ends there.
         """
         with mp.workdps(_DIGITS):
             place = self._locate(mp.mpf(crank))
@@ -90,9 +90,9 @@ class Reference:
             return {name: tuple(map(_mean, before[name], after[name])) for name in before}
 
     def _locate(self, crank: _Number) -> tuple[_Number, _Number, _Number]:
-        """Intersects circles: unit vectors of coupler and rocker, or the position of a slider.
+        """Computes unit vectors of coupler and rocker (or a slider's position) from two circles.
 
-        The last is the sine of the transmission angle.
+        The third value is the sine of the transmission angle.
         """
         frame = mp.mpf(self._mechanism.frame.angle)
         frame -= 2 * mp.pi * mp.nint(frame / (2 * mp.pi))

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The measures of designs: functions of many designs over all crank angles of a period.
 
-Constants of many designs come from the code for a single mechanism: its description gets arrays in
-place of numbers. Where this code branches on a value, all designs must take the same branch. If
-they do not, they are divided by this condition, and each group starts again. So every group has
-one structure, and one program.
+The code for a single mechanism also computes the constants of many designs: the description of the
+mechanism contains arrays in place of numbers. Where this code branches on a value, all designs
+must take the same branch. If they do not, they are divided into two groups by the condition, and
+the computation starts again for each group. So every group has one structure, and one program.
 """
 
 import copy
@@ -39,7 +39,7 @@ class Task(NamedTuple):
 
     Attributes:
         mechanism: The base mechanism of all designs.
-        rpm: Crank speed; None: not given.
+        rpm: Crank speed, rpm; None if the base has no speed.
         names: The parameters in which designs differ.
         measures: Names of the measures.
         angles: Number of crank angles in a turn.
@@ -137,7 +137,7 @@ def groups(
 def _constants(
     mechanism: Mechanism, columns: Mapping[str, Array], rows: npt.NDArray[np.intp]
 ) -> tuple[Transmission, Constants]:
-    """The transmission; and model, coupler point and extreme transmission angles."""
+    """The transmission, and the constants: model, coupler point, extreme transmission angles."""
     for name, column in columns.items():
         value = float(column[rows[0]]) if len(rows) == 1 else column[rows, None].view(_Designs)
         mechanism = with_value(mechanism, name, value)
@@ -149,15 +149,15 @@ def _constants(
 
 
 def with_value(part: Any, name: str, value: Any) -> Any:
-    """A description with one value replaced, without checks.
+    """A copy of a description with one value replaced; the value is not checked.
 
     Args:
         part: A mechanism, one of its parts, or a pair of numbers.
         name: Dotted name of a parameter; 0 and 1 are the numbers of a pair.
-        value: The value.
+        value: The new value.
 
     Returns:
-        A copy.
+        The copy.
     """
     first, _, rest = name.partition('.')
     if isinstance(part, tuple):
@@ -170,7 +170,7 @@ def with_value(part: Any, name: str, value: Any) -> Any:
 
 # ---------------------------------------------------------------- formulas and measures
 
-# Formulas of the constants above, the crank angle and the speed.
+# Each formula takes the constants above, the crank angle, rad, and the crank speed, rad/s.
 
 
 def torque_of(constants: Any, angle: Real, speed: Real) -> Real:
@@ -211,7 +211,7 @@ class Batch:
     def __init__(
         self, constants: Constants, transmission: Transmission, speed: Array, task: Task
     ) -> None:
-        """Takes constants, crank speeds of shape (designs, 1), rad/s, angles and points."""
+        """Stores constants and crank speeds, rad/s, of shape (designs, 1), and the task."""
         self._constants, self._speed, self._points = constants, speed, task.points
         straight = [square.least is ZERO for square in (transmission.cos, transmission.sin)]
         self._has_change_point, turns = any(straight), 2 if sum(straight) == 1 else 1
@@ -229,7 +229,7 @@ class Batch:
         return cast('Array', self._run(torque_of, self._angles))
 
     def shaking_force(self) -> Array:
-        """Largest force on the frame, N; unbounded if there are change points."""
+        """Largest force on the frame, N; infinite if there are change points."""
         if self._has_change_point:
             return np.full(len(self._speed), math.inf)
         return np.asarray(np.hypot(*self._run(_force_of, self._angles)).max(-1))
@@ -250,7 +250,7 @@ class Batch:
         return np.where(twice, at, math.nan)
 
     def stroke(self) -> Array:
-        """Distance between the two reversals, rad or m."""
+        """Signed distance between the two reversals of the output, rad or m."""
         places, *_ = self._run(_output_of, self._reversals)
         return np.asarray(places[:, 1] - places[:, 0])
 
@@ -265,7 +265,7 @@ class Batch:
         return np.maximum(way, rest) / np.minimum(way, rest)
 
     def transmission_angle(self) -> Array:
-        """Smallest transmission angle, as an acute one, deg."""
+        """Smallest transmission angle, measured as an acute angle, deg."""
         low, high = self._run(_extremes_of, self._angles[:1])
         return cast('Array', np.degrees(np.minimum(low, math.pi - high)).ravel())
 
@@ -285,7 +285,7 @@ class Measure(NamedTuple):
     Attributes:
         unit: Its unit.
         of: Computes it for each design of a batch.
-        needs: Requirement on a task, as a word of `has`; empty: none.
+        needs: Requirement on a task, one of the texts in `has`; empty: none.
     """
 
     unit: str

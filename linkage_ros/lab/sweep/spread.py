@@ -23,7 +23,7 @@ from typing import Any, cast
 from linkage_ros.errors import ConfigurationError
 
 _ATTEMPTS = 3
-_PATIENCE = 10  # s, time limits for a scheduler to answer, and to have a worker
+_PATIENCE = 10  # time limit, s, for a scheduler to answer, and another for it to have a worker
 
 
 def spread(
@@ -31,18 +31,18 @@ def spread(
     blocks: Sequence[Any],
     connect: Callable[[], AbstractContextManager[Executor]],
 ) -> Iterator[tuple[int, Any]]:
-    """Processes blocks; the unfinished blocks of a broken executor go to a new one.
+    """Processes blocks; after an executor breaks, a new one processes the unfinished blocks.
 
     Args:
         work: The function to apply to each block; it can be pickled.
-        blocks: Its arguments.
+        blocks: The arguments, one for each call.
         connect: Context manager that starts and ends an executor.
 
     Yields:
         Number and result of each block, in any order.
 
     Raises:
-        ConfigurationError: Executors break again and again without a result.
+        ConfigurationError: Three executors in a row break without a result.
     """
     left, failures = dict(enumerate(blocks)), 0
     while left:
@@ -105,7 +105,7 @@ def cluster(address: str) -> Iterator[Executor]:
     from distributed import Client, KilledWorker
     from distributed.comm.addressing import get_address_host_port
 
-    # Dask logs errors that are raised here as well, and the repetition of lost work.
+    # Dask would log errors that are also raised here, and each repetition of lost work.
     logging.getLogger('distributed.client').setLevel(logging.CRITICAL)
     try:
         # A client takes 20 s to end if it finds no scheduler.

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A study: which designs to try, what to measure, and which of them are good."""
+"""A study: designs to try, measures to compute, and constraints and goals for the designs."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -34,17 +34,17 @@ class Settings(Checked):
         sampler: Method of choosing designs.
         seed: Seed of the random numbers.
         angles: Number of crank angles per turn.
-        rpm: Crank speed; None: the base's.
+        rpm: Crank speed, rpm; None: the base's.
         points: Points that the coupler point should pass: x, y, x, y and so on, m.
     """
 
     base: str = quantity('text', 'preset, or parameter file, of the mechanism')
     designs: int = quantity('whole', 'number of designs', span=(1, 1e7), default=1024)
     sampler: str = quantity(
-        'choice', 'how designs are chosen', choices=('sobol', 'latin_hypercube', 'grid'),
+        'choice', 'method of choosing designs', choices=('sobol', 'latin_hypercube', 'grid'),
         default='sobol',
     )  # fmt: skip
-    seed: int = quantity('whole', 'of the random numbers', span=(0, 2**32 - 1), default=0)
+    seed: int = quantity('whole', 'seed of the random numbers', span=(0, 2**32 - 1), default=0)
     angles: int = quantity('whole', 'crank angles in a turn', span=(12, 36000), default=360)
     rpm: float | None = quantity('number', 'crank speed', 'rpm', span=(-1e6, 1e6), default=None)
     points: tuple[float, ...] | None = quantity(
@@ -163,14 +163,16 @@ def _columns(
 
 
 def _span(name: str, value: object, allowed: Quantity) -> tuple[float, float]:
-    """Two numbers, the smaller one first.
+    """Reads a range: two numbers, the smaller one first.
 
     Raises:
         ConfigurationError: The value is not such a pair.
     """
     low, high = cast('tuple[float, float]', replace(allowed, kind='pair').clean(name, value))
     if not low < high:
-        raise ConfigurationError(f'{name} = {shown(value)}: empty; give the smaller number first')
+        raise ConfigurationError(
+            f'{name} = {shown(value)}: empty range; give the smaller number first'
+        )
     return low, high
 
 
