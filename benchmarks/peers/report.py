@@ -13,12 +13,11 @@ ERRORS = {
 INTRODUCTION = """\
 # Peers, measured
 
-This page compares other software with this package on the same task, in one run. It was written by
+This page compares other software with this package on the same task, in one run. This command
+measured the figures and wrote the page on {date}, with {machine[cpu]}, {machine[cores]} cores,
+{machine[os]}, Python {python}, NumPy {libraries[numpy]}{compiler}:
 
     python benchmarks/peers/run.py --markdown docs/peers.md
-
-on {date}, with {machine[cpu]}, {machine[cores]} cores, {machine[os]}, Python {python},
-NumPy {libraries[numpy]}{compiler}.
 
 The task is to solve the four-bar of document 1 (`config/quadrilateral.yaml`) at 150 rpm: to
 compute angle, rate and acceleration of coupler and rocker and, in the rows "with torque", the

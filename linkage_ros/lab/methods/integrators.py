@@ -35,7 +35,7 @@ class _OwnCoordinates:
         self._driven, self._phase = problem.driven, problem.start
 
     def gap(self) -> float:
-        """See above."""
+        """See the module's description."""
         half, solver = len(self._phase) // 2, self._driven.solver
         state = solver.state(self._phase[:half], self._phase[half:], (0.0,) * half)
         return solver.structure.loop_residual(state)
@@ -48,7 +48,7 @@ class OfPackage(_OwnCoordinates):
         self._steps = begin(problem.driven, problem.start)
 
     def at(self, time: float) -> Phase:
-        """See above."""
+        """See the module's description."""
         self._steps.advance(time)
         self._driven, self._phase = self._steps.driven, self._steps.phase
         moment = published(self._driven, self._phase, self._steps.pairs)
@@ -63,7 +63,7 @@ class RungeKutta4(_OwnCoordinates):
         self._longest, self._time = step, 0.0
 
     def at(self, time: float) -> Phase:
-        """See above."""
+        """See the module's description."""
         span, slope, y = time - self._time, self._driven.slope, self._phase
         steps = max(1, math.ceil(span / self._longest * (1 - 1e-9)))
         h = span / steps
@@ -107,7 +107,7 @@ class OfScipy(_OwnCoordinates):
         """Changes the values at the end of a step."""
 
     def at(self, time: float) -> Phase:
-        """See above.
+        """See the module's description.
 
         Raises:
             ArithmeticError: The solver makes no progress.
@@ -188,11 +188,11 @@ class Multipliers(OfScipy):
         return values
 
     def at(self, time: float) -> Phase:
-        """See above."""
+        """See the module's description."""
         self._phase = tuple(self._projected(np.array(super().at(time))).tolist())
         places, rates = self._split(self._phase)
         return self._phase[0], *(place.x for place in places[3:]), rates[0], *rates[3:]
 
     def gap(self) -> float:
-        """See above."""
+        """See the module's description."""
         return math.hypot(*self._bodies.gap(self._split(self._phase)[0]))

@@ -283,8 +283,8 @@ class Measure(NamedTuple):
     """One measure of designs.
 
     Attributes:
-        unit: Its unit.
-        of: Computes it for each design of a batch.
+        unit: Unit of the measure.
+        of: Function that computes the measure for each design of a batch.
         needs: Requirement on a task, one of the texts in `has`; empty: none.
     """
 
