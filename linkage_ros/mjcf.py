@@ -94,7 +94,7 @@ def make_mjcf(mechanism: Mechanism, start: State, joint_prefix: str = '') -> str
 
 
 def _body(link: RigidLink, at: float) -> ET.Element:
-    """The body of a link, where its joint has a position."""
+    """The body of a link at a position of its joint."""
     joint, half = link.joint, link.inertia / 2  # a flat body
     place, angle, kind, axis = joint.origin, joint.angle + at, 'hinge', '0 0 1'
     if joint.slides:
@@ -125,8 +125,9 @@ def _site(name: str, place: complex) -> ET.Element:
 def _load(load: object, links: Sequence[RigidLink], position: Sequence[float]) -> ET.Element:
     """The actuator of a load.
 
-    One without control: force - stiffness x stretch - damping x rate. Of another kind, such as a
-    load curve, a motor whose control is to be set to the value of the load: MJCF has no tables.
+    The actuator of a `LinkForce` has no control; its force is force - stiffness x stretch -
+    damping x rate. Another load, such as a load curve, becomes a motor whose control must be set
+    to the value of the load, because MJCF has no tables.
 
     Raises:
         ConfigurationError: The load acts in joints, on several links, or on a link with a

@@ -225,6 +225,6 @@ def test_truncated_log_is_reported_and_left_alone(tmp_path, size):
     motion = Simulator(configure({'rpm': 60.0})).begin(0)
     log.flush()
     os.truncate(path, size)
-    with pytest.raises(LogError, match='somebody else cuts it off or writes to it'):
+    with pytest.raises(LogError, match='another program truncates it or writes to it'):
         log.write_motion(motion.segment)  # which would fill the hole
     assert path.stat().st_size == size  # what a recovery can read is not spoilt

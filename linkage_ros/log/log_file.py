@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The file of a log, which may run out of space, or be removed, renamed or truncated."""
+"""The file of a log: reports a full disk, a removed file, and another program's changes."""
 
 import os
 from collections.abc import Callable, Sequence
@@ -98,8 +98,8 @@ class LogFile:
             )
         elif status.st_size != written:
             problem = (
-                f'has {status.st_size} bytes instead of {written}: somebody else cuts it off or '
-                'writes to it; give each run a log of its own'
+                f'has {status.st_size} bytes instead of {written}: another program '
+                'truncates it or writes to it; give each run a log of its own'
             )
         if problem:
             self.stream.raw.close()  # buffered data would be written after a hole

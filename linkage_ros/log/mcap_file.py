@@ -47,11 +47,12 @@ _KINDS: dict[int, Any] = {
 }
 # The records in a chunk, and their smallest lengths.
 _IN_CHUNKS = {Opcode.MESSAGE: 22, Opcode.SCHEMA: 0, Opcode.CHANNEL: 0}
-# Costs in unpacked bytes: reading a message takes as long as unpacking 5000, parsing a byte as
-# long as 250. It counts as 1000, so that an index that names a large record often is soon refused.
+# Costs, in bytes to unpack: reading a message takes as long as unpacking 5000 bytes. Parsing a
+# byte takes as long as unpacking 250, but counts as 1000: a file whose index refers to one large
+# record many times is refused early.
 _MESSAGE_COST, _PARSING_COST = 5000, 1000
 _FREE, _COST_PER_BYTE = 1 << 30, 1000
-# Matches the start of a chunk or of a metadata record of linkage_ros.
+# Start of a chunk or of a metadata record of linkage_ros.
 _LANDMARK = re.compile(rb'\x06.{36}\x04\0\0\0zstd|\x0c.{8}[\x0b-\x20]\0\0\0linkage_ros', re.DOTALL)
 _LANDMARK_SIZE = 45
 
@@ -119,7 +120,7 @@ class McapFile:
             )
 
     def _read(self, at: int, size: int) -> bytes:
-        """Reads bytes at a place; fewer at the end of the file."""
+        """Reads bytes at an offset; fewer at the end of the file."""
         self._stream.seek(at)
         return self._stream.read(max(0, min(size, self.size - at)))
 
@@ -127,7 +128,7 @@ class McapFile:
         """Reads a record of the data section.
 
         Args:
-            at: Its place.
+            at: Its first byte.
 
         Returns:
             The opcode; the unpacked records of a chunk, None for a message index, or another
@@ -149,11 +150,11 @@ class McapFile:
         return opcode, content, end
 
     def _record(self, at: int) -> tuple[int, bytes, int]:
-        """The opcode, the body and the end of the record at a place.
+        """Reads the opcode, the body and the end of the record at an offset.
 
         Raises:
             LogError: The record is too large.
-            ValueError: The file ends before.
+            ValueError: The record extends beyond the end of the file.
         """
         opcode, length = HEAD.unpack(self._read(at, HEAD.size))
         _check_size(length)
@@ -163,18 +164,18 @@ class McapFile:
         return opcode, body, at + HEAD.size + length
 
     def next_place(self, at: int) -> int:
-        """Finds where to continue after damage: at a chunk or a record of this package.
+        """Finds the next chunk or metadata record of this package after damage.
 
         Args:
-            at: Place from which to search.
+            at: Offset at which the search starts.
 
         Returns:
-            The place; the end of the file if there is none.
+            Its first byte; the end of the file if there is none.
 
         Raises:
             LogError: The file has too many damaged places.
         """
-        self.spend(LARGEST)  # an attempt may cost this much, and many places may look like chunks
+        self.spend(LARGEST)  # parsing may cost this much, and many places may look like chunks
         while len(data := self._read(at, LARGEST)) >= _LANDMARK_SIZE:
             if found := _LANDMARK.search(data):
                 return at + found.start()
@@ -232,7 +233,7 @@ def parsed(opcode: int, body: bytes) -> Any:
     stream = ReadDataStream(BytesIO(body))
     record: records.McapRecord = _KINDS[opcode].read(stream)
     if stream.count != len(body):
-        raise ValueError('a record is longer than what is in it')
+        raise ValueError('the length of a record is wrong')
     return record
 
 

@@ -27,8 +27,8 @@ from linkage_ros.units import TIME_END
 from linkage_ros.wire.rows import MESSAGE_HEAD, RowLayout, message_record
 from linkage_ros.wire.topics import MEASURED_JOINT_STATES, Topic
 
-# Limit of messages buffered at a time where chunks overlap, bytes. Each message has this overhead
-# in Python. A simulator that was reset a hundred times needs a third of the limit.
+# Limit of the messages that are buffered because chunks overlap in time, and overhead of a message
+# in Python, bytes. The log of a simulator that was reset a hundred times needs a third of it.
 _MOST_WAITING, _OVERHEAD = 1 << 29, 500
 
 
@@ -119,16 +119,18 @@ class LogReader(AbstractContextManager['LogReader']):
                 'of one'
             )
         self.version, self.configuration = decode_configuration(about[0])
-        self.has_same_urdf = 'frame_id' in about[0]  # since the present link names
+        self.has_same_urdf = 'frame_id' in about[0]  # as since links have their present names
         self.motions = tuple(decode_motion(r.metadata) for r in records if r.name == MOTION_RECORD)
-        ends = [unseal(record.metadata) for record in records if record.name == END_RECORD]
-        self.lost = sum(int(end['messages']) - statistics.message_count for end in ends)
+        self.lost = sum(
+            int(unseal(record.metadata)['messages']) - statistics.message_count
+            for record in records if record.name == END_RECORD
+        )  # fmt: skip
         schemas = {schema.id: schema for schema in summary[Schema]}
         channels = {channel.id: channel for channel in summary[Channel]}.values()
         self.topics = tuple(_topic(channel, schemas, statistics) for channel in channels)
         self._names = {topic.number: topic.name for topic in self.topics}
-        # Of each chunk the first and last time, the place, and the channels: a log of a day has
-        # hundreds of thousands.
+        # First and last time, first byte and channels of each chunk: the log of a day has hundreds
+        # of thousands of chunks.
         self._chunks = [
             (c.message_start_time, c.message_end_time, c.chunk_start_offset,
              tuple(c.message_index_offsets))
@@ -169,7 +171,7 @@ class LogReader(AbstractContextManager['LogReader']):
             if first < times.stop and last >= times.start
             and not channels.isdisjoint(held or channels)
         )  # fmt: skip
-        # Messages that may come after some of the next chunk; times, chunks and places in them.
+        # Messages that those of the next chunk may precede, by time, chunk and place in the chunk.
         queue, waiting = list[tuple[int, int, int, LoggedMessage]](), 0
         with self._opened() as file:
             for (_, place), (due, _) in pairwise([*chunks, (TIME_END, 0)]):

@@ -85,7 +85,7 @@ class Timeline:
     def fitting(self, stamps: npt.NDArray[np.int64]) -> Iterator[tuple[int, list[int]]]:
         """The segments that may contain the next stamps, the likeliest first.
 
-        If clocks overlap because one was set back, only the values of the states decide.
+        If the clock was set back and segments overlap, only the values of the states decide.
 
         Args:
             stamps: The next stamps, ns; at least one.
@@ -137,7 +137,7 @@ class Timeline:
 
 
 class Measurements:
-    """The measurements of a crank, each answered by a state; used as a `Timeline`."""
+    """The measurements of a crank, each with one state; has the interface of `Timeline`."""
 
     missed, is_record = 0, False
 

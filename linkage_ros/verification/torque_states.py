@@ -30,14 +30,15 @@ from linkage_ros.verification.timeline import Timeline
 from linkage_ros.wire.codecs import joint_numbers
 from linkage_ros.wire.rows import RowLayout
 
-# Tolerance between a state and the one computed from its predecessor: rad and crank lengths; for
-# rates per second, or relative. Records and live runs have different integrators.
+# Tolerance between a state and the one computed from its predecessor: rad and crank lengths, and
+# for rates per second, or relative. Records and live runs use different integrators.
 _APART = 1e-7
-# Longest time between states to check, s: integration takes time too.
+# Longest time between two states that is integrated, s; beyond it, they are not compared.
 _LONGEST = 10.0
-# Settings of the steps with which a deviating state is checked again.
+# Tolerance and limit of the steps of the integrator that checks a deviating state again.
 _TOLERANCE, _TRIALS = 1e-11, 10_000
-# In rad and crank lengths, and per second: a start this far away is not an error.
+# Rounding of a logged state, in rad and crank lengths, and per second. If it changes the next
+# state by more than the difference found, the difference is not an error.
 _NUDGE = 1e-9
 _NOWHERE = 1e300  # result of a motion that cannot be followed
 _LEAPS = 2  # steps between two states, for all states at once
@@ -56,7 +57,7 @@ class TorqueStates(Timeline):
         drive: Any = simulator.configuration.drive
         solver, self._motor = simulator.solver, drive.motor
         self._links = solver.structure.links
-        # The last ones of each name, those of mechanism_state.
+        # Of fields with the same name, the last ones, which are those of mechanism_state.
         self._places = [layout.fields[name] for name in joint_numbers(simulator.joints)]
         self._own = self._last = DrivenMechanism(solver, drive.motor.at)
         length = solver.mechanism.crank.length
@@ -81,7 +82,7 @@ class TorqueStates(Timeline):
         driven, solver = self._driven, self._driven.solver
         moving = self._rows(driven)[: len(driven.links)]
         q, u, a = (tuple(row[moving]) for row in table[:3])
-        # Commands come live: in a record only the motor drives.
+        # Only live runs have commands.
         torque = self._motor.at(table[1, 0]) if self.is_record else table[3, 0]
         if solver.coordinates == self._own.solver.coordinates:
             if self.is_record:
@@ -145,7 +146,7 @@ class TorqueStates(Timeline):
         origin = np.concatenate([self._before, found[:, :-1]], axis=1)
         numbers = np.array([max(self._tick, 0), *ticks], object)  # of any size
         late = np.diff(self._simulator.elapsed(numbers)).astype(float)
-        if not self.is_record:  # the plant was paused for that time
+        if not self.is_record:  # the plant is paused in longer gaps
             late[late > self._simulator.elapsed(1) + CATCH_UP] = 0
         spans = late / NS_PER_S
         follows = self._many_follow(driven, origin, found, spans) | (spans > _LONGEST)

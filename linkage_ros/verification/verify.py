@@ -68,7 +68,7 @@ class Verification:
         others: Names of the topics that cannot be recomputed.
         absent: Relative names of the mechanism's topics that the log does not have.
         missed: Ticks without a state.
-        cut: Names of the topics missing from the last state, which was cut off while written.
+        cut: Names of the topics that the last state lacks because its writing was cut off.
         ulp: Largest difference, in ulp of the largest value of its field; 0: all bits are equal.
         difference: The first difference; empty if there is none.
     """
@@ -112,9 +112,9 @@ class Verification:
         driven, follows = isinstance(drive, TorqueDrive), isinstance(drive, FollowDrive)
         needed = [MECHANISM_STATE] if driven else [MECHANISM_STATE, JOINT_STATES, COUPLER_POINT]
         if not self._channels.keys() & {*needed} or not (log.motions or follows):
-            words = ' or '.join(topic.name for topic in needed)
             raise LogError(
-                f'{log.path} cannot be verified: it has no motion record, or no {words}'
+                f'{log.path} cannot be verified: it has no motion record, or no '
+                f'{" or ".join(topic.name for topic in needed)}'
             )
         pairs = self._channels.items()
         self._layout = layout = simulator.layout_of((c.number, topic) for topic, c in pairs)
@@ -163,7 +163,7 @@ class Verification:
             progress(count)
 
     def _check_rest(self) -> None:
-        """Names what is wrong with the messages that remain, which are not a whole row."""
+        """Checks the remaining messages: the start of the last state, or one out of order."""
         layout, end = self._layout, self._layout.fitting(self._rows)
         if end < len(self._rows):
             _, _, channel, _, time, _ = MESSAGE_HEAD.unpack_from(self._rows, end)

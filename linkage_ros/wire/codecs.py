@@ -84,7 +84,7 @@ def _sequences(body: bytes, names: Sequence[str], quantities: Iterable[str]) -> 
     for quantity in quantities:
         yield constant + count(b'', len(names)) + bytes(gap)
         yield from (Field(f'{quantity}[{name}]', 'd') for name in names)
-        constant, gap = b'', 4  # behind doubles and a length
+        constant, gap = b'', 4  # after doubles and the length
 
 
 def joint_state(names: Sequence[str], frame_id: str) -> list[Part]:

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Rows: all messages of one state as bytes of an MCAP file, record headers included.
 
-In the bytes of a message only numbers at fixed places vary: they are a template, filled once or
-thousands of times. That is several times faster than serialising messages, and padding bytes are
-zero. Fast DDS leaves uninitialised memory there, so that equal states would give unequal files.
+The messages of a topic differ only in numbers at fixed offsets, so a template is filled, once or
+thousands of times. This is several times faster than serialising each message. Padding bytes are
+zero; Fast DDS leaves uninitialised memory there, so that the files of equal states would differ.
 
 The messages of a state are adjacent in a log, so that a state is written, found and compared as
 one run of bytes.
@@ -37,7 +37,8 @@ class Field(NamedTuple):
     """A number in a template.
 
     Attributes:
-        name: Name of the number, such as 'velocity[coupler]'; fields of one name are equal.
+        name: Name of the number, such as 'velocity[coupler]'; fields with the same name hold the
+            same number.
         code: Its type, as in `struct`.
         offset: Its first byte in the template.
     """
@@ -58,7 +59,7 @@ class Template:
     Attributes:
         size: Number of bytes.
         places: The fields, in order.
-        fields: The fields by name, the last ones of each.
+        fields: The fields by name; of several with the same name, the last one.
     """
 
     def __init__(self, parts: Sequence[Part], names: Sequence[str] = ()) -> None:

@@ -117,8 +117,8 @@ def make_urdf(
 ) -> str:
     """Writes the URDF: a link and a joint for each joint of the open tree.
 
-    `Link` defines where the loop is open; joint states close it. A comment marks a mass or an
-    inertia that is 0 in the parameters.
+    `Link` defines where the loop is open; the positions on joint_states close it. A comment marks
+    a mass or an inertia that is 0 in the parameters.
 
     Args:
         mechanism: The mechanism.
