@@ -9,9 +9,10 @@ from xml.etree import ElementTree as ET
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.model.kinematics import State
 from linkage_ros.model.loads import LinkForce, continuous
+from linkage_ros.model.rigid_links import RigidLink, rigid_links
 from linkage_ros.model.structure import Mechanism
 from linkage_ros.wire.codecs import joint_rows
-from linkage_ros.wire.urdf import RigidLink, element, link_of, rigid_links, text_of
+from linkage_ros.wire.urdf import comment, element, link_of, text_of
 
 # MuJoCo raises the time constant of a constraint, the first number of solref, to twice the
 # timestep: the loop is as stiff as the timestep allows.
@@ -103,7 +104,7 @@ def _body(link: RigidLink, at: float) -> ET.Element:
     return element(
         'body',
         element('joint', name=link.name, type=kind, axis=axis, ref=repr(at)),
-        *link.notes,
+        *comment(link),
         element(
             'inertial', pos=text_of(*link.center, 0.0), mass=repr(link.mass),
             diaginertia=text_of(half, half, link.inertia),

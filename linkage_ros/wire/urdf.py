@@ -4,21 +4,15 @@
 
 import math
 from collections.abc import Iterable
-from typing import Any, NamedTuple
+from typing import Any
 from xml.etree import ElementTree as ET
 
-from linkage_ros.model.parts import Body
+from linkage_ros.model.rigid_links import RigidLink, rigid_links
 from linkage_ros.model.structure import Link, Mechanism
-from linkage_ros.palette import color_of, fractions
 from linkage_ros.wire.codecs import ROOT_FRAME
 
 # URDF demands limits of force and speed for a prismatic joint; the model has none.
 _NO_LIMIT = '1e9'
-# Simulators refuse a moving link without mass or inertia. Such a link gets this fraction of the
-# mass of the whole linkage.
-_SMALL = 1e-6
-# kg or kg m^2: the least value at which MuJoCo also accepts half the inertia, which is ixx.
-_LEAST = 1e-14
 # Parameters of joint_state_topic_hardware_interface with a node as the plant.
 _PLUGIN = 'joint_state_topic_hardware_interface/JointStateTopicSystem'
 _HARDWARE = {
@@ -26,71 +20,6 @@ _HARDWARE = {
     'joint_states_topic': '/plant/joint_states',
     'trigger_joint_command_threshold': '-1',
 }
-
-
-class RigidLink(NamedTuple):
-    """A moving link for simulators: with mass, inertia, and a box as its shape.
-
-    Attributes:
-        joint: Joint that moves it.
-        name: Name of the joint.
-        mass: kg, more than 0.
-        inertia: About its centre of mass, kg m^2, more than 0.
-        center: Centre of mass in the link's axes, m.
-        notes: A comment on the mass and inertia that are 0 in the parameters, if any.
-        box: Length, width and height of its shape, m.
-        place: Centre of the shape in the link's axes, m.
-        color: Red, green, blue and opacity, from 0 to 1.
-    """
-
-    joint: Link
-    name: str
-    mass: float
-    inertia: float
-    center: tuple[float, float]
-    notes: list[Any]
-    box: tuple[float, float, float]
-    place: tuple[float, float, float]
-    color: str
-
-
-def rigid_links(mechanism: Mechanism, joint_prefix: str = '') -> list[RigidLink]:
-    """The moving links of a mechanism, in the order of its joints.
-
-    Each link's x axis points from its first to its second pin, a slider's along its guide. Bars
-    are boxes with a width of a twentieth of the shortest link, one above the other so that they
-    do not intersect.
-
-    Args:
-        mechanism: The mechanism.
-        joint_prefix: Prepended to all joint names.
-
-    Returns:
-        The links; a mass or inertia of 0 is replaced by a small one.
-    """
-    joints = mechanism.structure().links
-    bodies: list[Any] = [getattr(mechanism, joint.name) for joint in joints]
-    width = min(body.length for body in bodies if isinstance(body, Body)) / 20
-    least_mass = max(_SMALL * (math.fsum(body.mass for body in bodies) or 1.0), _LEAST)
-    names = joint_names(joints, joint_prefix)
-    links = []
-    for layer, (joint, name, body) in enumerate(zip(joints, names, bodies, strict=True)):
-        turns, mass = isinstance(body, Body), body.mass or least_mass
-        # A slider does not turn, so the inertia of a box does not change the motion.
-        length, height = (body.length, width) if turns else (6 * width, 4 * width)
-        box = least_mass * length**2 if turns else mass * math.hypot(length, height) ** 2
-        inertia = (turns and body.inertia) or max(box / 12, _LEAST)
-        zeros = [word for word in ('mass', 'inertia') if getattr(body, word, 1.0) == 0]
-        note = f' {" and ".join(zeros)} 0 in the parameters; simulators refuse 0, so small here '
-        color = ' '.join(f'{part:.3f}' for part in fractions(color_of(joint.name)))
-        links.append(
-            RigidLink(
-                joint, name, mass, inertia, body.center if turns else (0.0, 0.0),
-                [ET.Comment(note)] if zeros else [], (length, height, width),
-                (length / 2 if turns else 0.0, 0.0, layer * width), f'{color} 1',
-            )
-        )  # fmt: skip
-    return links
 
 
 def joint_names(joints: Iterable[Link], joint_prefix: str) -> tuple[str, ...]:
@@ -150,6 +79,11 @@ def element(tag: str, *children: Any, text: str | None = None, **rest: str) -> E
     return made
 
 
+def comment(link: RigidLink) -> list[Any]:
+    """A comment with the note on a link, if there is one."""
+    return [ET.Comment(link.note)] if link.note else []
+
+
 def _link(link: RigidLink) -> ET.Element:
     # A planar description has only izz; a flat body has ixx + iyy = izz.
     half = repr(link.inertia / 2)
@@ -161,7 +95,7 @@ def _link(link: RigidLink) -> ET.Element:
             element('geometry', element('box', size=text_of(*link.box))),
             element('material', element('color', rgba=link.color), name=link.name),
         ),
-        *link.notes,
+        *comment(link),
         element(
             'inertial',
             _origin(*link.center),

@@ -1,0 +1,81 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The moving links as simulators need them, for URDF and MJCF."""
+
+import math
+from typing import Any, NamedTuple
+
+from linkage_ros.model.parts import Body
+from linkage_ros.model.structure import Link, Mechanism
+from linkage_ros.palette import color_of, fractions
+
+# Simulators refuse a moving link without mass or inertia. Such a link gets this fraction of the
+# mass of the whole linkage.
+_SMALL = 1e-6
+# kg or kg m^2: the least value at which MuJoCo also accepts half the inertia, which is ixx.
+_LEAST = 1e-14
+
+
+class RigidLink(NamedTuple):
+    """A moving link for simulators: with mass, inertia, and a box as its shape.
+
+    Attributes:
+        joint: Joint that moves it.
+        name: Name of the joint.
+        mass: kg, more than 0.
+        inertia: About its centre of mass, kg m^2, more than 0.
+        center: Centre of mass in the link's axes, m.
+        note: Which of mass and inertia are 0 in the parameters; empty: neither.
+        box: Length, width and height of its shape, m.
+        place: Centre of the shape in the link's axes, m.
+        color: Red, green, blue and opacity, from 0 to 1.
+    """
+
+    joint: Link
+    name: str
+    mass: float
+    inertia: float
+    center: tuple[float, float]
+    note: str
+    box: tuple[float, float, float]
+    place: tuple[float, float, float]
+    color: str
+
+
+def rigid_links(mechanism: Mechanism, joint_prefix: str = '') -> list[RigidLink]:
+    """The moving links of a mechanism, in the order of its joints.
+
+    Each link's x axis points from its first to its second pin, a slider's along its guide. Bars
+    are boxes with a width of a twentieth of the shortest link, one above the other so that they
+    do not intersect.
+
+    Args:
+        mechanism: The mechanism.
+        joint_prefix: Prepended to all joint names.
+
+    Returns:
+        The links; a mass or inertia of 0 is replaced by a small one.
+    """
+    joints = mechanism.structure().links
+    bodies: list[Any] = [getattr(mechanism, joint.name) for joint in joints]
+    width = min(body.length for body in bodies if isinstance(body, Body)) / 20
+    least_mass = max(_SMALL * (math.fsum(body.mass for body in bodies) or 1.0), _LEAST)
+    links = []
+    for layer, (joint, body) in enumerate(zip(joints, bodies, strict=True)):
+        turns, mass = isinstance(body, Body), body.mass or least_mass
+        # A slider does not turn, so the inertia of a box does not change the motion.
+        length, height = (body.length, width) if turns else (6 * width, 4 * width)
+        box = least_mass * length**2 if turns else mass * math.hypot(length, height) ** 2
+        inertia = (turns and body.inertia) or max(box / 12, _LEAST)
+        zeros = [word for word in ('mass', 'inertia') if getattr(body, word, 1.0) == 0]
+        note = f' {" and ".join(zeros)} 0 in the parameters; simulators refuse 0, so small here '
+        color = ' '.join(f'{part:.3f}' for part in fractions(color_of(joint.name)))
+        links.append(
+            RigidLink(
+                joint, f'{joint_prefix}{joint.name}', mass, inertia,
+                body.center if turns else (0.0, 0.0), note if zeros else '',
+                (length, height, width),
+                (length / 2 if turns else 0.0, 0.0, layer * width), f'{color} 1',
+            )
+        )  # fmt: skip
+    return links
