@@ -33,7 +33,7 @@ _POINTS, _LARGEST = 8, 10.0  # N m
 _NODES = 256
 _BESIDE, _STEEP = 1e-3, 1e-4  # rad
 _ROUNDS = 100
-_PROBE = 10.0  # N, along the guide
+_PROBE = 10.0  # force along the guide that probes the normal force, N
 
 
 class NumberCase(Case):

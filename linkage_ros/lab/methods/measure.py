@@ -33,7 +33,7 @@ RIGHT, REFUSED, DIVERGED, WRONG_BRANCH, NAN = OUTCOMES = (
     'right', 'refused', 'diverged', 'wrong branch', 'NaN',
 )  # fmt: skip
 LIMIT = 1e-6  # largest error of a right answer
-# Errors of arithmetic if a formula has no answer.
+# Errors that arithmetic raises if a formula has no answer.
 FAILURES = (ArithmeticError, ValueError, np.linalg.LinAlgError)
 ONE, BATCH = 'one at a time', 'batch'
 _SEED = 20_261_121

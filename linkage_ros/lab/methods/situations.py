@@ -110,12 +110,12 @@ def limited(random: Random) -> FourBar:
 
 
 def _turn(steps: int = 48, turns: int = 1) -> tuple[float, ...]:
-    """Even angles, the first half a step after 0."""
+    """Evenly spaced angles, rad, the first half a step after 0."""
     return tuple((i + 0.5) * 2 * math.pi / steps for i in range(steps * turns))
 
 
 def _passing(*extra: float) -> tuple[float, ...]:
-    """Two turns in even steps from a quarter turn before 0, and further angles."""
+    """Two turns in even steps from a quarter turn before 0, and the given angles."""
     even = (-math.pi / 2 + angle for angle in _turn(turns=2))
     return tuple(sorted((*even, *extra)))
 

@@ -29,7 +29,7 @@ from linkage_ros.motion.drives import Motor
 from linkage_ros.parameters.configuration import load
 
 _CONTEXT = Context(prec=34)
-_LOOK = 0.02  # s between two checks for the end of the coordinates
+_LOOK = 0.02  # s between two checks for a singularity of the coordinates
 _SHORTEST = Decimal('1e-6')  # s
 _GROWTH = Decimal('1.3')  # factor of the step length after a step with few rows
 # Rows of the extrapolation: steps grow after one with at most _FEW; with more than _ROWS a step is

@@ -136,7 +136,7 @@ class Reference:
         return height
 
     def _solve(self, crank: _Number, coupler: _Number, output: _Number, _: _Number) -> Exact:
-        """Solves the accelerations for the crank's motion, and the torque by virtual power."""
+        """Computes rates, accelerations and, by virtual power, the torque at a position."""
         (speed, change), zero, bodies = map(mp.mpf, self._motion), mp.mpf(0), self._bodies
         places = [_unit(crank), _vector(coupler), _vector(output)]
         slopes = bodies.closed(places, [mp.mpf(1), zero, zero], [zero, zero])

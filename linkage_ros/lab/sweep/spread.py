@@ -58,8 +58,8 @@ def spread(
             failures += 1
             if failures == _ATTEMPTS:
                 raise ConfigurationError(
-                    f'worker processes died {_ATTEMPTS} times without a result: is memory short? '
-                    'Give fewer --workers, or fewer angles'
+                    f'worker processes died {_ATTEMPTS} times without a result, perhaps because '
+                    'memory was short; give fewer --workers, or fewer angles'
                 ) from None
 
 
