@@ -31,11 +31,10 @@ _TOLERANCE = 5e-4  # of a step, in rad, crank lengths, and these per second at t
 _SHORTEST = 1e-5  # step, of the time of a radian
 _PAUSE = 10  # steps until motions outside the coordinates are continued in others
 _KEPT = 400  # steps that are searched for the last turns
-# In other coordinates: longest step, s, tolerance, and longest time, of the time of a radian.
-_LONGEST, _ROUGH, _PATIENCE = 0.04, 1e-3, 6.0
-_GONE = 150.0  # in the same unit; after this time, the motion is not continued
+_LONGEST, _ROUGH = 0.04, 1e-3  # step, s, and tolerance of a motion that is continued in others
+_GONE = 150.0  # longest time in these, of the time of a radian
 _CALM = 10  # steps in which the first coordinates must be suitable before they are used again
-_CROSSED = 'it goes over to the other assembly'
+_ACROSS = 'it goes over to the other assembly'
 
 
 class Motions:
@@ -70,17 +69,15 @@ class Motions:
         self._slope = self._slopes(self._there)
         self._step = np.full(starts.shape[1], 0.1 / self._pace)
         self._leaves: Any = np.isnan(self._slope).any(axis=0)
-        self._crossed = self._leaves.copy()
+        self._crossed: Any = False & self._leaves
         self.active: Any = np.arange(starts.shape[1])
-        self._away: dict[int, FixedSteps] = {}
         self._ends: dict[int, str] = {}
         self.times, self.phases = [np.zeros(starts.shape[1])], [starts.copy()]
 
     @property
     def ends(self) -> dict[int, str]:
         """By number: the place of a motion outside this assembly, or the reason for its end."""
-        crossed = np.flatnonzero(self._crossed).tolist()
-        return {**dict.fromkeys(crossed, _CROSSED), **self._ends}
+        return {**dict.fromkeys(np.flatnonzero(self._crossed).tolist(), _ACROSS), **self._ends}
 
     def advance(self, steps: int) -> None:
         """Advances all motions by a number of steps, some of which are repeated."""
@@ -90,7 +87,7 @@ class Motions:
                 self._try()
                 if step % _PAUSE == 0:
                     for number in np.flatnonzero(self._leaves).tolist():
-                        if number in self._away or number not in self._ends:
+                        if number not in self._ends:
                             self._carry(number)
                 course.append(self._there)
         if self._solver is not self._own:
@@ -122,30 +119,23 @@ class Motions:
 
     def _carry(self, number: int) -> None:
         """Follows one motion in other coordinates until the first ones are suitable again."""
-        phase, calm = self._there[:, number], 0
-        start = tuple(phase.tolist())
+        there, calm = self._there[:, number], 0
         try:
-            steps = self._away.get(number) or FixedSteps(self._driven, start, _LONGEST, _ROUGH)
-            begin = steps.time
-            while calm < _CALM and steps.time < begin + _PATIENCE / self._pace:
+            steps = FixedSteps(self._driven, tuple(there.tolist()), _LONGEST, _ROUGH)
+            while calm < _CALM and steps.time < _GONE / self._pace:
                 steps.advance(steps.time + _LONGEST)
                 is_own = steps.driven.solver.description == self._solver.description
                 calm = calm + 1 if is_own else 0
         except LinkageError as error:
             self._ends[number] = str(error)
-            self._away.pop(number, None)
             return
-        self._away[number], self._crossed[number] = steps, True
-        self.times[-1][number] += steps.time - begin
-        if calm == _CALM:
-            phase[:] = steps.driven.crank(steps.phase, steps.pairs), *steps.phase[1:]
-            self._step[number], self._leaves[number] = 0.1 / self._pace, False
-            self._slope[:, number] = self._slopes(phase[:, None])[:, 0]
-            self._crossed[number] = False
-            del self._away[number]
-        elif steps.time > _GONE / self._pace:
-            del self._away[number]
-            self._ends[number] = _CROSSED
+        self.times[-1][number] += steps.time
+        if calm < _CALM:
+            self._ends[number] = _ACROSS
+            return
+        there[:] = steps.driven.crank(steps.phase, steps.pairs), *steps.phase[1:]
+        self._step[number], self._leaves[number] = 0.1 / self._pace, False
+        self._slope[:, number] = self._slopes(there[:, None])[:, 0]
 
     def last_turns(self, number: int, turns: int) -> Array | None:
         """The last turns of a motion.
