@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Draws the steady states of a wind pump in six panels, with figures below."""
+"""Draws the steady states of a wind pump in six panels, with tables below."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ from linkage_ros.lab.pump.table import states_table
 from linkage_ros.numeric import Array
 from linkage_ros.palette import BLACK, DARK, FIRST, GREY, SECOND, fractions, mixed
 
-# Stable pieces of the load curve by growing speed; the unstable are grey and dashed.
+# Colours of the stable pieces of the load curve, in turn; unstable pieces are grey and dashed.
 _STABLE = tuple(
     map(fractions, (FIRST, SECOND, mixed(FIRST, BLACK, 0.6), mixed(SECOND, BLACK, 0.6)))
 )
 _UNSTABLE, _MOTOR, _REST = map(fractions, (DARK, BLACK, GREY))
 _PARTS = 256  # of a turn
-_WIDEST = 138  # letters of a line below the panels
-_FEW, _BETWEEN = 3, 12  # least points of a curve, and those drawn between two of them
+_WIDEST = 138  # characters in a line below the panels
+_FEW, _BETWEEN = 3, 12  # fewest points of a smooth curve, and points drawn between two
 _TORQUES = 2.0  # largest torque drawn, times the motor's
 # Heights of a panel, the room below it, the room above all, and a line of text; widths of the left
 # edge, a panel and the room beside it; inches.
@@ -51,7 +51,7 @@ _LABELS = {
 _DOTS: dict[str, Any] = {'color': _MOTOR, 'linestyle': ':'}
 _STYLE: dict[Any, Any] = {
     'axes.titlesize': TEXT, 'axes.labelsize': TEXT, 'legend.fontsize': SMALL,
-    'axes.titley': 1.0,  # a place that is given need not be found
+    'axes.titley': 1.0,  # otherwise Matplotlib searches for a free place
     'axes.grid': True, 'grid.color': '0.9', 'grid.linewidth': 0.6, 'axes.axisbelow': True,
 }  # fmt: skip
 _Colors: TypeAlias = dict[Piece, tuple[float, float, float]]
@@ -105,7 +105,7 @@ def _draw_phase_plane(axes: Axes, analysis: Analysis, colors: _Colors) -> None:
     angles = np.linspace(0, 2 * math.pi, _PARTS + 1)
     for state in analysis.states:
         x, _, v = state.motion.at(state.motion.turns * angles)
-        axes.plot(x, v, linewidth=2.2, label=_name(state), **_line(colors, state.piece))
+        axes.plot(x, v, linewidth=2.2, label=state.name, **_line(colors, state.piece))
         axes.plot(x[0], v[0], **_mark(colors, state))
     label = 'averaged, one harmonic'
     for motion in filter(None, analysis.averaged):
@@ -115,7 +115,7 @@ def _draw_phase_plane(axes: Axes, analysis: Analysis, colors: _Colors) -> None:
     axes.set(title='Settled motions')
     axes.set_xlabel('Slider position xD, m', labelpad=1)
     axes.set_ylabel("Slider velocity xD', m/s")
-    # Below the panel the legend hides nothing.
+    # Below the panel, the legend does not cover the curves.
     axes.legend(
         *axes.get_legend_handles_labels(), ncols=2, frameon=False, columnspacing=1.2,
         loc='upper center', bbox_to_anchor=(0.5, -0.13), borderpad=0, labelspacing=0.2,
@@ -133,7 +133,7 @@ def _draw_runs(axes: Axes, analysis: Analysis, colors: _Colors) -> None:
         line, place = ('-', 0.98) if state.motion.stable else ('--', 0.6)
         axes.axhline(state.motion.speed, color='black', linewidth=1, linestyle=line)
         axes.annotate(
-            _name(state), (place, state.motion.speed), xycoords=('axes fraction', 'data'),
+            state.name, (place, state.motion.speed), xycoords=('axes fraction', 'data'),
             ha='right', xytext=(0, 9), textcoords='offset points', fontsize=SMALL,
             color='0.2', weight='bold',
         )  # fmt: skip
@@ -170,7 +170,7 @@ def _draw_over_torque(axes: Axes, analysis: Analysis, colors: _Colors, quantity:
     axes.axvline(analysis.motor.torque, color=_MOTOR, linewidth=1)
     _draw_branch(axes, analysis, colors, 'torque', quantity)
     if quantity == 'speed':
-        # Where a curve was not followed further, the range may go on.
+        # Where a curve was not followed further, the range may extend further.
         two = ', '.join(
             f'{"at most " * (one["low_is"] in {END, LOST})}{one["low"]:.4g} to '
             f'{"at least " * (one["high_is"] in {END, LOST})}{one["high"]:.4g} N m'
@@ -222,9 +222,3 @@ def _mark(colors: _Colors, state: SteadyState) -> dict[str, Any]:
         'markeredgecolor': 'black' if stable else color, 'zorder': 6,
         'markerfacecolor': color if stable else 'white',
     }  # fmt: skip
-
-
-def _name(state: SteadyState) -> str:
-    motion = state.motion
-    turns = f', {motion.turns} turns' if motion.turns > 1 else ''
-    return f'{motion.speed:.4g} rad/s{turns}{"" if motion.stable else ", unstable"}'

@@ -27,13 +27,17 @@ from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.motion.drives import Motor
 from linkage_ros.numeric import Array
 
-CHANGES = (0.95, 1.05)  # of the motor's torque
+_CHANGES = (0.95, 1.05)  # of the motor's torque
+CHANGED = 'speed', 'stroke', 'flow'  # whose changes are given
 _SLOWEST, _FASTEST = 1 / 3, 10.0  # ends of the load curve, times the extreme starts
-_ALIKE = 0.1  # relative difference in speed of a motion and the averaged one near it
-_SLOW, _SLIDING = 0.03, 2.0  # speeds of starts: of the crank, and of the slider per crank pin's
-# Number of starts: a state that 2 % of them reach is missed once in 170 runs. Checks of their
-# motions before these are given up.
-COUNT, _LOOKS = 256, 32
+_ALIKE = 0.1  # largest relative difference in speed of a motion and its averaged motion
+_SLOW, _SLIDING = (
+    0.03,
+    2.0,
+)  # of the starts: slowest crank; fastest slider, times the crank pin's speed
+# Number of starts: a state that attracts 2 % of all starts is missed in one run of 170. Largest
+# number of checks of their motions.
+COUNT, _CHECKS = 256, 32
 
 
 class Start(NamedTuple):
@@ -43,7 +47,7 @@ class Start(NamedTuple):
         name: Name of the start.
         times: Times, s.
         speeds: Crank speeds at these times, rad/s.
-        state: Number of the steady state that it reaches; None: none.
+        state: Number of the steady state that it reaches; None: it reaches none.
         ended: Reason for its end; None: it did not end.
     """
 
@@ -60,16 +64,17 @@ class Analysis(NamedTuple):
     Attributes:
         motor: Motor of the pump.
         states: Steady states in order of speed, stable or not.
-        averaged: The averaged motion near each of them; None: there is none.
+        averaged: The averaged motion near each of them; None: none was found.
         pieces: The load curve.
-        sensitivities: Each stable state under the changed torques: number of the state, torque,
-            N m, the changed state, and its relative changes; or the reason why none is known.
+        sensitivities: For each stable state and changed torque: number, speed, rad/s, and period
+            of the state, the torque, N m, the state there, and its relative changes; or the reason
+            why none is known.
         runs: Motions from named starts.
         shares: Fraction of the starts that settle at each state, by its number.
         ended: Fraction of the starts that end in the other assembly or outside all coordinates.
         stopped: Fraction of the starts from which the crank comes to rest, or rocks to and fro.
-        unidentified: Fraction of the starts that do none of these.
-        spread: Slider speed over which a jump of the load curve is spread, m/s; 0: none jumps.
+        unidentified: Fraction of the starts with none of these outcomes.
+        spread: Slider speed below which a load that jumps is smoothed, m/s; 0: no load jumps.
     """
 
     motor: Motor
@@ -151,7 +156,7 @@ def analyse(
     pieces = with_curves(balance, [], resting, limits)
     known = [state.motion for state in steady_states(balance, pieces, motor.torque)]
     search = Search(balance, motor, np.hstack((given, _box(mechanism, pace))), known, len(speeds))
-    search.run(progress, _LOOKS)
+    search.run(progress, _CHECKS)
     pieces = with_curves(balance, pieces, search.states, limits)
     states = steady_states(balance, pieces, motor.torque)
     for found in search.states:
@@ -178,7 +183,7 @@ def analyse(
         pieces,
         [
             one
-            for change in CHANGES
+            for change in _CHANGES
             for one in _changed(balance, pieces, states, change * motor.torque)
         ],
         [
@@ -226,12 +231,15 @@ def _changed(
             motion = others.get(piece)
             changes = {
                 name: getattr(motion, name) / getattr(state, name) - 1
-                for name in ('speed', 'stroke', 'flow')
+                for name in CHANGED
                 if motion
             }
             record = motion and motion.record()
             end, kind = piece.ends[1 if torque > state.torque else 0]
+            reason = f'its curve ends at {end:.4g} N m: {kind}'
+            if kind == ALONE:
+                reason = f'curves of motions of {state.turns} turns are not followed'
             yield {
-                'state': number, 'torque': torque, 'motion': record, 'changes': changes,
-                'reason': None if motion else f'its curve ends at {end:.4g} N m: {kind}',
+                'state': number, 'speed': state.speed, 'period': state.turns, 'torque': torque,
+                'motion': record, 'changes': changes, 'reason': None if motion else reason,
             }  # fmt: skip

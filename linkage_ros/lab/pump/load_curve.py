@@ -31,9 +31,7 @@ _STEP, _SHORTEST = 0.3, 1e-2
 _SHARP, _STRAIGHT = 0.5, 0.9  # cosines of the angle between two steps: too large, and small
 _MOST = 400  # steps along a curve
 _ROUGH = 1e-4  # relative, of Newton's last step there
-_FEW = (
-    2  # turns of states whose curves are followed: a step of four turns takes eight times as long
-)
+_FEW = 2  # turns of states whose curves are followed: four turns take eight times as long
 _MOST_SECANTS, _UNIT = 12, 1e-8  # steps to a multiplier of modulus 1, and tolerance
 
 
@@ -73,6 +71,13 @@ class SteadyState(NamedTuple):
 
     motion: PeriodicMotion
     piece: Piece
+
+    @property
+    def name(self) -> str:
+        """Its speed, and what distinguishes it from a stable motion of one turn."""
+        motion = self.motion
+        turns = f', {motion.turns} turns' if motion.turns > 1 else ''
+        return f'{motion.speed:.4g} rad/s{turns}{"" if motion.stable else ", unstable"}'
 
 
 def steady_states(

@@ -4,9 +4,15 @@
 
 from __future__ import annotations
 
-from linkage_ros.lab.pump.analysis import CHANGES, COUNT, Analysis
+from operator import itemgetter
+
+from linkage_ros.lab.pump.analysis import CHANGED, COUNT, Analysis
 
 _LARGE = 1e4  # multiplier of which only the magnitude is shown
+_NOTE = (
+    'multiplier: growth of a small deviation over a period; Floquet: of the exact motion; '
+    'slow flow: of the averaged motion, an estimate'
+)
 
 
 def states_table(analysis: Analysis) -> list[str]:
@@ -46,12 +52,8 @@ def _states_lines(analysis: Analysis) -> list[str]:
         ('', '', 'rad/s', 'm', 'm/s', '', '', 'multiplier', 'rad/s', 'multiplier'),
     )  # fmt: skip
     rows = [_cells(analysis, number) for number in range(len(analysis.states))]
-    widths = 9, 6, 12, 10, 10, 12, 9, 20, 10, 20
-    return [
-        ''.join(f'{cell:<{width}}' if not i else f'{cell:>{width}}'
-                for i, (cell, width) in enumerate(zip(row, widths, strict=True)))
-        for row in (*head, *rows)
-    ]  # fmt: skip
+    widths = '{:<9}{:>6}{:>12}{:>10}{:>10}{:>12}{:>9}{:>20}{:>10}{:>20}'
+    return [*(widths.format(*row) for row in (*head, *rows)), _NOTE]
 
 
 def _cells(analysis: Analysis, number: int) -> tuple[str, ...]:
@@ -80,21 +82,12 @@ def _fixed(value: float, form: str = '.4f') -> str:
 
 
 def _changes_lines(analysis: Analysis) -> list[str]:
-    """Relative changes of the stable states with the torque."""
-    lines = []
-    for number, (state, _) in enumerate(analysis.states):
-        if state.stable:
-            cells = (
-                f'torque {change - 1:+.0%}: '
-                + (
-                    ', '.join(f'{name} {_fixed(x, "+.2%")}' for name, x in one['changes'].items())
-                    or one['reason']
-                )
-                for change, one in zip(
-                    CHANGES,
-                    (one for one in analysis.sensitivities if one['state'] == number),
-                    strict=True,
-                )
-            )
-            lines.append(f'at {state.speed:.4g} rad/s, ' + '; '.join(cells))
-    return lines
+    """A table of the relative changes of the stable states with the torque."""
+    head = 'changes of the stable states with the torque', *CHANGED
+    lines = ['{:<46}{:>10}{:>10}{:>10}'.format(*head)]
+    for one in sorted(analysis.sensitivities, key=itemgetter('state')):
+        change = one['torque'] / analysis.motor.torque - 1
+        name = f'{analysis.states[one["state"]].name}, torque {change:+.0%}'
+        cells = ''.join(f'{_fixed(change, "+.2%"):>10}' for change in one['changes'].values())
+        lines.append(f'{name:<46}{cells}' if cells else f'{name}: {one["reason"]}')
+    return lines if analysis.sensitivities else []
