@@ -1,10 +1,10 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The equations of motion of a wind pump for many phases at once, some of them out of reach.
+"""The equations of motion of a wind pump for arrays of phases, some of which are out of reach.
 
-Fourier series cannot follow the jump of a load curve with a return_value where the slider
-reverses. Between slider speeds of -width and width the force changes from one curve to the other,
-as a cubic polynomial of the speed.
+The force of a load curve with a return_value jumps where the slider reverses, which a Fourier
+series cannot follow. Between slider speeds of -width and width the force changes from one curve
+to the other, as a cubic polynomial of the speed.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _WIDTH = 0.03  # relative to crank length x the motor's largest speed
 
 
 class PumpSolver(Solver):
-    """A solver that is also fast for arrays, because it checks nothing."""
+    """A solver with equations of motion for arrays, which are fast because they check nothing."""
 
     @functools.cached_property
     def _terms(self) -> Callable[..., tuple[Array, ...]]:
@@ -82,11 +82,11 @@ class PumpSolver(Solver):
 
 
 def _terms(constants: tuple[Any, ...], *phase: Real) -> tuple[Real, ...]:
-    """M11, M12, M22, h1, h2, and a number that is above 0 where the dyad reaches."""
+    """M11, M12, M22, h1, h2, and a number that is above 0 within reach."""
     model, limits = constants
     q, u = phase[:2], phase[2:]
     inside, reached = _reach(model.loop, limits, *q)
-    # Elsewhere, the terms at another place.
+    # Out of reach, the terms are those of another place.
     pose = model.loop.pose(
         tuple(where(inside > 0, *both) for both in zip(q, reached, strict=True))
     )

@@ -39,7 +39,7 @@ from linkage_ros.numeric import Array
 AVERAGED, EXACT, _FINEST = 1, 16, 64  # harmonics
 _SPEEDS, _PLACES = 12, 7  # harmonics of guesses with a slider at rest
 _ROUGH = 4  # harmonics of a guess
-_WILD = 100.0  # meaningless multipliers, of averaged motions near a stretched dyad
+_WILD = 100.0  # multiplier that has no meaning, of an averaged motion near a stretched dyad
 _TAIL = 1e-4  # largest coefficient of the last harmonic, in crank lengths
 # Largest steps of Newton's method, relative; 4 or 5 suffice from a neighbour.
 _STEPS = (1.0,) * 4 + (0.1,) * 3 + (0.01,) * 5
@@ -52,7 +52,7 @@ class HarmonicBalance:
 
     Attributes:
         solver: Solver of the pump.
-        damping: Torque that the motor loses per crank speed, N m s.
+        damping: Slope of the motor line: loss of torque per crank speed, N m s.
         turns: Turns after which its motions repeat.
         angles: Evenly spaced crank angles over these turns, rad.
         sizes: Numbers of coefficients of both series.
@@ -201,7 +201,7 @@ class HarmonicBalance:
             averaged = PeriodicMotion(*given, self._slow_multipliers(unknowns))
             return averaged if abs(averaged.multipliers[0]) < _WILD else None
         tail = np.abs(slider[-2:]).max() / self._mechanism.crank.length
-        if tail < _TAIL:  # the multipliers refuse a motion next to a stretched dyad
+        if tail < _TAIL:  # next to a stretched dyad, multipliers may not be finite
             return motion if np.isfinite(motion.multipliers).all() else None
         if self._harmonics == _FINEST:
             return None

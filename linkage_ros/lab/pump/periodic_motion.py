@@ -23,7 +23,7 @@ _DIFFERENCE = 1e-5  # relative, for derivatives by central differences
 _FINE, _STEPS = 256, 4  # parts of a turn searched for reversals, and Newton steps to each
 _SAME = 1e-6  # relative difference of two numbers of one motion
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(96)  # of Gauss's quadrature over a turn
-_TINY = 1e-5  # amplitude that counts as 0, in crank lengths
+_TINY = 1e-5  # amplitude below which a harmonic counts as absent, in crank lengths
 
 
 def parts_of(turns: int, harmonics: int) -> Array:
@@ -72,7 +72,7 @@ class PeriodicMotion:
 
     Attributes:
         solver: Solver of the pump.
-        damping: Torque that the motor loses per crank speed, N m s.
+        damping: Slope of the motor line: loss of torque per crank speed, N m s.
         slider: Coefficients of the slider's position, m.
         crank: Coefficients of the crank's speed, rad/s.
         torque: Torque of the motor at rest, N m.

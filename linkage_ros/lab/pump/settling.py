@@ -26,18 +26,18 @@ _FORWARDS = Quantity('number', 'motor torque at rest that turns the crank', 'N m
 _FASTEST_SETTLING = 25.0  # times the pace; beyond, a turn takes too many explicit steps
 _STEPS = 50  # steps between two checks of the motions; a turn takes about 8
 _ROWS = 10  # steps, about a turn
-_BACK = 50  # steps in which such a motion must have approached
+_BACK = 50  # steps between two of its distances that are compared
 _NEAR = 0.05  # distance of a settled motion, relative to crank length and speed
-_COMING, _NEARER = 0.5, 0.95  # or this distance, and twice in a row a reduction by this factor
-_LED = 2.0  # or this distance to a state that Newton's method finds from its last turns
+_APPROACHING, _NEARER = 0.5, 0.95  # or this one, reduced twice in a row by this factor
+_ATTRACTED = 2.0  # or this one, to a state that Newton's method finds from its last turns
 _WAIT = 4  # checks before states are identified from motions
-_LATE, _RARE = 10, 0.005  # checks after which this few motions are given up
-_ASKED = 6  # failures to identify a state at one check
+_LATE, _RARE = 10, 0.005  # checks after which this share of the motions is given up
+_MOST_FAILURES = 6  # to identify a state, at one check
 _PERIODS = range(1, 9)  # turns after which a motion may repeat
 _REPEATS = 0.02  # allowed residual of a series over a period, relative to the motion's spread
 _GUESSES = 1, 2, 4  # turns of a motion that has not yet settled
-_ASIDE = 0.1  # distance of starts from an unstable state, in the same units
-_BLOCKS = 80  # checks of a single motion
+_ASIDE = 0.1  # distance of starts from an unstable state, in the units of `_NEAR`
+_CHECKS = 80  # of a single motion
 
 
 class Search:
@@ -48,9 +48,9 @@ class Search:
     Attributes:
         motions: The motions; those from unstable states are the last.
         states: The states that are known, stable or not.
-        beside: The unstable states known at the start.
+        beside: The unstable states known at the start; starts beside them are within reach.
         belongs: The number of the state at which each motion settles, or -1.
-        stopped: Whether the crank of each motion stands, or rocks to and fro.
+        stopped: Whether the crank of each motion has stopped, or rocks to and fro.
     """
 
     def __init__(
@@ -80,18 +80,18 @@ class Search:
         """Whether each motion has neither ended nor stopped nor settled at a known state."""
         return (self.belongs < 0) & ~self.ended & ~self.stopped
 
-    def run(self, progress: Callable[[Iterable[Any], str], Any], looks: int) -> None:
-        """Follows the motions until all have settled or ended, for a bounded time."""
-        for look in progress(range(1, looks + 1), 'motions'):
+    def run(self, progress: Callable[[Iterable[Any], str], Any], checks: int) -> None:
+        """Follows the motions until all have settled or ended, or up to a number of checks."""
+        for check in progress(range(1, checks + 1), 'motions'):
             self.motions.advance(_STEPS)
             self._assign()
             self.motions.active = np.flatnonzero((self.belongs < 0) | self._drawn)
-            is_late = look >= _LATE and self.unidentified.mean() < _RARE
-            is_last = is_late or look == looks
-            is_asked = look % _WAIT == 0 or is_last
+            is_late = check >= _LATE and self.unidentified.mean() < _RARE
+            is_last = is_late or check == checks
+            is_due = check % _WAIT == 0 or is_last
             failures, guesses = 0, _GUESSES if is_last else ()
-            for number in np.flatnonzero(self.unidentified & is_asked).tolist():
-                if self.unidentified[number] and failures < _ASKED:
+            for number in np.flatnonzero(self.unidentified & is_due).tolist():
+                if self.unidentified[number] and failures < _MOST_FAILURES:
                     failures += not self._identify(number, guesses)
             if is_late or self.belongs.min() >= 0:
                 return
@@ -110,12 +110,12 @@ class Search:
             if state.stable:
                 away, was, began = (state.distance(rows) for rows in (now, before, first))
                 nearer = (away < _NEARER * was) & (was < _NEARER * began)
-                self.belongs[left[(away < _NEAR) | ((away < _COMING) & nearer)]] = number
+                self.belongs[left[(away < _NEAR) | ((away < _APPROACHING) & nearer)]] = number
         # A motion near an unstable state is assigned the states reached from both of its sides.
         sides = self.belongs[len(self.belongs) - 2 * len(self.beside) :].reshape(-1, 2)
         for (below, above), state in zip(sides.tolist(), self.beside, strict=True):
             if below == above >= 0:
-                near = (state.distance(now) < _COMING) & (self.belongs[left] < 0)
+                near = (state.distance(now) < _APPROACHING) & (self.belongs[left] < 0)
                 self.belongs[left[near]] = below
 
     def _identify(self, number: int, guesses: Iterable[int]) -> bool:
@@ -142,7 +142,7 @@ class Search:
                 if not same:
                     self.states.append(state)
                     self._assign()
-                if state.distance(last[:, -_ROWS:, None]) < _LED:
+                if state.distance(last[:, -_ROWS:, None]) < _ATTRACTED:
                     self.belongs[number] = same[0] if same else len(self.states) - 1
                 return True
         return False
@@ -228,7 +228,7 @@ def settle(
     """
     balance, start, _ = prepared(mechanism, motor, [speed])
     search = Search(balance, motor, start)
-    search.run(progress, _BLOCKS)
+    search.run(progress, _CHECKS)
     if 0 in search.motions.ends:
         raise ConfigurationError(f'from {speed:g} rad/s {search.motions.ends[0]}')
     if search.belongs[0] < 0:
