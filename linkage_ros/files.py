@@ -79,27 +79,28 @@ def create_file(
 def replacement(
     path: Path | str, kind: type[LinkageError], *, overwrite: bool, cure: str
 ) -> Iterator[Path]:
-    """Makes a file that takes its name, and the place of an older file, when it is complete.
+    """Writes a file under a temporary name, and renames it when it is complete.
 
     Args:
         path: The file.
-        kind: Error to raise.
+        kind: Class of the error to raise.
         overwrite: Whether to replace an existing file.
         cure: What a user must do to replace an existing file.
 
     Yields:
-        A path beside the file. What is written there gets the name of the file at the end of the
-        block; an error in the block removes it.
+        The temporary path, in the same folder. At the end of the block, the temporary file gets
+        its name and replaces an older file; after an error in the block, it is removed.
 
     Raises:
-        LinkageError: An error of that kind: the file exists and is kept, or cannot be replaced.
+        LinkageError: The file exists and is kept, or cannot be replaced; the error is of class
+            `kind`.
     """
     problem = ''
     if os.path.lexists(path) and not overwrite:
         problem = f'{_EXISTS} {cure}'
     elif is_written(path):
         problem = _WRITTEN
-    elif os.path.lexists(path) and not os.path.isfile(path):  # noqa: PTH113, for impossible names
+    elif os.path.lexists(path) and not os.path.isfile(path):  # noqa: PTH113, accepts invalid names
         problem = 'is not a file and is kept: choose another name'
     if problem:
         raise kind(f'{path} {problem}')
@@ -107,7 +108,7 @@ def replacement(
         target = Path(os.path.realpath(path))
         beside = target.with_name(f'.{os.getpid()}.part')
         beside.touch()
-    except (OSError, ValueError) as error:  # ValueError: a NUL, or half a character
+    except (OSError, ValueError) as error:  # ValueError: the name has a NUL or a lone surrogate
         raise kind(f'{path} cannot be written: {_reason(error)}') from error
     try:
         yield beside
@@ -120,7 +121,7 @@ def replacement(
 
 
 def _reason(error: Exception) -> str:
-    """The system's words for an error."""
+    """Returns the message of an error, without its number and path."""
     return getattr(error, 'strerror', None) or str(error)
 
 

@@ -28,13 +28,13 @@ _ABOUT = """
 def make_mjcf(mechanism: Mechanism, start: State, joint_prefix: str = '') -> str:
     """Writes the MJCF: the tree of the URDF, closed by a connect constraint between two sites.
 
-    It holds masses, gravity and loads, a motor on the crank, sensors for the values of
-    joint_states, and the start as a keyframe. The reference positions of the joints are those of
-    the start, so that the model begins in the right assembly without the keyframe as well.
+    The file holds masses, gravity and loads, a motor on the crank, sensors for the values of
+    joint_states, and the start as a keyframe. The reference position of each joint is its position
+    at the start, so that the model begins in the right assembly even without the keyframe.
 
     Args:
         mechanism: The mechanism.
-        start: Its state at t = 0.
+        start: State of the mechanism at t = 0.
         joint_prefix: Prepended to all joint and body names.
 
     Returns:
@@ -95,7 +95,7 @@ def make_mjcf(mechanism: Mechanism, start: State, joint_prefix: str = '') -> str
 
 
 def _body(link: RigidLink, at: float) -> ET.Element:
-    """The body of a link at a position of its joint."""
+    """Makes the body of a link whose joint is at the position `at`, rad or m."""
     joint, half = link.joint, link.inertia / 2  # a flat body
     place, angle, kind, axis = joint.origin, joint.angle + at, 'hinge', '0 0 1'
     if joint.slides:
@@ -124,9 +124,9 @@ def _site(name: str, place: complex) -> ET.Element:
 
 
 def _load(load: object, links: Sequence[RigidLink], position: Sequence[float]) -> ET.Element:
-    """The actuator of a load.
+    """Makes the actuator of a load.
 
-    The actuator of a `LinkForce` has no control; its force is force - stiffness x stretch -
+    A `LinkForce` becomes an actuator without control, which exerts force - stiffness x stretch -
     damping x rate. Another load, such as a load curve, becomes a motor whose control must be set
     to the value of the load, because MJCF has no tables.
 

@@ -109,7 +109,7 @@ class _Balance:
                 self._add_load(_FRAME, j, -force)
 
     def _add_load(self, body: int, j: int, force: Real) -> None:
-        """Adds a generalised force, defined by the motion of link j, to a link or to the frame."""
+        """Adds a force along link j's guide, or a couple if it turns, to the loads of a body."""
         if self._links[j].slides:
             self._known[body].append((self._centers[j], self._directions[j] * force))
         else:

@@ -102,7 +102,7 @@ def viewer_address(target: str) -> tuple[str, int] | None:
 
 
 def is_recording(target: str) -> bool:
-    """Returns whether a value of the parameter viewer has the form of a .rrd file's path."""
+    """Returns whether a value of the parameter viewer looks like the path of a .rrd file."""
     return Path(target).suffix == '.rrd' and '://' not in target
 
 
