@@ -82,13 +82,13 @@ def missing_library(module: str) -> str:
     name = module.partition('.')[0]
     if name.startswith('rcl') or name.endswith('_msgs'):
         return (
-            f'ROS 2 topics need {name}, which is not installed: source ROS 2 Jazzy, or without '
-            "ROS 2, on Linux x86-64, pip install 'linkage_ros[ros]'"
+            f'ROS 2 topics need {name}, which is not installed: source ROS 2 Jazzy, or, without '
+            "ROS 2 on Linux x86-64, pip install 'linkage_ros[ros]'"
         )
     need, packages = _LIBRARIES.get(name, (f'linkage_ros needs {name}', name))
     return (
-        f'{need}, which is missing or too old: pip install {packages}; beside the ROS 2 of '
-        'Ubuntu, in a virtual environment (docs/ros2.md)'
+        f'{need}, which is missing or too old: pip install {packages}; with the ROS 2 of Ubuntu, '
+        'use a virtual environment (docs/ros2.md)'
     )
 
 

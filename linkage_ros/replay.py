@@ -100,7 +100,7 @@ def _check(options: argparse.Namespace, log: LogReader) -> None:
         (options.no_ros and options.clock is not None,
          '--clock publishes a topic, which --no-ros rules out'),
         (options.start_paused and not os.isatty(0),
-         '--start-paused needs a terminal, whose space bar goes on'),
+         '--start-paused needs a terminal, whose space bar starts the replay'),
     ):  # fmt: skip
         if is_wrong:
             raise ConfigurationError(words)

@@ -114,5 +114,5 @@ def test_a_tool_names_the_library_that_it_lacks(
 def test_an_unknown_library_is_named_too():
     assert missing_library('unheard.of') == (
         'linkage_ros needs unheard, which is missing or too old: pip install unheard; '
-        'beside the ROS 2 of Ubuntu, in a virtual environment (docs/ros2.md)'
+        'with the ROS 2 of Ubuntu, use a virtual environment (docs/ros2.md)'
     )

@@ -215,7 +215,7 @@ class Constants:
 
     Attributes:
         numbers: The numbers and opaque functions among the constants, in order.
-        known: Programs compiled for constants of this structure, whatever their values.
+        known: Programs compiled for constants of this structure, independent of their values.
     """
 
     def __init__(self, tree: Any) -> None:
