@@ -162,8 +162,8 @@ class Transmission(NamedTuple):
     def extremes(self) -> Arc:
         """The smallest and the largest transmission angle 2m, in [0, pi], rad.
 
-        They occur at h = 0 and h = pi/2; a crank that cannot reach these stops where the angle is
-        0 (folded) or pi (stretched).
+        They occur at h = 0 and h = pi/2. If the crank cannot reach one of these, its reach ends
+        where the transmission angle is 0 (folded) or pi (stretched).
         """
         near, far = (largest(number(square.least), 0.0) for square in (self.sin, self.cos))
         low = 2 * atan2(sqrt(near), sqrt(where(near > 0, self.cos.most, 1.0)))

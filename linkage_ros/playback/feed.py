@@ -26,7 +26,7 @@ class Excerpt(NamedTuple):
     Attributes:
         start: First log time, ns.
         end: Log time at which the excerpt ends, ns, exclusive. An excerpt up to the end of the
-            log ends one message period after the last message, so that loops have no gap.
+            log ends one message period after the last message, so that repetitions in a loop join.
         topics: Fully qualified names of the topics.
     """
 

@@ -68,7 +68,7 @@ class Drawing:
         self.pivots = plane(np.array([points[name].fixed for name in self.pivot_names]))
         loop = _pins_of_the_loop(structure)
         self.ends = dict(zip(self.turning, pairwise(loop), strict=True))
-        # The owner of a pin between two links is the later link; other points have one link.
+        # The owner of a pin between two links is the later link; C belongs to the coupler.
         self.owners = dict(zip(loop[2:], self.joints[2:], strict=False))
         asides = {name: self.joints[np.flatnonzero(points[name].weights)[-1]] for name in self.pins
                   if name not in loop}  # fmt: skip
