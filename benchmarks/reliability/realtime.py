@@ -1,12 +1,12 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""How punctual linkage_node is at 1 kHz, and what a tick costs it; what log files cost.
+"""Measures lateness and processor time of linkage_node at 1 kHz, and processor time of logs.
 
 Contenders take turns in slices: a bare Python loop that sleeps until each deadline, a node whose
 rclpy timer publishes the same JointState, with the default executor and with the EventsExecutor,
-and linkage_node without log, with log, and with log and viewer. A subscriber in a process of its
-own hears the nodes. Then record, verify and recover beside the compression of the same bytes
-alone, in turns as well: processor time.
+and linkage_node without log, with log, and with log and viewer. A subscriber in another process
+receives the messages of each node. Then record, verify and recover take turns with the compression
+of the same bytes.
 
     python benchmarks/reliability/realtime.py --out docs                         in eight minutes
     python benchmarks/reliability/realtime.py --slices 1 --seconds 3 --rounds 1  a short try
@@ -66,7 +66,7 @@ def bare_loop(seconds: float) -> dict[str, float]:
 
 
 def figures(late, ticks: int, missed: int, computed: float) -> dict[str, float]:
-    """Of one slice: lateness, us, median, 99 % and largest; processor time, s."""
+    """The figures of one slice: lateness, us, as median, 99 % and largest; processor time, s."""
     p50, p99, most = map(float, late)
     words = {'p50_us': p50, 'p99_us': p99, 'max_us': most}
     return {**words, 'missed': missed, 'ticks': ticks, 'cpu_seconds': computed}
@@ -76,7 +76,7 @@ def slice_of(name: str, seconds: float, health: Diagnostics) -> dict[str, float]
     """One slice of a contender.
 
     Raises:
-        RuntimeError: A node ends with another exit code than 0.
+        RuntimeError: The exit code of a node is not 0.
     """
     if name == 'bare loop':
         return bare_loop(seconds)
@@ -109,10 +109,10 @@ def slice_of(name: str, seconds: float, health: Diagnostics) -> dict[str, float]
 
 
 def watch(process: Process, listener: Process, seconds: float) -> float:
-    """The processor time, s, that a node takes for some seconds of its run.
+    """Measures the processor time, s, of a node during some seconds of its run.
 
     Raises:
-        RuntimeError: It ends before.
+        RuntimeError: The node ends earlier.
     """
     while 'heard' not in listener.output:
         if not process.alive:
@@ -183,7 +183,7 @@ def check(path: Path) -> None:
     """Verifies a log.
 
     Raises:
-        RuntimeError: It differs.
+        RuntimeError: The log differs from the recomputed states.
     """
     with LogReader(path) as log:
         if verify(log).difference:

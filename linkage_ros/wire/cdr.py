@@ -3,8 +3,8 @@
 """Writes and reads CDR, the encoding of ROS messages: little endian, padding bytes zero.
 
 Values are aligned to their size, counted from the end of the encapsulation header. Commands and
-measurements, JointState messages of other nodes, are decoded here, because rclpy prints a line on
-stderr, from C, for each invalid message.
+measurements are JointState messages of other nodes. They are decoded here, because rclpy prints a
+line to stderr for each invalid message.
 """
 
 import struct
