@@ -279,6 +279,17 @@ def test_a_state_of_two_turns_is_found_beside_one_of_one_turn(doubled):
     assert len(record['states'][2]['speeds']) == 2
 
 
+def test_the_table_names_the_turns_of_a_state_and_lists_its_changes_by_torque(doubled):
+    lines = states_table(doubled)
+    rows = lines[next(i for i, line in enumerate(lines) if line.startswith('changes')) + 1 :]
+    names = [row[:46].rstrip() for row in rows]
+    slow, fast = '2.845 rad/s', '5.751 rad/s, 2 turns'
+    assert names == [f'{one}, torque {change}%' for one in (slow, fast) for change in ('-5', '+5')]
+    shown = [[float(cell.rstrip('%')) / 100 for cell in row[46:].split()] for row in rows]
+    changes = [list(one['changes'].values()) for one in doubled.sensitivities]
+    assert np.allclose([shown[0], shown[2], shown[1], shown[3]], changes, atol=6e-5)
+
+
 def test_a_state_of_two_turns_comes_back_after_two_where_every_body_moves_by_itself(doubled):
     motion = doubled.states[2].motion
     x, w, v = motion.at(np.zeros(1))[:, 0]
