@@ -60,7 +60,7 @@ def table(path):
 
 
 class Drawn(NamedTuple):
-    """What a run of the command printed, wrote and drew."""
+    """Output, files and picture of one run of the command."""
 
     said: str
     columns: dict
@@ -70,7 +70,7 @@ class Drawn(NamedTuple):
 
 @pytest.fixture(scope='module')
 def drawn(tmp_path_factory):
-    """Each preset as drawn with all that it can have; a wind pump as it settles."""
+    """The picture of each preset with all options; that of a wind pump in its settled state."""
     folder, charts = tmp_path_factory.mktemp('charts'), {}
     save = Figure.savefig
     for preset in ALL:
@@ -90,7 +90,7 @@ def drawn(tmp_path_factory):
 
 
 @pytest.mark.parametrize('preset', PRESETS)
-def test_the_table_is_the_solvers_to_the_last_bit(drawn, preset):
+def test_csv_equals_solver_to_the_last_bit(drawn, preset):
     columns = drawn[preset].columns
     solver = Solver(load(preset).mechanism)
     crank = columns['crank_angle [rad]']
@@ -117,7 +117,7 @@ def test_the_table_is_the_solvers_to_the_last_bit(drawn, preset):
 
 
 @pytest.mark.parametrize('preset', ALL)
-def test_nothing_that_is_drawn_lies_beyond_the_edge(drawn, preset):
+def test_everything_lies_within_the_picture(drawn, preset):
     pixels = drawn[preset].pixels
     edges = pixels[:3], pixels[-3:], pixels[:, :3], pixels[:, -3:]
     assert all((edge == 1.0).all() for edge in edges)
@@ -159,7 +159,7 @@ def test_pins_are_named_in_the_drawing(drawn, preset):
         assert np.argmin(np.hypot(*(places - middle).T)) == number
 
 
-def test_a_wind_pump_is_drawn_as_it_settles(drawn):
+def test_wind_pump_is_drawn_in_its_settled_state(drawn):
     speed, stroke = 2.604, 0.519
     assert f'settled at {speed} rad/s' in drawn['wind_pump'].said
     columns = drawn['wind_pump'].columns
@@ -180,7 +180,7 @@ def test_a_wind_pump_is_drawn_as_it_settles(drawn):
             assert np.diff(values) / steps == pytest.approx(middle, **close)
 
 
-def test_mean_power_of_a_settled_pump_is_what_its_slider_takes():
+def test_mean_power_of_a_settled_pump_equals_the_loss_at_its_slider():
     pump = load('wind_pump')
     turn = settled_turn(settle(pump.mechanism, pump.drive.motor, 2.0, lambda items, _: items))
     rate, slide = (turn.columns[f'{name}.velocity'].values for name in ('crank', 'slider'))
@@ -207,7 +207,7 @@ def test_transmission_ratios_are_those_of_document_2_at_rest_too():
     assert slider['slider.transmission_ratio'].values == pytest.approx(moved, abs=1e-15)
 
 
-def test_extents_are_those_of_the_motion():
+def test_extents_match_the_motion():
     period = SpeedDrivenPeriod(load('quadrilateral').mechanism, 5 * math.pi)
     torque = extent(period.crank, period.columns['driving_torque'].values)
     # Between 0.5 deg samples, of which the largest is at 294 and the smallest at 348 deg.
@@ -228,8 +228,8 @@ def test_mean_power_is_the_mean_of_the_power():
 
 
 @pytest.mark.parametrize('gap', [1e-3, 1e-9])
-def test_no_spike_next_to_a_change_point_is_missed(gap):
-    """The faster the motion, the finer the angles; a grid of 0.5 deg sees nothing of it."""
+def test_sharp_peaks_near_change_points_are_sampled(gap):
+    """Angles are finer where the motion is fast; a grid of 0.5 deg misses the peak."""
     crank, body = Body(0.1), {'mass': 1.0, 'inertia': 0.01}
     coupler, rocker = Coupler(0.2, center=(0.1, 0.0), **body), Body(0.3 + gap, **body)
     period = SpeedDrivenPeriod(FourBar(Frame(0.4, 0.3), crank, coupler, rocker), 2 * math.pi)
@@ -242,7 +242,7 @@ def test_no_spike_next_to_a_change_point_is_missed(gap):
     assert period.mean_power == 0.0
 
 
-def test_two_turns_are_drawn_where_the_period_has_two(tmp_path, called):
+def test_a_period_of_two_turns_is_drawn_whole(tmp_path, called):
     odd = tmp_path / 'cost_$5_$x{.yaml'  # a file's name is no mathematics
     odd.write_text(CHANGE_POINT)
     code, out, _ = called(chart_tool, 'motion', odd, '--rpm', '6', '--out', tmp_path)
@@ -259,7 +259,7 @@ def test_two_turns_are_drawn_where_the_period_has_two(tmp_path, called):
 
 
 @pytest.mark.parametrize(('preset', 'way'), [('compressor', 1), ('wind_pump', 1), ('wiper', -1)])
-def test_a_movie_shows_even_steps_of_time(tmp_path, monkeypatch, called, preset, way):
+def test_movie_frames_are_evenly_spaced_in_time(tmp_path, monkeypatch, called, preset, way):
     shown, move = [], linkage.LinkagePicture.move
     monkeypatch.setattr(linkage, 'SECONDS', 0.5)
     monkeypatch.setattr(
@@ -283,7 +283,7 @@ def test_a_movie_shows_even_steps_of_time(tmp_path, monkeypatch, called, preset,
     assert apart == pytest.approx(apart.mean(), abs=2 * sample)
 
 
-def test_several_mechanisms_stand_beside_each_other_and_in_one_table(tmp_path, called):
+def test_several_mechanisms_are_drawn_side_by_side_with_one_table(tmp_path, called):
     names = ['quadrilateral', 'compressor', 'wiper']
     _, out, _ = called(chart_tool, 'motion', *names, '--reactions', '--out', tmp_path)
     assert out.splitlines()[0].split() == names
@@ -365,9 +365,7 @@ def test_invalid_chart_arguments_give_one_line(called, arguments, words):
 
 @pytest.mark.parametrize('command', [['motion'], ['movie', 'crank.gif']])
 @pytest.mark.parametrize('drive', ['torque', 'follow'])
-def test_a_crank_without_a_speed_of_its_own_needs_one(
-    tmp_path, monkeypatch, called, command, drive
-):
+def test_file_without_crank_speed_needs_rpm_option(tmp_path, monkeypatch, called, command, drive):
     monkeypatch.chdir(tmp_path)
     Path('crank.yaml').write_text(f'/**: {{ros__parameters: {{drive: {drive}}}}}')
     kind, *rest = command

@@ -41,7 +41,7 @@ PREFIXED = JointStateCodec(('left_crank', 'left_coupler', 'left_rocker'), 'tool0
 
 
 def heavier(factor):
-    """What a controller believes whose masses are wrong."""
+    """The mechanism with all masses and inertias multiplied by a factor."""
     bodies = {name: getattr(MECHANISM, name) for name in ('crank', 'coupler', 'rocker')}
     changed = {
         name: replace(body, mass=body.mass * factor, inertia=body.inertia * factor)
@@ -51,7 +51,7 @@ def heavier(factor):
 
 
 def ripple(believed, lead, rpm=600.0):
-    """The peak deviation of the speed, after 1.5 s of 2; a command acts a tick after its state."""
+    """The peak speed error from 1.5 to 2 s; a command acts one tick after its state."""
     configuration = configure({'drive': 'torque', 'start_rpm': rpm})
     plant = TorqueMotion(Solver(MECHANISM), configuration.drive, 0, TICK_NS)
     law = SpeedController(believed, rpm, 15.0, lead)
@@ -64,7 +64,7 @@ def ripple(believed, lead, rpm=600.0):
     return max(abs(speed / (rpm * math.pi / 30) - 1) for speed in speeds[1500:])
 
 
-def test_feed_forward_takes_most_of_the_ripple_away():
+def test_feed_forward_removes_most_of_the_ripple():
     alone, late, ahead = (ripple(MECHANISM, lead) for lead in (None, 0.0, 1.5 * TICK))
     wrong = ripple(heavier(1.05), 1.5 * TICK)
     assert 0.1 < alone < 0.5
@@ -75,7 +75,7 @@ def test_feed_forward_takes_most_of_the_ripple_away():
     assert wrong > 3 * ahead
 
 
-def test_the_integral_begins_anew_after_a_gap():
+def test_integral_restarts_after_a_gap():
     law = SpeedController(MECHANISM, 150.0, 15.0, None)
     first = law.torque(0.0, 10.0, 0.0)
     assert law.torque(0.0, 10.0, 0.1) > first > 0

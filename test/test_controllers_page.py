@@ -73,7 +73,7 @@ def test_way_2_the_parameters_send_the_torque_to_the_controller(tmp_path):
     assert np.ptp(values) > 0.0
 
 
-def test_way_2_the_tag_names_what_the_node_has():
+def test_way_2_tag_names_topics_and_joints_of_the_node():
     tag = ET.fromstring(block(PAGE, '<ros2_control'))
     parameters = {element.get('name'): element.text for element in tag.iter('param')}
     assert parameters['joint_commands_topic'] == '/joint_commands'

@@ -207,8 +207,8 @@ def test_a_new_speed_a_step_of_the_clock_and_a_pause_make_a_new_trajectory_at_on
 
 
 @pytest.mark.parametrize('changed', ['joints', 'end', 'past'])
-def test_the_controller_refuses_what_is_not_for_it(changed):
-    """Negative control."""
+def test_controller_refuses_unsuitable_trajectories(changed):
+    """This shows that the re-enacted controller refuses at all."""
     one, parameters = machine(), parameters_of_the_page()
     data = trajectory(one).message_at(one.begin(T0), T0)
     now = T0
@@ -247,7 +247,7 @@ def controlled(seconds, *, effort):
     return np.abs(errors)
 
 
-def test_the_page_says_how_well_the_plant_follows():
+def test_page_quotes_the_speed_errors_of_the_plant():
     fed, alone = (100 * controlled(4, effort=effort)[2000:].max() for effort in (True, False))
     words = (
         'the crank keeps its speed within {} %, and within {} % without the feed-forward torque'
@@ -259,7 +259,7 @@ def test_the_page_says_how_well_the_plant_follows():
 # ---------------------------------------------------------------- on DDS
 
 
-def test_the_node_publishes_and_logs_them(tmp_path):
+def test_node_publishes_and_logs_trajectories(tmp_path):
     path = tmp_path / 'run.mcap'
     arguments = node_arguments(
         trajectory_command_topic=TOPIC, rate_hz=1000.0, joint_prefix='left_', log=path
@@ -284,7 +284,7 @@ def test_the_node_publishes_and_logs_them(tmp_path):
     assert verified(path).others == ('/diagnostics', TOPIC)
 
 
-def test_the_launch_file_of_the_page_names_what_the_parts_have():
+def test_launch_file_of_the_page_names_existing_topics_and_parameters():
     """ROS's launch and the programs of ros2_control are no Python packages."""
     code = re.sub(r'(?m)^from .*$', '', block(PAGE, 'generate_launch_description'))
     names = {'Node': MagicMock(), 'LaunchDescription': list, 'Path': MagicMock()}

@@ -165,7 +165,7 @@ def check_command(words, *, is_block, near):
 
 @pytest.fixture(autouse=True)
 def parsers_raise(monkeypatch, tmp_path):
-    """They would end the program."""
+    """Raises errors of the parser, which would otherwise end the program."""
 
     def error(self, message):
         raise SyntaxError(message)
@@ -223,7 +223,7 @@ def test_a_wrong_command_is_found(line, found):
 
 
 def quick(words):
-    """The same in less time, and without a window."""
+    """Shortens a command, and replaces a viewer window by a file."""
     words = [re.sub('^(viewer:=)?(spawn|web)$', r'\1shown.rrd', word) for word in words]
     if '--duration' in words:
         words[words.index('--duration') + 1] = '1'
@@ -321,7 +321,7 @@ def test_page_is_short(page, most):
     assert len(read(page).split()) <= most
 
 
-def test_readme_has_the_set_up_that_its_page_explains():
+def test_readme_and_ros2_page_have_the_same_set_up():
     assert block(README, 'rosdep') == block(read('docs/ros2.md'), 'rosdep')
 
 
@@ -346,7 +346,7 @@ def test_readme_python_prints_the_swing_and_the_accuracy(capsys):
 # ---------------------------------------------------------------- sizing
 
 
-def test_sizing_shows_what_its_commands_print(run_page):
+def test_sizing_quotes_the_output_of_its_commands(run_page):
     page = read('docs/sizing.md')
     _, printed = run_page('docs/sizing.md')
     told, at_hand = ' '.join(page.split()), 0

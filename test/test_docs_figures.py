@@ -25,7 +25,7 @@ from linkage_ros.wire.topics import JOINT_COMMANDS, TOPICS, qualified
 DOCS = ROOT / 'docs'
 
 
-def test_the_drawings_are_those_that_the_code_makes(monkeypatch):
+def test_drawings_equal_those_that_the_code_makes(monkeypatch):
     monkeypatch.syspath_prepend(DOCS)
     drawings = import_module('drawings').DRAWINGS
     assert {path.stem for path in DOCS.glob('mechanism_*.svg')} == {
@@ -58,7 +58,7 @@ def agrees(shown, value):
 
 
 def check_quote(page, words, *values):
-    """That a sentence, {} for each number, is there and its numbers are these."""
+    """Asserts that a page has a sentence, with {} for each number, and these numbers."""
     pattern = r'\s+'.join(map(re.escape, words.split())).replace(r'\{\}', r'(\d+(?:\.\d+)?)')
     found = re.search(pattern, read(page))
     assert found, f'{page} has not: {words}'
@@ -208,7 +208,7 @@ def test_every_number_of_a_page_is_measured_or_defined(figures, name):
     assert neither_measured_nor_defined(figures, name, page) == []
 
 
-def test_a_number_that_nobody_measured_is_found(figures):
+def test_number_without_a_measurement_is_found(figures):
     page = read('docs/methods.md')
     longer = f'{page}\nIt takes 3.7 of that, or 2e-8 s.\n'
     assert neither_measured_nor_defined(figures, 'methods', longer) == ['3.7', '2e-8']
@@ -260,9 +260,7 @@ def test_figures_in_the_pump_preset_are_measured():
      ('reliability', 'timing_page', 'page', ['realtime', 'log_speed', 'accuracy', 'peers'],
       'timing.md')],
 )  # fmt: skip
-def test_a_page_is_what_its_run_makes_of_the_numbers(
-    monkeypatch, folder, module, function, names, page
-):
+def test_generated_pages_match_their_json(monkeypatch, folder, module, function, names, page):
     monkeypatch.syspath_prepend(ROOT / 'benchmarks' / folder)
     made = getattr(import_module(module), function)(*map(content, names))
     assert made == read(f'docs/{page}')
@@ -294,7 +292,7 @@ def reference():
     return load_script('reference')
 
 
-def test_the_tables_are_those_of_the_declarations(reference):
+def test_tables_match_the_declarations(reference):
     assert reference.filled(PAGE) == PAGE, 'run python docs/reference.py'
 
 
@@ -311,7 +309,7 @@ def test_a_changed_row_is_found(reference):
 
 
 def test_every_parameter_is_listed():
-    """Also one of a class that the script does not know."""
+    """This includes parameters of classes that the script does not know."""
     kinds = itertools.product(MECHANISMS, DRIVES)
     for mechanism, drive in kinds:
         for leaf in parameter_leaves(MechanismAndDrive(mechanism, drive)):

@@ -63,7 +63,7 @@ def assert_same(mechanism, crank, lengths=None):
 
 
 @pytest.mark.parametrize('seed', range(4))
-def test_reference_agrees_with_an_oracle_of_another_hand(seed):
+def test_reference_agrees_with_an_independent_oracle(seed):
     random = np.random.default_rng(seed)
     mechanism = situations.turning(random)
     for crank in (*random.uniform(-7, 7, 3).tolist(), 1e4 + 0.3):
@@ -71,7 +71,7 @@ def test_reference_agrees_with_an_oracle_of_another_hand(seed):
 
 
 @pytest.mark.parametrize('seed', range(2))
-def test_reference_is_the_limit_at_change_points_and_beside_them(seed):
+def test_reference_is_continuous_at_change_points(seed):
     mechanism = situations.with_change_point(np.random.default_rng(seed))
     for crank in (0.0, 1e-300, -1e-18, 1e-9, 4.0, 7.0):
         assert_same(mechanism, crank)
@@ -111,7 +111,7 @@ def test_reference_has_a_hundred_digits_left(name, monkeypatch):
 @pytest.mark.parametrize(
     'method', [m for m in METHODS if m.modes == (ONE, BATCH)], ids=lambda m: m.name
 )
-def test_an_array_gives_what_numbers_give(method):
+def test_arrays_equal_single_values(method):
     case = LinkageCase(PRESETS['slider_crank'], np.arange(7) * (math.tau / 7) + 0.3)
     close = 1e-4 if method.name.startswith('central') else 1e-9
     for quantity in QUANTITIES:
@@ -165,7 +165,7 @@ def test_newton_raphson_is_of_order_2():
     assert np.polyfit(*np.array(logs).T, 1)[0] == pytest.approx(2, abs=0.15)
 
 
-def test_newton_raphson_stops_at_its_cap():
+def test_newton_raphson_stops_at_its_limit_of_iterations():
     mechanism = situations.limited(np.random.default_rng(1))
     beyond = Solver(mechanism).mobility.arcs[0][1] + 0.3
     once = newton(mechanism, (0.3, 0.5), math.inf)
@@ -174,7 +174,7 @@ def test_newton_raphson_stops_at_its_cap():
 
 
 def test_listing_of_document_1_is_as_printed():
-    """It plots the real parts of complex angles: its errata, as a method."""
+    """As a method, the listing gives the real parts of complex angles."""
     guess = math.radians(15), math.radians(100)
     locate = listing(LinkageCase(PRESETS['quadrilateral'], CRANKS, guess), {})
     found = np.array([locate(crank) for crank in CRANKS.tolist()]).T
@@ -192,7 +192,7 @@ def point(us, error, quantity='rate'):
     return {**panel, 'us_per_state': us, 'max_error': error}
 
 
-def test_fronts_are_of_right_points_that_nothing_beats():
+def test_front_has_the_right_points_that_no_point_beats():
     points = [
         point(1.0, 1e-7), point(2.0, 1e-9), point(2.0, 1e-9), point(2.5, 1e-9), point(3.0, 1e-8),
         point(4.0, 1e-15), point(0.1, 1e-3), point(9.0, None), point(None, None),
@@ -202,7 +202,7 @@ def test_fronts_are_of_right_points_that_nothing_beats():
     assert elsewhere['pareto']
 
 
-def test_errors_are_seen(turns):
+def test_deliberate_errors_are_detected(turns):
     case = turns['quadrilateral']
     exact = case.reference.state(float(case.cranks[3]))
     first, second = map(float, exact['rate'])
@@ -230,7 +230,7 @@ def committed(name):
 
 
 def run_quick(command, folder):
-    """What the command prints and writes: paths, and records."""
+    """The paths that the command prints, and the records that it writes."""
     printed = []
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys, 'argv', ['linkage_chart', command, '--quick', '--out', str(folder)])
@@ -283,8 +283,8 @@ def test_every_panel_has_a_front_of_right_points(accuracy):
         assert 0 <= max(front) <= LIMIT
 
 
-def test_a_followed_crank_is_off_as_in_the_docs(accuracy, folder):
-    """Nothing of it depends on the machine: the numbers of the docs are these."""
+def test_errors_of_a_measured_crank_equal_those_of_the_docs(accuracy, folder):
+    """The errors do not depend on the machine, so the docs quote the same numbers."""
     assert accuracy
     records = json.loads((folder / 'accuracy_follow.json').read_text())['records']
     known, found = (
@@ -308,7 +308,7 @@ def test_every_method_is_right_on_an_easy_mechanism(errors, mechanism):
             assert error < limits.get(method.name, 1e-11), (method.name, mode, quantity)
 
 
-def test_the_default_is_as_close_as_any_to_a_few_ulp(errors):
+def test_default_is_as_accurate_as_any_method_to_a_few_ulp(errors):
     for mechanism, mode, quantity in itertools.product(EASY, (ONE, BATCH), QUANTITIES):
         best = {
             method: min(found.values())
@@ -332,7 +332,7 @@ def test_every_outcome_is_explained_in_the_docs():
     assert all(f'| {outcome} | ' in page for outcome in OUTCOMES)
 
 
-def test_the_charts_of_the_docs_are_of_these_methods_and_situations():
+def test_charts_of_the_docs_have_these_methods_and_situations():
     records = committed('stability')
     cells = {(m.name, s.name) for methods, places in GRIDS for m in methods for s in places}
     assert {(r['method'], r['situation']) for r in records} == cells

@@ -95,7 +95,7 @@ def check_textbook(joints):
 
 
 @pytest.mark.parametrize('crank', [0.3, 0.7 + math.pi / 2, 0.7 - math.pi / 2, -2.0, 1e3])
-def test_torque_and_position_have_the_digits_of_the_textbook(solver, crank):
+def test_torque_and_position_match_the_textbook_formula(solver, crank):
     with mp.workdps(50):
         state = solver.state(crank, 5.0, 3.0)
         x, torque = textbook(crank, 5.0, 3.0)
@@ -154,7 +154,7 @@ def folder(tmp_path_factory):
     return root
 
 
-def test_a_record_has_the_states_of_the_textbook(folder):
+def test_recorded_states_match_the_textbook_formula(folder):
     with (folder / 'run.mcap').open('rb') as file:
         reader = make_reader(file, decoder_factories=[DecoderFactory()])
         found = [decoded for *_, decoded in reader.iter_decoded_messages(['/joint_states'])]
@@ -190,7 +190,7 @@ def test_the_view_shows_the_links_of_the_mechanism(folder):
     assert [len(line) for line in lines] == [2, 4, 5, 5]
 
 
-def test_the_real_node_publishes_the_states_of_the_textbook(folder):
+def test_real_node_publishes_states_of_the_textbook_formula(folder):
     words, path = [*RUN, 'node', '--ros-args', '--params-file', GEAR], folder / 'live.mcap'
     topics = '/joint_states', '/robot_description'
     with watched(topics, '-p', f'log:={path}', module=words) as (listener, process):

@@ -70,7 +70,7 @@ def run(program, speed=SPEED):
 
 @pytest.fixture(scope='module')
 def savings():
-    """Of the quadrilateral, at three speeds."""
+    """Savings of the quadrilateral, at three speeds."""
     return Economy(load('quadrilateral').mechanism, 'quadrilateral').measure(
         [75.0, 150.0, 300.0], 1
     )
@@ -82,7 +82,7 @@ def of(savings, name, rpm=150.0):
 
 
 @pytest.mark.parametrize('mechanism', [FULL, PRESS])
-def test_the_full_program_is_the_solvers_torque(mechanism):
+def test_full_program_equals_the_solvers_torque(mechanism):
     full = torque(mechanism)
     assert run(torque_program(mechanism)) == pytest.approx(full, abs=1e-13 * np.abs(full).max())
 
@@ -98,8 +98,8 @@ def test_loads_and_friction_are_terms(preset, loads):
     assert without(mechanism, ['load', 'friction']).coupler == mechanism.coupler
 
 
-def test_without_inertia_friction_remains():
-    """At 1 rpm the inertia of the press takes a torque that is nothing beside the load's."""
+def test_friction_remains_without_inertia():
+    """At 1 rpm the torque of the press for inertia is negligible beside that for the load."""
     mechanism = load('press').mechanism
     static = run(torque_program(mechanism, static=True))
     slow = torque(mechanism, math.pi / 30)
@@ -110,7 +110,7 @@ def test_without_inertia_friction_remains():
 @pytest.mark.parametrize(
     ('mechanism', 'parts'), [(FULL, {}), (PRESS, {'slider': Slider(0.02, 1.5)})]
 )
-def test_without_inertia_weights_and_loads_remain(mechanism, parts):
+def test_weights_and_loads_remain_without_inertia(mechanism, parts):
     inertia = torque(replace(mechanism, gravity=(0.0, 0.0), **parts))
     static, full = run(torque_program(mechanism, static=True)), torque(mechanism)
     assert static + inertia == pytest.approx(full, abs=1e-12 * np.abs(inertia).max())
@@ -187,7 +187,7 @@ def test_operations_are_counted():
     assert operations(f'def bind():\n return locals()\n{run}') == 7
 
 
-def test_costs_are_of_the_models(savings):
+def test_costs_belong_to_their_models(savings):
     assert (
         savings[0]['full_parameters'] == 8
     )  # gravity; inertia; twice mass, inertia, centre along the link
@@ -202,7 +202,7 @@ def test_costs_are_of_the_models(savings):
     assert ways[0] - ways[1] == ways[1] - ways[2] == 6
 
 
-def test_weights_hand_over_to_inertia(savings):
+def test_inertia_dominates_above_the_handover_speed(savings):
     mechanism, rpm = load('quadrilateral').mechanism, handover(savings)
     static = run(torque_program(mechanism, static=True))
     moving = torque(mechanism, rpm * math.pi / 30) - static
@@ -225,7 +225,7 @@ def test_weights_hand_over_to_inertia(savings):
         (300.0, 1.0, 'needs nothing; it can leave out gravity, coupler, rocker and inertia;'),
     ],
 )
-def test_all_that_is_left_out_is_left_out_together(savings, rpm, tolerance, words):
+def test_error_of_all_omitted_terms_together_is_within_tolerance(savings, rpm, tolerance, words):
     economy = Economy(load('quadrilateral').mechanism, 'quadrilateral')
     assert words in economy.sentence(rpm, tolerance, savings)
 
@@ -239,7 +239,7 @@ def test_a_mass_on_a_level_guide_has_no_weight():
     assert 'needs slider; it can leave out gravity;' in economy.sentence(60.0, 0.01, found)
 
 
-def test_nothing_to_leave_out_is_refused():
+def test_mechanism_without_terms_is_refused():
     with pytest.raises(MechanismError, match='no_mass needs no torque'):
         Economy(FourBar(Frame(0.4), Body(0.1), Coupler(0.3), Body(0.35)), 'no_mass')
 
@@ -325,7 +325,7 @@ def driven(mechanism, law, start, turns=1):
 
 
 def check_balance(mechanism, cycle):
-    """The mechanism and the flywheel take the torque at every angle, by inverse dynamics."""
+    """Asserts by inverse dynamics that the torque drives mechanism and flywheel at all angles."""
     slope = CubicSpline(cycle.crank, cycle.velocity)(cycle.crank, 1)
     state = Solver(mechanism).state(cycle.crank, cycle.velocity, cycle.velocity * slope)
     size = np.abs(state.torque).max()
@@ -338,8 +338,8 @@ def check_balance(mechanism, cycle):
 @pytest.mark.parametrize(
     'preset', ['quadrilateral', 'compressor', 'wiper', 'press', 'coupler_point']
 )
-def test_the_mechanism_and_the_flywheel_take_the_torque_at_every_angle(preset):
-    """No energy enters the test, and friction where there is any."""
+def test_torque_drives_mechanism_and_flywheel_at_every_angle(preset):
+    """The test does not use energies; it includes friction if there is any."""
     configuration = load(preset)
     crank, speed = Crank(configuration.mechanism), radians_per_second(configuration.drive.rpm)
     cycle = crank.cycle(speed, crank.inertia_for(0.02, speed))
@@ -350,8 +350,8 @@ def test_the_mechanism_and_the_flywheel_take_the_torque_at_every_angle(preset):
 
 
 @pytest.mark.parametrize('fluctuation', [0.02, 0.5, 2.0])
-def test_a_strong_fan_has_a_cycle_with_any_flywheel(fluctuation):
-    """A damping that takes all energy within a turn; substituting speeds diverges there."""
+def test_strong_damping_has_a_cycle_with_any_flywheel(fluctuation):
+    """Damping takes all energy within a turn; iteration by substituted speeds would diverge."""
     mechanism = load('quadrilateral').mechanism
     mechanism = replace(mechanism, rocker=replace(mechanism.rocker, damping=80.0))
     crank = Crank(mechanism)
@@ -361,7 +361,7 @@ def test_a_strong_fan_has_a_cycle_with_any_flywheel(fluctuation):
     assert cycle.fluctuation == pytest.approx(fluctuation, rel=1e-9)
 
 
-def test_direction_does_not_matter_to_inertia():
+def test_flywheel_is_the_same_in_both_directions():
     mechanism = replace(load('quadrilateral').mechanism, gravity=(0.0, 0.0))
     found = [Crank(mechanism).inertia_for(0.05, speed) for speed in (15.0, -15.0, 30.0)]
     assert found == pytest.approx([found[0]] * 3, rel=1e-9)
@@ -369,7 +369,7 @@ def test_direction_does_not_matter_to_inertia():
     assert Crank(mechanism).inertia_for(0.02, 15.0) == 0.0
 
 
-def test_a_crank_without_inertia_and_one_too_slow_have_no_cycle():
+def test_no_cycle_without_inertia_or_at_too_low_a_speed():
     with pytest.raises(MechanismError, match='no steady cycle of the crank speed was found'):
         Crank(load('quadrilateral').mechanism).cycle(1e-4, 0.0)
     crank = Crank(load('slider_crank').mechanism)
@@ -380,7 +380,7 @@ def test_a_crank_without_inertia_and_one_too_slow_have_no_cycle():
 
 @pytest.mark.parametrize('added', [0.0, 0.2])
 @pytest.mark.parametrize('sign', [1.0, -1.0])
-def test_a_motor_settles_where_its_line_meets_the_mechanism(added, sign):
+def test_motor_settles_where_its_line_meets_the_demand(added, sign):
     mechanism, motor = load('compressor').mechanism, Motor(sign * 40.0, 0.3)
     mechanism = replace(mechanism, loads=())
     cycle = Crank(mechanism).under(motor, sign * 70.0, added)
@@ -397,15 +397,15 @@ def test_a_torque_driven_run_settles_at_the_cycle_of_its_motor():
     assert np.ptp(last) / cycle.speed == pytest.approx(cycle.fluctuation, rel=1e-3)
 
 
-def test_a_motor_too_weak_to_start_carries_a_cycle_that_is_fast_enough():
+def test_motor_too_weak_to_start_drives_a_fast_cycle():
     """At 0.5 rad/s the weights, of up to 1.45 N m, stop a crank that gets 0.3 N m."""
     crank, motor = Crank(load('quadrilateral').mechanism), Motor(0.3, 0.02)
     assert crank.under(motor, 0.5, 0.5).speed == pytest.approx(15.0, rel=0.01)
 
 
 @pytest.mark.parametrize('motor', [Motor(0.5, 0.01), Motor(-20.0, 0.1), Motor(50.0)])
-def test_a_motor_that_does_not_carry_the_cycle(motor):
-    """Too weak, against the motion, and without a loss that would end its gain."""
+def test_motor_that_cannot_drive_the_cycle_is_reported(motor):
+    """Motors that are too weak, act against the motion, or have no loss that limits the speed."""
     mechanism = load('compressor').mechanism if motor.damping else load('quadrilateral').mechanism
     assert Crank(mechanism).under(motor, 90.0, 0.05) is None
 

@@ -53,7 +53,7 @@ def drawn(preset, count, seed=0):
 
 
 def solver_of(mechanism, names, row):
-    """A solver of one design, made and checked as any other; None: it does not turn."""
+    """A solver of one design, checked like any other mechanism; None if it cannot turn."""
     for name, value in zip(names, row.tolist(), strict=True):
         mechanism = with_value(mechanism, name, value)
     try:
@@ -64,7 +64,7 @@ def solver_of(mechanism, names, row):
 
 
 @pytest.mark.parametrize('preset', LENGTHS)
-def test_designs_have_the_bits_of_their_solvers(preset):
+def test_designs_equal_their_solvers_to_the_bit(preset):
     mechanism, names, table = drawn(preset, 60)
     names, table = names[:4] + names[5:], np.delete(table, 4, axis=1)
     angles = np.random.default_rng(1).uniform(0, 2 * math.pi, (len(table), 1))
@@ -86,7 +86,7 @@ def test_designs_have_the_bits_of_their_solvers(preset):
 
 
 def expected_measures(solver, angles, points):
-    """What a solver gives, by the names of measures."""
+    """The measures of a solver, by name."""
     turns = solver.reach.period_turns
     crank = (np.arange(turns * angles) + 0.5) * (2 * math.pi / angles)
     state = solver.state(crank, radians_per_second(RPM))
@@ -109,7 +109,7 @@ def expected_measures(solver, angles, points):
 
 
 @pytest.mark.parametrize('preset', LENGTHS)
-def test_measures_are_those_of_the_solver(preset):
+def test_measures_match_the_solver(preset):
     mechanism, names, table = drawn(preset, 30, seed=2)
     points = (0.1 + 0.2j, -0.1 + 0.1j)
     solvers = [solver_of(mechanism, names, row) for row in table]
@@ -127,7 +127,7 @@ def test_measures_are_those_of_the_solver(preset):
             assert value == pytest.approx(wanted[name], rel=digits, nan_ok=True), name
 
 
-def test_change_points_have_torques_but_no_forces():
+def test_designs_with_change_points_have_torques_but_no_forces():
     """Designs of several structures, one of which repeats after two turns only."""
     mechanism = load('quadrilateral').mechanism
     names = ('crank.length', 'coupler.length', 'rocker.length', 'frame.length')
@@ -153,7 +153,7 @@ def test_springs_on_rockers_are_computed_design_by_design():
         assert torque == expected_measures(solver, 36, [0j])['peak_torque']
 
 
-def test_torques_of_designs_cost_what_states_of_one_do():
+def test_torque_of_a_design_costs_as_much_as_a_state():
     """At least 20 000 designs of 360 angles a second, where a state takes 51 ns."""
     mechanism = load('quadrilateral').mechanism
     solver, angles = Solver(mechanism), np.linspace(0, 2 * math.pi, 360 * 256)
@@ -258,7 +258,7 @@ def check_that_a_death_loses_nothing(connect, path):
 
 
 def check_words(words, table):
-    """What is printed and what is in the table belong together; the front is one."""
+    """Asserts that output and table agree, and that no design on the front beats another."""
     rows = np.genfromtxt(io.BytesIO(table), delimiter=',', names=True, dtype=None, encoding='utf8')
     counts = collections.Counter(rows['outcome'])
     assert set(counts) == {'cannot turn', 'outside the constraints', 'valid', FRONT}
@@ -275,14 +275,14 @@ def check_words(words, table):
     assert Path('study.png').read_bytes().startswith(b'\x89PNG')
 
 
-def test_a_process_that_dies_loses_nothing(tmp_path, monkeypatch):
+def test_killed_process_loses_no_designs(tmp_path, monkeypatch):
     check_that_a_death_loses_nothing(partial(processes, 2), tmp_path / 'dead')
     monkeypatch.setattr(command_spread, '_ATTEMPTS', 1)
     with pytest.raises(ConfigurationError, match='memory'):
         list(spread(mortal.die, [1], partial(processes, 1)))
 
 
-def test_ctrl_c_leaves_whole_rows_of_what_is_measured(run, monkeypatch):
+def test_ctrl_c_leaves_complete_rows_of_measured_designs(run, monkeypatch):
     def interrupted(work, blocks, connect):
         yield 1, work(blocks[1])
         raise KeyboardInterrupt
@@ -331,7 +331,7 @@ def test_ctrl_c_leaves_whole_rows_of_what_is_measured(run, monkeypatch):
         (STUDY, '- base', 'where a mapping belongs'),
     ],
 )
-def test_nonsense_is_refused_in_one_line(run, monkeypatch, old, new, found):
+def test_invalid_study_gives_one_line(run, monkeypatch, old, new, found):
     monkeypatch.setattr(command, 'spread', lambda work, blocks, _: enumerate(map(work, blocks)))
     code, _, errors = run(STUDY.replace(old, new))
     assert (code, errors.count('\n')) == (2, 1)
@@ -344,7 +344,7 @@ def test_a_single_design_is_counted_in_the_singular(run, monkeypatch):
     assert run(one)[1].startswith('1 design: 1 valid\n')
 
 
-def test_a_scheduler_that_is_not_there_is_refused_in_one_line(run):
+def test_absent_scheduler_gives_one_line(run):
     code, _, errors = run(STUDY, '--scheduler', 'tcp://127.0.0.1:9')
     assert (code, errors.count('\n')) == (2, 1)
     assert 'no Dask scheduler answers' in errors
