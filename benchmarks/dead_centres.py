@@ -44,7 +44,7 @@ def pump(chance):
         mechanism = WindPump(*parts, chance.choice(('open', 'crossed')), _GRAVITY)
         start = angle, place, 3.0, 0.0
         with suppress(LinkageError):  # out of reach
-            if Solver(mechanism).meetings(start)[0].sine > 0.2:
+            if Solver(mechanism).dyad_sines(start)[0].sine > 0.2:
                 return mechanism, start
 
 

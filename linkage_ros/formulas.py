@@ -140,8 +140,8 @@ def require(condition: Any, refuse: Callable[..., object], *values: Real) -> Non
     Args:
         condition: A comparison of values, which must hold for all elements of arrays.
         refuse: Function that raises an error; called if the condition fails.
-        *values: Arguments of `refuse`; from arrays, it gets the first values for which the
-            condition fails.
+        *values: Arguments of `refuse`. If they are arrays, `refuse` gets the first elements for
+            which the condition fails.
     """
     recorded = next((x for x in (condition, refuse) if hasattr(x, 'tape')), None)
     if recorded is not None:

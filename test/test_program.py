@@ -79,7 +79,7 @@ def programs_of(name):
         program(equations.state, 'q', 'u'), program(equations.state, 'q', 'u', 'a'),
         program(equations.forward, 'q', 'u', 'torque'), program(equations.matrix, 'q'),
         program(equations.driven_state, 'q', 'u', 'torque'), program(equations.energy, 'q', 'u'),
-        program(equations.meetings, 'q', 'u'), program(reactions, 'q', 'u', 'a'),
+        program(equations.dyad_sines, 'q', 'u'), program(reactions, 'q', 'u', 'a'),
         solver._points['A'],
     ]  # fmt: skip
     named = {program.formula.__name__: program for program in found[1:]}

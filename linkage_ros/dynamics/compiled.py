@@ -28,12 +28,12 @@ def compiled_arrays(program: Program, *values: Any) -> Any:
         *values: Arrays and floats.
 
     Returns:
-        The result, with arrays; equal to the program for floats except for the last digits of
-        functions such as the sine.
+        The result as arrays; it equals the result of the program for floats, except for the last
+        digits of functions such as the sine.
 
     Raises:
         ConfigurationError: Numba is not installed.
-        LinkageError: The error of the program for floats, for the first values that it rejects.
+        LinkageError: The program rejects some values; raised as for floats, for the first of them.
     """
     if any(line.operation == 'call' for line in program.tape.lines):
         return program.arrays(*values)

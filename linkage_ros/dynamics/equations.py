@@ -314,11 +314,11 @@ def determinant(rows: Sequence[Sequence[Real]]) -> Real:
     return result
 
 
-class Meeting(NamedTuple):
-    """The angle between the two links of a dyad.
+class DyadSine(NamedTuple):
+    """The sine of the angle between the two links of a dyad.
 
     Attributes:
-        sine: Absolute value of the sine of the angle; 0 if the links are in line.
+        sine: Absolute value of the sine; 0 if the links are in line.
         rate: Rate of change of the sine, 1/s.
     """
 
@@ -326,8 +326,11 @@ class Meeting(NamedTuple):
     rate: Real
 
 
-def meetings(model: Model, q: Sequence[Real], u: Sequence[Real]) -> tuple[Meeting, ...]:
-    """Computes the angles between the links of all dyads; the dyads of the pose come first."""
+def dyad_sines(model: Model, q: Sequence[Real], u: Sequence[Real]) -> tuple[DyadSine, ...]:
+    """Computes, for every dyad, the sine of the angle between its links and the sine's rate.
+
+    The dyads of the current coordinates come first, then those of the other coordinates.
+    """
     pose = model.loop.pose(tuple(q))
     rates, found = velocities(pose, u), []
     for dyad, exact in itertools.zip_longest((*model.dyads, *model.other_dyads), pose.sines):
@@ -337,7 +340,7 @@ def meetings(model: Model, q: Sequence[Real], u: Sequence[Real]) -> tuple[Meetin
         normal = second.left() if slides else second
         slope, sine = dot(first, normal), cross(first, normal) if exact is None else exact
         rate = slope * ((ZERO if slides else rates[dyad.second]) - rates[dyad.first])
-        found.append(Meeting(abs(sine), where(sine >= 0, rate, -rate)))
+        found.append(DyadSine(abs(sine), where(sine >= 0, rate, -rate)))
     return tuple(found)
 
 

@@ -3,9 +3,10 @@
 """Pin forces, shaking force and shaking moment: Newton-Euler, body by body.
 
 Virtual power gives the driving torque without these forces, so they are computed only on request.
-The balances of moments of a dyad's two links about their outer pins give the force in their common
-pin. A link with a single unknown pin force gives that force by its balance of forces. Last, the
-crank's balance of moments gives the driving torque once more.
+For each dyad, the moment balances of its two links, each about its outer pin, give the force in
+the common pin. If only one pin force of a link is still unknown, the force balance of the link
+gives it. Finally, the moment balance of the crank gives the driving torque, independently of
+virtual power.
 """
 
 from collections.abc import Sequence

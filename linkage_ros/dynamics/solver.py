@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, cast
 
 from linkage_ros.dynamics import equations
-from linkage_ros.dynamics.equations import Meeting
+from linkage_ros.dynamics.equations import DyadSine
 from linkage_ros.dynamics.evaluator import ROUND, Evaluator, refuse_overflow
 from linkage_ros.dynamics.joint_loads import joint_load_round
 from linkage_ros.dynamics.program import Program
@@ -66,7 +66,7 @@ class Solver(Evaluator):
             mechanism: The mechanism to solve.
             compiled: Whether Numba compiles the programs for arrays to machine code.
             description: Coordinates and assembly; None: the mechanism's own. A solver in other
-                coordinates supports only `driven_state`, `driven_by` and `meetings`; their torque
+                coordinates supports only `driven_state`, `driven_by` and `dyad_sines`; the torque
                 still acts on the crank.
 
         Raises:
@@ -211,19 +211,19 @@ class Solver(Evaluator):
         constants = Constants((self.model, Opaque(torque)))
         return Program(equations.driven, constants, arguments).scalar
 
-    def meetings(self, y: Sequence[float]) -> tuple[Meeting, ...]:
-        """Computes the angle between the two links of each dyad.
+    def dyad_sines(self, y: Sequence[float]) -> tuple[DyadSine, ...]:
+        """Computes the sine of the angle between the two links of each dyad.
 
         Args:
             y: Coordinates, then their rates; floats.
 
         Returns:
-            A `Meeting` for each dyad; the dyads of the other coordinates, if any, come last.
+            A `DyadSine` for each dyad; the dyads of the other coordinates, if any, come last.
 
         Raises:
             LinkageError: As for `state`.
         """
-        return cast('tuple[Meeting, ...]', self._meetings(*y))
+        return cast('tuple[DyadSine, ...]', self._dyad_sines(*y))
 
     def energy(self, q: Any, u: Any) -> tuple[Real, Real]:
         """Computes the mechanical energy of the mechanism.
@@ -350,7 +350,7 @@ class Solver(Evaluator):
         if not dyads:
             return 1.0, ''
         try:
-            sines = [met.sine for met in self.meetings((*q, *(0.0 for _ in q)))]
+            sines = [met.sine for met in self.dyad_sines((*q, *(0.0 for _ in q)))]
         except UnreachableError:
             sines = [0.0] * len(dyads)
         sine, dyad = min(zip(sines, dyads, strict=False))
@@ -360,8 +360,8 @@ class Solver(Evaluator):
         return sine, f'{first.name} and {second.name} are in line'
 
     @functools.cached_property
-    def _meetings(self) -> Callable[..., Any]:
-        return self.program(equations.meetings, 'q', 'u').scalar
+    def _dyad_sines(self) -> Callable[..., Any]:
+        return self.program(equations.dyad_sines, 'q', 'u').scalar
 
 
 def _point_motion(

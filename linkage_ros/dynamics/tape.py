@@ -196,7 +196,11 @@ def leaves(tree: Any) -> list[Any]:
 
 
 def paths(tree: Any, path: str) -> Any:
-    """Replaces each value of nested tuples by its path of names."""
+    """Replaces each value in nested tuples by a unique name.
+
+    The name is `path`, followed by the field names or indices that lead to the value, joined by
+    underscores.
+    """
     if not isinstance(tree, tuple):
         return path
     names = getattr(tree, '_fields', range(len(tree)))

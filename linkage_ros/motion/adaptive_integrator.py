@@ -33,7 +33,8 @@ class AdaptiveSteps:
     Attributes:
         driven: The driven mechanism in its current coordinates.
         time: Time reached, s.
-        phase: Coordinates, then their rates, at that time; the crank within two turns of 0.
+        phase: Coordinates, then their rates, at that time; the crank angle is within two turns
+            of 0.
         pairs: Pairs of whole turns removed from the crank angle.
     """
 
@@ -87,7 +88,7 @@ class AdaptiveSteps:
             self.time, self.phase, self.pairs = time, phase, self._pairs_between + pairs
 
     def phases(self, times: Sequence[float]) -> Iterator[tuple[Values, int]]:
-        """Integrates to rising times, s; yields phase and pairs of whole turns at each."""
+        """Integrates to increasing times, s; yields phase and pairs of whole turns at each."""
         done = 0
         while done < len(times):
             self.advance(times[done])
@@ -126,7 +127,7 @@ class AdaptiveSteps:
             self._pairs_ahead += pairs
 
     def _try(self) -> LinkageError | None:
-        """Makes one step; returns the slope's error if it refuses a value, and changes nothing."""
+        """Makes one step. If the slope rejects a value, keeps the state and returns the error."""
         try:
             with np.errstate(all='ignore'):  # the slope refuses non-finite values
                 self._steps.step()

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """A mechanism under a torque, as a first-order system for integrators.
 
-Near a singularity of the mechanism's own coordinates, at a dead centre or a stretched dyad, the
-motion is described in its other coordinates. Beyond it the own coordinates are used again, perhaps
-in the other assembly.
+Near a singularity of the mechanism's own coordinates, such as a dead centre or a stretched dyad,
+the motion is described in the mechanism's other coordinates. Beyond the singularity, its own
+coordinates are used again, perhaps in the other assembly.
 """
 
 from __future__ import annotations
@@ -117,7 +117,7 @@ class DrivenMechanism:
         """
         if not self.is_limited:
             return self, y, math.inf
-        met, count = self.solver.meetings(y), len(self.solver.structure.dyads)
+        met, count = self.solver.dyad_sines(y), len(self.solver.structure.dyads)
         own, others = met[:count], met[count:]
         if others and (own[0].sine < _LEAVE or not self.is_own):
             better = self._better(y, own[0].sine, others[0].sine)
@@ -141,7 +141,7 @@ class DrivenMechanism:
         return bool(self.solver.description == self.solver.mechanism.description)
 
     def _better(self, y: tuple[float, ...], sine: float, other_sine: float) -> tuple[str, ...]:
-        """The coordinates to use from here on; empty: the present ones."""
+        """Selects the coordinates to use from now on; empty: the current ones."""
         mechanism = self.solver.mechanism
         is_worse = sine < _LEAVE and other_sine > 2 * sine
         if self.is_own:
@@ -159,7 +159,7 @@ class DrivenMechanism:
 
         Args:
             y: Coordinates, then their rates.
-            coordinates: The mechanism's own or its other ones.
+            coordinates: The mechanism's own coordinates, or its other coordinates.
 
         Returns:
             The driven mechanism, and y in its coordinates.
@@ -191,7 +191,7 @@ class DrivenMechanism:
         return replace(min(both, key=distance), middle=middle), there
 
     def arc_middle(self, crank: float) -> float:
-        """The middle of the arc on which a crank moves, rad, within pi of it."""
+        """The middle of the arc on which the crank moves, rad, within pi of a crank angle."""
         mobility = self.solver.mobility
         if mobility is None:
             return crank
@@ -211,11 +211,18 @@ class DrivenMechanism:
 
     @functools.cached_property
     def accelerations(self) -> Callable[..., tuple[float, ...]]:
-        """Accelerations at y, given one by one; it raises what `Solver.accelerations` raises."""
+        """A function of the values of y, given one by one, that returns the accelerations.
+
+        It raises the errors of `Solver.accelerations`.
+        """
         return self.solver.driven_by(self.torque)
 
     def slope(self, y: tuple[float, ...]) -> tuple[float, ...]:
-        """Rates, then accelerations, at y; it raises what `Solver.accelerations` raises."""
+        """Computes the rates, then the accelerations, at y.
+
+        Raises:
+            LinkageError: As `Solver.accelerations`.
+        """
         return slope_at(self.accelerations, y)
 
     def speed(self, y: tuple[float, ...]) -> float:
@@ -226,8 +233,9 @@ class DrivenMechanism:
     def rates(self) -> tuple[float, float]:
         """Largest rates of settling and of swinging about rest, without the motor's torque, 1/s.
 
-        Each is the median of the largest eigenvalues of the linearised motion at several crank
-        angles: at the dead centre of a massless crank one is infinite.
+        Each rate is the median, over several crank angles, of the largest eigenvalue of the
+        linearised motion. The median ignores the dead centre of a massless crank, where an
+        eigenvalue is infinite.
         """
         free = DrivenMechanism(self.solver, lambda speed: self.torque(speed) - self.torque(0.0))
         arcs = self.solver.mobility.arcs if self.solver.mobility else FULL_TURN
@@ -255,17 +263,17 @@ class DrivenMechanism:
         Args:
             time: Time reached, s; the error gives the exact time of the end.
             y: Coordinates and rates at that time.
-            cause: Error of the next step.
+            cause: Error in the next step, if any.
 
         Raises:
-            MotionError: Always; the message names time and place, and what to do.
+            MotionError: Always; the message names time and place, and the remedy.
         """
         sine, words = self.solver.alignment(y[: len(y) // 2])
         q, other_sine = y[: len(y) // 2], 1.0
         with suppress(LinkageError):  # the exact end is a little later
             _, _, left = self.ready(y)
             time += left if left < _SOON else 0.0
-            others = self.solver.meetings(y)[len(self.solver.structure.dyads) :]
+            others = self.solver.dyad_sines(y)[len(self.solver.structure.dyads) :]
             other_sine = min((met.sine for met in others), default=1.0)
             mechanism = self.solver.mechanism
             q = self.redescribed(y, mechanism.coordinates)[1][: len(mechanism.coordinates)]
@@ -301,7 +309,7 @@ class DrivenMechanism:
 def slope_at(
     accelerations: Callable[..., Sequence[Real]], y: tuple[Real, ...]
 ) -> tuple[Real, ...]:
-    """Rates, then accelerations, at y; a formula."""
+    """Computes the rates, then the accelerations, at y; compiled as a formula."""
     found, half = accelerations(*y), len(y) // 2
     return (*y[half:], *(found[i] for i in range(half)))
 
@@ -312,13 +320,13 @@ def jacobian(
     y: tuple[Real, ...],
     slope: tuple[Real, ...],
 ) -> list[list[Real]]:
-    """Derivatives of the accelerations, by finite differences; a formula.
+    """Computes the derivatives of the accelerations by differences; compiled as a formula.
 
     Args:
         accelerations: Accelerations at y, given one by one.
         units: Units of errors in y.
         y: Coordinates, then their rates.
-        slope: The slope there.
+        slope: The slope at y.
 
     Returns:
         For each value of y, the derivatives of all accelerations.

@@ -20,8 +20,9 @@ class SpeedDrive(Checked):
 
     Attributes:
         rpm: Crank speed, counter-clockwise positive, turns per minute.
-        start_rpm: Speed at t = 0; None: rpm.
-        crank_acceleration: Acceleration towards rpm, rad/s^2; 0: at once.
+        start_rpm: Speed at t = 0, turns per minute; None: `rpm`.
+        crank_acceleration: Acceleration at which the speed approaches `rpm`, rad/s^2; 0: the speed
+            changes at once.
         crank_angle: Crank angle at t = 0, rad.
     """
 
@@ -51,11 +52,11 @@ class SpeedDrive(Checked):
 
 @dataclass(frozen=True)
 class Motor(Checked):
-    """A motor line: its torque falls with the crank speed.
+    """A motor whose torque falls linearly with the crank speed.
 
     Attributes:
         torque: Torque at rest, N m, counter-clockwise positive.
-        damping: Loss of torque per crank speed, N m s.
+        damping: Decrease of the torque per unit of crank speed, N m s.
     """
 
     torque: float = quantity(
@@ -67,7 +68,7 @@ class Motor(Checked):
     )
 
     def at(self, speed: Real) -> Real:
-        """Torque, N m, at a crank speed or an array of them, rad/s."""
+        """Torque, N m, at a crank speed or an array of crank speeds, rad/s."""
         return self.torque - self.damping * speed
 
 
@@ -76,10 +77,10 @@ class TorqueDrive(Checked):
     """The motor and the start of a torque-driven mechanism.
 
     Attributes:
-        motor: Line of the motor; commands are added to it.
+        motor: The motor; the torque of commands is added to the motor's.
         start_rpm: Crank speed at t = 0, turns per minute.
         crank_angle: Crank angle at t = 0, rad.
-        torque_limit: Largest torque of a command, N m; a larger one is cut to it.
+        torque_limit: Limit of the commanded torque, N m; larger values are cut to the limit.
         command_timeout: Time after which a command expires, s.
     """
 
@@ -104,7 +105,8 @@ class FollowDrive(Checked):
     """A measured crank, which the other links follow.
 
     Attributes:
-        follow_bandwidth: Bandwidth of the filter for rates and accelerations, Hz; 0: both are 0.
+        follow_bandwidth: Bandwidth of the filter that gives rates and accelerations, Hz; 0: they
+            are 0.
     """
 
     follow_bandwidth: float = quantity(

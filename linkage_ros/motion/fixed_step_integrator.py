@@ -3,9 +3,9 @@
 """Integrates torque-driven motion in fixed steps, with bounded work and checked steps.
 
 Each step is Dormand and Prince's of order 5 (J. Comput. Appl. Math. 6 (1980), RK5(4)7M). Its
-difference from the embedded result of order 4 shows whether the step was short enough. If not, it
-is halved, within a limited number of trials; if that fails, the motion is at a singularity of its
-coordinates, and ends with an error.
+difference from the embedded result of order 4 shows whether the step was short enough. If not, the
+step is halved, within a limited number of trials. If all trials fail, the motion is at a
+singularity of its coordinates and ends with an error.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ class Steps(Protocol):
 
     Attributes:
         driven: The driven mechanism in its current coordinates.
-        phase: These coordinates, then their rates; the crank within two turns of 0.
+        phase: These coordinates, then their rates; the crank angle is within two turns of 0.
         pairs: Pairs of whole turns removed from the crank angle.
         time: Time reached, s.
     """
@@ -103,7 +103,7 @@ class Plant(NamedTuple):
 def leap(
     plant: Plant, values: tuple[Real, ...], h: Real, slope: tuple[Real, ...]
 ) -> tuple[tuple[Real, ...], tuple[Real, ...], tuple[Real, ...]]:
-    """Makes one step of one motion, or of many as arrays; used as a formula.
+    """Makes one step of one motion, or of many as arrays; compiled as a formula.
 
     Args:
         plant: The mechanism under its torque.
@@ -124,7 +124,7 @@ def leap(
 def moved(
     weights: Sequence[Real], values: tuple[Real, ...], h: Real, slopes: Sequence[Sequence[Real]]
 ) -> tuple[Real, ...]:
-    """The values plus h times the weighted sum of the slopes; used as a formula."""
+    """Adds h times the weighted sum of the slopes to the values; compiled as a formula."""
     used = [(weight, rates) for weight, rates in zip(weights, slopes, strict=True) if weight]
     return tuple(
         value + h * total(weight * rates[i] for weight, rates in used)
@@ -139,7 +139,7 @@ def errors(
     h: Real,
     slopes: Sequence[Sequence[Real]],
 ) -> tuple[Real, ...]:
-    """Estimates the errors of a step; used as a formula.
+    """Estimates the errors of a step; compiled as a formula.
 
     Args:
         weights: Weights of the slopes.
@@ -165,7 +165,8 @@ class FixedSteps:
     Attributes:
         driven: The driven mechanism in its current coordinates.
         time: Time reached, s.
-        phase: Coordinates, then their rates, at that time; the crank within two turns of 0.
+        phase: Coordinates, then their rates, at that time; the crank angle is within two turns
+            of 0.
         pairs: Pairs of whole turns removed from the crank angle.
         tried: Number of trial steps so far.
     """

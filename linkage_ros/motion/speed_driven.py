@@ -209,16 +209,20 @@ def _segment(
     acceleration: float,
     old_stamp: int | None = None,
 ) -> SpeedSegment:
-    """A segment with phase and speed on the grid; without acceleration it has its final speed."""
+    """Makes a segment with phase and speed on the grid.
+
+    Without acceleration, the segment starts at its set speed.
+    """
     speed = speed if acceleration else Fraction(rpm)
     phase, speed = (Fraction(round(value * _GRID), _GRID) for value in (phase, speed))
     return SpeedSegment(stamp, phase, speed, rpm, acceleration, old_stamp)
 
 
 def _first(reached: Callable[[int], bool], low: int, high: int) -> int:
-    """The first number from low to high for which a condition, once true, stays true.
+    """Finds the smallest number from low to high that meets a condition.
 
-    The ranges may exceed 2^63, the limit of bisect.
+    The condition must also hold for all larger numbers. Numbers may exceed 2^63, the limit of
+    bisect.
     """
     while low < high:
         middle = (low + high) // 2

@@ -61,7 +61,10 @@ _COUPLINGS = (
 def stiff_leap(
     plant: Plant, values: tuple[Real, ...], h: Real, slope: tuple[Real, ...]
 ) -> tuple[tuple[Real, ...], tuple[Real, ...], tuple[Real, ...]]:
-    """Makes one linearly implicit step; a formula, see `fixed_step_integrator.leap`."""
+    """Makes one linearly implicit step; compiled as a formula.
+
+    Arguments and result are those of `fixed_step_integrator.leap`.
+    """
     derivatives = jacobian(plant.accelerations, plant.units, values, slope)
     results: list[tuple[Real, ...]] = []
     for weights, couplings in zip(_METHOD.stages, _COUPLINGS, strict=True):

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The motion of a mechanism under motor and commands, integrated from stamp to stamp."""
+"""The motion of a mechanism under a motor and torque commands, integrated from stamp to stamp."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.numeric import Real, within_two_turns
 from linkage_ros.units import NS_PER_S, radians_per_second
 
-# Delay beyond a tick that a late run makes up for, ns. More would only delay it further.
+# Longest delay beyond a tick that a late run makes up for, ns. A longer delay would only grow.
 CATCH_UP = NS_PER_S // 4
 
 
@@ -71,11 +71,11 @@ class TorqueMotion:
             stamp: Not before the last one, ns.
 
         Returns:
-            The coordinates. The angle within two turns is that of the rounded unwrapped one, so
+            The coordinates. The angle within two turns is derived from the rounded whole angle, so
             that a log holds the exact state.
 
         Raises:
-            MotionError: The motion cannot be followed that far.
+            MotionError: The motion ends before the stamp.
         """
         if self._end:
             raise self._end
@@ -87,14 +87,14 @@ class TorqueMotion:
         """The coordinates at many stamps, with the same bits as `at`.
 
         Args:
-            stamps: Not before the last one, rising, ns.
+            stamps: Increasing stamps, the first not before the last call's, ns.
 
         Returns:
-            Arrays. They are shorter than the stamps if the motion ends or changes its coordinates,
-            which starts another segment.
+            Arrays. They are shorter than `stamps` if the motion ends or changes its coordinates;
+            a change of coordinates starts another segment.
 
         Raises:
-            MotionError: The motion cannot be followed to the first stamp.
+            MotionError: The motion ends before the first stamp.
         """
         if self._end:
             raise self._end
@@ -115,14 +115,14 @@ class TorqueMotion:
         return all_published(driven, moments)
 
     def command(self, stamp: int, torque: float) -> None:
-        """Sets the torque added to the motor's from a stamp on.
+        """Sets the torque that is added to the motor's torque, starting at a stamp.
 
         Args:
             stamp: Stamp, not before the last one, ns.
             torque: Added torque, N m.
 
         Raises:
-            MotionError: The motion ends before that.
+            MotionError: The motion ends before the stamp.
         """
         if torque != self._command:
             self._advance(stamp)
@@ -132,18 +132,18 @@ class TorqueMotion:
     def follow(self, stamp: int, drive: Any) -> TorqueMotion:
         """Continues under a drive; a change of the motor starts a new segment.
 
-        A new segment also begins if the run is late by more than 0.25 s: the plant is then paused
-        for that time.
+        If the run is more than 0.25 s late, the plant is paused for the delay, and a new segment
+        also starts.
 
         Args:
             stamp: Not before the last one, ns.
-            drive: The TorqueDrive in force.
+            drive: The current `TorqueDrive`.
 
         Returns:
             This motion.
 
         Raises:
-            MotionError: The motion cannot be followed that far.
+            MotionError: The motion ends before the stamp.
         """
         is_late = stamp - self._last > self._period + CATCH_UP
         if is_late or drive.motor != self._motor:
