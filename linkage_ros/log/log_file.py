@@ -18,7 +18,7 @@ def keep_other_files(path: Path | str) -> None:
     """Checks that a file, if there is one, may be replaced by a log.
 
     Raises:
-        LogError: It is neither empty nor a log.
+        LogError: The file is neither empty nor a log.
     """
     with suppress(OSError), open_file(path) as old:
         if old.read(len(MCAP0_MAGIC)) not in {b'', MCAP0_MAGIC}:
@@ -26,7 +26,9 @@ def keep_other_files(path: Path | str) -> None:
 
 
 class LogFile:
-    """A new file, written by one thread; the library calls `write`, `tell` and `flush`.
+    """A new log file, written by one thread.
+
+    The writer of the mcap package calls `write`, `tell` and `flush`.
 
     Attributes:
         path: Path of the file.
@@ -55,15 +57,15 @@ class LogFile:
         """Writes bytes.
 
         Raises:
-            LogError: The file cannot be written, was removed or truncated.
+            LogError: The file cannot be written, or was removed or truncated.
         """
         self._attempt(self.stream.write, data)
 
     def flush(self) -> None:
-        """Passes all bytes to the operating system; a killed run loses only later ones.
+        """Passes all bytes to the operating system; if the run is killed, they are not lost.
 
         Raises:
-            LogError: The file cannot be written, was removed or truncated.
+            LogError: The file cannot be written, or was removed or truncated.
         """
         self._attempt(self.stream.flush)
         self._check()
@@ -87,7 +89,7 @@ class LogFile:
         """Checks that the file exists and has the written length; otherwise ends the writing.
 
         Raises:
-            LogError: It was removed, or another program truncated it or wrote to it.
+            LogError: The file was removed, or another program truncated it or wrote to it.
         """
         number, problem = self.stream.fileno(), ''
         status, written = os.fstat(number), os.lseek(number, 0, os.SEEK_CUR)
@@ -112,13 +114,14 @@ class LogFile:
 
 
 class DiskSync:
-    """Syncs a log to the disk, so that it survives a power cut; the consumer of a worker.
+    """Syncs a log to the disk, so that it survives a power cut; used as a worker's consumer.
 
-    A sync may take seconds, while the log must still be flushed; so it has a worker of its own.
+    A sync may take seconds, during which the log must still be flushed, so the sync has its own
+    worker.
     """
 
     def __init__(self, log: LogFile) -> None:
-        """Prepares the sync; the log may close its file earlier."""
+        """Prepares the sync; it works even after the log has closed its file."""
         self._path, self._number = log.path, os.dup(log.stream.fileno())
 
     def consume(self, _: Sequence[object]) -> None:
@@ -133,5 +136,5 @@ class DiskSync:
             raise LogError(f'{self._path} does not reach the disk: {error.strerror}') from error
 
     def close(self) -> None:
-        """Closes its descriptor of the file."""
+        """Closes this object's descriptor of the file."""
         os.close(self._number)

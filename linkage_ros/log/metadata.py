@@ -33,7 +33,7 @@ def seal(fields: dict[str, str]) -> dict[str, str]:
 
 
 def unseal(record: Mapping[str, str]) -> dict[str, str]:
-    """The fields of a record.
+    """Checks and removes the checksum of a record.
 
     Args:
         record: From `seal`.
@@ -51,12 +51,12 @@ def unseal(record: Mapping[str, str]) -> dict[str, str]:
 
 
 def encode_configuration(configuration: Configuration) -> dict[str, str]:
-    """The record of a configuration, with the version that writes it."""
+    """Encodes a configuration as a record, with the version of this package."""
     return seal({'version': __version__, **to_strings(configuration)})
 
 
 def decode_configuration(record: Mapping[str, str]) -> tuple[str, Configuration]:
-    """The version and the configuration of a record.
+    """Decodes the version and the configuration from a record.
 
     Args:
         record: From `encode_configuration`.
@@ -74,7 +74,7 @@ def decode_configuration(record: Mapping[str, str]) -> tuple[str, Configuration]
 
 
 def _fraction(text: str) -> Fraction:
-    """Parses a fraction from its text; Fraction itself would expand 1e999999999."""
+    """Parses a fraction from its text; `Fraction(text)` would expand 1e999999999."""
     return Fraction(*map(int, text.split('/')))
 
 
@@ -93,12 +93,15 @@ _LARGEST = {int: TIME_END - 1, float: 1e30, Fraction: 1e30}
 
 
 def encode_motion(segment: Segment) -> dict[str, str]:
-    """The record of a segment: exact fractions of turns and of turns per minute, or a torque."""
+    """Encodes a segment of motion as a record.
+
+    The record has exact fractions of turns and of turns per minute, or a torque.
+    """
     return seal({_NAMES.get(n, n): str(v) for n, v in vars(segment).items() if v is not None})
 
 
 def decode_motion(record: Mapping[str, str]) -> Segment:
-    """The segment of a record.
+    """Decodes a segment of motion from its record.
 
     Args:
         record: From `encode_motion`.
@@ -108,7 +111,8 @@ def decode_motion(record: Mapping[str, str]) -> Segment:
 
     Raises:
         LogError: The record is damaged.
-        ValueError: A value is impossible; with other fields, other exceptions are possible too.
+        ValueError: A value is malformed or too large. Unknown or missing fields may raise other
+            exceptions.
     """
     fields = unseal(record)
     kind = TorqueSegment if 'torque' in fields else SpeedSegment

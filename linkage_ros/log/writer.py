@@ -41,7 +41,7 @@ class _Index(MessageIndex):
     records: Any
 
     def write(self, stream: RecordBuilder) -> None:
-        """Writes the record; the library calls this."""
+        """Writes the record; called by the writer of the mcap package."""
         entries = b''.join(self.records)
         size = len(entries)
         stream.write(_INDEX_HEAD.pack(Opcode.MESSAGE_INDEX, 6 + size, self.channel_id, size))

@@ -297,7 +297,7 @@ def _numbers(
     torque: Real,
     unwrapped: Real,
 ) -> tuple[Real, ...]:
-    """The numbers in the messages of a state, without negative zeros; a formula."""
+    """Computes the numbers in a state's messages, without -0.0; compiled as a formula."""
     links, points = constants
     state = State(position, velocity, acceleration, torque)
     rows = joint_rows(links, state, unwrapped)

@@ -150,7 +150,7 @@ class RealTimeTicker(Ticker):
             tick = due + 1
 
     def _sleep_until(self, deadline: int) -> int:
-        """Sleeps until a time of the monotonic clock, or the end; returns the lateness, ns."""
+        """Sleeps until a time of the monotonic clock or the stop; returns the lateness, ns."""
         while (left := deadline - time.monotonic_ns()) > 0 and not self._stop.is_set():
             time.sleep(min(left / NS_PER_S, _MAX_SLEEP))
         return -left
@@ -159,7 +159,8 @@ class RealTimeTicker(Ticker):
 def _clock_offset() -> int:
     """Offset of the wall clock from the monotonic clock, ns.
 
-    Three readings tell a step of the clock from a delay of the thread between two readings.
+    The wall clock is read between two readings of the monotonic clock. If these are 1 ms or more
+    apart, the thread was delayed, and all three readings are repeated.
     """
     while True:
         before = time.monotonic_ns()
@@ -172,9 +173,9 @@ def _clock_offset() -> int:
 class SimTimeTicker(Ticker):
     """Makes every tick up to the times of a clock, ns, that it receives.
 
-    Tick 0 is the first received time; there are no ticks while the clock stops. If the clock goes
-    back, t0 moves with it and the motion continues from there; the step is counted, as for the
-    wall clock.
+    Tick 0 is at the first received time; there are no ticks while the clock stops. If the clock is
+    set back, t0 is shifted by the same time, and the motion continues without a jump. The step is
+    counted, as for the wall clock.
     """
 
     def _due(self) -> Iterator[tuple[int]]:

@@ -147,8 +147,8 @@ class Measurements:
         self._channel = measured_channel(log)
         self._next: list[tuple[int, Coordinates]] = []  # not yet answered: stamps, ns
 
-    def hear(self, message: LoggedMessage) -> None:
-        """Takes a message that is not a state, in the order of writing."""
+    def handle(self, message: LoggedMessage) -> None:
+        """Reads a measurement from a message; called in the order of writing."""
         if self._channel and message.channel == self._channel.number:
             with suppress(ValueError):  # a rejected measurement has no state
                 self._next.append(self._crank.read(message.data, message.time))

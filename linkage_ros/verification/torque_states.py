@@ -180,7 +180,7 @@ class TorqueStates(Timeline):
                     error = np.maximum(error, np.max(errors, axis=0))
         except LinkageError:  # one of them fails; they are then checked one by one
             return nothing
-        follows = _near(units, np.array(phase), found[rows], found[0]).all(axis=0)
+        follows = _agrees(units, np.array(phase), found[rows], found[0]).all(axis=0)
         follows &= error <= _APART / 10
         follows[0] &= self._last.solver is driven.solver
         return follows
@@ -201,20 +201,29 @@ class TorqueStates(Timeline):
                 explains it.
         """
         values = found[:-1]
-        due = self._led(before, origin, values, span)
-        wrong = ~_near(self._units, due, values, found[0])
+        due = self._predicted(before, origin, values, span)
+        wrong = ~_agrees(self._units, due, values, found[0])
         if wrong.any():
             nudged = origin + _NUDGE * np.array([*self._units, 0.0])
-            spread = abs(self._led(before, nudged, values, span) - due)
+            spread = abs(self._predicted(before, nudged, values, span) - due)
             wrong &= ~(abs(values - due) <= spread)
         names = [f'{link.name} {word}' for word in ('position', 'speed') for link in self._links]
         i = int(wrong.argmax())
         return f'{names[i]} {values[i]:.9g}, that one leads to {due[i]:.9g}' if wrong[i] else ''
 
-    def _led(self, before: DrivenMechanism, origin: Array, values: Array, span: float) -> Array:
-        """Positions and rates computed from a state; angles within half a turn of those found.
+    def _predicted(
+        self, before: DrivenMechanism, origin: Array, values: Array, span: float
+    ) -> Array:
+        """Predicts positions and rates from an earlier state.
 
-        The arguments are those of `_difference`.
+        The angles of all links but the crank are shifted by whole turns to lie nearest to the
+        logged ones.
+
+        Args:
+            before: See `_difference`.
+            origin: The earlier state.
+            values: Logged positions and rates.
+            span: Time between them, s.
         """
         driven = replace(
             before,
@@ -237,19 +246,20 @@ class TorqueStates(Timeline):
         return due
 
 
-def _near(units: Array, due: Array, values: Array, crank: Array) -> npt.NDArray[np.bool_]:
+def _agrees(units: Array, due: Array, values: Array, crank: Array) -> npt.NDArray[np.bool_]:
     """Whether positions and rates agree with the expected ones.
 
     Args:
-        units: Their units.
+        units: Unit of each value.
         due: Expected positions and rates.
         values: Logged positions and rates.
-        crank: The logged whole angle.
+        crank: Logged crank angle, including whole turns, rad; its rounding error is allowed for.
 
     Returns:
-        Booleans, of the shape of both.
+        For each value, whether it agrees.
     """
     sizes, count = np.maximum(units, abs(due)), len(due) // 2
     sizes[:count] = units[:count]
-    near: npt.NDArray[np.bool_] = abs(values - due) <= _APART * sizes + 4 * np.spacing(abs(crank))
-    return near
+    allowed = _APART * sizes + 4 * np.spacing(abs(crank))
+    agrees: npt.NDArray[np.bool_] = abs(values - due) <= allowed
+    return agrees

@@ -133,7 +133,7 @@ class Verification:
             return
         self._prepare()
         size = self._layout.size
-        for records in self._log.rows(self._layout, self._hear):
+        for records in self._log.rows(self._layout, self._handle):
             self._rows += records
             if len(self._rows) >= _BATCH * size:
                 self._compare_rows(progress)
@@ -144,10 +144,13 @@ class Verification:
             self._check_rest()
         self.missed, self.ulp = self._timeline.missed, self._comparison.ulp
 
-    def _hear(self, message: LoggedMessage) -> None:
-        """Takes a message that is not part of a state, in the order of writing."""
+    def _handle(self, message: LoggedMessage) -> None:
+        """Handles a message that is not part of a state.
+
+        It is called for all such messages in the order in which they were written.
+        """
         if isinstance(self._timeline, Measurements):
-            self._timeline.hear(message)
+            self._timeline.handle(message)
         if message.topic in self.compared and message.data != self._simulator.description:
             self.difference = (
                 f'{message.topic}: data at {message.time} ns is not the URDF of the configuration'

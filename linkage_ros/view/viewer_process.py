@@ -87,7 +87,9 @@ class ViewerProcess:
 
 
 def open_viewer(bind: str, *, window: bool) -> tuple[ViewerProcess, str, int, str]:
-    """Opens a window, which stays open when this process ends, or serves a page until then.
+    """Opens a window or serves a page.
+
+    The window stays open when this process ends; the page does not.
 
     Args:
         bind: Address on which the viewer receives and serves data, and serves the page.

@@ -31,7 +31,7 @@ def joint_rows(
     state: State,
     unwrapped: Real,
 ) -> list[list[Real]]:
-    """Converts a state to the joints of the URDF's open tree, as in messages; a formula.
+    """Converts a state to the joints of the URDF's open tree, as in messages; used in a formula.
 
     Args:
         links: The tree; its first joint is the crank's.
@@ -39,8 +39,9 @@ def joint_rows(
         unwrapped: The whole angle of the crank, rad.
 
     Returns:
-        Positions, rad or m: the crank's unwrapped, other angles in (-pi, pi] from the link before;
-        their rates and accelerations; efforts, the driving torque, N m, at the crank, 0 elsewhere.
+        Positions, rad or m, velocities, accelerations and efforts, one row each. The crank has its
+        whole angle; other angles are relative to the parent link, in (-pi, pi]. The effort of the
+        crank is the driving torque, N m; other efforts are 0.
     """
     position, *_ = rows = [list(row) for row in state[:3]]
     for i, link in reversed(list(enumerate(links))):  # joints with a parent link

@@ -165,8 +165,8 @@ def message_heads(data: bytes, starts: Sequence[int]) -> npt.NDArray[Any]:
         starts: First byte of each record.
 
     Returns:
-        Their fields opcode, channel and time (log time, ns); meaningless if another record is
-        shorter than such a head.
+        The fields opcode, channel and time (log time, ns) of each record. If a record is not a
+        message, only its opcode is meaningful.
     """
     padded = np.frombuffer(data + bytes(MESSAGE_HEAD.size), np.uint8)
     windows = np.lib.stride_tricks.sliding_window_view(padded, MESSAGE_HEAD.size)

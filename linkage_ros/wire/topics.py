@@ -20,7 +20,8 @@ class Interface(NamedTuple):
     Attributes:
         name: Such as 'std_msgs/msg/Float64'.
         hash: Its type hash, RIHS01.
-        definition: Its fields and, behind separators, those of the types it contains.
+        definition: Its fields; then, each after a separator line, the fields of the types that it
+            contains.
     """
 
     name: str
@@ -189,5 +190,5 @@ def trajectory_commands(name: str) -> Topic:
 
 
 def qualified(topic: Topic) -> str:
-    """The name of a topic in a graph without namespaces."""
+    """The fully qualified name of a topic for a node without a namespace."""
     return topic.name if topic.name.startswith('/') else f'/{topic.name}'
