@@ -3,9 +3,9 @@
 """Integrators of motion under a torque, from one requested time to the next.
 
 Each integrator begins at the start of an initial value problem. `at(time)` integrates to a time,
-s, which must not be before the last one, and returns the phase: the coordinates, where the crank
-angle includes whole turns, then their rates. `gap()` then returns the gap of the loop, m. The
-package's own methods are those of live runs (motion/fixed_step_integrator.py) and of records
+s, which must not be before the last one, and returns the phase: the coordinates, then their rates;
+the crank angle includes whole turns. `gap()` then returns the gap of the loop, m. The package has
+one method for live runs (motion/fixed_step_integrator.py) and one for records
 (motion/adaptive_integrator.py).
 """
 
@@ -42,7 +42,7 @@ class _OwnCoordinates:
 
 
 class OfPackage(_OwnCoordinates):
-    """The package's own integrators, which change coordinates and count the crank's turns."""
+    """The package's own integrators; they change coordinates and count the turns of the crank."""
 
     def __init__(self, problem: InitialValueProblem, begin: Integrate) -> None:
         self._steps = begin(problem.driven, problem.start)
@@ -87,7 +87,10 @@ class OfScipy(_OwnCoordinates):
     """One of SciPy's solvers, with its own dense output between steps."""
 
     def __init__(self, problem: InitialValueProblem, solver: str, tolerance: float) -> None:
-        """Starts with a class of scipy.integrate, and a tolerance in rad and crank lengths."""
+        """Starts the named solver of scipy.integrate; the tolerance is in rad and crank lengths.
+
+        For rates, it is in the same units per second.
+        """
         super().__init__(problem)
         self._problem, (self._phase, units) = problem, self._begin(problem)
         self._steps: Any = getattr(integrate, solver)(
@@ -97,7 +100,7 @@ class OfScipy(_OwnCoordinates):
         self._between: Callable[[float], Array]
 
     def _begin(self, problem: InitialValueProblem) -> tuple[Phase, Phase]:
-        """The values at t = 0, and their units."""
+        """The values at t = 0, and the unit of the error of each value."""
         return problem.start, problem.driven.units
 
     def _slope(self, values: Array) -> Array:
@@ -131,8 +134,8 @@ class Multipliers(OfScipy):
 
     The unstabilised equations enforce only the second derivative of the constraints: a position
     error persists, and a velocity error opens the loop steadily. Baumgarte stabilisation,
-    gap'' + 2 k gap' + k^2 gap = 0, makes the gap decay; a projection closes the loop after every
-    step, by the shortest way in the metric of the masses.
+    gap'' + 2 k gap' + k^2 gap = 0, makes the gap decay. A projection after every step closes the
+    loop by the smallest change in the metric of the masses.
     """
 
     def __init__(
@@ -143,7 +146,14 @@ class Multipliers(OfScipy):
         closing: float = 0.0,
         projects: bool = False,
     ) -> None:
-        """Starts with Baumgarte's k, `closing`, 1/s, or with projections after every step."""
+        """Starts the integration.
+
+        Args:
+            problem: The motion and its start.
+            tolerance: Relative and absolute tolerance; see `OfScipy`.
+            closing: k of Baumgarte stabilisation, 1/s; 0: no stabilisation.
+            projects: Whether to project onto the closed loop after every step.
+        """
         self._bodies = Multibody(problem.mechanism, float, Vector.at)
         self._closing, self._projects = closing, projects
         super().__init__(problem, 'DOP853', tolerance)
@@ -177,7 +187,7 @@ class Multipliers(OfScipy):
             steps.f = self._slope(steps.y)
 
     def _projected(self, values: Array) -> Array:
-        """The nearest values that close the loop; those given if nothing is projected."""
+        """Projects values onto the closed loop, or returns them unchanged without projection."""
         for _ in range(2 * self._projects):  # the second step corrects the first's nonlinearity
             places, rates = self._split(values.tolist())
             half, (matrix, _) = len(rates), self._bodies.system(places, rates)
