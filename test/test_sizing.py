@@ -219,7 +219,7 @@ def test_inertia_dominates_above_the_handover_speed(savings):
         (
             150.0,
             0.2,
-            'leave out crank.inertia, coupler.inertia and rocker.inertia; the coupler as',
+            'and rocker.inertia; sufficient models: the coupler as two point masses',
         ),
         (300.0, 0.05, 'needs coupler and rocker; it can leave out crank.inertia and gravity;'),
         (300.0, 1.0, 'needs nothing; it can leave out gravity, coupler, rocker and inertia;'),
@@ -252,7 +252,9 @@ def test_the_command_writes_records_and_a_picture(tmp_path, called):
     code, out, _ = called(chart_tool, *options, '--out', tmp_path)
     assert code == 0
     sentence, records, picture = out.splitlines()
-    assert sentence.startswith('compressor: at 900 rpm, within 5 % of the peak, this scene needs ')
+    assert sentence.startswith(
+        'compressor: at 900 rpm, within 5 % of the peak, this mechanism needs '
+    )
     found = json.loads((tmp_path / records).read_text())['records']
     assert {x['rpm'] for x in found} == {300.0, 900.0}
     assert found[0].keys() == {

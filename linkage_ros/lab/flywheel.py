@@ -3,13 +3,13 @@
 """linkage_chart motion --fluctuation: the flywheel of a crank, and its speed under a motor.
 
 With the mechanism's inertia M at the crank, the flywheel's J and the crank speed u, the kinetic
-energy E = (M + J) u^2 / 2 changes over the crank angle by
+energy E = (M + J) u^2 / 2 changes with the crank angle:
 
     dE/dtheta = c + motor(u) - R,
 
-where R is the torque of weights, loads and friction, and c a constant torque. Each iteration
+where R is the torque of weights, loads and friction, and c is a constant torque. Each iteration
 linearises R and the motor's torque in E, solves the linear equation for one period, and chooses
-the energy at the start of the period so that the mean speed is the given one. c follows from the
+the energy at the start of the period so that the mean speed is as given. c follows from the
 condition that the energy is periodic. At the mean speed for which c = 0, the motor alone drives
 the cycle.
 """
@@ -57,8 +57,9 @@ class Cycle(NamedTuple):
         crank: Crank angles, rad.
         velocity: Crank speed at these angles, rad/s.
         torque: Applied torque at these angles, N m.
-        demand: Torque that the mechanism needs, N m; the flywheel takes the rest.
-        constant: Constant part of the applied torque besides the motor's, N m.
+        demand: Torque needed by the mechanism at these angles, N m; the difference from the
+            applied torque accelerates the flywheel.
+        constant: Constant torque that is applied in addition to the motor's, N m.
     """
 
     crank: Array
@@ -74,7 +75,7 @@ class Cycle(NamedTuple):
 
     @property
     def fluctuation(self) -> float:
-        """Difference of largest and smallest speed, relative to the mean over time."""
+        """Difference between largest and smallest speed, relative to the mean over time."""
         found = extent(self.crank, self.velocity)
         return (found.high - found.low) / abs(self.speed)
 
@@ -91,10 +92,11 @@ class Crank:
         self._growth = CubicSpline(self._angles, self._inertia)(self._angles, 1)
 
     def energy(self, speed: float) -> float:
-        """Energy between the extreme speeds to first order, J.
+        """Estimates the kinetic energy between the extreme speeds to first order, J.
 
-        At a constant speed, the mean torque less the driving torque is integrated over the crank
-        angle; the energy is the difference between the largest and smallest integral.
+        At a constant speed, the difference between mean and current driving torque is integrated
+        over the crank angle. The energy is the difference between the largest and the smallest
+        value of this integral.
         """
         taken = self._solver.state(self._angles, np.full_like(self._angles, speed)).torque
         found = extent(self._angles, self._integral(mean(self._angles, taken) - taken))
@@ -122,13 +124,13 @@ class Crank:
         Args:
             speed: Mean speed over time, with the sign of the rotation, rad/s.
             added: Inertia added to the crank, kg m^2.
-            motor: Motor whose line adds to the constant torque.
+            motor: Motor whose torque is added to the constant torque.
 
         Returns:
-            One period.
+            One period of the cycle.
 
         Raises:
-            MechanismError: No cycle is found.
+            MechanismError: No steady cycle was found.
             ConfigurationError: The inertia at the crank is 0 at some angle.
         """
         inertia = self._inertia + added
@@ -150,10 +152,10 @@ class Crank:
         raise MechanismError(_NONE)
 
     def under(self, motor: Motor, near: float, added: float) -> Cycle | None:
-        """The cycle under a motor alone, with an inertia added to the crank, kg m^2.
+        """Finds the cycle under a motor alone, with an inertia, kg m^2, added to the crank.
 
-        `near` is a speed near the mean one, with the sign of the rotation, rad/s. None: the motor
-        cannot turn the crank at any mean speed from 1/50 to 50 times this one.
+        `near` is an estimate of the mean speed, with the sign of the rotation, rad/s. Returns None
+        if the motor cannot turn the crank at any mean speed from 1/50 to 50 times the estimate.
         """
         way = math.copysign(1.0, near)
 
@@ -173,7 +175,7 @@ class Crank:
         return None
 
     def _resistance(self, velocity: Array, change: Array, motor: Motor) -> Array:
-        """Torque of weights, loads and friction less the motor's, N m."""
+        """Torque of weights, loads and friction, minus the motor torque, N m."""
         taken = self._solver.state(self._angles, velocity, change).torque
         inertia = self._inertia * change + self._growth * velocity * velocity / 2
         return np.asarray(taken - inertia - motor.at(velocity))
@@ -190,7 +192,7 @@ class Crank:
         slope, rest = way * slope[::way], way * (slope * energy - resistance)[::way]
         growth = np.exp(self._integral(slope))
         fixed, even = (self._integral(growth * x) / growth for x in (rest, 1 + 0 * rest))
-        # The energy is fixed + start * each, with the c that makes it periodic.
+        # The energy is fixed + start * each; c makes it periodic.
         rise, fixed_c = (1 - 1 / growth[-1]) / even[-1], fixed[-1] / even[-1]
         fixed, each = fixed - fixed_c * even, 1 / growth + rise * even
 
@@ -214,10 +216,11 @@ class Crank:
 def size_flywheel(
     period: Period, motor: Motor | None, fluctuation: float, name: str, picture: Path
 ) -> list[str]:
-    """Finds and draws the flywheel of a mechanism, and assesses its motor if there is one.
+    """Sizes a flywheel for a mechanism, plots its effect, and checks the motor if there is one.
 
-    `fluctuation` is the allowed difference of largest and smallest speed, relative to the mean,
-    and `name` is the name of the parameter file. Returns lines of text about the result.
+    `fluctuation` is the allowed difference between the largest and the smallest speed, relative to
+    the mean speed; `name` is the name of the parameter file. Returns lines of text about the
+    result.
     """
     crank, speed = Crank(period.solver.mechanism), period.speed
     added, energy = crank.inertia_for(fluctuation, speed), crank.energy(speed)
@@ -263,7 +266,7 @@ def size_flywheel(
 
 
 def _demand(period: Period, name: str, average: float) -> str:
-    """Peak, rms and mean of torque or power at a constant speed."""
+    """Describes peak, rms and mean of torque or power at a constant speed."""
     unit, values = period.columns[name]
     size = extent(period.crank, values)
     return (
@@ -273,7 +276,7 @@ def _demand(period: Period, name: str, average: float) -> str:
 
 
 def _carried(crank: Crank, motor: Motor, speed: float, added: float) -> tuple[Cycle | None, str]:
-    """The cycle under the motor, if any, and its description."""
+    """The cycle under the motor, if there is one, and its description."""
     try:
         cycle = crank.under(motor, speed, added)
     except LinkageError as error:
@@ -285,7 +288,7 @@ def _carried(crank: Crank, motor: Motor, speed: float, added: float) -> tuple[Cy
 
 
 def _draw_plane(axes: Axes, motor: Motor, carried: Cycle | None, steady: Cycle) -> None:
-    """Draws torque over speed: motor line, demand of the mechanism, and operating range."""
+    """Plots torque against speed: the motor, the demand of the mechanism, the operating range."""
     cycle, label = carried or steady, 'needed by the mechanism, with the flywheel'
     _plot(axes, _RPM * cycle.velocity, cycle.demand, FIRST, label)
     point, slope = (_RPM * cycle.speed, motor.at(cycle.speed)), -motor.damping / _RPM

@@ -19,7 +19,7 @@ from linkage_ros import ConfigurationError, __version__
 from linkage_ros.numeric import Array
 from linkage_ros.progress import progress_bar
 
-# Charts must be readable at half their size, a width of 700 pixels; there, no text is smaller than
+# Charts must be readable at half their size, which is 700 pixels wide; the smallest text then has
 # 8 pixels.
 WIDTH, DPI = 10.0, 140  # inches, and pixels in each
 TITLE, TEXT, SMALL, NUMBERS = 11.0, 10.0, 9.0, 8.5  # points
@@ -107,7 +107,7 @@ def chart(
 
 
 def over_crank(axes: Any, crank: Array, label: str, parts: int = 8) -> None:
-    """Finishes a diagram over the crank angle: `parts` even ticks, a label, a line at 0."""
+    """Completes a plot against the crank angle: `parts` even ticks, a label, a line at 0."""
     end = math.degrees(crank[-1])
     axes.set(xlim=(0, end), xticks=np.linspace(0, end, parts + 1), ylabel=label)
     low, high = axes.get_ylim()

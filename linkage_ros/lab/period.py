@@ -48,7 +48,7 @@ class Period:
         crank: Crank angles from 0 to the end of the period, rising, rad.
         speed: Mean crank speed, rad/s.
         mean_power: Mean driving power over time, W.
-        columns: All quantities, by names such as 'coupler.position'; angles without jumps.
+        columns: All quantities, by names such as 'coupler.position'; angles do not jump by turns.
     """
 
     def __init__(
@@ -115,8 +115,8 @@ class SpeedDrivenPeriod(Period):
         crank = solver.reach.samples()
         state = solver.state(crank, speed, acceleration)
         ((inertia,),) = solver.matrix(crank)
-        # At a constant speed, weights and inertia have a mean power of 0. Only the power of the
-        # loads and of the crank's acceleration remain, which are summed without cancellation.
+        # At a constant speed, weights and inertia have a mean power of 0. The power of the loads
+        # and of the crank's acceleration remains; their sum has no cancellation.
         power = np.zeros_like(crank) + state.velocity[0] * acceleration * inertia
         for name, force in solver.load_forces(state).items():
             power = power - force * state.velocity[solver.links.index(name)]
@@ -156,7 +156,8 @@ def extent(crank: Array, values: Array) -> Extent:
         values: Values at these angles.
 
     Returns:
-        The extent; a peak between angles is that of a parabola through the three nearest values.
+        The extent. A peak between two angles is taken from a parabola through the three nearest
+        values.
     """
     low, low_at = _peak(crank, -values)
     high, high_at = _peak(crank, values)

@@ -24,8 +24,8 @@ from linkage_ros.model.structure import Mechanism
 from linkage_ros.numeric import Array, Real
 from linkage_ros.quantities import build, flatten
 
-STATIC = 'inertia'  # removes the masses' resistance to motion; weights and loads remain
-# The parameters of each term, or their group; a term is present if one of them is not 0.
+STATIC = 'inertia'  # term of all inertia forces; without it, weights and loads remain
+# The parameters of each term, or their group; a term is present if any of its parameters is not 0.
 TERMS: dict[str, tuple[str, ...]] = {
     'gravity': ('gravity',),
     STATIC: ('crank.inertia', 'coupler.inertia', 'rocker.inertia'),
@@ -49,7 +49,7 @@ _COUNTED = ast.BinOp | ast.UnaryOp | ast.Compare | ast.Call | ast.IfExp
 
 
 def counts(mechanism: Mechanism) -> dict[str, int]:
-    """The number of non-zero values of each parameter, without centres of massless links."""
+    """Counts the non-zero values of each parameter; the centres of massless links do not count."""
     found = {
         name: 0 if isinstance(value, str) else int(np.count_nonzero(value))  # type: ignore[call-overload]
         for name, value in flatten(mechanism).items()
@@ -67,7 +67,7 @@ def terms(mechanism: Mechanism) -> dict[str, frozenset[str]]:
     found = {name: frozenset(_members(values, own)) for name, own in TERMS.items()}
     return {
         name: own for name, own in found.items()
-        # The only term of a link without mass is that of its inertia.
+        # The only term of a link without mass is the term of its inertia.
         if (own or (name == STATIC and masses)) and own != found.get(f'{name}.inertia')
     }  # fmt: skip
 
@@ -123,9 +123,9 @@ class TorqueProgram(NamedTuple):
     """A program for the driving torque.
 
     Attributes:
-        scalar: Function of crank angle, rad, and constant speed, rad/s; returns the torque, N m,
-            in a tuple.
-        source: Python text of the program; with friction, of one iteration.
+        scalar: Function of the crank angle, rad, and the constant speed, rad/s, that returns the
+            torque, N m, in a tuple.
+        source: Python text of the program; with friction, the text of one iteration.
     """
 
     scalar: Callable[[float, float], tuple[Any]]

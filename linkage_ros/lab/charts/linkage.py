@@ -97,7 +97,7 @@ class LinkagePicture:
 
 
 def draw_movie(period: Period, title: Sequence[str], path: Path) -> None:
-    """Draws the moving mechanism, and its torque up to the present crank angle.
+    """Draws the moving mechanism, and its torque up to the current crank angle.
 
     Args:
         period: Period to draw.
@@ -133,7 +133,7 @@ def draw_movie(period: Period, title: Sequence[str], path: Path) -> None:
 
 
 def _frames(period: Period) -> list[int]:
-    """The samples of the period at even steps of time.
+    """Selects samples of the period at equal time intervals.
 
     Raises:
         ConfigurationError: The crank is at rest at some angle.

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Draws the curves of one mechanism over a period, or those of several side by side."""
+"""Draws the curves of one mechanism over a period, or of several mechanisms side by side."""
 
 import math
 import re
@@ -31,8 +31,8 @@ _TITLES = {
     'm': 'Slider position', 'm/s': 'Slider velocity', 'm/s^2': 'Slider accel.',
 }  # fmt: skip
 _DASHES = ('-', (0, (6, 3)), (0, (3, 3)), (0, (1, 2)))
-# A pin's force has the colour of the link on which it acts, but the force at B0 has the ground's
-# colour. Shaking force, shaking moment and guide force have colours that no link has.
+# A pin's force has the colour of the link on which it acts; the force at B0 has the colour of the
+# ground. Shaking force, shaking moment and guide force have colours of their own.
 _FORCES: dict[str, Color] = {
     'A0': COLORS['crank'], 'A': COLORS['coupler'], 'B': COLORS['rocker'], 'B0': DARK,
     'guide': BLACK, 'x': BLACK, 'y': DARK, 'moment': BLACK, 'torque': COLORS['crank'],
@@ -45,7 +45,7 @@ DESIGN_COLORS = (
 
 
 class _Curve(NamedTuple):
-    """A quantity over the crank angle, rad."""
+    """A quantity as a function of the crank angle, rad."""
 
     name: str
     color: Color
@@ -54,12 +54,12 @@ class _Curve(NamedTuple):
     values: Array
 
 
-# A diagram: its title, with quantity and unit; its curves; lines of text below the legend.
+# A diagram: the title, with quantity and unit; the curves; lines of text below the legend.
 _Panel: TypeAlias = tuple[str, Sequence[_Curve], Sequence[str]]
 
 
 def draw_motion(periods: Mapping[str, Period], lines: Iterable[str], path: Path) -> None:
-    """Draws a period: position, rate, acceleration, torque, and reactions if there are any.
+    """Draws position, rate, acceleration, torque and, if present, reactions over a period.
 
     For several mechanisms, common diagrams show the motion of the output links and the torques.
 
@@ -93,7 +93,7 @@ def draw_motion(periods: Mapping[str, Period], lines: Iterable[str], path: Path)
 
 
 def _wrapped(text: str) -> str:
-    """Wraps a text beside the linkage; keeps numbers and units together."""
+    """Wraps the text next to the linkage; keeps numbers and units together."""
     bound = re.sub(r'(?<=\d) (?=[a-zA-Z])', '\N{NO-BREAK SPACE}', text)
     return textwrap.fill(bound, 48).replace('\N{NO-BREAK SPACE}', ' ')
 
@@ -148,7 +148,7 @@ def _by_unit(curves: Sequence[_Curve], title: str = '') -> Iterator[_Panel]:
 
 
 def _draw(axes: Axes, title: str, curves: Sequence[_Curve], words: Sequence[str]) -> None:
-    """Draws the curves; writes their peaks, the angles of the peaks, and rms beside them."""
+    """Draws the curves; writes their peaks, the angles of the peaks, and rms next to them."""
     unit = curves[0].unit
     heading = f'{unit:<8}{"min":>11}{"at deg":>7}{"max":>11}{"at deg":>7}{"rms":>10}'
     lines, texts = [Line2D([], [], color='0.4', linestyle='none')], [heading]

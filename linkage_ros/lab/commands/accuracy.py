@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """linkage_chart accuracy: one picture per linkage, one for all motions, one for `drive: follow`.
 
-The last picture shows the torque error of a measured crank over the filter's bandwidth, for
+The last picture shows the torque error of a measured crank against the filter's bandwidth, for
 encoders of several resolutions. A motor whose torque falls steeply with the speed turns the
-quadrilateral at 150 rpm. The encoder rounds the angle to 2^bits steps a turn; a speed sensor with
-as many bits, whose range is twice the speed in both directions, rounds the speed. `FollowMotion`
-gets 1000 measurements a second.
+quadrilateral at 150 rpm. The encoder rounds the angle to 2^bits steps per turn. A speed sensor
+with the same number of bits, whose range is +-300 rpm, rounds the speed. `FollowMotion` gets 1000
+measurements per second.
 """
 
 import argparse
@@ -97,8 +97,8 @@ _STYLES = {
     'multipliers, Baumgarte': _style('P', SKY, 7),
     'multipliers, projected': _style('v', ORANGE),
 }
-_OTHER = _style('d', DARK, filled=False)  # marker of a method from outside the package
-_STEADY = _style('*', VERMILION, 13)  # marker of the live default at its own setting
+_OTHER = _style('d', DARK, filled=False)  # marker of a method added by a user
+_STEADY = _style('*', VERMILION, 13)  # marker of the default of live runs at its default setting
 _ENCODERS = [
     _style(marker, color, 5)
     for marker, color in zip('s^oDv', (VERMILION, ORANGE, GREEN, BLUE, PURPLE), strict=True)
@@ -111,7 +111,7 @@ _ROLES = {
 
 
 def accuracy(options: argparse.Namespace) -> None:
-    """Measures speed and accuracy of all methods, draws them and writes the records.
+    """Measures speed and accuracy of all methods, draws the results, and writes the records.
 
     Args:
         options: Options of the command line.
@@ -140,7 +140,7 @@ def accuracy(options: argparse.Namespace) -> None:
 
 
 def draw_accuracy(points: Sequence[Point], title: str, path: Path) -> None:
-    """Draws one linkage, with a row for each quantity, or all motions, with a row for each.
+    """Draws the points of one linkage, a row per quantity, or of all motions, a row per motion.
 
     Args:
         points: Points of a linkage, or of all motions.
@@ -247,9 +247,9 @@ def _places(points: Sequence[Point]) -> tuple[list[float], list[float]]:
 def _measure_follow(*, quick: bool) -> tuple[list[dict[str, Any]], tuple[float, float]]:
     """Measures the torque error for several encoders and bandwidths.
 
-    Returns the points, each with the resolution in bits, whether the velocity is measured too, the
-    bandwidth of the filter, Hz, and the largest torque error, relative to the largest torque at a
-    constant speed; and the lowest and highest crank speed, rpm.
+    Returns the points, and the lowest and highest crank speed, rpm. Each point has the resolution
+    in bits, whether the velocity is also measured, the bandwidth of the filter, Hz, and the
+    largest torque error, relative to the largest torque at a constant speed.
     """
     solver, speed = Solver(load('quadrilateral').mechanism), radians_per_second(_RPM)
     drive = TorqueDrive(motor=Motor(_DAMPING * speed, _DAMPING), start_rpm=_RPM)
@@ -281,7 +281,7 @@ def _measure_follow(*, quick: bool) -> tuple[list[dict[str, Any]], tuple[float, 
 
 
 def draw_follow(points: Sequence[dict[str, Any]], title: str, path: Path) -> None:
-    """Draws the torque error of a measured crank over the bandwidth, for each encoder.
+    """Plots the torque error of a measured crank against the bandwidth, for each encoder.
 
     Args:
         points: All points.

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""linkage_chart economy: error of the driving torque without each of its terms, over speed."""
+"""linkage_chart economy: error of the driving torque without each term, at several speeds."""
 
 import argparse
 import functools
@@ -44,7 +44,7 @@ _HARMONICS = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 16, 24, 32)
 _NODES = (8, 16, 32, 64, 128, 256, 512, 1024)
 _TIMED = 8  # every such angle is timed
 _SAMPLES = 2048  # evenly spaced states: series are fitted to all, tables use some of them
-_FACTORS = 0.25, 0.5, 1.0, 2.0, 4.0  # default speeds, relative to the mechanism's own
+_FACTORS = 0.25, 0.5, 1.0, 2.0, 4.0  # default speeds, relative to the speed of the mechanism
 _LEAST = 1e-4  # smaller errors are not drawn
 _ROOM = 0.88  # width of the bars, relative to the distance between two speeds
 _OTHERS = {'gravity': DARK, STATIC: PURPLE}
@@ -60,14 +60,14 @@ _REDUCED = {
 # One simpler model at one speed, as in the JSON file: 'mechanism', the name of the parameter file;
 # 'rpm'; 'left_out', the omitted term or the reduced model; 'error', the largest torque error over
 # a period, as a share of the full torque's peak; the savings 'operations', 'microseconds' of one
-# run, and 'parameters', values that need not be identified; 'full_operations' and so on, the same
-# costs of the full model.
+# run, and 'parameters', the values that need not be known; 'full_operations', 'full_microseconds'
+# and 'full_parameters', the costs of the full model.
 Saving: TypeAlias = dict[str, Any]
 _COSTS = 'operations', 'microseconds', 'parameters'
 
 
 def economy(options: argparse.Namespace) -> None:
-    """Leaves out each term at each speed, draws the errors and writes the records.
+    """Leaves out each term at each speed, draws the errors, and writes the records.
 
     Args:
         options: Options of the command line.
@@ -124,14 +124,14 @@ class Economy:
         self._period, self._samples = reach.period_turns * 2 * math.pi, reach.samples()
 
     def measure(self, rpms: Sequence[float], rounds: int) -> list[Saving]:
-        """Leaves out each term, and tries each reduced model, at each speed.
+        """Computes each simpler model at each speed: without one term, or reduced.
 
         Args:
             rpms: Crank speeds.
             rounds: Number of timings of each program; the shortest counts.
 
         Returns:
-            The savings, speed by speed.
+            The savings of each model, sorted by speed.
         """
         costs = self._costs(self._models(rpms[0]), progress(range(rounds), 'timing'))
         full, found = costs.pop(_FULL), []
@@ -145,7 +145,7 @@ class Economy:
         return found
 
     def sentence(self, rpm: float, tolerance: float, savings: Sequence[Saving]) -> str:
-        """States what the torque needs at one speed, and which terms may be omitted together.
+        """States which terms the torque needs at one speed, and which may be left out together.
 
         Args:
             rpm: One of the measured speeds.
@@ -171,12 +171,12 @@ class Economy:
             if any(kind in x for x in good)
         ]
         return (
-            f'at {rpm:g} rpm, within {100 * tolerance:g} % of the peak, this scene needs '
+            f'at {rpm:g} rpm, within {100 * tolerance:g} % of the peak, this mechanism needs '
             f'{_listed(needed, "and")}; it can leave out {_listed(largest, "and")}'
-        ) + (f'; {_listed(smallest, "or")} will do' if good else '')
+        ) + (f'; sufficient models: {_listed(smallest, "or")}' if good else '')
 
     def _models(self, rpm: float) -> dict[str, tuple[TorqueProgram, int]]:
-        """The full and the simpler models at a speed: program and number of parameters."""
+        """The full and the simpler models at a speed, each as its program and parameter count."""
         count = sum(self._counts[x] for x in frozenset[str]().union(*self.terms.values()))
         needs = {
             name: count - sum(self._counts[x] for x in own) for name, own in self.terms.items()
@@ -202,9 +202,9 @@ class Economy:
     def _costs(
         self, models: dict[str, tuple[TorqueProgram, int]], rounds: Iterable[int]
     ) -> dict[str, tuple[int, float, int]]:
-        """Measures operations, microseconds and values of each model.
+        """Measures the operations, microseconds and parameters of each model.
 
-        The programs alternate, so that a busy machine slows all alike.
+        The programs run in turns, so that a busy machine slows all of them equally.
         """
         programs = {program.source: program.scalar for program, _ in models.values()}
         best, angles = dict.fromkeys(programs, math.inf), self._samples[::_TIMED].tolist()
@@ -241,9 +241,10 @@ class Economy:
 
 
 def handover(savings: Sequence[Saving]) -> float | None:
-    """The speed at which weights and inertia contribute equally, rpm; None if one is absent.
+    """The speed, rpm, at which weights and inertia contribute equally; None without one of them.
 
-    The torque of weights does not depend on speed; that of inertia grows with its square.
+    The torque of weights does not depend on the speed; the torque of inertia grows with the speed
+    squared.
     """
     errors = {(x['rpm'], x['left_out']): x['error'] for x in savings}
     for rpm in dict.fromkeys(x['rpm'] for x in savings):
@@ -262,7 +263,7 @@ def _listed(names: Sequence[str], word: str) -> str:
 def _draw(
     savings: Sequence[Saving], sentence: str, rpm: float, tolerance: float, path: Path
 ) -> None:
-    """Draws bars over speed and, for one speed, the reduced models and a table of savings."""
+    """Draws bars for each speed and, for one speed, the reduced models and a table of savings."""
     terms = [x for x in dict.fromkeys(x['left_out'] for x in savings) if x in TERMS]
     own, heights = [x for x in savings if x['rpm'] == rpm], (3.7, 2.4 + 0.17 * len(terms))
     words = textwrap.fill(f'{sentence[0].upper()}{sentence[1:]}.', 88)
@@ -313,7 +314,7 @@ def _draw_bars(axes: Axes, savings: Sequence[Saving], terms: Sequence[str]) -> N
 
 
 def _draw_reduced(axes: Axes, own: Sequence[Saving]) -> None:
-    """Draws the torque errors of the reduced models over their computing time."""
+    """Plots the torque errors of the reduced models against their computing time."""
     full = own[0]['full_microseconds']
     for kind, (style, size, color, label) in _REDUCED.items():
         group = [x for x in own if kind in x['left_out'] and x['error'] > _LEAST]
@@ -333,7 +334,7 @@ def _draw_reduced(axes: Axes, own: Sequence[Saving]) -> None:
 
 
 def _write_table(axes: Axes, own: Sequence[Saving], terms: Sequence[str]) -> None:
-    """Lists the costs of the full model, and the savings of each simpler one."""
+    """Lists the costs of the full model, and the savings of each simpler model."""
     full = {'name': 'full model', 'error': 0.0} | {x: own[0][f'full_{x}'] for x in _COSTS}
     rows = [
         x | {'name': x['left_out'].removeprefix('coupler as ')}

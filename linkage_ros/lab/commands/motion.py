@@ -25,7 +25,7 @@ from linkage_ros.units import radians_per_second
 
 
 def motion(options: argparse.Namespace) -> None:
-    """Draws one period of a mechanism, or of several side by side, and writes a table.
+    """Draws one period of a mechanism, or of several mechanisms side by side; writes a table.
 
     Args:
         options: Options of the command line.
@@ -88,7 +88,7 @@ def _names(options: argparse.Namespace) -> list[str]:
     """The names of the mechanisms.
 
     Raises:
-        ConfigurationError: They cannot be drawn side by side.
+        ConfigurationError: The mechanisms cannot be drawn side by side.
     """
     count, most = len(options.params), len(DESIGN_COLORS)
     if count > most or (count > 1 and options.fluctuation is not None):
@@ -192,7 +192,7 @@ def settled_turn(motion: PeriodicMotion) -> Period:
 
 
 def _measures(period: Period) -> dict[str, float | None]:
-    """Measures of a design by name and unit; None for a measure that does not apply to it."""
+    """Measures of a design, by name and unit; None for a measure that does not apply to it."""
     solver, columns = period.solver, period.columns
     link, found = solver.structure.links[-1], travel(solver) if solver.mobility else None
     way, torque = (
@@ -216,7 +216,7 @@ def _measures(period: Period) -> dict[str, float | None]:
 
 
 def _lines(measures: dict[str, dict[str, float | None]]) -> Iterator[str]:
-    """A table of all designs, with a line for each measure that applies to any design."""
+    """Makes a table of all designs, with a line for each measure that applies to any of them."""
     width = 2 + max(12, *map(len, measures))
     yield ' ' * 32 + ''.join(f'{name:>{width}}' for name in measures)
     for name in next(iter(measures.values())):

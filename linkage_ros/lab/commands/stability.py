@@ -67,7 +67,7 @@ GRIDS = (
     (FRICTION_METHODS, FRICTION_SITUATIONS),
     (INTEGRATORS, MOTION_SITUATIONS),
 )
-# Sizes in inches: a cell; the names on the left; the slanted names above; top and bottom margins.
+# Sizes in inches: cell; names on the left; slanted names above the cells; top and bottom margins.
 # Cells of whole pixels are identical, which makes the file a third smaller.
 _WIDE, _HIGH = 92 / DPI, 53 / DPI
 _LEFT, _ABOVE = 1.2, 1.4
@@ -76,7 +76,7 @@ _NAMES, _SAID = 16, 42  # characters per line of a situation's name and of its d
 
 
 def stability(options: argparse.Namespace) -> None:
-    """Runs all methods in all situations, draws the outcomes and writes the records.
+    """Runs all methods in all situations, draws the outcomes, and writes the records.
 
     Args:
         options: Options of the command line.

@@ -41,9 +41,9 @@ def sweep(options: argparse.Namespace) -> None:
         options: Options of the command line.
 
     Raises:
-        ConfigurationError: The study, the cluster or the folder cannot be used, or no design is
-            left.
-        KeyboardInterrupt: After Ctrl-C; the table holds the designs that were measured.
+        ConfigurationError: The study, the cluster or the folder cannot be used, or no design meets
+            all constraints.
+        KeyboardInterrupt: Ctrl-C was pressed; the table holds the designs measured until then.
     """
     study = read_study(options.study)
     name, count = Path(options.study).stem, len(study.designs)
@@ -80,8 +80,8 @@ class _Results:
 
     Attributes:
         study: Study that contains the designs.
-        base: Measures of the base by name; NaN for a measure that it does not have.
-        of: Measures of the designs by name; NaN for a measure that a design does not have.
+        base: Measures of the base design by name; NaN for a measure that does not apply to it.
+        of: Measures of the designs by name; NaN for a measure that does not apply to a design.
         outcomes: One of OUTCOMES for each design.
         summary: The number of designs with each outcome.
     """
@@ -91,8 +91,8 @@ class _Results:
 
         Args:
             study: Study that contains the designs.
-            base: A row of `measure` for the base.
-            found: A row of `measure` for each design; NaN for designs not yet measured.
+            base: The result of `measure` for the base design.
+            found: The result of `measure` for each design; NaN for designs not yet measured.
         """
         self.study, self._turns = study, found[:, 0]
         self.base = dict(zip(study.task.measures, base[1:].tolist(), strict=True))
@@ -124,8 +124,8 @@ class _Results:
         """Refuses a study without a good design.
 
         Raises:
-            ConfigurationError: No design is left; the message counts the designs that meet each
-                constraint.
+            ConfigurationError: No design meets all constraints; the message counts the designs
+                that meet each constraint.
         """
         if not self._good.any():
             counts = ''.join(f', {x.sum()} have {words}' for words, x in self._held.items())
@@ -135,12 +135,16 @@ class _Results:
             )
 
     def spread(self, measure: str) -> tuple[Array, Array]:
-        """Parameters and values of a measure, for the good designs that have this measure."""
+        """Parameters of the good designs to which a measure applies, and values of the measure."""
         has = self._good & np.isfinite(self.of[measure])
         return self.study.designs[has], self.of[measure][has]
 
     def lines(self) -> Iterator[str]:
-        """Lines of text: range and base of each measure, and the cause of most variance."""
+        """Lines of text about each measure.
+
+        They state its range, its value for the base design, and the parameter that explains most
+        of its variance.
+        """
         for name, base in self.base.items():
             designs, values = self.spread(name)
             if len(values):
@@ -167,7 +171,7 @@ class _Results:
 
 
 def _draw_front(results: _Results, name: str, path: Path) -> None:
-    """Draws one goal of all designs against the other."""
+    """Plots one goal of all designs against the other goal."""
     goals = [*results.study.goals]
     with chart(path, _HEIGHT, f'{name}: {results.summary}') as figure:
         axes = figure.add_subplot()

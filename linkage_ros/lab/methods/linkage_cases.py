@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """A linkage with its true states, as a case on which methods are measured.
 
-Errors are relative to the largest value that a quantity has at even angles or, next to a change
-point where it may be larger by many powers of ten, to the value itself. Errors of directions are
-absolute, in rad.
+Errors are relative to the largest value that a quantity has at evenly spaced angles. Next to a
+change point, a value may be larger by many powers of ten; its error is then relative to the value
+itself. Errors of directions are absolute, in rad.
 """
 
 import itertools
@@ -42,10 +42,10 @@ from linkage_ros.numeric import Array, Real
 from linkage_ros.parameters.configuration import load
 
 NEAR = 'near a change point'
-_EVEN = 48  # angles, over a period or an arc
-_NOTHING = 1e-12  # smaller shares of the largest value of a quantity count as 0
+_EVEN = 48  # number of evenly spaced angles in a period or an arc
+_NOTHING = 1e-12  # relative to the largest value of a quantity; smaller values count as 0
 _BATCH = 4096  # states
-_FAR = 1e12  # rad: beyond it an angle has lost its direction
+_FAR = 1e12  # rad; the direction of a larger angle is lost to rounding
 _TURN = np.longdouble('6.283185307179586476925287')  # rad
 Function: TypeAlias = Callable[[Real], tuple[Real, ...]]
 Place: TypeAlias = tuple[float, float]  # direction of the coupler and position of the output
@@ -83,7 +83,7 @@ class LinkageCase(Case):
         return LinkageCase(other, self.cranks, self.guess, decimal=self.decimal)
 
     def _state(self, place: int) -> dict[str, Any]:
-        """The true values, in long doubles to resolve errors of doubles; empty without a state."""
+        """The true values, in long doubles to resolve errors of doubles; empty if none exist."""
         with suppress(UnreachableError):
             state = self.reference.state(float(self.cranks[place]))
             return {
@@ -94,7 +94,7 @@ class LinkageCase(Case):
 
     @cached_property
     def _sizes(self) -> dict[str, Any]:
-        """Largest value of each quantity inside the reach; 0 if it is only a rounding error."""
+        """Largest value of each quantity within the reach; 0 for a mere rounding error."""
         solver, parts = Solver(self.mechanism), (np.arange(_EVEN) + 0.5) / _EVEN
         turns = solver.reach.period_turns
         cranks = [start + (end - start) * turns * parts for start, end in solver.reach.arcs]
@@ -171,9 +171,9 @@ class LinkageCase(Case):
 
 
 class TurnCase(LinkageCase):
-    """One period of a linkage whose crank turns fully, for errors and times.
+    """One period of a linkage whose crank turns fully, to measure errors and times.
 
-    The angles are closer together where the motion is fast.
+    The crank angles are closer together where the motion is fast.
 
     Attributes:
         rounds: Number of timings.
@@ -186,16 +186,16 @@ class TurnCase(LinkageCase):
         reach = Solver(mechanism).reach
         fine = reach.samples(angles)
         even = np.linspace(0, fine[-1], angles * reach.period_turns + 1)
-        # Starts half a step after 0, so that special angles do not bias a method.
+        # The first angle is half a step after 0, so that special angles do not favour a method.
         self._ones = even[:-1] + math.pi / angles
-        # Besides the even angles: some angles where the motion is fast, and the fastest of all.
+        # Angles where the motion is fast are added, among them the fastest of all.
         fast = reach.fast + math.pi * np.arange(2 * reach.period_turns)
         some = np.setdiff1d(fine, even)[:: 360 // angles]
         cranks = np.unique(np.concatenate([self._ones, some, fast]))
         super().__init__(mechanism, cranks, _rough(mechanism, 0.1))
 
     def panels(self, method: Method, _: Setting) -> Iterable[Panel]:
-        """Quantities that a method provides, completed by the package's own stages."""
+        """The quantities that the method provides together with the package's own stages."""
         first = QUANTITIES.index(stages.OWN[method.stage][0])
         return itertools.product(QUANTITIES[first:], method.modes)
 
@@ -217,8 +217,8 @@ def _rough(mechanism: Linkage, crank: float) -> Place:
 def linkages(*, quick: bool) -> list[tuple[str, TurnCase]]:
     """The three linkages of the accuracy chart, by name.
 
-    The third is nearly a kite: its crank pin passes the rocker pivot at 1e-12 m. Its bodies are
-    those of the first.
+    The third linkage is nearly a kite: its crank pin passes the rocker pivot at a distance of
+    1e-12 m. It has the same masses and inertias as the first linkage.
     """
     mechanisms: list[Any] = [load(name).mechanism for name in ('quadrilateral', 'slider_crank')]
     q, slider_crank = mechanisms

@@ -1,15 +1,16 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Methods for loads, each of which computes one number, and the situations in which they fail.
+"""Methods for loads, each of which computes one number, and situations in which methods fail.
 
 A load curve is interpolated between its points. It acts on the crank of a linkage at rest, without
 gravity, so that the driving torque is the negative value of the curve. The right answer is the
 linear interpolation in exact fractions.
 
-Friction depends on the force that it changes. Only the guide of a slider-crank has friction. Its
-normal force is N = |b + k N|, where b is the force without friction and k is proportional to the
-coefficient of friction. The right answer is b / (1 - k) or -b / (1 + k): the solution that
-develops continuously from |b| as the coefficient grows. If neither does, the mechanism locks.
+Friction depends on the normal force, which friction changes. Only the guide of a slider-crank has
+friction here. The normal force of the guide is N = |b + k N|, where b is the force without
+friction and k is proportional to the coefficient of friction. The solutions are b / (1 - k) and
+-b / (1 + k). The right answer is the solution that develops continuously from |b| as the
+coefficient grows. If there is no such solution, the mechanism locks.
 """
 
 import bisect
@@ -62,7 +63,7 @@ class NumberCase(Case):
 
 
 def _lines(at: list[float], value: list[float], crank: float) -> float:
-    """Linear interpolation, N m, between points at angles, rad, that rise within a turn."""
+    """Linear interpolation, N m, between points at increasing angles within a turn, rad."""
     places = [*map(Fraction, at), Fraction(at[0]) + TURN]
     place = places[0] + (Fraction(crank) - places[0]) % TURN
     i = bisect.bisect_right(places, place) - 1
@@ -126,7 +127,7 @@ CURVE_SITUATIONS = (
 
 
 def _guide(mechanism: SliderCrank, crank: float) -> tuple[float, float]:
-    """The force in the guide, to its left, N, and the velocity of the slider, m/s."""
+    """The force on the slider to the left of its guide, N, and the velocity of the slider, m/s."""
     solver = Solver(mechanism)
     state = solver.state(crank, SPEED, ACCELERATION)
     return float(solver.reactions(state).guide_force or 0.0), float(state.velocity[-1])
@@ -167,14 +168,14 @@ FRICTION_METHODS = [
 
 
 def _rubbing(random: Random, _: int, *, share: float, relieves: bool = False) -> NumberCase:
-    """A random slider-crank; its coefficient of friction is `share` of that for |k| = 1."""
+    """A random slider-crank; its coefficient of friction is `share` times the one with |k| = 1."""
     r, b, offset = random.uniform((0.1, 0.5, -0.02), (0.3, 1.0, 0.02)).tolist()
     crank = float(random.uniform(0.5, 2.6)) * (1 if random.random() < 0.5 else -1)
     smooth = slider_crank(r, b, offset)
     push, velocity = _guide(smooth, crank)
     pushed = replace(smooth, slider=replace(smooth.slider, force=_PROBE))
     slope = -math.copysign(1.0, velocity) * (_guide(pushed, crank)[0] - push) / _PROBE
-    # k in the direction of the force: the mechanism locks if it is 1 or more.
+    # k, positive if friction adds to the normal force; from 1 on, the mechanism locks.
     locks = share * math.copysign(1.0, slope * push)
     if (locks < 0) != relieves:
         return _rubbing(random, 0, share=share, relieves=relieves)

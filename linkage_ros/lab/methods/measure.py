@@ -2,13 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Methods, the cases on which they are measured, and the measurements for both charts.
 
-A case is one problem, of a linkage, a motion, a load curve or friction, whose true answer is
-known. A method answers with rows: one for each crank angle, one for each time, or a single one. A
-situation makes cases. A cell of the stability chart shows the worst outcome of all rows. From best
-to worst, the outcomes are:
+A case is one problem (a linkage, a motion, a load curve or friction) with a known true answer. A
+method answers with rows: one for each crank angle, one for each time, or a single row. A situation
+makes cases. A cell of the stability chart shows the worst outcome of all rows. From best to worst,
+the outcomes are:
 
     right         every value within 1e-6, relative to its size (`Case.error`)
-    refused       an error that states the reason; where no state exists, this is right
+    refused       an error that states the reason; correct where no state exists
     diverged      a finite value that is wrong, or any value where no state exists
     wrong branch  wrong, but within 1e-6 of the other assembly's position
     NaN           no number, or an arithmetic error
@@ -43,16 +43,16 @@ Row: TypeAlias = Sequence[float] | None  # an answer; not finite after a failure
 Panel: TypeAlias = tuple[str, str]  # a quantity and a mode
 
 # A method with a setting, as in the JSON file: names of 'method' and 'mechanism'; 'setting' as
-# text; 'quantity' and 'mode'; 'us_per_state', the time of a state including all preceding work, or
-# of a simulated ms of a motion, us (1000 us is real time); 'max_error', the largest relative error
-# over the period or motion; both None if the method fails; 'pareto', whether no other right point
-# beats this one.
+# text; 'quantity' and 'mode'; 'us_per_state', the time, us, for a state including all preceding
+# work, or for a simulated ms of a motion (1000 us is real time); 'max_error', the largest relative
+# error in the period or motion; 'pareto', whether the point is on the Pareto front (see
+# `with_fronts`). If the method fails, time and error are None.
 Point: TypeAlias = dict[str, Any]
 
 
 @dataclass(frozen=True)
 class Method:
-    """One way to compute a stage of the solution, or all of it.
+    """A method that computes one stage of the solution, or the whole solution.
 
     Attributes:
         name: Name in charts and docs.
@@ -64,10 +64,11 @@ class Method:
             from the initial value problem and a setting to an integrator. For loads, a function
             of the case.
         settings: The settings for the accuracy chart, from coarse to fine.
-        steady: The setting for the stability chart: the best practical one.
+        steady: The setting for the stability chart: the best practical setting.
         modes: For linkages: 'one at a time', 'batch' or both.
-        tool: Makes an additional input of the formula from the linkage's case and the setting.
-        narrow: Whether it computes in single precision, crank angle and results included.
+        tool: Function that makes an additional input of the formula from the linkage's case and
+            the setting.
+        narrow: Whether the method computes in single precision, including crank angle and results.
     """
 
     name: str
@@ -88,7 +89,7 @@ def label(setting: Setting) -> str:
 
 
 def attempt(solve: Callable[..., Sequence[float]], *given: Any) -> Row:
-    """Calls a function that may fail."""
+    """Calls a function; returns its values, or nan after an arithmetic error, None if refused."""
     try:
         with np.errstate(all='ignore'):
             return solve(*given)
@@ -99,7 +100,7 @@ def attempt(solve: Callable[..., Sequence[float]], *given: Any) -> Row:
 
 
 def elapsed(function: Callable[[Any], object], arguments: Iterable[Any]) -> float:
-    """The time of calls with one argument after another, s."""
+    """Measures the time, s, of calling a function with each argument in turn."""
     start = time.perf_counter()
     for argument in arguments:
         function(argument)
@@ -126,7 +127,7 @@ class Case:
         return DIVERGED
 
     def outcomes(self, method: Method, setting: Setting, *panel: str) -> list[tuple[str, float]]:
-        """The outcomes and errors of a method in all rows; inf is the error without a value."""
+        """The outcome and the error of each row; inf if the row is refused or not finite."""
         found: list[tuple[str, float]] = []
         for place, row in enumerate(self.rows(method, setting, *panel)):
             if row is None or not all(map(math.isfinite, row)):
@@ -145,9 +146,9 @@ class Situation:
     Attributes:
         name: Name in charts and docs.
         words: Description in charts and docs.
-        make: Makes a case from random numbers and the number of the case.
+        make: Function that makes a case from a generator of random numbers and the case's index.
         exists: Whether a state exists; otherwise the right answer is a refusal.
-        share: Divisor of the number of cases, above 1 for an expensive situation.
+        share: Divisor of the number of cases; above 1 if the situation takes long.
         fewest: Smallest number of cases.
         seed: Seed of the random numbers; by default its name.
     """
@@ -161,7 +162,7 @@ class Situation:
     seed: tuple[int, str] | None = None
 
     def cases(self, count: int) -> list[Case]:
-        """Makes `count` / `share` cases, at least `fewest`; every call makes the same."""
+        """Makes `count` / `share` cases, at least `fewest`; every call makes the same cases."""
         number, word = self.seed or (_SEED, self.name)
         random = np.random.default_rng([number, *word.encode()])
         return [self.make(random, i) for i in range(max(self.fewest, count // self.share))]
@@ -178,8 +179,8 @@ def measure_outcomes(
         cases: Number of cases of each situation.
 
     Returns:
-        The cells, situation by situation: names of method and situation, the worst outcome, and
-        the largest error of a finite value, or None without a finite value.
+        The cells, sorted by situation. A cell has the names of method and situation, the worst
+        outcome, and the largest error of all finite values; None if there is no finite value.
     """
     cells, made = [], lru_cache(1)(Situation.cases)
     for situation, method in progress([*itertools.product(situations, methods)], 'situations'):
@@ -237,7 +238,11 @@ def measure_accuracy(
 
 
 def with_fronts(points: list[Point]) -> list[Point]:
-    """Marks the Pareto front of each panel: right points that no other right point beats."""
+    """Marks the Pareto front of each panel.
+
+    A point is on the front if its outcome is right, and no other such point is at least as fast
+    and as accurate, and better in one of the two.
+    """
     # Wrong points are not part of any front.
     right = [
         point for point in points

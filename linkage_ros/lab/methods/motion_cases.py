@@ -35,7 +35,7 @@ from linkage_ros.lab.reference.motions import (
 from linkage_ros.motion.drives import Motor
 
 TRAJECTORY, ENERGY, LOOP = 'trajectory', 'energy', 'loop'  # judged quantities
-# Modes: mean time of a motion, and time of its slowest tick, which limits a live node.
+# Modes: mean time per simulated ms, and time of the slowest ms, which limits a live node.
 MEAN, SLOWEST = 'motion', 'motion, slowest ms'
 _ASKED = 0.05  # s between two states that are compared
 _TICK = 1e-3  # s
@@ -62,7 +62,7 @@ class MotionCase(Case):
         quantities: Sequence[str] = (TRAJECTORY,),
         at: Callable[[float], Sequence[Any]] | None = None,
     ) -> None:
-        """Prepares the case; `at` gives the true phase at a time, by default in 34 digits."""
+        """Prepares the case; `at` returns the true phase at a time, by default in 34 digits."""
         self.problem, self.times, self.quantities = problem, tuple(times), quantities
         self._at = at or MotionReference(problem).at
 
@@ -86,7 +86,7 @@ class MotionCase(Case):
         return [*self.own(method), *[(TRAJECTORY, SLOWEST)] * has_ticks]
 
     def rows(self, method: Method, setting: Setting, *_: str) -> Sequence[Row]:
-        """See `Case`; a row is a phase and the gap of the loop, m, until the method fails."""
+        """See `Case`; each row is a phase and the gap of the loop, m, until the method fails."""
         return followed(self.problem, self.times, method.solve, tuple(setting.items()))
 
     def error(self, quantity: str, place: int, row: Sequence[float]) -> float:
@@ -111,7 +111,7 @@ class MotionCase(Case):
         return [each for each in found if each[0] == DIVERGED] or found
 
     def timer(self, method: Method, setting: Setting, _: str, mode: str) -> Callable[[], float]:
-        """A function that measures the mean or slowest time per simulated ms, us."""
+        """Returns a function that measures the mean or the largest time per simulated ms, us."""
         begin, times = partial(method.solve, self.problem, setting), self.times
         if mode == SLOWEST:
             return lambda: _slowest_time(times, begin)
@@ -134,7 +134,7 @@ def followed(
             phase = follower.at(moment)
             if not all(map(math.isfinite, phase)):
                 raise ArithmeticError('the motion overflows')
-            # A phase without a position is refused here, as on publishing.
+            # `gap` rejects a phase without a position, as the publishing of a state does.
             yield *phase, follower.gap()
 
     run = phases()
@@ -143,7 +143,10 @@ def followed(
 
 
 def _slowest_time(times: Sequence[float], begin: Callable[[], Any]) -> float:
-    """Time of the slowest of the first ms, us: 300 for each second of the motion, at most 1000."""
+    """Measures the largest time per simulated ms, us.
+
+    The first 300 ms for each second of the motion are timed, at most 1000 ms.
+    """
     count = min(1000, round(times[-1] * _TICKS))
     fastest = [math.inf] * count
     for _ in range(3):
@@ -161,7 +164,7 @@ def even(seconds: float) -> list[float]:
 def motions(*, quick: bool) -> list[tuple[str, MotionCase]]:
     """The motions of the accuracy chart.
 
-    They are the wind pump, with and without motor and load, and a coasting four-bar.
+    These motions are the wind pump, with and without motor and load, and a coasting four-bar.
     """
     seconds = 0.5 if quick else 10.0
     return [
@@ -224,7 +227,7 @@ def _stiff_guide(random: Random, i: int) -> MotionCase:
 
 
 def _settling(begin: float, end: float, rate: float, time: float) -> tuple[float, float]:
-    """Distance and speed, after a time, of a body that approaches a speed under damping."""
+    """Distance and speed, after a time, of a damped body that approaches its final speed."""
     settled = -math.expm1(-rate * time)
     return end * time + (begin - end) * settled / rate, begin + (end - begin) * settled
 

@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """All methods, for charts, tests and docs/methods.md.
 
-To add a method, append an entry here, or from a file of your own before a chart is drawn. Position
-methods that iterate or use a table have a tool, which makes a function of the crank angle.
+To add a method, append an entry to a list here, or do so in a file of your own before a chart is
+drawn. Position methods that iterate or use a table have a tool, which makes a function of the
+crank angle.
 """
 
 import cmath
@@ -27,7 +28,7 @@ from linkage_ros.motion.integrators import live_steps, record_steps
 from linkage_ros.numeric import Real, wrap
 
 CAP = 50
-_ENDLESS = 200  # iterations after which a loop without a limit of its own is stopped
+_ENDLESS = 200  # largest number of iterations of a method without a limit of its own
 
 
 def newton_raphson(case: LinkageCase, setting: Setting) -> Locate:
@@ -62,8 +63,9 @@ def newton_raphson(case: LinkageCase, setting: Setting) -> Locate:
 def listing(case: LinkageCase, _: Setting) -> Locate:
     """Document 1's listing as printed, for a four-bar: see the errata in docs/mechanisms.md.
 
-    The second column of its Jacobian has the coupler's length instead of the rocker's, and a
-    complex number instead of its real part. So angles become complex; it plots their real parts.
+    The second column of the listing's Jacobian has the coupler's length instead of the rocker's,
+    and a complex number instead of its real part. So angles become complex; the listing plots
+    their real parts.
     """
     mechanism, x = case.mechanism, np.array(case.guess)
 
@@ -191,7 +193,7 @@ _DOP853 = 'Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I
 _MULTIPLIERS = tuple({'tolerance': 10.0**-k} for k in (5, 7, 9, 11, 13)), {'tolerance': 1e-9}
 _CLOSING = 20.0  # Baumgarte's k, 1/s
 
-# Steps are in s; the first two are the defaults.
+# Steps are in s; the first two integrators are the defaults.
 INTEGRATORS = (
     Method(
         LIVE, 'motion', 'nothing',
@@ -204,7 +206,7 @@ INTEGRATORS = (
                 tolerance=setting.get('tolerance', _UNCHECKED),
             ),
         ),
-        # Other settings have no tolerance: no step is shortened, which shows the order.
+        # The other settings have no tolerance. No step is shortened, so the order can be seen.
         tuple(_LIVE if step == LONGEST_STEP else {'step': step} for step in _SECONDS), _LIVE,
     ),
     Method(

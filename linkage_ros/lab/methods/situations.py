@@ -68,7 +68,7 @@ def _rod(length: float) -> tuple[float, float, float, tuple[float, float]]:
 
 
 def any_assembly(random: Random) -> str:
-    """One of the two assemblies, at random."""
+    """Chooses one of the two assemblies at random."""
     return OPEN if random.random() < 0.5 else CROSSED
 
 
@@ -115,7 +115,7 @@ def _turn(steps: int = 48, turns: int = 1) -> tuple[float, ...]:
 
 
 def _passing(*extra: float) -> tuple[float, ...]:
-    """Two turns in even steps from a quarter turn before 0, and the given angles."""
+    """Evenly spaced angles over two turns from -pi/2 on, merged with the given angles, rad."""
     even = (-math.pi / 2 + angle for angle in _turn(turns=2))
     return tuple(sorted((*even, *extra)))
 
@@ -146,10 +146,10 @@ def _dead_centre(random: Random, _: int) -> LinkageCase:
     mechanism = limited(random)
     start, end = Solver(mechanism).reach.arcs[0]
     goal, inward = (start, 1.0) if random.random() < 0.5 else (end, -1.0)
-    # In steps from the middle of the arc, as in a motion.
-    walk = np.linspace((start + end) / 2, goal + inward * 1e-2, 40, endpoint=False)
+    # The angles approach the end from the middle of the arc, as in a motion.
+    approach = np.linspace((start + end) / 2, goal + inward * 1e-2, 40, endpoint=False)
     near = [goal + inward * 10.0**-k for k in range(2, 7)]
-    return LinkageCase(mechanism, (*map(float, walk), *near))
+    return LinkageCase(mechanism, (*map(float, approach), *near))
 
 
 def _no_assembly(random: Random, _: int) -> LinkageCase:
@@ -161,16 +161,16 @@ def _no_assembly(random: Random, _: int) -> LinkageCase:
 
 
 def _denominator(random: Random, i: int) -> LinkageCase:
-    """Crank angles where the rocker of one assembly points against the frame.
+    """A linkage at crank angles at which the rocker of one assembly points against the frame.
 
-    The tangent of its half angle is infinite there: the quadratic term vanishes, and the formula
-    for the other assembly is 0/0.
+    There, the tangent of the rocker's half angle is infinite. The quadratic term vanishes, and the
+    formula for the other assembly is 0/0.
     """
     if i == 0:
         return LinkageCase(slider_crank(0.1, 0.3, 0.0), (0.0, math.pi))
     r, c, d = (float(x) for x in random.uniform((0.5, 0.6, 0.1), (0.7, 0.8, 0.2)))
     crank = float(random.uniform(0.9, 2.2)) * (1 if i % 2 else -1)
-    # B is on the line of the frame, right of the line from A to B0 where A is left of the frame.
+    # B is on the line of the frame, and right of the line from A to B0 if A is left of the frame.
     b = abs(d - c - cmath.rect(r, crank))
     return LinkageCase(four_bar((r, b, c, d), OPEN if crank > 0 else CROSSED), (crank,))
 

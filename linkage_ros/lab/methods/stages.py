@@ -4,10 +4,11 @@
 
 A method computes one stage; the package's own formulas compute the other stages. A method for
 rates gets the position as unit vectors. After a method for positions, the 2x2 solve of documents 1
-and 4 gives the rates that are consistent with its positions. The torque is always the package's
-own sum. So every method has a point in the charts of its own stage and of the later stages. Each
-formula is traced (dynamics/program.py), like the package's own, so that all are compared on equal
-terms. The loop equation is that of documents 1 (eq. 7 and 8) and 4 (eq. 2):
+and 4 gives the rates that are consistent with its positions. The torque is always computed by the
+package's own formula. So every method has a point in the charts of its own stage and of the later
+stages. Each formula is compiled to a program (dynamics/program.py), as the package's own formulas
+are, so that all are compared on equal terms. Documents 1 (eq. 7 and 8) and 4 (eq. 2) have the loop
+equation:
 
     gap = r e^(i alpha) + b e^(i beta) - B(y) = 0
 
@@ -79,7 +80,7 @@ class Links(NamedTuple):
 
 @functools.cache
 def formula(quantity: str, stage: str, solve: Callable[..., Any]) -> Callable[..., Any]:
-    """Combines the stages up to a quantity; all but one are the package's own.
+    """Combines the stages up to a quantity; all but one stage are the package's own.
 
     Args:
         quantity: One of QUANTITIES.
@@ -87,9 +88,10 @@ def formula(quantity: str, stage: str, solve: Callable[..., Any]) -> Callable[..
         solve: Formula of the stage.
 
     Returns:
-        A function of links and crank angle. It returns, by quantity: the direction of the coupler
-        and the position of the output, each an angle, rad, the two components of a unit vector,
-        or m; their rates; their accelerations; the driving torque, N m, in a tuple of one.
+        A function of links and crank angle. Depending on the quantity, it returns the direction of
+        the coupler and the position of the output, their rates, their accelerations, or the
+        driving torque, N m, in a tuple. A direction is an angle, rad, or the two components of a
+        unit vector; the position of a slider is in m.
     """
     position, rates = (solve, two_by_two) if stage == POSITION else (factored, solve)
 
@@ -114,13 +116,13 @@ def formula(quantity: str, stage: str, solve: Callable[..., Any]) -> Callable[..
 
 
 def factored(links: Links, crank: Real) -> Pair:
-    """The package's own form: sums of terms that are never negative (model.transmission)."""
+    """The package's own formula: sums of terms that are never negative (model.transmission)."""
     _, coupler, output = links.model.loop.pose((crank,)).links
     return coupler.direction, output.position if links.c is None else output.direction
 
 
 def two_circles(links: Links, crank: Real) -> Pair:
-    """B by intersecting the circle about A with the circle about B0 or the slider's path."""
+    """Finds B by intersecting the circle about A with the circle about B0 or the slider's path."""
     r, b, c, d, angle, side, *_ = links
     arm, frame = Vector.at(crank) * r, Vector.at(angle)
     if c is None:
@@ -174,8 +176,8 @@ def looked_up(links: Links, crank: Real) -> Pair:
 def _arms(links: Links, crank: Real, place: Pair) -> tuple[Vector, ...]:
     """The vectors of a loop, m.
 
-    From A0 to A, from A to B, and from B0 to B or along the guide; the derivative of B by the
-    output; the gap.
+    They are the vectors from A0 to A, from A to B, and from B0 to B or along the guide; the
+    derivative of B with respect to the output; and the gap.
     """
     coupler, output = place
     first, second = Vector.at(crank) * links.r, _direction(coupler) * links.b
@@ -210,7 +212,7 @@ def posed(links: Links, crank: Real, place: Pair, first: Pair, second: Pair) -> 
 
 
 def newton_step(links: Links, crank: Real, coupler: Real, output: Real) -> tuple[Real, ...]:
-    """Changes of coupler and output that close the loop to first order, and its gap now, m."""
+    """Changes of coupler and output that close the loop to first order; the current gap, m."""
     _, arm, _, slope, gap = _arms(links, crank, (coupler, output))
     return (*_closing(arm, slope, -gap), *gap)
 
@@ -221,7 +223,7 @@ def newton_step(links: Links, crank: Real, coupler: Real, output: Real) -> tuple
 def two_by_two(links: Links, crank: Real, locate: Locate) -> tuple[Pair, Pair, Pair]:
     """Solves the differentiated loop equation for the derivatives of coupler and output.
 
-    Document 1, eq. 13 to 18; for a slider-crank, document 4, eq. 5 to 8.
+    See document 1, eq. 13 to 18; for a slider-crank, document 4, eq. 5 to 8.
     """
     position = locate(crank)
     arm, coupler, output, slope, _ = _arms(links, crank, position)

@@ -4,9 +4,9 @@
 
 The multibody equations are integrated by extrapolation (Gragg, Bulirsch and Stoer: Hairer, Norsett
 and Wanner, Solving Ordinary Differential Equations I, II.9), which no compared method uses. Unit
-vectors replace angles, so that no trigonometry is needed, and the numbers are decimals of 34
-digits, which are five times as fast as mpmath. Shorter steps, a quadrature of the energy and an
-independent implementation agree (test/test_torque_driven_motion.py).
+vectors replace angles, so that no trigonometry is needed. The numbers are decimals of 34 digits,
+which are five times as fast as those of mpmath. Shorter steps, a quadrature of the energy and an
+independent implementation give the same results (test/test_torque_driven_motion.py).
 """
 
 import itertools
@@ -32,11 +32,11 @@ _CONTEXT = Context(prec=34)
 _LOOK = 0.02  # s between two checks for a singularity of the coordinates
 _SHORTEST = Decimal('1e-6')  # s
 _GROWTH = Decimal('1.3')  # factor of the step length after a step with few rows
-# Rows of the extrapolation: steps grow after one with at most _FEW; with more than _ROWS a step is
-# halved. The order is twice the number of rows.
+# Rows of the extrapolation. After a step with at most _FEW rows, the next step is longer; a step
+# that needs more than _ROWS rows is halved. The order is twice the number of rows.
 _FEW, _ROWS = 9, 12
 _TOLERANCE = Decimal('1e-20')  # tolerance of a step, in SI units
-_CLOSED = 4  # Newton steps from a position in doubles to one in all digits
+_CLOSED = 4  # Newton steps that refine a position from doubles to all digits
 _State: TypeAlias = Any  # an array of Decimals; NumPy has no type for it
 
 
@@ -129,7 +129,7 @@ class MotionReference:
             until: End of the search, s.
 
         Returns:
-            Time, accurate to 1e-15 s; None if there is none before `until`.
+            Time, accurate to 1e-15 s; None if the motion reaches no such position before `until`.
         """
 
         def sine(time: float) -> float:
@@ -142,7 +142,7 @@ class MotionReference:
         return None
 
     def _begin(self) -> _State:
-        """Initial values: the crank angle, the position of each link as two numbers, all rates."""
+        """The values at t = 0: crank angle, position of each link as two numbers, all rates."""
         count, bodies, zero = self._problem.count, self._bodies, Decimal(0)
         q, u = self._problem.start[:count], self._problem.start[count:]
         # Doubles serve as the first guess.
@@ -199,7 +199,7 @@ class MotionReference:
         return state
 
     def _extrapolated(self, start: _State, span: Decimal) -> tuple[_State | None, int]:
-        """The state after a step, None if it does not converge, and the rows of its table."""
+        """The state after a step, or None if the step does not converge; and the rows needed."""
         above: list[_State] = []
         with suppress(ArithmeticError):  # of a diverging step
             slope = self._slope(start)

@@ -10,8 +10,8 @@ force lambda that closes the loop:
 
 The lower rows are the loop closure, differentiated twice. This is the textbook form for any
 mechanism (Baumgarte, Comput. Methods Appl. Mech. Eng. 1 (1972), eq. 1 to 5). It needs no dyads, so
-it also holds when moving coupler and third link come into line. In floats it is one of the
-compared methods; in many digits it is the reference for states and motions.
+it also holds at positions in which coupler and third link are in line. In floats, these equations
+are one of the compared methods; in many digits, they are the reference for states and motions.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class Multibody:
         self._gravity = Vector(*map(number, mechanism.gravity))
         self._bodies = []
         for i, link in enumerate(links):
-            # From pin to pin by the lengths; from the last pin to the centre by the given value.
+            # The vector from the last pin to the centre is given; the others follow from lengths.
             *pins, own = (0j,) * i + (1 + 0j,) if link.slides else link.center.weights[: i + 1]
             center = _vectors(pins, length) | _vectors([0j] * i + [own], number)
             self._bodies.append((number(link.mass), number(link.inertia), center))
@@ -81,7 +81,7 @@ class Multibody:
         """The gap of the loop, m.
 
         Args:
-            places: Unit vector of each link, or (position, 0) of one that slides.
+            places: Unit vector of each link that turns, (position, 0) of each link that slides.
 
         Returns:
             The gap as a vector.
@@ -93,7 +93,7 @@ class Multibody:
         return gap
 
     def closure(self, places: Sequence[Vector], rates: Row) -> tuple[list[Row], Row]:
-        """The derivatives G of the gap by the coordinates, and G' q'; the rows are x and y."""
+        """Derivatives G of the gap with respect to the coordinates, and G' q'; rows x and y."""
         columns, bias = self._columns(self._closure, places, rates)
         empty = Vector(self._zero, self._zero)
         found = [columns.get(j, empty) for j in range(len(rates))]
