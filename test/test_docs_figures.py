@@ -178,7 +178,8 @@ DEFINED = {
         'from 1e3 to 1e7 N m s', 'the first 0.1 s', 'more than 50 steps', '(25 in two',
         'over 30 s', 'within 1e-7', 'below 0.1 and', 'exceeds 0.2', 'change point by 1e-9 m',
         'keeps 150 rpm', 'ticks of 1 ms', '16 or more', '256 motions',
-        '3 % of the crank', '1, 2 or 4 turns', 'up to 8 turns', 'documents 1 and 3', 'figure 3',
+        '3 % of the crank', '1, 2 or 4 turns', 'up to 8 turns', 'changes by 5 %',
+        'documents 1 and 3', 'figure 3',
         'document 3',
     ),
 }  # fmt: skip

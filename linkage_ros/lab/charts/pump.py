@@ -29,7 +29,7 @@ from linkage_ros.lab.pump.table import states_table
 from linkage_ros.numeric import Array
 from linkage_ros.palette import BLACK, DARK, FIRST, GREY, SECOND, fractions, mixed
 
-# Colours of the stable pieces of the load curve, in turn; unstable pieces are grey and dashed.
+# Colours of the stable pieces of the load curve, in order; unstable pieces are grey and dashed.
 _STABLE = tuple(
     map(fractions, (FIRST, SECOND, mixed(FIRST, BLACK, 0.6), mixed(SECOND, BLACK, 0.6)))
 )
@@ -39,7 +39,7 @@ _WIDEST = 138  # characters in a line below the panels
 _FEW, _BETWEEN = 3, 12  # fewest points of a smooth curve, and points drawn between two
 _TORQUES = 2.0  # largest torque drawn, times the motor's
 # Heights of a panel, the room below it, the room above all, and a line of text; widths of the left
-# edge, a panel and the room beside it; inches.
+# edge, a panel and the room to its right; inches.
 _ROW, _GAP, _HEAD, _LINE, _LEFT, _PANEL, _BESIDE = 2.95, 0.9, 0.65, 0.185, 0.65, 4.1, 0.95
 _LABELS = {
     'speed': 'Mean crank speed w, rad/s',
@@ -123,7 +123,7 @@ def _draw_phase_plane(axes: Axes, analysis: Analysis, colors: _Colors) -> None:
 
 
 def _draw_runs(axes: Axes, analysis: Analysis, colors: _Colors) -> None:
-    """Draws the crank speed of single runs over time."""
+    """Plots the crank speed of single runs against time."""
     for run in analysis.runs:
         color = _REST if run.state is None else colors[analysis.states[run.state].piece]
         axes.plot(run.times, run.speeds, '-', color=color, linewidth=0.7)
@@ -145,7 +145,7 @@ def _draw_runs(axes: Axes, analysis: Analysis, colors: _Colors) -> None:
 
 
 def _draw_load_curve(axes: Axes, analysis: Analysis, colors: _Colors) -> None:
-    """Draws the mean torque of the motions over their speed, and the motor's line."""
+    """Plots the mean torque of the motions against their mean speed, and the motor's torque."""
     motor, grey = analysis.motor, {'color': _REST, 'linewidth': 1, 'linestyle': '-.'}
     lines: dict[str, Any] = {_at('motor', motor.torque): (motor.torque, {'color': _MOTOR})}
     for kind, motion in stability_lost(analysis.pieces):
@@ -163,7 +163,7 @@ def _at(name: str, torque: float) -> str:
 
 
 def _draw_over_torque(axes: Axes, analysis: Analysis, colors: _Colors, quantity: str) -> None:
-    """Draws speed, stroke or flow over the motor's torque."""
+    """Plots speed, stroke or flow against the motor's torque."""
     ranges = bistable_ranges(analysis.pieces)
     for one in ranges:
         axes.axvspan(one['low'], one['high'], color='0.94', zorder=0)
@@ -180,7 +180,7 @@ def _draw_over_torque(axes: Axes, analysis: Analysis, colors: _Colors, quantity:
 
 
 def _draw_branch(axes: Axes, analysis: Analysis, colors: _Colors, x: str, y: str) -> None:
-    """Draws one quantity of all motions over another, and the states."""
+    """Plots one quantity of all motions against another quantity, and marks the states."""
     largest = [0.0, 0.0]
     for piece in analysis.pieces:
         inside = [one for one in piece.motions if one.torque < _TORQUES * analysis.motor.torque]
@@ -197,7 +197,7 @@ def _draw_branch(axes: Axes, analysis: Analysis, colors: _Colors, x: str, y: str
 
 
 def _smooth(rows: Array) -> Array:
-    """Cubic curves through points, with the slopes of parabolas through three of them."""
+    """Draws cubic curves through points, with slopes from parabolas through three points each."""
     if len(rows) < _FEW:
         return rows
     away = np.linalg.norm(np.diff(rows / np.ptp(rows, axis=0), axis=0), axis=1)

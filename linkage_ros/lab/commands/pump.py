@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""linkage_chart pump: steady states of a wind pump over start and motor torque."""
+"""linkage_chart pump: steady states of a wind pump, for various starts and motor torques."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from linkage_ros.motion.drives import TorqueDrive
 
 
 def pump(options: argparse.Namespace) -> None:
-    """Finds the steady states of a wind pump, draws them and writes the numbers.
+    """Finds the steady states of a wind pump, draws them, and writes their numbers.
 
     Args:
         options: Options of the command line.
@@ -25,8 +25,8 @@ def pump(options: argparse.Namespace) -> None:
     Raises:
         ConfigurationError: The mechanism is not a wind pump, or the folder cannot be written.
     """
-    # With several threads, BLAS takes many times as long for matrices of this size if the
-    # machine is busy. It reads this variable when a process starts.
+    # On a busy machine, BLAS with several threads takes many times as long for matrices of this
+    # size. BLAS reads this variable when a process starts.
     os.environ['OPENBLAS_NUM_THREADS'] = '1'
     with processes(1) as worker:
         handler = signal.signal(signal.SIGINT, signal.SIG_IGN)  # which the worker inherits
@@ -58,4 +58,4 @@ def pump(options: argparse.Namespace) -> None:
 
 
 def _start() -> None:
-    """Makes the worker process start, and import this module."""
+    """Does nothing; submitting it starts the worker process, which then imports this module."""

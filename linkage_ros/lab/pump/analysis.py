@@ -28,15 +28,15 @@ from linkage_ros.motion.drives import Motor
 from linkage_ros.numeric import Array
 
 _CHANGES = (0.95, 1.05)  # of the motor's torque
-CHANGED = 'speed', 'stroke', 'flow'  # whose changes are given
-_SLOWEST, _FASTEST = 1 / 3, 10.0  # ends of the load curve, times the extreme starts
+CHANGED = 'speed', 'stroke', 'flow'  # quantities of which changes are given
+_SLOWEST, _FASTEST = 1 / 3, 10.0  # ends of the load curve, relative to the extreme start speeds
 _ALIKE = 0.1  # largest relative difference in speed of a motion and its averaged motion
 _SLOW, _SLIDING = (
     0.03,
     2.0,
 )  # of the starts: slowest crank; fastest slider, times the crank pin's speed
-# Number of starts: a state that attracts 2 % of all starts is missed in one run of 170. Largest
-# number of checks of their motions.
+# Number of starts, of which a state that attracts 2 % is missed in one run of 170; and largest
+# number of checks of the motions.
 COUNT, _CHECKS = 256, 32
 
 
@@ -47,8 +47,8 @@ class Start(NamedTuple):
         name: Name of the start.
         times: Times, s.
         speeds: Crank speeds at these times, rad/s.
-        state: Number of the steady state that it reaches; None: it reaches none.
-        ended: Reason for its end; None: it did not end.
+        state: Number of the steady state that the motion reaches; None: it reaches none.
+        ended: Reason why the motion ended; None: it did not end.
     """
 
     name: str
@@ -64,17 +64,17 @@ class Analysis(NamedTuple):
     Attributes:
         motor: Motor of the pump.
         states: Steady states in order of speed, stable or not.
-        averaged: The averaged motion near each of them; None: none was found.
+        averaged: The averaged motion near each state; None: none was found.
         pieces: The load curve.
-        sensitivities: For each stable state and changed torque: number, speed, rad/s, and period
-            of the state, the torque, N m, the state there, and its relative changes; or the reason
-            why none is known.
+        sensitivities: One record for each stable state and each changed torque: number, speed
+            (rad/s) and period of the state; the changed torque (N m); the state at that torque and
+            its relative changes, or the reason why that state is unknown.
         runs: Motions from named starts.
         shares: Fraction of the starts that settle at each state, by its number.
         ended: Fraction of the starts that end in the other assembly or outside all coordinates.
         stopped: Fraction of the starts from which the crank comes to rest, or rocks to and fro.
-        unidentified: Fraction of the starts with none of these outcomes.
-        spread: Slider speed below which a load that jumps is smoothed, m/s; 0: no load jumps.
+        unidentified: Fraction of the starts with another or an unknown outcome.
+        spread: Slider speed below which loads that jump are smoothed, m/s; 0: no load jumps.
     """
 
     motor: Motor
@@ -131,12 +131,12 @@ def analyse(
     speeds: Sequence[float],
     progress: Callable[[Iterable[Any], str], Any],
 ) -> Analysis:
-    """Finds the steady states of a pump, their basins of attraction, and their torques.
+    """Finds the steady states of a pump, their shares of the starts, and their torques.
 
     Args:
         mechanism: The pump, with the start of its slider.
         motor: Motor of the pump.
-        speeds: Speeds of the crank at angle 0, above 0, rad/s, from which the pump is started.
+        speeds: Crank speeds at angle 0 from which the pump is started, positive, rad/s.
         progress: Wraps an iterable in a progress bar with a label.
 
     Returns:
@@ -172,7 +172,7 @@ def analyse(
     settled, motions = np.array([*numbers, -1])[search.belongs], search.motions
     times, phases = np.array(motions.times), np.array(motions.phases)
     names = [f'{speed:g} rad/s' for speed in speeds]
-    for state in search.beside:
+    for state in search.unstable:
         names += [f'beside {state.speed:.4g} rad/s, {word}' for word in ('slower', 'faster')]
     of_box = slice(len(speeds), len(speeds) + COUNT)
     others = [*range(len(speeds)), *range(of_box.stop, len(settled))]
@@ -202,13 +202,13 @@ def analyse(
 
 
 def _averaged(averaging: HarmonicBalance, motion: PeriodicMotion) -> PeriodicMotion | None:
-    """The averaged motion near a given one."""
+    """Finds the averaged motion near a motion; None: none was found."""
     found = averaging.find(averaging.unknowns(motion)) if motion.turns == 1 else None
     return found if found and abs(found.speed / motion.speed - 1) < _ALIKE else None
 
 
 def _box(mechanism: WindPump, pace: float) -> Array:
-    """Starts spread over slider positions and speeds at crank angle 0, of shape (4, n)."""
+    """Distributes starts over slider positions and speeds at crank angle 0; shape (4, n)."""
     r, b, c = (link.length for link in (mechanism.crank, mechanism.coupler, mechanism.rod))
     side = math.copysign(1.0, mechanism.slider.position)
     low = np.array((0.0, side * (abs(b - c) + r), _SLOW * pace, -_SLIDING * r * pace))
@@ -224,7 +224,7 @@ def _changed(
     states: Sequence[SteadyState],
     torque: float,
 ) -> Iterator[dict[str, Any]]:
-    """Records of the stable states under another torque, N m."""
+    """Makes records of the stable states at another motor torque, N m."""
     others = {state.piece: state.motion for state in steady_states(balance, found, torque)}
     for number, (state, piece) in enumerate(states):
         if state.stable:

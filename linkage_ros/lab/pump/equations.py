@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The equations of motion of a wind pump for arrays of phases, some of which are out of reach.
 
-The force of a load curve with a return_value jumps where the slider reverses, which a Fourier
-series cannot follow. Between slider speeds of -width and width the force changes from one curve
-to the other, as a cubic polynomial of the speed.
+The force of a load curve with a return_value jumps where the slider reverses. A Fourier series
+cannot represent this jump, so the force is smoothed: between slider speeds of -width and width, it
+changes from one curve to the other as a cubic polynomial of the speed.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _WIDTH = 0.03  # relative to crank length x the motor's largest speed
 
 
 class PumpSolver(Solver):
-    """A solver with equations of motion for arrays, which are fast because they check nothing."""
+    """A solver with equations of motion for arrays; they check nothing, to be fast."""
 
     @functools.cached_property
     def _terms(self) -> Callable[..., tuple[Array, ...]]:
@@ -55,8 +55,8 @@ class PumpSolver(Solver):
         """The terms of the equations of motion M q'' + h = torque on the crank.
 
         Args:
-            phases: Crank angles, rad, slider positions, m, and their rates; or those of the
-                solver's other coordinates, crank and coupler angles, if the rod is long.
+            phases: Crank angles, rad, slider positions, m, and their rates. For a solver in the
+                other coordinates, crank and coupler angles and their rates.
 
         Returns:
             M11, M12, M22, h1 and h2; h2 is nan where the dyad does not reach.
@@ -66,14 +66,15 @@ class PumpSolver(Solver):
         return [*found, np.where(inside > 0, h2, np.nan)]
 
     def slopes(self, torque: Real, *phases: Array) -> Array:
-        """Rates of both coordinates and of their rates.
+        """Computes the rates and accelerations of both coordinates.
 
         Args:
-            torque: On the crank, N m.
+            torque: Torque on the crank, N m.
             phases: The arguments of `terms`, in arrays of one shape.
 
         Returns:
-            Of shape (4, ...); the last two are nan where the dyad does not reach.
+            Two rates and two accelerations, of shape (4, ...); the accelerations are nan where the
+            dyad does not reach.
         """
         m11, m12, m22, h1, h2 = self.terms(*phases)
         push, whole = torque - h1, m11 * m22 - m12 * m12
@@ -82,11 +83,11 @@ class PumpSolver(Solver):
 
 
 def _terms(constants: tuple[Any, ...], *phase: Real) -> tuple[Real, ...]:
-    """M11, M12, M22, h1, h2, and a number that is above 0 within reach."""
+    """M11, M12, M22, h1, h2, and a number that is positive if the dyad reaches."""
     model, limits = constants
     q, u = phase[:2], phase[2:]
     inside, reached = _reach(model.loop, limits, *q)
-    # Out of reach, the terms are those of another place.
+    # If the dyad does not reach, the terms are computed at other coordinates.
     pose = model.loop.pose(
         tuple(where(inside > 0, *both) for both in zip(q, reached, strict=True))
     )
@@ -98,8 +99,9 @@ def _terms(constants: tuple[Any, ...], *phase: Real) -> tuple[Real, ...]:
 def _reach(
     loop: WindPumpLoop, limits: tuple[Real, Real], angle: Real, other: Real
 ) -> tuple[Real, tuple[Real, Real]]:
-    """A number that is above 0 where coordinates are valid, and coordinates that are.
+    """Checks that the dyad reaches; returns a number that is positive if so, and coordinates.
 
+    The returned coordinates are the given ones if the dyad reaches, else others at which it does.
     A rod that is longer than crank and coupler together reaches the guide at all their angles.
     """
     if isinstance(loop, ByCoupler):
@@ -127,7 +129,7 @@ class SmoothLoad(LoadCurve):
     """A load curve with a return_value, smoothed where the slider reverses.
 
     Attributes:
-        width: Slider speed below which the force is between both curves, m/s.
+        width: Slider speed below which the force is between the two curves, m/s.
     """
 
     width: float = 0.0

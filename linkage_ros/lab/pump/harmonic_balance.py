@@ -2,19 +2,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """The periodic motions of a wind pump by harmonic balance (Galerkin's method).
 
-Over n turns, slider position and crank speed are Fourier series in the crank angle, with H n and
-H n - 1 harmonics:
+In a period of n turns, slider position and crank speed are Fourier series in the crank angle, with
+H n and H n - 1 harmonics:
 
     xD    = X0 + a1 cos phi1/n + b1 sin phi1/n + ...
     phi1' = w0 + c1 cos phi1/n + d1 sin phi1/n + ...
 
-The residuals of the equations of motion, the force R2 on the slider and the torque R1 on the
-crank, vanish on average over the turns: R2 weighted with each function of the first series, R1
-with each of the second. This gives as many equations as coefficients.
+The residuals of the equations of motion are the force R2 on the slider and the torque R1 on the
+crank. On average over the n turns, R2 times each function of the first series vanishes, and so
+does R1 times each function of the second series. This gives as many equations as coefficients.
 
-With one harmonic the crank speed is constant. These are the averaged equations of document 3,
-after Van der Pol: with a1, b1 and w0 slowly varying in time, they also determine the stability
-of the averaged motion. With 16 harmonics the motions of the preset are exact to 12 digits.
+With one harmonic the crank speed is constant. The equations are then the averaged equations of
+document 3, after Van der Pol. If a1, b1 and w0 vary slowly in time, these equations also determine
+the stability of the averaged motion. With 16 harmonics, the motions of the preset are exact to 12
+digits.
 """
 
 from __future__ import annotations
@@ -39,23 +40,23 @@ from linkage_ros.numeric import Array
 AVERAGED, EXACT, _FINEST = 1, 16, 64  # harmonics
 _SPEEDS, _PLACES = 12, 7  # harmonics of guesses with a slider at rest
 _ROUGH = 4  # harmonics of a guess
-_WILD = 100.0  # multiplier that has no meaning, of an averaged motion near a stretched dyad
+_WILD = 100.0  # larger multipliers of averaged motions, near a stretched dyad, are meaningless
 _TAIL = 1e-4  # largest coefficient of the last harmonic, in crank lengths
-# Largest steps of Newton's method, relative; 4 or 5 suffice from a neighbour.
+# Largest steps of Newton's method, relative; from a neighbouring motion, 4 or 5 steps suffice.
 _STEPS = (1.0,) * 4 + (0.1,) * 3 + (0.01,) * 5
-_DOUBLED = 0.1  # amplitude by which a motion of twice the period differs, in its units
-_DIFFERENCE = 1e-7  # relative, of the values of a motion, for derivatives
+_DOUBLED = 0.1  # amplitude of the added waves in the guess of a doubled motion, in its units
+_DIFFERENCE = 1e-7  # relative change of the values of a motion, for derivatives
 
 
 class HarmonicBalance:
-    """The harmonic-balance equations of one pump under a motor line.
+    """The harmonic-balance equations of one pump under a motor with a given damping.
 
     Attributes:
         solver: Solver of the pump.
-        damping: Slope of the motor line: loss of torque per crank speed, N m s.
-        turns: Turns after which its motions repeat.
-        angles: Evenly spaced crank angles over these turns, rad.
-        sizes: Numbers of coefficients of both series.
+        damping: Decrease of the motor torque per unit of crank speed, N m s.
+        turns: Number of turns after which the motions repeat.
+        angles: Evenly spaced crank angles in these turns, rad.
+        sizes: Numbers of coefficients of the two series.
     """
 
     def __init__(
@@ -66,7 +67,8 @@ class HarmonicBalance:
         count = harmonics * turns
         self.sizes = slider, crank = 2 * count + 1, 2 * count - 1
         self.angles = parts_of(turns, harmonics)
-        # By coefficient: xD, its first and second derivative by phi1, phi1', its derivative.
+        # For each coefficient: xD and its first two derivatives with respect to phi1; phi1' and
+        # its first derivative with respect to phi1.
         self._waves = np.zeros((5, len(self.angles), slider + crank))
         for order in range(3):
             self._waves[order, :, :slider] = waves(self.angles, slider, turns, order)
@@ -74,15 +76,18 @@ class HarmonicBalance:
             self._waves[3 + order, :, slider:] = waves(self.angles, crank, turns, order)
 
     def over(self, turns: int, harmonics: int = 0) -> HarmonicBalance:
-        """The equations for another number of turns; with 0 harmonics, for as many as here."""
+        """The equations for another number of turns; 0 harmonics: as many as here."""
         return _balance(self._mechanism, self.damping, harmonics or self._harmonics, turns)
 
     def unknowns(self, motion: PeriodicMotion) -> Array:
-        """Coefficients of both series, and the torque, of a motion of the same number of turns."""
+        """The unknowns of a motion with the same number of turns as these equations.
+
+        The unknowns are the coefficients of both series, and the torque.
+        """
         return self.sized(motion.slider, motion.crank, np.array([motion.torque]))
 
     def sized(self, slider: Array, crank: Array, torque: Array) -> Array:
-        """Unknowns with as many coefficients as these equations have, cut or filled with 0."""
+        """Makes unknowns from coefficients, cut or padded with 0 to the `sizes`."""
         rows = zip((slider, crank), self.sizes, strict=True)
         padded = (np.append(row, np.zeros(size))[:size] for row, size in rows)
         return np.concatenate((*padded, torque))
@@ -93,14 +98,14 @@ class HarmonicBalance:
         return np.repeat((length, speed, motion.torque), (*self.sizes, 1))
 
     def tangent(self, motion: PeriodicMotion) -> Array:
-        """Derivatives of the unknowns with respect to the mean crank speed, along the curve."""
+        """Derivatives of the unknowns along the load curve, by the mean crank speed."""
         jacobian, _ = self.equations(self.unknowns(motion))
         row = jacobian[-1] = self.axis(of_speed=True)
         solved: Array = np.linalg.solve(jacobian, np.eye(len(row))[-1])
         return solved
 
     def axis(self, *, of_speed: bool) -> Array:
-        """The unit vector of the mean crank speed over the angle, or of the torque."""
+        """The unit vector of one unknown: the angular mean of the crank speed, or the torque."""
         row = np.zeros(sum(self.sizes) + 1)
         row[self.sizes[0] if of_speed else -1] = 1.0
         return row
@@ -109,13 +114,13 @@ class HarmonicBalance:
         """Estimates the unknowns of a motion from samples.
 
         Args:
-            phases: Crank angles, several in each turn, slider positions and their rates, of shape
-                (4, n).
+            phases: Crank angle, slider position and their rates at several moments of each turn,
+                of shape (4, n).
             torque: Torque of the motor at rest, N m.
 
         Returns:
-            Coefficients of both series, 0 for high harmonics, and the torque; then the residual of
-            the series, relative to the spread of the motion.
+            The unknowns, in which the coefficients of high harmonics are 0; and the residual of
+            the series, relative to the range of the samples.
         """
         angles, known = phases[0], phases[1:3].T
         some = waves(angles, 2 * _ROUGH * self.turns + 1, self.turns)
@@ -132,7 +137,8 @@ class HarmonicBalance:
             wide[0], wide[3::4], wide[4::4] = row[0], row[1::2], row[2::2]
         unknowns = twice.sized(slider, crank, np.array([motion.torque]))
         units = twice.units(motion)
-        # The additional waves of two turns; in one direction of these the equations are singular.
+        # The waves that twice the period adds. Along one direction of their coefficients, the
+        # equations are singular.
         new = np.concatenate([(np.arange(size) + 1) // 2 % 2 for size in (*twice.sizes, 1)]) > 0
         jacobian = twice.equations(unknowns)[0][:-1] * units
         way = np.zeros(len(unknowns))
@@ -140,11 +146,11 @@ class HarmonicBalance:
         return twice.find(unknowns + _DOUBLED * way * units, way / units)
 
     def resting_sliders(self, first: float, last: float) -> Iterator[PeriodicMotion]:
-        """Estimates motions in which the slider nearly rests.
+        """Finds motions from guesses in which the slider rests.
 
         Args:
-            first: Mean crank speed of the first ones, rad/s.
-            last: Mean crank speed of the last ones, rad/s.
+            first: Mean crank speed of the first guesses, rad/s.
+            last: Mean crank speed of the last guesses, rad/s.
         """
         pump = self._mechanism
         r, b, c = pump.crank.length, pump.coupler.length, pump.rod.length
@@ -162,15 +168,15 @@ class HarmonicBalance:
 
         Args:
             guess: Initial unknowns of Newton's method.
-            fixed: Direction of the unknowns that is kept fixed; None: the torque's.
-            tolerance: Relative size of the last step; the error is about its square.
+            fixed: Direction in which the unknowns are not changed; None: the torque is kept.
+            tolerance: Relative size of the last step; the error is about the square of this size.
 
         Returns:
-            The motion, or None if none is found.
+            The motion; None: none was found.
         """
         unknowns, row = guess, self.axis(of_speed=False) if fixed is None else fixed
         try:
-            with np.errstate(all='ignore'):  # the equations of motion refuse overflows
+            with np.errstate(all='ignore'):  # an overflow ends the search below
                 for allowed in _STEPS:
                     jacobian, residuals = self.equations(unknowns)
                     jacobian[-1] = row
@@ -186,10 +192,10 @@ class HarmonicBalance:
         return None
 
     def _checked(self, unknowns: Array, row: Array) -> PeriodicMotion | None:
-        """Makes the motion of these unknowns, with more harmonics if needed.
+        """Makes a motion from unknowns, with more harmonics if needed.
 
         Returns:
-            The motion; None: its crank stops, or it needs too many harmonics.
+            The motion; None: the crank stops, or the motion needs too many harmonics.
         """
         cuts = np.cumsum(self.sizes)
         slider, crank, (torque,) = np.split(unknowns, cuts)
@@ -211,9 +217,9 @@ class HarmonicBalance:
     def _slow_multipliers(self, unknowns: Array) -> tuple[complex, ...]:
         """Floquet multipliers of an averaged motion over a turn, the largest first.
 
-        With slowly varying a1, b1 and w0 the equations become B (X0, a1, b1, w0)' = -J (...), J
-        their Jacobian: xD'' = ... + 2 w0 (b1' cos phi1 - a1' sin phi1) + w0' dxD/dphi1, and X0
-        follows the others.
+        If a1, b1 and w0 vary slowly, xD'' gains 2 w0 (b1' cos phi1 - a1' sin phi1) +
+        w0' dxD/dphi1. The equations become B (X0, a1, b1, w0)' = -J (X0, a1, b1, w0), where J is
+        their Jacobian. The rate of X0 does not occur, so X0 follows from the other unknowns.
         """
         values, functions = self._waves @ unknowns[:-1], self._waves
         m11, m12, m22, *_ = self.solver.terms(self.angles, values[0], values[3], values[3])
@@ -230,7 +236,7 @@ class HarmonicBalance:
         return by_size(np.exp(growth * (2 * math.pi / speed)))
 
     def equations(self, unknowns: Array) -> tuple[Array, Array]:
-        """The Jacobian of the equations and their residuals; `find` adds the last equation."""
+        """The Jacobian and the residuals of the equations; `find` adds the last equation."""
         jacobian, residuals = np.zeros((len(unknowns), len(unknowns))), np.zeros(len(unknowns))
         values = self._waves @ unknowns[:-1]
         steps = _DIFFERENCE * np.array((*[self._mechanism.crank.length] * 2, values[3].max()))

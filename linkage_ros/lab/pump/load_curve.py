@@ -1,10 +1,11 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The periodic motions over the mean crank speed, and where they lose their stability.
+"""The load curve: periodic motions by mean crank speed, and where they lose their stability.
 
-The motor's torque M0 - m phi1' has the mean M0 - m w over time, where w is the mean speed. So
-M0(w) - m w is the mean load of the motion at w: the load curve. Its intersections with the
-motor's line are the steady states. Each curve is followed along its length, past its folds.
+The motor's torque M0 - m phi1' has the time average M0 - m w, where w is the mean speed. So the
+load curve M0(w) - m w is the mean load of the motion with the mean speed w. The steady states are
+the intersections of the load curve with the torque-speed line of the motor. Each curve is followed
+along its length, past its folds.
 """
 
 from __future__ import annotations
@@ -19,19 +20,19 @@ import numpy as np
 from linkage_ros.lab.pump.harmonic_balance import HarmonicBalance
 from linkage_ros.lab.pump.periodic_motion import PeriodicMotion
 
-# Kinds of stability loss, by the largest multiplier: 1 (two motions merge), -1, or a complex pair.
+# Kinds of stability loss. The largest multiplier is 1 (two motions merge), -1, or a complex pair.
 FOLD, PERIOD_DOUBLING, TORUS = 'fold', 'period doubling', 'torus'
 # Ends of a curve: a limit of speed or torque; or no next motion, because the crank stops or the
 # dyad is stretched.
 END, LOST = 'end of the scan', 'end of the description'
-ALONE = 'not followed further'  # of a single motion
-_GAP = 1e-2  # relative torque difference of a period doubling and the doubled motion
-# Longest and shortest step along a curve, relative to the unknowns' units, for each turn.
+ALONE = 'not followed further'  # ends of a piece with a single motion
+_GAP = 1e-2  # relative torque difference between a period doubling and the doubled motion
+# Longest step per turn and shortest step along a curve, in the units of the unknowns.
 _STEP, _SHORTEST = 0.3, 1e-2
-_SHARP, _STRAIGHT = 0.5, 0.9  # cosines of the angle between two steps: too large, and small
-_MOST = 400  # steps along a curve
-_ROUGH = 1e-4  # relative, of Newton's last step there
-_FEW = 2  # turns of states whose curves are followed: four turns take eight times as long
+_SHARP, _STRAIGHT = 0.5, 0.9  # cosine of the angle between two steps: too small, and large
+_MOST = 400  # largest number of steps along a curve
+_ROUGH = 1e-4  # relative size of Newton's last step along a curve
+_FEW = 2  # most turns of states whose curves are followed: four turns take eight times as long
 _MOST_SECANTS, _UNIT = 12, 1e-8  # steps to a multiplier of modulus 1, and tolerance
 
 
@@ -40,9 +41,9 @@ class Piece:
     """A piece of the load curve without a change of stability.
 
     Attributes:
-        motions: In the order of the curve.
-        begins_at: Type of its start: FOLD, PERIOD_DOUBLING, TORUS, END, LOST or ALONE.
-        ends_at: Type of its end, one of the same.
+        motions: The motions, in their order along the curve.
+        begins_at: Type of the start: FOLD, PERIOD_DOUBLING, TORUS, END, LOST or ALONE.
+        ends_at: Type of the end; the same types.
     """
 
     motions: list[PeriodicMotion]
@@ -51,12 +52,12 @@ class Piece:
 
     @property
     def stable(self) -> bool:
-        """Whether its motions are stable; at its ends stability may be undefined."""
+        """Whether the motions are stable; at the ends of a piece, stability may be undefined."""
         return self.motions[len(self.motions) // 2].stable
 
     @property
     def ends(self) -> list[tuple[float, str]]:
-        """Torque, N m, and type of its ends, the lower torque first."""
+        """Torque, N m, and type of both ends; the end with the lower torque is first."""
         last = self.motions[-1].torque, self.ends_at
         return sorted(((self.motions[0].torque, self.begins_at), last))
 
@@ -74,7 +75,7 @@ class SteadyState(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Its speed, and what distinguishes it from a stable motion of one turn."""
+        """The speed; also the number of turns if there are several, and whether it is unstable."""
         motion = self.motion
         turns = f', {motion.turns} turns' if motion.turns > 1 else ''
         return f'{motion.speed:.4g} rad/s{turns}{"" if motion.stable else ", unstable"}'
@@ -107,20 +108,20 @@ def steady_states(
 
 
 def stability_lost(pieces: Sequence[Piece]) -> list[tuple[str, PeriodicMotion]]:
-    """The junctions of the pieces of a curve: type and motion."""
-    meeting = itertools.pairwise(pieces)
-    return [(a.ends_at, a.motions[-1]) for a, b in meeting if a.motions[-1] is b.motions[0]]
+    """Type and motion of each junction between two pieces of a curve."""
+    pairs = itertools.pairwise(pieces)
+    return [(a.ends_at, a.motions[-1]) for a, b in pairs if a.motions[-1] is b.motions[0]]
 
 
 def bistable_ranges(pieces: Sequence[Piece]) -> list[dict[str, Any]]:
     """The torques of the motor at rest for which two or more stable states exist.
 
     Args:
-        pieces: The pieces of the load curve. Along a stable piece the torque grows or falls, so
-            that it has one state at each of its torques.
+        pieces: The pieces of the load curve. Along a stable piece, the torque either grows or
+            falls, so that each torque belongs to one state of the piece.
 
     Returns:
-        For each range: low and high, N m; low_is and high_is, the types of its ends.
+        For each range: its ends low and high, N m, and their types low_is and high_is.
     """
     spans = [piece.ends for piece in pieces if piece.stable]
     ranges: list[dict[str, Any]] = []
@@ -142,13 +143,13 @@ def with_curves(
 ) -> list[Piece]:
     """Completes the load curve with the curves of further motions.
 
-    At period doublings of motions of one turn, the motions of two turns are followed too.
+    At period doublings of motions of one turn, the motions of two turns are followed, too.
 
     Args:
-        balance: The equations.
-        pieces: The pieces that are known.
-        seeds: The motions; None: not found.
-        speeds: Lowest and highest mean speed to which their curves are followed, rad/s.
+        balance: The equations for one turn.
+        pieces: The known pieces.
+        seeds: The further motions; None is skipped.
+        speeds: Lowest and highest mean speed to which the curves are followed, rad/s.
 
     Returns:
         All pieces.
@@ -173,17 +174,19 @@ def with_curves(
 def follow(
     balance: HarmonicBalance, seed: PeriodicMotion, speeds: tuple[float, float]
 ) -> list[Piece]:
-    """Follows the curve of a motion both ways.
+    """Follows the load curve from a motion in both directions.
 
     Args:
         balance: The equations for the same number of turns.
-        seed: The motion.
+        seed: Motion from which the curve is followed.
         speeds: Lowest and highest mean speed, rad/s.
 
     Returns:
         The pieces of the curve; the first begins on the side of slower cranks.
     """
-    (back, begins_at), (forth, ends_at) = (_walk(balance, seed, sign, speeds) for sign in (-1, 1))
+    (back, begins_at), (forth, ends_at) = (
+        _continued(balance, seed, sign, speeds) for sign in (-1, 1)
+    )
     motions = [*back[::-1], seed, *forth]
     pieces = [Piece([motions[0]], begins_at)]
     for one, other in itertools.pairwise(motions):
@@ -203,10 +206,13 @@ def _kind(multiplier: complex) -> str:
     return FOLD if multiplier.real > 0 else PERIOD_DOUBLING
 
 
-def _walk(
+def _continued(
     balance: HarmonicBalance, seed: PeriodicMotion, sign: int, speeds: tuple[float, float]
 ) -> tuple[list[PeriodicMotion], str]:
-    """The motions of a curve after a given one, and the reason for its end."""
+    """Follows the load curve from a motion in one direction.
+
+    Returns the motions found, and the reason why the curve ends.
+    """
     motions, longest = [seed], _STEP * seed.turns
     step = longest / 4
     way = sign * balance.tangent(seed) / balance.units(seed)
@@ -234,7 +240,10 @@ def _walk(
 
 
 def _is_doubled(one: PeriodicMotion, other: PeriodicMotion) -> bool:
-    """Whether the period doubled between two motions: beyond, the order of the turns changes."""
+    """Whether the curve passes a period doubling between two motions.
+
+    Beyond it, the turns of a motion are in the opposite order.
+    """
     if one.turns % 2:
         return False
     first, second = one.subharmonics(2), other.subharmonics(2)
@@ -245,10 +254,10 @@ def _is_doubled(one: PeriodicMotion, other: PeriodicMotion) -> bool:
 def _boundary(
     balance: HarmonicBalance, one: PeriodicMotion, other: PeriodicMotion
 ) -> PeriodicMotion:
-    """The motion between two others whose largest multiplier has the modulus 1.
+    """Finds the motion between two others whose largest multiplier has the modulus 1.
 
-    By the Illinois method (M. Dowell and P. Jarratt, BIT 11 (1971), 168-174) along the line
-    between them.
+    It uses the Illinois method (M. Dowell and P. Jarratt, BIT 11 (1971), 168-174) along the line
+    between the two motions.
     """
     start, way = balance.unknowns(one), balance.unknowns(other) - balance.unknowns(one)
     plane, found = way / balance.units(one) ** 2, other

@@ -2,10 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Integrates motions of a wind pump from many starts at once.
 
-Each motion has its own step lengths, by Dormand and Prince's method of order 5. A step of many
-motions takes little longer than a step of one. If the rod is longer than crank and coupler
-together, crank and coupler angle describe every motion, and are used. If not, crank angle and
-slider position are, and a motion that stretches the dyad is continued separately.
+Each motion is integrated by Dormand and Prince's method of order 5, with its own step lengths. A
+step of many motions takes little longer than a step of one motion. If the rod is longer than crank
+and coupler together, the coordinates are crank and coupler angle, which describe every motion. If
+not, the coordinates are crank angle and slider position, and a motion that stretches the dyad is
+continued separately.
 """
 
 from __future__ import annotations
@@ -27,12 +28,13 @@ from linkage_ros.numeric import Array
 
 _STAGES = *map(np.array, DORMAND_PRINCE.stages), np.array(DORMAND_PRINCE.end)
 _ERROR = np.array(DORMAND_PRINCE.error)
-_TOLERANCE = 5e-4  # of a step, in rad, crank lengths, and these per second at the motor's speed
-_SHORTEST = 1e-5  # step, of the time of a radian
-_PAUSE = 10  # steps until motions outside the coordinates are continued in others
+# Tolerance of a step: rad and crank lengths; for rates, relative to the motor's speed.
+_TOLERANCE = 5e-4
+_SHORTEST = 1e-5  # shortest step, relative to the time in which the crank turns by 1 rad
+_PAUSE = 10  # steps between two searches for motions to continue in other coordinates
 _KEPT = 400  # steps that are searched for the last turns
-_LONGEST, _ROUGH = 0.04, 1e-3  # step, s, and tolerance of a motion that is continued in others
-_GONE = 150.0  # longest time in these, of the time of a radian
+_LONGEST, _ROUGH = 0.04, 1e-3  # step, s, and tolerance in other coordinates
+_GONE = 150.0  # longest time in other coordinates, relative to the time for 1 rad
 _CALM = 10  # steps in which the first coordinates must be suitable before they are used again
 _ACROSS = 'it goes over to the other assembly'
 
@@ -41,9 +43,10 @@ class Motions:
     """Motions from many starts.
 
     Attributes:
-        active: Numbers of the motions still integrated; the others have stopped.
-        times: At all steps, s; each of shape (n).
-        phases: Crank angle, rad, slider position, m, and their rates; each of shape (4, n).
+        active: Numbers of the motions that are still integrated.
+        times: Times, s, of all motions after each step; arrays of shape (n).
+        phases: Crank angle, rad, slider position, m, and their rates after each step; arrays of
+            shape (4, n).
     """
 
     def __init__(self, solver: PumpSolver, motor: Motor, starts: Array) -> None:
@@ -52,8 +55,8 @@ class Motions:
         Args:
             solver: Solver of the pump.
             motor: Motor of the pump.
-            starts: Crank angle, rad, slider position, m, and their rates, of shape (4, n); all on
-                the same side of the crank.
+            starts: Crank angle, rad, slider position, m, and their rates, of shape (4, n); in all
+                starts, the slider is on the same side of the crank.
         """
         pump = cast('WindPump', solver.mechanism)
         r, b, c = (link.length for link in (pump.crank, pump.coupler, pump.rod))
@@ -76,11 +79,11 @@ class Motions:
 
     @property
     def ends(self) -> dict[int, str]:
-        """By number: the place of a motion outside this assembly, or the reason for its end."""
+        """The reason why a motion ended or left this assembly, by the number of the motion."""
         return {**dict.fromkeys(np.flatnonzero(self._crossed).tolist(), _ACROSS), **self._ends}
 
     def advance(self, steps: int) -> None:
-        """Advances all motions by a number of steps, some of which are repeated."""
+        """Advances all motions by a number of steps; rejected steps count, too."""
         course = []
         with np.errstate(all='ignore'):  # non-finite values have no slope
             for step in range(steps):
@@ -142,10 +145,10 @@ class Motions:
 
         Args:
             number: Number of the motion.
-            turns: Of the crank, forwards.
+            turns: Number of forward turns of the crank.
 
         Returns:
-            Phases, of shape (4, steps); None if it has ended or has turned backwards.
+            Phases, of shape (4, steps); None if the motion has ended or has turned backwards.
         """
         if number in self.ends:
             return None
@@ -156,15 +159,15 @@ class Motions:
 
 
 def _described(phases: Array, solver: PumpSolver, other: PumpSolver) -> tuple[Array, Array]:
-    """Phases in the coordinates of another solver, and the sine of the angle from rod to coupler.
+    """Converts phases to the coordinates of another solver.
 
     Args:
-        phases: In the coordinates of a solver, of shape (4, ...).
-        solver: The solver.
-        other: The other solver.
+        phases: Coordinates and rates of `solver`, of shape (4, ...).
+        solver: Solver whose coordinates the phases use.
+        other: Solver to whose coordinates the phases are converted.
 
     Returns:
-        Of shapes (4, ...) and (...).
+        The converted phases, and the sine of the angle from rod to coupler, of shape (...).
     """
     state = solver.driven_state(tuple(phases[:2]), tuple(phases[2:]), 0.0)
     moving = [solver.links.index(name) for name in other.coordinates]

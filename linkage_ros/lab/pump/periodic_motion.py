@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Motions of a wind pump that repeat after whole turns, as Fourier series in the crank angle.
 
-The crank angle phi serves as the independent variable in place of time, as long as the crank
-turns (M. Henon, Physica D 5 (1982), 412-414).
+As long as the crank turns, the crank angle phi is the independent variable in place of time
+(M. Henon, Physica D 5 (1982), 412-414).
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.numeric import Array
 
 _DIFFERENCE = 1e-5  # relative, for derivatives by central differences
-_FINE, _STEPS = 256, 4  # parts of a turn searched for reversals, and Newton steps to each
-_SAME = 1e-6  # relative difference of two numbers of one motion
+_FINE, _STEPS = 256, 4  # parts of a turn searched for reversals, and Newton steps per reversal
+_SAME = 1e-6  # relative difference below which numbers of two motions count as equal
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(96)  # of Gauss's quadrature over a turn
 _TINY = 1e-5  # amplitude below which a harmonic counts as absent, in crank lengths
 
@@ -31,7 +31,7 @@ def parts_of(turns: int, harmonics: int) -> Array:
 
     Args:
         turns: Turns of the crank.
-        harmonics: Largest number of waves in a turn.
+        harmonics: Largest number of periods of a wave in a turn.
 
     Returns:
         Angles, the first at 0.
@@ -50,7 +50,7 @@ def waves(angles: Array, count: int, turns: int, derivative: int = 0) -> Array:
         derivative: Order of the derivative.
 
     Returns:
-        Of shape (m, count).
+        The values of the functions, of shape (m, count).
     """
     return _waves(angles.tobytes(), count, turns, derivative)
 
@@ -72,13 +72,13 @@ class PeriodicMotion:
 
     Attributes:
         solver: Solver of the pump.
-        damping: Slope of the motor line: loss of torque per crank speed, N m s.
+        damping: Decrease of the motor torque per unit of crank speed, N m s.
         slider: Coefficients of the slider's position, m.
         crank: Coefficients of the crank's speed, rad/s.
         torque: Torque of the motor at rest, N m.
-        turns: Turns after which it repeats.
-        slow_multipliers: Floquet multipliers of an averaged motion, for slow deviations over a
-            turn; empty: they are computed from the motion.
+        turns: Number of turns after which the motion repeats.
+        slow_multipliers: Floquet multipliers of an averaged motion, for slow deviations in a turn;
+            empty: `multipliers` are computed from the motion.
     """
 
     solver: PumpSolver
@@ -104,7 +104,7 @@ class PeriodicMotion:
         """The motion at crank angles.
 
         Args:
-            angles: Of shape (n), rad.
+            angles: Crank angles, of shape (n), rad.
 
         Returns:
             Slider position, m, crank speed, rad/s, and slider velocity, m/s; of shape (3, n).
@@ -122,8 +122,8 @@ class PeriodicMotion:
             phases: Crank angle, slider position and their rates, of shape (4, rows, motions).
 
         Returns:
-            The mean over the rows, of shape (motions); each motion is first shifted by the whole
-            number of turns that makes it smallest.
+            The mean distance over the rows, of shape (motions). Each motion is first shifted by
+            the whole number of turns for which this distance is smallest.
         """
         _, rows, motions = phases.shape
         apart = []
@@ -143,10 +143,10 @@ class PeriodicMotion:
         """Coefficients that vanish if the motion repeats after a fraction of its turns.
 
         Args:
-            part: Number of repetitions within its turns.
+            part: Number of repetitions within the turns of the motion.
 
         Returns:
-            Coefficients of the slider, in crank lengths.
+            Coefficients of the slider position, in crank lengths.
         """
         orders = np.arange(1, len(self.slider) // 2 + 1)
         chosen = np.repeat(orders % part > 0, 2)
@@ -197,16 +197,17 @@ class PeriodicMotion:
 
     @property
     def flow(self) -> float:
-        """Forward travel of the slider per turn x speed, m/s; proportional to the flow."""
+        """Forward travel of the slider per turn, times the speed, m/s (proportional to flow)."""
         points = self.turning_points
         forth = np.abs(points - np.roll(points, 1)).sum() / 2
         return float(forth / self.turns * self.speed)
 
     @functools.cached_property
     def efficiency(self) -> float | None:
-        """Fraction of the crank's power that reaches the lift load; None: no such load.
+        """Fraction of the crank's power that reaches the lift load; None: there is no such load.
 
-        The lift load is the slider's force and load curve; a constant force takes no power.
+        The lift load is the force and the load curve of the slider; a constant force takes no
+        power in a period.
         """
         pump = cast('WindPump', self.solver.mechanism)
         slider, lifts = pump.slider, (getattr(load, 'link', '') for load in pump.loads)
@@ -226,9 +227,10 @@ class PeriodicMotion:
 
     @functools.cached_property
     def monodromy(self) -> Array:
-        """Derivatives of the values of `at` after a period with respect to those before it.
+        """Derivatives of the values of `at` after a period with respect to the values before it.
 
-        By Magnus' method of order 4 (S. Blanes and others, Physics Reports 470 (2009), 151-238).
+        They are computed by Magnus' method of order 4 (S. Blanes and others, Physics Reports 470
+        (2009), 151-238).
         """
         angles = self.angles
         step = angles[1]
@@ -236,8 +238,8 @@ class PeriodicMotion:
         jacobians = self._jacobians(np.concatenate((angles - aside, angles + aside)))
         one, other = step * jacobians.reshape(2, -1, 3, 3)
         exponents = (one + other) / 2 - math.sqrt(3) / 12 * (one @ other - other @ one)
-        # Matrix exponentials by Pade approximation; SciPy's is five times slower for such small
-        # matrices.
+        # Matrix exponentials by Pade approximation; SciPy's function is five times slower for such
+        # small matrices.
         squares = exponents @ exponents
         even, odd = np.eye(3) + squares / 10, exponents / 2 + exponents @ squares / 120
         factors = np.linalg.solve(even - odd, even + odd)
@@ -245,7 +247,7 @@ class PeriodicMotion:
         return product
 
     def _jacobians(self, angles: Array) -> Array:
-        """Jacobian matrices of d(values)/d(crank angle), at the angles; of shape (n, 3, 3)."""
+        """Jacobian matrices of d(values)/d(crank angle) at crank angles; of shape (n, 3, 3)."""
         steps = _DIFFERENCE * self.units
         moves = np.concatenate((np.diag(steps), np.diag(-steps)))
         x, w, v = self.at(angles)[:, None] + moves.T[..., None]
@@ -262,7 +264,7 @@ class PeriodicMotion:
 
     @property
     def numbers(self) -> dict[str, Any]:
-        """Its main numbers, for JSON, in SI units."""
+        """The main numbers of the motion, for JSON, in SI units."""
         return {
             **{
                 name: getattr(self, name) for name in ('torque', 'load', 'speed', 'stroke', 'flow')

@@ -23,16 +23,19 @@ from linkage_ros.quantities import Quantity
 
 _FORWARDS = Quantity('number', 'motor torque at rest that turns the crank', 'N m', 1e-9, 1e12)
 
-_FASTEST_SETTLING = 25.0  # times the pace; beyond, a turn takes too many explicit steps
+_FASTEST_SETTLING = 25.0  # relative to the pace; if faster, a turn takes too many explicit steps
 _STEPS = 50  # steps between two checks of the motions; a turn takes about 8
 _ROWS = 10  # steps, about a turn
-_BACK = 50  # steps between two of its distances that are compared
-_NEAR = 0.05  # distance of a settled motion, relative to crank length and speed
-_APPROACHING, _NEARER = 0.5, 0.95  # or this one, reduced twice in a row by this factor
-_ATTRACTED = 2.0  # or this one, to a state that Newton's method finds from its last turns
+_BACK = 50  # steps between two compared distances of a motion from a state
+# A motion has settled if its distance from a state, relative to crank length and speed, is below
+# _NEAR; if it is below _APPROACHING and has fallen twice in a row by the factor _NEARER; or if it
+# is below _ATTRACTED and Newton's method finds the state from the motion's last turns.
+_NEAR = 0.05
+_APPROACHING, _NEARER = 0.5, 0.95
+_ATTRACTED = 2.0
 _WAIT = 4  # checks before states are identified from motions
-_LATE, _RARE = 10, 0.005  # checks after which this share of the motions is given up
-_MOST_FAILURES = 6  # to identify a state, at one check
+_LATE, _RARE = 10, 0.005  # after so many checks, the search ends if fewer motions are unidentified
+_MOST_FAILURES = 6  # failed attempts to identify a state at one check
 _PERIODS = range(1, 9)  # turns after which a motion may repeat
 _REPEATS = 0.02  # allowed residual of a series over a period, relative to the motion's spread
 _GUESSES = 1, 2, 4  # turns of a motion that has not yet settled
@@ -43,13 +46,13 @@ _CHECKS = 80  # of a single motion
 class Search:
     """Motions from many starts, and the stable states at which they settle.
 
-    Two more motions start near each unstable state, below and above its speed.
+    Two more motions start near each unstable state, one below and one above its speed.
 
     Attributes:
-        motions: The motions; those from unstable states are the last.
-        states: The states that are known, stable or not.
-        beside: The unstable states known at the start; starts beside them are within reach.
-        belongs: The number of the state at which each motion settles, or -1.
+        motions: The motions; the last ones start near unstable states.
+        states: The known states, stable or not.
+        unstable: The unstable states known at the start, if a motion can start near them.
+        belongs: Number of the state at which each motion settles; -1: none is known.
         stopped: Whether the crank of each motion has stopped, or rocks to and fro.
     """
 
@@ -57,15 +60,17 @@ class Search:
         self, balance: HarmonicBalance, motor: Motor, starts: Array,
         states: Iterable[PeriodicMotion] = (), drawn: int = 1,
     ) -> None:  # fmt: skip
-        """Starts the search with the known states; the first starts are those that are drawn."""
+        """Starts the search with the known states; the first `drawn` motions are for the chart."""
         self._balance, self._motor, self.states = balance, motor, list(states)
         unstable = [state for state in self.states if not state.stable]
         slopes = balance.solver.slopes
-        self.beside = [one for one in unstable if np.isfinite(slopes(0.0, *_beside(one))).all()]
-        starts = np.hstack((starts, *map(_beside, self.beside)))
-        # These are integrated further after they have settled.
+        self.unstable = [
+            one for one in unstable if np.isfinite(slopes(0.0, *_starts_near(one))).all()
+        ]
+        starts = np.hstack((starts, *map(_starts_near, self.unstable)))
+        # Motions for the chart are integrated further after they have settled.
         self._drawn: Any = np.full(starts.shape[1], fill_value=True)
-        self._drawn[drawn : starts.shape[1] - 2 * len(self.beside)] = False
+        self._drawn[drawn : starts.shape[1] - 2 * len(self.unstable)] = False
         self.motions = Motions(balance.solver, motor, starts)
         self.belongs: Any = np.full(starts.shape[1], -1)
         self.stopped: Any = self.belongs > 0
@@ -97,7 +102,7 @@ class Search:
                 return
 
     def _assign(self) -> None:
-        """Assigns motions to the states that they have reached or approach."""
+        """Assigns motions to the states that they have reached or that they approach."""
         phases = self.motions.phases
         turned = np.abs(phases[-1][0] - phases[-_STEPS][0]) > np.pi
         self.stopped = (self.belongs < 0) & ~self.ended & ~turned
@@ -111,9 +116,10 @@ class Search:
                 away, was, began = (state.distance(rows) for rows in (now, before, first))
                 nearer = (away < _NEARER * was) & (was < _NEARER * began)
                 self.belongs[left[(away < _NEAR) | ((away < _APPROACHING) & nearer)]] = number
-        # A motion near an unstable state is assigned the states reached from both of its sides.
-        sides = self.belongs[len(self.belongs) - 2 * len(self.beside) :].reshape(-1, 2)
-        for (below, above), state in zip(sides.tolist(), self.beside, strict=True):
+        # If the motions from both sides of an unstable state settle at one state, the motions near
+        # the unstable state are assigned to it, too.
+        sides = self.belongs[len(self.belongs) - 2 * len(self.unstable) :].reshape(-1, 2)
+        for (below, above), state in zip(sides.tolist(), self.unstable, strict=True):
             if below == above >= 0:
                 near = (state.distance(now) < _APPROACHING) & (self.belongs[left] < 0)
                 self.belongs[left[near]] = below
@@ -123,10 +129,10 @@ class Search:
 
         Args:
             number: Number of the motion.
-            guesses: Numbers of turns to try as the period, besides those that fit.
+            guesses: Periods, in turns, to try in addition to those that fit the motion.
 
         Returns:
-            Whether one is found.
+            Whether a state was found.
         """
         for turns in _PERIODS:
             last = self.motions.last_turns(number, 2 * turns)
@@ -148,8 +154,8 @@ class Search:
         return False
 
 
-def _beside(state: PeriodicMotion) -> Array:
-    """Starts on both sides of an unstable state, slower first, in its most unstable direction."""
+def _starts_near(state: PeriodicMotion) -> Array:
+    """Two starts near an unstable state, along its most unstable direction, the slower first."""
     values, vectors = np.linalg.eig(state.monodromy)
     way = vectors[:, np.abs(values).argmax()].real / state.units
     way *= _ASIDE / np.linalg.norm(way) * np.copysign(state.units, way[1])
@@ -160,7 +166,7 @@ def _beside(state: PeriodicMotion) -> Array:
 def prepared(
     mechanism: WindPump, motor: Motor, speeds: Sequence[float]
 ) -> tuple[HarmonicBalance, Array, float]:
-    """The equations and the starts of a pump; a load that jumps is replaced by a smooth one.
+    """Prepares the equations and the starts of a pump; smooths loads that jump.
 
     Args:
         mechanism: The pump, with the start of its slider.
@@ -168,8 +174,9 @@ def prepared(
         speeds: Speeds of the crank at angle 0, above 0, rad/s.
 
     Returns:
-        The equations; crank angles, rad, slider positions, m, and their rates, of shape (4, n);
-        and the motor's no-load speed, rad/s, or without damping the fastest start.
+        The equations; the starts (crank angles, rad, slider positions, m, and their rates), of
+        shape (4, n); and the motor's no-load speed or, without damping, the speed of the fastest
+        start, rad/s.
 
     Raises:
         ConfigurationError: The motor does not turn the crank forwards.
@@ -186,7 +193,7 @@ def prepared(
 
 
 def require_slow(mechanism: WindPump, motor: Motor, pace: float) -> None:
-    """Refuses damping so strong that motions cannot be followed in steps of a part of a turn.
+    """Refuses a damping that is so strong that a turn takes too many steps.
 
     Args:
         mechanism: The pump.

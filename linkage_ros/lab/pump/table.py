@@ -77,7 +77,7 @@ def _complex(value: complex) -> str:
 
 
 def _fixed(value: float, form: str = '.4f') -> str:
-    """Formats a value rounded to four decimals; a rounded -0 loses its sign."""
+    """Formats a value rounded to four decimals; -0 becomes 0."""
     return format(round(value, 4) + 0.0, form)
 
 
