@@ -42,6 +42,7 @@ RATE = 1000.0
 SIZE = '3m'
 SILENCE = 0.1  # s between two states that a subscriber notices
 INSIDE = 'LINKAGE_DISK_BENCHMARK'
+LOG = 'linkage_node: log'  # its part of /diagnostics
 
 
 def enter_namespace() -> None:
@@ -96,11 +97,11 @@ def run(path: Path, spoil, heard: Path, after: float) -> dict:
         Diagnostics(DOMAIN) as diagnostics,
         node(DOMAIN, rate_hz=RATE, log=path) as process,
     ):
-        wait_for(lambda: 'heard' in listener.output and 'log' in diagnostics.parts)
+        wait_for(lambda: 'heard' in listener.output and LOG in diagnostics.parts)
         time.sleep(after)
         spoil(path)
         begin = time.time_ns()
-        said = wait_for(lambda: diagnostics.parts['log'][0] == ERROR)
+        said = wait_for(lambda: diagnostics.parts[LOG][0] == ERROR)
         time.sleep(after)
         # A log that cannot be put back is named by a place that ends with the process.
         unnamed = [word for word in process.output.split() if word.startswith('/proc/')]
@@ -108,13 +109,12 @@ def run(path: Path, spoil, heard: Path, after: float) -> dict:
             shutil.copyfile(unnamed[0], heard.with_suffix('.mcap'))
         end = time.time_ns()
         code = process.end()
-        listener.end()
     states, saved = np.load(heard), heard.with_suffix('.mcap') if unnamed else path
     during = states[(states[:, 0] > begin) & (states[:, 0] < end), 0]
     return {
         'exit_code': code,
         'errors': errors(process),
-        'diagnosis': diagnostics.parts['log'][1],
+        'diagnosis': diagnostics.parts[LOG][1],
         'in_error_after': said,
         'states_after': len(during),
         'longest_silence': float(np.diff(during).max()) * 1e-9,

@@ -20,7 +20,7 @@ import time
 from pathlib import Path
 
 import numpy as np
-from harness import DOMAIN, finish, listening, node, options, quantiles, wait_for
+from harness import DOMAIN, finish, listening, missed, node, options, quantiles, wait_for
 from realtime import SETTLE
 
 from linkage_ros.lab.reference.states import Reference
@@ -39,11 +39,10 @@ def heard(path: Path, rate: float, seconds: float) -> dict:
     times = np.load(path)
     times = times[times[:, 0] > times[-1, 0] - seconds * 1e9]
     stamps = times[:, 0]
-    gaps = np.rint(np.diff(stamps) * 1e-9 * rate).astype(int) - 1
     return {
         'rate': (len(stamps) - 1) / ((stamps[-1] - stamps[0]) * 1e-9),
         'states': len(stamps),
-        'missed': int(gaps.sum()),
+        'missed': missed(stamps, rate),
         'age': quantiles((times[:, 1] - stamps) * 1e-3),
     }
 
@@ -71,7 +70,7 @@ def measure(rate: float, seconds: float) -> dict:
         names = 'first.npy', 'second.npy', 'robot.mcap', 'follow.mcap'
         first, second, log, followed = (Path(folder, name) for name in names)
         with (
-            listening(DOMAIN, first) as one,
+            listening(DOMAIN, first),
             listening(DOMAIN, second, topic=ANSWERS) as other,
             node(DOMAIN, remaps=REMAPS, drive='follow', log=followed) as following,
             node(DOMAIN, rate_hz=rate, log=log) as robot,
@@ -81,8 +80,8 @@ def measure(rate: float, seconds: float) -> dict:
             before = robot.computed(), following.computed()
             time.sleep(seconds)
             shares = robot.computed() - before[0], following.computed() - before[1]
-            codes = [process.end() for process in (robot, following, one, other)]
-            assert codes[:2] == [0, 0], robot.output + following.output
+            codes = [process.end() for process in (robot, following)]
+            assert codes == [0, 0], robot.output + following.output
         return {
             'speed': {'cpu_percent': 100 * shares[0] / seconds, **heard(first, rate, seconds)},
             'follow': {'cpu_percent': 100 * shares[1] / seconds, **heard(second, rate, seconds)},

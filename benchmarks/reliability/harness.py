@@ -97,9 +97,9 @@ class Process:
         return code
 
     def memory(self) -> float:
-        """What it holds, MiB."""
-        text = Path(f'/proc/{self.pid}/statm').read_text()
-        return int(text.split()[1]) * os.sysconf('SC_PAGE_SIZE') / 2**20
+        """Memory of the process, MiB, with its share of the memory that several processes use."""
+        text = Path(f'/proc/{self.pid}/smaps_rollup').read_text()
+        return int(text.partition('\nPss:')[2].split()[0]) / 1024
 
     def computed(self) -> float:
         """Processor time of its threads, s, as the scheduler counts it: not by sampling."""
@@ -139,6 +139,7 @@ def listening(domain: int, path: Path, prefix: tuple[str, ...] = (), topic: str 
     with running(LISTENER, path, topic, domain=domain, prefix=prefix) as process:
         wait_for(lambda: 'listening' in process.output)
         yield process
+        process.end()
 
 
 def tool(*arguments: object) -> subprocess.CompletedProcess[str]:
@@ -151,8 +152,8 @@ class Diagnostics:
     """Hears /diagnostics in this process.
 
     Attributes:
-        parts: Parts of a node, such as 'log': level, message and figures as last heard.
-        figures: Those last heard, by the name of the node and its part.
+        parts: Level, message and values last heard for each part of each node, such as
+            'linkage_node: log'.
     """
 
     def __init__(self, domain: int) -> None:
@@ -162,7 +163,6 @@ class Diagnostics:
         from rclpy.executors import SingleThreadedExecutor
 
         self.parts: dict[str, tuple[int, str, dict[str, str]]] = {}
-        self.figures: dict[str, dict[str, str]] = {}
         os.environ.update(environment(domain))
         self._context = rclpy.Context()
         rclpy.init(context=self._context)
@@ -173,16 +173,12 @@ class Diagnostics:
         threading.Thread(target=self._executor.spin, daemon=True).start()
 
     def _hear(self, message) -> None:
-        self.parts = {
-            status.name.rpartition(': ')[2]: (
+        self.parts |= {
+            status.name: (
                 status.level[0], status.message, {v.key: v.value for v in status.values},
             )
             for status in message.status
         }  # fmt: skip
-        self.figures |= {
-            status.name: figures
-            for status, (*_, figures) in zip(message.status, self.parts.values(), strict=True)
-        }
 
     def __enter__(self) -> 'Diagnostics':
         return self
@@ -204,6 +200,16 @@ def wait_for(condition, seconds: float = 30.0) -> float:
             raise TimeoutError(f'not within {seconds} s')
         time.sleep(0.02)
     return time.monotonic() - begin
+
+
+def missed(stamps: np.ndarray, rate: float) -> int:
+    """Number of ticks without a state between the first and the last stamp.
+
+    Args:
+        stamps: Rising stamps, ns.
+        rate: Rate of the ticks, Hz.
+    """
+    return int((np.rint(np.diff(stamps) * 1e-9 * rate) - 1).sum())
 
 
 def quantiles(values) -> dict[str, float]:

@@ -26,6 +26,7 @@ from harness import (
     Process,
     finish,
     listening,
+    missed,
     node,
     options,
     running,
@@ -89,7 +90,6 @@ def run(there: Host, here: Host, kinds: list[tuple[str, float]], folder: Path) -
             time.sleep(SETTLED)
             crossed = here.received() - bytes_before
             code = turning.end()
-        listener.end()
     if code:
         print(f'the node ends with {code}: {turning.output[-600:]}')
     said = re.search(r'(\d+) states', turning.output)
@@ -153,9 +153,7 @@ def judge(what: dict, one: dict) -> dict:
     arrived, states, commands = what['arrived'], what['states'], what['commands']
     back = after(arrived[:, 1], restored)
     end = restored + back * 1e9
-    inside = states[(states >= begin) & (states < end)]
-    gaps = np.rint(np.diff(states) * RATE / 1e9) - 1
-    missed = gaps[(states[1:] >= begin) & (states[1:] < end)].sum()
+    first, past = np.searchsorted(states, (begin, end))
     last = commands[commands < restored]
     return {
         **one,
@@ -163,9 +161,9 @@ def judge(what: dict, one: dict) -> dict:
         'commands_back': after(commands, restored),
         'commands_ended': float(last.max() - begin) * 1e-9 if last.size else float('inf'),
         'time_out_said': bool(((what['timed_out'] > begin) & (what['timed_out'] < end)).any()),
-        'unheard': int(np.setdiff1d(inside, arrived[:, 0]).size),
-        'logged': int(inside.size),
-        'ticks_missed': int(missed),
+        'unheard': int(np.setdiff1d(states[first:past], arrived[:, 0]).size),
+        'logged': int(past - first),
+        'ticks_missed': missed(states[first - 1 : past], RATE),
     }
 
 
@@ -175,13 +173,12 @@ def summary(what: dict) -> dict:
     states, arrived = what['states'], what['arrived']
     since = states[states >= arrived[0, 0]] if arrived.size else states
     unheard = np.setdiff1d(since, arrived[:, 0]).size - sum(one['unheard'] for one in cuts)
-    missed = (np.rint(np.diff(states) * RATE / 1e9) - 1).sum()
     return {
         'discovered': what['discovered'], 'bytes_crossed': what['crossed'],
         'heard': len(arrived), 'states_logged': len(states), 'states_published': what['published'],
         'log_verifies': not what['difference'], 'exit_code': what['exit_code'], 'cuts': cuts,
         'unheard_besides': int(unheard),
-        'ticks_missed_besides': int(missed - sum(one['ticks_missed'] for one in cuts)),
+        'ticks_missed_besides': missed(states, RATE) - sum(one['ticks_missed'] for one in cuts),
     }  # fmt: skip
 
 

@@ -66,7 +66,6 @@ def kill(folder: Path, seconds: float) -> dict:
         wait_for(lambda: 'heard' in listener.output)
         time.sleep(seconds)
         process.end(signal.SIGKILL)
-        listener.end()
     last = int(np.load(heard)[:, 0].max())
     return {'killed_after': seconds, **recovered(path, folder / 'saved.mcap', last)}
 

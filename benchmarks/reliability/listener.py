@@ -8,10 +8,9 @@ clock. Prints 'heard' at the first message, and at each that comes after a silen
 
 import array
 import gc
-import signal
 import sys
-import threading
 import time
+from contextlib import suppress
 
 import numpy as np
 import rclpy
@@ -26,8 +25,6 @@ from linkage_ros.wire.cdr import stamp_of
 def main() -> None:
     """Listens until SIGINT."""
     path, topic = sys.argv[1], (sys.argv[2:] or ['joint_states'])[0]
-    stop = threading.Event()
-    signal.signal(signal.SIGINT, lambda *_: stop.set())
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node('listener')
     times = array.array('q')
@@ -42,10 +39,10 @@ def main() -> None:
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     gc.freeze()
-    threading.Thread(target=executor.spin, daemon=True).start()
     print('listening', flush=True)
-    stop.wait()
-    executor.shutdown()
+    with suppress(KeyboardInterrupt):
+        while True:
+            executor.spin_once(timeout_sec=0.1)
     np.save(path, np.array(times, dtype=np.int64).reshape(-1, 2))
 
 

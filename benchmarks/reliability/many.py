@@ -10,7 +10,6 @@ the first one's states measures how late they come.
 """
 
 import os
-import re
 import signal
 import subprocess
 import sys
@@ -43,7 +42,8 @@ FIGURES = ('states', 'ticks missed', 'lateness p99, ms', 'lateness max, ms')
 def listen(health: Diagnostics, seconds: float) -> np.ndarray:
     """Listens for a while; a row of counts for each node that was heard since it was cleared."""
     time.sleep(seconds)
-    heard = [values for values in list(health.figures.values()) if 'ticks missed' in values]
+    parts = list(health.parts.values())
+    heard = [values for *_, values in parts if 'ticks missed' in values]
     rows = [[float(values[name]) for name in FIGURES] for values in heard]
     return np.array(rows).reshape(-1, len(FIGURES))
 
@@ -55,13 +55,6 @@ def start(stack: ExitStack, number: int) -> list[Process]:
         stack.enter_context(running(*command, f'__ns:=/m{index}', domain=DOMAIN))
         for index in range(number)
     ]
-
-
-def held(process: Process) -> float:
-    """MiB that a process holds; what several of them share is shared out among them."""
-    text = Path(f'/proc/{process.pid}/smaps_rollup').read_text()
-    found = re.search(r'^Pss:\s+(\d+) kB', text, re.MULTILINE)
-    return int(found[1]) / 1024 if found else float('nan')
 
 
 def total(nodes: list[Process]) -> float:
@@ -87,7 +80,7 @@ def measure(number: int, health: Diagnostics, seconds: float) -> dict:
     with ExitStack() as stack, tempfile.TemporaryDirectory() as folder:
         times = Path(folder, 'times.npy')
         listen(health, 1.0)  # the last words of nodes that ended
-        health.figures.clear()
+        health.parts.clear()
         begin = time.monotonic()
         nodes = start(stack, number)
         listener = stack.enter_context(running(LISTENER, times, '/m0/joint_states', domain=DOMAIN))
@@ -100,7 +93,7 @@ def measure(number: int, health: Diagnostics, seconds: float) -> dict:
         after = listen(health, seconds)
         computed, elapsed = total(nodes) - computed, time.monotonic() - since
         alive = [n for n in nodes if n.alive]
-        memory = [held(n) for n in alive]
+        memory = [n.memory() for n in alive]
         hung = end(nodes)
         with suppress(subprocess.TimeoutExpired):  # Fast DDS may spin for ever, as in the nodes
             listener.end(patience=20.0)

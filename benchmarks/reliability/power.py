@@ -70,7 +70,6 @@ def cut(folder: Path, seconds: float) -> dict:
             stop_disk(disk)
             moment = time.time_ns()
             process.end(signal.SIGKILL)
-            listener.end()
     states = np.load(heard)[:, 0]
     last = int(states[states <= moment].max())
     with mounted(image, disk):

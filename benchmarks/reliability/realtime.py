@@ -23,13 +23,22 @@ import sys
 import tempfile
 import time
 import zlib
-from contextlib import ExitStack
 from pathlib import Path
 from statistics import median
 
 import numpy as np
 import zstandard
-from harness import DOMAIN, Diagnostics, Process, finish, listening, node, options, running
+from harness import (
+    DOMAIN,
+    Diagnostics,
+    finish,
+    listening,
+    missed,
+    node,
+    options,
+    running,
+    wait_for,
+)
 from mcap.records import Chunk
 from mcap.stream_reader import StreamReader
 from timing_page import CONTENDERS, limits, write
@@ -72,56 +81,42 @@ def figures(late, ticks: int, missed: int, computed: float) -> dict[str, float]:
     return {**words, 'missed': missed, 'ticks': ticks, 'cpu_seconds': computed}
 
 
-def slice_of(name: str, seconds: float, health: Diagnostics) -> dict[str, float]:
-    """One slice of a contender.
+def contender(name: str, folder: Path):
+    """Returns a context in which the node of a contender runs; a log goes to the folder."""
+    if not name.startswith('linkage_node'):
+        return running(TIMER_NODE, RATE, name, domain=DOMAIN)
+    parameters: dict[str, object] = {'rate_hz': RATE}
+    if 'log' in name:
+        parameters['log'] = folder / 'run.mcap'
+    if 'viewer' in name:
+        parameters['viewer'] = 'web'
+    return node(DOMAIN, **parameters)
 
-    Raises:
-        RuntimeError: The exit code of a node is not 0.
-    """
+
+def slice_of(name: str, seconds: float, health: Diagnostics) -> dict[str, float]:
+    """Measures one slice of a contender."""
     if name == 'bare loop':
         return bare_loop(seconds)
-    with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
-        heard = Path(folder, 'times.npy')
-        listener = stack.enter_context(listening(DOMAIN, heard))
-        parameters: dict[str, object] = {'rate_hz': RATE}
-        if 'log' in name:
-            parameters['log'] = Path(folder, 'run.mcap')
-        if 'viewer' in name:
-            parameters['viewer'] = 'web'
-        if name.startswith('linkage_node'):
-            process = stack.enter_context(node(DOMAIN, **parameters))
-        else:
-            words = TIMER_NODE, RATE, name
-            process = stack.enter_context(running(*words, domain=DOMAIN))
-        computed = watch(process, listener, seconds)
-        values = {key: text for *_, part in health.parts.values() for key, text in part.items()}
-        if process.end():
-            raise RuntimeError(process.output)
-        listener.end()
+    with tempfile.TemporaryDirectory() as directory:
+        heard = Path(directory, 'times.npy')
+        with (
+            listening(DOMAIN, heard) as listener,
+            contender(name, Path(directory)) as process,
+        ):
+            wait_for(lambda: 'heard' in listener.output)
+            time.sleep(SETTLE)
+            before = process.computed()
+            time.sleep(seconds)
+            computed = process.computed() - before
+            assert process.end() == 0, process.output
         stamps = np.load(heard)[:, 0]
     if name.startswith('linkage_node'):
+        _, _, values = health.parts['linkage_node: motion']
         late = [1e3 * float(values[f'lateness {key}, ms']) for key in ('p50', 'p99', 'max')]
     else:
         late = [float(word) for word in process.lines[-1][1].split()]
     stamps = stamps[stamps > stamps[-1] - seconds * 1e9]
-    gaps = np.rint(np.diff(stamps) * 1e-9 * RATE).astype(int) - 1
-    return figures(late, len(stamps), int(gaps.sum()), computed)
-
-
-def watch(process: Process, listener: Process, seconds: float) -> float:
-    """Measures the processor time, s, of a node during some seconds of its run.
-
-    Raises:
-        RuntimeError: The node ends earlier.
-    """
-    while 'heard' not in listener.output:
-        if not process.alive:
-            raise RuntimeError(process.output)
-        time.sleep(0.02)
-    time.sleep(SETTLE)
-    before = process.computed()
-    time.sleep(seconds)
-    return process.computed() - before
+    return figures(late, len(stamps), missed(stamps, RATE), computed)
 
 
 def summary(name: str, slices: list[dict[str, float]]) -> dict[str, object]:

@@ -158,11 +158,13 @@ def main() -> int:
     os.environ.update(environment(DOMAIN))
     with tempfile.TemporaryDirectory() as folder:
         log, heard = Path(folder, 'run.mcap'), Path(folder, 'heard.npy')
-        with listening(DOMAIN, heard) as subscriber:
-            with server() as url, node(DOMAIN, rate_hz=RATE, log=log, viewer=url) as process:
-                samples = watch(process, Speeds(), given.minutes)
-                assert process.end() == 0, process.output
-            subscriber.end()
+        with (
+            listening(DOMAIN, heard),
+            server() as url,
+            node(DOMAIN, rate_hz=RATE, log=log, viewer=url) as process,
+        ):
+            samples = watch(process, Speeds(), given.minutes)
+            assert process.end() == 0, process.output
         figures = account(log, heard, process.output)
     later = [memory for passed, memory in samples if passed >= 60.0] or [samples[-1][1]]
     figures |= {'memory_MiB': samples, 'growth_MiB': max(later) - later[0]}

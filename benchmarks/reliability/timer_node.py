@@ -6,9 +6,8 @@ Usage: python timer_node.py HZ [WORDS]; ends at SIGINT with its lateness, us: p5
 'events' in the words it spins rclpy's EventsExecutor instead of the default one.
 """
 
-import signal
 import sys
-import threading
+from contextlib import suppress
 
 import numpy as np
 import rclpy
@@ -27,8 +26,6 @@ def main() -> None:
     period = 1.0 / float(sys.argv[1])
     simulator = Simulator(load('quadrilateral'))
     late: list[int] = []
-    stop = threading.Event()
-    signal.signal(signal.SIGINT, lambda *_: stop.set())
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node('timer_node')
     publisher = node.create_publisher(JointState, 'joint_states', 10)
@@ -52,8 +49,9 @@ def main() -> None:
     motion = simulator.begin(origin)
     executor = EventsExecutor() if 'events' in sys.argv[-1] else SingleThreadedExecutor()
     executor.add_node(node)
-    while not stop.is_set():  # as rclpy.spin does; spin() of an EventsExecutor calls no timer
-        executor.spin_once(timeout_sec=0.1)
+    with suppress(KeyboardInterrupt):
+        while True:  # spin() of an EventsExecutor calls no timer
+            executor.spin_once(timeout_sec=0.1)
     print(*(np.quantile(late, (0.5, 0.99, 1.0)) * 1e-3).round(1))
 
 
