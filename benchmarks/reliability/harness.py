@@ -13,6 +13,7 @@ import threading
 import time
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import NoReturn
 
 import numpy as np
 
@@ -186,6 +187,39 @@ class Diagnostics:
     def __exit__(self, *error: object) -> None:
         self._executor.shutdown()
         self._context.shutdown()
+
+
+def unavailable(reason: str) -> NoReturn:
+    """Ends a benchmark that this system, or this user, cannot run."""
+    print(f'cannot be tried here: {reason}', file=sys.stderr)
+    sys.exit(NOT_HERE)
+
+
+def system(*words: object) -> str:
+    """Runs a command of the system and returns its output; ends the benchmark if it fails."""
+    command = ['env', *map(str, words)]  # env reports a missing command like one that fails
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode:
+        unavailable(f'{" ".join(command[1:])}: {done.stderr.strip()}')
+    return done.stdout
+
+
+@contextmanager
+def mounted(folder: Path, *words: object):
+    """Mounts a file system on a folder, which takes root.
+
+    Args:
+        folder: The folder; made if it does not exist.
+        *words: Options of `mount`, and the device.
+    """
+    folder.mkdir(exist_ok=True)
+    system('mount', *words, folder)
+    try:
+        yield
+    finally:
+        # Not lazily: if a process still used the file system, the next mount would return it.
+        unmount = ['umount', folder]
+        wait_for(lambda: not subprocess.run(unmount, check=False, capture_output=True).returncode)
 
 
 def wait_for(condition, seconds: float = 30.0) -> float:

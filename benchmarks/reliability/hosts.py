@@ -22,7 +22,6 @@ from pathlib import Path
 import numpy as np
 from harness import (
     DOMAIN,
-    NOT_HERE,
     Process,
     finish,
     listening,
@@ -33,7 +32,7 @@ from harness import (
     wait_for,
     words,
 )
-from network import Host, UnavailableError, two_hosts
+from network import Host, two_hosts
 
 from linkage_ros.errors import LogError
 from linkage_ros.log.reader import LogReader
@@ -229,18 +228,14 @@ def main() -> int:
     kinds = [('cable', given.short)]
     if given.long:
         kinds += [('cable', given.long), ('silent', given.long)]
-    try:
-        with two_hosts() as (there, here), tempfile.TemporaryDirectory() as name:
-            for host in (there, here):
-                host.plug()
-            wait_for(lambda: there.connected() and here.connected())
-            figures = summary(run(there, here, kinds, Path(name)))
-            figures['local_is_heard'] = reaches(there, here, 'LOCALHOST', Path(name))
-            late = given.long and reaches(there, here, 'SUBNET', Path(name), late=True)
-            figures['late_is_heard'] = bool(late) if given.long else None
-    except UnavailableError as error:
-        print(f'no hosts can be made here: {error}', file=sys.stderr)
-        return NOT_HERE
+    with two_hosts() as (there, here), tempfile.TemporaryDirectory() as name:
+        for host in (there, here):
+            host.plug()
+        wait_for(lambda: there.connected() and here.connected())
+        figures = summary(run(there, here, kinds, Path(name)))
+        figures['local_is_heard'] = reaches(there, here, 'LOCALHOST', Path(name))
+        late = given.long and reaches(there, here, 'SUBNET', Path(name), late=True)
+        figures['late_is_heard'] = bool(late) if given.long else None
     show(figures)
     return finish('hosts', given.out, figures, promises(figures))
 

@@ -8,32 +8,16 @@ may make user namespaces. They have no names; they go with this process, whateve
 """
 
 import os
-import shutil
 import subprocess
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
+
+from harness import system, unavailable
 
 # Ends a process with the one that started it.
 _BOUND = ('setpriv', '--pdeathsig', 'KILL')
 _SETUP = 'mount -t tmpfs tmpfs /dev/shm && ip link set lo up && echo made && exec sleep 3600'
 _CABLE = 'cable'
-
-
-class UnavailableError(Exception):
-    """This system lets this user make no hosts; says why."""
-
-
-def _may_unshare() -> bool:
-    """Whether this user may make networks as such, as root may.
-
-    Raises:
-        UnavailableError: There are no commands for it.
-    """
-    for command in ('unshare', 'nsenter', 'setpriv', 'ip'):
-        if shutil.which(command) is None:
-            raise UnavailableError(f'{command} is not installed')
-    done = subprocess.run(['unshare', '--net', '--mount', 'true'], capture_output=True)
-    return done.returncode == 0
 
 
 class Host:
@@ -51,12 +35,9 @@ class Host:
         Args:
             address: On the cable.
             owner: A host that was made before, whose user this one shares.
-
-        Raises:
-            UnavailableError: It cannot be made.
         """
         self.address = address
-        self.user = owner.user if owner else not _may_unshare()
+        self.user = os.geteuid() != 0
         rights = ['--user', '--map-root-user'] if self.user and not owner else []
         before = owner.enter() if owner else ()
         self._holder = subprocess.Popen(
@@ -66,8 +47,7 @@ class Host:
         self.pid = self._holder.pid
         assert self._holder.stdout
         if (said := self._holder.stdout.readline().strip()) != 'made':
-            self.end()
-            raise UnavailableError(said or 'unshare fails')
+            unavailable(said or 'unshare fails')
 
     def enter(self) -> tuple[str, ...]:
         """Words before a command that make it run on this host, in this very folder."""
@@ -80,15 +60,8 @@ class Host:
         return (*self.enter(), 'env', *(f'{name}={value}' for name, value in variables.items()))
 
     def run(self, *words: str) -> str:
-        """Runs a command on this host; returns what it prints.
-
-        Raises:
-            UnavailableError: It fails.
-        """
-        done = subprocess.run([*self.enter(), *words], capture_output=True, text=True)
-        if done.returncode:
-            raise UnavailableError(f'{" ".join(words)}: {done.stderr.strip()}')
-        return done.stdout
+        """Runs a command on this host; returns its output."""
+        return system(*self.enter(), *words)
 
     def plug(self) -> None:
         """Gives the host's end of the cable its address, and takes it up."""
@@ -111,14 +84,11 @@ class Host:
         self.run('ip', 'address', 'flush', 'dev', _CABLE)
 
     def received(self) -> int:
-        """Bytes that came over the cable; -1 if there is none."""
-        for line in Path(f'/proc/{self.pid}/net/dev').read_text().splitlines():
-            name, _, counts = line.partition(':')
-            if name.strip() == _CABLE:
-                return int(counts.split()[0])
-        return -1
+        """Number of bytes received over the cable."""
+        text = Path(f'/proc/{self.pid}/net/dev').read_text()
+        return int(text.partition(f'{_CABLE}:')[2].split()[0])
 
-    def end(self) -> None:
+    def close(self) -> None:
         """Ends the host; what still runs there keeps its network until it ends."""
         self._holder.kill()
         self._holder.communicate()
@@ -126,20 +96,9 @@ class Host:
 
 @contextmanager
 def two_hosts():
-    """Two hosts with a cable between them that is not plugged in yet.
-
-    Raises:
-        UnavailableError: They cannot be made here.
-    """
+    """Makes two hosts with a cable between them that is not plugged in yet."""
     net = f'10.77.{os.getpid() % 250 + 1}'
-    first = Host(f'{net}.1')
-    try:
-        second = Host(f'{net}.2', first)
-        try:
-            ends = f'{_CABLE} type veth peer name {_CABLE} netns {second.pid}'
-            first.run('ip', 'link', 'add', *ends.split())
-            yield first, second
-        finally:
-            second.end()
-    finally:
-        first.end()
+    with closing(Host(f'{net}.1')) as first, closing(Host(f'{net}.2', first)) as second:
+        ends = f'{_CABLE} type veth peer name {_CABLE} netns {second.pid}'
+        first.run('ip', 'link', 'add', *ends.split())
+        yield first, second

@@ -16,37 +16,18 @@ import fcntl
 import os
 import signal
 import struct
-import subprocess
 import sys
 import time
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
-from harness import DOMAIN, NOT_HERE, listening, node, options, wait_for
+from harness import DOMAIN, listening, mounted, node, options, system, wait_for
 from killed import recovered, survey
 
 RATE = 1000.0
 EARLIEST, LATEST = 2.0, 6.0  # s of the run in which the disk stops
 PROMISED = 2.0  # s
 SHUTDOWN, AT_ONCE = 0x8004587D, struct.pack('I', 2)  # EXT4_IOC_SHUTDOWN, without its journal
-
-
-def run_quietly(*words: object) -> None:
-    """Runs a command of the system."""
-    subprocess.run(list(map(str, words)), check=True, capture_output=True)
-
-
-@contextmanager
-def mounted(image: Path, folder: Path):
-    """A file as a disk."""
-    run_quietly('mount', '-o', 'loop', image, folder)
-    try:
-        yield
-    finally:
-        # Not lazily: mounted anew while a process still holds it, it would be the stopped disk.
-        unmount = ['umount', folder]
-        wait_for(lambda: not subprocess.run(unmount, check=False, capture_output=True).returncode)
 
 
 def stop_disk(folder: Path) -> None:
@@ -59,10 +40,9 @@ def stop_disk(folder: Path) -> None:
 def cut(folder: Path, seconds: float) -> dict:
     """A run whose disk stops, and what is left of its log."""
     image, disk, heard = folder / 'image', folder / 'disk', folder / 'heard.npy'
-    run_quietly('truncate', '-s', '64M', image)
-    run_quietly('mkfs.ext4', '-q', image)
-    disk.mkdir()
-    with mounted(image, disk), listening(DOMAIN, heard) as listener:
+    system('truncate', '-s', '64M', image)
+    system('mkfs.ext4', '-q', image)
+    with mounted(disk, '-o', 'loop', image), listening(DOMAIN, heard) as listener:
         os.sync()  # the disk as it would be found: made long ago
         with node(DOMAIN, rate_hz=RATE, log=disk / 'run.mcap') as process:
             wait_for(lambda: 'heard' in listener.output)
@@ -72,18 +52,14 @@ def cut(folder: Path, seconds: float) -> dict:
             process.end(signal.SIGKILL)
     states = np.load(heard)[:, 0]
     last = int(states[states <= moment].max())
-    with mounted(image, disk):
+    with mounted(disk, '-o', 'loop', image):
         found = recovered(disk / 'run.mcap', folder / 'saved.mcap', last)
     return {'cut_after': seconds, **found}
 
 
 def main() -> int:
     given = options(__doc__, number=(10, 'cuts of the power'), seed=(1, 'of the moments'))
-    try:
-        return survey('power', given, cut, (EARLIEST, LATEST), PROMISED)
-    except (OSError, subprocess.CalledProcessError) as error:
-        print(f'no disk can be made here, which takes root, mkfs.ext4 and a loop device: {error}')
-        return NOT_HERE
+    return survey('power', given, cut, (EARLIEST, LATEST), PROMISED)
 
 
 if __name__ == '__main__':
