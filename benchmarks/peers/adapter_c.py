@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""C: the textbook closed form, compiled with the functions of libm, one at a time."""
+"""C: the textbook closed form, compiled, with the scalar functions of libm."""
 
 import ctypes
 import shutil
@@ -36,7 +36,7 @@ class Adapter(Peer):
         self.constants = np.array(constants(mechanism, self.side))
 
     def built(self, folder):
-        """The library."""
+        """Compiles the library; returns its path."""
         return compiled(folder, *self.flags)
 
     def torque_array(self, angles):
@@ -49,10 +49,10 @@ class Adapter(Peer):
 
 
 class VectorAdapter(Adapter):
-    """The same source with vector functions."""
+    """The same source, compiled to use vector functions."""
 
     name = 'C, vector math'
-    # GCC would fuse sine and cosine into sincos, of which there is no vector function.
+    # Otherwise GCC fuses sine and cosine into sincos, which has no vector function.
     flags = ('-ffast-math', '-march=native', '-fdisable-tree-sincos')
     how = (
         'The same file is compiled with -ffast-math -march=native and libmvec. The compiler pass '

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""MuJoCo: a tree of three hinges, the loop closed by Newton's method on its Jacobians."""
+"""MuJoCo: a tree of three hinges; Newton's method closes the loop with its Jacobians."""
 
 import mujoco
 import numpy as np
@@ -30,14 +30,14 @@ SMALLEST = 1e-14
 
 
 def inertial(body):
-    """A body's mass and inertia as MuJoCo wants them; only the turn about z counts."""
+    """Returns the MJCF element of a body's mass and inertia; only rotation about z matters."""
     mass, inertia = max(body.mass, SMALLEST), max(body.inertia, SMALLEST)
     center = f'{body.center[0]!r} {body.center[1]!r} 0'
     return f'<inertial pos="{center}" mass="{mass!r}" diaginertia="{f"{inertia!r} " * 3}"/>'
 
 
 class Adapter(NewtonPeer):
-    """One model, its arrays bound once."""
+    """One model; its arrays are bound once."""
 
     name = 'MuJoCo'
     distribution = 'mujoco'

@@ -9,7 +9,7 @@ from plain import make_plain
 
 
 class Adapter(Peer):
-    """The Python function of plain.py, compiled; without default arguments, which would cost."""
+    """The Python function of plain.py, compiled."""
 
     name = 'Numba'
     distribution = 'numba'

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""This package itself."""
+"""This package."""
 
 import numpy as np
 from contract import Peer
@@ -11,13 +11,13 @@ from linkage_ros.dynamics.tape import Constants
 
 
 def pose(loop, crank):
-    """Positions, and first and second derivatives, of coupler and output."""
+    """Returns positions and their first and second derivatives, of coupler and output."""
     links = loop.pose((crank,)).links[1:]
     return tuple((link.position, link.jacobian[0], link.curvature[0]) for link in links)
 
 
 class Adapter(Peer):
-    """Solver.state; the kinematics alone for what gives no torque."""
+    """Solver.state, and the kinematics without torque."""
 
     name = 'linkage_ros'
     how = (

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Pinocchio: a tree of three hinges, the loop closed by Newton's method on its Jacobians."""
+"""Pinocchio: a tree of three hinges; Newton's method closes the loop with its Jacobians."""
 
 import numpy as np
 import pinocchio as pin
@@ -10,12 +10,12 @@ AXES = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 
 
 def inertia(body):
-    """A body's mass and inertia; only the turn about z counts."""
+    """Returns a body's mass and inertia; only rotation about z matters."""
     return pin.Inertia(body.mass, np.array([*body.center, 0.0]), body.inertia * np.eye(3))
 
 
 def shifted(x, y):
-    """A placement moved aside."""
+    """Returns a placement without rotation."""
     return pin.SE3(np.eye(3), np.array([x, y, 0.0]))
 
 

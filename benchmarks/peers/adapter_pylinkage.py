@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""pylinkage: dyads, each solved from the joint's last place."""
+"""pylinkage: dyads, each solved from the last position of its joint."""
 
 import cmath
 import math
@@ -14,7 +14,7 @@ from pylinkage.simulation import Linkage
 
 
 class Adapter(Peer):
-    """Ground, Crank and RRRDyad, as its README puts a four-bar together."""
+    """A four-bar of Ground, Crank and RRRDyad, as in the README of pylinkage."""
 
     name = 'pylinkage'
     distribution = 'pylinkage'
@@ -66,7 +66,7 @@ class Adapter(Peer):
         return np.array([row for pair in rows for row in pair])
 
     def _begin(self, angles):
-        """Sets the crank a step before the first angle: its steps add up their rounding."""
+        """Sets the crank one step before the first angle; its steps accumulate rounding errors."""
         step = angles[1] - angles[0]
         self.crank.angular_velocity = float(step)
         r, before = self.lengths[0], angles[0] - step

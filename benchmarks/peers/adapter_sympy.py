@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""SymPy: the textbook position in symbols, derived twice by SymPy and turned into functions."""
+"""SymPy: differentiates the textbook position twice and generates functions."""
 
 import functools
 
@@ -14,7 +14,7 @@ MASSES = sp.symbols('m1 x1 y1 m2 j2 x2 y2 m3 j3 x3 y3 gx gy')
 
 @functools.cache
 def expressions():
-    """Angles, rates and accelerations of coupler and rocker, and the torque, in symbols."""
+    """Returns symbolic angles, rates and accelerations of coupler and rocker, and the torque."""
     r, b, c, dx, dy, side = LENGTHS
     m1, x1, y1, m2, j2, x2, y2, m3, j3, x3, y3, gx, gy = MASSES
     alpha, w = sp.symbols('alpha w')
@@ -26,7 +26,7 @@ def expressions():
     coupler = to_pivot * u + sp.Matrix([-to_pivot[1], to_pivot[0]]) * v
     rocker = coupler - to_pivot
     angles = [sp.atan2(link[1], link[0]) for link in (coupler, rocker)]
-    # The derivative of atan2, with the sum of squares under it put as the length it is.
+    # The derivative of atan2, in which the sum of squares is replaced by the known length.
     first = [
         (link[0] * link[1].diff(alpha) - link[1] * link[0].diff(alpha)) / length**2
         for link, length in ((coupler, b), (rocker, c))
@@ -49,7 +49,7 @@ def expressions():
 
 
 class Adapter(Peer):
-    """lambdify with common subexpressions taken out; symbols replaced by numbers beforehand."""
+    """Functions of lambdify with cse=True; constants are inserted beforehand."""
 
     name = 'SymPy lambdify'
     distribution = 'sympy'
@@ -91,5 +91,5 @@ class Adapter(Peer):
         return self.numpy_torque(angles, self.speed)
 
     def table(self, results):
-        # An array comes as a list of rows, single states as one list each.
+        # For an array, results is a list of rows; otherwise it has one list per state.
         return np.array(results) if isinstance(results[0], np.ndarray) else super().table(results)

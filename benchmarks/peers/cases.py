@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The situations in which peers are tried: a four-bar, and the crank angles asked for in turn."""
+"""The situations in which peers are tested: a four-bar and a sequence of crank angles."""
 
 import math
 from dataclasses import dataclass, replace
@@ -16,11 +16,11 @@ class Case:
     """One situation.
 
     Attributes:
-        name: Name in a few words.
-        sentence: What is asked.
+        name: Short name.
+        sentence: Description for the page.
         mechanism: The four-bar.
-        angles: Crank angles, rad, in the order asked; a state exists at the first.
-        lengths: Typed lengths of crank, coupler, rocker, frame, if the doubles mean decimals.
+        angles: Crank angles, rad, in the order of the requests; the first is reachable.
+        lengths: Exact decimal lengths of crank, coupler, rocker and frame, or None.
     """
 
     name: str
@@ -31,7 +31,7 @@ class Case:
 
 
 def four_bar(r, b, c, d):
-    """Slender links of 0.1 kg."""
+    """Returns a four-bar of slender links of 0.1 kg."""
 
     def link(kind, length):
         return kind(length, 0.1, 0.1 * length**2 / 12, (length / 2, 0.0))
@@ -40,12 +40,12 @@ def four_bar(r, b, c, d):
 
 
 def degrees(start, stop):
-    """Angles a degree apart, each the nearest double to its degrees."""
+    """Returns angles, rad, at intervals of one degree, each correctly rounded."""
     return tuple((start + i) * DEGREE for i in range(round(stop - start) + 1))
 
 
 def around(place, nearest, beyond):
-    """Angles that come to a place in steps of about a third of what is left, and go on past it."""
+    """Returns angles that approach a place; each step divides the distance by about 3."""
     count = round(-2 * math.log10(nearest)) + 1
     offsets = [10 ** (-i / 2) for i in range(count)]
     before = [place - x for x in offsets]
@@ -53,11 +53,11 @@ def around(place, nearest, beyond):
 
 
 def cases():
-    """All situations; lengths of the first three are exact in binary."""
+    """Returns all situations; the lengths of the first three are exact in binary."""
     preset = load('quadrilateral').mechanism
     parallelogram = four_bar(0.125, 0.375, 0.125, 0.375)
     limited = four_bar(0.2, 0.15, 0.17, 0.26)
-    # Where coupler and rocker lie in line.
+    # Crank angle at which coupler and rocker are in line.
     r, d, reach = 0.2, 0.26, 0.15 + 0.17
     dead = math.acos((r * r + d * d - reach * reach) / (2 * r * d))
     once = degrees(30.37, 390.37)

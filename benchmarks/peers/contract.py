@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What every adapter offers: one peer, made for any four-bar of linkage_ros, by one interface."""
+"""The interface of all adapters: a peer that is made for any four-bar of linkage_ros."""
 
 import math
 
@@ -12,14 +12,14 @@ from linkage_ros import Solver
 class Peer:
     """A four-bar in another library.
 
-    The four ways of asking take crank angles, rad, which go on from those asked before, and give
-    what the peer gives: that alone is timed. `table` then brings it into one form. A way that
-    the peer does not have is None.
+    Each of the four methods takes crank angles, rad, which continue from those of the last call,
+    and returns the results of the peer in its own form: only this is timed. `table` converts the
+    results. A method that the peer does not offer is None.
 
     Attributes:
-        name: As people know it.
-        distribution: What its version is asked by; None for what has no package.
-        how: How it is called, in a sentence or two for the reader of the table.
+        name: Name on the page.
+        distribution: Name of the Python package; None if there is none.
+        how: How the peer is called, in a few sentences for the page.
         kinematics: Position, rate and acceleration of coupler and rocker, state by state.
         torque: The same with the driving torque.
         kinematics_array: As kinematics, for an array.
@@ -32,13 +32,13 @@ class Peer:
     kinematics = torque = kinematics_array = torque_array = None
 
     def __init__(self, mechanism, speed, first):
-        """Puts it together.
+        """Makes the four-bar.
 
         Args:
             mechanism: A FourBar.
-            speed: Crank speed, rad/s, which is constant.
-            first: Crank angle of the first state, rad. It tells which assembly is meant to peers
-                that stay on one side, or begin at a guess and follow the motion.
+            speed: Constant crank speed, rad/s.
+            first: Crank angle of the first state, rad. Peers that keep to one side of the diagonal
+                or follow the motion from a first guess need it to select the assembly.
         """
         self.mechanism, self.speed = mechanism, speed
         self._memory = np.empty((0, 0))
@@ -49,24 +49,24 @@ class Peer:
         )
         angle = mechanism.frame.angle
         self.pivot = self.lengths[3] * math.cos(angle), self.lengths[3] * math.sin(angle)
-        # Where the coupler-rocker pin lies as seen along the line from A to B0.
+        # +1 if the coupler-rocker pin is left of the line from A to B0, -1 if right.
         self.side = math.copysign(1.0, math.sin(self.gamma - self.beta))
 
     def table(self, results):
-        """Rows: angle, rate and acceleration of coupler and rocker, then the torque, if asked."""
+        """Returns rows of angles, rates and accelerations of coupler and rocker, and of torque."""
         return np.array(results, float).T
 
     def rows(self, count, size):
-        """Memory for results, kept from call to call: new memory would cost more than C does."""
+        """Returns reused memory for results: allocation takes longer than the C function."""
         if self._memory.shape != (count, size):
             self._memory = np.empty((count, size))
         return self._memory
 
 
 class NewtonPeer(Peer):
-    """What an engine without loops needs: the loop closed by Newton's method.
+    """Base of the peers without loop constraints: Newton's method closes the loop.
 
-    The steps themselves are written out in each adapter: they are timed, and a call would count.
+    Each adapter contains its own iteration, because a call would add to the measured time.
 
     Attributes:
         tolerance: Gap at the coupler-rocker pin below which the loop is closed, m.
@@ -78,24 +78,24 @@ class NewtonPeer(Peer):
         'which shows the cost of a state without a known neighbour. This package solves every '
         'state without a neighbour.'
     )
-    # Whether each state begins from the first one, as for one angle out of the blue.
+    # Whether each iteration starts from the first state, as if the angle had no neighbour.
     cold = False
 
     def __init__(self, mechanism, speed, first):
         super().__init__(mechanism, speed, first)
         self.tolerance = 2e-13 * max(self.lengths)
-        # Crank angle, angle of the coupler to the crank, of the rocker; rates of the last two.
+        # Crank angle, coupler angle relative to the crank, rocker angle; rates of the last two.
         coupler = math.remainder(self.beta - first, 2 * math.pi)
         self.last = (first, coupler, self.gamma, 0.0, 0.0)
 
     def begin(self, crank):
-        """A first guess: the last state, carried on by its rates, or the first state."""
+        """Returns a first guess: the last state extrapolated by its rates, or the first state."""
         before, coupler, rocker, w2, w3 = self.last
         if self.cold:
-            # As directions, for which it is nearest.
+            # The coupler angle is relative to the crank, so it changes with the crank angle.
             return math.remainder(self.beta - crank, 2 * math.pi), self.gamma
         turned = crank - before
-        # Asked elsewhere, the rates of the last state say nothing.
+        # The rates of the last state are valid only near it.
         time = turned / self.speed if abs(turned) < 0.5 else 0.0
         return coupler + w2 * time, rocker + w3 * time
 
@@ -103,11 +103,11 @@ class NewtonPeer(Peer):
         return [self.state(angle) for angle in angles]
 
     def state(self, crank):
-        """Angles, rates and accelerations of coupler and rocker: an adapter's own."""
+        """Returns angles, rates and accelerations of coupler and rocker."""
         raise NotImplementedError
 
     def give_up(self, crank):
-        """Says that the loop does not close.
+        """Reports that the iteration does not converge.
 
         Raises:
             RuntimeError: Always.

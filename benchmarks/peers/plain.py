@@ -1,9 +1,10 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a textbook program computes of a four-bar, in Python and in C: two of the peers.
+"""The textbook closed form of a four-bar, in Python and in C.
 
-The coupler-rocker pin by one square root, rates and accelerations by division by
-sin(gamma - beta), and document 1's power balance. It fails at change points.
+The position of the coupler-rocker pin takes one square root; rates and accelerations take a
+division by sin(gamma - beta); the torque comes from the power balance of document 1. The form
+fails at change points.
 """
 
 import math
@@ -14,16 +15,16 @@ SOURCE = Path(__file__).with_name('plain.c')
 
 
 def make_plain(mechanism, side):
-    """The four-bar's, with torque, all constants bound beforehand.
+    """Makes a Python function with all constants bound.
 
     Args:
-        mechanism: A four-bar; centres of mass along the links, the crank balanced, weight
-            along -y. Of others the torque is not right.
-        side: +1 where the coupler-rocker pin lies left of the line from A to B0, -1 right.
+        mechanism: A four-bar with a balanced crank, centres of mass on the lines between pins,
+            and gravity along -y. For other four-bars the torque is wrong.
+        side: +1 if the coupler-rocker pin is left of the line from A to B0, -1 if right.
 
     Returns:
-        A function of crank angle and speed that gives angles, rates and accelerations of coupler
-        and rocker, and the torque.
+        A function of crank angle and speed that returns angles, rates and accelerations of
+        coupler and rocker, and the torque.
     """
     r, b = mechanism.crank.length, mechanism.coupler.length
     c, d = mechanism.rocker.length, mechanism.frame.length
@@ -63,7 +64,7 @@ def make_plain(mechanism, side):
 
 
 def constants(mechanism, side):
-    """What the C function wants to know of a four-bar."""
+    """Returns the constants of a four-bar in the order of the C function."""
     crank, coupler, rocker = mechanism.crank, mechanism.coupler, mechanism.rocker
     frame = mechanism.frame
     pivot = (frame.length * math.cos(frame.angle), frame.length * math.sin(frame.angle))
@@ -76,10 +77,10 @@ def constants(mechanism, side):
 
 
 def compiled(folder, *flags):
-    """The library with the C function, as a path.
+    """Compiles the C function; returns the path of the library.
 
     Raises:
-        RuntimeError: cc refuses, with what it says.
+        RuntimeError: cc fails; contains its output.
     """
     library = Path(folder, 'plain.so')
     command = ['cc', '-O3', *flags, '-shared', '-fPIC', SOURCE, '-o', library, '-lm']

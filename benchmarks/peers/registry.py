@@ -1,11 +1,11 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The adapters, and which of them can be used here."""
+"""The adapters, and which of them can be used on this machine."""
 
 import importlib
 import importlib.metadata
 
-# As module, class, and whether each state begins anew, in the order of the tables.
+# Module, class, and whether each state starts from the first one, in the order of the tables.
 ADAPTERS = (
     ('adapter_ours', 'Adapter', False),
     ('adapter_pylinkage', 'Adapter', False),
@@ -21,7 +21,7 @@ ADAPTERS = (
 
 
 def adapter(index):
-    """The class of an adapter; what it needs may be missing, which raises ImportError."""
+    """Returns the class of an adapter; raises ImportError if its library is missing."""
     module, name, is_cold = ADAPTERS[index]
     found = getattr(importlib.import_module(module), name)
     if not is_cold:
@@ -30,25 +30,25 @@ def adapter(index):
     return type(found.__name__, (found,), cold)
 
 
-def attempt(index, mechanism, speed, first):
-    """An adapter, put together; None where that cannot be done here, which it says."""
-    try:
-        return adapter(index)(mechanism, speed, first)
-    except ImportError as error:
-        print(f'left out: {ADAPTERS[index][0].removeprefix("adapter_")}: {error}', flush=True)
-        return None
+def usable(mechanism, speed, first, left_out):
+    """Yields the index and the adapter of each peer that is installed.
 
-
-def usable(mechanism, speed, first):
-    """Yields the index of each adapter that can be used here, and the adapter."""
-    for index in range(len(ADAPTERS)):
-        peer = attempt(index, mechanism, speed, first)
-        if peer is not None:
-            yield index, peer
+    Args:
+        mechanism: The four-bar.
+        speed: Crank speed, rad/s.
+        first: Crank angle of the first state, rad.
+        left_out: List to which the names of the missing peers are appended, with the reasons.
+    """
+    for index, (module, _, _) in enumerate(ADAPTERS):
+        try:
+            yield index, adapter(index)(mechanism, speed, first)
+        except ImportError as error:  # noqa: PERF203, once for each peer
+            left_out.append(f'{module.removeprefix("adapter_")}: {error}')
+            print('left out:', left_out[-1], flush=True)
 
 
 def version(peer):
-    """Of the peer; None for what has no package."""
+    """Returns the version of a peer; None if it has no package."""
     if peer.distribution is None:
         return None
     return importlib.metadata.version(peer.distribution)

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The results of a run as a page: docs/peers.md is made by this and never by hand."""
+"""Writes docs/peers.md from the results of a run."""
 
 WORKS = {'kinematics': 'kinematics', 'torque': 'with torque'}
 MODES = {'one': 'One state at a time', 'array': 'Arrays'}
@@ -50,7 +50,7 @@ first state.
 
 
 def table(head, rows):
-    """Lines of a table; the first column holds words, the others numbers."""
+    """Yields the lines of a table; the first column has words, the others numbers."""
     yield f'| {" | ".join(head)} |'
     yield f'|---{"|--:" * (len(head) - 1)}|'
     for row in rows:
@@ -58,12 +58,12 @@ def table(head, rows):
 
 
 def number(value, form):
-    """A number, or a dash."""
+    """Formats a number; None gives a dash."""
     return '-' if value is None else format(value, form)
 
 
 def speeds(records, mode):
-    """The table of one way of asking."""
+    """Returns the lines of the table for single states or for arrays."""
     unit, factor = ('us', 1) if mode == 'one' else ('ns', 1000)
     head = ['', 'work', f'{unit} a state', 'ratio', *ERRORS.values()]
     rows = []
@@ -79,14 +79,14 @@ def speeds(records, mode):
 
 
 def outcome(record):
-    """A cell: the worst outcome, and its share where it is not that of all states."""
+    """Returns a cell: the worst outcome and, unless all states have it, its share."""
     word, states = record['outcome'], record.get('states', {})
     total = sum(states.values())
     return word if states.get(word) == total or not total else f'{word} {states[word]}/{total}'
 
 
 def markdown(results):
-    """The page."""
+    """Returns the page."""
     lines = [INTRODUCTION.format(**results)]
     for mode, title in MODES.items():
         lines += [f'## {title}', '', *speeds(results['records'], mode), '']

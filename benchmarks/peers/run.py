@@ -1,10 +1,10 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Other software on the same work, beside ours in one run: speed, errors, hard situations.
+"""Compares other software with this package: speed, errors and difficult situations.
 
-Makes an environment of its own from requirements.txt, measures there, prints the tables, and on
-request writes them: --json all numbers, --markdown the page docs/peers.md. It takes a few
-minutes. Run: python benchmarks/peers/run.py
+Makes a virtual environment from requirements.txt, measures in it, and prints the page; --markdown
+writes the page docs/peers.md, and --json all figures. This takes a few minutes.
+Run: python benchmarks/peers/run.py
 """
 
 import argparse
@@ -38,31 +38,18 @@ def environment(folder):
 
 
 def measured(python, script, folder, *options):
-    """What a script in the environment finds, and the lines it left peers out with.
-
-    Raises:
-        SystemExit: It failed; it has said why.
-    """
+    """Runs a script in the environment of the peers; returns what the script writes."""
     out = Path(folder, f'{script}.json')
     paths = os.pathsep.join(map(str, (ROOT, ROOT / 'test')))
-    # One thread each: what is compared is the work on one core.
+    # One thread each, because the peers are compared on one core.
     threads = dict.fromkeys(('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS'), '1')
-    process = subprocess.Popen(
-        [python, HERE / script, out, *options], text=True, stdout=subprocess.PIPE,
-        env={**os.environ, **threads, 'PYTHONPATH': paths},
-    )  # fmt: skip
-    left_out = []
-    for line in process.stdout:
-        print(line, end='', flush=True)
-        if line.startswith('left out: '):
-            left_out.append(line.removeprefix('left out: ').strip())
-    if process.wait():
-        raise SystemExit(f'{script} failed')
-    return json.loads(out.read_text()), left_out
+    variables = {**os.environ, **threads, 'PYTHONPATH': paths}
+    subprocess.run([python, HERE / script, out, *options], check=True, env=variables)
+    return json.loads(out.read_text())
 
 
 def machine():
-    """What it ran on."""
+    """Returns CPU, number of cores and operating system."""
     information = Path('/proc/cpuinfo').read_text()
     release = Path('/etc/os-release').read_text()
     return {
@@ -73,7 +60,7 @@ def machine():
 
 
 def first_line(*command):
-    """Of what a program prints; empty where there is no such program."""
+    """Returns the first line that a program prints; empty if there is no such program."""
     try:
         done = subprocess.run(command, check=True, capture_output=True, text=True)
     except (OSError, subprocess.CalledProcessError):
@@ -82,19 +69,19 @@ def first_line(*command):
 
 
 def main():
-    """Runs all of it."""
+    """Runs the comparison."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     default = Path(tempfile.gettempdir(), '.peers')
     add = parser.add_argument
-    add('--venv', type=Path, default=default, help='of the peers (default: %(default)s)')
-    add('--json', type=Path, metavar='FILE', help='where to write the figures')
-    add('--markdown', type=Path, metavar='FILE', help='where to write the tables')
-    add('--rounds', type=int, default=21, help='of each timing (default: %(default)s)')
+    add('--venv', type=Path, default=default, help='virtual environment (default: %(default)s)')
+    add('--json', type=Path, metavar='FILE', help='file for the figures')
+    add('--markdown', type=Path, metavar='FILE', help='file for the page')
+    add('--rounds', type=int, default=21, help='rounds of each timing (default: %(default)s)')
     options = parser.parse_args()
     python = environment(options.venv)
     with tempfile.TemporaryDirectory() as folder:
-        speed, left_out = measured(python, 'speed.py', folder, '--rounds', str(options.rounds))
-        hard, _ = measured(python, 'situations.py', folder)
+        speed = measured(python, 'speed.py', folder, '--rounds', str(options.rounds))
+        hard = measured(python, 'situations.py', folder)
     listed = json.loads(first_line(python, '-m', 'pip', 'list', '--format', 'json') or '[]')
     compiler = first_line('cc', '--version')
     results = {
@@ -104,7 +91,6 @@ def main():
         'compiler': f', {compiler}' if compiler else '',
         'libraries': {package['name']: package['version'] for package in listed},
         'rounds': options.rounds,
-        'left_out': left_out,
         **speed,
         **hard,
     }

@@ -1,8 +1,8 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What each peer makes of situations that are hard. Started by run.py.
+"""Tests each peer in difficult situations. Started by run.py.
 
-Each peer has a process of its own, which may hang or crash. Run by itself:
+Each peer runs in its own process, because it may hang or crash. To run the tests alone:
 PYTHONPATH=.:test python benchmarks/peers/situations.py OUT.json
 """
 
@@ -24,12 +24,12 @@ from oracle import Oracle
 SPEED = 1.0
 CLOSE = 1e-6
 PATIENCE = 120.0  # s for the situations of one peer.
-# From worst to best; of several states the worst counts.
+# From worst to best; the worst outcome of all states counts.
 OUTCOMES = ('NaN', 'wrong branch', 'diverged', 'rates wrong', 'refused', 'right')
 
 
 def reference(case, mechanism):
-    """Angles, rates and accelerations by the oracle; None where the loop cannot close."""
+    """Returns exact angles, rates and accelerations; None where the loop cannot close."""
     oracle = Oracle(mechanism, case.lengths)
     columns = []
     for angle in case.angles:
@@ -43,13 +43,13 @@ def reference(case, mechanism):
 
 
 def apart(angles, others):
-    """The larger difference of two directions, rad."""
+    """Returns the largest difference of two sets of directions, rad."""
     difference = angles - others
     return np.abs(difference - 2 * math.pi * np.round(difference / (2 * math.pi))).max()
 
 
 def judge(state, right, other):
-    """The outcome of one state."""
+    """Returns the outcome of one state."""
     if not np.isfinite(state).all():
         return 'NaN'
     if right is None:
@@ -61,7 +61,7 @@ def judge(state, right, other):
 
 
 def arithmetic(error):
-    """Whether an exception only says that an operation failed."""
+    """Returns whether an exception, or one of its causes, is an arithmetic error."""
     while error is not None:
         if isinstance(error, (ArithmeticError, np.linalg.LinAlgError)):
             return True
@@ -72,16 +72,16 @@ def arithmetic(error):
 
 
 def answer(peer, ask, angle):
-    """One state, or how it was refused."""
+    """Returns a state, or the outcome of an exception and its message."""
     try:
         return peer.table(ask(angle))[:6, 0], ''
-    except Exception as error:  # noqa: BLE001 - whatever a peer raises is its answer
+    except Exception as error:  # noqa: BLE001 - any exception is an outcome
         outcome = 'NaN' if arithmetic(error) else 'refused'
         return outcome, f'{type(error).__name__}: {error}'
 
 
 def tried(make, case, right, other):
-    """The outcomes, and what was said first where a state was refused."""
+    """Returns the worst outcome, the number of states of each outcome, and the first message."""
     peer = make(case.mechanism, SPEED, case.angles[0])
     alone = peer.kinematics or peer.torque
     array = peer.torque_array
@@ -100,7 +100,7 @@ def tried(make, case, right, other):
 
 
 def references():
-    """Of all cases: right states and those of the other assembly, as lists."""
+    """Returns the exact states of all cases, and those of the other assembly, as lists."""
     both = []
     for case in cases():
         mechanism = case.mechanism
@@ -112,13 +112,13 @@ def references():
 
 
 def worker(index, known):
-    """Prints a line for each situation of one peer."""
+    """Tests one peer; prints a line for each situation."""
     warnings.simplefilter('ignore')
     make = registry.adapter(index)
     known = json.loads(known.read_text())
     for case, both in zip(cases(), known, strict=True):
         right, other = ([None if x is None else np.array(x) for x in states] for states in both)
-        # What a peer prints must not get between the results.
+        # Output of a peer must not mix with the results.
         with contextlib.redirect_stdout(sys.stderr):
             found = tried(make, case, right, other)
         record = {'peer': make.name, 'situation': case.name, **found}
@@ -126,7 +126,7 @@ def worker(index, known):
 
 
 def run_peer(index, names, known):
-    """All situations of one peer; where its process ends early, the rest is lost."""
+    """Tests one peer in another process; situations after a crash count as crashed."""
     command = [sys.executable, __file__, known, '--worker', str(index)]
     try:
         done = subprocess.run(command, capture_output=True, timeout=PATIENCE, check=False)
@@ -140,7 +140,7 @@ def run_peer(index, names, known):
 
 
 def main():
-    """Writes the outcomes, and what the situations are."""
+    """Writes the outcomes and the descriptions of the situations."""
     parser = argparse.ArgumentParser()
     parser.add_argument('out', type=Path)
     parser.add_argument('--worker', type=int)
@@ -153,7 +153,7 @@ def main():
     first = cases()[0]
     known = options.out.with_suffix('.known')
     known.write_text(json.dumps(references()))
-    for index, _ in registry.usable(first.mechanism, SPEED, first.angles[0]):
+    for index, _ in registry.usable(first.mechanism, SPEED, first.angles[0], []):
         found = run_peer(index, list(described), known)
         records += found
         print(f'{found[0]["peer"]:16}', *(r['outcome'] for r in found), sep=' | ', flush=True)

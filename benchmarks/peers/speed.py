@@ -1,10 +1,10 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Every peer's speed and errors, each beside ours in the same run. Started by run.py.
+"""Measures speed and errors of each peer, compared with this package. Started by run.py.
 
-A peer and ours take turns, round by round, on the same crank angles; the ratio is the median
-over the rounds of the ratio within each, so that a busy machine slows both. Run by itself:
-PYTHONPATH=.:test python benchmarks/peers/speed.py OUT.json
+Peer and package run alternately, on the same crank angles. Each round gives a ratio of their
+times, which depends little on the load of the machine; the result is the median of all rounds. To
+run the measurement alone: PYTHONPATH=.:test python benchmarks/peers/speed.py OUT.json
 """
 
 import argparse
@@ -25,7 +25,7 @@ from linkage_ros.parameters.configuration import load
 SPEED = 5 * math.pi  # 150 rpm
 TURN = 360  # States of one turn.
 ARRAY = 200_000
-LEAST = 0.02  # s that one round of a peer should take.
+LEAST = 0.02  # s, intended time of one round.
 WAYS = (
     ('kinematics', 'one', 'kinematics'),
     ('torque', 'one', 'torque'),
@@ -35,12 +35,12 @@ WAYS = (
 
 
 def angles(start, count):
-    """Crank angles on one grid of a degree, so that a later piece goes on from an earlier."""
+    """Returns crank angles on a grid of one degree; consecutive pieces fit together."""
     return [2 * math.pi * i / TURN for i in range(start, start + count)]
 
 
 def reference(mechanism):
-    """A turn in 50 digits; rows as the adapters' tables."""
+    """Returns one turn in 50 digits, with the rows of the adapters' tables."""
     oracle = Oracle(mechanism)
     states = [oracle.state(angle, SPEED) for angle in angles(0, TURN)]
     return np.array(
@@ -52,9 +52,9 @@ def reference(mechanism):
 
 
 def errors(table, right):
-    """The largest error of angle, rate, acceleration and torque, in SI units."""
+    """Returns the largest errors of angle, rate, acceleration and torque, in SI units."""
     count = len(table)
-    # The difference is taken in many digits: ours is no larger than the rounding of a double.
+    # The difference is computed in many digits, because errors may be smaller than a rounding.
     difference = np.array(table - right[:count], float)
     difference[:2] -= 2 * math.pi * np.round(difference[:2] / (2 * math.pi))
     worst = np.abs(difference).max(axis=1)
@@ -68,14 +68,14 @@ def errors(table, right):
 
 
 def seconds(function, argument):
-    """One call's time."""
+    """Returns the time of one call, s."""
     start = time.perf_counter()
     function(argument)
     return time.perf_counter() - start
 
 
 def sample_size(function, mode):
-    """How many states make a round long enough to time and short enough to take turns."""
+    """Returns a number of states for which a round takes about LEAST seconds."""
     few = pieces(mode, 0, 24)
     function(few)
     each = min(seconds(function, few) for _ in range(3)) / 24
@@ -85,17 +85,17 @@ def sample_size(function, mode):
 
 
 def pieces(mode, start, count):
-    """The angles of one call."""
+    """Returns the crank angles of one call."""
     if mode == 'array':
         return np.arange(count) * (2 * math.pi / max(count, TURN))
     return angles(start, count)
 
 
 def compare(peer, ours, way, rounds, right):
-    """One record."""
+    """Measures one method of a peer; returns the record."""
     work, mode, name = way
     ask, ask_ours = getattr(peer, name), getattr(ours, name)
-    # Anew: what follows the motion would begin with a jump from where timing left it.
+    # A new peer, because peers that follow the motion must not start with a jump.
     fresh = type(peer)(peer.mechanism, SPEED, 0.0)
     found = errors(fresh.table(getattr(fresh, name)(pieces(mode, 0, TURN))), right)
     size, ours_size = sample_size(ask, mode), ARRAY if mode == 'array' else 8 * TURN
@@ -119,16 +119,16 @@ def compare(peer, ours, way, rounds, right):
 
 
 def main():
-    """Writes the records and how each peer was called."""
+    """Writes the records and the descriptions of the peers."""
     parser = argparse.ArgumentParser()
     parser.add_argument('out', type=Path)
     parser.add_argument('--rounds', type=int, default=21)
     options = parser.parse_args()
     mechanism = load('quadrilateral').mechanism
     right = reference(mechanism)
-    records, calls = [], {}
+    records, calls, left_out = [], {}, []
     ours = adapter_ours.Adapter(mechanism, SPEED, 0.0)
-    for _, peer in registry.usable(mechanism, SPEED, 0.0):
+    for _, peer in registry.usable(mechanism, SPEED, 0.0, left_out):
         calls[peer.name] = peer.how
         for way in WAYS:
             if getattr(peer, way[2]) is not None:
@@ -139,7 +139,8 @@ def main():
                     f'{record["us_per_state"]:10.4g} us a state, ratio {record["ratio"]:.3g}',
                     flush=True,
                 )
-    options.out.write_text(json.dumps({'turn': TURN, 'records': records, 'calls': calls}))
+    found = {'turn': TURN, 'records': records, 'calls': calls, 'left_out': left_out}
+    options.out.write_text(json.dumps(found))
 
 
 if __name__ == '__main__':
