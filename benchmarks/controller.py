@@ -1,13 +1,13 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the exact torque is worth to a speed controller: plant and controller on real DDS.
+"""Measures how much torque feed-forward improves a speed controller.
 
-linkage_node turns the quadrilateral under a torque at 1 kHz in one process, linkage_controller
-commands it from another. Each case runs without and with feed-forward; the second half of each
-log tells the ripple of the crank speed. Leaves logs, picture and JSON.
+linkage_node simulates the quadrilateral under a torque at 1 kHz; linkage_controller controls it
+from another process, over DDS. Each case runs without and with feed-forward. The ripple of the
+crank speed is computed from the second half of each log. DIR receives logs, picture and JSON.
 
-    python benchmarks/controller.py --out DIR    all cases, in two minutes
-    python benchmarks/controller.py --out DIR --quick   one speed, as it is
+    python benchmarks/controller.py --out DIR           all cases, in two minutes
+    python benchmarks/controller.py --out DIR --quick   one speed and the case "as it is"
 """
 
 import argparse
@@ -38,16 +38,16 @@ from linkage_ros.wire.cdr import decode_joint_state
 
 RATE, SECONDS = 1000.0, 6.0
 TICK = 1 / RATE
-# Name, factor on the masses that the controller believes in, extra delay of commands, s.
+# Name, factor on the masses in the controller's model, additional delay of commands, s.
 CASES = (('as it is', 1.0, 0.0), ('5 % mass error', 1.05, 0.0), ('2 ms extra delay', 1.0, 0.002))
 SPEEDS = (150.0, 600.0)
-# Share of ticks, missed or without their command, above which the machine was too busy to judge
-# a controller; at rest it is 0.2 to 1.1 %.
+# If a larger share of the ticks is missed or has no command in time, the machine is too busy for
+# the comparison. On an idle machine the share is 0.2 to 1.1 %.
 BUSY = 0.02
 
 
 def heavier(factor: float, folder: Path) -> Path:
-    """The quadrilateral with other masses and inertias, as a parameter file."""
+    """Writes a parameter file of the quadrilateral with scaled masses and inertias."""
     import yaml
 
     document = yaml.safe_load(preset_path('quadrilateral').read_text())
@@ -61,13 +61,13 @@ def heavier(factor: float, folder: Path) -> Path:
 
 
 class Relay(threading.Thread):
-    """Hands commands on after a while, as a slow network would."""
+    """Forwards commands after a delay, like a slow network."""
 
     def __init__(self, delay: float) -> None:
-        """Starts it.
+        """Starts the thread.
 
         Args:
-            delay: s.
+            delay: Delay of each command, s.
         """
         super().__init__()
         rclpy.init()
@@ -89,7 +89,7 @@ class Relay(threading.Thread):
                 self._publisher.publish(self._queue.popleft()[1])
 
     def close(self) -> None:
-        """Ends it."""
+        """Stops the thread."""
         self._stop_asked.set()
         self.join()
         self._node.destroy_node()
@@ -97,7 +97,7 @@ class Relay(threading.Thread):
 
 
 def run(path: Path, rpm: float, plant: Path, delay: float, *, feed_forward: bool) -> None:
-    """One run; its log is left at a path."""
+    """Runs plant and controller once and writes the log to a path."""
     given = words(
         {
             'plant': plant, 'rpm': rpm, 'feed_forward': str(feed_forward).lower(),
@@ -121,7 +121,16 @@ def run(path: Path, rpm: float, plant: Path, delay: float, *, feed_forward: bool
 
 
 def measure(path: Path, rpm: float) -> tuple[dict[str, float], np.ndarray]:
-    """The ripple of the second half of a log; angle, speed and effort of its last turn."""
+    """Evaluates a log.
+
+    Args:
+        path: The log.
+        rpm: Set speed.
+
+    Returns:
+        Figures of the second half of the log; and crank angle, deg, relative speed error and
+        torque, N m, over the last whole turn, of shape (3, states).
+    """
     with LogReader(path) as log:
         difference = verify(log).difference
         assert not difference, difference
@@ -132,8 +141,8 @@ def measure(path: Path, rpm: float) -> tuple[dict[str, float], np.ndarray]:
     speed, effort = np.array([values[3] for _, values in rows]), np.array([v[6] for _, v in rows])
     half = len(rows) // 2
     ripple = speed / radians_per_second(rpm) - 1
-    # A run ends at any angle: over the crank angle, the last whole turns of all can be compared.
-    # The peaks are about 0: they stand in the middle.
+    # Runs end at different angles, so the last whole turn of each is drawn over the crank angle.
+    # Turns are counted from -180 deg, which puts the peaks, near 0 deg, in the middle.
     turns = np.array([values[0] for _, values in rows]) / (2 * math.pi) + 0.5
     last = np.floor(turns) == math.floor(turns[-1]) - 1
     figures = {
@@ -149,7 +158,7 @@ def measure(path: Path, rpm: float) -> tuple[dict[str, float], np.ndarray]:
 
 
 def respond(rows, commands) -> dict[str, float]:
-    """How long the loop takes: from the stamp of a state to its command, and until it acts."""
+    """Measures the time from the stamp of a state to its command, and to its effect."""
     answers, ages = {}, []
     for command in commands:
         heard = decode_joint_state(command.data)
@@ -171,7 +180,7 @@ def respond(rows, commands) -> dict[str, float]:
 
 
 def say(rpm: float, name: str, alone: dict[str, float], fed: dict[str, float]) -> str:
-    """The lines about a case: the states that 99 % are within, then the peaks."""
+    """Describes a case: the error that 99 % of the states do not exceed, peaks and delays."""
     ratio = alone['p99_ripple'] / fed['p99_ripple']
     words = (
         f'{rpm:5g} rpm, {name:17}: 99 % of states within {100 * alone["p99_ripple"]:.3g} % of the '
@@ -191,7 +200,7 @@ def say(rpm: float, name: str, alone: dict[str, float], fed: dict[str, float]) -
 
 
 def draw(curves: dict[tuple[float, str, bool], np.ndarray], path: Path) -> None:
-    """Ripple and effort over the last turn of the crank, without and with feed-forward."""
+    """Draws ripple and torque over the last turn of the crank, without and with feed-forward."""
     from linkage_ros.lab.output import chart
 
     speeds = list(dict.fromkeys(rpm for rpm, _, _ in curves))
@@ -219,12 +228,12 @@ def draw(curves: dict[tuple[float, str, bool], np.ndarray], path: Path) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument(
-        '--out', type=Path, default=Path('controller'), metavar='DIR', help='for results'
+        '--out', type=Path, default=Path('controller'), metavar='DIR', help='folder for results'
     )
-    parser.add_argument('--quick', action='store_true', help='one speed, as it is')
+    parser.add_argument('--quick', action='store_true', help='one speed and one case')
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
-    os.environ.update(environment(DOMAIN))  # no other plant is commanded
+    os.environ.update(environment(DOMAIN))  # so that no other plant is commanded
     cases = CASES[:1] if options.quick else CASES
     speeds = SPEEDS[:1] if options.quick else SPEEDS
     records, curves = [], {}

@@ -1,10 +1,11 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Random motions past dead centres and stretched dyads, beside one in coordinates of every body.
+"""Compares random motions through dead centres and stretched dyads with absolute coordinates.
 
-Pumps for 10 s from 3 rad/s, limited four-bars and slider-cranks for 5 s under gravity, all without
-a motor. Two motions that part because they are chaotic part again where the start is moved by
-1e-12: from there on only the energy counts.
+Pumps move for 10 s from a crank speed of 3 rad/s; four-bars and slider-cranks whose cranks cannot
+turn fully move for 5 s under gravity. None has a motor. The reference integrates the coordinates
+of every body. A motion counts as chaotic from the time when two references whose starts differ by
+1e-12 rad differ by more than 1e-9 rad; from then on only its energy is checked.
 """
 
 import argparse
@@ -23,8 +24,8 @@ from linkage_ros.lab.reference.motions import InitialValueProblem
 from linkage_ros.motion.integrators import live_steps, record_steps
 from linkage_ros.motion.published import published
 
-_LOOK = 0.05  # s
-_CHAOTIC = 1e-9  # rad, by which a motion from a start 1e-12 away is off
+_LOOK = 0.05  # s between compared states
+_CHAOTIC = 1e-9  # rad between motions whose starts differ by 1e-12 rad
 _GRAVITY = (0.0, -9.81)
 
 
@@ -35,7 +36,7 @@ def _body(chance, length, kind=Body):
 
 
 def pump(chance):
-    """A pump, and a start with the dyad bent."""
+    """Makes a random pump and a start at which its dyad is bent."""
     r, b, c = (x * chance.uniform(0.5, 2.0) for x in (0.5 * chance.uniform(0.5, 3.0), 1.5, 2.0))
     coupler = _body(chance, b, Coupler)
     while True:
@@ -49,7 +50,7 @@ def pump(chance):
 
 
 def limited(chance):
-    """A linkage whose crank does not turn fully, and its start at rest."""
+    """Makes a random linkage whose crank cannot turn fully, and a start at rest."""
     while True:
         r, b, c, d = (chance.uniform(0.2, 1.0) for _ in range(4))
         last, coupler = (chance.choice(('open', 'crossed')), _GRAVITY), _body(chance, b, Coupler)
@@ -66,9 +67,11 @@ def limited(chance):
 
 
 def run(problem, seconds, begin):
-    """Crank angles every 0.05 s, the largest change of energy over the largest kinetic one.
+    """Integrates a motion.
 
-    The third is why the motion ends; empty: it does not.
+    Returns:
+        Crank angles every 0.05 s, rad; the change of energy divided by the largest kinetic
+        energy; and the error that ended the motion, or an empty string.
     """
     steps, angles, totals, kinetic = begin(problem.driven, problem.start), [], [], 0.0
     for tick in range(1, round(seconds / _LOOK) + 1):
@@ -85,7 +88,7 @@ def run(problem, seconds, begin):
 
 
 def compare(problem, angles):
-    """The largest difference to absolute coordinates while the motion is not chaotic, rad."""
+    """Returns the largest difference to the reference while the motion is not chaotic, rad."""
     near = replace(problem, start=(problem.start[0] + 1e-12, *problem.start[1:]))
     followers = Multipliers(problem, 1e-13), Multipliers(near, 1e-13)
     worst = 0.0
@@ -99,12 +102,12 @@ def compare(problem, angles):
 
 
 def main():
-    """Prints a line for each kind."""
+    """Prints a line for each kind of mechanism."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--pumps', type=int, default=119)
     parser.add_argument('--limited', type=int, default=200)
     parser.add_argument('--seed', type=int, default=1)
-    parser.add_argument('--live', action='store_true', help='in live steps, not those of a record')
+    parser.add_argument('--live', action='store_true', help='use the integrator of live runs')
     options = parser.parse_args()
     begin = live_steps if options.live else record_steps
     kinds = (('pumps', pump, options.pumps, 10.0), ('limited', limited, options.limited, 5.0))

@@ -1,13 +1,13 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""How far a torque that comes late lets the speed wander.
+"""Measures the speed error that a delayed torque causes.
 
-The torque of the quadrilateral at a constant 150 rpm, computed for one moment of each tick, is
-held over the tick and drives the plant of the node. Held from the tick's middle it hardly
-matters that it is held; every tick of delay costs 2.5 % of speed.
+The driving torque of the quadrilateral at a constant 150 rpm is computed for one moment of each
+tick; it is constant over the tick and drives the simulated plant. A torque computed for the middle
+of the tick causes almost no error; each tick of delay adds an error of 2.5 % of the speed.
 
     python benchmarks/delay.py            prints the table
-    python benchmarks/delay.py --out docs writes docs/delay.png and docs/delay.json as well
+    python benchmarks/delay.py --out docs also writes docs/delay.png and docs/delay.json
 """
 
 import argparse
@@ -30,10 +30,11 @@ def wander(delay: float) -> float:
     """The largest deviation of the crank's speed over ten turns.
 
     Args:
-        delay: From the middle of a tick to the moment that its torque was computed for, ticks.
+        delay: Time from the moment for which the torque is computed to the middle of the tick,
+            ticks.
 
     Returns:
-        Relative to the speed.
+        The deviation divided by the speed.
     """
     configuration = configure({'drive': 'torque', 'start_rpm': RPM})
     solver, speed = Solver(configuration.mechanism), radians_per_second(RPM)
@@ -48,7 +49,7 @@ def wander(delay: float) -> float:
 
 
 def draw(records: list[dict[str, float]], path: Path) -> None:
-    """Deviation over delay, and the cases that a controller meets."""
+    """Draws the deviation over the delay, with the delays that occur in controllers."""
     from linkage_ros.lab.output import chart
 
     percent = {record['delay_ticks']: 100 * record['largest_deviation'] for record in records}

@@ -1,10 +1,10 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Logs as Foxglove reads them: its npm packages decode every message, every bit is compared.
+"""Decodes logs with Foxglove's npm packages and compares every bit of every message.
 
-The logs and the expected values, by the solver, are those of test/test_foreign_readers.py. The
-packages also check the file itself: chunk and summary checksums, the index, statistics, metadata.
-Needs Node.js and npm, which fetches them. Run: python benchmarks/readers.py
+The logs, and the expected values from the solver, come from test/test_foreign_readers.py. The
+packages also check the file: checksums of chunks and summary, index, statistics and metadata.
+Requires Node.js, and npm, which downloads the packages. Run: python benchmarks/readers.py
 """
 
 import argparse
@@ -21,12 +21,12 @@ from linkage_ros.parameters.presets import preset_names
 
 HERE = Path(__file__).resolve().parent
 
-# The test suite's expectations, which no reader shares.
+# The expected values are in a module of the test suite.
 sys.path.append(str(HERE.parent / 'test'))
 
 
 def read(folder, path):
-    """What the packages say about a log: its faults, and its messages by topic."""
+    """Reads a log with the packages; returns faults and metadata, and the messages by topic."""
     command = ['node', 'read.mjs', path.resolve()]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     if done.returncode:
@@ -41,7 +41,7 @@ def read(folder, path):
 
 
 def check(folder, log):
-    """Compares one log and prints a line per topic; returns how many things are wrong."""
+    """Compares one log and prints a line per topic; returns the number of faults."""
     name = log.path.parent.name
     with LogReader(log.path) as reader:
         motions = len(reader.motions)
@@ -63,7 +63,7 @@ def check(folder, log):
 
 
 def main():
-    """Makes the logs, has them read, and ends with 1 where anything differs."""
+    """Writes the logs and checks them; returns exit code 1 if there is any difference."""
     argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()
     install = ['npm', 'install', '--silent', '--ignore-scripts', '--no-package-lock', '--no-audit']
     with tempfile.TemporaryDirectory() as name:

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Cost of trouble with the log: full disk, file or folder removed, file replaced.
+"""Tests faults of the log: full disk, file or folder removed, file replaced.
 
 linkage_node runs at 1 kHz and logs to a tmpfs of a few MB. A subscriber in another process counts
 the states. Promised are: the states continue, one error line, diagnostics at level ERROR, and
@@ -35,14 +35,14 @@ from linkage_ros.wire.cdr import ERROR
 
 RATE = 1000.0
 SIZE = '3m'
-SILENCE = 0.1  # s between two states that a subscriber notices
-LOG = 'linkage_node: log'  # its part of /diagnostics
+SILENCE = 0.1  # s, longest allowed pause between two states
+LOG = 'linkage_node: log'  # name of its status in /diagnostics
 
 
 def replace(path: Path) -> None:
-    """Puts another file in the log's place."""
+    """Replaces the log by another file."""
     path.unlink()
-    path.write_text('of somebody else')
+    path.write_text('another file')
 
 
 CASES = {
@@ -54,12 +54,12 @@ CASES = {
 
 
 def errors(process: Process) -> list[str]:
-    """Its lines of error."""
+    """Returns the error lines of a process."""
     return [text for _, text in process.lines if text.startswith('[ERROR]') or 'Trace' in text]
 
 
-def run(path: Path, spoil, heard: Path, after: float) -> dict:
-    """A run whose log is spoilt."""
+def run(path: Path, damage, heard: Path, after: float) -> dict:
+    """Runs the node, damages its log, and recovers the log."""
     with (
         listening(DOMAIN, heard) as listener,
         Diagnostics(DOMAIN) as diagnostics,
@@ -67,11 +67,11 @@ def run(path: Path, spoil, heard: Path, after: float) -> dict:
     ):
         wait_for(lambda: 'heard' in listener.output and LOG in diagnostics.parts)
         time.sleep(after)
-        spoil(path)
+        damage(path)
         begin = time.time_ns()
         said = wait_for(lambda: diagnostics.parts[LOG][0] == ERROR)
         time.sleep(after)
-        # A log that cannot be put back is named by a place that ends with the process.
+        # The error names the file descriptor of a removed log; it exists until the process ends.
         unnamed = [word for word in process.output.split() if word.startswith('/proc/')]
         if unnamed:
             shutil.copyfile(unnamed[0], heard.with_suffix('.mcap'))
@@ -95,7 +95,7 @@ def promises(name: str, one: dict) -> dict[str, bool]:
     """Whether each promise was kept."""
     kept = {
         'one line of error': len(one['errors']) == 1,
-        'states go on': one['longest_silence'] < SILENCE,
+        'states continue': one['longest_silence'] < SILENCE,
         'exit code 1': one['exit_code'] == 1,
         'what was written stays readable': one['verified'],
     }
@@ -105,15 +105,15 @@ def promises(name: str, one: dict) -> dict[str, bool]:
 
 
 def main() -> int:
-    given = options(__doc__, after=(2.0, 's before each trouble'))
+    given = options(__doc__, after=(2.0, 's before each fault'))
     figures = {}
-    for case, spoil in CASES.items():
+    for case, damage in CASES.items():
         with tempfile.TemporaryDirectory() as name:
             folder = Path(name)
             logs = folder / 'disk' / 'logs'
             with mounted(folder / 'disk', '-t', 'tmpfs', '-o', f'size={SIZE}', 'disk'):
                 logs.mkdir()
-                figures[case] = run(logs / 'run.mcap', spoil, folder / 'heard.npy', given.after)
+                figures[case] = run(logs / 'run.mcap', damage, folder / 'heard.npy', given.after)
     kept = {}
     for name, one in figures.items():
         print(f'{name}: ' + '; '.join(f'{key} {value}' for key, value in one.items()))

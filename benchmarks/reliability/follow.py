@@ -1,16 +1,16 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A node that follows a measured crank, beside the speed-driven node that it hears.
+"""Measures a node that follows a measured crank.
 
-The speed-driven node, as the robot, publishes joint states at 100, 500 and 1000 Hz; the other one
-hears them from its own process and answers each. Both log, and a subscriber in another process
-hears each: how old their states are at its arrival, and what both take of a core, in one run.
-The log of the answers must verify, which compares each with its measurement, and its joints and
-rates are compared with the reference of 100 digits.
+A speed-driven node acts as the robot and publishes joint states at 100, 500 and 1000 Hz; the
+measured node answers each of them from another process. Both write logs. Subscribers measure the
+age of the states of both nodes on arrival; the processor time of both nodes is measured as well.
+The log of the answers is verified, which compares each answer with its measurement; its joints
+and rates are compared with a reference of 100 digits.
 
     python benchmarks/reliability/follow.py --out docs    docs/follow.json, in four minutes
 
-Exit code 1 where a promise does not hold.
+The exit code is 1 if a promise is broken.
 """
 
 import math
@@ -31,11 +31,11 @@ from linkage_ros.verification.verify import verify
 RATES = (100.0, 500.0, 1000.0)  # Hz
 MEASURED, ANSWERS = '/joint_states', '/linkage/joint_states'
 REMAPS = ('measured_joint_states', MEASURED), ('joint_states', ANSWERS)
-COMPARED = 200  # states
+COMPARED = 200  # states that are compared with the reference
 
 
 def heard(path: Path, rate: float, seconds: float) -> dict:
-    """Rate, gaps and ages of the states that the subscriber received in the last seconds."""
+    """Returns rate, missed ticks and ages of the states of the last seconds."""
     times = np.load(path)
     times = times[times[:, 0] > times[-1, 0] - seconds * 1e9]
     stamps = times[:, 0]
@@ -48,7 +48,7 @@ def heard(path: Path, rate: float, seconds: float) -> dict:
 
 
 def compared(path: Path) -> dict:
-    """Verifies a log, and compares joints, rad, and rates, relative to the crank's."""
+    """Verifies a log; compares joints, rad, and relative rates with a reference."""
     errors = []
     with LogReader(path) as log:
         simulator, difference = Simulator(log.configuration), verify(log).difference
@@ -65,7 +65,7 @@ def compared(path: Path) -> dict:
 
 
 def measure(rate: float, seconds: float) -> dict:
-    """Both nodes at one rate."""
+    """Measures both nodes at one rate."""
     with tempfile.TemporaryDirectory() as folder:
         names = 'first.npy', 'second.npy', 'robot.mcap', 'follow.mcap'
         first, second, log, followed = (Path(folder, name) for name in names)

@@ -1,9 +1,9 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Hostile input in the long form: seeded cases in watched processes, and executables.
+"""Tests hostile input with many random cases, in processes with limits, and in executables.
 
-Each case has to end in success or one clear line, within 5 s and 1 GB beyond what the imports
-take. The cases are those of test/hostile.py; what fails is saved in DIR/fuzz.
+Each case must end with success or with one line of error, within 5 s and 1 GB in addition to the
+memory of the imports. The cases come from test/hostile.py; failing ones are saved in DIR/fuzz.
 Run: python benchmarks/reliability/fuzz.py [--out DIR] [--cases N]
 """
 
@@ -21,14 +21,14 @@ from pathlib import Path
 
 import harness
 
-# The test suite's cases, and the checks of their outcomes.
+# The cases, and the checks of their outcomes, are in modules of the test suite.
 sys.path.append(str(Path(__file__).resolve().parents[2] / 'test'))
 
 SHARES = {'parameter file': 0.4, 'log': 0.35, 'replay options': 0.15, 'live parameters': 0.1}
-BATCH = 500  # cases of one process
-LONGEST, MEMORY = 5.0, 1 << 30  # s of processor and bytes of one case
-LIMIT = 30.0  # s in which an executable has to end: imports on a busy machine, and the case
-# Faults that must be found, so that finding none means something.
+BATCH = 500  # cases per process
+LONGEST, MEMORY = 5.0, 1 << 30  # processor time, s, and memory, bytes, of one case
+LIMIT = 30.0  # s for an executable, including its imports on a busy machine
+# Negative controls: faults that must be found.
 CONTROLS = {
     'hang': 'while True: pass', 'memory': 'bytearray(2**31)', 'error': '1 / 0',
     'two lines': 'hostile_outcomes.one_line("two\\nlines of words")',
@@ -36,13 +36,13 @@ CONTROLS = {
 
 
 def cases_of(kind, folder):
-    """Makes a function that tries the case of a random generator; it returns the answers."""
+    """Returns a function that tries a random case and returns the error lines."""
     import hostile
     import hostile_logs
     import hostile_outcomes
     import numpy as np
 
-    np.seterr(all='raise')  # a warning would be a second line
+    np.seterr(all='raise')  # a warning would be a second line of output
     yaml, mcap = folder / 'case.yaml', folder / 'case.mcap'
     logs = (
         hostile_logs.good_logs(folder) if kind in ('log', 'replay options', 'executable') else []
@@ -84,7 +84,7 @@ def cases_of(kind, folder):
 
 
 def run_executable(rng, yaml, mcap):
-    """Starts an executable on a hostile file: exit code 0, 1 or 2, at most a line on stderr."""
+    """Runs an executable on a hostile file; checks exit code and stderr."""
     out = yaml.with_name('out')
     module, *words = rng.choice((
         ('log_tool', 'info', mcap), ('log_tool', 'verify', mcap),
@@ -105,7 +105,7 @@ def run_executable(rng, yaml, mcap):
 
 
 def out_of_time(*_):
-    """Ends a case that computes for too long.
+    """Ends a case that exceeds its processor time.
 
     Raises:
         TimeoutError: Always.
@@ -114,15 +114,16 @@ def out_of_time(*_):
 
 
 def work(kind, seeds, out):
-    """Tries the cases of some seeds in this process, which has nothing else to do.
+    """Tries cases in this process, with limits of time and memory.
 
     Args:
         kind: Kind of the cases.
         seeds: Seeds of the cases.
-        out: Folder for the files of those that fail.
+        out: Folder for the files of failing cases.
 
     Returns:
-        Seed, s of processor, MB, whether it was accepted, and the failure, of each.
+        Seed, processor time, s, memory, MB, whether the input was accepted, and the failure, of
+        each case.
     """
     signal.signal(signal.SIGPROF, out_of_time)
     rows = []
@@ -132,16 +133,16 @@ def work(kind, seeds, out):
         taken = int(Path('/proc/self/statm').read_text().split()[0]) * resource.getpagesize()
         resource.setrlimit(resource.RLIMIT_AS, (taken + MEMORY, taken + MEMORY))
         for seed in seeds:
-            Path('/proc/self/clear_refs').write_text('5')  # the peak counts from here
+            Path('/proc/self/clear_refs').write_text('5')  # resets the peak memory
             begin, failure, answers = sum(os.times()[:4]), '', []
             signal.setitimer(signal.ITIMER_PROF, LONGEST)
             try:
                 answers = draw(random.Random(f'{kind} {seed}'))
-            except BaseException:  # noqa: BLE001, which is what is looked for
+            except BaseException:  # noqa: BLE001, any exception is a failure
                 failure = traceback.format_exc()
                 keep(folder, out / f'{kind.replace(" ", "_")}_{seed}')
             signal.setitimer(signal.ITIMER_PROF, 0.0)
-            seconds = sum(os.times()[:4]) - begin  # with those of executables
+            seconds = sum(os.times()[:4]) - begin  # includes child processes
             peak = Path('/proc/self/status').read_text().partition('VmHWM:')[2].split()[0]
             accepted = not failure and not any(answers)
             rows.append((seed, seconds, int(peak) / 1024, accepted, failure))
@@ -149,19 +150,19 @@ def work(kind, seeds, out):
 
 
 def keep(folder, target):
-    """Copies the files of a case that failed."""
+    """Copies the files of a failing case."""
     for path in (folder / 'case.yaml', folder / 'case.mcap'):
         if path.exists():
             target.with_suffix(path.suffix).write_bytes(path.read_bytes())
 
 
 def run(kind, seeds, out):
-    """Tries cases; a process that dies ends the benchmark with BrokenProcessPool.
+    """Tries cases in child processes; a crash of one ends the benchmark with BrokenProcessPool.
 
     Args:
         kind: Kind of the cases.
         seeds: Seeds of the cases.
-        out: Folder for the files of those that fail.
+        out: Folder for the files of failing cases.
 
     Returns:
         Figures for the report.
@@ -181,11 +182,11 @@ def run(kind, seeds, out):
 
 
 def main():
-    """Runs all kinds and leaves DIR/fuzz.json."""
+    """Tries all kinds of cases and writes DIR/fuzz.json."""
     options = harness.options(
         __doc__,
-        cases=(10_000, 'seeded cases'), processes=(120, 'executables started'),
-        seed=(0, 'of the first case'),
+        cases=(10_000, 'random cases'), processes=(120, 'runs of executables'),
+        seed=(0, 'seed of the first case'),
     )  # fmt: skip
     out = options.out / 'fuzz'
     out.mkdir(parents=True, exist_ok=True)

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Real processes on real DDS, and what the system says of them."""
+"""Starts ROS processes for the benchmarks and measures them from outside."""
 
 import argparse
 import functools
@@ -17,48 +17,48 @@ from typing import NoReturn
 
 import numpy as np
 
-# Those of the tests are below; two runs beside each other hardly meet.
+# The tests use lower domains; two benchmarks at the same time rarely get the same one.
 DOMAIN = 90 + os.getpid() % 10
 LISTENER = Path(__file__).with_name('listener.py')
-NOT_HERE = 77  # exit code where this system or this user cannot make what is needed
+NOT_HERE = 77  # exit code if this system or this user cannot run the benchmark
 
 
 @functools.cache
 def clear_ports(domain: int) -> None:
-    """Removes, once, Fast DDS's ports of a domain: processes of an earlier run were killed."""
+    """Removes the shared-memory ports that killed processes left in a domain, once."""
     first = 7400 + 250 * domain
     for port in range(first, first + 250):
         Path(f'/dev/shm/fastrtps_port{port}').unlink(missing_ok=True)
 
 
 def environment(domain: int) -> dict[str, str]:
-    """Of a process that meets only its own domain on this machine."""
+    """Environment of a process in a domain that is limited to this machine."""
     clear_ports(domain)
     own = {'ROS_DOMAIN_ID': str(domain), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
     return {**os.environ, **own, 'PYTHONUNBUFFERED': '1'}
 
 
 def words(parameters: dict[str, object]) -> list[str]:
-    """ROS arguments that set parameters."""
+    """Returns the ROS arguments that set parameters."""
     pairs = (('-p', f'{name}:={value}') for name, value in parameters.items())
     return ['--ros-args', *(word for pair in pairs for word in pair)]
 
 
 class Process:
-    """A process, its lines of output with the times at which they came, and what it takes.
+    """A process; keeps its output with times, and measures its memory and processor time.
 
     Attributes:
-        pid: Its number.
-        lines: Lines of stdout and stderr: time on the monotonic clock, s, and text.
+        pid: Process ID.
+        lines: Time of arrival on the monotonic clock, s, and text of each line of output.
     """
 
     def __init__(self, *arguments: object, domain: int, prefix: tuple[str, ...] = ()) -> None:
-        """Starts `python ARGUMENTS`.
+        """Starts Python with arguments.
 
         Args:
             *arguments: Such as '-m', 'linkage_ros.node'.
             domain: ROS domain.
-            prefix: Words before the interpreter, such as 'ip netns exec NAME'.
+            prefix: Command before the interpreter, such as 'nsenter' and its options.
         """
         command = [*prefix, sys.executable, *map(str, arguments)]
         self._process = subprocess.Popen(
@@ -77,12 +77,12 @@ class Process:
 
     @property
     def output(self) -> str:
-        """All lines so far."""
+        """All output so far."""
         return '\n'.join(text for _, text in self.lines)
 
     @property
     def alive(self) -> bool:
-        """Whether it runs."""
+        """Whether the process runs."""
         return self._process.poll() is None
 
     def send(self, number: int) -> None:
@@ -91,7 +91,7 @@ class Process:
             self._process.send_signal(number)
 
     def end(self, number: int = signal.SIGINT, patience: float = 60.0) -> int:
-        """Sends a signal and waits; returns the exit code."""
+        """Sends a signal and waits for the end of the process; returns the exit code."""
         self.send(number)
         code = self._process.wait(patience)
         self._reader.join(5.0)
@@ -103,7 +103,7 @@ class Process:
         return int(text.partition('\nPss:')[2].split()[0]) / 1024
 
     def computed(self) -> float:
-        """Processor time of its threads, s, as the scheduler counts it: not by sampling."""
+        """Processor time of all threads, s; counted by the scheduler, not sampled."""
         total = 0
         for thread in Path(f'/proc/{self.pid}/task').iterdir():
             with suppress(FileNotFoundError):
@@ -113,7 +113,7 @@ class Process:
 
 @contextmanager
 def running(*arguments: object, domain: int, prefix: tuple[str, ...] = ()):
-    """A process that is killed at the end if it still runs."""
+    """Runs a process, which is killed on leaving the context if it still runs."""
     process = Process(*arguments, domain=domain, prefix=prefix)
     try:
         yield process
@@ -128,7 +128,7 @@ def node(
     remaps: tuple[tuple[str, str], ...] = (),
     **parameters: object,
 ):
-    """`running` for linkage_node with some parameters, and other names for some topics."""
+    """Runs linkage_node with parameters and remapped topics."""
     names = (word for pair in remaps for word in ('-r', ':='.join(pair)))
     arguments = '-m', 'linkage_ros.node', *words(parameters), *names
     return running(*arguments, domain=domain, prefix=prefix)
@@ -136,7 +136,7 @@ def node(
 
 @contextmanager
 def listening(domain: int, path: Path, prefix: tuple[str, ...] = (), topic: str = 'joint_states'):
-    """A subscriber in another process, which leaves what it heard (see `listener.py`)."""
+    """Runs listener.py, which writes stamps and times of arrival to a path at the end."""
     with running(LISTENER, path, topic, domain=domain, prefix=prefix) as process:
         wait_for(lambda: 'listening' in process.output)
         yield process
@@ -144,13 +144,13 @@ def listening(domain: int, path: Path, prefix: tuple[str, ...] = (), topic: str 
 
 
 def tool(*arguments: object) -> subprocess.CompletedProcess[str]:
-    """`linkage_log ARGUMENTS`, in a process of its own, and what it said."""
+    """Runs `linkage_log ARGUMENTS` in another process."""
     command = [sys.executable, '-m', 'linkage_ros.log_tool', *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
 class Diagnostics:
-    """Hears /diagnostics in this process.
+    """Subscribes to /diagnostics in this process.
 
     Attributes:
         parts: Level, message and values last heard for each part of each node, such as
@@ -158,7 +158,7 @@ class Diagnostics:
     """
 
     def __init__(self, domain: int) -> None:
-        """Begins to listen; this process must not listen to anything else."""
+        """Subscribes; this process must not have other subscriptions."""
         import rclpy
         from diagnostic_msgs.msg import DiagnosticArray
         from rclpy.executors import SingleThreadedExecutor
@@ -223,15 +223,15 @@ def mounted(folder: Path, *words: object):
 
 
 def wait_for(condition, seconds: float = 30.0) -> float:
-    """Waits until a condition holds; returns how long that took, s.
+    """Waits until a condition holds; returns the time that this took, s.
 
     Raises:
-        TimeoutError: It does not hold in time.
+        TimeoutError: The condition does not hold in time.
     """
     begin = time.monotonic()
     while not condition():
         if time.monotonic() > begin + seconds:
-            raise TimeoutError(f'not within {seconds} s')
+            raise TimeoutError(f'the condition does not hold within {seconds} s')
         time.sleep(0.02)
     return time.monotonic() - begin
 
@@ -247,23 +247,23 @@ def missed(stamps: np.ndarray, rate: float) -> int:
 
 
 def quantiles(values) -> dict[str, float]:
-    """Median, 99 % and greatest of some values."""
+    """Returns median, 99th percentile and maximum."""
     values = np.asarray(values, float)
     p50, p99 = np.quantile(values, (0.5, 0.99))
     return {'p50': float(p50), 'p99': float(p99), 'max': float(values.max())}
 
 
 def finish(name: str, out: Path, figures: object, promises: dict[str, bool] | None = None) -> int:
-    """Leaves the figures of one benchmark as DIR/NAME.json, and prints promises that are broken.
+    """Writes the figures of a benchmark to DIR/NAME.json and prints the broken promises.
 
     Args:
         name: Name of the benchmark.
         out: The folder.
-        figures: For the file.
-        promises: Whether each is kept.
+        figures: The figures.
+        promises: Whether each promise is kept.
 
     Returns:
-        The exit code: 1 where a promise is broken.
+        The exit code: 1 if a promise is broken.
     """
     out.mkdir(parents=True, exist_ok=True)
     (out / f'{name}.json').write_text(json.dumps(figures, indent=1) + '\n')
@@ -273,13 +273,13 @@ def finish(name: str, out: Path, figures: object, promises: dict[str, bool] | No
 
 
 def options(doc: str, **numbers: tuple[float, str]) -> argparse.Namespace:
-    """The options that all of them have: --out, and numbers of their own, with what they are."""
+    """Parses the options of a benchmark: --out, and numbers with their defaults and meanings."""
     parser = argparse.ArgumentParser(
         description=doc, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     add = parser.add_argument
     out = Path('reliability')
-    add('--out', type=Path, default=out, metavar='DIR', help=f'for figures (default {out})')
+    add('--out', type=Path, default=out, metavar='DIR', help=f'folder for figures (default {out})')
     for name, (value, words) in numbers.items():
         words = f'{words} (default {value:g})'
         add(f'--{name}', type=type(value), default=value, metavar='N', help=words)

@@ -1,15 +1,15 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Two hosts, and the link between them cut and restored: node there, subscriber here.
+"""Cuts and restores the link between two hosts.
 
-The hosts are network namespaces of this machine, joined by a cable (`network.py`). linkage_node
-runs on one, driven by torque and with a log; on the other a subscriber hears its states, and
-linkage_controller answers each with a command. The cable is pulled for a short and for a long
-while, longer than the 20 s after which DDS forgets a host; then the other host is gone while the
-link stays up. Exit code 1 if a promise is broken, 77 if no hosts can be made here.
+The hosts are network namespaces on this machine, connected by a virtual cable (`network.py`). A
+torque-driven linkage_node with a log runs on one host; a subscriber and linkage_controller, which
+answers each state with a command, run on the other. The cable is pulled for a short time, and for
+a time longer than the 20 s after which DDS forgets a host; then one host leaves the network while
+the link stays up. The exit code is 1 if a promise is broken, and 77 if the hosts cannot be made.
 
-    python benchmarks/reliability/hosts.py --out DIR             in two minutes
-    python benchmarks/reliability/hosts.py --out DIR --long 0    the short cut alone
+    python benchmarks/reliability/hosts.py --out DIR             two minutes
+    python benchmarks/reliability/hosts.py --out DIR --long 0    only the short cut
 """
 
 import contextlib
@@ -44,17 +44,17 @@ TIMED_OUT = b'no command within command_timeout'
 
 
 def heard(listener: Process) -> int:
-    """How often it heard states begin."""
+    """Returns how often states began to arrive."""
     return sum(text == 'heard' for _, text in listener.lines)
 
 
 def on(host: Host, reach: str = 'SUBNET') -> tuple[str, ...]:
-    """Words that make a ROS process run on a host."""
+    """Returns the command prefix that runs a ROS process on a host."""
     return host.prefix(ROS_AUTOMATIC_DISCOVERY_RANGE=reach)
 
 
 def cut(kind: str, host: Host, seconds: float, listener: Process) -> dict:
-    """Cuts and restores; returns when that was, ns on the wall clock."""
+    """Cuts and restores the link; returns the times of both, ns on the wall clock."""
     time.sleep(SETTLED)
     count = heard(listener)
     begin = time.time_ns()
@@ -62,15 +62,15 @@ def cut(kind: str, host: Host, seconds: float, listener: Process) -> dict:
     time.sleep(seconds)
     restored = time.time_ns()
     host.plug()
-    with contextlib.suppress(TimeoutError):  # the figures will tell
+    with contextlib.suppress(TimeoutError):  # the figures show it
         wait_for(lambda: heard(listener) > count, PATIENCE)
     return {'kind': kind, 'seconds': seconds, 'begin': begin, 'restored': restored}
 
 
 def run(there: Host, here: Host, kinds: list[tuple[str, float]], folder: Path) -> dict:
-    """A run with some cuts: what is known at its end."""
+    """Runs node, subscriber and controller with some cuts; returns the recorded data."""
     log, times = folder / 'run.mcap', folder / 'times.npy'
-    # Tame: a controller that a busy machine keeps waiting would else drive it ever faster.
+    # Low torque and bandwidth: if a busy machine delays the controller, the speed stays bounded.
     driven = {'drive': 'torque', 'torque_limit': 5.0, 'motor.damping': 0.3}
     tame = words({'feed_forward': 'false', 'bandwidth': 0.5, 'rpm': 60.0})
     with (
@@ -82,7 +82,7 @@ def run(there: Host, here: Host, kinds: list[tuple[str, float]], folder: Path) -
         with node(DOMAIN, on(there), rate_hz=RATE, log=log, **driven) as turning:
             wait_for(lambda: 'linkage_node' in turning.output)
             discovered = wait_for(lambda: heard(listener))
-            # A busy machine starts the controller late; without a command none times out.
+            # A command can time out only after a first one, and the controller may start late.
             wait_for(lambda: heard(answers))
             bytes_before = here.received()
             cuts = [cut(kind, here, seconds, listener) for kind, seconds in kinds]
@@ -100,14 +100,14 @@ def run(there: Host, here: Host, kinds: list[tuple[str, float]], folder: Path) -
 
 
 def reaches(there: Host, here: Host, reach: str, folder: Path, *, late: bool = False) -> bool:
-    """Whether a node with a discovery range is heard on the other host.
+    """Returns whether a node with a discovery range is heard on the other host.
 
     Args:
-        there: Address of the node.
-        here: Address of the subscriber.
+        there: Host of the node.
+        here: Host of the subscriber.
         reach: The range.
-        folder: For what the subscriber leaves.
-        late: Whether the node's end of the cable is plugged in after it began.
+        folder: Folder for the output of the subscriber.
+        late: Whether the node's end of the cable is plugged in only after the node has started.
     """
     if late:
         there.unplug()
@@ -122,7 +122,7 @@ def reaches(there: Host, here: Host, reach: str, folder: Path, *, late: bool = F
 
 
 def read(path: Path) -> dict:
-    """Reads stamps of states, and times of commands and of reported timeouts, from a log."""
+    """Verifies a log; reads stamps of states, and times of commands and of reported timeouts."""
     found: dict[str, list[int]] = {'/joint_states': [], '/joint_commands': [], '/diagnostics': []}
     try:
         with LogReader(path) as log:
@@ -141,13 +141,13 @@ def read(path: Path) -> dict:
 
 
 def after(times, begin: int) -> float:
-    """s from a time to the first of some times that follows; infinite if none does."""
+    """Returns the seconds from a time to the next of some times; infinite if none follows."""
     later = times[times > begin]
     return float(later.min() - begin) * 1e-9 if later.size else float('inf')
 
 
 def judge(what: dict, one: dict) -> dict:
-    """Figures of one cut."""
+    """Returns the figures of one cut."""
     begin, restored = one.pop('begin'), one.pop('restored')
     arrived, states, commands = what['arrived'], what['states'], what['commands']
     back = after(arrived[:, 1], restored)
@@ -167,7 +167,7 @@ def judge(what: dict, one: dict) -> dict:
 
 
 def summary(what: dict) -> dict:
-    """Figures of a run with cuts."""
+    """Returns the figures of a run with cuts."""
     cuts = [judge(what, one) for one in what['cuts']]
     states, arrived = what['states'], what['arrived']
     since = states[states >= arrived[0, 0]] if arrived.size else states
@@ -182,20 +182,22 @@ def summary(what: dict) -> dict:
 
 
 def promises(figures: dict) -> dict[str, bool]:
-    """Whether each promise was kept."""
+    """Returns whether each promise was kept."""
     states = figures['states_logged']
     kept = {
         'the log verifies and is complete': figures['log_verifies'] and figures['exit_code'] == 0,
         'every state that was published is in the log': states == figures['states_published'],
-        'what was heard crossed the cable': figures['bytes_crossed'] > 200 * figures['heard'] / 2,
-        'a node for this host alone is not heard elsewhere': not figures['local_is_heard'],
+        'the received states crossed the cable': figures['bytes_crossed']
+        > 200 * figures['heard'] / 2,
+        'a node limited to its own host is not heard on the other': not figures['local_is_heard'],
     }
     for one in figures['cuts']:
         name = f'{one["kind"]}, {one["seconds"]:g} s: '
-        kept[name + 'states come again'] = one['states_back'] < PATIENCE
-        kept[name + 'commands come again'] = one['commands_back'] < PATIENCE
-        kept[name + 'it is said that commands time out'] = one['time_out_said']
-        # Sending without a receiver must not delay the node; a busy machine may, for a moment.
+        kept[name + 'states resume'] = one['states_back'] < PATIENCE
+        kept[name + 'commands resume'] = one['commands_back'] < PATIENCE
+        kept[name + 'the timeout of commands is reported'] = one['time_out_said']
+        # Only a long cut shows whether missing receivers delay the node: a busy machine may also
+        # miss ticks for a moment.
         little = one['seconds'] < 20 or one['ticks_missed'] < one['logged'] / 10
         kept[name + 'the node keeps its rate'] = little
     return kept

@@ -1,13 +1,13 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a kill costs: SIGKILL at random moments at 1 kHz, then linkage_log recover and verify.
+"""Measures the loss of a killed run: SIGKILL at random moments at 1 kHz.
 
-What a run has lost is what lies between the last state that a subscriber in another process
-received and the last one in the recovered log. Exit code 1 if that is more than 0.3 s at any
-time, or if a recovered log does not verify.
+linkage_log recovers and verifies each log. The loss is the time from the last state in the
+recovered log to the last state that a subscriber in another process received. The exit code is 1
+if a run lost more than 0.3 s, or if a recovered log does not verify.
 
-    python benchmarks/reliability/killed.py --out DIR            20 kills, in five minutes
-    python benchmarks/reliability/killed.py --out DIR --number 3  in less than one
+    python benchmarks/reliability/killed.py --out DIR             20 kills in five minutes
+    python benchmarks/reliability/killed.py --out DIR --number 3  less than a minute
 """
 
 import argparse
@@ -25,12 +25,12 @@ from linkage_ros.log.reader import LogReader
 from linkage_ros.wire.cdr import stamp_of
 
 RATE = 1000.0
-EARLIEST, LATEST = 1.0, 5.0  # s of the run in which it is killed
-PROMISED = 0.3  # s
+EARLIEST, LATEST = 1.0, 5.0  # s from the first state to the kill
+PROMISED = 0.3  # s, longest loss
 
 
 def last_state(path: Path) -> int:
-    """The stamp of the last state in a log, ns."""
+    """Returns the stamp of the last state in a log, ns."""
     with LogReader(path) as log:
         *_, last = log.messages(['/joint_states'])
     return stamp_of(last.data)
@@ -41,11 +41,11 @@ def recovered(path: Path, saved: Path, last: int) -> dict:
 
     Args:
         path: The log.
-        saved: Where the recovered log goes.
+        saved: Path of the recovered log.
         last: Stamp of the last state before the fault, ns.
 
     Returns:
-        Whether it verifies, the output of both commands, and the time that is lost, s.
+        Whether the log verifies, the output of both commands, and the loss, s.
     """
     done = [tool('recover', path, saved), tool('verify', saved)]
     verified = done[1].returncode == 0
@@ -57,7 +57,7 @@ def recovered(path: Path, saved: Path, last: int) -> dict:
 
 
 def kill(folder: Path, seconds: float) -> dict:
-    """A run that is killed some time after its first state, and what is left of it."""
+    """Kills a run some seconds after its first state, and recovers its log."""
     path, heard = folder / 'run.mcap', folder / 'heard.npy'
     with (
         listening(DOMAIN, heard) as listener,
@@ -71,17 +71,17 @@ def kill(folder: Path, seconds: float) -> dict:
 
 
 def survey(
-    name: str, given: argparse.Namespace, spoil,
+    name: str, given: argparse.Namespace, interrupt,
     span: tuple[float, float], promised: float,
 ) -> int:  # fmt: skip
-    """Spoils runs at random moments, prints what each loses, and leaves the figures.
+    """Interrupts runs at random moments, prints the loss of each, and writes the figures.
 
     Args:
         name: Name of the benchmark.
         given: Options: out, seed and number.
-        spoil: Makes a run in a folder that is spoilt after some time, s.
+        interrupt: Runs the node in a folder and interrupts the run after a time, s.
         span: Shortest and longest of these times, s.
-        promised: Longest time that may be lost, s.
+        promised: Longest loss that is promised, s.
 
     Returns:
         The exit code.
@@ -90,7 +90,7 @@ def survey(
     for number in range(1, given.number + 1):
         seconds = rng.uniform(*span)
         with tempfile.TemporaryDirectory() as folder:
-            runs.append(one := spoil(Path(folder), seconds))
+            runs.append(one := interrupt(Path(folder), seconds))
         words = f'{one["lost"]:6.3f} s lost' if one['verified'] else '; '.join(one['said'])
         print(f'{number:3}: after {seconds:5.2f} s: {words}', flush=True)
     lost = sorted(one['lost'] for one in runs if one['verified'])
@@ -103,7 +103,7 @@ def survey(
 
 
 def main() -> int:
-    given = options(__doc__, number=(20, 'runs killed'), seed=(1, 'of the moments'))
+    given = options(__doc__, number=(20, 'kills'), seed=(1, 'seed of the moments'))
     return survey('killed', given, kill, (EARLIEST, LATEST), PROMISED)
 
 

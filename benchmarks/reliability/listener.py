@@ -1,9 +1,10 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A subscriber in a process of its own: leaves stamps and times of arrival of joint_states.
+"""Subscribes to joint states and records stamps and times of arrival.
 
-Usage: python listener.py OUT.npy [TOPIC]; ends at SIGINT. Rows: stamp and arrival, ns on the wall
-clock. Prints 'heard' at the first message, and at each that comes after a silence of a second.
+Usage: python listener.py OUT.npy TOPIC. SIGINT ends the program, which then writes OUT.npy; each
+row holds stamp and time of arrival, ns on the wall clock. It prints 'heard' at the first message
+and at the first one after each pause of more than a second.
 """
 
 import array
@@ -23,8 +24,8 @@ from linkage_ros.wire.cdr import stamp_of
 
 
 def main() -> None:
-    """Listens until SIGINT."""
-    path, topic = sys.argv[1], (sys.argv[2:] or ['joint_states'])[0]
+    """Records messages until SIGINT."""
+    path, topic = sys.argv[1:]
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node('listener')
     times = array.array('q')

@@ -1,12 +1,12 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""How many nodes this machine carries: ever more of them at 100 Hz, until ticks are missed.
+"""Measures how many nodes one machine can run: more and more at 100 Hz, until ticks are missed.
 
-Each is a process in a namespace of its own; all are in one ROS domain. They start together; once
-all are heard, ticks missed, processor time and memory are those of some seconds. A subscriber to
-the first one's states measures how late they come.
+Each node is a process with its own namespace; all are in one ROS domain and start together. Once
+all are discovered, missed ticks, processor time and memory are measured for some seconds. A
+subscriber measures the delay of the states of the first node.
 
-    python benchmarks/reliability/many.py --out DIR    in six minutes, on a machine at rest
+    python benchmarks/reliability/many.py --out DIR    six minutes, on an idle machine
 """
 
 import os
@@ -34,13 +34,14 @@ from harness import (
 
 NUMBERS = (1, 10, 20, 40, 60, 100)
 RATE, SETTLED, PATIENCE = 100.0, 4.0, 90.0
-# A share of missed ticks up to which nodes are carried; another, and MiB in all, where it ends.
-CARRIED, ENOUGH, MEMORY = 1e-3, 0.05, 10_000.0
+# The largest acceptable share of missed ticks; the share, and the total memory, MiB, at which the
+# benchmark ends.
+ACCEPTABLE, ENOUGH, MEMORY = 1e-3, 0.05, 10_000.0
 FIGURES = ('states', 'ticks missed', 'lateness p99, ms', 'lateness max, ms')
 
 
 def listen(health: Diagnostics, seconds: float) -> np.ndarray:
-    """Listens for a while; a row of counts for each node that was heard since it was cleared."""
+    """Waits some seconds; returns the last FIGURES of each node, of shape (nodes, 4)."""
     time.sleep(seconds)
     parts = list(health.parts.values())
     heard = [values for *_, values in parts if 'ticks missed' in values]
@@ -58,12 +59,12 @@ def start(stack: ExitStack, number: int) -> list[Process]:
 
 
 def total(nodes: list[Process]) -> float:
-    """Processor time of those that live, s."""
+    """Returns the processor time of all running nodes, s."""
     return sum(one.computed() for one in nodes if one.alive)
 
 
 def end(nodes: list[Process]) -> int:
-    """Stops all; returns how many of them do not end."""
+    """Stops all nodes; returns the number of those that do not end within 20 s."""
     for one in nodes:
         one.send(signal.SIGINT)
     with suppress(TimeoutError):
@@ -76,10 +77,10 @@ def end(nodes: list[Process]) -> int:
 
 
 def measure(number: int, health: Diagnostics, seconds: float) -> dict:
-    """Figures of some nodes that run together."""
+    """Measures a number of nodes that run together."""
     with ExitStack() as stack, tempfile.TemporaryDirectory() as folder:
         times = Path(folder, 'times.npy')
-        listen(health, 1.0)  # the last words of nodes that ended
+        listen(health, 1.0)  # receives the last messages of the previous nodes
         health.parts.clear()
         begin = time.monotonic()
         nodes = start(stack, number)
@@ -95,7 +96,7 @@ def measure(number: int, health: Diagnostics, seconds: float) -> dict:
         alive = [n for n in nodes if n.alive]
         memory = [n.memory() for n in alive]
         hung = end(nodes)
-        with suppress(subprocess.TimeoutExpired):  # Fast DDS may spin for ever, as in the nodes
+        with suppress(subprocess.TimeoutExpired):  # Fast DDS may hang here, as in the nodes
             listener.end(patience=20.0)
         stamp, arrival = np.load(times).T if times.exists() else np.empty((2, 0))
     late = (arrival - stamp)[arrival > at] * 1e-6
@@ -114,7 +115,7 @@ def measure(number: int, health: Diagnostics, seconds: float) -> dict:
 
 
 def show(one: dict) -> None:
-    """Prints the figures of a number."""
+    """Prints the figures of one number of nodes."""
     late = one['heard_late_ms'] or {'p99': float('nan')}
     print(
         f'{one["nodes"]:3} nodes: {one["found"]} found in '
@@ -128,7 +129,9 @@ def show(one: dict) -> None:
 
 def main() -> None:
     given = options(
-        __doc__, seconds=(8.0, 's for each number of nodes'), most=(max(NUMBERS), 'nodes at most')
+        __doc__,
+        seconds=(8.0, 's for each number of nodes'),
+        most=(max(NUMBERS), 'largest number of nodes'),
     )
     rows, health = [], Diagnostics(DOMAIN)
     for number in (n for n in NUMBERS if n <= given.most):
@@ -136,13 +139,13 @@ def main() -> None:
         show(rows[-1])
         if rows[-1]['missed_share'] > ENOUGH or rows[-1]['mib'] > MEMORY:
             break
-    carried = max((r['nodes'] for r in rows if r['missed_share'] <= CARRIED), default=0)
+    carried = max((r['nodes'] for r in rows if r['missed_share'] <= ACCEPTABLE), default=0)
     figures = {'cores': os.cpu_count(), 'rate_hz': RATE, 'carried': carried}
     finish('many', given.out, {**figures, 'one_domain': rows})
-    print(f'{carried} nodes at {RATE:g} Hz miss no more than {CARRIED:.1%} of their ticks')
+    print(f'{carried} nodes at {RATE:g} Hz miss no more than {ACCEPTABLE:.1%} of their ticks')
 
 
 if __name__ == '__main__':
     main()
     sys.stdout.flush()
-    os._exit(0)  # Fast DDS may hang where a participant ends while others do
+    os._exit(0)  # Fast DDS may hang if participants end at the same time

@@ -1,10 +1,10 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Two hosts on this machine: namespaces of the kernel, joined by a cable that can be cut.
+"""Simulates two hosts by kernel namespaces, connected by a virtual cable that can be cut.
 
-Each has its own network and its own /dev/shm, so that messages cross the cable, as between two
-machines, and no way out: nothing leaves the pair. Root can make them, and elsewhere a user who
-may make user namespaces. They have no names; they go with this process, whatever ends it.
+Each host has its own network and its own /dev/shm, so that messages cross the cable as they do
+between two machines; the hosts have no other connection. They can be made by root, or by a user
+who may make user namespaces. They end with this process, even if it is killed.
 """
 
 import os
@@ -14,27 +14,27 @@ from pathlib import Path
 
 from harness import system, unavailable
 
-# Ends a process with the one that started it.
+# Kills a process when its parent ends.
 _BOUND = ('setpriv', '--pdeathsig', 'KILL')
 _SETUP = 'mount -t tmpfs tmpfs /dev/shm && ip link set lo up && echo made && exec sleep 3600'
 _CABLE = 'cable'
 
 
 class Host:
-    """A host, held by a process that sleeps.
+    """A host: the namespaces of a sleeping process.
 
     Attributes:
         pid: Process ID of that process.
-        address: On the cable.
-        user: Whether it lives in a user namespace.
+        address: IPv4 address on the cable.
+        user: Whether the host is in a user namespace.
     """
 
     def __init__(self, address: str, owner: 'Host | None' = None) -> None:
         """Makes a host.
 
         Args:
-            address: On the cable.
-            owner: A host that was made before, whose user this one shares.
+            address: IPv4 address on the cable.
+            owner: An existing host, whose user namespace the new host shares.
         """
         self.address = address
         self.user = os.geteuid() != 0
@@ -50,13 +50,13 @@ class Host:
             unavailable(said or 'unshare fails')
 
     def enter(self) -> tuple[str, ...]:
-        """Words before a command that make it run on this host, in this very folder."""
+        """Returns the command prefix that runs a command on this host, in the current folder."""
         rights = ('--user', '--preserve-credentials') if self.user else ()
         inside = ('--net', '--mount', f'--wd={Path.cwd()}')
         return ('nsenter', f'--target={self.pid}', *rights, *inside, *_BOUND)
 
     def prefix(self, **variables: str) -> tuple[str, ...]:
-        """Likewise, with variables of the environment."""
+        """Returns the same prefix with environment variables."""
         return (*self.enter(), 'env', *(f'{name}={value}' for name, value in variables.items()))
 
     def run(self, *words: str) -> str:
@@ -64,23 +64,23 @@ class Host:
         return system(*self.enter(), *words)
 
     def plug(self) -> None:
-        """Gives the host's end of the cable its address, and takes it up."""
+        """Gives the host's end of the cable its address, and brings it up."""
         self.run('ip', 'address', 'replace', f'{self.address}/24', 'dev', _CABLE)
         self.run('ip', 'link', 'set', _CABLE, 'up')
 
     def connected(self) -> bool:
-        """Whether the link is up: some time after both ends were plugged in.
+        """Returns whether the link is up, which takes some time after both ends are plugged in.
 
-        DDS uses those links alone that are up when a process begins.
+        DDS uses only the links that are up when a process starts.
         """
         return ' state UP ' in self.run('ip', 'link', 'show', _CABLE)
 
     def unplug(self) -> None:
-        """Cuts the cable: the other host sees that its link is down."""
+        """Cuts the cable; the link of the other host goes down."""
         self.run('ip', 'link', 'set', _CABLE, 'down')
 
     def vanish(self) -> None:
-        """Leaves the network silently: the other host's link stays up, nobody answers."""
+        """Leaves the network silently; the link of the other host stays up."""
         self.run('ip', 'address', 'flush', 'dev', _CABLE)
 
     def received(self) -> int:
@@ -89,7 +89,7 @@ class Host:
         return int(text.partition(f'{_CABLE}:')[2].split()[0])
 
     def close(self) -> None:
-        """Ends the host; what still runs there keeps its network until it ends."""
+        """Ends the host; processes that still run there keep its network until they end."""
         self._holder.kill()
         self._holder.communicate()
 

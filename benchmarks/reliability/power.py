@@ -1,15 +1,15 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a power cut costs: the disk stops at random moments at 1 kHz, with all it was not told.
+"""Measures the loss of a power cut: the disk stops at random moments at 1 kHz.
 
-linkage_node logs to an ext4 file system in a file of its own, which is shut down as file system
-developers do it to try a power cut: at once, without writing what waits in memory. It is mounted
-again, and the log recovered and verified. What is lost is what lies between the last state that
-a subscriber received before the cut and the last one in the recovered log. Exit code 1 if that
-is more than 2 s at any time, or if a log does not verify; 77 if no disk can be made here, which
-takes root.
+linkage_node logs to an ext4 file system in an image file. The file system is shut down with
+EXT4_IOC_SHUTDOWN, with which its developers simulate power cuts: data in memory is not written.
+It is mounted again, and the log is recovered and verified. The loss is the time from the last
+state in the recovered log to the last state that a subscriber received before the cut. The exit
+code is 1 if a run lost more than 2 s, or if a log does not verify, and 77 if the file system
+cannot be made or mounted, which takes root, mkfs.ext4 and a loop device.
 
-    python benchmarks/reliability/power.py --out DIR --number 10     in two minutes
+    python benchmarks/reliability/power.py --out DIR --number 10     two minutes
 """
 
 import fcntl
@@ -25,25 +25,25 @@ from harness import DOMAIN, listening, mounted, node, options, system, wait_for
 from killed import recovered, survey
 
 RATE = 1000.0
-EARLIEST, LATEST = 2.0, 6.0  # s of the run in which the disk stops
-PROMISED = 2.0  # s
-SHUTDOWN, AT_ONCE = 0x8004587D, struct.pack('I', 2)  # EXT4_IOC_SHUTDOWN, without its journal
+EARLIEST, LATEST = 2.0, 6.0  # s from the first state to the cut
+PROMISED = 2.0  # s, longest loss
+SHUTDOWN, NO_FLUSH = 0x8004587D, struct.pack('I', 2)  # EXT4_IOC_SHUTDOWN without the journal
 
 
 def stop_disk(folder: Path) -> None:
-    """Ends all writing to a disk at once; what was not written never will be."""
+    """Shuts a file system down at once; data that is not yet written is lost."""
     number = os.open(folder, os.O_RDONLY)
-    fcntl.ioctl(number, SHUTDOWN, AT_ONCE)
+    fcntl.ioctl(number, SHUTDOWN, NO_FLUSH)
     os.close(number)
 
 
 def cut(folder: Path, seconds: float) -> dict:
-    """A run whose disk stops, and what is left of its log."""
+    """Stops the disk of a run some seconds after its first state, and recovers its log."""
     image, disk, heard = folder / 'image', folder / 'disk', folder / 'heard.npy'
     system('truncate', '-s', '64M', image)
     system('mkfs.ext4', '-q', image)
     with mounted(disk, '-o', 'loop', image), listening(DOMAIN, heard) as listener:
-        os.sync()  # the disk as it would be found: made long ago
+        os.sync()  # so that only the log is unwritten
         with node(DOMAIN, rate_hz=RATE, log=disk / 'run.mcap') as process:
             wait_for(lambda: 'heard' in listener.output)
             time.sleep(seconds)
@@ -58,7 +58,7 @@ def cut(folder: Path, seconds: float) -> dict:
 
 
 def main() -> int:
-    given = options(__doc__, number=(10, 'cuts of the power'), seed=(1, 'of the moments'))
+    given = options(__doc__, number=(10, 'power cuts'), seed=(1, 'seed of the moments'))
     return survey('power', given, cut, (EARLIEST, LATEST), PROMISED)
 
 

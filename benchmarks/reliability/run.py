@@ -1,12 +1,12 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""All of it, one after another, and a line for each; the figures together in one file.
+"""Runs all reliability benchmarks, one after another.
 
-    python benchmarks/reliability/run.py --out DIR          two hours and a quarter, as root
-    python benchmarks/reliability/run.py soak many          these alone
+    python benchmarks/reliability/run.py --out DIR          all: 2.25 hours, as root
+    python benchmarks/reliability/run.py soak many          only these two
 
-Each leaves DIR/NAME.json; DIR/reliability.json holds what is there of all of them. The exit code
-is 1 where a promise does not hold; what cannot be tried here is named.
+Each benchmark writes DIR/NAME.json; DIR/reliability.json contains the figures of all of them. The
+exit code is 1 if a promise is broken. Benchmarks that cannot run on this machine are listed.
 """
 
 import argparse
@@ -20,7 +20,7 @@ from pathlib import Path
 from harness import NOT_HERE
 
 HERE = Path(__file__).parent
-# In this order: what asks for a quiet machine first.
+# The benchmarks that need an idle machine come first.
 SCRIPTS = {
     name: HERE / f'{name}.py'
     for name in ('many', 'killed', 'power', 'disk', 'hosts', 'soak', 'fuzz')
@@ -28,20 +28,20 @@ SCRIPTS = {
 
 
 def gather(folder: Path) -> None:
-    """Puts the figures of all into one file."""
+    """Collects the figures of all benchmarks in one file."""
     found = {name: folder / f'{name}.json' for name in SCRIPTS}
     figures = {name: json.loads(path.read_text()) for name, path in found.items() if path.exists()}
     text = json.dumps(figures, indent=1)
-    folders = re.escape(tempfile.gettempdir()) + r'/tmp\w+/?'  # they say nothing to anybody
+    folders = re.escape(tempfile.gettempdir()) + r'/tmp\w+/?'  # temporary folders
     (folder / 'reliability.json').write_text(re.sub(folders, '', text) + '\n')
 
 
 def main() -> int:
-    """Runs them."""
+    """Runs the benchmarks that were asked for."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('names', nargs='*', metavar='NAME', help=', '.join(SCRIPTS))
     parser.add_argument(
-        '--out', type=Path, default=Path('reliability'), metavar='DIR', help='for figures'
+        '--out', type=Path, default=Path('reliability'), metavar='DIR', help='folder for figures'
     )
     options = parser.parse_args()
     if unknown := set(options.names) - set(SCRIPTS):
@@ -53,11 +53,11 @@ def main() -> int:
         codes[name] = subprocess.run(command, check=False).returncode
         gather(options.out)
     if left_out := [name for name, code in codes.items() if code == NOT_HERE]:
-        print(f'cannot be tried here: {", ".join(left_out)}')
+        print(f'cannot run on this machine: {", ".join(left_out)}')
     if broken := [name for name, code in codes.items() if code not in (0, NOT_HERE)]:
-        print(f'a promise does not hold: {", ".join(broken)}')
+        print(f'broken promises in: {", ".join(broken)}')
         return 1
-    print('every promise that was tried holds')
+    print('every promise that was tested is kept')
     return 0
 
 

@@ -1,14 +1,14 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""linkage_node for 20 minutes at 1 kHz, with log, viewer and ever other crank speeds.
+"""Runs linkage_node for 20 minutes at 1 kHz, with log, viewer and changing crank speeds.
 
     python benchmarks/reliability/soak.py --out DIR [--minutes 20]
 
-The viewer is Rerun's server as a process of its own, so that the memory counted is the node's. A
-subscriber in a process of its own hears it; the crank speed is set anew every 10 s. Then every
-message is accounted for, the log verifies, and states from the first and the last second are
-compared with the test suite's 50 digits at the exact crank angle. Leaves
-DIR/soak.json; exit code 1 where a promise does not hold.
+The server of Rerun runs as another process, so that its memory is not counted. A subscriber runs
+in a third process; the crank speed is changed every 10 s. Afterwards published, logged and
+received messages are counted, the log is verified, and states of the first and the last second
+are compared with the 50-digit reference of the test suite at the exact crank angle. The exit code
+is 1 if a promise is broken.
 """
 
 import os
@@ -35,19 +35,19 @@ from linkage_ros.verification.verify import verify
 from linkage_ros.view.viewer_process import find_viewer, free_address
 from linkage_ros.wire.cdr import stamp_of
 
-# The test suite's reference.
+# The reference is in a module of the test suite.
 sys.path.append(str(Path(__file__).resolve().parents[2] / 'test'))
 
 from oracle import Oracle
 
 RATE = 1000.0
-EVERY = 10.0  # s between samples of the memory, and between speeds
-GROWTH = 8.0  # MiB allowed after the first minute
-ULPS = 4.0  # of 1 rad
+EVERY = 10.0  # s between changes of the speed, and between samples of the memory
+GROWTH = 8.0  # MiB, largest growth of memory after the first minute
+ULPS = 4.0  # largest error, in units in the last place of 1 rad
 
 
 class Speeds:
-    """Sets rpm from outside, as `ros2 param set` does."""
+    """Sets rpm as `ros2 param set` does."""
 
     def __init__(self) -> None:
         rclpy.init()
@@ -56,7 +56,7 @@ class Speeds:
         self._random = random.Random(1)
 
     def change(self) -> None:
-        """Sets another speed."""
+        """Sets a random speed."""
         assert self._client.wait_for_services(30.0)
         rpm = self._random.uniform(-600.0, 600.0)
         future = self._client.set_parameters([Parameter('rpm', value=rpm)])
@@ -65,9 +65,9 @@ class Speeds:
 
 
 def watch(process: Process, speeds: Speeds, minutes: float) -> list[tuple[float, float]]:
-    """Changes the speed until the time is over; returns seconds and the memory then, MiB."""
+    """Changes the speed for some minutes; returns times, s, and memory at these times, MiB."""
     begin, samples = time.monotonic(), []
-    wait_for(lambda: process.lines or not process.alive)  # it says what it is
+    wait_for(lambda: process.lines or not process.alive)  # its first line
     assert process.alive, process.output
     while (passed := time.monotonic() - begin) < 60 * minutes:
         speeds.change()
@@ -80,7 +80,7 @@ def watch(process: Process, speeds: Speeds, minutes: float) -> list[tuple[float,
 
 @contextmanager
 def server():
-    """Rerun's server without a window; yields its URL."""
+    """Runs the server of Rerun without a window; yields its URL."""
     _, port = free_address('127.0.0.1')
     words = ['--serve-grpc', '--bind', '127.0.0.1', '--port', str(port)]
     process = subprocess.Popen(
@@ -95,7 +95,7 @@ def server():
 
 
 def errors(log: LogReader, simulator: Simulator, stamps: set[int]) -> dict[int, float]:
-    """How far the rocker's logged angle is from the exact one at some stamps, rad."""
+    """Returns the error of the rocker's logged angle at some stamps, rad."""
     mp.dps = 50
     oracle = Oracle(simulator.configuration.mechanism)
     found = {}
@@ -114,7 +114,7 @@ def errors(log: LogReader, simulator: Simulator, stamps: set[int]) -> dict[int, 
 
 
 def account(path: Path, heard: Path, output: str) -> dict:
-    """Counts what was published, logged and heard, and checks the log."""
+    """Counts published, logged and received messages, and checks the log."""
     published, missed = map(int, re.findall(r'(\d+) states, (\d+) ticks? missed', output)[0])
     with LogReader(path) as log:
         report = verify(log)
@@ -139,7 +139,7 @@ def account(path: Path, heard: Path, output: str) -> dict:
 
 
 def promises(figures: dict) -> dict[str, bool]:
-    """Whether each promise is kept."""
+    """Returns whether each promise is kept."""
     return {
         'every tick is a state or counted as missed': figures['ticks']
         == figures['published'] + figures['missed'],
@@ -147,14 +147,15 @@ def promises(figures: dict) -> dict[str, bool]:
         'what was heard is in the log': figures['heard_of_the_logged'] == figures['heard'],
         'the log verifies': not figures['difference'],
         'the last state is as exact as the first': figures['last_second_worst_ulp'] < ULPS,
-        f'at most {GROWTH:g} MiB more after the first minute': figures['growth_MiB'] <= GROWTH,
-        'no state was left out of the view': figures['left_out'] == 0,
+        f'memory grows by at most {GROWTH:g} MiB after the first minute': figures['growth_MiB']
+        <= GROWTH,
+        'no state was dropped by the viewer': figures['left_out'] == 0,
     }
 
 
 def main() -> int:
-    """Prints the figures."""
-    given = options(__doc__, minutes=(20.0, 'of the run'))
+    """Runs the benchmark and prints its figures."""
+    given = options(__doc__, minutes=(20.0, 'minutes of the run'))
     os.environ.update(environment(DOMAIN))
     with tempfile.TemporaryDirectory() as folder:
         log, heard = Path(folder, 'run.mcap'), Path(folder, 'heard.npy')

@@ -1,9 +1,9 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The usual way: an rclpy timer that makes a JointState, as linkage_node's is, and publishes it.
+"""Publishes the joint states of linkage_node from an rclpy timer, for comparison.
 
-Usage: python timer_node.py HZ [WORDS]; ends at SIGINT with its lateness, us: p50, p99, max. With
-'events' in the words it spins rclpy's EventsExecutor instead of the default one.
+Usage: python timer_node.py HZ NAME. At SIGINT it prints its lateness, us: p50, p99, max. If NAME
+contains 'events', the EventsExecutor of rclpy runs the timer instead of the default executor.
 """
 
 import sys
@@ -32,7 +32,7 @@ def main() -> None:
 
     def tick() -> None:
         stamp = node.get_clock().now()
-        # rclpy drops what it missed: a call is due at the last multiple of the period.
+        # rclpy skips missed calls: each call is due at the last multiple of the period.
         late.append(round((stamp.nanoseconds - origin) % (period * 1e9)))
         (q,), (u,), (a,), crank, _ = motion.at(stamp.nanoseconds)
         state = simulator.solver.state(q, u, a)
@@ -50,7 +50,7 @@ def main() -> None:
     executor = EventsExecutor() if 'events' in sys.argv[-1] else SingleThreadedExecutor()
     executor.add_node(node)
     with suppress(KeyboardInterrupt):
-        while True:  # spin() of an EventsExecutor calls no timer
+        while True:  # spin() of the EventsExecutor does not call timers
             executor.spin_once(timeout_sec=0.1)
     print(*(np.quantile(late, (0.5, 0.99, 1.0)) * 1e-3).round(1))
 
