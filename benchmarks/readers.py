@@ -75,12 +75,12 @@ def main():
         except (OSError, subprocess.CalledProcessError) as error:
             print(f'not run: this needs Node.js 20 with npm, and the packages: {error}')
             return 2
-        from test_foreign_readers import live, recorded
+        from test_foreign_readers import recorded, written_live
 
         faults = 0
         for name in (*preset_names(), 'live'):
             (folder / name).mkdir()
-            log = live(folder / name) if name == 'live' else recorded(name, folder / name)
+            log = written_live(folder / name) if name == 'live' else recorded(name, folder / name)
             faults += check(folder, log)
     print(f'{faults} FAULTS' if faults else 'all equal')
     return 1 if faults else 0
