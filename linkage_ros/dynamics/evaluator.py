@@ -132,8 +132,8 @@ class Evaluator:
             by_math: See `run`.
 
         Returns:
-            The last iteration. In arrays, states that are solved stay unchanged, so that the
-            results are bit-identical to those of single states.
+            The last iteration. In arrays, solved states stay unchanged, so that the results are
+            bit-identical to those of single states.
 
         Raises:
             UnreachableError: Friction locks the mechanism.

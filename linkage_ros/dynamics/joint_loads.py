@@ -23,8 +23,8 @@ from linkage_ros.model.kinematics import LinkPose, State
 from linkage_ros.model.loads import Contact
 from linkage_ros.numeric import Real
 
-_CHANGE = 1e-12  # of the largest force: forces that change by less in a round are solved
-_ROUNDING = 1e-6  # the same limit, if rounding errors keep the change from shrinking
+_CHANGE = 1e-12  # relative to the largest force; forces that change by less in a round are solved
+_ROUNDING = 1e-6  # the same limit, used if rounding errors keep the change from shrinking
 _SINGULAR = 1e-12  # a determinant below this has no correct digits
 _STEP = 1e-9  # smallest step of the coefficients, as a fraction of their full values
 
@@ -58,7 +58,7 @@ class Search(NamedTuple):
         solved: Largest fraction for which the forces are solved.
         change: Largest change in the last round, N; inf before the first round of a fraction.
         sizes: Latest magnitudes of the forces in the joints that cause loads, N.
-        known: These magnitudes at the fraction `solved`, N.
+        known: The magnitudes of these forces at the fraction `solved`, N.
     """
 
     share: Any
@@ -73,8 +73,8 @@ class Round(NamedTuple):
 
     Attributes:
         state: The state under the loads that the previous forces cause.
-        reactions: Forces under these loads: the fields of `Reactions`, in its order.
-        load: These loads.
+        reactions: Forces under these loads, as the fields of `Reactions` in order.
+        load: The loads that the previous forces cause.
         search: Input of the next round; unchanged where the forces are solved.
         left: 0 if the forces are solved, 1 if more rounds are needed, -1 if friction locks the
             mechanism.

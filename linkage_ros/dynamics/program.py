@@ -216,7 +216,7 @@ def _compile(tape: Tape, arrays: frozenset[str], head: tuple[str, ...], *, by_ma
     run = space[program[len('def ') : program.index('(')]]
 
     def bound(numbers: Iterable[Any], **others: Any) -> Callable[..., Any]:
-        """Replaces strings in a program by numbers: constants are faster than variables."""
+        """Replaces strings in a program by numbers; constants are faster than variables."""
         values = space['bind'](*numbers)
         constants = transformed(lambda x: values.get(x, x), run.__code__.co_consts)
         code = run.__code__.replace(co_consts=constants)
@@ -314,7 +314,7 @@ class Program:
         return transformed(formulas.number, result)
 
     def designs(self, *values: Real, by_math: bool = False) -> Any:
-        """Runs the program for many designs and angles at once: constants may be arrays as well.
+        """Runs the program for many designs and angles at once; constants may also be arrays.
 
         Args:
             *values: Floats, and arrays that broadcast with the arrays among the constants.
@@ -338,7 +338,7 @@ class Program:
                 the bits of the scalar program; NumPy's functions are faster.
 
         Returns:
-            The result, with arrays.
+            The result, in which arrays take the place of floats.
         """
         shape = np.broadcast_shapes(*map(np.shape, values))
         rows: list[Real] = [np.broadcast_to(x, shape).ravel() if np.ndim(x) else x for x in values]

@@ -189,7 +189,7 @@ class Solver(Evaluator):
             by_math: See `state`.
 
         Returns:
-            The state; its torque is the given one.
+            The state, with the given torque.
 
         Raises:
             LinkageError: As for `accelerations`.
@@ -205,7 +205,7 @@ class Solver(Evaluator):
 
         Returns:
             A function whose parameters are the coordinates and then their rates, all floats. It
-            does not check their types; its errors are those of `accelerations`.
+            does not check their types, and raises the errors of `accelerations`.
         """
         arguments = self.names['q'], self.names['u']
         constants = Constants((self.model, Opaque(torque)))

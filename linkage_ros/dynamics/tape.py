@@ -27,7 +27,7 @@ OPERATORS = {
 COMPARISONS = '>', '>=', '<', '<='
 # x * 1, x / 1, x - 0.0 and x + -0.0 are x for every double, signed zeros included.
 _NEUTRAL = {'*': '1.0', '/': '1.0', '-': '0.0', '+': '-0.0'}
-# For each operation, how many of its first operands must be finite for a finite result.
+# For each operation, the number of leading operands that must be finite for a finite result.
 _PASSED_ON = {'+': 2, '-': 2, '*': 2, '/': 1, 'neg': 1, 'abs': 1}
 # Files whose local variables do not become names in the program.
 _UNNAMED = __file__, formulas.__file__, numeric.__file__
@@ -43,7 +43,7 @@ class Recorder:
         self.tape, self.line = tape, line
 
     def binary(self, sign: str, a: Real, b: Real) -> Real:
-        """Records an operation between two values; leaves it to ZERO if one of them is ZERO."""
+        """Records an operation on two values; if one of them is ZERO, ZERO handles it instead."""
         if a is ZERO or b is ZERO:
             return NotImplemented
         return self.tape.record(sign, a, b)
@@ -85,7 +85,7 @@ class Line(NamedTuple):
 
 
 class Tape:
-    """The operations of one formula, each once, in the formula's order.
+    """The operations of one formula, each recorded once, in the order of the formula.
 
     Attributes:
         title: Name of the formula.

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reads MCAP files that may be incomplete, damaged or forged.
 
-The mcap library trusts the lengths in a file and unpacks any chunk. Here the size of a record is
-limited, and the library parses it within these bounds. Damage may raise any exception.
+The mcap package trusts the lengths in a file and unpacks any chunk. This module limits the size of
+a record, and lets the mcap package parse only these bytes. Damage may raise any exception.
 """
 
 import os
@@ -25,7 +25,8 @@ from mcap.writer import MCAP0_MAGIC
 from linkage_ros.errors import LogError
 from linkage_ros.files import open_file
 
-# Limits of a record and of an unpacked chunk, bytes. Our chunks have 1 MiB, other tools' a few.
+# Limit of a record and of an unpacked chunk, bytes. Chunks of this package have 1 MiB, those of
+# other tools a few MiB.
 LARGEST = 1 << 24
 HEAD = struct.Struct('<BQ')  # opcode and length of a record
 # Opcode and length of the footer, starts of the summary and of its offsets, checksum, magic.
@@ -105,8 +106,8 @@ class McapFile:
         """Adds to the cost of the pass.
 
         Args:
-            size: Bytes that were unpacked.
-            count: Messages among them that were read.
+            size: Number of unpacked bytes.
+            count: Number of messages read from these bytes.
 
         Raises:
             LogError: The cost exceeds the limit for the size of the file.
@@ -128,11 +129,11 @@ class McapFile:
         """Reads a record of the data section.
 
         Args:
-            at: Its first byte.
+            at: First byte of the record.
 
         Returns:
-            The opcode; the unpacked records of a chunk, None for a message index, or another
-            record as the library parses it; and the end of the record.
+            The opcode; the content; and the end of the record. The content is the unpacked records
+            of a chunk, None for a message index, or any other record parsed by the mcap package.
 
         Raises:
             LogError: The record is too large.
@@ -193,7 +194,7 @@ class McapFile:
             The first byte of each record, and the first byte after it.
 
         Raises:
-            ValueError: A length is wrong, or a record is of a kind that chunks do not contain.
+            ValueError: A length is wrong, or the chunk contains a kind of record that it must not.
             LogError: There are more records than the file may contain.
         """
         while at < len(data):
@@ -208,7 +209,7 @@ class McapFile:
         """Reads the records of the summary section, by type; None if there is none.
 
         Raises:
-            ValueError: The section is damaged; other exceptions are possible too.
+            ValueError: The section is damaged. Damage may raise other exceptions, too.
         """
         end = self.size - _FOOTER.size
         opcode, _, at, _, checksum, magic = _FOOTER.unpack(self._read(end, _FOOTER.size))
@@ -225,10 +226,10 @@ class McapFile:
 
 
 def parsed(opcode: int, body: bytes) -> Any:
-    """Parses a record with the mcap library, within the bounds of its body.
+    """Parses a record with the mcap package, within the bounds of its body.
 
     Raises:
-        ValueError: The record reaches beyond its body; other exceptions are possible too.
+        ValueError: The record extends beyond its body. Damage may raise other exceptions, too.
     """
     stream = ReadDataStream(BytesIO(body))
     record: records.McapRecord = _KINDS[opcode].read(stream)
@@ -249,8 +250,8 @@ def unpack(chunk: records.Chunk) -> bytes:
         The records.
 
     Raises:
-        LogError: They are too large, or not compressed by zstd.
-        ValueError: Their size or checksum is wrong.
+        LogError: The records are too large, or not compressed by zstd.
+        ValueError: The size or the checksum of the records is wrong.
     """
     size, data = chunk.uncompressed_size, chunk.data
     _check_size(size)

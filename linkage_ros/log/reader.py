@@ -28,7 +28,8 @@ from linkage_ros.wire.rows import MESSAGE_HEAD, RowLayout, message_record
 from linkage_ros.wire.topics import MEASURED_JOINT_STATES, Topic
 
 # Limit of the messages that are buffered because chunks overlap in time, and overhead of a message
-# in Python, bytes. The log of a simulator that was reset a hundred times needs a third of it.
+# in Python, bytes. The log of a simulator that was reset a hundred times needs a third of the
+# limit.
 _MOST_WAITING, _OVERHEAD = 1 << 29, 500
 
 
@@ -171,7 +172,7 @@ class LogReader(AbstractContextManager['LogReader']):
             if first < times.stop and last >= times.start
             and not channels.isdisjoint(held or channels)
         )  # fmt: skip
-        # Messages that those of the next chunk may precede, by time, chunk and place in the chunk.
+        # Messages that messages of the next chunk may precede, by time, chunk and place in it.
         queue, waiting = list[tuple[int, int, int, LoggedMessage]](), 0
         with self._opened() as file:
             for (_, place), (due, _) in pairwise([*chunks, (TIME_END, 0)]):
@@ -197,8 +198,8 @@ class LogReader(AbstractContextManager['LogReader']):
             other: Called with the messages of other channels.
 
         Yields:
-            Their records, without sequence numbers: whole rows, or a message that is not part of
-            a whole row.
+            Records without sequence numbers: whole rows, or a message that is not part of a whole
+            row.
 
         Raises:
             LogError: The file is damaged.
@@ -232,7 +233,7 @@ class LogReader(AbstractContextManager['LogReader']):
         """Parses a message record of a chunk.
 
         Raises:
-            KeyError: Its channel is unknown.
+            KeyError: The channel of the message is unknown.
         """
         _, _, channel, _, time, published = MESSAGE_HEAD.unpack_from(data, start)
         body = data[start + MESSAGE_HEAD.size : end]
@@ -240,7 +241,7 @@ class LogReader(AbstractContextManager['LogReader']):
 
     @contextmanager
     def _opened(self) -> Iterator[McapFile]:
-        """Opens the file for one pass; turns any parser error into one line that names it.
+        """Opens the file for one pass; turns any parser error into one line that names the file.
 
         Raises:
             LogError: The file is damaged, or not a log of this package.
@@ -275,8 +276,8 @@ def _topic(channel: Channel, schemas: dict[int, Schema], statistics: Statistics)
 def paired(log: LogReader, topics: Iterable[Topic]) -> dict[Topic, LoggedTopic]:
     """Finds the channels of a log that carry given topics, even if they were renamed.
 
-    If several channels have the same type, those with an unchanged name are matched first, then
-    the others in the order of their declaration, which is that of the topics.
+    If several channels have the same type, channels with an unchanged name are matched first, then
+    the other channels in the order of their declaration, which is the order of the topics.
 
     Args:
         log: The log.

@@ -33,9 +33,9 @@ class Recovered(NamedTuple):
 
     Attributes:
         messages: Number of messages recovered.
-        duration: Time from the first to the last of them, s.
+        duration: Time from the first to the last recovered message, s.
         places: Number of damaged stretches, including an incomplete end.
-        damaged: Number of bytes in them.
+        damaged: Number of bytes in the damaged stretches.
         unknown: Number of messages lost because their topics are unknown.
     """
 
@@ -53,16 +53,16 @@ def recover(
     overwrite: bool = False,
     progress: Callable[[int], object] = lambda _: None,
 ) -> Recovered:
-    """Copies all that can be read of a log: messages, topics, configuration and motions.
+    """Copies the readable part of a log: messages, topics, configuration and motions.
 
     Args:
         source: The log; it is not changed.
-        target: The new log; it appears, or replaces an older one, when it is complete.
+        target: The new log; the file appears, or replaces an older file, when it is complete.
         overwrite: Whether to replace an existing log.
         progress: Called with the number of bytes that were read since the last call.
 
     Returns:
-        What was recovered and what was lost.
+        The outcome: what was recovered, and what was lost.
 
     Raises:
         LogError: The source is not a log of this package or unpacks to too much, or the target
@@ -136,7 +136,7 @@ class _Copy:
         """Copies the content of a part of the file.
 
         Raises:
-            LogError: The part is damaged; other exceptions are possible too.
+            LogError: The part is damaged. Damage may raise other exceptions, too.
             ValueError: The name of a record is damaged.
         """
         library = self._new.library

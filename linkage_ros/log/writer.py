@@ -63,11 +63,12 @@ def _qos(topic: Topic) -> str:
 class LogWriter(AbstractContextManager['LogWriter']):
     """Writes one log; not thread-safe.
 
-    The library has no public function to add packed records.
+    The mcap package has no public function to add packed records, so this class adds them to the
+    package's writer itself.
 
     Attributes:
         file: The file.
-        library: The library's writer.
+        library: The writer of the mcap package.
         statistics: Counts and times so far.
         channels: Channels so far, by number.
     """
@@ -121,7 +122,7 @@ class LogWriter(AbstractContextManager['LogWriter']):
         return self.library.register_channel(name, 'cdr', schemas[interface.name], metadata)
 
     def add_states(self, layout: RowLayout, topics: Iterable[tuple[Topic, str]]) -> None:
-        """Declares the channels of rows; they are the first channels of a log.
+        """Declares the channels of rows, which must be the first channels of a log.
 
         Args:
             layout: Layout of the rows.
@@ -208,7 +209,7 @@ class LogWriter(AbstractContextManager['LogWriter']):
         """Appends items, and flushes them.
 
         Args:
-            items: Each is a row, the arguments of `write`, or a segment of motion.
+            items: Rows, tuples of arguments of `write`, or segments of motion.
         """
         # Adjacent rows are written together, which takes far less time.
         for is_rows, group in groupby(items, lambda item: isinstance(item, bytes)):
@@ -223,10 +224,10 @@ class LogWriter(AbstractContextManager['LogWriter']):
         self.flush()
 
     def flush(self) -> None:
-        """Passes all messages to the operating system; a killed run loses only later ones.
+        """Passes all messages to the operating system; if the run is killed, they are not lost.
 
         Raises:
-            LogError: The file cannot be written, was removed or truncated; the log ends.
+            LogError: The file cannot be written, or was removed or truncated; the log ends.
         """
         self.library.flush()
 
@@ -234,7 +235,7 @@ class LogWriter(AbstractContextManager['LogWriter']):
         """Completes the file.
 
         Raises:
-            LogError: The file cannot be written, was removed or truncated.
+            LogError: The file cannot be written, or was removed or truncated.
         """
         if self.file.stream.closed:
             return

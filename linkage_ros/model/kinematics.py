@@ -95,8 +95,8 @@ class Reach(NamedTuple):
         limits: Reasons why the crank cannot turn fully; empty if it can.
         cures: Changes, each of which would let the crank turn fully; empty if it already does.
         equalities: Descriptions of sums of lengths that count as 0 but are not 0 in binary.
-        fast: Crank angle, rad, near which motion may be fast; the same holds half a turn away.
-        width: Half-width of these regions, rad; inf: motion is not fast anywhere.
+        fast: A crank angle, rad, near which motion may be fast, as it may be half a turn away.
+        width: Half-width of these two regions, rad; inf: motion is not fast anywhere.
     """
 
     grashof: str

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A load curve, measured or assumed: force or torque over the crank angle or a position."""
+"""A load curve, measured or assumed: force or torque as a function of an angle or position."""
 
 import bisect
 import csv
@@ -40,8 +40,8 @@ class LoadCurve(AppliedLoad):
         at: Crank angles or positions of the points, in increasing order, rad or m.
         value: Load on the link at these points: N m, counter-clockwise; on a slider, N along the
             guide.
-        return_value: Load on the link while its rate is negative, only over 'position'; None: the
-            same as `value`.
+        return_value: Load on the link while its rate is negative; None: the same as `value`. Only
+            with `over` = 'position'.
         file: A CSV file with columns at, value and optionally return_value. It is read on
             creation; the name is not kept.
     """

@@ -20,13 +20,13 @@ class RigidLink(NamedTuple):
     """A moving link for simulators: with mass, inertia, and a box as its shape.
 
     Attributes:
-        joint: Joint that moves it.
+        joint: Joint that moves the link.
         name: Name of the joint.
         mass: kg, more than 0.
         inertia: About its centre of mass, kg m^2, more than 0.
         center: Centre of mass in the link's axes, m.
-        note: Which of mass and inertia are 0 in the parameters; empty: neither.
-        box: Length, width and height of its shape, m.
+        note: States which of mass and inertia are 0 in the parameters; empty: neither is.
+        box: Length, width and height of the link's shape, m.
         place: Centre of the shape in the link's axes, m.
         color: Red, green, blue and opacity, from 0 to 1.
     """
@@ -45,16 +45,16 @@ class RigidLink(NamedTuple):
 def rigid_links(mechanism: Mechanism, joint_prefix: str = '') -> list[RigidLink]:
     """The moving links of a mechanism, in the order of its joints.
 
-    Each link's x axis points from its first to its second pin, a slider's along its guide. Bars
-    are boxes with a width of a twentieth of the shortest link, one above the other so that they
-    do not intersect.
+    The x axis of a link points from its first to its second pin; the x axis of a slider points
+    along its guide. Bars are boxes with a width of a twentieth of the shortest link, one above the
+    other so that they do not intersect.
 
     Args:
         mechanism: The mechanism.
         joint_prefix: Prepended to all joint names.
 
     Returns:
-        The links; a mass or inertia of 0 is replaced by a small one.
+        The links; a mass or inertia of 0 is replaced by a small value.
     """
     joints = mechanism.structure().links
     bodies: list[Any] = [getattr(mechanism, joint.name) for joint in joints]

@@ -217,8 +217,8 @@ class Mechanism(Checked):
 
     Attributes:
         coordinates: Names of the links whose positions determine all others.
-        other_coordinates: Names of the links whose positions do so where the `coordinates` are
-            singular, at a dead centre or a stretched dyad; empty: no such links.
+        other_coordinates: Names of the links whose positions determine all others where the
+            `coordinates` are singular, at a dead centre or a stretched dyad; empty: no such links.
         crank: The link that the drive turns.
         assembly: How the loop is closed.
         gravity: Acceleration of gravity [x, y], m/s^2.

@@ -36,7 +36,7 @@ class Square(NamedTuple):
         most: Its largest value, 1 - q or 1 - p, without the rounding error of this difference.
         limits: Whether it is negative at some crank angles, which are unreachable.
         from_most: Whether to compute it as `most` minus the square of the other product, because
-            this loses fewer digits.
+            this computation loses fewer digits.
     """
 
     least: Real
@@ -56,7 +56,7 @@ class Square(NamedTuple):
 
         Args:
             x: kappa cos h, or kappa sin h.
-            other: The other of these two products.
+            other: The other one of the products kappa cos h and kappa sin h.
             refuse: Function that rejects a crank angle.
             crank: Crank angle, rad.
 

@@ -193,8 +193,8 @@ class ByCoupler(WindPumpLoop):
 class WindPump(Mechanism):
     """A wind pump: crank A0-A, coupler A-B, rod B-D, slider D on the x axis.
 
-    It has two degrees of freedom, the crank angle and the slider's position; they depend on each
-    other through the equations of motion alone.
+    It has two degrees of freedom, the crank angle and the slider's position. Only the equations of
+    motion, not the loop equation, relate them to each other.
 
     Attributes:
         coordinates: The crank's angle and the slider's position.

@@ -16,15 +16,16 @@ from linkage_ros.numeric import Array, Real
 class Coordinates(NamedTuple):
     """Coordinates, rates and accelerations, each in the order of `Solver.coordinates`.
 
-    Floats, or arrays for many moments.
+    The values are floats, or arrays for many moments.
 
     Attributes:
-        q: Crank angle, less than two turns, rad: a state repeats after at most two turns. For a
+        q: Crank angle, rad, reduced to within two turns, after which every state repeats. For a
             wind pump also the slider's position, m.
-        u: Their rates, rad/s and m/s.
-        a: Their accelerations, rad/s^2 and m/s^2.
+        u: Rates of the coordinates, rad/s and m/s.
+        a: Accelerations of the coordinates, rad/s^2 and m/s^2.
         unwrapped: The whole crank angle, correctly rounded, rad.
-        state: The state, if the coordinates do not determine it (in another assembly); else None.
+        state: The state, if the coordinates do not determine it (in another assembly); None: they
+            do.
     """
 
     q: tuple[Real, ...]

@@ -6,14 +6,14 @@ The filter tracks a signal m with a value x and a rate v; both poles are at -w =
 
     x' = v + 2 w (m - x)        v' = w^2 (m - x)
 
-It tracks a constant rate without error; if the rate changes steadily, v' equals that change. With
-e = m - x and d = m' - v the filter is e' = d - 2 w e, d' = -w^2 e. Between two measurements
-m' = s is assumed constant, so
+The filter tracks a constant rate without error; if the rate changes steadily, v' equals the rate
+of change. With e = m - x and d = m' - v the filter is e' = d - 2 w e, d' = -w^2 e. Between two
+measurements, m' is assumed to be constant, so
 
     e(t) = [e + (d - w e) t] exp(-w t)        d(t) = [d + w (d - w e) t] exp(-w t)
 
-exactly, for any time t. Of the crank's angle v is the speed and w^2 e the
-acceleration. Where the sensor gives the speed, the filter follows that, and v is the acceleration.
+exactly, for any time t. If m is the crank angle, v is the speed and w^2 e the acceleration. If the
+sensor measures the speed, m is the speed, and v is the acceleration.
 """
 
 from __future__ import annotations
@@ -57,8 +57,8 @@ class Tracked(NamedTuple):
 
     Attributes:
         value: Last measured value of the signal.
-        error: Its difference from the filter's value.
-        rate: The filter's rate.
+        error: Difference of the last measured value from the filter's value.
+        rate: Rate of the filter.
     """
 
     value: float
@@ -70,7 +70,7 @@ class Tracked(NamedTuple):
 
         Args:
             value: The new measurement.
-            time: Time since the last one, s.
+            time: Time since the last measurement, s.
             w: 2 pi times the bandwidth, rad/s.
 
         Returns:
@@ -94,7 +94,7 @@ class FollowMotion:
         """Starts without a measurement.
 
         Args:
-            drive: The settings.
+            drive: Settings of the filter.
         """
         self.left_out: Counter[str] = Counter()
         self._w = 2 * math.pi * drive.follow_bandwidth
@@ -103,13 +103,13 @@ class FollowMotion:
         self._angle = self._speed = Tracked(0.0, 0.0, 0.0)
 
     def at(self, measured: Measurement) -> Coordinates | None:
-        """Takes a measurement.
+        """Updates the motion with a measurement.
 
         Args:
-            measured: A measurement, in the order of arrival.
+            measured: A measurement; the calls must be in the order of arrival.
 
         Returns:
-            The crank at its stamp; None: the measurement was rejected and counted.
+            The crank at the stamp of the measurement; None: it was rejected and counted.
         """
         stamp, position, velocity = measured
         values = (position,) if velocity is None else (position, velocity)

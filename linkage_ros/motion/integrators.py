@@ -14,8 +14,9 @@ and the wind pump at 3 rad/s under motor lines of several dampings:
     wind pump 4e5        2e4         0.4        0.1        1.2      0.09
     wind pump 1e7        5e5         11         0.08       20       0.07
 
-Implicit steps at 1e-11 leave an error of 2e-7 N m in the quadrilateral's torque at 1e5 N m s,
-SciPy's Radau at 1e-12 one of 2e-5 N m at the same cost, its LSODA 2e-6 N m at a sixth of it.
+At 1e5 N m s, implicit steps at 1e-11 leave an error of 2e-7 N m in the quadrilateral's torque.
+SciPy's Radau at 1e-12 leaves an error of 2e-5 N m at the same cost, and SciPy's LSODA one of 2e-6
+N m at a sixth of this cost.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from linkage_ros.motion.fixed_step_integrator import FixedSteps, Steps, Values
 from linkage_ros.motion.stiff_integrator import StiffSteps
 
 _STIFF = 2e3  # rate of settling, 1/s, above which implicit steps cost less than explicit ones
-_MOST_STEPS, _TRIED = 50, 100  # steps in each ms, of 12 us; ms of the motion to try
+_MOST_STEPS, _TRIED = 50, 100  # steps of 12 us of work in each ms; ms of the motion to try
 _RECORD: dict[str, Any] = {'tolerance': 1e-11, 'trials': 10_000}  # tolerance of implicit steps
 _RECORD_CORNERS: dict[str, Any] = {'tolerance': 1e-13, 'trials': 10_000}  # of explicit ones
 
@@ -66,11 +67,12 @@ def require_live(driven: DrivenMechanism, begin: Coordinates, period: float) -> 
         period: Period of the ticks, s.
 
     Raises:
-        ConfigurationError: Its first 0.1 s take too many steps, or it ends in the first ms.
+        ConfigurationError: The first 0.1 s of the motion take too many steps, or the motion ends
+            in the first ms.
     """
     method, tried, words = live_method(driven), 0.0, ''
     steps = method(driven, (*begin.q, *begin.u))
-    # An implicit step takes twice as long, and one in two coordinates too.
+    # An implicit step takes twice as long, and so does a step in two coordinates.
     most = _MOST_STEPS // (len(driven.links) * (2 if method is StiffSteps else 1))
     for ms in range(1, _TRIED + 1):
         try:

@@ -53,7 +53,7 @@ def published(driven: DrivenMechanism, y: tuple[float, ...], pairs: int) -> Coor
 def all_published(
     driven: DrivenMechanism, moments: list[tuple[tuple[float, ...], int]]
 ) -> Coordinates:
-    """The same for many moments, in arrays, with the same bits."""
+    """The coordinates that a run publishes at many moments, in arrays; see `published`."""
     solver = driven.solver
     if not driven.is_own:
         return stacked([published(driven, *moment) for moment in moments])
@@ -83,7 +83,7 @@ def legible(driven: DrivenMechanism, y: tuple[float, ...]) -> tuple[float, ...]:
 
 
 def own_coordinates(solver: Solver, state: State, unwrapped: Real) -> Coordinates:
-    """Coordinates with a state that the own coordinates do not determine.
+    """Coordinates that carry a state, because they do not determine it.
 
     Args:
         solver: The solver of the state.

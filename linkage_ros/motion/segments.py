@@ -20,8 +20,9 @@ class SpeedSegment:
         phase: Phase at the start, turns.
         speed: Speed at the start, turns per minute.
         rpm: Set speed, turns per minute.
-        acceleration: Acceleration towards it, rad/s^2, not negative; 0: at once.
-        old_stamp: The start on the clock before it was stepped, ns; None: it was not.
+        acceleration: Acceleration towards the set speed, rad/s^2, not negative; 0: the speed
+            changes at once.
+        old_stamp: Start on the clock before the clock was stepped, ns; None: it was not stepped.
     """
 
     stamp: int
@@ -39,8 +40,8 @@ class TorqueSegment:
     Attributes:
         stamp: Start, ns.
         torque: Torque of the motor at rest, N m.
-        old_stamp: The start on the clock before it was stepped, ns; None: it was not.
-        description: Description of the states; None: the mechanism's own.
+        old_stamp: Start on the clock before the clock was stepped, ns; None: it was not stepped.
+        description: Coordinates and assembly of the states; None: the mechanism's own.
     """
 
     stamp: int

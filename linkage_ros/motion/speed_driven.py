@@ -21,8 +21,8 @@ from linkage_ros.motion.drives import SpeedDrive
 from linkage_ros.motion.segments import SpeedSegment
 from linkage_ros.units import NS_PER_S
 
-# Phases, speeds and accelerations are whole numbers of 2^-128 turn, rpm and rpm/s. Every rpm
-# above 1e-22 that a double can hold is one exactly; the rounding of others stays below 1e-38.
+# Phases, speeds and accelerations are whole numbers of 2^-128 turn, rpm and rpm/s. Every double
+# above 1e-22 rpm is such a number exactly; smaller values are rounded by less than 1e-38.
 _GRID = 1 << 128
 # After whole ns, speeds are whole numbers of 1 / _RPM rpm, and phases, with rate t^2 / 2, are
 # whole numbers of 1 / _TURN turn.
@@ -100,10 +100,10 @@ class SpeedMotion:
         """The crank at many stamps, with the same bits as `at`.
 
         Args:
-            stamps: At or after the start, rising, ns.
+            stamps: Increasing stamps, at or after the start, ns.
 
         Returns:
-            Arrays; speed and acceleration are floats where the speed is settled.
+            Arrays; if the speed has settled, speed and acceleration are floats.
         """
         elapsed = [stamp - self.segment.stamp for stamp in stamps]
         if elapsed[0] < self._ramp_ns:
@@ -128,24 +128,24 @@ class SpeedMotion:
         return self if drive.rpm == self.segment.rpm else self.change(stamp, drive.rpm)
 
     def restamp(self, old: int, new: int) -> SpeedMotion:
-        """The motion from a step of the clock on.
+        """The motion after a step of the clock, with continuous phase and speed.
 
         Args:
-            old: The moment on the clock before the step, ns.
-            new: The same moment on the clock after it, ns.
+            old: Moment of the step on the old clock, ns.
+            new: The same moment on the new clock, ns.
 
         Returns:
-            The motion, its phase and speed continued.
+            The motion in the next segment.
         """
         return self.change(old, self.segment.rpm, new)
 
     def change(self, stamp: int, rpm: float, restamp: int | None = None) -> SpeedMotion:
-        """The motion from a stamp on, its phase and speed continued.
+        """The motion after a change, with continuous phase and speed.
 
         Args:
             stamp: Stamp of the change, ns.
-            rpm: The new speed to move to, turns per minute.
-            restamp: The same moment on the clock after a step; None: the clock was not stepped.
+            rpm: The new set speed, turns per minute.
+            restamp: The same moment on the clock after a step, ns; None: no step of the clock.
 
         Returns:
             The motion in the next segment.
@@ -163,7 +163,9 @@ class SpeedMotion:
         return Fraction(self._speed_after(stamp - self.segment.stamp), _RPM)
 
     def time_to_turn(self, turns: int) -> int | None:
-        """The first moment at which the crank is this many turns from its start, either way.
+        """Finds the first moment at which the crank is a number of turns from its start.
+
+        The turns may be forwards or backwards.
 
         Args:
             turns: More than 0.
@@ -180,8 +182,9 @@ class SpeedMotion:
         late = max(reversal, self._ramp_ns) + 1
         while self._target and not reached(late):
             late *= 2
-        # Before the reversal the distance grows; its largest value may lie on either side of that
-        # moment. Afterwards it grows too, once the crank has passed the start again.
+        # Before the reversal, the distance from the start grows. Its largest value may be at the
+        # last ns before the reversal or the first after it. Later, the distance grows again from
+        # the moment at which the crank passes the start.
         for low, high in ((0, reversal), (0, reversal + 1), (reversal, late)):
             if reached(high):
                 return _first(reached, low, high)

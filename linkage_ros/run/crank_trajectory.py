@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Trajectories of the crank, ahead of time, for joint_trajectory_controller."""
+"""Makes trajectories of the crank, ahead of time, for joint_trajectory_controller."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ _STEP = NS_PER_MS
 
 
 class CrankTrajectory:
-    """Makes trajectories of a fixed length, a new one after each half of it.
+    """Makes trajectories of a fixed length, a new one after half of this length.
 
     A trajectory begins at or just before its stamp, so that a controller that receives it a
-    moment later can follow it at once. Each tick adds only the new points within the horizon; all
-    of them are computed at the first tick, and where the motion changes.
+    moment later can follow it at once. Each tick computes only the new points within the horizon;
+    the first tick, and the first tick after a change of the motion, compute all points.
 
     Attributes:
         topic: Topic of the trajectories.
@@ -32,8 +32,8 @@ class CrankTrajectory:
         """Prepares the trajectories.
 
         Args:
-            simulator: Its solver and names are used.
-            drive: Settings with topic and horizon.
+            simulator: Simulator of the run, with its solver and names.
+            drive: Settings of the feed-forward, with topic and horizon.
         """
         self.topic = trajectory_commands(drive.trajectory_command_topic)
         self._names = simulator.crank_joint, simulator.configuration.session.frame_id
@@ -46,12 +46,12 @@ class CrankTrajectory:
         """The message due at a stamp, if any.
 
         Args:
-            motion: Motion in the segment that contains the stamp; a change since the last call
-                invalidates the sent trajectory, so that a new one is due.
+            motion: Motion in the segment that contains the stamp. If it has changed since the last
+                call, the sent trajectory is invalid, and a new one is due.
             stamp: ns.
 
         Returns:
-            CDR bytes; None: none is due.
+            CDR bytes; None: no message is due.
         """
         if motion is not self._motion or stamp >= self._next:
             self._points.clear()

@@ -19,7 +19,7 @@ from linkage_ros.wire.cdr import ERROR, OK, WARN, Status
 # Time, s, and number of reports over which a run is judged.
 WINDOW = 10
 # Shares of missed ticks above which the warning begins, and below which it ends. They differ, so
-# that a share near one of them does not switch the warning on and off.
+# that a share near either of them does not switch the warning on and off.
 _OVERLOADED, _RECOVERED = 0.10, 0.05
 _BUSY = (
     f'more than {100 * _OVERLOADED:g} % of the ticks of the last {WINDOW} s were missed: '
@@ -35,9 +35,9 @@ class Health(NamedTuple):
     """Health of a log or a view.
 
     Attributes:
-        target: Its path or URL; empty: not in use.
+        target: Path or URL of the log or view; empty: not in use.
         dropped: Items lost so far.
-        error: The error that ended it; None: no error.
+        error: The error that ended the log or view; None: no error.
         trouble: Current reason for accepting no items; empty: none.
     """
 
@@ -48,14 +48,14 @@ class Health(NamedTuple):
 
 
 class HealthMonitor:
-    """Judges a run by its last seconds, at each report."""
+    """Judges a run at each report by the last 10 s."""
 
     def __init__(self, node: str, *, is_torque_driven: bool = False) -> None:
         """Starts with a new run.
 
         Args:
             node: Name of the node, for the names of the statuses.
-            is_torque_driven: Whether the motion is integrated; its cost grows with the speed.
+            is_torque_driven: Whether the motion is integrated, which costs more at higher speeds.
         """
         self._node = node
         self._busy = _BUSY + _FAST_CRANK * is_torque_driven
@@ -72,7 +72,7 @@ class HealthMonitor:
         parts: dict[str, Health],
         troubles: Sequence[str],
     ) -> list[Status]:
-        """The statuses of the motion and of each part.
+        """Makes the statuses of the motion and of each part.
 
         Args:
             counts: Counts of ticks so far.
@@ -81,7 +81,7 @@ class HealthMonitor:
             troubles: Other current warnings about the motion.
 
         Returns:
-            The motion's status first.
+            The statuses; the status of the motion is the first.
         """
         self._past.append((time.monotonic(), replace(counts), parts))
         return [self._motion(figures, list(troubles)), *map(self._output, parts)]
@@ -93,7 +93,7 @@ class HealthMonitor:
             statuses: Statuses of the report.
 
         Returns:
-            The statuses, without failures of parts, which log these themselves.
+            The selected statuses. Failures of parts are left out, because the parts log them.
         """
         last, nothing = self._last, Status(OK, '', '', {})
         self._last = {status.name: status for status in statuses}
@@ -140,7 +140,7 @@ class HealthMonitor:
             level, words = ERROR, f'failed: {error}'
         elif trouble:
             level, words = WARN, trouble
-        # Losses during a problem are part of it.
+        # Losses during a reported problem get no warning of their own.
         elif dropped > past[0].dropped and not any(one.trouble for one in past):
             level, words = WARN, f'the {part} lags: items were left out in the last {WINDOW} s'
         elif dropped:

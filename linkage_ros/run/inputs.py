@@ -54,7 +54,7 @@ class TorqueCommands:
         self._timed_out_at = -math.inf
 
     def read(self, data: bytes, received: int) -> None:
-        """Takes a command.
+        """Reads a command from a message and puts it in force.
 
         Args:
             data: CDR bytes of a JointState.
@@ -72,12 +72,12 @@ class TorqueCommands:
             raise
 
     def receive(self, names: Sequence[str], efforts: Sequence[float], age: float) -> None:
-        """Takes a command.
+        """Puts a command in force.
 
         Args:
             names: Names of joints.
-            efforts: One for each joint, N m; only the crank's is used.
-            age: Time since its receipt, s.
+            efforts: Effort of each joint, N m; only the effort of the crank is used.
+            age: Time since the receipt of the command, s.
 
         Raises:
             ValueError: The message is not a command for this crank.
@@ -109,13 +109,13 @@ class TorqueCommands:
         return 0.0
 
     def troubles(self, topic: str) -> list[str]:  # noqa: ARG002, the signature of all
-        """A warning if no command was in force at a tick of the last seconds; else empty."""
+        """A warning if there was no command in force at a tick of the last 10 s; else empty."""
         if self._clock() - self._timed_out_at >= WINDOW:
             return []
         return [f'no command within command_timeout: the motor drove alone in the last {WINDOW} s']
 
     def diagnostics(self) -> dict[str, str]:
-        """The command in force and counts of all, for diagnostics."""
+        """The command in force, and the counts of all commands, for diagnostics."""
         return {
             'command, N m': f'{self._torque if self._clock() <= self._end else 0.0:.6g}',
             'commands taken': str(self.accepted),
@@ -144,17 +144,17 @@ class MeasuredCrank:
         self._last = -math.inf  # when a measurement was accepted, s
 
     def read(self, data: bytes, received: int) -> tuple[int, Coordinates]:
-        """Takes a message.
+        """Reads a measurement from a message.
 
         Args:
             data: CDR bytes of a JointState.
-            received: Time of receipt, ns; the stamp of a message without one.
+            received: Time of receipt, ns; used as the stamp of a message without a stamp.
 
         Returns:
             The stamp, ns, and the crank.
 
         Raises:
-            ValueError: The message is rejected and counted; the text is the cause.
+            ValueError: The message is rejected and counted; the error's text is the cause.
         """
         try:
             heard = decode_joint_state(data)

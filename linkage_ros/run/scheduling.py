@@ -25,7 +25,7 @@ _RECOVERY_SECONDS = 2.0  # s with the default interval
 def freeze_heap() -> None:
     """Excludes all existing objects from garbage collection; call it after set-up.
 
-    Otherwise each collection would visit all of them.
+    Otherwise each collection would visit all these objects.
     """
     gc.collect()
     gc.freeze()

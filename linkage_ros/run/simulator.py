@@ -92,12 +92,12 @@ class Simulator:
     Attributes:
         configuration: Configuration of the run.
         solver: Solver of its mechanism.
-        joints: Names, in the order of the messages.
+        joints: Names of the joints, in the order of the messages.
         crank_joint: Name of the crank in measurements, commands and trajectories.
-        joint_states: Template of the messages on that topic.
+        joint_states: Template of the messages on `joint_states`.
         topics: Topics on which each state has a message.
-        layout: Layout of these messages, in channels numbered from 1.
-        description: robot_description message, CDR bytes.
+        layout: Layout of a state's messages, in channels numbered from 1.
+        description: The robot_description message, CDR bytes.
     """
 
     def __init__(self, configuration: Configuration) -> None:
@@ -139,10 +139,10 @@ class Simulator:
         self._rate = Fraction(repr(session.rate_hz)).as_integer_ratio()
 
     def begin(self, stamp: int, integrate: Integrate = live_steps) -> Motion:
-        """Begins a motion: t = 0 is at a stamp.
+        """Begins a motion.
 
         Args:
-            stamp: ns.
+            stamp: Stamp of t = 0, ns.
             integrate: Makes the integrator of a motion under a torque.
 
         Returns:
@@ -171,13 +171,13 @@ class Simulator:
             driven = DrivenMechanism(self.solver, drive.motor.at)
             begin = start(self.configuration.mechanism, drive)
             require_live(driven, begin, self.elapsed(1) / NS_PER_S)
-            with suppress(LinkageError):  # the run itself reports it
+            with suppress(LinkageError):  # the run itself reports this error
                 motion = TorqueMotion(self.solver, drive, 0, self.elapsed(1))
                 self.snapshot_at(motion, NS_PER_MS)
                 motion.rehearse()
 
     def elapsed(self, tick: Whole) -> Whole:
-        """Time from the first tick to another, ns, without accumulated error."""
+        """Time from the first tick to a tick, ns, without accumulated error."""
         numerator, denominator = self._rate
         elapsed: Whole = tick * NS_PER_S * denominator // numerator
         return elapsed
@@ -220,7 +220,7 @@ class Simulator:
 
         Args:
             stamp: ns.
-            coordinates: As measured and filtered.
+            coordinates: Measured and filtered coordinates.
 
         Returns:
             The state and its messages.
@@ -250,13 +250,13 @@ class Simulator:
 
         Args:
             stamps: ns.
-            coordinates: Coordinates there, in arrays.
+            coordinates: Coordinates at the stamps, in arrays.
             ahead: Coordinates for the feed-forward torque, if there is one.
             times: Log times, ns; None: the stamps.
             layout: Layout of the rows; None: `layout`.
 
         Returns:
-            Records of their messages, bit-identical to those of the snapshots.
+            Records of the states' messages, bit-identical to those of the snapshots.
         """
         _, numbers = self._solved(coordinates, ahead, by_math=True)
         nanoseconds = np.array(stamps)
@@ -272,7 +272,7 @@ class Simulator:
     def _solved(
         self, coordinates: Coordinates, ahead: Coordinates | None, *, by_math: bool = False
     ) -> tuple[State, Sequence[Real]]:
-        """Solves a state; returns it and the numbers in its messages."""
+        """Solves a state; returns the state and the numbers in its messages."""
         state = self._state(coordinates, by_math=by_math)
         (*rows, torque), program = state, self._numbers
         values = *itertools.chain(*rows), torque, coordinates.unwrapped

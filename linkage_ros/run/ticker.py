@@ -3,8 +3,8 @@
 """Makes ticks: in real time, in the simulated time of /clock, or one for each measurement.
 
 In real time the tick number comes from the monotonic clock, never from counting calls: a late
-thread skips ticks, and counts them, and the next state is right again. The stamp of tick n is
-t0 + n / rate on the wall clock; if that clock is stepped, t0 moves with it.
+thread skips and counts ticks, and the next state is right again. The stamp of tick n is
+t0 + n / rate on the wall clock; if the wall clock is stepped, t0 is stepped by the same time.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from linkage_ros.run.simulator import Simulator
 from linkage_ros.units import NS_PER_MS, NS_PER_S
 
 _LATENESS_SAMPLES = 10_000  # number of ticks whose lateness is kept
-# A step of the wall clock above this moves t0 (ns). Below it, stamps keep the old count, so that
-# the jitter of two clock readings never shows in them.
+# Only a larger step of the wall clock, ns, moves t0, so that the jitter between the readings of
+# the two clocks does not appear in the stamps.
 CLOCK_STEP = 50 * NS_PER_MS
 # Longest uninterrupted sleep, s: how long a slow node may take to notice that it should stop.
 _MAX_SLEEP = 0.1
-# Largest number of ticks for one clock message; after a longer jump the others are missed.
+# Largest number of ticks for one clock message; a longer jump skips ticks, which count as missed.
 _MAX_TICKS_PER_MESSAGE = 1000
 
 
@@ -62,7 +62,7 @@ class Ticker(ABC):
     Attributes:
         counts: Counts of the ticks.
         error: The error of a callback; None: no error.
-        t0: Stamp of tick 0 on the present clock, ns; set at the first tick.
+        t0: Stamp of tick 0 on the current clock, ns; set at the first tick.
     """
 
     def __init__(
@@ -78,9 +78,9 @@ class Ticker(ABC):
         Args:
             simulator: Determines when ticks are due.
             tick: Called at each tick, with its stamp, ns, or the fields of a measurement.
-            restamp: Called before the tick after a step of the clock, with that tick's stamp
-                before and after the step, ns.
-            fail: Called with the error of another callback, which ends the motion.
+            restamp: Called before the first tick after a step of the clock, with the stamps of
+                this tick before and after the step, ns.
+            fail: Called with the error of a failed callback, which ends the motion.
             receive: Waits briefly and returns the messages since the last call; for tickers driven
                 by messages.
         """
@@ -121,7 +121,7 @@ class Ticker(ABC):
         return self.t0 + self._simulator.elapsed(tick)
 
     def _step_clock(self, tick: int, shift: int) -> None:
-        """Moves the next tick, and those after it, by a step of the clock, ns."""
+        """Shifts the next tick, and all later ticks, by a step of the clock, ns."""
         old = self._stamp(tick)
         self.t0 += shift
         self.counts.clock_steps += 1

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Slow work in a separate thread: disk and viewer never delay a tick."""
+"""Slow work in a separate thread, so that disk and viewer never delay a tick."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ class Worker(Generic[_T]):
     """Feeds a consumer from a bounded queue, in batches, in a separate thread.
 
     `offer` never waits for the consumer and never fails. If the consumer falls behind by more
-    than the queue holds, the oldest items are dropped and counted; if it fails, it is closed once,
-    the error is reported once, and later items are counted as dropped.
+    than the queue holds, the oldest items are dropped and counted. If the consumer fails, it is
+    closed once, the error is reported once, and later items are counted as dropped.
 
     Attributes:
         error: The consumer's failure, or None.
@@ -63,7 +63,7 @@ class Worker(Generic[_T]):
             self._queue.append(item)
 
     def close(self, timeout: float) -> bool:
-        """Hands over what is queued and ends the thread.
+        """Passes the queued items to the consumer, and ends the thread.
 
         Args:
             timeout: Longest time to wait, s.

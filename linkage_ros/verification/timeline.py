@@ -25,12 +25,12 @@ from linkage_ros.wire.topics import DIAGNOSTICS
 
 
 def _moment(segment: Segment) -> int:
-    """The start of a segment on the clock of the one before it."""
+    """The start of a segment on the clock of the previous segment."""
     return segment.stamp if segment.old_stamp is None else segment.old_stamp
 
 
 def check_motions(simulator: Simulator, motions: tuple[Segment, ...]) -> str:
-    """Compares each segment with the one computed from the configuration and its predecessor.
+    """Recomputes each segment from the configuration and the previous segment; compares them.
 
     The time of a change, and the new rpm, torque or clock, are taken from the log.
 
@@ -69,8 +69,8 @@ class Timeline:
 
         Args:
             simulator: Simulator of the configuration.
-            log: The log; it has a segment.
-            layout: Layout of its rows.
+            log: The log, which has at least one segment.
+            layout: Layout of the log's rows.
         """
         self.missed, self._tick, self._number = 0, -1, 0
         self._simulator, self._layout = simulator, layout
@@ -91,7 +91,7 @@ class Timeline:
             stamps: The next stamps, ns; at least one.
 
         Yields:
-            Index of a segment, and the ticks of all leading stamps that fit it.
+            Index of a segment, and the ticks of all leading stamps that fit the segment.
         """
         for number in range(self._number, len(self._motions)):
             start, end = self._motions[number].stamp, self._ends[number]
@@ -112,12 +112,12 @@ class Timeline:
         """Recomputes the coordinates of states.
 
         Args:
-            number: Index of their segment.
-            stamps: Their stamps, ns.
-            rows: Their messages.
+            number: Index of the states' segment.
+            stamps: Stamps of the states, ns.
+            rows: Messages of the states.
 
         Returns:
-            The coordinates, and those for the feed-forward torque, if there is one.
+            The coordinates; and the coordinates for the feed-forward torque, or None.
 
         Raises:
             LinkageError: The messages do not describe states.
@@ -126,10 +126,11 @@ class Timeline:
         return motion.at_all(stamps), self._simulator.ahead(motion, stamps)
 
     def take(self, number: int, ticks: list[int]) -> tuple[int, str]:
-        """Advances past states at the given ticks of a segment, whose messages are equal.
+        """Advances past states with equal messages, at the given ticks of a segment.
 
         Returns:
-            The number of states that follow from their predecessors, and the error of the next.
+            The number of states that follow from their predecessors, and the error of the next
+            state.
         """
         self.missed += ticks[-1] - self._tick - len(ticks)
         self._number, self._tick = number, ticks[-1]
@@ -145,7 +146,8 @@ class Measurements:
         """Starts without a measurement."""
         self._simulator, self._crank = simulator, MeasuredCrank(simulator)
         self._channel = measured_channel(log)
-        self._next: list[tuple[int, Coordinates]] = []  # not yet answered: stamps, ns
+        # Stamps, ns, and coordinates of measurements whose states have not been read yet.
+        self._next: list[tuple[int, Coordinates]] = []
 
     def handle(self, message: LoggedMessage) -> None:
         """Reads a measurement from a message; called in the order of writing."""

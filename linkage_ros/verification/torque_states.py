@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recomputes the states of a torque-driven log from its accelerations and commands.
 
-Coordinates, rates and accelerations are read from mechanism_state; in a record without commands
-the accelerations are computed from the motor's torque. The motion of all links and the torque,
-tau = M q'' + h - Q, must agree with them to the bit, and each state must follow from its
-predecessor under the torque logged there.
+Coordinates, rates and accelerations are read from mechanism_state; in a record, which has no
+commands, the accelerations are computed from the motor's torque. The motion of all links and the
+torque, tau = M q'' + h - Q, are recomputed from these values, and must be equal to the bit. Each
+state must follow from the previous state under the torque logged in the previous state.
 """
 
 from dataclasses import replace
@@ -30,15 +30,15 @@ from linkage_ros.verification.timeline import Timeline
 from linkage_ros.wire.codecs import joint_numbers
 from linkage_ros.wire.rows import RowLayout
 
-# Tolerance between a state and the one computed from its predecessor: rad and crank lengths, and
-# for rates per second, or relative. Records and live runs use different integrators.
+# Tolerance between a state and its prediction from the previous state: rad and crank lengths; for
+# rates per second, or relative. Records and live runs use different integrators.
 _APART = 1e-7
 # Longest time between two states that is integrated, s; beyond it, they are not compared.
 _LONGEST = 10.0
 # Tolerance and limit of the steps of the integrator that checks a deviating state again.
 _TOLERANCE, _TRIALS = 1e-11, 10_000
-# Rounding of a logged state, in rad and crank lengths, and per second. If it changes the next
-# state by more than the difference found, the difference is not an error.
+# Rounding error of a logged state, in rad and crank lengths, and per second. If this error changes
+# the next state by more than the difference found, the difference is not an error.
 _NUDGE = 1e-9
 _NOWHERE = 1e300  # result of a motion that cannot be followed
 _LEAPS = 2  # steps between two states, for all states at once
@@ -47,8 +47,8 @@ _LEAPS = 2  # steps between two states, for all states at once
 class TorqueStates(Timeline):
     """Recomputes the states of one torque-driven log.
 
-    A state is a column: the positions of all links, with the whole angle of the crank, then their
-    rates, then the torque added to the motor's, N m.
+    A state is a column: the positions of all links, including whole turns of the crank; then their
+    rates; then the torque added to the motor's torque, N m.
     """
 
     def __init__(self, simulator: Simulator, log: LogReader, layout: RowLayout) -> None:
@@ -99,7 +99,7 @@ class TorqueStates(Timeline):
 
         Raises:
             LogError: The mechanism has no such coordinates.
-            ConfigurationError: It has no such assembly.
+            ConfigurationError: The mechanism has no such assembly.
         """
         mechanism = self._own.solver.mechanism
         description = segment.description or mechanism.description
@@ -118,8 +118,8 @@ class TorqueStates(Timeline):
         """Reads mechanism_state.
 
         Returns:
-            Positions, rates, accelerations and efforts of all links, with the crank within two
-            turns; then the whole angle of the crank.
+            Positions, rates, accelerations and efforts of all links, with the crank angle within
+            two turns; and the crank angle including whole turns.
 
         Raises:
             LogError: A value is not a finite number.
@@ -139,7 +139,8 @@ class TorqueStates(Timeline):
         """Checks states at the given ticks of a segment, and advances past them.
 
         Returns:
-            The number of states that follow from their predecessors, and the error of the next.
+            The number of states that follow from their predecessors, and the error of the next
+            state.
         """
         driven, found = self._driven, self._found[:, : len(ticks)]
         found[-1] -= self._motor.at(found[len(self._links)])
@@ -178,7 +179,7 @@ class TorqueStates(Timeline):
                 for _ in range(_LEAPS):
                     phase, slope, errors = leap(plant, phase, spans / _LEAPS, slope)
                     error = np.maximum(error, np.max(errors, axis=0))
-        except LinkageError:  # one of them fails; they are then checked one by one
+        except LinkageError:  # a state fails; the states are then checked one by one
             return nothing
         follows = _agrees(units, np.array(phase), found[rows], found[0]).all(axis=0)
         follows &= error <= _APART / 10
@@ -188,7 +189,7 @@ class TorqueStates(Timeline):
     def _difference(
         self, before: DrivenMechanism, origin: Array, found: Array, span: float
     ) -> str:
-        """Describes the difference between a state and the one computed from its predecessor.
+        """Describes the difference between a state and its prediction from the previous state.
 
         Args:
             before: The driven mechanism in the description of the previous state.
@@ -197,8 +198,8 @@ class TorqueStates(Timeline):
             span: Time between them, s.
 
         Returns:
-            Description; empty if the difference is small, or if rounding of the previous state
-                explains it.
+            Description; empty if the difference is small, or if the rounding error of the previous
+            state explains it.
         """
         values = found[:-1]
         due = self._predicted(before, origin, values, span)

@@ -2,10 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recomputes every state of a log from its configuration and its segments of motion.
 
-Messages are equal if their bytes are equal, or if their numbers are within 4 ulp of the largest
-one, because sines differ between machines; 0.0 and -0.0 are equal. The log times of a live run are
-not known, so only their equality within a state is checked. Topics are identified by their types,
-because their names may be remapped. Other topics of the log are named, not compared.
+Messages are equal if their bytes are equal, or if each number differs by at most 4 ulp of the
+largest number in its field, because sines differ between machines; 0.0 and -0.0 are equal. The log
+times of a live run are not known, so only their equality within a state is checked. Topics are
+identified by their types, because their names may be remapped. Other topics of the log are named,
+but not compared.
 """
 
 import math
@@ -166,7 +167,7 @@ class Verification:
             progress(count)
 
     def _check_rest(self) -> None:
-        """Checks the remaining messages: the start of the last state, or one out of order."""
+        """Checks the remaining messages: the start of the last state, or messages out of order."""
         layout, end = self._layout, self._layout.fitting(self._rows)
         if end < len(self._rows):
             _, _, channel, _, time, _ = MESSAGE_HEAD.unpack_from(self._rows, end)
@@ -182,7 +183,7 @@ class Verification:
         """Compares states at the beginning of rows.
 
         Returns:
-            The number of equal states, and the error of the next one, if that was compared.
+            The number of equal states, and the error of the next state, if that was compared.
         """
         stamps, count, wrong = self._layout.stamps(rows), 0, ''
         for number, ticks in self._timeline.fitting(stamps):
@@ -239,8 +240,8 @@ class RowComparison:
             recomputed: The same number of recomputed rows.
 
         Returns:
-            The number of rows at the beginning that are equal to the bit, or within the
-            tolerance, where 0.0 equals -0.0; and the difference of the next row.
+            The number of leading rows that are equal to the bit or within the tolerance (0.0
+            equals -0.0), and the difference of the next row.
         """
         due, size = self._values(recomputed), self._layout.size
         number = len(logged) // size
@@ -262,7 +263,7 @@ class RowComparison:
         return count, self._describe(at, logged[row], recomputed[row])
 
     def _values(self, rows: bytes | bytearray) -> Array:
-        """The doubles of rows, one row of the array for each field."""
+        """The doubles in rows, as an array with a row for each field."""
         return np.array([self._layout.column(rows, place) for place in self._doubles])
 
     def _describe(self, at: int, logged: bytes, recomputed: bytearray) -> str:

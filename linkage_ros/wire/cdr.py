@@ -91,7 +91,7 @@ def encode_diagnostics(stamp: int, hardware: str, statuses: Sequence[Status]) ->
     Args:
         stamp: ns.
         hardware: The hardware_id of every status.
-        statuses: One for each part.
+        statuses: The health of each part.
 
     Returns:
         The bytes, padded to a multiple of 4 as in `encode_string`.
@@ -108,7 +108,7 @@ def encode_diagnostics(stamp: int, hardware: str, statuses: Sequence[Status]) ->
 
 
 class JointStateData(NamedTuple):
-    """The contents of a JointState; its lists may differ in length.
+    """The contents of a JointState; the lists may differ in length.
 
     Attributes:
         stamp: ns.
@@ -132,7 +132,7 @@ def decode_joint_state(data: bytes) -> JointStateData:
         data: Its CDR bytes, little endian.
 
     Returns:
-        Its contents.
+        The contents of the message.
 
     Raises:
         ValueError: The bytes are not a JointState, or the message is too large for a command.
@@ -157,7 +157,7 @@ def decode_joint_state(data: bytes) -> JointStateData:
 
 
 def _sequence(body: bytes, at: int, code: str) -> tuple[tuple[Any, ...], int]:
-    """Reads a sequence of characters or doubles at a place; returns it and its end."""
+    """Reads a sequence of characters or doubles at an offset; returns values and end offset."""
     at += -at % 4 + _COUNT.size
     (number,) = _COUNT.unpack_from(body, at - _COUNT.size)
     form = f'<{number}{code}'

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The messages of a state as templates: CDR, little endian, padding bytes zero.
 
-The same bytes are published, logged and replayed.
+The bytes that a run publishes are also logged and replayed.
 """
 
 import math
@@ -21,8 +21,7 @@ ROOT_FRAME = 'base_link'
 QUANTITIES = ('position', 'velocity', 'acceleration', 'effort')
 POINT_FIELDS = Field('point.x', 'd'), Field('point.y', 'd')
 
-# A point of a trajectory: four sequences of one number, each number on a multiple of 8, and a
-# duration.
+# A point of a trajectory: four sequences of one number, aligned to 8 bytes, and a duration.
 _POINT = struct.Struct('<' + 4 * 'I4xd' + 'iI')
 
 
@@ -127,7 +126,7 @@ def crank_trajectory(
             velocity, rad/s, acceleration, rad/s^2, and effort, N m.
 
     Returns:
-        Its CDR bytes.
+        The CDR bytes of the message.
     """
     start = next(iter(points))[0]
     body = count(_named([name], frame_id), len(points))[STAMP.size :]

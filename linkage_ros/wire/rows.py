@@ -39,8 +39,8 @@ class Field(NamedTuple):
     Attributes:
         name: Name of the number, such as 'velocity[coupler]'; fields with the same name hold the
             same number.
-        code: Its type, as in `struct`.
-        offset: Its first byte in the template.
+        code: Type of the number, as in `struct`.
+        offset: First byte of the number in the template.
     """
 
     name: str
@@ -67,7 +67,8 @@ class Template:
 
         Args:
             parts: Constant bytes and fields, in order.
-            names: Names of the numbers that fill it; by default those of the fields, in order.
+            names: Names of the numbers that fill the template; by default, the names of the
+                fields, in order.
         """
         names = names or [part.name for part in parts if isinstance(part, Field)]
         known: list[str | bytes] = [*names, *(part for part in parts if isinstance(part, bytes))]
@@ -91,7 +92,7 @@ class Template:
 
         Args:
             count: Number of copies.
-            numbers: For each name an array of that length, or one number for all.
+            numbers: For each name, an array with a value for each copy, or one number for all.
 
         Returns:
             The bytes of all copies.
@@ -105,7 +106,7 @@ class Template:
         """Reads messages with a stamp.
 
         Args:
-            data: Their CDR bytes, one message after the other; at least one.
+            data: CDR bytes of one or more messages, one after the other.
 
         Returns:
             Stamps, ns, and the other numbers of each message, shape (n, numbers).
@@ -134,7 +135,7 @@ class Template:
             place: The field.
 
         Returns:
-            The value in each of them.
+            The value of the field in each template.
         """
         values: npt.NDArray[Any] = np.ndarray(
             len(rows) // self.size, f'<{place.code}', rows, place.offset, (self.size,)
@@ -146,9 +147,9 @@ def message_record(channel: int, times: tuple[int, int], data: bytes) -> bytes:
     """The record of a message in an MCAP file.
 
     Args:
-        channel: Number of its channel.
+        channel: Number of the message's channel.
         times: Log and publish time, ns.
-        data: CDR bytes.
+        data: CDR bytes of the message.
 
     Returns:
         The bytes.
@@ -190,8 +191,8 @@ class RowLayout(Template):
         """Lays out the messages.
 
         Args:
-            messages: Channel and parts of each.
-            names: Names of the numbers that fill them.
+            messages: Channel and parts of each message.
+            names: Names of the numbers that fill the messages.
         """
         parts, patterns = list[Part](), list[bytes]()
         self.channels, self._ends = [channel for channel, _ in messages], [0]
@@ -212,7 +213,7 @@ class RowLayout(Template):
         return tuple(row[body] for body in self.bodies)
 
     def fitting(self, records: bytes | bytearray) -> int:
-        """The length of the messages at the beginning that are the first ones of a row, bytes."""
+        """The length, in bytes, of the leading messages that are the first messages of a row."""
         rows = ((end, records[:end] + self._blank[end:]) for end in self._ends)
         return max(end for end, row in rows if self.count(row, 0))
 

@@ -3,7 +3,7 @@
 """The topics of the node: names, message types, quality of service.
 
 Logs are also written without ROS, so this file holds the fields and type hashes (REP 2011) of the
-message types; a test compares both with the installed message packages.
+message types. A test compares them with the installed message packages.
 """
 
 from typing import NamedTuple
@@ -18,8 +18,8 @@ class Interface(NamedTuple):
     """A message type.
 
     Attributes:
-        name: Such as 'std_msgs/msg/Float64'.
-        hash: Its type hash, RIHS01.
+        name: Name of the type, such as 'std_msgs/msg/Float64'.
+        hash: Type hash, RIHS01.
         definition: Its fields; then, each after a separator line, the fields of the types that it
             contains.
     """

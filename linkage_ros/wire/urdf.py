@@ -11,7 +11,7 @@ from linkage_ros.model.rigid_links import RigidLink, rigid_links
 from linkage_ros.model.structure import Link, Mechanism
 from linkage_ros.wire.codecs import ROOT_FRAME
 
-# URDF demands limits of force and speed for a prismatic joint; the model has none.
+# URDF demands limits of force and speed for a prismatic joint; the model has no such limits.
 _NO_LIMIT = '1e9'
 # Parameters of joint_state_topic_hardware_interface with a node as the plant.
 _PLUGIN = 'joint_state_topic_hardware_interface/JointStateTopicSystem'
@@ -28,7 +28,7 @@ def joint_names(joints: Iterable[Link], joint_prefix: str) -> tuple[str, ...]:
 
 
 def link_of(joint: str) -> str:
-    """The name of a joint's child link; many URDF readers refuse equal names of joint and link."""
+    """The name of a joint's child link; it differs from the joint's, as many readers require."""
     return f'{joint}_link'
 
 
@@ -72,7 +72,7 @@ def make_urdf(
 
 
 def element(tag: str, *children: Any, text: str | None = None, **rest: str) -> ET.Element:
-    """An XML element with children, text, and the rest as attributes."""
+    """Makes an XML element with children and text; `rest` holds the attributes."""
     made = ET.Element(tag, rest)
     made.text = text
     made.extend(children)
