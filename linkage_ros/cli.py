@@ -64,7 +64,7 @@ def path(text: str) -> Path:
     """Converts a command-line argument to a path; an empty argument is an error.
 
     Args:
-        text: The argument.
+        text: Text of the argument.
 
     Returns:
         The path.

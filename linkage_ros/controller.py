@@ -49,7 +49,7 @@ class Settings(Checked):
         bandwidth: Bandwidth of the speed loop, Hz.
         feed_forward: Whether the exact torque is added.
         lead_time: Delay from a measurement to the middle of the period of its command, s.
-        joint_prefix: Prefix of the plant's joints; None: that in the plant's parameter file.
+        joint_prefix: Prefix of the plant's joints; None: the prefix in the plant's parameter file.
     """
 
     plant: str = quantity(

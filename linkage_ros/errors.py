@@ -77,7 +77,7 @@ def missing_library(module: str) -> str:
         module: The module that cannot be imported.
 
     Returns:
-        One line that says which feature needs the library, and how to install it.
+        One line that says which feature needs the missing library, and how to install it.
     """
     name = module.partition('.')[0]
     if name.startswith('rcl') or name.endswith('_msgs'):

@@ -27,7 +27,7 @@ def open_file(path: Path | str, mode: Literal['rb', 'wb', 'xb'] = 'rb') -> Binar
     time, in any process.
 
     Args:
-        path: The file.
+        path: Path of the file.
         mode: Mode of `open`.
 
     Returns:
@@ -52,7 +52,7 @@ def create_file(
     """Creates a file with `open_file`, or replaces it.
 
     Args:
-        path: The file.
+        path: Path of the file.
         kind: Class of the error to raise.
         overwrite: Whether to replace an existing file.
         cure: What a user must do to replace an existing file.
@@ -82,14 +82,14 @@ def replacement(
     """Writes a file under a temporary name, and renames it when it is complete.
 
     Args:
-        path: The file.
+        path: Path of the file.
         kind: Class of the error to raise.
         overwrite: Whether to replace an existing file.
         cure: What a user must do to replace an existing file.
 
     Yields:
-        The temporary path, in the same folder. At the end of the block, the temporary file gets
-        its name and replaces an older file; after an error in the block, it is removed.
+        The temporary path, in the same folder. At the end of the block, the temporary file is
+        renamed to `path` and replaces an older file; after an error in the block, it is removed.
 
     Raises:
         LinkageError: The file exists and is kept, or cannot be replaced; the error is of class
@@ -106,18 +106,18 @@ def replacement(
         raise kind(f'{path} {problem}')
     try:
         target = Path(os.path.realpath(path))
-        beside = target.with_name(f'.{os.getpid()}.part')
-        beside.touch()
+        temporary = target.with_name(f'.{os.getpid()}.part')
+        temporary.touch()
     except (OSError, ValueError) as error:  # ValueError: the name has a NUL or a lone surrogate
         raise kind(f'{path} cannot be written: {_reason(error)}') from error
     try:
-        yield beside
+        yield temporary
         try:
-            beside.replace(target)
+            temporary.replace(target)
         except OSError as error:
             raise kind(f'{path} cannot be written: {_reason(error)}') from error
     finally:
-        beside.unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
 
 
 def _reason(error: Exception) -> str:

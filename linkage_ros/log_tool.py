@@ -34,7 +34,7 @@ def info(log: LogReader) -> Iterator[str]:
     """Describes a log.
 
     Args:
-        log: The log.
+        log: The described log.
 
     Yields:
         Lines of text.
@@ -84,7 +84,7 @@ def verdict(log: LogReader, report: Verification) -> Iterator[str]:
     """Describes the outcome of a verification.
 
     Args:
-        log: The log.
+        log: The described log.
         report: From `verify`.
 
     Yields:

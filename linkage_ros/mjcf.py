@@ -33,7 +33,7 @@ def make_mjcf(mechanism: Mechanism, start: State, joint_prefix: str = '') -> str
     at the start, so that the model begins in the right assembly even without the keyframe.
 
     Args:
-        mechanism: The mechanism.
+        mechanism: Mechanism to export.
         start: State of the mechanism at t = 0.
         joint_prefix: Prepended to all joint and body names.
 

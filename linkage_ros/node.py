@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""linkage_node: turns the crank on ROS 2; publishes the states and the driving torque."""
+"""linkage_node: turns the crank on ROS 2, and publishes the states and the driving torque."""
 
 from __future__ import annotations
 
@@ -57,8 +57,8 @@ class LinkageNode(ParameterNode):
 
     Publishes: the topics of the simulator, while they have subscribers; robot_description; and,
     once a second, /diagnostics.
-    Subscribes: /clock, with use_sim_time; commands or measurements, as its drive needs them.
-    Parameters: those of the configuration; rpm or motor.torque may be set at any time.
+    Subscribes: /clock, with use_sim_time; commands or measurements, if the drive needs them.
+    Parameters: the parameters of the configuration; rpm or motor.torque may be set at any time.
     """
 
     def __init__(self, stop: cli.Stop) -> None:
@@ -99,7 +99,9 @@ class LinkageNode(ParameterNode):
         self._report_timer = self.create_timer(1.0, self._report, clock=steady)
 
     def _open_outputs(self, others: list[Topic]) -> tuple[Any, RunLog]:
-        """Opens view, if any, and log; imports Rerun only here, because it may be missing.
+        """Opens the log and, if there is one, the view.
+
+        Rerun is imported only here, because it may be missing.
 
         Raises:
             ViewerError: The view cannot be opened.

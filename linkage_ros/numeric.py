@@ -25,7 +25,7 @@ Array: TypeAlias = npt.NDArray[np.float64]
 def by_element(function: Callable[..., float]) -> Callable[..., Real]:
     """Extends a function of floats to arrays, by calling it for each element.
 
-    NumPy's functions of arrays may differ from it in the last bit.
+    NumPy's functions of arrays may differ from the function of floats in the last bit.
     """
     floats = {float}
 
@@ -136,8 +136,8 @@ def without_turns(angle: Real, first: float) -> Real:
     """Reduces an angle by whole turns into the turn that begins at `first`.
 
     Args:
-        angle: Float or array, rad; both give results that are equal to the bit.
-        first: Smallest angle of that turn, rad.
+        angle: Float or array, rad; results for floats and arrays are equal to the bit.
+        first: Angle at which the turn begins, rad.
 
     Returns:
         The reduced angle, rad.

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """All colours of Rerun, charts, documents and URDF.
 
-They are greys and the palette of Okabe and Ito, whose colours colour-blind people can tell apart.
-A link and its curves have the same colour; colours of links stand out from black and from white.
-Pairs of other things, such as states, energies or controllers, have two further colours. In
-charts without a mechanism, a legend explains the colours.
+The colours are greys and the palette of Okabe and Ito, whose colours colour-blind people can
+distinguish. A link and its curves have the same colour; colours of links stand out from black and
+from white. Pairs of other things, such as states, energies or controllers, have two further
+colours. In charts without a mechanism, a legend explains the colours.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ COLORS: dict[str, Color] = {
     'slider': GREEN,
 }
 _OTHER_LINK = GREY  # colour of a link with an unknown name
-# Colours of two things that are not links; a third one is grey.
+# Colours of two things that are not links; a third thing is grey.
 FIRST, SECOND = SKY, ORANGE
 
 
@@ -46,12 +46,12 @@ def mixed(color: Color, other: Color, share: float) -> Color:
     """Mixes two colours.
 
     Args:
-        color: The first colour.
-        other: The second colour: WHITE makes the first paler, BLACK darker.
-        share: Share of the second, from 0 to 1.
+        color: The colour to change.
+        other: The colour to add: WHITE makes the first colour paler, BLACK makes it darker.
+        share: Share of the added colour, from 0 to 1.
 
     Returns:
-        The colour.
+        The mixed colour.
     """
     red, green, blue = (
         round((1 - share) * a + share * b) for a, b in zip(color, other, strict=True)

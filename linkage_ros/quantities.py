@@ -86,7 +86,7 @@ class Quantity:
         return cleaned
 
     def _read(self, value: object) -> object:
-        """Converts a value to the type of its field; returns None if the value is not valid."""
+        """Converts a value to the type of the field; returns None if the value is not valid."""
         if self.kind == 'number':
             return self._number(value)
         if self.kind in {'pair', 'list'}:
@@ -147,7 +147,7 @@ def groups(base: type, kinds: Sequence[Any]) -> Any:
     Args:
         base: Base class of the valid objects.
         kinds: The valid classes. The attribute `group` of a class names its group of parameters;
-            it is '' if the class has none. A parameter file may set each group once.
+            it is '' if the class has no group. A parameter file may set each group once.
 
     Returns:
         The field; empty by default.

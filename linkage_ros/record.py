@@ -61,7 +61,7 @@ def record(
 
     Args:
         configuration: Configuration of the run.
-        path: The new log.
+        path: Path of the new log.
         duration: Duration, s; by default 10.
         revolutions: Turns of the crank in either direction, instead of a duration.
         overwrite: Whether to replace an existing file.
@@ -73,7 +73,7 @@ def record(
 
     Raises:
         ConfigurationError: The duration is not positive, or the crank never makes the revolutions.
-        MotionError: A torque-driven motion ends earlier; the log keeps the states before its end.
+        MotionError: A torque-driven motion ends earlier; the log keeps the states until then.
         LogError: The file cannot be written.
     """
     simulator = Simulator(configuration)

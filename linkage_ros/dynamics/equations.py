@@ -45,7 +45,7 @@ class Weight(NamedTuple):
     """The weights of all bodies, as a load; see `linkage_ros.model.loads.Load`.
 
     Attributes:
-        links: The links.
+        links: The moving links of the mechanism.
         gravity: Acceleration of gravity, m/s^2.
     """
 
@@ -80,7 +80,7 @@ class Model(NamedTuple):
 
     Attributes:
         loop: Constants of the kinematics.
-        links: The links.
+        links: The moving links of the mechanism.
         pins: The pin joints; empty if they are not known.
         pin_points: The points of the pins, in the same order.
         dyads: The dyads in the chosen coordinates.
@@ -120,7 +120,7 @@ class Model(NamedTuple):
         """Collects the constants of a mechanism.
 
         Args:
-            mechanism: The mechanism.
+            mechanism: Description of the mechanism, with its loads.
             structure: Links, bodies and points of the mechanism.
             loop: Constants of the kinematics; None: the mechanism's own.
             **refusals: Functions that reject values, for the last fields; by default, all values
@@ -202,7 +202,7 @@ def balance(
     torque; for the accelerations at q'' = 0, it is h - Q.
 
     Args:
-        model: The constants.
+        model: Constants of the mechanism.
         pose: Positions of the links.
         rates: Velocity of each link, rad/s or m/s.
         changes: Acceleration of each link, rad/s^2 or m/s^2.

@@ -99,7 +99,7 @@ class Evaluator:
         """Evaluates a formula of the model.
 
         Args:
-            formula: The formula.
+            formula: Function of the model's constants and of the arguments.
             by_math: Whether array results have the same bits as results of single floats.
             **given: Arguments of the formula, by their keys in `names`.
 

@@ -107,7 +107,7 @@ def joint_load_round(
     """Computes the state under the loads that given joint forces cause, and one Newton step.
 
     Args:
-        model: The constants.
+        model: Constants of the mechanism.
         q: Coordinates.
         u: Rates of the coordinates.
         a: Accelerations of the coordinates.

@@ -63,7 +63,7 @@ class Writer:
         """Finds the operations that the result needs.
 
         Args:
-            tape: The operations.
+            tape: The recorded operations.
             arrays: Names of the array inputs; none: all are floats.
             head: First lines of the program; empty: a `def` line with the inputs.
         """
@@ -231,7 +231,7 @@ class Program:
     A new structure is recorded and compiled when the program first runs.
 
     Attributes:
-        formula: The formula.
+        formula: Function that the program evaluates.
         constants: Constants bound to the formula.
         names: Names of the scalar arguments, in order.
     """

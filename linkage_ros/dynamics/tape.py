@@ -89,7 +89,7 @@ class Tape:
 
     Attributes:
         title: Name of the formula.
-        lines: The operations.
+        lines: The operations, in order.
         names: Names of the variables that hold the results of lines, by line.
         result: Result of the formula: nested tuples of `Recorder`s.
     """

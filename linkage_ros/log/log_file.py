@@ -32,7 +32,7 @@ class LogFile:
 
     Attributes:
         path: Path of the file.
-        stream: The file itself.
+        stream: The open file.
     """
 
     def __init__(self, path: Path | str, *, overwrite: bool) -> None:

@@ -62,7 +62,7 @@ def open_mcap(path: Path) -> BinaryIO:
     """Opens an MCAP file.
 
     Args:
-        path: The file.
+        path: Path of the file.
 
     Returns:
         The file, to be closed by the caller.
@@ -187,7 +187,7 @@ class McapFile:
         """Finds the records in a chunk.
 
         Args:
-            data: The unpacked chunk.
+            data: The records of an unpacked chunk.
             at: First byte of the first record.
 
         Yields:
@@ -244,7 +244,7 @@ def unpack(chunk: records.Chunk) -> bytes:
     A few bytes may unpack to gigabytes, or declare any size.
 
     Args:
-        chunk: The chunk.
+        chunk: A chunk with compressed or plain records.
 
     Returns:
         The records.

@@ -75,14 +75,14 @@ class LogReader(AbstractContextManager['LogReader']):
     """Reads a complete log of this package.
 
     Attributes:
-        path: The file.
+        path: Path of the log.
         configuration: Configuration of the run.
         version: Version of linkage_ros that wrote it.
         has_same_urdf: Whether its robot_description can be recomputed; older versions named links
             like joints.
         motions: The segments of motion, in order.
         lost: Number of logged messages missing from the file; 0 without an end record.
-        topics: The channels.
+        topics: The channels of the log.
         start: Time of the first message, ns.
         end: Time of the last message, ns.
     """
@@ -91,7 +91,7 @@ class LogReader(AbstractContextManager['LogReader']):
         """Opens a log.
 
         Args:
-            path: The file.
+            path: Path of the log.
 
         Raises:
             LogError: The file is not a complete log of linkage_ros; the message describes it.
@@ -280,7 +280,7 @@ def paired(log: LogReader, topics: Iterable[Topic]) -> dict[Topic, LoggedTopic]:
     the other channels in the order of their declaration, which is the order of the topics.
 
     Args:
-        log: The log.
+        log: The log to search.
         topics: The topics, in the order of the simulator.
 
     Returns:

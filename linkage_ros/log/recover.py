@@ -91,8 +91,8 @@ class _Copy:
         """Prepares the copy.
 
         Args:
-            file: The broken log.
-            new: The new log.
+            file: The broken log, which is read.
+            new: The new log, to which the intact records are written.
         """
         self._file, self._new = file, new
         self._unknown, self._is_configured = 0, False

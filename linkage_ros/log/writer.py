@@ -67,7 +67,7 @@ class LogWriter(AbstractContextManager['LogWriter']):
     package's writer itself.
 
     Attributes:
-        file: The file.
+        file: The file of the log.
         library: The writer of the mcap package.
         statistics: Counts and times so far.
         channels: Channels so far, by number.
@@ -79,7 +79,7 @@ class LogWriter(AbstractContextManager['LogWriter']):
         """Creates the file and writes the configuration of the run.
 
         Args:
-            path: The file.
+            path: Path of the new file.
             configuration: Configuration of the run; None: its record is added later.
             overwrite: Whether to replace an existing log.
 
@@ -106,7 +106,7 @@ class LogWriter(AbstractContextManager['LogWriter']):
         """Declares a channel.
 
         Args:
-            topic: The topic.
+            topic: Topic of the channel's messages.
             name: Its fully qualified name.
 
         Returns:
@@ -179,7 +179,7 @@ class LogWriter(AbstractContextManager['LogWriter']):
         """Appends records, which stay in one chunk.
 
         Args:
-            data: The records.
+            data: Message records, one after the other.
             index: Log time, ns, and place of each message, by channel; shape (messages, 2).
         """
         builder, statistics = self._builder, self.statistics

@@ -50,7 +50,7 @@ def rigid_links(mechanism: Mechanism, joint_prefix: str = '') -> list[RigidLink]
     other so that they do not intersect.
 
     Args:
-        mechanism: The mechanism.
+        mechanism: Mechanism whose links are needed.
         joint_prefix: Prepended to all joint names.
 
     Returns:

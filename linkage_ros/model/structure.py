@@ -124,7 +124,7 @@ def coupler_point(coupler: Coupler, pin: Point) -> dict[str, Point]:
     """Makes the coupler point C.
 
     Args:
-        coupler: The coupler.
+        coupler: The coupler, with or without a coupler point.
         pin: The crank pin A.
 
     Returns:

@@ -146,7 +146,7 @@ def errors(
         units: Units of the values.
         end: The values at the end of the step.
         h: Length of the step, s.
-        slopes: The slopes of the step.
+        slopes: The slopes evaluated in the step.
 
     Returns:
         The error of each value in its unit; of a rate above one unit, the relative error.
@@ -185,7 +185,7 @@ class FixedSteps:
         """Starts a motion.
 
         Args:
-            driven: The driven mechanism.
+            driven: The mechanism under its torque.
             phase: Coordinates, then their rates.
             longest: Largest length of a step, s.
             tolerance: Largest error of a step, in rad and crank lengths; of rates, in the same

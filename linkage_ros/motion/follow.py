@@ -69,7 +69,7 @@ class Tracked(NamedTuple):
         """Updates the filter with a new measurement.
 
         Args:
-            value: The new measurement.
+            value: The new measured value of the signal.
             time: Time since the last measurement, s.
             w: 2 pi times the bandwidth, rad/s.
 

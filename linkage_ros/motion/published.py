@@ -21,7 +21,7 @@ def published(driven: DrivenMechanism, y: tuple[float, ...], pairs: int) -> Coor
     """The coordinates that a run publishes.
 
     Args:
-        driven: The driven mechanism.
+        driven: The driven mechanism in its current coordinates.
         y: Coordinates, then their rates.
         pairs: Pairs of whole turns removed from y.
 
@@ -86,8 +86,8 @@ def own_coordinates(solver: Solver, state: State, unwrapped: Real) -> Coordinate
     """Coordinates that carry a state, because they do not determine it.
 
     Args:
-        solver: The solver of the state.
-        state: Floats or arrays.
+        solver: Solver of the mechanism.
+        state: A state of floats or arrays.
         unwrapped: The whole crank angle, rad.
 
     Returns:

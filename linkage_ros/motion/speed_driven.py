@@ -66,7 +66,7 @@ class SpeedMotion:
         """Starts the motion of a drive at t = 0.
 
         Args:
-            drive: The settings.
+            drive: Settings of the crank's motion.
             stamp: Stamp of t = 0, ns.
 
         Returns:

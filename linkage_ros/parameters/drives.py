@@ -38,7 +38,7 @@ class SpeedFeedForward(FeedForward, SpeedDrive):
 
     Attributes:
         trajectory_command_topic: Topic of the crank's motion ahead of time; empty: no topic.
-        trajectory_horizon: Duration of that motion, s.
+        trajectory_horizon: Duration of the published motion, s.
     """
 
     trajectory_command_topic: str = quantity(

@@ -68,7 +68,7 @@ class Session(Checked):
         """Rejects a frame_id or crank_joint that is the name of another part of the linkage.
 
         Args:
-            mechanism: The linkage.
+            mechanism: Mechanism whose joints and links have names.
 
         Raises:
             ConfigurationError: The linkage has a joint or moving link of this name.

@@ -81,7 +81,7 @@ def nearest(name: str, valid: Collection[str]) -> str:
 
     Args:
         name: A name that is not valid.
-        valid: The valid names.
+        valid: The valid names to choose from.
 
     Returns:
         A valid name; empty if none is similar.

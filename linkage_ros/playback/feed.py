@@ -53,7 +53,7 @@ def excerpt_of(
     """Selects an excerpt of a log.
 
     Args:
-        log: The log.
+        log: The log to read.
         offset: Time to skip at the beginning, s.
         duration: Length of the excerpt, s; None: to the end of the log.
         topics: Fully qualified names of the topics; None: all topics.
@@ -73,7 +73,7 @@ def feed(log: LogReader, excerpt: Excerpt, *, loop: bool) -> Iterator[Iterator[I
     """Reads an excerpt in a separate thread.
 
     Args:
-        log: The log; from then on, only the feed may use it.
+        log: The log; from now on, only the feed may use it.
         excerpt: The part to play; latched messages of earlier times come first.
         loop: Whether to repeat the excerpt without end.
 
@@ -106,7 +106,7 @@ def _batches(log: LogReader, excerpt: Excerpt, *, loop: bool) -> Iterator[list[I
     last = {message.topic: message for message in before}
     yield [Item(excerpt.start, message) for message in last.values()]
     shift, count = 0, 1
-    while count and (loop or not shift):  # after a round without messages, no other has any
+    while count and (loop or not shift):  # after a round without messages, no round has any
         messages, count = log.messages(excerpt.topics, excerpt.start, excerpt.end), 0
         while batch := [Item(m.time + shift, m) for m in itertools.islice(messages, _BATCH)]:
             yield batch

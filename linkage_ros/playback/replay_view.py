@@ -26,7 +26,7 @@ def showing(name: str, log: LogReader, target: str, *, alone: bool) -> Iterator[
 
     Args:
         name: Name of the program, for its messages to the user.
-        log: The log.
+        log: The log to show.
         target: Target of the view; see `View`.
         alone: Whether this is the only sink; the replay then ends with the view.
 

@@ -60,7 +60,7 @@ def program(
     values: Mapping[str, object],
     remappings: Sequence[tuple[str, str]] = (),
 ) -> Any:
-    """Starts a program of this package; the launch ends with it.
+    """Starts a program of this package; the launch ends when the program ends.
 
     Args:
         name: Name of the executable.
@@ -97,7 +97,8 @@ def state_publisher(
     Returns:
         The action.
     """
-    # Otherwise both nodes would publish it, latched; the log contains the one of linkage_node.
+    # Otherwise both nodes would publish robot_description, latched; the log contains the message
+    # of linkage_node.
     own = 'robot_description', 'robot_state_publisher/robot_description'
     publisher = Node(
         package='robot_state_publisher',
@@ -113,12 +114,12 @@ def where_installed(package: str, feature: str, action: Any) -> Any:
     """Checks the ROS package that an action needs.
 
     Args:
-        package: Its name.
-        feature: The feature that needs it.
-        action: The action.
+        package: Name of the package.
+        feature: The feature that needs the package.
+        action: Action that needs the package.
 
     Returns:
-        The action, or one that prints what to install.
+        The action, or an action that prints what to install.
     """
     cure = how_to_install(package, feature)
     return LogInfo(msg=cure) if cure else action

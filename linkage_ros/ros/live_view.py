@@ -25,7 +25,7 @@ class LiveView(Worker[Sample]):
         """Opens the view that a configuration asks for.
 
         Args:
-            node: Its logger reports the page's address, who can read the data, and errors.
+            node: Node whose logger reports the page's address, who can read the data, and errors.
             configuration: Configuration of the run.
 
         Raises:

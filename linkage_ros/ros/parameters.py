@@ -45,7 +45,7 @@ class ParameterNode(Node):  # type: ignore[misc]  # rclpy has no types
         """Makes the node.
 
         Args:
-            name: Its name.
+            name: Name of the node.
             options: Options of `rclpy.node.Node`.
 
         Raises:
@@ -78,10 +78,10 @@ class ParameterNode(Node):  # type: ignore[misc]  # rclpy has no types
         """Sets parameters, all or none; all services that set parameters call this.
 
         Args:
-            parameter_list: The parameters; those that would not change are left out.
+            parameter_list: The parameters; parameters that would not change are left out.
 
         Returns:
-            The result for all of them.
+            The result for all parameters.
         """
         changed = []
         for given in parameter_list:

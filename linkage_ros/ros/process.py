@@ -37,7 +37,7 @@ from linkage_ros.parameters.presets import preset_names, preset_path
 from linkage_ros.run.scheduling import accompany_ticker
 
 _PIPE_SIZE = 65536  # bytes, the size of a pipe
-_FLUSH_SECONDS = 1.0  # s, for the reader of our last lines
+_FLUSH_SECONDS = 1.0  # s, for the reader of the program's last lines
 _DESTROY_SECONDS = 10.0  # s; a node that ends later is killed
 
 # Errors of rclpy for wrong command lines, files, names and values. RCLError,
@@ -88,7 +88,7 @@ def _check_parameter_files(arguments: list[str], node: str) -> None:
 
     Args:
         arguments: Arguments of the command line.
-        node: Name of the node, where they give no other.
+        node: Name of the node, unless the arguments set another name.
 
     Raises:
         ConfigurationError: A file has an error, or a preset is given instead of a path.
@@ -117,7 +117,7 @@ def ros_context(arguments: list[str]) -> Iterator[list[str]]:
         arguments: The command line, ROS arguments included.
 
     Yields:
-        The arguments that are not ROS's, without the program's name.
+        The arguments that are not for ROS, without the program's name.
 
     Raises:
         ConfigurationError: rcl refuses the arguments or the environment.
@@ -155,13 +155,13 @@ def reported_as_configuration() -> Iterator[None]:
 
 def _spin(executor: SingleThreadedExecutor, node: Node, ends: threading.Event) -> None:
     """Spins until the end, despite exceptions such as those for parameters without a type."""
-    accompany_ticker()  # the callbacks hold the interpreter, for which a tick may wait
+    accompany_ticker()  # a tick may wait for the interpreter lock that the callbacks hold
     while node.context.ok():
         try:
             executor.spin()
         except ExternalShutdownException:  # noqa: PERF203, once for each failure
             return
-        except Exception as error:  # noqa: BLE001, nothing bounds what others send
+        except Exception as error:  # noqa: BLE001, other nodes may send anything
             words = one_line(f'{type(error).__name__}: {error}')
             # A timer may be cancelled just before the call, and the node destroyed during it.
             if 'timer is canceled' not in words and not ends.is_set():
@@ -175,7 +175,7 @@ def spinning(node: Node) -> Iterator[None]:
     """Runs a node's callbacks in a thread; destroys the node at the end.
 
     Args:
-        node: The node.
+        node: Node whose callbacks are run.
 
     Yields:
         While the callbacks run.
@@ -205,8 +205,8 @@ def spinning(node: Node) -> Iterator[None]:
 def nonblocking_stderr() -> Iterator[None]:
     """Makes stderr non-blocking, so that Ctrl-S in the terminal cannot stop the crank.
 
-    Log lines go through a pipe of this process. Lines beyond its 64 KiB are lost, and so are
-    the last ones if they are not read within a second of the end.
+    Log lines go through a pipe of this process. Lines beyond the pipe's 64 KiB are lost, and so
+    are the last lines if they are not read within a second of the end.
     """
     if sys.stderr is None:  # closed by `2>&-`: the log must not get its number, and its lines
         os.open(os.devnull, os.O_WRONLY)

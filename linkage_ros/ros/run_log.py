@@ -38,8 +38,8 @@ class RunLog:
         """Creates the log.
 
         Args:
-            node: Its logger reports how the log ends.
-            simulator: Makes the states.
+            node: Node whose logger reports how the log ends.
+            simulator: Simulator that makes the states.
             others: Further topics, published or received.
 
         Raises:

@@ -24,8 +24,8 @@ from linkage_ros.wire.topics import Topic
 
 # Waiting times, s: for subscribers to find a node, and for matching.
 _DISCOVERY_SECONDS, _MATCH_SECONDS = 0.8, 0.2
-# Queue length of commands between ticks; older ones are dropped. It bounds the cost of a flood.
-# Queue length of /clock; it is large enough for a burst.
+# Queue length of commands between ticks, which bounds the cost of a flood: older commands are
+# dropped. It is also the queue length of /clock, and large enough for a burst.
 _DEPTH = 100
 _PATIENCE = 0.1  # s; longest wait for a message, which delays the end of a node
 # Topics of every rclpy node.
@@ -59,10 +59,10 @@ def create_publisher(node: Node, topic: Topic, **options: Any) -> Publisher:
 class StatePublisher:
     """Publishes a topic while it has subscribers.
 
-    To count them at every tick would take as long as to publish.
+    To count the subscribers at every tick would take as long as to publish.
 
     Attributes:
-        publisher: It takes CDR bytes.
+        publisher: Publisher of CDR bytes.
         is_heard: Whether there were subscribers when they were last counted.
     """
 
@@ -138,7 +138,8 @@ class _PolledGroup(ReentrantCallbackGroup):  # type: ignore[misc]  # rclpy has n
 class PolledSubscription:
     """Keeps the last messages of a topic until the tick thread takes them.
 
-    It is best-effort, and so compatible with every publisher; losses are not resent.
+    The subscription is best effort, so that it is compatible with every publisher. Lost messages
+    are not sent again.
 
     Attributes:
         name: Resolved name of the topic.
@@ -154,8 +155,8 @@ class PolledSubscription:
         """Subscribes.
 
         Args:
-            node: The node.
-            topic: The topic.
+            node: Node of the subscription.
+            topic: Topic to subscribe to.
             read: Reads a message received at a time, ns; raises a ValueError if it is refused.
             log: Called for each message with time of receipt, ns, topic, and CDR bytes.
         """

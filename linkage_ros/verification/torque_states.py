@@ -194,7 +194,7 @@ class TorqueStates(Timeline):
         Args:
             before: The driven mechanism in the description of the previous state.
             origin: The previous state.
-            found: The state to check.
+            found: The logged state to check.
             span: Time between them, s.
 
         Returns:

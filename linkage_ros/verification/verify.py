@@ -44,7 +44,7 @@ def verify(log: LogReader, progress: Callable[[int], object] = lambda _: None) -
     """Recomputes and compares the messages of a log, up to the first difference.
 
     Args:
-        log: The log.
+        log: The log to verify.
         progress: Called with the number of states that were compared since the last call.
 
     Returns:
@@ -78,7 +78,7 @@ class Verification:
         """Compares topics and segments of motion with those of a run.
 
         Args:
-            log: The log.
+            log: The log to verify.
         """
         self._log, self._rows = log, bytearray()
         self._simulator = simulator = Simulator(log.configuration)

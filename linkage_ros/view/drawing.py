@@ -53,7 +53,7 @@ class Drawing:
         """Computes the parts of the picture that do not move.
 
         Args:
-            mechanism: The mechanism.
+            mechanism: Mechanism to draw.
             crank_angle: Crank angle at the start, rad; it selects the arc of a crank that cannot
                 turn fully.
         """

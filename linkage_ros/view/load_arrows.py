@@ -42,7 +42,7 @@ class LoadArrows:
         """Finds the links with loads, and the largest loads at a negligible speed.
 
         Args:
-            mechanism: The mechanism.
+            mechanism: Mechanism whose loads are shown.
             mark: Unit of the sizes of arrows, m.
             positions: Positions that the links can take, shape (n, links), rad and m.
         """

@@ -23,7 +23,7 @@ def reach(mechanism: Mechanism, crank_angle: float) -> Array:
     """Samples the positions that the links can reach.
 
     Args:
-        mechanism: The mechanism.
+        mechanism: Mechanism whose positions are sampled.
         crank_angle: Crank angle at the start, rad. A crank that cannot turn fully stays on the
             arc that contains this angle.
 

@@ -33,8 +33,8 @@ def joint_rows(
     """Converts a state to the joints of the URDF's open tree, as in messages; used in a formula.
 
     Args:
-        links: The tree; its first joint is the crank's.
-        state: The state.
+        links: The links of the open tree; the crank is the first.
+        state: State of the mechanism.
         unwrapped: The whole angle of the crank, rad.
 
     Returns:
@@ -72,7 +72,7 @@ def _sequences(body: bytes, names: Sequence[str], quantities: Iterable[str]) -> 
 
     Args:
         body: Bytes of the message before the sequences, aligned to 4, without encapsulation.
-        names: The joints.
+        names: Names of the joints.
         quantities: The quantities in the sequences.
 
     Yields:
@@ -120,7 +120,7 @@ def crank_trajectory(
     """A JointTrajectory message of one joint and many points, with the stamp of its first point.
 
     Args:
-        name: The joint.
+        name: Name of the joint.
         frame_id: Frame of the message.
         points: For each point its stamp, ns, in increasing order, and its values: position, rad,
             velocity, rad/s, acceleration, rad/s^2, and effort, N m.

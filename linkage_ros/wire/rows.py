@@ -132,7 +132,7 @@ class Template:
 
         Args:
             rows: Bytes of any number of filled templates.
-            place: The field.
+            place: Field to view.
 
         Returns:
             The value of the field in each template.
@@ -152,7 +152,7 @@ def message_record(channel: int, times: tuple[int, int], data: bytes) -> bytes:
         data: CDR bytes of the message.
 
     Returns:
-        The bytes.
+        The bytes of the record.
     """
     size = MESSAGE_HEAD.size - 9 + len(data)  # without opcode and length
     return MESSAGE_HEAD.pack(_OPCODE, size, channel, 0, *times) + data

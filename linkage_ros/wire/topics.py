@@ -113,7 +113,7 @@ class Topic(NamedTuple):
 
     Attributes:
         name: Relative name; /diagnostics is absolute.
-        interface: Its message type.
+        interface: Message type of the topic.
         latched: Whether late subscribers get the last message (transient local durability).
         depth: Messages kept for a reader that lags.
         meaning: Contents of a message, one line for docs/reference.md.

@@ -50,7 +50,7 @@ def make_urdf(
     a mass or an inertia that is 0 in the parameters.
 
     Args:
-        mechanism: The mechanism.
+        mechanism: Mechanism to export.
         joint_prefix: Prepended to all joint and link names but frame_id.
         frame_id: Name of the root link, which carries the fixed pivots.
         ros2_control: Whether to add the tag by which ros2_control drives the crank of a node.

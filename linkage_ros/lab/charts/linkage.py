@@ -36,7 +36,7 @@ class LinkagePicture:
     """A mechanism with its pins, their paths over a period, and a scale.
 
     Attributes:
-        period: The period drawn.
+        period: Period of the drawn mechanism.
     """
 
     def __init__(self, axes: Axes, period: Period, samples: Sequence[int]) -> None:

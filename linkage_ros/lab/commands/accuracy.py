@@ -284,7 +284,7 @@ def draw_follow(points: Sequence[dict[str, Any]], title: str, path: Path) -> Non
     """Plots the torque error of a measured crank against the bandwidth, for each encoder.
 
     Args:
-        points: All points.
+        points: Points of all encoders.
         title: Title of the picture.
         path: The PNG file, replaced if it exists.
     """

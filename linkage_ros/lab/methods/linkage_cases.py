@@ -59,7 +59,7 @@ class LinkageCase(Case):
         cranks: Angles at which methods are judged, in order, rad.
         guess: Initial guess of iterations.
         decimal: See `Reference`.
-        reference: The true states.
+        reference: Computes the true states.
     """
 
     def __init__(

@@ -144,7 +144,7 @@ def smoothed(mechanism: WindPump, pace: float) -> WindPump:
     """Replaces the load curves of a pump whose force jumps where the slider reverses.
 
     Args:
-        mechanism: The pump.
+        mechanism: Description of the pump.
         pace: Largest crank speed, rad/s, to which the width of the transition is proportional.
 
     Returns:

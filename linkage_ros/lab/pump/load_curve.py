@@ -66,7 +66,7 @@ class SteadyState(NamedTuple):
     """A periodic motion that a motor sustains.
 
     Attributes:
-        motion: The motion.
+        motion: The sustained motion.
         piece: The piece of the load curve that contains it.
     """
 
@@ -87,7 +87,7 @@ def steady_states(
     """Finds the steady states at a torque of the motor.
 
     Args:
-        balance: The equations.
+        balance: Equations for the motor's damping.
         pieces: The pieces of the load curve.
         torque: Torque of the motor at rest, N m.
 

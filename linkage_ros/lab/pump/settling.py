@@ -196,7 +196,7 @@ def require_slow(mechanism: WindPump, motor: Motor, pace: float) -> None:
     """Refuses a damping that is so strong that a turn takes too many steps.
 
     Args:
-        mechanism: The pump.
+        mechanism: Description of the pump.
         motor: Motor of the pump.
         pace: From `prepared`.
 

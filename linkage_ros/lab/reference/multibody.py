@@ -169,7 +169,7 @@ def eliminate(rows: list[Row], right: Row) -> Row:
     """Solves a system of equations by Gaussian elimination, for any kind of number.
 
     Args:
-        rows: The rows of the matrix.
+        rows: The rows of the square matrix.
         right: The right-hand side.
 
     Returns:

@@ -154,7 +154,7 @@ def with_value(part: Any, name: str, value: Any) -> Any:
     Args:
         part: A mechanism, one of its parts, or a pair of numbers.
         name: Dotted name of a parameter; 0 and 1 are the numbers of a pair.
-        value: The new value.
+        value: The value to set.
 
     Returns:
         The copy.
