@@ -152,7 +152,7 @@ class Stop:
     Python; so all work is done in other threads, or the main thread waits here between its steps.
     A threading.Event would deadlock if a signal arrived just as the wait begins; a SimpleQueue can
     be filled at any time. Linux may deliver a signal to another thread, for example while the
-    process is being stopped; it is then handled when the main thread wakes.
+    process is being stopped; the signal is then handled when the main thread wakes.
     """
 
     def __init__(self) -> None:
@@ -187,7 +187,7 @@ class Stop:
             timeout: Longest time to wait, s; None: for ever.
 
         Returns:
-            Whether it was requested.
+            Whether the end was requested.
         """
         end = math.inf if timeout is None else time.monotonic() + timeout
         while not self._is_set and (left := end - time.monotonic()) > 0:

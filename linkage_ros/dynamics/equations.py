@@ -37,7 +37,7 @@ from linkage_ros.model.loads import JointLoad, Load
 from linkage_ros.model.structure import Dyad, Link, Mechanism, Pin, Point, Structure
 from linkage_ros.numeric import Real
 
-# In the place of a function that rejects values: it accepts them all.
+# Takes the place of a function that rejects values, and accepts all values.
 ACCEPT = Opaque(lambda *_: None)
 
 

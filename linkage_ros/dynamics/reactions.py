@@ -75,7 +75,8 @@ class _Balance:
     """Newton's and Euler's equations of all bodies: the links and, as the last body, the frame.
 
     Attributes:
-        forces: Forces in the solved pins, by name: force of the pin's first link on the second.
+        forces: Forces in the solved pins, by pin name. Each is exerted by the pin's first link on
+            its second link.
     """
 
     def __init__(

@@ -183,7 +183,7 @@ def series_program(torques: Array, period: float, harmonics: int) -> TorqueProgr
         harmonics: Number of harmonics.
 
     Returns:
-        A program like that of `torque_program`, which ignores its speed.
+        A program with the arguments of the full program; it ignores the speed.
     """
     mean, *others = np.fft.rfft(torques, norm='forward')[: harmonics + 1].tolist()
     waves = tuple(Vector(2 * x.real, -2 * x.imag) for x in others)
@@ -207,7 +207,7 @@ def table_program(torques: Array, period: float) -> TorqueProgram:
         period: Period, rad.
 
     Returns:
-        A program like that of `torque_program`, which ignores its speed.
+        A program with the arguments of the full program; it ignores the speed.
     """
     nodes, rows = len(torques), (torques.tolist(), (np.roll(torques, -1) - torques).tolist())
     value, slope = (Opaque(lambda i, row=row: row[i % nodes]) for row in rows)

@@ -62,7 +62,7 @@ class LogFile:
         self._attempt(self.stream.write, data)
 
     def flush(self) -> None:
-        """Passes all bytes to the operating system; if the run is killed, they are not lost.
+        """Passes all bytes to the operating system, which keeps them if the run is killed.
 
         Raises:
             LogError: The file cannot be written, or was removed or truncated.

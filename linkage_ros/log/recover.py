@@ -65,8 +65,8 @@ def recover(
         The outcome: what was recovered, and what was lost.
 
     Raises:
-        LogError: The source is not a log of this package or unpacks to too much, or the target
-            cannot be written or is the source.
+        LogError: The source is not a log of this package, or would be too large when unpacked; or
+            the target is the source or cannot be written.
     """
     with open_mcap(Path(source)) as stream:
         if is_same_file(str(source), str(target)):
@@ -109,8 +109,8 @@ class _Copy:
             progress: As for `recover`.
 
         Raises:
-            LogError: The log unpacks to too much or has no configuration, or the new log cannot
-                be written.
+            LogError: The unpacked log would be too large, the log has no configuration, or the new
+                log cannot be written.
         """
         file, opcode, at = self._file, 0, MAGIC_SIZE
         places = damaged = 0

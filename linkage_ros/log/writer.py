@@ -224,7 +224,7 @@ class LogWriter(AbstractContextManager['LogWriter']):
         self.flush()
 
     def flush(self) -> None:
-        """Passes all messages to the operating system; if the run is killed, they are not lost.
+        """Passes all messages to the operating system, which keeps them if the run is killed.
 
         Raises:
             LogError: The file cannot be written, or was removed or truncated; the log ends.

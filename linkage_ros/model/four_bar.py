@@ -265,7 +265,7 @@ class FourBar(Mechanism):
         return self.crank.length, self.coupler.length, self.rocker.length, self.frame.length
 
     def _sums(self) -> dict[str, tuple[float, ...]]:
-        """Signed terms of each sum of lengths that vanishes at a change point, by description."""
+        """Sums of lengths that vanish at change points: their signed terms, by description."""
         r, b, c, d = self._lengths()
         return {
             'coupler + rocker - frame - crank': (b, c, -d, -r),

@@ -193,7 +193,7 @@ class SliderCrank(Mechanism):
         return longest
 
     def _sums(self) -> dict[str, tuple[float, ...]]:
-        """Signed terms of each sum of lengths that vanishes at a change point, by description."""
+        """Sums of lengths that vanish at change points: their signed terms, by description."""
         r, b, e = self._lengths()
         return {
             'coupler + offset - crank': (b, e, -r),

@@ -32,9 +32,9 @@ class Square(NamedTuple):
     """A function of h: cos^2 m = p + (kappa cos h)^2, or sin^2 m = q + (kappa sin h)^2.
 
     Attributes:
-        least: Its smallest value, p or q; ZERO if that counts as 0: the root then has a sign.
-        most: Its largest value, 1 - q or 1 - p, without the rounding error of this difference.
-        limits: Whether it is negative at some crank angles, which are unreachable.
+        least: Smallest value, p or q; ZERO if this value counts as 0: the root then has a sign.
+        most: Largest value, 1 - q or 1 - p, without the rounding error of this difference.
+        limits: Whether the function is negative at some crank angles, which are unreachable.
         from_most: Whether to compute it as `most` minus the square of the other product, because
             this computation loses fewer digits.
     """
@@ -162,7 +162,7 @@ class Transmission(NamedTuple):
     def extremes(self) -> Arc:
         """The smallest and the largest transmission angle 2m, in [0, pi], rad.
 
-        They occur at h = 0 and h = pi/2. If the crank cannot reach one of these, its reach ends
+        They occur at h = 0 and h = pi/2. If the crank cannot reach such an angle, its reach ends
         where the transmission angle is 0 (folded) or pi (stretched).
         """
         near, far = (largest(number(square.least), 0.0) for square in (self.sin, self.cos))

@@ -126,7 +126,7 @@ class WindPumpLoop(NamedTuple):
                 arm_c: Component of the crank's acceleration term along the coupler, m.
 
             Returns:
-                The curvature of the coupler and that of the rod.
+                The curvatures of coupler and rod.
             """
             return (
                 -over_b * (arm_b + b * cos23 * own + c * other),

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Integrates torque-driven motion in steps of adaptive length, for records.
 
-This is the only file of this folder that uses SciPy. Its DOP853 is Dormand and Prince's method of
-order 8 with a continuous solution of order 7 between its steps.
+This is the only file of this folder that uses SciPy. SciPy's DOP853 is Dormand and Prince's method
+of order 8 with a continuous solution of order 7 between its steps.
 """
 
 from __future__ import annotations

@@ -132,16 +132,16 @@ class DrivenMechanism:
 
     @functools.cached_property
     def is_own(self) -> bool:
-        """Whether these are the mechanism's own coordinates."""
+        """Whether the current coordinates are the mechanism's own coordinates."""
         return self.solver.coordinates == self.solver.mechanism.coordinates
 
     @functools.cached_property
     def is_usual(self) -> bool:
-        """Whether these are the mechanism's own coordinates in its own assembly."""
+        """Whether the current coordinates and assembly are the mechanism's own."""
         return bool(self.solver.description == self.solver.mechanism.description)
 
     def _better(self, y: tuple[float, ...], sine: float, other_sine: float) -> tuple[str, ...]:
-        """Selects the coordinates to use from now on; empty: the current ones."""
+        """Selects the coordinates to use from now on; empty: the current coordinates."""
         mechanism = self.solver.mechanism
         is_worse = sine < _LEAVE and other_sine > 2 * sine
         if self.is_own:

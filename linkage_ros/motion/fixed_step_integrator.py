@@ -112,7 +112,7 @@ def leap(
         slope: Rates and accelerations at the start.
 
     Returns:
-        The values at the end, the slope there, and the error of each value in its unit.
+        The values and the slope at the end of the step, and the error of each value in its unit.
     """
     slopes, end = [slope], values
     for weights in (*DORMAND_PRINCE.stages, DORMAND_PRINCE.end):
@@ -260,7 +260,7 @@ class FixedSteps:
             self.driven.fail(self.time, self.phase, cause)
 
     def _try(self, h: float) -> tuple[Values, Values, float]:
-        """Makes one step; returns its end, the slope there, and its error."""
+        """Makes one step; returns the values and the slope at its end, and its error."""
         driven, self.phase, left = self.driven.ready(self.phase)
         if driven is not self.driven:
             self._use(driven)

@@ -33,7 +33,7 @@ from linkage_ros.motion.stiff_integrator import StiffSteps
 _STIFF = 2e3  # rate of settling, 1/s, above which implicit steps cost less than explicit ones
 _MOST_STEPS, _TRIED = 50, 100  # steps of 12 us of work in each ms; ms of the motion to try
 _RECORD: dict[str, Any] = {'tolerance': 1e-11, 'trials': 10_000}  # tolerance of implicit steps
-_RECORD_CORNERS: dict[str, Any] = {'tolerance': 1e-13, 'trials': 10_000}  # of explicit ones
+_RECORD_CORNERS: dict[str, Any] = {'tolerance': 1e-13, 'trials': 10_000}  # of explicit steps
 
 
 def live_steps(driven: DrivenMechanism, phase: Values, **options: Any) -> Steps:

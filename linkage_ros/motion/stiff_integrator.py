@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Integrates torque-driven motion with strong damping, in linearly implicit fixed steps.
 
-Strong damping brings a rate to its balance within a time constant (inertia / damping) that may be
-far shorter than a step. An explicit step diverges unless it is as short as that time constant; a
+Under strong damping, a rate settles with a time constant (inertia / damping) that may be far
+shorter than a step. An explicit step diverges unless it is as short as that time constant; a
 linearly implicit (Rosenbrock) step is limited only by its error. The method is Rodas5P, of
-order 5, L-stable and stiffly accurate (G. Steinebach, BIT Numer. Math. 63 (2023), article 27):
-with the matrix J of the slope's derivatives, its stages solve
+order 5, L-stable and stiffly accurate (G. Steinebach, BIT Numer. Math. 63 (2023), article 27).
+With the matrix J of the slope's derivatives, the stages of the method solve
 
     (1 / gamma - h J) k_i = slope(y + h sum_j a_ij k_j) + sum_j c_ij k_j.
 

@@ -52,7 +52,7 @@ class TorqueMotion:
             integrate: Makes the integrator.
 
         Raises:
-            LinkageError: The motion cannot start there.
+            LinkageError: The motion cannot start from the given angle and speed.
         """
         self.segment = TorqueSegment(stamp, drive.motor.torque)
         self._solver, self._motor, self._command = solver, drive.motor, 0.0
@@ -61,7 +61,7 @@ class TorqueMotion:
         y = begin.unwrapped, *begin.q[1:], *begin.u
         self._steps = integrate(DrivenMechanism(solver, self._torque), y)
         self._end: LinkageError | None = None
-        # A stamp, and the time of the integrator there, s.
+        # A stamp, and the time of the integrator at this stamp, s.
         self._origin, self._begun = stamp, 0.0
 
     def at(self, stamp: int) -> Coordinates:
@@ -174,7 +174,7 @@ class TorqueMotion:
         return self
 
     def rehearse(self) -> None:
-        """Compiles the programs for the end of the coordinates, to avoid a delay there."""
+        """Compiles the programs for the other coordinates, to avoid a delay at their first use."""
         own, mechanism = self._steps.driven, self._solver.mechanism
         if not (own.is_limited and mechanism.other_coordinates):
             return
@@ -187,7 +187,7 @@ class TorqueMotion:
                 published(driven, there, 0)
 
     def _describe(self, stamp: int, driven: DrivenMechanism) -> None:
-        """Starts a segment at a stamp if the description of the motion changes there."""
+        """Starts a segment at a stamp if the description of the motion changes at this stamp."""
         description = None if driven.is_usual else driven.solver.description
         if description != self.segment.description:
             self.segment = replace(

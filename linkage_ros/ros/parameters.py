@@ -56,7 +56,7 @@ class ParameterNode(Node):  # type: ignore[misc]  # rclpy has no types
         self._live: set[str] = set()
 
     def set_live(self, name: str, value: float) -> None:
-        """Called with name and value of a parameter that was set while the node runs."""
+        """Handles a parameter that was set while the node runs; subclasses override this."""
 
     def declare(self, parameters: Iterable[Leaf], values: Mapping[str, object]) -> None:
         """Declares parameters with their current values.

@@ -39,7 +39,7 @@ def message_class(name: str) -> Any:
 
 
 def create_publisher(node: Node, topic: Topic, **options: Any) -> Publisher:
-    """Creates a publisher with the topic's quality of service; it takes CDR bytes.
+    """Creates a publisher of CDR bytes with the topic's quality of service.
 
     Args:
         node: The node.
@@ -177,7 +177,7 @@ class PolledSubscription:
         self._publishers, self._has_changed = matched.current_count, True
 
     def receive(self) -> Iterator[Any]:
-        """Waits briefly for messages; yields the results of reading the accepted ones."""
+        """Waits briefly for messages; reads them, and yields the results of accepted messages."""
         handle = self._subscription.handle
         with handle:
             self._wait_set.clear_entities()
@@ -186,7 +186,7 @@ class PolledSubscription:
         yield from self.take()
 
     def take(self) -> Iterator[Any]:
-        """Yields the results of reading the accepted queued messages."""
+        """Reads the queued messages; yields the results of accepted messages."""
         if not (self._publishers or self._has_changed):
             return
         self._has_changed = False

@@ -75,7 +75,7 @@ def accompany_ticker() -> None:
 class SwitchInterval:
     """Requests the interpreter from other threads at once, unless the machine is overloaded.
 
-    Such requests repeat every 10 us. With sixty nodes in discovery on two cores, they would use
+    Such requests are repeated every 10 us. With sixty nodes in discovery on two cores, they use
     the core that the other thread needs. So the ticker uses Python's default interval at the start
     and after a very late tick.
     """

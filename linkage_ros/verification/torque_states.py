@@ -218,7 +218,7 @@ class TorqueStates(Timeline):
         """Predicts positions and rates from an earlier state.
 
         The angles of all links but the crank are shifted by whole turns to lie nearest to the
-        logged ones.
+        logged angles.
 
         Args:
             before: See `_difference`.
@@ -248,7 +248,7 @@ class TorqueStates(Timeline):
 
 
 def _agrees(units: Array, due: Array, values: Array, crank: Array) -> npt.NDArray[np.bool_]:
-    """Whether positions and rates agree with the expected ones.
+    """Whether logged positions and rates agree with expected values.
 
     Args:
         units: Unit of each value.

@@ -61,7 +61,7 @@ def verify(log: LogReader, progress: Callable[[int], object] = lambda _: None) -
 
 
 class Verification:
-    """A comparison of the messages of a log with recomputed ones, up to the first difference.
+    """Compares the messages of a log with recomputed messages, up to the first difference.
 
     Attributes:
         states: Number of equal states.
@@ -75,7 +75,7 @@ class Verification:
     """
 
     def __init__(self, log: LogReader) -> None:
-        """Compares topics and segments of motion with those of a run.
+        """Compares the topics and the segments of motion with those that a run would have.
 
         Args:
             log: The log to verify.

@@ -210,7 +210,7 @@ def measure_accuracy(
         quick: Whether to time each method only once.
 
     Returns:
-        The points of the chart; those on a Pareto front are marked.
+        The points of the chart; points on a Pareto front are marked.
     """
     points: list[Point] = []
     for name, case in cases:

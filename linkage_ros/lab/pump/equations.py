@@ -59,7 +59,7 @@ class PumpSolver(Solver):
                 other coordinates, crank and coupler angles and their rates.
 
         Returns:
-            M11, M12, M22, h1 and h2; h2 is nan where the dyad does not reach.
+            M11, M12, M22, h1 and h2; h2 is nan where the dyad cannot close.
         """
         with np.errstate(all='ignore'):
             *found, h2, inside = self._terms(*phases)
@@ -74,7 +74,7 @@ class PumpSolver(Solver):
 
         Returns:
             Two rates and two accelerations, of shape (4, ...); the accelerations are nan where the
-            dyad does not reach.
+            dyad cannot close.
         """
         m11, m12, m22, h1, h2 = self.terms(*phases)
         push, whole = torque - h1, m11 * m22 - m12 * m12
@@ -83,11 +83,11 @@ class PumpSolver(Solver):
 
 
 def _terms(constants: tuple[Any, ...], *phase: Real) -> tuple[Real, ...]:
-    """M11, M12, M22, h1, h2, and a number that is positive if the dyad reaches."""
+    """M11, M12, M22, h1, h2, and a number that is positive if the dyad can close."""
     model, limits = constants
     q, u = phase[:2], phase[2:]
     inside, reached = _reach(model.loop, limits, *q)
-    # If the dyad does not reach, the terms are computed at other coordinates.
+    # If the dyad cannot close, the terms are computed at other coordinates.
     pose = model.loop.pose(
         tuple(where(inside > 0, *both) for both in zip(q, reached, strict=True))
     )
@@ -99,10 +99,10 @@ def _terms(constants: tuple[Any, ...], *phase: Real) -> tuple[Real, ...]:
 def _reach(
     loop: WindPumpLoop, limits: tuple[Real, Real], angle: Real, other: Real
 ) -> tuple[Real, tuple[Real, Real]]:
-    """Checks that the dyad reaches; returns a number that is positive if so, and coordinates.
+    """A number that is positive if the dyad can close at coordinates, and fallback coordinates.
 
-    The returned coordinates are the given ones if the dyad reaches, else others at which it does.
-    A rod that is longer than crank and coupler together reaches the guide at all their angles.
+    The dyad can always close at the fallback coordinates. A rod that is longer than crank and
+    coupler together reaches the guide at all their angles.
     """
     if isinstance(loop, ByCoupler):
         return _LARGEST - abs(angle) - abs(other), (0.0, 0.0)

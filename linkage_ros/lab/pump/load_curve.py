@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The load curve: periodic motions by mean crank speed, and where they lose their stability.
+"""The load curve of a pump: its periodic motions by mean crank speed, and their stability.
 
 The motor's torque M0 - m phi1' has the time average M0 - m w, where w is the mean speed. So the
 load curve M0(w) - m w is the mean load of the motion with the mean speed w. The steady states are
@@ -75,7 +75,7 @@ class SteadyState(NamedTuple):
 
     @property
     def name(self) -> str:
-        """The speed; also the number of turns if there are several, and whether it is unstable."""
+        """The mean speed; also the number of turns if above 1, and 'unstable' if so."""
         motion = self.motion
         turns = f', {motion.turns} turns' if motion.turns > 1 else ''
         return f'{motion.speed:.4g} rad/s{turns}{"" if motion.stable else ", unstable"}'
@@ -254,7 +254,7 @@ def _is_doubled(one: PeriodicMotion, other: PeriodicMotion) -> bool:
 def _boundary(
     balance: HarmonicBalance, one: PeriodicMotion, other: PeriodicMotion
 ) -> PeriodicMotion:
-    """Finds the motion between two others whose largest multiplier has the modulus 1.
+    """Finds the motion between two motions at which the largest multiplier has the modulus 1.
 
     It uses the Illinois method (M. Dowell and P. Jarratt, BIT 11 (1971), 168-174) along the line
     between the two motions.

@@ -121,7 +121,7 @@ class Motions:
         return self._solver.slopes(self._motor.at(there[2]), *there)
 
     def _carry(self, number: int) -> None:
-        """Follows one motion in other coordinates until the first ones are suitable again."""
+        """Follows one motion in other coordinates until the first coordinates suit again."""
         there, calm = self._there[:, number], 0
         try:
             steps = FixedSteps(self._driven, tuple(there.tolist()), _LONGEST, _ROUGH)

@@ -27,11 +27,11 @@ _TINY = 1e-5  # amplitude below which a harmonic counts as absent, in crank leng
 
 
 def parts_of(turns: int, harmonics: int) -> Array:
-    """Evenly spaced crank angles, rad, at which the mean of a product of two series is exact.
+    """Evenly spaced crank angles, rad, that give the exact mean of a product of two series.
 
     Args:
-        turns: Turns of the crank.
-        harmonics: Largest number of periods of a wave in a turn.
+        turns: Number of turns of the crank.
+        harmonics: Number of periods per turn of the shortest wave.
 
     Returns:
         Angles, the first at 0.

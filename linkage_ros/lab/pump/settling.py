@@ -49,7 +49,7 @@ class Search:
     Two more motions start near each unstable state, one below and one above its speed.
 
     Attributes:
-        motions: The motions; the last ones start near unstable states.
+        motions: All motions; the last of them start near unstable states.
         states: The known states, stable or not.
         unstable: The unstable states known at the start, if a motion can start near them.
         belongs: Number of the state at which each motion settles; -1: none is known.

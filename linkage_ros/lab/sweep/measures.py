@@ -111,9 +111,9 @@ def groups(
         count: Number of designs.
 
     Yields:
-        The indices of the designs; their transmission, and the constants of formulas, in which
-        varied numbers are arrays of shape (designs, 1). Designs that cannot be assembled are in
-        no group.
+        For each group, the indices of its designs, their transmission, and the constants of
+        formulas, in which varied numbers are arrays of shape (designs, 1). Designs that cannot be
+        assembled are in no group.
 
     Raises:
         TypeError: The mechanism cannot be computed for arrays.
@@ -179,7 +179,7 @@ def torque_of(constants: Any, angle: Real, speed: Real) -> Real:
 
 
 def _output_of(constants: Any, angle: Real, _: Real) -> tuple[Real, Real, Real]:
-    """Position of the output link, and its first two derivatives over the crank angle."""
+    """Position of the output link, and its first two derivatives with respect to the angle."""
     link = constants[0].loop.pose((angle,)).links[-1]
     return link.position, link.jacobian[0], link.curvature[0]
 
