@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Planar linkages that move exactly: states, driving torque, ROS 2 node, log, replay and view.
+"""The exact motion of planar linkages: states, driving torque, ROS 2 node, log, replay and view.
 
 Describe a mechanism (`FourBar`, `SliderCrank` or `WindPump`) and pass it to a `Solver`, which
 computes its states, accelerations, joint forces and energy. Units are SI: m, kg, rad, s, N. Angles

@@ -92,8 +92,8 @@ def with_point_masses(mechanism: Any) -> Mechanism | None:
         mechanism: Mechanism to simplify.
 
     Returns:
-        The mechanism with a massless coupler. None if it has no coupler, or if the coupler has no
-        mass or a centre of mass that is not between its pins.
+        The mechanism with a massless coupler. None: it has no coupler, the coupler has no mass, or
+        the coupler's centre of mass is not between its pins.
     """
     coupler, output = getattr(mechanism, 'coupler', None), Solver(mechanism).links[-1]
     if coupler is None or not (coupler.mass and 0 <= coupler.center[0] <= coupler.length):

@@ -78,7 +78,7 @@ class Transmission(NamedTuple):
         reference: Direction of the reference line, rad, in two parts whose sum is exact to
             twice the digits of a double.
         kappa: kappa with a sign: negative if the reference, rounded to whole turns, is an odd
-            number of turns. `assembly` thus names the branch up to pi beyond the reference.
+            number of turns. So `assembly` names the branch from the reference to pi beyond it.
         cos: The square of cos m; it limits a crank that cannot reach the far side (h = pi/2).
         sin: The square of sin m; it limits a crank that cannot reach the near side (h = 0).
         refuse: Function that rejects a crank angle.

@@ -178,7 +178,7 @@ def spinning(node: Node) -> Iterator[None]:
         node: Node whose callbacks are run.
 
     Yields:
-        While the callbacks run.
+        None; the callbacks run during the block.
     """
     executor = SingleThreadedExecutor()
     executor.add_node(node)

@@ -80,8 +80,8 @@ def require_distinct(node: Node, topics: Iterable[Topic]) -> None:
     """Refuses two topics of a node with the same name.
 
     Args:
-        node: The node; it resolves namespace and remappings.
-        topics: The topics; subscribed ones first.
+        node: Node that resolves the names by its namespace and remappings.
+        topics: Topics of the node, the subscribed topics first.
 
     Raises:
         ConfigurationError: Two topics have the same name.

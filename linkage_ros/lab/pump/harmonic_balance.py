@@ -98,7 +98,7 @@ class HarmonicBalance:
         return np.repeat((length, speed, motion.torque), (*self.sizes, 1))
 
     def tangent(self, motion: PeriodicMotion) -> Array:
-        """Derivatives of the unknowns along the load curve, by the mean crank speed."""
+        """Derivatives of the unknowns with respect to mean crank speed, along the load curve."""
         jacobian, _ = self.equations(self.unknowns(motion))
         row = jacobian[-1] = self.axis(of_speed=True)
         solved: Array = np.linalg.solve(jacobian, np.eye(len(row))[-1])

@@ -289,6 +289,9 @@ class PeriodicMotion:
 
 
 def by_size(values: Any) -> tuple[complex, ...]:
-    """Sorts multipliers, the largest first; in pairs, the positive imaginary part first."""
+    """Sorts multipliers by size, the largest first.
+
+    Of a complex pair, the multiplier with the positive imaginary part comes first.
+    """
     ordered = sorted(values.tolist(), key=lambda one: (-round(abs(one), 9), -one.imag))
     return tuple(map(complex, ordered))

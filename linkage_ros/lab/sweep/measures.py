@@ -236,7 +236,7 @@ class Batch:
 
     @cached_property
     def _reversals(self) -> Array:
-        """Crank angles of the two reversals of the output, rad; NaN if there are not two."""
+        """Crank angles of the two reversals of the output, rad; NaN unless it reverses twice."""
         _, rate, _ = self._run(_output_of, self._angles)
         turned = rate * np.roll(rate, -1, axis=-1) < 0
         first, last = turned.argmax(-1), turned[:, ::-1].argmax(-1)

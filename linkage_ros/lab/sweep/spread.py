@@ -31,11 +31,11 @@ def spread(
     blocks: Sequence[Any],
     connect: Callable[[], AbstractContextManager[Executor]],
 ) -> Iterator[tuple[int, Any]]:
-    """Processes blocks; after an executor breaks, a new one processes the unfinished blocks.
+    """Processes blocks; if an executor breaks, a new executor processes the unfinished blocks.
 
     Args:
-        work: The function to apply to each block; it can be pickled.
-        blocks: The arguments, one for each call.
+        work: The function to call for each block; it must be picklable.
+        blocks: The arguments of the calls.
         connect: Context manager that starts and ends an executor.
 
     Yields:
