@@ -236,6 +236,17 @@ def test_a_live_run_verifies_through_commands_and_clock_steps(tmp_path, configur
     assert torques == [fast.drive.motor.torque, -1.5, -1.5, -1.5, 4.0, 4.0, 4.0]
 
 
+@pytest.mark.parametrize(('rpm', 'torques'), [(19_000.0, [-2e3]), (9_000.0, [-3e3, 3e3])])
+def test_long_gaps_at_extreme_speeds_verify(tmp_path, rpm, torques):
+    """A tick 74 ms late leaves a violent command in force; its errors grow with the way."""
+    plan = ticks(5)
+    for torque in torques:
+        plan += [('command', torque), *ticks(2), ('skip', 74), *ticks(2)]
+    configuration = changed(QUADRILATERAL, session={'rate_hz': 1000.0}, drive={'start_rpm': rpm})
+    report = verified(live(tmp_path / 'run.mcap', configuration, plan))
+    assert report.states == 5 + 4 * len(torques)
+
+
 def test_paused_plant_continues_from_its_state():
     configuration = changed(session={'rate_hz': 1000.0})
     simulator, drive = Simulator(configuration), configuration.drive

@@ -181,7 +181,8 @@ class TorqueStates(Timeline):
                     error = np.maximum(error, np.max(errors, axis=0))
         except LinkageError:  # a state fails; the states are then checked one by one
             return nothing
-        follows = _agrees(units, np.array(phase), found[rows], found[0]).all(axis=0)
+        before, due = origin[rows], np.array(phase)
+        follows = _agrees(units, before, due, found[rows], spans).all(axis=0)
         follows &= error <= _APART / 10
         follows[0] &= self._last.solver is driven.solver
         return follows
@@ -203,7 +204,7 @@ class TorqueStates(Timeline):
         """
         values = found[:-1]
         due = self._predicted(before, origin, values, span)
-        wrong = ~_agrees(self._units, due, values, found[0])
+        wrong = ~_agrees(self._units, origin[:-1], due, values, span)
         if wrong.any():
             nudged = origin + _NUDGE * np.array([*self._units, 0.0])
             spread = abs(self._predicted(before, nudged, values, span) - due)
@@ -247,20 +248,30 @@ class TorqueStates(Timeline):
         return due
 
 
-def _agrees(units: Array, due: Array, values: Array, crank: Array) -> npt.NDArray[np.bool_]:
+def _agrees(
+    units: Array, before: Array, due: Array, values: Array, span: Array | float
+) -> npt.NDArray[np.bool_]:
     """Whether logged positions and rates agree with expected values.
+
+    Rates are integrated to a tolerance relative to themselves, so that the tolerance of a position
+    grows with the way to it, and that of a rate with the largest rate and with the way.
 
     Args:
         units: Unit of each value.
+        before: Positions, of the crank first, and rates of the previous state.
         due: Expected positions and rates.
         values: Logged positions and rates.
-        crank: Logged crank angle, including whole turns, rad; its rounding error is allowed for.
+        span: Time between the states, s.
 
     Returns:
         For each value, whether it agrees.
     """
-    sizes, count = np.maximum(units, abs(due)), len(due) // 2
-    sizes[:count] = units[:count]
-    allowed = _APART * sizes + 4 * np.spacing(abs(crank))
+    count = len(due) // 2
+    # The smaller of both: a forged rate must not widen its own tolerance.
+    ends = np.minimum(abs(due[count:]), abs(values[count:]))
+    pace = (np.maximum(abs(before[count:]), ends) / units[count:]).max(axis=0)
+    sizes = units * np.maximum(1.0, pace * span)
+    sizes[count:] *= np.maximum(1.0, pace)
+    allowed = _APART * sizes + 4 * np.spacing(abs(values[0]))  # a crank angle of many turns
     agrees: npt.NDArray[np.bool_] = abs(values - due) <= allowed
     return agrees
