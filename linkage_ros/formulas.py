@@ -19,7 +19,7 @@ from linkage_ros.numeric import Real
 class _Zero:
     """The zero of absent terms: x + ZERO is x itself, and ZERO * x is ZERO.
 
-    Unlike 0.0, it is known when a formula is recorded, so that the program does not compute it.
+    Unlike 0.0, ZERO is recognised when a formula is recorded, so that the program omits the term.
     """
 
     __array_ufunc__ = None

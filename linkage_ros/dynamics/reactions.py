@@ -118,11 +118,11 @@ class _Balance:
             self._couples[body] += force
 
     def force(self, j: int) -> Vector:
-        """The force that is missing in the balance of forces on a body, N."""
+        """The force that the force balance of a body lacks, N."""
         return -Vector(*map(total, zip(*(force for _, force in self._known[j]), strict=True)))
 
     def moment(self, j: int, about: Vector = _ORIGIN) -> Real:
-        """The moment that is missing in the balance of moments on a body about a point, N m."""
+        """The moment that the moment balance of a body about a point lacks, N m."""
         return -(
             self._couples[j]
             + total(cross(place - about, force) for place, force in self._known[j])

@@ -22,8 +22,8 @@ class RigidLink(NamedTuple):
     Attributes:
         joint: Joint that moves the link.
         name: Name of the joint.
-        mass: kg, more than 0.
-        inertia: About its centre of mass, kg m^2, more than 0.
+        mass: Mass, kg, above 0.
+        inertia: Moment of inertia about the centre of mass, kg m^2, above 0.
         center: Centre of mass in the link's axes, m.
         note: States which of mass and inertia are 0 in the parameters; empty: neither is.
         box: Length, width and height of the link's shape, m.

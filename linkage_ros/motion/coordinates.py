@@ -24,8 +24,8 @@ class Coordinates(NamedTuple):
         u: Rates of the coordinates, rad/s and m/s.
         a: Accelerations of the coordinates, rad/s^2 and m/s^2.
         unwrapped: The whole crank angle, correctly rounded, rad.
-        state: The state, if the coordinates do not determine it (in another assembly); None: they
-            do.
+        state: The state, if the motion is in another assembly, which the coordinates do not
+            determine; None: they determine the state.
     """
 
     q: tuple[Real, ...]

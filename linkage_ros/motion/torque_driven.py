@@ -87,7 +87,7 @@ class TorqueMotion:
         """The coordinates at many stamps, with the same bits as `at`.
 
         Args:
-            stamps: Increasing stamps, the first not before the last call's, ns.
+            stamps: Increasing stamps, ns, the first not before the stamps of earlier calls.
 
         Returns:
             Arrays. They are shorter than `stamps` if the motion ends or changes its coordinates;
@@ -160,14 +160,14 @@ class TorqueMotion:
         """Continues after a step of the clock.
 
         Args:
-            old: The moment on the clock before the step, ns.
-            new: The same moment on the clock after it, ns.
+            old: Moment of the step on the old clock, ns.
+            new: The same moment on the new clock, ns.
 
         Returns:
             This motion.
 
         Raises:
-            MotionError: The motion cannot be followed that far.
+            MotionError: The motion ends before the step.
         """
         self._advance(old)
         self._begin(replace(self.segment, stamp=new, old_stamp=old))

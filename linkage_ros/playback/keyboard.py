@@ -44,7 +44,7 @@ class Keyboard(AbstractContextManager['Keyboard']):
         """Waits for a key.
 
         Args:
-            timeout: Longest time to wait, s; without a terminal, the full time.
+            timeout: Longest time to wait, s; without a terminal, `read` always waits this long.
 
         Returns:
             SPACE, RIGHT, UP or DOWN; None if no key, or another key, was pressed.

@@ -197,7 +197,7 @@ def _draw_branch(axes: Axes, analysis: Analysis, colors: _Colors, x: str, y: str
 
 
 def _smooth(rows: Array) -> Array:
-    """Draws cubic curves through points, with slopes from parabolas through three points each."""
+    """Interpolates points by cubic curves; each slope is that of a parabola through 3 points."""
     if len(rows) < _FEW:
         return rows
     away = np.linalg.norm(np.diff(rows / np.ptp(rows, axis=0), axis=0), axis=1)

@@ -78,7 +78,7 @@ class LinkageCase(Case):
 
     @cached_property
     def _other(self) -> 'LinkageCase':
-        """The other assembly."""
+        """The same case in the other assembly."""
         other = other_assembly(self.mechanism)
         return LinkageCase(other, self.cranks, self.guess, decimal=self.decimal)
 

@@ -88,7 +88,7 @@ def turning(random: Random) -> Linkage:
 
 
 def with_change_point(random: Random) -> FourBar:
-    """Random lengths in 64ths of a metre, with a change point at exactly crank angle 0."""
+    """A random four-bar, lengths in 64ths of a metre, with a change point at crank angle 0."""
     r = int(random.integers(8, 24))
     d, b = r + int(random.integers(4, 24)), r + int(random.integers(4, 24))
     lengths = tuple(x / 64 for x in (r, b, d - r + b, d))

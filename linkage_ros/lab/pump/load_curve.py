@@ -254,7 +254,7 @@ def _is_doubled(one: PeriodicMotion, other: PeriodicMotion) -> bool:
 def _boundary(
     balance: HarmonicBalance, one: PeriodicMotion, other: PeriodicMotion
 ) -> PeriodicMotion:
-    """Finds the motion between two motions at which the largest multiplier has the modulus 1.
+    """Finds, between two motions, the motion whose largest multiplier has the modulus 1.
 
     It uses the Illinois method (M. Dowell and P. Jarratt, BIT 11 (1971), 168-174) along the line
     between the two motions.

@@ -82,7 +82,7 @@ def _fixed(value: float, form: str = '.4f') -> str:
 
 
 def _changes_lines(analysis: Analysis) -> list[str]:
-    """A table of the relative changes of the stable states with the torque."""
+    """Makes a table: relative changes of each stable state if the motor torque changes."""
     head = 'changes of the stable states with the torque', *CHANGED
     lines = ['{:<46}{:>10}{:>10}{:>10}'.format(*head)]
     for one in sorted(analysis.sensitivities, key=itemgetter('state')):

@@ -139,7 +139,8 @@ def _columns(
     """The parameters in which designs differ.
 
     Raises:
-        ConfigurationError: There is none, or one is unknown, given twice or out of range.
+        ConfigurationError: No parameter is given, or a parameter is unknown, given twice or out of
+            range.
     """
     valid = {leaf.name: leaf for leaf in parameters(mechanism, rpm)}
     columns: dict[str, Leaf] = {}
