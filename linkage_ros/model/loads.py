@@ -5,8 +5,8 @@
 The power of a load is the sum of its forces times the links' rates, so that a turning link gets a
 torque about its own axis, and a sliding link a force along its guide. Viscous friction in a pin
 would be such a load, too: it acts on one link with -c times the relative rate of the two links,
-and on the other link with the opposite. Loads are named tuples of floats; in formulas an absent
-term is ZERO.
+and on the other link with the opposite torque. Loads are named tuples of floats; in formulas an
+absent term is ZERO.
 """
 
 import math

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Integrates torque-driven motion in fixed steps, with bounded work and checked steps.
 
-Each step is Dormand and Prince's of order 5 (J. Comput. Appl. Math. 6 (1980), RK5(4)7M). Its
-difference from the embedded result of order 4 shows whether the step was short enough. If not, the
-step is halved, within a limited number of trials. If all trials fail, the motion is at a
+Each step uses Dormand and Prince's method of order 5 (J. Comput. Appl. Math. 6 (1980), RK5(4)7M).
+The difference from the embedded result of order 4 shows whether the step was short enough. If not,
+the step is halved, within a limited number of trials. If all trials fail, the motion is at a
 singularity of its coordinates and ends with an error.
 """
 

@@ -54,7 +54,7 @@ def read_parameter_file(path: Path | str, node_name: str = 'linkage_node') -> Pa
 
 
 def read_study_file(path: Path | str) -> Parameters:
-    """Reads a study file, which is written like the part of a parameter file below its nodes.
+    """Reads a study file, which is written like the part of a parameter file below a node name.
 
     Args:
         path: The YAML file.

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Finds parameter files by path, or by name among the package's presets.
 
-Presets are not package data, because `colcon build --symlink-install` does not install that.
+Presets are not package data, because `colcon build --symlink-install` installs no package data.
 """
 
 from __future__ import annotations

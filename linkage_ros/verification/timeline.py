@@ -30,7 +30,7 @@ def _moment(segment: Segment) -> int:
 
 
 def check_motions(simulator: Simulator, motions: tuple[Segment, ...]) -> str:
-    """Recomputes each segment from the configuration and the previous segment; compares them.
+    """Checks that each segment follows from the configuration and from the previous segment.
 
     The time of a change, and the new rpm, torque or clock, are taken from the log.
 

@@ -168,7 +168,7 @@ FRICTION_METHODS = [
 
 
 def _rubbing(random: Random, _: int, *, share: float, relieves: bool = False) -> NumberCase:
-    """A random slider-crank; its coefficient of friction is `share` times the one with |k| = 1."""
+    """A random slider-crank whose coefficient of friction gives |k| = `share`."""
     r, b, offset = random.uniform((0.1, 0.5, -0.02), (0.3, 1.0, 0.02)).tolist()
     crank = float(random.uniform(0.5, 2.6)) * (1 if random.random() < 0.5 else -1)
     smooth = slider_crank(r, b, offset)

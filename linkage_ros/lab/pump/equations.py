@@ -99,10 +99,9 @@ def _terms(constants: tuple[Any, ...], *phase: Real) -> tuple[Real, ...]:
 def _reach(
     loop: WindPumpLoop, limits: tuple[Real, Real], angle: Real, other: Real
 ) -> tuple[Real, tuple[Real, Real]]:
-    """A number that is positive if the dyad can close at coordinates, and fallback coordinates.
+    """A number that is positive if the dyad can close; and other coordinates, at which it can.
 
-    The dyad can always close at the fallback coordinates. A rod that is longer than crank and
-    coupler together reaches the guide at all their angles.
+    A rod that is longer than crank and coupler together reaches the guide at all their angles.
     """
     if isinstance(loop, ByCoupler):
         return _LARGEST - abs(angle) - abs(other), (0.0, 0.0)

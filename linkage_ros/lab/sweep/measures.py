@@ -4,8 +4,9 @@
 
 The code for a single mechanism also computes the constants of many designs: the description of the
 mechanism contains arrays in place of numbers. Where this code branches on a value, all designs
-must take the same branch. If they do not, they are divided into two groups by the condition, and
-the computation starts again for each group. So every group has one structure, and one program.
+must take the same branch. If they do not, the designs are divided into two groups by the
+condition, and the computation starts again for each group. So every group has one structure, and
+one program.
 """
 
 import copy
