@@ -132,7 +132,7 @@ def summary(name: str, slices: list[dict[str, float]]) -> dict[str, object]:
 
 
 def log_speed(rounds: int) -> list[dict[str, object]]:
-    """Processor time per state of record, verify and recover over compression alone."""
+    """Processor time per state of record, verify and recover, relative to compression alone."""
     found = []
     with tempfile.TemporaryDirectory() as folder:
         log, other = Path(folder, 'log.mcap'), Path(folder, 'other.mcap')

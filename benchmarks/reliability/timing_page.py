@@ -106,7 +106,7 @@ def _limits(ticks: Sequence[dict], logs: Sequence[dict]) -> Iterator[tuple[str, 
     log, viewer = 'linkage_node, log', 'linkage_node, log, viewer'
     yield 'the log adds to a tick, us', cost[log] - cost['linkage_node'], 15
     yield 'the viewer adds to a tick, us', cost[viewer] - cost[log], 40
-    yield "node with log, over the rclpy timer's tick", cost[log] / cost['rclpy timer'], 0.55
+    yield 'node with log, relative to the rclpy timer', cost[log] / cost['rclpy timer'], 0.55
     # Twice the bare loop's, or 300 us.
     late = max(2 * found['bare loop']['p99_us'], 300.0)
     yield 'p99 lateness with log, us', found[log]['p99_us'], late
@@ -115,7 +115,8 @@ def _limits(ticks: Sequence[dict], logs: Sequence[dict]) -> Iterator[tuple[str, 
     for record in logs:
         key = record['case'], record['work']
         if key in most:
-            yield f'{key[1]}, {key[0]}, over compression', record['over_compression'], most[key]
+            name = f'{key[1]}, {key[0]}, relative to compression'
+            yield name, record['over_compression'], most[key]
 
 
 def limits(ticks: Sequence[dict], logs: Sequence[dict]) -> dict[str, bool]:
@@ -140,7 +141,7 @@ def _steps(accuracy: dict) -> Iterator[tuple[str, float, float]]:
 
 
 def _states(peers: dict) -> Iterator[tuple[str, float, float]]:
-    """Each peer that computes the torque, with its time per state, us, and over ours."""
+    """Peers that compute the torque: time per state, us, and relative to this package."""
     modes = {'one': 'one at a time', 'array': 'arrays'}
     for one in peers['records']:
         if one['work'] == 'torque':
@@ -168,11 +169,11 @@ def draw(
         bars(grid[0, 0], 'A tick at 1 kHz, us', costs)
         over = {f'{x["work"]}, {x["case"]}': x['over_compression'] for x in logs}
         over = {name: value for name, value in over.items() if 'alone' not in name}
-        bars(grid[0, 1], 'A logged state, over compression alone', over)
+        bars(grid[0, 1], 'A logged state, relative to compression', over)
         means = {name: mean for name, mean, _ in _steps(accuracy)}
         bars(grid[1, 0], 'A ms of motion under a torque, us', means)
         ratios = {name: ratio for name, _, ratio in _states(peers)}
-        bars(grid[1, 1], 'A state with torque, over linkage_ros', ratios)
+        bars(grid[1, 1], 'A state with torque, relative to linkage_ros', ratios)
 
 
 def page(ticks: Sequence[dict], logs: Sequence[dict], accuracy: dict, peers: dict) -> str:
@@ -192,7 +193,7 @@ def page(ticks: Sequence[dict], logs: Sequence[dict], accuracy: dict, peers: dic
             ],
         ),
         logs=table(
-            ('', 'us a state', 'over compression'),
+            ('', 'us a state', 'relative to compression'),
             [
                 (
                     f'{one["work"]}, {one["case"]}',
@@ -207,7 +208,7 @@ def page(ticks: Sequence[dict], logs: Sequence[dict], accuracy: dict, peers: dic
             [(words, f'{mean:.3g}', f'{most:.3g}') for words, mean, most in _steps(accuracy)],
         ),
         states=table(
-            ('', 'us a state', 'over linkage_ros'),
+            ('', 'us a state', 'relative to linkage_ros'),
             [(words, f'{time:.3g}', f'{ratio:.3g}') for words, time, ratio in _states(peers)],
         ),
         limits=table(
