@@ -32,6 +32,7 @@ from linkage_ros.lab.pump.settling import settle
 from linkage_ros.lab.pump.table import states_table
 from linkage_ros.lab.reference.motions import InitialValueProblem, MotionReference
 from linkage_ros.model.load_curve import LoadCurve
+from linkage_ros.model.parts import Body, Coupler, Piston
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.drives import Motor
 from linkage_ros.motion.fixed_step_integrator import FixedSteps
@@ -234,6 +235,32 @@ def test_a_motion_is_followed_past_the_stretched_dyad(rod, position):
     crank, x, w, v = found.phases[-1][:, 0]
     assert crank == pytest.approx(steps.driven.crank(steps.phase, steps.pairs), abs=0.01)
     assert (x, w, v) == pytest.approx(steps.phase[1:], abs=0.01)
+
+
+def test_a_crank_that_comes_to_rest_near_the_stretched_dyad_does_not_turn():
+    pump = replace(
+        PUMP,
+        crank=Body(0.185, 20.0, 1.075, (-0.121, 0.0)),
+        coupler=Coupler(0.409, 18.42, 0.789, (0.404, 0.079)),
+        rod=Body(0.378, 4.973, 0.283, (0.247, 0.0)),
+        slider=Piston(
+            0.458, mass=14.82, damping=8.737, force=-27.16, stiffness=101.5, rest_position=0.409
+        ),
+    )
+    motor = Motor(4.725, 0.947)
+    # The last start comes to rest in the other assembly.
+    starts = (0.0, 0.466997, 3.482, -0.4108), (0.0, 0.568, 3.086, 0.849)
+    found = Motions(PumpSolver(pump), motor, np.array(starts).T)
+    found.advance(350)
+    assert found.ends == {}
+    for number, start in enumerate(starts):
+        steps = FixedSteps(DrivenMechanism(Solver(pump), motor.at), start, 0.02, 1e-6)
+        steps.advance(float(found.times[-1][number]))
+        rest = steps.driven.crank(steps.phase, steps.pairs)
+        cranks, speeds = np.array([phase[[0, 2], number] for phase in found.phases]).T
+        assert cranks.max() < 2 * math.pi
+        assert cranks[-1] == pytest.approx(rest, abs=0.1)
+        assert speeds.max() < motor.torque / motor.damping + 0.1
 
 
 def test_a_motion_in_the_other_assembly_is_told():

@@ -34,6 +34,7 @@ _SHORTEST = 1e-5  # shortest step, relative to the time in which the crank turns
 _PAUSE = 10  # steps between two searches for motions to continue in other coordinates
 _KEPT = 400  # steps that are searched for the last turns
 _LONGEST, _ROUGH = 0.04, 1e-3  # step, s, and tolerance in other coordinates
+_NEAREST = 0.1  # sine of the dyad angle below which a motion is continued in other coordinates
 _GONE = 150.0  # longest time in other coordinates, relative to the time for 1 rad
 _CALM = 10  # steps in which the first coordinates must be suitable before they are used again
 _ACROSS = 'it goes over to the other assembly'
@@ -59,7 +60,8 @@ class Motions:
                 starts, the slider is on the same side of the crank.
         """
         pump = cast('WindPump', solver.mechanism)
-        r, b, c = (link.length for link in (pump.crank, pump.coupler, pump.rod))
+        self._lengths = [link.length for link in (pump.crank, pump.coupler, pump.rod)]
+        r, b, c = self._lengths
         self._own, self._solver, self._there, unit = solver, solver, starts.copy(), r
         if r + b < c:
             side = OPEN if starts[1, 0] > 0 else CROSSED
@@ -74,6 +76,7 @@ class Motions:
         self._leaves: Any = np.isnan(self._slope).any(axis=0)
         self._crossed: Any = False & self._leaves
         self.active: Any = np.arange(starts.shape[1])
+        self._left: Any = False & self._leaves  # no longer followed
         self._ends: dict[int, str] = {}
         self.times, self.phases = [np.zeros(starts.shape[1])], [starts.copy()]
 
@@ -89,9 +92,8 @@ class Motions:
             for step in range(steps):
                 self._try()
                 if step % _PAUSE == 0:
-                    for number in np.flatnonzero(self._leaves).tolist():
-                        if number not in self._ends:
-                            self._carry(number)
+                    for number in np.flatnonzero(self._leaves & ~self._left).tolist():
+                        self._carry(number)
                 course.append(self._there)
         if self._solver is not self._own:
             block, sines = _described(np.array(course).swapaxes(0, 1), self._solver, self._own)
@@ -108,6 +110,7 @@ class Motions:
             slopes[stage] = self._slopes(end).ravel()
         error = h * (_ERROR @ slopes).reshape(start.shape) / self._units
         worst = np.nan_to_num(np.abs(error).max(axis=0) / _TOLERANCE, nan=np.inf)
+        self._leaves[on] |= (worst <= 1) & self._is_near_end(end)
         good = (worst <= 1) & ~self._leaves[on]
         times[on] += np.where(good, h, 0.0)
         there[:, on] = np.where(good, end, start)
@@ -117,26 +120,42 @@ class Motions:
         self._step[on] = h * np.clip(0.9 * np.maximum(worst, 1e-9) ** -0.2, 0.2, 4.0)
         self._leaves |= self._step < _SHORTEST / self._pace
 
+    def _is_near_end(self, there: Array) -> Any:
+        """Whether the dyad of each motion is nearly stretched or folded."""
+        if self._solver is not self._own:
+            return False
+        r, b, c = self._lengths
+        square = there[1] ** 2 - 2 * r * there[1] * np.cos(there[0]) + r * r
+        cosine = (b * b + c * c - square) / (2 * b * c)
+        return 1 - cosine**2 < _NEAREST**2
+
     def _slopes(self, there: Array) -> Array:
         return self._solver.slopes(self._motor.at(there[2]), *there)
 
     def _carry(self, number: int) -> None:
-        """Follows one motion in other coordinates until the first coordinates suit again."""
-        there, calm = self._there[:, number], 0
+        """Follows one motion in other coordinates until the first coordinates suit again.
+
+        If they do not suit in time, the motion is followed no further: its crank rests or rocks,
+        or the motion has gone over to the other assembly.
+        """
+        there, calm, cranks = self._there[:, number], 0, [self._there[0, number]]
         try:
             steps = FixedSteps(self._driven, tuple(there.tolist()), _LONGEST, _ROUGH)
             while calm < _CALM and steps.time < _GONE / self._pace:
                 steps.advance(steps.time + _LONGEST)
                 is_own = steps.driven.solver.description == self._solver.description
                 calm = calm + 1 if is_own else 0
+                cranks.append(steps.driven.crank(steps.phase, steps.pairs))
         except LinkageError as error:
-            self._ends[number] = str(error)
+            self._ends[number], self._left[number] = str(error), True
             return
         self.times[-1][number] += steps.time
         if calm < _CALM:
-            self._ends[number] = _ACROSS
+            self._left[number] = True
+            if np.ptp(cranks[len(cranks) // 2 :]) > np.pi:
+                self._ends[number] = _ACROSS
             return
-        there[:] = steps.driven.crank(steps.phase, steps.pairs), *steps.phase[1:]
+        there[:] = cranks[-1], *steps.phase[1:]
         self._step[number], self._leaves[number] = 0.1 / self._pace, False
         self._slope[:, number] = self._slopes(there[:, None])[:, 0]
 
