@@ -26,9 +26,10 @@ from linkage_ros.lab.pump.load_curve import (
     follow,
     stability_lost,
     steady_states,
+    with_curves,
 )
 from linkage_ros.lab.pump.motions import Motions
-from linkage_ros.lab.pump.settling import settle
+from linkage_ros.lab.pump.settling import Search, prepared, settle
 from linkage_ros.lab.pump.table import states_table
 from linkage_ros.lab.reference.motions import InitialValueProblem, MotionReference
 from linkage_ros.model.load_curve import LoadCurve
@@ -282,6 +283,37 @@ def test_a_pump_that_does_not_settle_in_time_says_so(motions):
     x, w, v = motions[1].at(np.zeros(1))[:, 0].tolist()
     with pytest.raises(ConfigurationError, match=r'does not settle within \d+\.\d turns'):
         settle(slid(position=x, velocity=v), MOTOR, w, lambda items, _: [next(iter(items))])
+
+
+def test_motions_that_pass_a_state_beside_an_unstable_one_do_not_belong_to_it():
+    pump = replace(
+        PUMP,
+        crank=Body(0.165, 20.0, 4.891, (-0.263, 0.0)),
+        coupler=Coupler(0.801, 41.816, 2.909, (0.582, -0.059)),
+        rod=Body(1.824, 1.304, 0.27, (0.652, 0.0)),
+        slider=Piston(2.167, mass=11.354, damping=14.942),
+        assembly='open',
+        gravity=(0.0, 9.81),
+    )
+    motor = Motor(6.415, 0.802)
+    balance, _, _ = prepared(pump, motor, [6.0])
+    seed = next(balance.resting_sliders(7.8, 7.0))
+    pieces = with_curves(balance, [], [seed], (7.0, 12.0))
+    known = [state.motion for state in steady_states(balance, pieces, motor.torque)]
+    assert [(state.turns, state.stable) for state in known] == [(2, False), (1, True)]
+    starts = np.array([(2.115, 7.436, 2.47), (1.427, 5.458, -1.61), (2.349, 6.624, -1.694)])
+    search = Search(balance, motor, np.insert(starts, 0, 0.0, axis=1).T, known)
+    search.run(plain, 32)
+    assert search.belongs[:3].tolist() == [1, -1, -1]
+    settled = []
+    for start in starts.tolist():
+        steps = FixedSteps(DrivenMechanism(Solver(pump), motor.at), (0.0, *start), 0.02, 1e-6)
+        turned = []
+        for time in (60.0, 64.0):
+            steps.advance(time)
+            turned.append(steps.driven.crank(steps.phase, steps.pairs))
+        settled.append(np.ptp(turned) / 4 == pytest.approx(known[1].speed, rel=0.01))
+    assert settled == [True, False, False]
 
 
 # ---------------------------------------------------------------- periods of more than one turn

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
@@ -28,13 +29,17 @@ _STEPS = 50  # steps between two checks of the motions; a turn takes about 8
 _ROWS = 10  # steps, about a turn
 _BACK = 50  # steps between two compared distances of a motion from a state
 # A motion has settled if its distance from a state, relative to crank length and speed, is below
-# _NEAR; if it is below _APPROACHING and has fallen twice in a row by the factor _NEARER; or if it
-# is below _ATTRACTED and Newton's method finds the state from the motion's last turns.
-_NEAR = 0.05
-_APPROACHING, _NEARER = 0.5, 0.95
-_ATTRACTED = 2.0
+# _APPROACHING and below _INSIDE times the distance of the nearest unstable state, and if besides
+# one of these holds: the distance is below _NEAR; it was below _BEFORE times this limit and falls,
+# over many turns at half the rate of the state's largest multiplier, or to _HALF; or Newton's
+# method finds the state from the motion's last turns.
+_NEAR, _APPROACHING = 0.05, 0.5
+_HALF, _BEFORE = 0.5, 4.0
+_INSIDE = 0.3
+_COMPARED, _POINTS = 8, 256  # turns and points for the distance between two states
 _WAIT = 4  # checks before states are identified from motions
-_LATE, _RARE = 10, 0.005  # after so many checks, the search ends if fewer motions are unidentified
+# After so many checks, the search ends if fewer motions are unidentified at _AGAIN checks.
+_LATE, _RARE, _AGAIN = 10, 0.005, 3
 _MOST_FAILURES = 6  # failed attempts to identify a state at one check
 _PERIODS = range(1, 9)  # turns after which a motion may repeat
 _REPEATS = 0.02  # allowed residual of a series over a period, relative to the motion's spread
@@ -87,11 +92,13 @@ class Search:
 
     def run(self, progress: Callable[[Iterable[Any], str], Any], checks: int) -> None:
         """Follows the motions until all have settled or ended, or up to a number of checks."""
+        rare = 0
         for check in progress(range(1, checks + 1), 'motions'):
             self.motions.advance(_STEPS)
             self._assign()
             self.motions.active = np.flatnonzero((self.belongs < 0) | self._drawn)
-            is_late = check >= _LATE and self.unidentified.mean() < _RARE
+            rare = rare + 1 if self.unidentified.mean() < _RARE else 0
+            is_late = check >= _LATE and rare >= _AGAIN
             is_last = is_late or check == checks
             is_due = check % _WAIT == 0 or is_last
             failures, guesses = 0, _GUESSES if is_last else ()
@@ -114,15 +121,40 @@ class Search:
         for number, state in enumerate(self.states):
             if state.stable:
                 away, was, began = (state.distance(rows) for rows in (now, before, first))
-                nearer = (away < _NEARER * was) & (was < _NEARER * began)
-                self.belongs[left[(away < _NEAR) | ((away < _APPROACHING) & nearer)]] = number
+                inside = self._inside(state, number)
+                nearer = (away < was) & (away < _falls(state, first, now) * began)
+                near = (away < _NEAR) | (nearer & (was < _BEFORE * inside))
+                self.belongs[left[near & (away < inside)]] = number
         # If the motions from both sides of an unstable state settle at one state, the motions near
         # the unstable state are assigned to it, too.
-        sides = self.belongs[len(self.belongs) - 2 * len(self.unstable) :].reshape(-1, 2)
-        for (below, above), state in zip(sides.tolist(), self.unstable, strict=True):
+        for (below, above), state in zip(self._sides, self.unstable, strict=True):
             if below == above >= 0:
-                near = (state.distance(now) < _APPROACHING) & (self.belongs[left] < 0)
+                near = (state.distance(now) < self._inside(state, below)) & (
+                    self.belongs[left] < 0
+                )
                 self.belongs[left[near]] = below
+
+    @property
+    def _sides(self) -> list[list[int]]:
+        """Numbers of the states to which the motions on both sides of each unstable state go."""
+        last: list[list[int]] = (
+            self.belongs[len(self.belongs) - 2 * len(self.unstable) :].reshape(-1, 2).tolist()
+        )
+        return last
+
+    def _inside(self, state: PeriodicMotion, number: int) -> float:
+        """The distance from a state below which motions surely settle at the state `number`.
+
+        Unstable states of which both sides settle at that state do not limit it.
+        """
+        among = [
+            one
+            for one, sides in zip(self.unstable, self._sides, strict=True)
+            if sides == [number, number]
+        ]
+        others = [one for one in self.states if not (one.stable or one in among)]
+        apart = min((state.distance(_course(one)).item() for one in others), default=math.inf)
+        return min(_APPROACHING, _INSIDE * apart)
 
     def _identify(self, number: int, guesses: Iterable[int]) -> bool:
         """Finds the limit state of a motion by Newton's method, and adds it if it is new.
@@ -148,10 +180,24 @@ class Search:
                 if not same:
                     self.states.append(state)
                     self._assign()
-                if state.distance(last[:, -_ROWS:, None]) < _ATTRACTED:
-                    self.belongs[number] = same[0] if same else len(self.states) - 1
+                place = same[0] if same else len(self.states) - 1
+                if state.distance(last[:, -_ROWS:, None]) < self._inside(state, place):
+                    self.belongs[number] = place
                 return True
         return False
+
+
+def _falls(state: PeriodicMotion, before: Array, now: Array) -> Array:
+    """Factors by which the distance of motions from a state must have fallen."""
+    periods = (now[0, -1] - before[0, -1]) / (2 * np.pi * state.turns)
+    factors: Array = np.clip(abs(state.multipliers[0]) ** (periods / 2), _HALF, 1.0)
+    return factors
+
+
+def _course(state: PeriodicMotion) -> Array:
+    """Phases of a state over enough turns to compare it with a state of other turns."""
+    angles = np.linspace(0, 2 * np.pi * _COMPARED, _POINTS, endpoint=False)
+    return np.concatenate((angles[None], state.at(angles)))[..., None]
 
 
 def _starts_near(state: PeriodicMotion) -> Array:
