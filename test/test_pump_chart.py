@@ -444,7 +444,7 @@ def test_a_pump_without_a_state_is_drawn_and_recorded(analysis, tmp_path):
         states=[], averaged=[], sensitivities=[], runs=runs, shares=[], ended=0.0
     )
     assert states_table(none) == ['no settled motion found']
-    draw_pump(none, 'no state', tmp_path / 'none.png', DPI)
+    draw_pump(none._replace(pieces=[]), 'no state', tmp_path / 'none.png', DPI)
     record = json.loads(json.dumps(none.record(), allow_nan=False))
     assert record['states'] == []
     assert record['runs'][0]['settles_at_state'] is None
@@ -478,6 +478,19 @@ def test_the_record_has_every_number(analysis, motions):
     averaged = record['averaged_states'][1]['multipliers']
     assert averaged[0] == pytest.approx([1.3035, 0.0], abs=1e-3)
     assert '2.604252' in '\n'.join(states_table(analysis))
+    # Entries without an averaged motion keep their place.
+    fewer = analysis._replace(averaged=[None, *analysis.averaged[1:]])
+    assert fewer.record()['averaged_states'] == [None, *record['averaged_states'][1:]]
+
+
+def test_a_curve_with_two_points_at_one_place_is_drawn(analysis, tmp_path):
+    piece, *others = analysis.pieces
+    first, *rest = piece.motions
+    twice = replace(piece, motions=[first, first, *rest])
+    states = [state._replace(piece=twice) for state in analysis.states[:1]]
+    drawn = analysis._replace(pieces=[twice, *others], states=states + analysis.states[1:])
+    draw_pump(drawn, 'twice', tmp_path / 'twice.png', DPI / 4)
+    assert (tmp_path / 'twice.png').exists()
 
 
 def test_the_picture_can_be_read_at_half_its_size(analysis, monkeypatch, tmp_path):

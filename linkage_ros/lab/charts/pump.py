@@ -37,6 +37,7 @@ _UNSTABLE, _MOTOR, _REST = map(fractions, (DARK, BLACK, GREY))
 _PARTS = 256  # of a turn
 _WIDEST = 138  # characters in a line below the panels
 _FEW, _BETWEEN = 3, 12  # fewest points of a smooth curve, and points drawn between two
+_APART = 1e-6  # smallest distance of two points of a curve, relative to its size
 _TORQUES = 2.0  # largest torque drawn, times the motor's
 # Heights of a panel, the room below it, the room above all, and a line of text; widths of the left
 # edge, a panel and the room to its right; inches.
@@ -190,16 +191,18 @@ def _draw_branch(axes: Axes, analysis: Analysis, colors: _Colors, x: str, y: str
     for state in analysis.states:
         place = getattr(state.motion, x), getattr(state.motion, y)
         axes.plot(*place, **_mark(colors, state))
-    axes.set(
-        xlim=(0, 1.04 * largest[0]), ylim=(0, 1.06 * largest[1]),
-        xlabel=_LABELS[x], ylabel=_LABELS[y],
-    )  # fmt: skip
+    axes.set(xlabel=_LABELS[x], ylabel=_LABELS[y])
+    if np.all(largest):
+        axes.set(xlim=(0, 1.04 * largest[0]), ylim=(0, 1.06 * largest[1]))
 
 
 def _smooth(rows: Array) -> Array:
     """Interpolates points by cubic curves; each slope is that of a parabola through 3 points."""
-    if len(rows) < _FEW:
+    if len(rows) < _FEW or not np.ptp(rows, axis=0).all():
         return rows
+    # Two points at one place have no slope between them.
+    moves = np.diff(rows / np.ptp(rows, axis=0), axis=0)
+    rows = rows[np.insert(np.linalg.norm(moves, axis=1) > _APART, 0, values=True)]
     away = np.linalg.norm(np.diff(rows / np.ptp(rows, axis=0), axis=0), axis=1)
     slopes = np.gradient(rows, np.append(0.0, np.cumsum(away)), axis=0)
     share, length = np.linspace(0, 1, _BETWEEN)[:, None, None], away[:, None]

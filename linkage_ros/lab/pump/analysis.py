@@ -97,7 +97,7 @@ class Analysis(NamedTuple):
                 {**state.motion.record(), 'share_of_starts': share}
                 for state, share in zip(self.states, self.shares, strict=True)
             ],
-            'averaged_states': [motion.numbers for motion in self.averaged if motion],
+            'averaged_states': [motion and motion.numbers for motion in self.averaged],
             'starts': {
                 'count': COUNT, 'ended': self.ended, 'stopped': self.stopped,
                 'unidentified': self.unidentified,
