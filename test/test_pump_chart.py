@@ -15,6 +15,7 @@ from scipy.integrate import solve_ivp
 from linkage_ros import ConfigurationError, Solver, UnreachableError
 from linkage_ros.lab.charts.pump import draw_pump
 from linkage_ros.lab.output import DPI
+from linkage_ros.lab.pump.alternating import alternating_motions
 from linkage_ros.lab.pump.analysis import analyse
 from linkage_ros.lab.pump.equations import PumpSolver
 from linkage_ros.lab.pump.harmonic_balance import HarmonicBalance
@@ -396,6 +397,45 @@ def test_unsettled_starts_give_a_warning_with_their_share(analysis):
     assert not any('warning' in line for line in states_table(analysis))
     *_, last = states_table(analysis._replace(unidentified=0.25))
     assert last.startswith('warning: 25.0% of 256 starts settle at no state')
+
+
+def test_a_motion_that_stretches_the_dyad_in_every_period_is_named_with_its_turns(analysis):
+    pump = replace(
+        PUMP,
+        crank=Body(0.15834, 20.0, 9.3742, (-0.24, 0.0)),
+        rod=Body(1.52515, 4.0, 0.85, (0.8, 0.0)),
+        slider=Piston(1.2, mass=6.0, damping=6.0),
+    )
+    starts = np.array([(0.0, 1.2297, 0.6945, -3.049), (0.0, 2.0548, 6.1582, 1.4474)]).T
+    found = Motions(PumpSolver(pump), Motor(13.54445, 1.360195), starts)
+    for _ in range(36):
+        found.advance(50)
+    assert found.alternates.tolist() == [True, False]
+    assert found.ends == {}
+    (motion,) = alternating_motions([found.speeds(0)], 4)
+    # By another program, which integrates the angles of all links.
+    assert motion['speed'] == pytest.approx(4.7473, rel=0.01)
+    assert motion['speeds'] == pytest.approx([3.65, 4.88, 6.39, 4.83], rel=0.02)
+    assert motion['share_of_starts'] == 1 / 4
+    named = analysis._replace(alternating=[motion])
+    assert json.loads(json.dumps(named.record()))['alternating_motions'] == [motion]
+    (line,) = (line for line in states_table(named) if 'alternate' in line)
+    assert line.startswith('25.0% of 256 starts alternate between the assemblies at 4.7')
+    assert '(period 4, turns of 3.6' in line
+
+
+def test_alternating_motions_without_a_period_are_not_named():
+    rising, regular = np.geomspace(3.0, 9.0, 20), np.tile([3.0, 5.0], 10)
+    (motion,) = alternating_motions([rising, regular, np.zeros(0), np.roll(regular, 1)], 4)
+    assert (motion['period'], motion['speeds']) == (2, [3.0, 5.0])
+    assert motion['speed'] == pytest.approx(3.75)
+    assert motion['share_of_starts'] == 0.5
+
+
+def test_motions_in_the_other_assembly_are_referred_to_its_chart(analysis):
+    *_, last = states_table(analysis._replace(ended=0.25))
+    assert last.startswith('25.0% of 256 starts go on in the other assembly')
+    assert 'chart the pump with the other `assembly`' in last
 
 
 # ---------------------------------------------------------------- pumps of other kinds

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 
+from linkage_ros.lab.pump.alternating import alternating_motions
 from linkage_ros.lab.pump.harmonic_balance import AVERAGED, HarmonicBalance
 from linkage_ros.lab.pump.load_curve import (
     ALONE,
@@ -74,6 +75,7 @@ class Analysis(NamedTuple):
         ended: Fraction of the starts that end in the other assembly or outside all coordinates.
         stopped: Fraction of the starts from which the crank comes to rest, or rocks to and fro.
         unidentified: Fraction of the starts with another or an unknown outcome.
+        alternating: Records of motions that alternate between the assemblies and repeat.
         spread: Slider speed below which loads that jump are smoothed, m/s; 0: no load jumps.
     """
 
@@ -87,6 +89,7 @@ class Analysis(NamedTuple):
     ended: float
     stopped: float
     unidentified: float
+    alternating: list[dict[str, Any]]
     spread: float
 
     def record(self) -> dict[str, Any]:
@@ -102,6 +105,7 @@ class Analysis(NamedTuple):
                 'count': COUNT, 'ended': self.ended, 'stopped': self.stopped,
                 'unidentified': self.unidentified,
             },
+            'alternating_motions': self.alternating,
             'jump_spread_over_slider_speed': self.spread,
             'torques_with_two_stable_states': bistable_ranges(self.pieces),
             'stability_lost': [
@@ -175,6 +179,11 @@ def analyse(
     for state in search.unstable:
         names += [f'beside {state.speed:.4g} rad/s, {word}' for word in ('slower', 'faster')]
     of_box = slice(len(speeds), len(speeds) + COUNT)
+    alternates = np.flatnonzero((search.unidentified & motions.alternates)[of_box])
+    alternating = alternating_motions(
+        (motions.speeds(number) for number in (alternates + of_box.start).tolist()), COUNT
+    )
+    named = sum(one['share_of_starts'] for one in alternating)
     others = [*range(len(speeds)), *range(of_box.stop, len(settled))]
     return Analysis(
         motor,
@@ -196,7 +205,8 @@ def analyse(
         [float(np.mean(settled[of_box] == number)) for number in range(len(states))],
         float(np.mean(search.ended[of_box])),
         float(np.mean(search.stopped[of_box])),
-        float(np.mean(search.unidentified[of_box])),
+        max(0.0, float(np.mean(search.unidentified[of_box])) - named),
+        alternating,
         max((getattr(load, 'width', 0.0) for load in pump.loads), default=0.0),
     )  # fmt: skip
 

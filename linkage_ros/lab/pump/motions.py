@@ -38,6 +38,7 @@ _NEAREST = 0.1  # sine of the dyad angle below which a motion is continued in ot
 _GONE = 150.0  # longest time in other coordinates, relative to the time for 1 rad
 _CALM = 10  # steps in which the first coordinates must be suitable before they are used again
 _ACROSS = 'it goes over to the other assembly'
+_BOTH = 'it alternates between the assemblies'
 
 
 class Motions:
@@ -48,6 +49,7 @@ class Motions:
         times: Times, s, of all motions after each step; arrays of shape (n).
         phases: Crank angle, rad, slider position, m, and their rates after each step; arrays of
             shape (4, n).
+        alternates: Whether each motion was in both assemblies in the last call of `advance`.
     """
 
     def __init__(self, solver: PumpSolver, motor: Motor, starts: Array) -> None:
@@ -75,6 +77,7 @@ class Motions:
         self._step = np.full(starts.shape[1], 0.1 / self._pace)
         self._leaves: Any = np.isnan(self._slope).any(axis=0)
         self._crossed: Any = False & self._leaves
+        self.alternates: Any = False & self._leaves
         self.active: Any = np.arange(starts.shape[1])
         self._left: Any = False & self._leaves  # no longer followed
         self._ends: dict[int, str] = {}
@@ -98,7 +101,9 @@ class Motions:
         if self._solver is not self._own:
             block, sines = _described(np.array(course).swapaxes(0, 1), self._solver, self._own)
             course = list(block.swapaxes(0, 1))
-            self._crossed = (sines[-1] < 0) == (self._own.description.assembly == OPEN)
+            across = (sines < 0) == (self._own.description.assembly == OPEN)
+            self._crossed = across.all(axis=0)
+            self.alternates = across.any(axis=0) & ~self._crossed
         self.phases += course
 
     def _try(self) -> None:
@@ -138,7 +143,8 @@ class Motions:
         If they do not suit in time, the motion is followed no further: its crank rests or rocks,
         or the motion has gone over to the other assembly.
         """
-        there, calm, cranks = self._there[:, number], 0, [self._there[0, number]]
+        there, calm = self._there[:, number], 0
+        cranks, owns = [self._there[0, number]], [True]
         try:
             steps = FixedSteps(self._driven, tuple(there.tolist()), _LONGEST, _ROUGH)
             while calm < _CALM and steps.time < _GONE / self._pace:
@@ -146,14 +152,16 @@ class Motions:
                 is_own = steps.driven.solver.description == self._solver.description
                 calm = calm + 1 if is_own else 0
                 cranks.append(steps.driven.crank(steps.phase, steps.pairs))
+                owns.append(is_own)
         except LinkageError as error:
             self._ends[number], self._left[number] = str(error), True
             return
         self.times[-1][number] += steps.time
         if calm < _CALM:
             self._left[number] = True
-            if np.ptp(cranks[len(cranks) // 2 :]) > np.pi:
-                self._ends[number] = _ACROSS
+            late = len(cranks) // 2
+            if np.ptp(cranks[late:]) > np.pi:
+                self._ends[number] = _BOTH if any(owns[late:]) else _ACROSS
             return
         there[:] = cranks[-1], *steps.phase[1:]
         self._step[number], self._leaves[number] = 0.1 / self._pace, False
@@ -175,6 +183,28 @@ class Motions:
         inside = rows[:, 0] > rows[-1, 0] - 2 * math.pi * turns
         forwards = not inside[0] and rows[inside, 2].min() > 0
         return rows[inside].T if forwards else None
+
+    def speeds(self, number: int) -> Array:
+        """Mean speeds of the last turns of a motion, rad/s; none if it turned backwards."""
+        kept = self.phases[-_KEPT:], self.times[-_KEPT:]
+        crank, speed, times = np.array([
+            (phase[0, number], phase[2, number], time[number])
+            for phase, time in zip(*kept, strict=True)
+        ]).T  # fmt: skip
+        moved = np.insert(np.diff(crank) != 0, 0, values=True)
+        crank, speed, times = crank[moved], speed[moved], times[moved]
+        if len(crank) == 1 or speed.min() <= 0:
+            return np.zeros(0)
+        turn = 2 * math.pi
+        ends = turn * np.arange(math.ceil(crank[0] / turn), math.floor(crank[-1] / turn) + 1)
+        # Cubic curves through the times, with slopes 1 / speed.
+        before = np.clip(np.searchsorted(crank, ends) - 1, 0, len(crank) - 2)
+        wide, late = np.diff(crank)[before], np.diff(times)[before]
+        share = (ends - crank[before]) / wide
+        bends = wide / speed[before] - late, late - wide / speed[before + 1]
+        bulge = share * (1 - share) * ((1 - share) * bends[0] + share * bends[1])
+        found: Array = turn / np.diff(times[before] + share * late + bulge)
+        return found
 
 
 def _described(phases: Array, solver: PumpSolver, other: PumpSolver) -> tuple[Array, Array]:

@@ -102,7 +102,8 @@ class Search:
             is_last = is_late or check == checks
             is_due = check % _WAIT == 0 or is_last
             failures, guesses = 0, _GUESSES if is_last else ()
-            for number in np.flatnonzero(self.unidentified & is_due).tolist():
+            due = self.unidentified & ~self.motions.alternates & is_due
+            for number in np.flatnonzero(due).tolist():
                 if self.unidentified[number] and failures < _MOST_FAILURES:
                     failures += not self._identify(number, guesses)
             if is_late or self.belongs.min() >= 0:
@@ -113,7 +114,7 @@ class Search:
         phases = self.motions.phases
         turned = np.abs(phases[-1][0] - phases[-_STEPS][0]) > np.pi
         self.stopped = (self.belongs < 0) & ~self.ended & ~turned
-        left = np.flatnonzero(self.unidentified)
+        left = np.flatnonzero(self.unidentified & ~self.motions.alternates)
         now, before, first = (
             np.array(phases[-_ROWS - back :][:_ROWS:3])[..., left].swapaxes(0, 1)
             for back in (0, _BACK, 2 * _BACK)

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from operator import itemgetter
 
+from linkage_ros.lab.pump.alternating import alternating_lines
 from linkage_ros.lab.pump.analysis import CHANGED, COUNT, Analysis
 
 _LARGE = 1e4  # multiplier of which only the magnitude is shown
@@ -25,13 +26,16 @@ def states_table(analysis: Analysis) -> list[str]:
         Lines for a monospaced font.
     """
     ends = {
-        '{} end in the other assembly, or where all descriptions end': analysis.ended,
+        '{} go on in the other assembly, or end where all descriptions end: chart the pump with '
+        'the other `assembly` to see where they settle': analysis.ended,
         '{} come to rest, or rock to and fro': analysis.stopped,
         'warning: {} settle at no state that is listed: their motion is quasi-periodic, chaotic, '
-        'of a long period, or had not settled when its time ran out (slow where motor.damping or '
-        'slider.damping is small); draw such motions with --speeds': analysis.unidentified,
+        'of a long period, alternates between the assemblies without a short period, or had not '
+        'settled when its time ran out (slow where motor.damping or slider.damping is small); '
+        'draw such motions with --speeds': analysis.unidentified,
     }  # fmt: skip
     lines = [*_states_lines(analysis), *_changes_lines(analysis)]
+    lines += alternating_lines(analysis.alternating, COUNT)
     lines += [
         words.format(f'{share:.1%} of {COUNT} starts') for words, share in ends.items() if share
     ]
