@@ -60,7 +60,7 @@ def machine():
 
 
 def first_line(*command):
-    """Returns the first line that a program prints; empty if there is no such program."""
+    """Returns the first line that a program prints, or an empty text if the program is missing."""
     try:
         done = subprocess.run(command, check=True, capture_output=True, text=True)
     except (OSError, subprocess.CalledProcessError):

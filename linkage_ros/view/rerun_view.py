@@ -60,8 +60,8 @@ class View:
     that starts at 0 has the labels 0 s, 1 s, 2 s, not dates in 1970.
 
     Attributes:
-        page: URL of the page for a browser; empty: there is no page.
-        trouble: Reason why nothing is sent at present; empty: there is no such reason.
+        page: URL of the page for a browser, or an empty text.
+        trouble: Reason why nothing is sent at present, or an empty text.
         dropped: Number of samples dropped because the viewer lagged or was absent.
         period: Time between calls of `consume`, s.
     """

@@ -40,7 +40,9 @@ def pump(options: argparse.Namespace) -> None:
         configuration = load(options.params)
         mechanism, drive = configuration.mechanism, configuration.drive
         if not (isinstance(mechanism, WindPump) and isinstance(drive, TorqueDrive)):
-            raise ConfigurationError(f'{options.params} is no wind_pump: try the preset wind_pump')
+            raise ConfigurationError(
+                f'{options.params} is not a wind_pump: try the preset wind_pump'
+            )
         name = find_file(options.params).stem
         title = f'{name}: {motor_line(drive.motor)}'
         records, picture = (options.out / f'{name}_settled.{end}' for end in ('json', 'png'))

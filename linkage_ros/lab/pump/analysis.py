@@ -32,10 +32,8 @@ _CHANGES = (0.95, 1.05)  # of the motor's torque
 CHANGED = 'speed', 'stroke', 'flow'  # quantities of which changes are given
 _SLOWEST, _FASTEST = 1 / 3, 10.0  # ends of the load curve, relative to the extreme start speeds
 _ALIKE = 0.1  # largest relative difference in speed of a motion and its averaged motion
-_SLOW, _SLIDING = (
-    0.03,
-    2.0,
-)  # of the starts: slowest crank; fastest slider, times the crank pin's speed
+# Of the starts: smallest speed of the crank; largest of the slider, relative to the crank pin's.
+_SLOW, _SLIDING = 0.03, 2.0
 # Number of starts, of which a state that attracts 2 % is missed in one run of 170; and largest
 # number of checks of the motions.
 COUNT, _CHECKS = 256, 32

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
@@ -154,7 +155,7 @@ class Search:
             if sides == [number, number]
         ]
         others = [one for one in self.states if not (one.stable or one in among)]
-        apart = min((state.distance(_course(one)).item() for one in others), default=math.inf)
+        apart = min((_apart(state, one) for one in others), default=math.inf)
         return min(_APPROACHING, _INSIDE * apart)
 
     def _identify(self, number: int, guesses: Iterable[int]) -> bool:
@@ -195,10 +196,12 @@ def _falls(state: PeriodicMotion, before: Array, now: Array) -> Array:
     return factors
 
 
-def _course(state: PeriodicMotion) -> Array:
-    """Phases of a state over enough turns to compare it with a state of other turns."""
+@functools.cache  # it is asked for at every check
+def _apart(state: PeriodicMotion, other: PeriodicMotion) -> float:
+    """The distance of a state from another, over enough turns to compare different periods."""
     angles = np.linspace(0, 2 * np.pi * _COMPARED, _POINTS, endpoint=False)
-    return np.concatenate((angles[None], state.at(angles)))[..., None]
+    course = np.concatenate((angles[None], other.at(angles)))[..., None]
+    return float(state.distance(course).item())
 
 
 def _starts_near(state: PeriodicMotion) -> Array:
