@@ -10,6 +10,7 @@ import os
 import subprocess
 import sys
 import time
+from concurrent.futures import BrokenExecutor
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
@@ -247,7 +248,20 @@ def test_processes_and_a_cluster_give_the_same_bytes_and_lose_nothing(run, tmp_p
         check_that_a_death_loses_nothing(partial(cluster, address), tmp_path / 'worker')
         with pytest.raises(ConfigurationError, match='linkage_ros, and memory'), cluster(address):
             raise PackageNotFoundError('linkage_ros')
+        with pytest.raises(BrokenExecutor), cluster(address):
+            _cascade_future()
+        with pytest.raises(TypeError, match='of the work'), cluster(address):
+            raise TypeError('of the work')
     check_words(words, table)
+
+
+def _cascade_future():
+    """Fails as the function of this name in Dask does if a worker dies at a certain moment.
+
+    Raises:
+        TypeError: Always.
+    """
+    raise TypeError('cannot unpack non-iterable int object')
 
 
 def check_that_a_death_loses_nothing(connect, path):

@@ -8,6 +8,7 @@ import os
 import signal
 import socket
 import threading
+import traceback
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import (
     BrokenExecutor,
@@ -101,6 +102,8 @@ def cluster(address: str) -> Iterator[Executor]:
 
     Raises:
         ConfigurationError: No scheduler answers, it has no workers, or its workers fail.
+        BrokenExecutor: A result was lost with its worker.
+        TypeError: The work raises it.
     """
     from distributed import Client, KilledWorker
     from distributed.comm.addressing import get_address_host_port
@@ -126,3 +129,9 @@ def cluster(address: str) -> Iterator[Executor]:
                 f'--scheduler {address}: {type(error).__name__}: {error}; the cluster needs '
                 f'workers (`dask worker {address}`) with linkage_ros, and memory for the angles'
             ) from error
+        except TypeError as error:
+            # Dask's executor fails so, rarely, on a result whose worker dies while it is sent.
+            *_, (frame, _) = traceback.walk_tb(error.__traceback__)
+            if frame.f_code.co_name != '_cascade_future':
+                raise
+            raise BrokenExecutor('a result was lost with its worker') from error
