@@ -10,7 +10,7 @@ import subprocess
 import sys
 import threading
 import time
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 
 import rclpy
@@ -199,12 +199,17 @@ class Listener:
             )
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
+        self._is_closing = False
         self._thread = threading.Thread(target=self._spin, daemon=True)
         self._thread.start()
 
     def _spin(self):
-        with suppress(InvalidHandle):  # rclpy's own, where it is shut down within a callback
+        try:
             self._executor.spin()
+        except (InvalidHandle, AttributeError):
+            # rclpy's own, where it is shut down within a callback or while it prepares to wait.
+            if not self._is_closing:
+                raise
 
     def _hear(self, topic, data):
         self.arrived[topic].append(time.monotonic())
@@ -220,6 +225,7 @@ class Listener:
         return self
 
     def __exit__(self, *error):
+        self._is_closing = True
         self._executor.shutdown()
         self._thread.join()
         self.node.destroy_node()

@@ -67,8 +67,9 @@ class RunLog:
         self.offer = writing.offer
         # A slow sync must not delay the flushes.
         syncing: Worker[Any] = Worker(
-            'sync', log.disk_sync(), capacity=1, period=_SYNC_PERIOD, on_error=self._report_no_sync
-        )
+            'sync', log.disk_sync(), capacity=1, period=_SYNC_PERIOD,
+            on_error=self._report_no_sync, on_start=accompany_ticker,
+        )  # fmt: skip
         self._workers = [writing, syncing]
 
     def write(self, stamp: int, topic: Topic, message: bytes) -> None:

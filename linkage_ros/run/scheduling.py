@@ -8,18 +8,15 @@ import ctypes
 import gc
 import os
 import sys
-import time
 from contextlib import suppress
-
-from linkage_ros.units import NS_PER_MS
 
 _PR_SET_TIMERSLACK = 29  # of prctl
 # Priority of the ticker, as in ros2_control, and of other threads that use the interpreter.
 _PRIORITY, _COMPANION_PRIORITY = 50, 40
-# Switch intervals of the interpreter, s: Python's default, and the one while ticks are due.
-_LONG_INTERVAL, _SHORT_INTERVAL = 5e-3, 1e-5
-_VERY_LATE = 20 * NS_PER_MS
-_RECOVERY_SECONDS = 2.0  # s with the default interval
+# Switch interval of the interpreter, s. After each interval, a thread that waits for the
+# interpreter asks for it again. At 10 us, two waiting threads with real-time priority took both
+# processors for a second from the thread that they were waiting for.
+_SWITCH_INTERVAL = 1e-4
 
 
 def freeze_heap() -> None:
@@ -32,8 +29,8 @@ def freeze_heap() -> None:
 
 
 def shorten_switch_interval() -> None:
-    """Makes other Python threads release the interpreter at once, not after 5 ms."""
-    sys.setswitchinterval(_SHORT_INTERVAL)
+    """Makes other Python threads release the interpreter after 0.1 ms, not after 5 ms."""
+    sys.setswitchinterval(_SWITCH_INTERVAL)
 
 
 def minimize_timer_slack() -> None:
@@ -70,27 +67,3 @@ def accompany_ticker() -> None:
     Otherwise a thread preempted while it holds the interpreter lock would delay the ticker.
     """
     take_real_time_priority(_COMPANION_PRIORITY)
-
-
-class SwitchInterval:
-    """Requests the interpreter from other threads at once, unless the machine is overloaded.
-
-    Such requests are repeated every 10 us. With sixty nodes in discovery on two cores, they use
-    the core that the other thread needs. So the ticker uses Python's default interval at the start
-    and after a very late tick.
-    """
-
-    def __init__(self) -> None:
-        self._long_until = time.monotonic() + _RECOVERY_SECONDS
-        sys.setswitchinterval(_LONG_INTERVAL)
-
-    def follow(self, late: int) -> None:
-        """Adapts to the lateness of a tick; to be called at each tick.
-
-        Args:
-            late: Lateness of the tick, ns.
-        """
-        now = time.monotonic()
-        if late > _VERY_LATE:
-            self._long_until = now + _RECOVERY_SECONDS
-        sys.setswitchinterval(_LONG_INTERVAL if now < self._long_until else _SHORT_INTERVAL)

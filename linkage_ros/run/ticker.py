@@ -18,8 +18,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from linkage_ros.run.scheduling import (
-    SwitchInterval,
     minimize_timer_slack,
+    shorten_switch_interval,
     take_real_time_priority,
 )
 from linkage_ros.run.simulator import Simulator
@@ -104,6 +104,7 @@ class Ticker(ABC):
 
     def _run(self) -> None:
         minimize_timer_slack()
+        shorten_switch_interval()
         self.counts.real_time_priority = take_real_time_priority()
         try:
             for due in self._due():
@@ -132,7 +133,7 @@ class RealTimeTicker(Ticker):
     """Makes ticks in real time."""
 
     def _due(self) -> Iterator[tuple[int]]:
-        switch_interval, tick, origin = SwitchInterval(), 0, time.monotonic_ns()
+        tick, origin = 0, time.monotonic_ns()
         self.t0 = origin + _clock_offset()
         while True:
             late = self._sleep_until(origin + self._simulator.elapsed(tick))
@@ -140,7 +141,6 @@ class RealTimeTicker(Ticker):
                 return
             self.counts.lateness.append(late)
             self.counts.max_lateness = max(self.counts.max_lateness, late)
-            switch_interval.follow(late)
             due = self._simulator.tick_at(time.monotonic_ns() - origin)
             self.counts.missed += due - tick
             stepped = origin + _clock_offset() - self.t0
