@@ -183,9 +183,9 @@ def _settled(
 def settled_turn(motion: PeriodicMotion) -> Period:
     """One period of a steady state of a wind pump, in steps of 0.5 deg."""
     crank = np.linspace(0, 2 * math.pi * motion.turns, 720 * motion.turns + 1)
-    position, rate, velocity = motion.at(crank)
-    torque = Motor(motion.torque, motion.damping).at(rate)
-    q, u = (crank, position), (rate, velocity)
+    second, speed, rate = motion.phase(crank)
+    torque = Motor(motion.torque, motion.damping).at(speed)
+    q, u = (crank, second), (speed, rate)
     state = motion.solver.state(q, u, motion.solver.accelerations(q, u, torque))
     power = mean(crank, torque) * motion.speed
     return Period(motion.solver, crank, state, speed=motion.speed, mean_power=power)

@@ -11,7 +11,6 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 
-from linkage_ros.lab.pump.alternating import alternating_motions
 from linkage_ros.lab.pump.harmonic_balance import AVERAGED, HarmonicBalance
 from linkage_ros.lab.pump.load_curve import (
     ALONE,
@@ -24,6 +23,7 @@ from linkage_ros.lab.pump.load_curve import (
 )
 from linkage_ros.lab.pump.periodic_motion import PeriodicMotion
 from linkage_ros.lab.pump.settling import Search, prepared, require_slow
+from linkage_ros.lab.pump.unresolved import unresolved_motions
 from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.motion.drives import Motor
 from linkage_ros.numeric import Array
@@ -62,6 +62,7 @@ class Analysis(NamedTuple):
 
     Attributes:
         motor: Motor of the pump.
+        assembly: Assembly of the pump.
         states: Steady states in order of speed, stable or not.
         averaged: The averaged motion near each state; None: none was found.
         pieces: The load curve.
@@ -70,14 +71,15 @@ class Analysis(NamedTuple):
             its relative changes, or the reason why that state is unknown.
         runs: Motions from named starts.
         shares: Fraction of the starts that settle at each state, by its number.
-        ended: Fraction of the starts that end in the other assembly or outside all coordinates.
+        ended: Fraction of the starts whose motion cannot be continued.
         stopped: Fraction of the starts from which the crank comes to rest, or rocks to and fro.
         unidentified: Fraction of the starts with another or an unknown outcome.
-        alternating: Records of motions that alternate between the assemblies and repeat.
+        unresolved: Records of motions that repeat, but were not found as Fourier series.
         spread: Slider speed below which loads that jump are smoothed, m/s; 0: no load jumps.
     """
 
     motor: Motor
+    assembly: str
     states: list[SteadyState]
     averaged: list[PeriodicMotion | None]
     pieces: list[Piece]
@@ -87,7 +89,7 @@ class Analysis(NamedTuple):
     ended: float
     stopped: float
     unidentified: float
-    alternating: list[dict[str, Any]]
+    unresolved: list[dict[str, Any]]
     spread: float
 
     def record(self) -> dict[str, Any]:
@@ -103,7 +105,7 @@ class Analysis(NamedTuple):
                 'count': COUNT, 'ended': self.ended, 'stopped': self.stopped,
                 'unidentified': self.unidentified,
             },
-            'alternating_motions': self.alternating,
+            'unresolved_motions': self.unresolved,
             'jump_spread_over_slider_speed': self.spread,
             'torques_with_two_stable_states': bistable_ranges(self.pieces),
             'stability_lost': [
@@ -157,7 +159,8 @@ def analyse(
     resting = (next(balance.resting_sliders(*way), None) for way in (inside, inside[::-1]))
     pieces = with_curves(balance, [], resting, limits)
     known = [state.motion for state in steady_states(balance, pieces, motor.torque)]
-    search = Search(balance, motor, np.hstack((given, _box(mechanism, pace))), known, len(speeds))
+    box = balance.solver.converted(_box(mechanism, pace))
+    search = Search(balance, motor, np.hstack((given, box)), known, len(speeds))
     search.run(progress, _CHECKS)
     pieces = with_curves(balance, pieces, search.states, limits)
     states = steady_states(balance, pieces, motor.torque)
@@ -177,14 +180,15 @@ def analyse(
     for state in search.unstable:
         names += [f'beside {state.speed:.4g} rad/s, {word}' for word in ('slower', 'faster')]
     of_box = slice(len(speeds), len(speeds) + COUNT)
-    alternates = np.flatnonzero((search.unidentified & motions.alternates)[of_box])
-    alternating = alternating_motions(
-        (motions.speeds(number) for number in (alternates + of_box.start).tolist()), COUNT
+    unresolved = np.flatnonzero(search.unidentified[of_box]) + of_box.start
+    repeating = unresolved_motions(
+        map(motions.speeds, unresolved.tolist()), [state.motion.speed for state in states], COUNT
     )
-    named = sum(one['share_of_starts'] for one in alternating)
+    named = sum(one['share_of_starts'] for one in repeating)
     others = [*range(len(speeds)), *range(of_box.stop, len(settled))]
     return Analysis(
         motor,
+        mechanism.assembly,
         states,
         [_averaged(averaging, state.motion) for state in states],
         pieces,
@@ -203,15 +207,16 @@ def analyse(
         [float(np.mean(settled[of_box] == number)) for number in range(len(states))],
         float(np.mean(search.ended[of_box])),
         float(np.mean(search.stopped[of_box])),
-        max(0.0, float(np.mean(search.unidentified[of_box])) - named),
-        alternating,
+        max(0.0, len(unresolved) / COUNT - named),
+        repeating,
         max((getattr(load, 'width', 0.0) for load in pump.loads), default=0.0),
     )  # fmt: skip
 
 
 def _averaged(averaging: HarmonicBalance, motion: PeriodicMotion) -> PeriodicMotion | None:
     """Finds the averaged motion near a motion; None: none was found."""
-    found = averaging.find(averaging.unknowns(motion)) if motion.turns == 1 else None
+    unknowns = averaging.sized(motion.slider, motion.crank, np.array([motion.torque]))
+    found = averaging.find(unknowns) if motion.turns == 1 else None
     return found if found and abs(found.speed / motion.speed - 1) < _ALIKE else None
 
 

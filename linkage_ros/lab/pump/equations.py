@@ -29,7 +29,8 @@ from linkage_ros.dynamics.tape import Constants
 from linkage_ros.formulas import Opaque, cos, sqrt, where
 from linkage_ros.model.kinematics import LinkPose
 from linkage_ros.model.load_curve import CurveForce, LoadCurve
-from linkage_ros.model.structure import Mechanism
+from linkage_ros.model.parts import CROSSED, OPEN
+from linkage_ros.model.structure import Description, Mechanism
 from linkage_ros.model.wind_pump import ByCoupler, WindPump, WindPumpLoop
 from linkage_ros.numeric import Array, Real
 
@@ -39,7 +40,51 @@ _WIDTH = 0.03  # relative to crank length x the motor's largest speed
 
 
 class PumpSolver(Solver):
-    """A solver with equations of motion for arrays; they check nothing, to be fast."""
+    """A solver with equations of motion for arrays; they check nothing, to be fast.
+
+    The first coordinate is the crank angle, the second the slider position or the coupler angle.
+    """
+
+    @classmethod
+    def of(cls, mechanism: WindPump) -> PumpSolver:
+        """Returns the solver in the coordinates that describe most motions.
+
+        Crank and coupler angle describe every motion if the rod is longer than crank and coupler
+        together. If not, the coordinates are crank angle and slider position.
+        """
+        if mechanism.crank.length + mechanism.coupler.length >= mechanism.rod.length:
+            return cls(mechanism)
+        side = OPEN if mechanism.slider.position > 0 else CROSSED
+        return cls(mechanism, description=Description(mechanism.other_coordinates, side))
+
+    @property
+    def by_coupler(self) -> bool:
+        """Whether the second coordinate is the coupler angle, not the slider position."""
+        return self.description.coordinates != self.mechanism.coordinates
+
+    @property
+    def unit(self) -> float:
+        """Unit of the second coordinate, m or rad: as large as the crank makes its range."""
+        pump = cast('WindPump', self.mechanism)
+        return pump.crank.length / (pump.coupler.length if self.by_coupler else 1.0)
+
+    def converted(self, phases: Array) -> Array:
+        """Converts phases to the coordinates of this solver.
+
+        Args:
+            phases: Crank angle, slider position and their rates, of shape (4, n), in the assembly
+                of the mechanism.
+
+        Returns:
+            Both coordinates and their rates, of shape (4, n).
+
+        Raises:
+            UnreachableError: The dyad cannot close.
+        """
+        if not self.by_coupler:
+            return phases
+        state = Solver(self.mechanism).state(tuple(phases[:2]), tuple(phases[2:]))
+        return np.array([row[link] for row in (state.position, state.velocity) for link in (0, 1)])
 
     @functools.cached_property
     def _terms(self) -> Callable[..., tuple[Array, ...]]:

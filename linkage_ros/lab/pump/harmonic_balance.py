@@ -2,15 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """The periodic motions of a wind pump by harmonic balance (Galerkin's method).
 
-In a period of n turns, slider position and crank speed are Fourier series in the crank angle, with
-H n and H n - 1 harmonics:
+In a period of n turns, the second coordinate, xD or phi2, and the crank speed are Fourier series
+in the crank angle, with H n and H n - 1 harmonics:
 
     xD    = X0 + a1 cos phi1/n + b1 sin phi1/n + ...
     phi1' = w0 + c1 cos phi1/n + d1 sin phi1/n + ...
 
-The residuals of the equations of motion are the force R2 on the slider and the torque R1 on the
-crank. On average over the n turns, R2 times each function of the first series vanishes, and so
-does R1 times each function of the second series. This gives as many equations as coefficients.
+The residuals of the equations of motion are the force or torque R2 of the second coordinate and
+the torque R1 on the crank. On average over the n turns, R2 times each function of the first series
+vanishes, and so does R1 times each function of the second series. This gives as many equations as
+coefficients.
 
 With one harmonic the crank speed is constant. The equations are then the averaged equations of
 document 3, after Van der Pol. If a1, b1 and w0 vary slowly in time, these equations also determine
@@ -23,6 +24,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Iterator
+from contextlib import suppress
 
 import numpy as np
 
@@ -39,12 +41,13 @@ from linkage_ros.numeric import Array
 
 AVERAGED, EXACT, _FINEST = 1, 16, 64  # harmonics
 _SPEEDS, _PLACES = 12, 7  # harmonics of guesses with a slider at rest
-_ROUGH = 4  # harmonics of a guess
+_ROUGH = 8  # harmonics of a guess
 _WILD = 100.0  # larger multipliers of averaged motions, near a stretched dyad, are meaningless
 _TAIL = 1e-4  # largest coefficient of the last harmonic, in crank lengths
 # Largest steps of Newton's method, relative; from a neighbouring motion, 4 or 5 steps suffice.
 _STEPS = (1.0,) * 4 + (0.1,) * 3 + (0.01,) * 5
 _DOUBLED = 0.1  # amplitude of the added waves in the guess of a doubled motion, in its units
+_TINY = 1e-12  # smallest range of samples, m, rad or rad/s
 _DIFFERENCE = 1e-7  # relative change of the values of a motion, for derivatives
 
 
@@ -62,18 +65,20 @@ class HarmonicBalance:
     def __init__(
         self, mechanism: WindPump, damping: float, harmonics: int = EXACT, turns: int = 1
     ) -> None:
-        self._mechanism, self.solver, self.damping = mechanism, PumpSolver(mechanism), damping
+        self._mechanism, self.damping = mechanism, damping
+        # The averaged equations of document 3 are those of the slider's motion.
+        self.solver = PumpSolver(mechanism) if harmonics == AVERAGED else PumpSolver.of(mechanism)
         self._harmonics, self.turns = harmonics, turns
         count = harmonics * turns
-        self.sizes = slider, crank = 2 * count + 1, 2 * count - 1
+        self.sizes = second, crank = 2 * count + 1, 2 * count - 1
         self.angles = parts_of(turns, harmonics)
-        # For each coefficient: xD and its first two derivatives with respect to phi1; phi1' and
-        # its first derivative with respect to phi1.
-        self._waves = np.zeros((5, len(self.angles), slider + crank))
+        # For each coefficient: the second coordinate and its first two derivatives with respect to
+        # phi1; phi1' and its first derivative with respect to phi1.
+        self._waves = np.zeros((5, len(self.angles), second + crank))
         for order in range(3):
-            self._waves[order, :, :slider] = waves(self.angles, slider, turns, order)
+            self._waves[order, :, :second] = waves(self.angles, second, turns, order)
         for order in range(2):
-            self._waves[3 + order, :, slider:] = waves(self.angles, crank, turns, order)
+            self._waves[3 + order, :, second:] = waves(self.angles, crank, turns, order)
 
     def over(self, turns: int, harmonics: int = 0) -> HarmonicBalance:
         """The equations for another number of turns; 0 harmonics: as many as here."""
@@ -84,18 +89,18 @@ class HarmonicBalance:
 
         The unknowns are the coefficients of both series, and the torque.
         """
-        return self.sized(motion.slider, motion.crank, np.array([motion.torque]))
+        return self.sized(motion.second, motion.crank, np.array([motion.torque]))
 
-    def sized(self, slider: Array, crank: Array, torque: Array) -> Array:
+    def sized(self, second: Array, crank: Array, torque: Array) -> Array:
         """Makes unknowns from coefficients, cut or padded with 0 to the `sizes`."""
-        rows = zip((slider, crank), self.sizes, strict=True)
+        rows = zip((second, crank), self.sizes, strict=True)
         padded = (np.append(row, np.zeros(size))[:size] for row, size in rows)
         return np.concatenate((*padded, torque))
 
     def units(self, motion: PeriodicMotion) -> Array:
-        """Units of the unknowns: crank length, and speed and torque of a motion."""
-        length, speed, _ = motion.units
-        return np.repeat((length, speed, motion.torque), (*self.sizes, 1))
+        """Units of the unknowns: unit of the second coordinate, speed and torque of a motion."""
+        unit, speed, _ = motion.units
+        return np.repeat((unit, speed, motion.torque), (*self.sizes, 1))
 
     def tangent(self, motion: PeriodicMotion) -> Array:
         """Derivatives of the unknowns with respect to mean crank speed, along the load curve."""
@@ -114,28 +119,30 @@ class HarmonicBalance:
         """Estimates the unknowns of a motion from samples.
 
         Args:
-            phases: Crank angle, slider position and their rates at several moments of each turn,
-                of shape (4, n).
+            phases: Both coordinates and their rates at several moments of each turn, of shape
+                (4, n).
             torque: Torque of the motor at rest, N m.
 
         Returns:
             The unknowns, in which the coefficients of high harmonics are 0; and the residual of
             the series, relative to the range of the samples.
         """
-        angles, known = phases[0], phases[1:3].T
-        some = waves(angles, 2 * _ROUGH * self.turns + 1, self.turns)
-        rows = np.linalg.lstsq(some, known, rcond=None)[0]
-        slider, crank = rows.T
-        missed = np.abs(some @ rows - known) / np.ptp(known, axis=0)
-        return self.sized(slider, crank, np.array([torque])), float(missed.max())
+        slopes = self.solver.slopes(torque - self.damping * phases[2], *phases) / phases[2]
+        known = np.concatenate((phases[1:3].T, slopes[[1, 2]].T))
+        count = 2 * _ROUGH * self.turns + 1
+        some = np.concatenate([waves(phases[0], count, self.turns, order) for order in (0, 1)])
+        second, crank = rows = np.linalg.lstsq(some, known, rcond=None)[0].T
+        missed = np.abs(some @ rows.T - known)[: len(phases[0])].max(axis=0)
+        missed /= np.maximum(np.ptp(phases[1:3], axis=1), _TINY)
+        return self.sized(second, crank, np.array([torque])), float(missed.max())
 
     def doubled(self, motion: PeriodicMotion) -> PeriodicMotion | None:
         """Finds a motion of twice the period near a period-doubling point."""
         twice = self.over(2 * self.turns)
-        slider, crank = (np.zeros(2 * len(row) - 1) for row in (motion.slider, motion.crank))
-        for wide, row in ((slider, motion.slider), (crank, motion.crank)):
+        second, crank = (np.zeros(2 * len(row) - 1) for row in (motion.second, motion.crank))
+        for wide, row in ((second, motion.second), (crank, motion.crank)):
             wide[0], wide[3::4], wide[4::4] = row[0], row[1::2], row[2::2]
-        unknowns = twice.sized(slider, crank, np.array([motion.torque]))
+        unknowns = twice.sized(second, crank, np.array([motion.torque]))
         units = twice.units(motion)
         # The waves that twice the period adds. Along one direction of their coefficients, the
         # equations are singular.
@@ -157,9 +164,11 @@ class HarmonicBalance:
         places = pump.slider.position, *np.linspace(abs(b - c) + r, b + c - r, _PLACES + 2)[1:-1]
         for speed in np.geomspace(first, last, _SPEEDS):
             for x in places:
-                start = self.sized(np.array([x]), np.array([speed]), np.zeros(1))
-                if motion := self.find(start, self.axis(of_speed=True)):
-                    yield motion
+                with suppress(LinkageError):  # at some crank angle, the dyad cannot close
+                    resting = np.broadcast_arrays(self.angles, x, speed, 0.0)
+                    guess, _ = self.guess(self.solver.converted(np.array(resting)), 0.0)
+                    if motion := self.find(guess, self.axis(of_speed=True)):
+                        yield motion
 
     def find(
         self, guess: Array, fixed: Array | None = None, tolerance: float = 1e-6
@@ -198,15 +207,15 @@ class HarmonicBalance:
             The motion; None: the crank stops, or the motion needs too many harmonics.
         """
         cuts = np.cumsum(self.sizes)
-        slider, crank, (torque,) = np.split(unknowns, cuts)
-        given = self.solver, self.damping, slider, crank, float(torque), self.turns
+        second, crank, (torque,) = np.split(unknowns, cuts)
+        given = self.solver, self.damping, second, crank, float(torque), self.turns
         motion = PeriodicMotion(*given)
-        if not motion.at(self.angles)[1].min() > 0:
+        if not motion.phase(self.angles)[1].min() > 0:
             return None
         if self._harmonics == AVERAGED:
             averaged = PeriodicMotion(*given, self._slow_multipliers(unknowns))
             return averaged if abs(averaged.multipliers[0]) < _WILD else None
-        tail = np.abs(slider[-2:]).max() / self._mechanism.crank.length
+        tail = np.abs(second[-2:]).max() / self.solver.unit
         if tail < _TAIL:  # next to a stretched dyad, multipliers may not be finite
             return motion if np.isfinite(motion.multipliers).all() else None
         if self._harmonics == _FINEST:
@@ -239,20 +248,20 @@ class HarmonicBalance:
         """The Jacobian and the residuals of the equations; `find` adds the last equation."""
         jacobian, residuals = np.zeros((len(unknowns), len(unknowns))), np.zeros(len(unknowns))
         values = self._waves @ unknowns[:-1]
-        steps = _DIFFERENCE * np.array((*[self._mechanism.crank.length] * 2, values[3].max()))
+        steps = _DIFFERENCE * np.array((*[self.solver.unit] * 2, values[3].max()))
         moves = np.zeros((4, 5))
         moves[[1, 2, 3], [0, 1, 3]] = steps
-        x, slope, bend, w, rate = (values + moves[..., None]).swapaxes(0, 1)
-        m11, m12, m22, h1, h2 = self.solver.terms(self.angles, x, w, w * slope)
+        second, slope, bend, w, rate = (values + moves[..., None]).swapaxes(0, 1)
+        m11, m12, m22, h1, h2 = self.solver.terms(self.angles, second, w, w * slope)
         spin, push = w * rate, w * w * bend + w * rate * slope
         torque = unknowns[-1] - self.damping * w
         lacks = np.array((m11 * spin + m12 * push + h1 - torque, m12 * spin + m22 * push + h2))
-        by_x, by_slope, by_w = ((lacks[:, 1:] - lacks[:, :1]) / steps[:, None]).swapaxes(0, 1)
-        first, second = np.array((m11[0], m12[0])), np.array((m12[0], m22[0]))
-        by_bend, by_rate = w[0] ** 2 * second, w[0] * (first + slope[0] * second)
+        by_second, by_slope, by_w = ((lacks[:, 1:] - lacks[:, :1]) / steps[:, None]).swapaxes(0, 1)
+        by_spin, by_push = np.array((m11[0], m12[0])), np.array((m12[0], m22[0]))
+        by_bend, by_rate = w[0] ** 2 * by_push, w[0] * (by_spin + slope[0] * by_push)
         weights = self._waves[[3, 0]] / len(self.angles)
         residuals[:-1] = np.einsum('enk,en->k', weights, lacks[:, 0])
-        by_value = np.array((by_x, by_slope, by_bend, by_w, by_rate))
+        by_value = np.array((by_second, by_slope, by_bend, by_w, by_rate))
         for weight, rows in zip(weights, by_value.swapaxes(0, 1), strict=True):
             jacobian[:-1, :-1] += weight.T @ np.einsum('vn,vnk->nk', rows, self._waves)
         jacobian[:-1, -1] = -weights[0].sum(axis=0)

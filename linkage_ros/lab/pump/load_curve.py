@@ -22,14 +22,15 @@ from linkage_ros.lab.pump.periodic_motion import PeriodicMotion
 
 # Kinds of stability loss. The largest multiplier is 1 (two motions merge), -1, or a complex pair.
 FOLD, PERIOD_DOUBLING, TORUS = 'fold', 'period doubling', 'torus'
-# Ends of a curve: a limit of speed or torque; or no next motion, because the crank stops or the
-# dyad is stretched.
+# Ends of a curve: a limit of speed or torque; or no next motion, because the crank nearly stops or
+# the dyad is stretched.
 END, LOST = 'end of the scan', 'end of the description'
 ALONE = 'not followed further'  # ends of a piece with a single motion
 _GAP = 1e-2  # relative torque difference between a period doubling and the doubled motion
 # Longest step per turn and shortest step along a curve, in the units of the unknowns.
 _STEP, _SHORTEST = 0.3, 1e-2
 _SHARP, _STRAIGHT = 0.5, 0.9  # cosine of the angle between two steps: too small, and large
+_MOST_WAVES = 2  # most coefficients along a curve, relative to those of its equations
 _MOST = 400  # largest number of steps along a curve
 _ROUGH = 1e-4  # relative size of Newton's last step along a curve
 _FEW = 2  # most turns of states whose curves are followed: four turns take eight times as long
@@ -159,7 +160,7 @@ def with_curves(
         if seed is None or seed.turns > _FEW or not speeds[0] <= seed.speed <= speeds[1]:
             continue
         states = steady_states(balance, found, seed.torque)
-        if any(seed.is_same(state.motion) for state in states):
+        if any(seed.is_same(state.motion) for state in states) or _is_end(found, seed):
             continue
         curve = follow(balance.over(seed.turns), seed, speeds)
         found += curve
@@ -169,6 +170,17 @@ def with_curves(
             if seed.turns == 1 and piece.ends_at == PERIOD_DOUBLING
         ]
     return found
+
+
+def _is_end(pieces: Iterable[Piece], motion: PeriodicMotion) -> bool:
+    """Whether a known curve ends at the period doubling near a motion of twice the period."""
+    ends = [(piece.motions[0], piece.begins_at) for piece in pieces]
+    ends += [(piece.motions[-1], piece.ends_at) for piece in pieces]
+    return any(
+        kind == PERIOD_DOUBLING and one.turns == motion.turns
+        and np.allclose((one.torque, one.speed), (motion.torque, motion.speed), rtol=_GAP)
+        for one, kind in ends
+    )  # fmt: skip
 
 
 def follow(
@@ -230,6 +242,8 @@ def _continued(
             continue
         if one.repeats_sooner or _is_doubled(motions[-1], one):
             return motions[1:], PERIOD_DOUBLING
+        if len(one.second) > _MOST_WAVES * balance.sizes[0]:  # a step would take too long
+            return motions[1:], LOST
         motions.append(one)
         if not (speeds[0] <= one.speed <= speeds[1] and one.torque > 0):
             return motions[1:], END

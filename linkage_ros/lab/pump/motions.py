@@ -3,10 +3,8 @@
 """Integrates motions of a wind pump from many starts at once.
 
 Each motion is integrated by Dormand and Prince's method of order 5, with its own step lengths. A
-step of many motions takes little longer than a step of one motion. If the rod is longer than crank
-and coupler together, the coordinates are crank and coupler angle, which describe every motion. If
-not, the coordinates are crank angle and slider position, and a motion that stretches the dyad is
-continued separately.
+step of many motions takes little longer than a step of one motion. If the coordinates are crank
+angle and slider position, a motion that stretches the dyad is continued separately.
 """
 
 from __future__ import annotations
@@ -18,8 +16,6 @@ import numpy as np
 
 from linkage_ros.errors import LinkageError
 from linkage_ros.lab.pump.equations import PumpSolver
-from linkage_ros.model.parts import CROSSED, OPEN
-from linkage_ros.model.structure import Description
 from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.drives import Motor
@@ -47,9 +43,8 @@ class Motions:
     Attributes:
         active: Numbers of the motions that are still integrated.
         times: Times, s, of all motions after each step; arrays of shape (n).
-        phases: Crank angle, rad, slider position, m, and their rates after each step; arrays of
-            shape (4, n).
-        alternates: Whether each motion was in both assemblies in the last call of `advance`.
+        phases: Both coordinates and their rates after each step; arrays of shape (4, n).
+        ends: The reason why a motion is not followed further, by the number of the motion.
     """
 
     def __init__(self, solver: PumpSolver, motor: Motor, starts: Array) -> None:
@@ -58,53 +53,31 @@ class Motions:
         Args:
             solver: Solver of the pump.
             motor: Motor of the pump.
-            starts: Crank angle, rad, slider position, m, and their rates, of shape (4, n); in all
-                starts, the slider is on the same side of the crank.
+            starts: Both coordinates and their rates, of shape (4, n).
         """
         pump = cast('WindPump', solver.mechanism)
         self._lengths = [link.length for link in (pump.crank, pump.coupler, pump.rod)]
-        r, b, c = self._lengths
-        self._own, self._solver, self._there, unit = solver, solver, starts.copy(), r
-        if r + b < c:
-            side = OPEN if starts[1, 0] > 0 else CROSSED
-            description = Description(pump.other_coordinates, side)
-            self._solver, unit = PumpSolver(pump, description=description), r / b
-            self._there, _ = _described(starts, solver, self._solver)
+        self._solver, self._there, unit = solver, starts.copy(), solver.unit
         self._motor, self._driven = motor, DrivenMechanism(self._solver, motor.at)
         self._pace = max(starts[2].max(), motor.torque / motor.damping if motor.damping else 0.0)
         self._units = np.array((1.0, unit, self._pace, self._pace * unit))[:, None]
         self._slope = self._slopes(self._there)
         self._step = np.full(starts.shape[1], 0.1 / self._pace)
         self._leaves: Any = np.isnan(self._slope).any(axis=0)
-        self._crossed: Any = False & self._leaves
-        self.alternates: Any = False & self._leaves
         self.active: Any = np.arange(starts.shape[1])
         self._left: Any = False & self._leaves  # no longer followed
-        self._ends: dict[int, str] = {}
+        self.ends: dict[int, str] = {}
         self.times, self.phases = [np.zeros(starts.shape[1])], [starts.copy()]
-
-    @property
-    def ends(self) -> dict[int, str]:
-        """The reason why a motion ended or left this assembly, by the number of the motion."""
-        return {**dict.fromkeys(np.flatnonzero(self._crossed).tolist(), _ACROSS), **self._ends}
 
     def advance(self, steps: int) -> None:
         """Advances all motions by a number of steps; rejected steps count, too."""
-        course = []
         with np.errstate(all='ignore'):  # non-finite values have no slope
             for step in range(steps):
                 self._try()
                 if step % _PAUSE == 0:
                     for number in np.flatnonzero(self._leaves & ~self._left).tolist():
                         self._carry(number)
-                course.append(self._there)
-        if self._solver is not self._own:
-            block, sines = _described(np.array(course).swapaxes(0, 1), self._solver, self._own)
-            course = list(block.swapaxes(0, 1))
-            across = (sines < 0) == (self._own.description.assembly == OPEN)
-            self._crossed = across.all(axis=0)
-            self.alternates = across.any(axis=0) & ~self._crossed
-        self.phases += course
+                self.phases.append(self._there)
 
     def _try(self) -> None:
         on, there, times = self.active, self._there.copy(), self.times[-1].copy()
@@ -127,7 +100,7 @@ class Motions:
 
     def _is_near_end(self, there: Array) -> Any:
         """Whether the dyad of each motion is nearly stretched or folded."""
-        if self._solver is not self._own:
+        if self._solver.by_coupler:
             return False
         r, b, c = self._lengths
         square = there[1] ** 2 - 2 * r * there[1] * np.cos(there[0]) + r * r
@@ -154,14 +127,14 @@ class Motions:
                 cranks.append(steps.driven.crank(steps.phase, steps.pairs))
                 owns.append(is_own)
         except LinkageError as error:
-            self._ends[number], self._left[number] = str(error), True
+            self.ends[number], self._left[number] = str(error), True
             return
         self.times[-1][number] += steps.time
         if calm < _CALM:
             self._left[number] = True
             late = len(cranks) // 2
             if np.ptp(cranks[late:]) > np.pi:
-                self._ends[number] = _BOTH if any(owns[late:]) else _ACROSS
+                self.ends[number] = _BOTH if any(owns[late:]) else _ACROSS
             return
         there[:] = cranks[-1], *steps.phase[1:]
         self._step[number], self._leaves[number] = 0.1 / self._pace, False
@@ -205,20 +178,3 @@ class Motions:
         bulge = share * (1 - share) * ((1 - share) * bends[0] + share * bends[1])
         found: Array = turn / np.diff(times[before] + share * late + bulge)
         return found
-
-
-def _described(phases: Array, solver: PumpSolver, other: PumpSolver) -> tuple[Array, Array]:
-    """Converts phases to the coordinates of another solver.
-
-    Args:
-        phases: Coordinates and rates of `solver`, of shape (4, ...).
-        solver: Solver whose coordinates the phases use.
-        other: Solver to whose coordinates the phases are converted.
-
-    Returns:
-        The converted phases, and the sine of the angle from rod to coupler, of shape (...).
-    """
-    state = solver.driven_state(tuple(phases[:2]), tuple(phases[2:]), 0.0)
-    moving = [solver.links.index(name) for name in other.coordinates]
-    rows = [values[link] for values in (state.position, state.velocity) for link in moving]
-    return np.array(rows), np.sin(state.position[1] - state.position[2])

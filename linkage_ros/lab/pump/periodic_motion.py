@@ -16,8 +16,12 @@ from typing import Any, cast
 import numpy as np
 
 from linkage_ros.lab.pump.equations import PumpSolver
+from linkage_ros.model.kinematics import State
+from linkage_ros.model.parts import CROSSED, OPEN
 from linkage_ros.model.wind_pump import WindPump
-from linkage_ros.numeric import Array
+from linkage_ros.numeric import Array, wrap
+
+BOTH = 'both'  # assemblies of a motion that stretches the dyad
 
 _DIFFERENCE = 1e-5  # relative, for derivatives by central differences
 _FINE, _STEPS = 256, 4  # parts of a turn searched for reversals, and Newton steps per reversal
@@ -73,7 +77,7 @@ class PeriodicMotion:
     Attributes:
         solver: Solver of the pump.
         damping: Decrease of the motor torque per unit of crank speed, N m s.
-        slider: Coefficients of the slider's position, m.
+        second: Coefficients of the solver's second coordinate, m or rad.
         crank: Coefficients of the crank's speed, rad/s.
         torque: Torque of the motor at rest, N m.
         turns: Number of turns after which the motion repeats.
@@ -83,7 +87,7 @@ class PeriodicMotion:
 
     solver: PumpSolver
     damping: float
-    slider: Array
+    second: Array
     crank: Array
     torque: float
     turns: int = 1
@@ -92,13 +96,13 @@ class PeriodicMotion:
     @functools.cached_property
     def angles(self) -> Array:
         """Evenly spaced crank angles over one period, rad."""
-        return parts_of(self.turns, len(self.slider) // 2 // self.turns)
+        return parts_of(self.turns, len(self.second) // 2 // self.turns)
 
     @property
     def units(self) -> Array:
-        """Units of slider position, crank speed and slider velocity; of shape (3)."""
-        length = self.solver.mechanism.crank.length
-        return np.array((length, self.speed, length * self.speed))
+        """Units of second coordinate, crank speed and rate of the former; of shape (3)."""
+        unit = self.solver.unit
+        return np.array((unit, self.speed, unit * self.speed))
 
     def at(self, angles: Array) -> Array:
         """The motion at crank angles.
@@ -109,17 +113,57 @@ class PeriodicMotion:
         Returns:
             Slider position, m, crank speed, rad/s, and slider velocity, m/s; of shape (3, n).
         """
+        return self._series(self.slider, angles)
+
+    def phase(self, angles: Array) -> Array:
+        """The motion at crank angles in the solver's coordinates.
+
+        Args:
+            angles: Crank angles, of shape (n), rad.
+
+        Returns:
+            Second coordinate, crank speed and rate of the former; of shape (3, n).
+        """
+        return self._series(self.second, angles)
+
+    def _series(self, coefficients: Array, angles: Array) -> Array:
         position, slope = (
-            waves(angles, len(self.slider), self.turns, d) @ self.slider for d in (0, 1)
+            waves(angles, len(coefficients), self.turns, d) @ coefficients for d in (0, 1)
         )
         speed = waves(angles, len(self.crank), self.turns) @ self.crank
         return np.array((position, speed, speed * slope))
+
+    @functools.cached_property
+    def _state(self) -> State:
+        """The state of all links at the `angles`."""
+        second, speed, rate = self.phase(self.angles)
+        return self.solver.state((self.angles, second), (speed, rate))
+
+    @functools.cached_property
+    def slider(self) -> Array:
+        """Coefficients of the slider's position, m."""
+        if not self.solver.by_coupler:
+            return self.second
+        count = len(self.angles)
+        slider = self._state.position[self.solver.links.index('slider')]
+        found: Array = waves(self.angles, count - 1, self.turns).T @ slider * (2 / count)
+        found[0] /= 2
+        return found
+
+    @functools.cached_property
+    def assembly(self) -> str:
+        """Assembly of the dyad: open, crossed, or both in turn."""
+        if not self.solver.by_coupler:
+            return self.solver.description.assembly
+        _, coupler, rod, *_ = self._state.position
+        is_open = np.sin(coupler - rod) > 0
+        return OPEN if is_open.all() else BOTH if is_open.any() else CROSSED
 
     def distance(self, phases: Array) -> Array:
         """Mean distances of other motions from this one, in the `units` of the values.
 
         Args:
-            phases: Crank angle, slider position and their rates, of shape (4, rows, motions).
+            phases: Both coordinates and their rates, of shape (4, rows, motions).
 
         Returns:
             The mean distance over the rows, of shape (motions). Each motion is first shifted by
@@ -129,8 +173,10 @@ class PeriodicMotion:
         apart = []
         for turn in range(self.turns):
             angles = (phases[0] + 2 * math.pi * turn).ravel()
-            away = np.abs(self.at(angles).reshape(3, rows, motions) - phases[1:])
-            apart.append((away / self.units[:, None, None]).max(axis=0).mean(axis=0))
+            away = self.phase(angles).reshape(3, rows, motions) - phases[1:]
+            if self.solver.by_coupler:
+                away[0] = wrap(away[0], np.rint)
+            apart.append((np.abs(away) / self.units[:, None, None]).max(axis=0).mean(axis=0))
         nearest: Array = np.min(apart, axis=0)
         return nearest
 
@@ -146,11 +192,11 @@ class PeriodicMotion:
             part: Number of repetitions within the turns of the motion.
 
         Returns:
-            Coefficients of the slider position, in crank lengths.
+            Coefficients of the second coordinate, in its unit.
         """
-        orders = np.arange(1, len(self.slider) // 2 + 1)
+        orders = np.arange(1, len(self.second) // 2 + 1)
         chosen = np.repeat(orders % part > 0, 2)
-        return self.slider[1:][chosen] / self.solver.mechanism.crank.length
+        return self.second[1:][chosen] / self.solver.unit
 
     @property
     def repeats_sooner(self) -> bool:
@@ -161,13 +207,13 @@ class PeriodicMotion:
     @functools.cached_property
     def speed(self) -> float:
         """Mean crank speed over time, rad/s."""
-        return float(1 / np.mean(1 / self.at(self.angles)[1]))
+        return float(1 / np.mean(1 / self.phase(self.angles)[1]))
 
     @functools.cached_property
     def speeds(self) -> list[float]:
         """Mean crank speed over time in each turn, rad/s."""
         angles = math.pi * (_NODES + 1)
-        turns = (self.at(angles + 2 * math.pi * turn)[1] for turn in range(self.turns))
+        turns = (self.phase(angles + 2 * math.pi * turn)[1] for turn in range(self.turns))
         return [float(2 / (_WEIGHTS @ (1 / speed))) for speed in turns]
 
     @property
@@ -215,8 +261,7 @@ class PeriodicMotion:
             return None
         x, w, v = self.at(self.angles)
         torque = self.torque - self.damping * w
-        state = self.solver.state((self.angles, x), (w, v))
-        force = self.solver.load_forces(state)['slider'] + slider.damping * v
+        force = self.solver.load_forces(self._state)['slider'] + slider.damping * v
         force = force + slider.stiffness * (x - slider.rest_position)
         return float(-np.mean(force * v / w) / np.mean(torque))
 
@@ -227,7 +272,7 @@ class PeriodicMotion:
 
     @functools.cached_property
     def monodromy(self) -> Array:
-        """Derivatives of the values of `at` after a period with respect to the values before it.
+        """Derivatives of the `phase` after a period with respect to that before it.
 
         They are computed by Magnus' method of order 4 (S. Blanes and others, Physics Reports 470
         (2009), 151-238).
@@ -250,9 +295,9 @@ class PeriodicMotion:
         """Jacobian matrices of d(values)/d(crank angle) at crank angles; of shape (n, 3, 3)."""
         steps = _DIFFERENCE * self.units
         moves = np.concatenate((np.diag(steps), np.diag(-steps)))
-        x, w, v = self.at(angles)[:, None] + moves.T[..., None]
+        second, w, rate = self.phase(angles)[:, None] + moves.T[..., None]
         torque = self.torque - self.damping * w
-        slopes = self.solver.slopes(torque, angles, x, w, v)[1:] / w
+        slopes = self.solver.slopes(torque, angles, second, w, rate)[1:] / w
         derivatives = (slopes[:, :3] - slopes[:, 3:]) / (2 * steps[:, None])
         jacobians: Array = derivatives.transpose(2, 0, 1)
         return jacobians
@@ -281,6 +326,7 @@ class PeriodicMotion:
             'efficiency': self.efficiency,
             'stable': self.stable,
             'period': self.turns,
+            'assembly': self.assembly,
             'speeds': self.speeds,
             'slider_lowest': float(self.turning_points.min()),
             'slider_highest': float(self.turning_points.max()),

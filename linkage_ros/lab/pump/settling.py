@@ -83,7 +83,7 @@ class Search:
 
     @property
     def ended(self) -> Any:
-        """Whether each motion is in the other assembly or cannot be continued."""
+        """Whether each motion cannot be continued."""
         return (self.belongs < 0) & np.isin(np.arange(len(self.belongs)), list(self.motions.ends))
 
     @property
@@ -103,7 +103,7 @@ class Search:
             is_last = is_late or check == checks
             is_due = check % _WAIT == 0 or is_last
             failures, guesses = 0, _GUESSES if is_last else ()
-            due = self.unidentified & ~self.motions.alternates & is_due
+            due = self.unidentified & is_due
             for number in np.flatnonzero(due).tolist():
                 if self.unidentified[number] and failures < _MOST_FAILURES:
                     failures += not self._identify(number, guesses)
@@ -115,7 +115,7 @@ class Search:
         phases = self.motions.phases
         turned = np.abs(phases[-1][0] - phases[-_STEPS][0]) > np.pi
         self.stopped = (self.belongs < 0) & ~self.ended & ~turned
-        left = np.flatnonzero(self.unidentified & ~self.motions.alternates)
+        left = np.flatnonzero(self.unidentified)
         now, before, first = (
             np.array(phases[-_ROWS - back :][:_ROWS:3])[..., left].swapaxes(0, 1)
             for back in (0, _BACK, 2 * _BACK)
@@ -200,7 +200,7 @@ def _falls(state: PeriodicMotion, before: Array, now: Array) -> Array:
 def _apart(state: PeriodicMotion, other: PeriodicMotion) -> float:
     """The distance of a state from another, over enough turns to compare different periods."""
     angles = np.linspace(0, 2 * np.pi * _COMPARED, _POINTS, endpoint=False)
-    course = np.concatenate((angles[None], other.at(angles)))[..., None]
+    course = np.concatenate((angles[None], other.phase(angles)))[..., None]
     return float(state.distance(course).item())
 
 
@@ -209,7 +209,7 @@ def _starts_near(state: PeriodicMotion) -> Array:
     values, vectors = np.linalg.eig(state.monodromy)
     way = vectors[:, np.abs(values).argmax()].real / state.units
     way *= _ASIDE / np.linalg.norm(way) * np.copysign(state.units, way[1])
-    there = state.at(np.zeros(1)) + np.outer(way, (-1, 1))
+    there = state.phase(np.zeros(1)) + np.outer(way, (-1, 1))
     return np.concatenate((np.zeros((1, 2)), there))
 
 
@@ -224,9 +224,8 @@ def prepared(
         speeds: Speeds of the crank at angle 0, above 0, rad/s.
 
     Returns:
-        The equations; the starts (crank angles, rad, slider positions, m, and their rates), of
-        shape (4, n); and the motor's no-load speed or, without damping, the speed of the fastest
-        start, rad/s.
+        The equations; the starts in their coordinates, with rates, of shape (4, n); and the
+        motor's no-load speed or, without damping, the speed of the fastest start, rad/s.
 
     Raises:
         ConfigurationError: The motor does not turn the crank forwards.
@@ -235,11 +234,12 @@ def prepared(
     _FORWARDS.clean('motor.torque', motor.torque)
     x, v, fastest = mechanism.slider.position, mechanism.slider.velocity, max(speeds)
     Solver(mechanism).accelerations((0.0, x), (fastest, v), motor.torque)
-    starts: Array = np.array([(0.0, x, w, v) for w in speeds]).T
+    starts = np.array([(0.0, x, w, v) for w in speeds]).T
     pace = motor.torque / motor.damping if motor.damping else fastest
     pump = smoothed(mechanism, pace)
     harmonics = EXACT if pump is mechanism else 2 * EXACT
-    return HarmonicBalance(pump, motor.damping, harmonics), starts, pace
+    equations = HarmonicBalance(pump, motor.damping, harmonics)
+    return equations, equations.solver.converted(starts), pace
 
 
 def require_slow(mechanism: WindPump, motor: Motor, pace: float) -> None:

@@ -4,10 +4,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from operator import itemgetter
 
-from linkage_ros.lab.pump.alternating import alternating_lines
 from linkage_ros.lab.pump.analysis import CHANGED, COUNT, Analysis
+from linkage_ros.lab.pump.periodic_motion import BOTH
+from linkage_ros.lab.pump.unresolved import unresolved_lines
 
 _LARGE = 1e4  # multiplier of which only the magnitude is shown
 _NOTE = (
@@ -26,16 +28,14 @@ def states_table(analysis: Analysis) -> list[str]:
         Lines for a monospaced font.
     """
     ends = {
-        '{} go on in the other assembly, or end where all descriptions end: chart the pump with '
-        'the other `assembly` to see where they settle': analysis.ended,
+        '{} cannot be followed to their end, because they stretch the dyad': analysis.ended,
         '{} come to rest, or rock to and fro': analysis.stopped,
         'warning: {} settle at no state that is listed: their motion is quasi-periodic, chaotic, '
-        'of a long period, alternates between the assemblies without a short period, or had not '
-        'settled when its time ran out (slow where motor.damping or slider.damping is small); '
-        'draw such motions with --speeds': analysis.unidentified,
+        'of a long period, or had not settled when its time ran out (slow where motor.damping or '
+        'slider.damping is small); draw such motions with --speeds': analysis.unidentified,
     }  # fmt: skip
     lines = [*_states_lines(analysis), *_changes_lines(analysis)]
-    lines += alternating_lines(analysis.alternating, COUNT)
+    lines += [*_assembly_lines(analysis), *unresolved_lines(analysis.unresolved, COUNT)]
     lines += [
         words.format(f'{share:.1%} of {COUNT} starts') for words, share in ends.items() if share
     ]
@@ -58,6 +58,16 @@ def _states_lines(analysis: Analysis) -> list[str]:
     rows = [_cells(analysis, number) for number in range(len(analysis.states))]
     widths = '{:<9}{:>6}{:>12}{:>10}{:>10}{:>12}{:>9}{:>20}{:>10}{:>20}'
     return [*(widths.format(*row) for row in (*head, *rows)), _NOTE]
+
+
+def _assembly_lines(analysis: Analysis) -> Iterator[str]:
+    """Lines about states that are not in the assembly of the pump."""
+    for state in analysis.states:
+        assembly = state.motion.assembly
+        if assembly == BOTH:
+            yield f'{state.name}: stretches the dyad, and so alternates between the assemblies'
+        elif assembly != analysis.assembly:
+            yield f'{state.name}: in the {assembly} assembly'
 
 
 def _cells(analysis: Analysis, number: int) -> tuple[str, ...]:

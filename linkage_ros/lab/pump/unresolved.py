@@ -1,6 +1,10 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Motions that stretch the dyad in every period, and so alternate between the assemblies."""
+"""Motions that repeat, but that Newton's method does not find as Fourier series.
+
+Examples are a crank that nearly stops in each period, and a dyad that stretches if the rod is not
+longer than crank and coupler together.
+"""
 
 from __future__ import annotations
 
@@ -16,12 +20,14 @@ _REPEATS = 0.03  # largest relative difference of the speeds of two turns that c
 _SAME = 0.02  # largest relative difference of the mean speeds of two equal motions
 
 
-def alternating_motions(courses: Iterable[Array], starts: int) -> list[dict[str, Any]]:
+def unresolved_motions(
+    courses: Iterable[Array], known: Iterable[float], starts: int
+) -> list[dict[str, Any]]:
     """Groups the motions that repeat after 1, 2 or 4 turns.
 
     Args:
-        courses: For each motion that alternates between the assemblies, the mean speeds of its
-            last turns, rad/s.
+        courses: For each motion without a known state, the mean speeds of its last turns, rad/s.
+        known: Mean speeds of the known states, rad/s; a motion near one of them may be on its way.
         starts: Number of all starts.
 
     Returns:
@@ -31,25 +37,27 @@ def alternating_motions(courses: Iterable[Array], starts: int) -> list[dict[str,
     found: list[dict[str, Any]] = []
     for speeds in filter(None, map(_period, courses)):
         period, mean = len(speeds), len(speeds) / sum(1 / speed for speed in speeds)
-        for known in found:
-            if known['period'] == period and abs(mean / known['speed'] - 1) < _SAME:
-                known['share_of_starts'] += 1 / starts
-                break
-        else:
+        same = [
+            one for one in found
+            if one['period'] == period and abs(mean / one['speed'] - 1) < _SAME
+        ]  # fmt: skip
+        if same:
+            same[0]['share_of_starts'] += 1 / starts
+        elif all(abs(mean / speed - 1) > _SAME for speed in known):
             found.append({
                 'period': period, 'speed': mean, 'speeds': speeds, 'share_of_starts': 1 / starts,
             })  # fmt: skip
     return found
 
 
-def alternating_lines(motions: Iterable[dict[str, Any]], count: int) -> Iterator[str]:
-    """Lines of text about the records of `alternating_motions`; count: number of starts."""
+def unresolved_lines(motions: Iterable[dict[str, Any]], count: int) -> Iterator[str]:
+    """Lines of text about the records of `unresolved_motions`; count: number of starts."""
     for motion in motions:
         turns = ', '.join(f'{speed:.2f}' for speed in motion['speeds'])
         yield (
-            f'{motion["share_of_starts"]:.1%} of {count} starts alternate between the assemblies '
-            f'at {motion["speed"]:.4g} rad/s (period {motion["period"]}, turns of {turns} rad/s): '
-            'this motion stretches the dyad, so its curve and multipliers are not known'
+            f'{motion["share_of_starts"]:.1%} of {count} starts settle at {motion["speed"]:.4g} '
+            f'rad/s (period {motion["period"]}, turns of {turns} rad/s): Fourier series do not '
+            'represent this motion, so its curve and multipliers are not known'
         )
 
 
