@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Mechanisms: descriptions, joints, bodies and exact positions; needs only NumPy.
+"""Mechanisms: their parts, joints, loads and exact poses. Requires only NumPy.
 
-Documents 1 to 4, which formulas refer to, are the sources in docs/mechanisms.md.
+References to documents 1 to 4 are to the sources listed in docs/mechanisms.md.
 """

@@ -1,22 +1,22 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The four-bar linkage: description, mobility and exact pose.
+"""The four-bar linkage: parameters, mobility and exact pose.
 
 The loop equation is r e^(i alpha) + b e^(i beta) = c e^(i gamma) + d e^(i delta) (document 1,
-eq. 7; document 2, eq. 1). The solution given here was derived for this project. The diagonal
-B0 - A, of length L, divides the quadrilateral into two triangles of the same form:
+eq. 7; document 2, eq. 1). The solution below was derived for this project. The diagonal B0 - A,
+of length L, divides the quadrilateral into two triangles of the same form:
 
     d - r e^(i theta) = e^(i theta/2) [(d-r) cos(theta/2) - i (d+r) sin(theta/2)]
     b - c e^(i mu)    = e^(i mu/2)    [(b-c) cos(mu/2)    - i (b+c) sin(mu/2)]
 
-with theta = alpha - delta and the signed transmission angle mu = gamma - beta. The first divided
-by the second is e^(i (beta - delta)). Differentiation with respect to the crank angle gives, with
-nu = [(d-r)(d+r) - (b-c)(b+c) mu'] / L^2,
+with theta = alpha - delta and the signed transmission angle mu = gamma - beta. The quotient of
+the first and the second is e^(i (beta - delta)). Differentiating it with respect to the crank
+angle gives, with nu = [(d-r)(d+r) - (b-c)(b+c) mu'] / L^2,
 
     beta' = (1 - nu - mu') / 2        gamma' = (1 - nu + mu') / 2
 
-All sums of lengths that decide the mobility are computed by `short_sum`, so that equalities also
-hold for lengths typed in decimals.
+`short_sum` computes all sums of lengths that determine the mobility, so that equalities hold for
+lengths entered as decimals.
 """
 
 import math
@@ -72,13 +72,13 @@ from linkage_ros.numeric import (
 )
 from linkage_ros.quantities import quantity
 
-# If |d - r| is below this fraction of d + r, `_mean_near_pivot` computes the rates: the error of
-# the plain formula is about an ulp divided by the square of this fraction.
+# If |d - r| is below this fraction of d + r, `_mean_near_pivot` computes the rates. Above, the
+# error of the plain formula is at most about an ulp divided by the square of this fraction.
 _CLOSE = 1 / 64
 
 
 class FourBarLoop(NamedTuple):
-    """The constants of one four-bar linkage.
+    """The kinematic constants of a four-bar linkage.
 
     Attributes:
         transmission: Map from crank angle to transmission angle.
@@ -86,11 +86,11 @@ class FourBarLoop(NamedTuple):
         axis: Direction of the frame: cosine and sine of delta.
         ground: d - r and d + r, m.
         dyad: b - c and side (b + c), m.
-        length: L^2 at theta = 0 and its increase up to theta = pi, m^2; None: crank pin and
-            rocker pivot coincide at theta = 0 (rhombus and kite, r = d and b = c).
+        length: L^2 at theta = 0 and its increase from there to theta = pi, m^2; None if crank pin
+            and rocker pivot coincide at theta = 0 (rhombus and kite, r = d and b = c).
         moment: (b - c)(b + c), m^2.
-        arm: r (r - d cos theta) at theta = 0 and its increase up to theta = pi, m^2.
-        quotient: Quotient of the two triangles' brackets if `length` is None: +1 or -1.
+        arm: r (r - d cos theta) at theta = 0 and its increase from there to theta = pi, m^2.
+        quotient: Quotient of the two brackets above, +1 or -1; used only if `length` is None.
         close: Whether the crank pin passes so close to the rocker pivot that L becomes much
             shorter than d.
     """
@@ -107,13 +107,13 @@ class FourBarLoop(NamedTuple):
     close: bool
 
     def pose(self, q: tuple[Real, ...]) -> Pose:
-        """The pose at a crank angle.
+        """Computes the pose at a crank angle.
 
         Args:
-            q: Crank angle, rad.
+            q: Crank angle, rad, as the only element.
 
         Returns:
-            The pose.
+            The pose of crank, coupler and rocker.
         """
         (crank,) = q
         halves = self.transmission.half_angles(crank)
@@ -165,9 +165,9 @@ class FourBarLoop(NamedTuple):
     ) -> tuple[Real, Real]:
         """Computes (1 - nu) / 2 and its derivative where A is close to B0, so that L << d.
 
-        With a = (d-r)(d+r) and e = (b-c)(b+c) mu', nu = (a - e) / L^2 loses digits if a and e
-        nearly agree. The identity (a - e)(a + e) = L^2 g, where g is a sum of non-negative terms,
-        avoids the difference: nu = g / (a + e).
+        With a = (d-r)(d+r) and e = (b-c)(b+c) mu', nu = (a - e) / L^2 loses digits if a and e are
+        nearly equal. The identity (a - e)(a + e) = L^2 g, where g is a sum of non-negative terms,
+        avoids this cancellation: nu = g / (a + e).
 
         Args:
             halves: Result of `Transmission.half_angles`.
@@ -202,19 +202,19 @@ class FourBarLoop(NamedTuple):
 
 
 class ByRocker(NamedTuple):
-    """The constants of a four-bar linkage whose coordinate is the rocker's angle.
+    """The kinematic constants of a four-bar linkage with the rocker angle as its coordinate.
 
     This angle determines the motion at the dead centres of a crank that cannot turn fully.
 
     Attributes:
-        reversed: Constants of the reversed linkage, whose crank is this linkage's rocker, and
-            whose coupler goes from B to A.
+        reversed: Constants of the reversed linkage. Its crank is this linkage's rocker, and its
+            coupler points from B to A.
     """
 
     reversed: Loop
 
     def pose(self, q: tuple[Real, ...]) -> Pose:
-        """The pose at a rocker angle, rad."""
+        """Computes the pose at a rocker angle, rad."""
         (rocker, coupler, crank), sines = self.reversed.pose(q)
         back = -coupler.direction
         angle = atan2(back.y, back.x)
@@ -230,11 +230,11 @@ class FourBar(Mechanism):
         crank: Driven link, from A0, the origin.
         coupler: Floating link, from the crank pin A to B.
         rocker: Output link, from B0.
-        assembly: 'open': B lies left of the line from A to B0; 'crossed': right of it. For a
-            linkage with change points, it names the branch at crank angles from 0 to pi, measured
-            from the frame.
+        assembly: 'open' if B lies to the left of the line from A to B0, 'crossed' if to the
+            right. For a linkage with change points, this holds at crank angles from 0 to pi,
+            measured from the frame.
         gravity: Acceleration of gravity [x, y], m/s^2.
-        loads: Load curves and friction; the values of a `LinkLoad` are moved to the rocker.
+        loads: Load curves and friction. A `LinkLoad` given here is moved into the rocker.
     """
 
     other_coordinates: ClassVar[tuple[str, ...]] = ('rocker',)
@@ -250,7 +250,7 @@ class FourBar(Mechanism):
     loads: tuple[Any, ...] = loads_field()
 
     def __post_init__(self) -> None:
-        if type(self.rocker) is Body:  # a plain body becomes a rocker without a load
+        if type(self.rocker) is Body:  # convert a plain body to a rocker without a load
             object.__setattr__(self, 'rocker', Rocker(**vars(self.rocker)))
         super().__post_init__()
         longest, *others = sorted(self._lengths(), reverse=True)
@@ -265,7 +265,7 @@ class FourBar(Mechanism):
         return self.crank.length, self.coupler.length, self.rocker.length, self.frame.length
 
     def _sums(self) -> dict[str, tuple[float, ...]]:
-        """Sums of lengths that vanish at change points: their signed terms, by description."""
+        """Returns the terms of each sum of lengths that is 0 at a change point, by its formula."""
         r, b, c, d = self._lengths()
         return {
             'coupler + rocker - frame - crank': (b, c, -d, -r),
@@ -277,13 +277,13 @@ class FourBar(Mechanism):
     def grashof(self) -> str:
         """The Grashof class of the linkage.
 
-        It is 'crank-rocker', 'double-crank', 'rocker-crank', 'double-rocker', 'triple-rocker' or
-        'change-point'.
+        One of 'crank-rocker', 'double-crank', 'rocker-crank', 'double-rocker', 'triple-rocker'
+        and 'change-point'.
         """
         r, b, c, d = self._lengths()
         links = {'crank-rocker': r, 'double-rocker': b, 'rocker-crank': c, 'double-crank': d}
         shortest, middle, long, longest = sorted(links.values())
-        # Grashof: shortest + longest link, compared with the sum of the other two.
+        # Grashof's criterion: (shortest + longest link) - (sum of the other two).
         excess = short_sum(longest, shortest, longest, -middle, -long)
         if excess > 0:
             return 'triple-rocker'
@@ -292,7 +292,7 @@ class FourBar(Mechanism):
         return min(links, key=lambda name: links[name])
 
     def loop(self) -> FourBarLoop:
-        """The constants of the kinematics; the coordinate is the crank angle."""
+        """Returns the kinematic constants; the coordinate is the crank angle."""
         r, b, c, d = self._lengths()
         longest, side = largest(r, b, c, d), 1 if self.assembly == OPEN else -1
         far, near, other = (short_sum(longest, *terms) for terms in self._sums().values())
@@ -310,12 +310,12 @@ class FourBar(Mechanism):
             moment=diff_bc * sum_bc,
             arm=(-r * diff_dr, 2 * r * d),
             quotient=1 if side * transmission.kappa > 0 else -1,
-            # A crank that cannot reach the near side never makes L short.
+            # If the crank cannot reach theta = 0, L never becomes short.
             close=not transmission.sin.limits and bool(abs(diff_dr) < _CLOSE * sum_dr),
         )
 
     def _pairs(self, far: float, near: float, other: float) -> tuple[tuple[float, float], ...]:
-        """The pairs d - r, d + r and b - c, b + c, m, consistent with the short sums."""
+        """Computes (d - r, d + r) and (b - c, b + c), m, consistent with the short sums."""
         r, b, c, d = self._lengths()
         sum_dr, diff_dr, diff_bc = exact_sum(d, r), exact_sum(d, -r), exact_sum(b, -c)
         if near == 0 and other == 0:
@@ -325,7 +325,7 @@ class FourBar(Mechanism):
         return (diff_dr, sum_dr), (diff_bc, sum_dr if far == 0 else exact_sum(b, c))
 
     def _transmission(self, far: float, near: float, other: float, around: float) -> Transmission:
-        """Makes the transmission from the values of `_sums` and the perimeter `around`, m."""
+        """Creates the transmission from the values of `_sums` and the perimeter `around`, m."""
         r, b, c, d = self._lengths()
         four_bc, delta = 4 * b * c, self.frame.angle
         at_far = exact_sum(d, r, -b, c) * exact_sum(d, r, b, -c) / four_bc
@@ -339,10 +339,10 @@ class FourBar(Mechanism):
         )
 
     def other_loop(self) -> ByRocker:
-        """The constants of the kinematics; the coordinate is the rocker angle."""
+        """Returns the kinematic constants; the coordinate is the rocker angle."""
         r, b, c, d = self._lengths()
-        # Direction from B0 to A0: the frame's angle plus or minus pi, whichever is closer to 0,
-        # as a float and its rounding error.
+        # Direction from B0 to A0, as a float and its rounding error: the frame's angle plus or
+        # minus pi, whichever is closer to 0.
         way = math.copysign(2.0, -self.frame.angle)
         high, error = two_sum(self.frame.angle, way * HALF_PI[0])
         reference = high, error + way * HALF_PI[1]
@@ -354,13 +354,13 @@ class FourBar(Mechanism):
         return ByRocker(loop._replace(transmission=transmission, axis=axis))
 
     def reach(self) -> Reach:
-        """The reach of the crank."""
+        """Computes the reach of the crank."""
         loop = self.loop()
         pass_by = abs(loop.ground[0]) / (2 * math.sqrt(self.crank.length * self.frame.length))
         return loop.transmission.reach(self.grashof, self._sums(), self._cures(), pass_by)
 
     def _cures(self) -> Iterator[str]:
-        """Yields changes of length, each of which lets a limited crank turn fully."""
+        """Yields alternative changes of length that let a limited crank turn fully."""
         r, b, c, d = self._lengths()
         triangle = (b, c, -d), (d, min(b, c), -max(b, c))
         at_most = min(short_sum(max(self._lengths()), *terms) for terms in triangle)
@@ -370,7 +370,7 @@ class FourBar(Mechanism):
         yield f'make coupler and rocker equal, at least {equal} m each'
 
     def swing_middle(self, what: str) -> float:
-        """The middle of the rocker's swing; see `Mechanism.swing_middle`.
+        """Returns the middle of the rocker's swing; see `Mechanism.swing_middle`.
 
         Raises:
             ConfigurationError: The rocker turns fully.
@@ -387,7 +387,7 @@ class FourBar(Mechanism):
         return middle
 
     def structure(self) -> Structure:
-        """The structure of the linkage, whose loop is cut at B."""
+        """Returns the links, points and joints; the loop is cut at B."""
         crank, coupler, rocker = self.crank, self.coupler, self.rocker
         A0 = Point.at(0j, 3)
         B0 = Point.at(self.frame.length * direction(self.frame.angle), 3)

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Results of the kinematics: the pose at given coordinates, the state and the crank's reach."""
+"""Kinematic results: pose at given coordinates, state, and reach of the crank."""
 
 import math
 from typing import NamedTuple, NoReturn, Protocol, TypeAlias
@@ -13,7 +13,7 @@ from linkage_ros.numeric import Array, Real
 
 Arc: TypeAlias = tuple[float, float]
 
-_PER_DECADE = 24  # samples per decade of the distance from an angle where motion is fast
+_PER_DECADE = 24  # samples per decade of the distance from a crank angle with fast motion
 FULL_TURN: tuple[Arc, ...] = ((0.0, 2 * math.pi),)
 
 
@@ -24,11 +24,11 @@ class LinkPose(NamedTuple):
         position: Direction from the first to the second pin, rad, in [-pi, pi] except for the
             crank; for a sliding link, its position along the guide, m.
         direction: Unit vector of the link; for a sliding link, unit vector of its guide.
-        jacobian: Velocity of the link per rate of each coordinate; ZERO: the coordinate does not
-            move the link.
-        curvature: Acceleration of the link at constant rates of the coordinates, per product of
-            the rates of coordinates 1 and 1 and, if there are two, of 1 and 2, and of 2 and 2;
-            ZERO: no such acceleration.
+        jacobian: Derivatives of the position with respect to the coordinates; ZERO if a
+            coordinate does not move the link.
+        curvature: Coefficients of u1^2 and, with two coordinates, of u1 u2 and u2^2 in the
+            link's acceleration, where u are the rates of the coordinates; ZERO if a term
+            vanishes.
     """
 
     position: Real
@@ -51,28 +51,28 @@ class Pose(NamedTuple):
 
 
 class Loop(Protocol):
-    """The constants of a mechanism's kinematics: a named tuple of floats and `Opaque`s."""
+    """Interface of a mechanism's kinematic constants: a named tuple of floats and `Opaque`s."""
 
     def pose(self, q: tuple[Real, ...]) -> Pose:
-        """Computes the exact pose at the coordinates; guards reject unreachable coordinates."""
+        """Computes the exact pose at the coordinates `q`; rejects unreachable coordinates."""
 
 
 def directions(
     apart: Vector, square: Real, root: Real, first: float, second: float
 ) -> tuple[Vector, Vector]:
-    """The directions of a dyad's links, along the path from the first to the second outer pin.
+    """Computes the directions of a dyad's links along the path from its first to its last pin.
 
     Args:
-        apart: Vector from the first link's outer pin to the second link's, m.
+        apart: Vector from the first link's outer pin to that of the second link, m.
         square: Square of the length of `apart`, m^2.
-        root: Square root of (stretched length^2 - square) (square - folded length^2), m^2, with
-            the sign of the assembly: positive if the common pin lies left of `apart`.
+        root: Square root of (stretched length^2 - square) (square - folded length^2), m^2. It is
+            positive if the common pin lies to the left of `apart`.
         first: Length of the first link, m.
         second: Length of the second link, m.
 
     Returns:
-        The unit vectors of both links; the sine of the angle from the first to the second link
-        is -root over twice the product of the lengths.
+        The unit vectors of the two links. The sine of the angle from the first to the second is
+        -root / (2 first second).
     """
     moment, scale = (first - second) * (first + second), 0.5 / square
     part, rest = scale * (square + moment) / first, scale * (square - moment) / second
@@ -86,17 +86,18 @@ class Reach(NamedTuple):
     """The reach of the crank of a mechanism with one degree of freedom.
 
     Attributes:
-        grashof: Class, such as 'crank-rocker' or 'change-point'; see the mechanism.
-        arcs: Arcs of reachable crank angles, (from, to) with from in [0, 2 pi), rad; a whole
-            turn if the crank turns fully.
-        period_turns: Turns of the crank after which the motion repeats.
-        transmission: Smallest and largest transmission angle, rad in [0, pi]; at 0 and pi, links
-            are collinear. None: the mechanism has no such angle.
+        grashof: Grashof class, such as 'crank-rocker' or 'change-point'; see the mechanism.
+        arcs: Reachable arcs of the crank angle as pairs (start, end), rad, with start in
+            [0, 2 pi); a whole turn if the crank turns fully.
+        period_turns: Number of crank turns after which the motion repeats.
+        transmission: Smallest and largest transmission angle, rad in [0, pi]; links are collinear
+            at 0 and pi. None if the mechanism has no transmission angle.
         limits: Reasons why the crank cannot turn fully; empty if it can.
-        cures: Changes, each of which would let the crank turn fully; empty if it already does.
-        equalities: Descriptions of sums of lengths that count as 0 but are not 0 in binary.
-        fast: A crank angle, rad, near which motion may be fast, as it may be half a turn away.
-        width: Half-width of these two regions, rad; inf: motion is not fast anywhere.
+        cures: Alternative changes that would let the crank turn fully; empty if it already does.
+        equalities: Descriptions of sums of lengths that are treated as 0 although their binary
+            values differ from 0.
+        fast: Crank angle, rad. Near this angle and half a turn away, the output may move fast.
+        width: Half-width of these two regions, rad; inf if there are none.
     """
 
     grashof: str
@@ -124,19 +125,19 @@ class Reach(NamedTuple):
         """Rejects a mechanism whose crank cannot turn fully.
 
         Raises:
-            MechanismError: The crank is limited; the message names class, cause and arcs.
+            MechanismError: The crank is limited. The message states class, causes and arcs.
         """
         if not self.turns_fully:
             raise MechanismError(self._refusal('turn fully'))
 
     def refuse(self, crank: float) -> NoReturn:
-        """Rejects a crank angle at which no state exists, or the rates are infinite.
+        """Rejects a crank angle at which no state exists or the rates are infinite.
 
         Args:
             crank: Crank angle, rad.
 
         Raises:
-            UnreachableError: Always; the message names class, cause, cures and reachable arcs.
+            UnreachableError: Always. The message states class, causes, cures and reachable arcs.
         """
         purpose = f'move at {math.degrees(crank):.9g} deg'
         raise UnreachableError(self._refusal(purpose), crank_angle=crank, arcs=self.arcs)
@@ -151,12 +152,12 @@ class Reach(NamedTuple):
         )
 
     def samples(self, steps_per_turn: int = 720) -> Array:
-        """Returns crank angles over one period, in steps small enough to resolve the motion.
+        """Returns crank angles over one period, with steps small enough to resolve the motion.
 
-        Near angles where motion is fast, the steps are much smaller than `width`.
+        Where the output moves fast, the steps are much smaller than `width`.
 
         Args:
-            steps_per_turn: Number of even steps in a turn.
+            steps_per_turn: Number of uniform steps in a turn, to which finer steps are added.
 
         Returns:
             Angles from 0 to 2 pi or 4 pi, rad, in increasing order.
@@ -178,16 +179,17 @@ class Reach(NamedTuple):
 
 
 class State(NamedTuple):
-    """The motion of a mechanism at one crank angle, or at an array of them.
+    """The motion of a mechanism at one crank angle or at an array of crank angles.
 
-    The links are in the order of the joints: crank, coupler, and rocker or slider; for a wind
-    pump: crank, coupler, rod and slider.
+    The order of the links is crank, coupler, and rocker or slider. In a wind pump, it is crank,
+    coupler, rod and slider.
 
     Attributes:
         position: Directions of the links from first to second pin, rad, in [-pi, pi] except for
-            the crank, which has the given angle. For a slider, its position on the guide, m.
+            the crank, whose angle is as given; for a slider, its position on the guide, m.
         velocity: Angular velocities of the links, rad/s; for a slider, its velocity, m/s.
-        acceleration: Angular accelerations, rad/s^2; for a slider, its acceleration, m/s^2.
+        acceleration: Angular accelerations of the links, rad/s^2; for a slider, its
+            acceleration, m/s^2.
         torque: Driving torque on the crank, N m, positive counter-clockwise.
     """
 
@@ -202,8 +204,8 @@ class PointMotion(NamedTuple):
 
     Attributes:
         position: Position (x, y), m.
-        velocity: Velocity, m/s.
-        acceleration: Acceleration, m/s^2.
+        velocity: Velocity (x, y), m/s.
+        acceleration: Acceleration (x, y), m/s^2.
     """
 
     position: Vector

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A load curve, measured or assumed: force or torque as a function of an angle or position."""
+"""Load curves: force or torque as a function of an angle or position, given by points."""
 
 import bisect
 import csv
@@ -21,7 +21,7 @@ from linkage_ros.numeric import Real, without_turns
 from linkage_ros.quantities import quantity, shown
 
 _TURN = 2 * math.pi
-_ROUNDING = 8 * math.ulp(_TURN)  # rad: tolerance of points that are one turn apart
+_ROUNDING = 8 * math.ulp(_TURN)  # rad; points this close to one turn apart are one turn apart
 _POSITIONS = (-1e9, 1e9)
 _FORCES = (-1e12, 1e12)
 _COLUMNS = 'at', 'value', 'return_value'
@@ -30,20 +30,20 @@ _MOST_BYTES = 1 << 22
 
 @dataclass(frozen=True)
 class LoadCurve(AppliedLoad):
-    """A force or torque on a link, linear between points.
+    """A force or torque on a link, interpolated linearly between points.
 
     Attributes:
-        link: 'crank', or the output link: 'rocker' or 'slider'.
-        over: Variable of the curve. 'crank_angle': the direction of the crank; the curve repeats
-            every turn. 'position': the position of the output link, or the angle of a rocker,
-            continuous over its swing; the end values hold outside the points.
+        link: Loaded link: 'crank', 'rocker' or 'slider'.
+        over: Independent variable. With 'crank_angle', the curve repeats every turn of the crank.
+            With 'position', it is the slider's position, or the rocker's angle made continuous
+            over its swing; outside the points, the end values apply.
         at: Crank angles or positions of the points, in increasing order, rad or m.
-        value: Load on the link at these points: N m, counter-clockwise; on a slider, N along the
-            guide.
-        return_value: Load on the link while its rate is negative; None: the same as `value`. Only
+        value: Load on the link at these points: torque, N m, positive counter-clockwise; on a
+            slider, force along the guide, N.
+        return_value: Load on the link while its rate is negative, or None to use `value`. Only
             with `over` = 'position'.
-        file: A CSV file with columns at, value and optionally return_value. It is read on
-            creation; the name is not kept.
+        file: CSV file with the columns at, value and optionally return_value. It is read on
+            creation, after which this field is empty.
     """
 
     group: ClassVar[str] = 'load'
@@ -134,7 +134,7 @@ class LoadCurve(AppliedLoad):
             )
 
     def on(self, mechanism: Any) -> 'CurveForce':
-        """See `AppliedLoad`.
+        """See `AppliedLoad.on`.
 
         Raises:
             ConfigurationError: The mechanism has no such link, or the curve is over position and
@@ -152,14 +152,14 @@ class LoadCurve(AppliedLoad):
 
 
 class CurveForce(NamedTuple):
-    """A load curve as formulas use it.
+    """A load curve, in the form used by formulas.
 
     Attributes:
-        link: Index of the link.
-        over: Index of the link on whose position the curve depends.
-        middle: Middle of the swing of a link that turns, rad; see `continuous`.
+        link: Index of the loaded link.
+        over: Index of the link whose position is the independent variable.
+        middle: Middle of the swing of that link, rad; None to use its position unchanged.
         value: The load as a function of this position.
-        return_value: The load while the position decreases; None: the same as `value`.
+        return_value: The load while the position decreases, or None to use `value`.
     """
 
     link: int
@@ -169,7 +169,7 @@ class CurveForce(NamedTuple):
     return_value: Opaque | None = None
 
     def forces(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> dict[int, Real]:
-        """See `Load`."""
+        """See `Load.forces`."""
         position = continuous(links[self.over].position, self.middle)
         force = self.value(position)
         if self.return_value is not None:
@@ -178,7 +178,7 @@ class CurveForce(NamedTuple):
 
 
 class Table:
-    """A function that is linear between points; floats and arrays give the same bits."""
+    """A piecewise linear function; results are bit-identical for floats and arrays."""
 
     def __init__(
         self, at: Sequence[float], value: Sequence[float], *, turns: bool = False
@@ -187,22 +187,22 @@ class Table:
 
         Args:
             at: Values of x at the points, in increasing order.
-            value: Values at the points; the end values hold outside.
-            turns: Whether `at` are directions, rad, so that the points repeat every turn.
+            value: Values of the function at the points; the end values also apply outside.
+            turns: Whether x is a direction, rad, so that the function repeats every turn.
         """
         self._turns = turns
         if turns and at[0] + _TURN - at[-1] > _ROUNDING:
             at, value = (*at, at[0] + _TURN), (*value, value[0])
         with np.errstate(all='ignore'):
             slopes = np.diff(value) / np.diff(at)
-        # Slopes before the first point and after the last, where a rounded direction may lie.
+        # Slopes outside the points, because rounding may put a direction just beyond the ends.
         before, after = (slopes[-1], slopes[0]) if turns else (0.0, 0.0)
         self._lists = [[*at], [at[0], *at], [value[0], *value], [before, *slopes, after]]
         self._arrays = [np.array(row) for row in self._lists]
         self._lists[3] = self._arrays[3].tolist()
 
     def __call__(self, x: Real) -> Real:
-        """The value at x, a float or an array."""
+        """Evaluates the function at x, a float or an array."""
         is_float = isinstance(x, float)
         at, start, value, slope = self._lists if is_float else self._arrays
         if self._turns:
@@ -212,10 +212,13 @@ class Table:
 
 
 def _columns(data: bytes) -> dict[str, tuple[float, ...]]:
-    """Reads the columns of a CSV table, by name.
+    """Reads the columns of a CSV table.
+
+    Returns:
+        The values of each column, by its name.
 
     Raises:
-        ValueError: The table is too long, or a name or a number in it is not valid.
+        ValueError: The table is too long, or a name or a number is not valid.
     """
     if len(data) > _MOST_BYTES:
         raise ValueError(f'is longer than {_MOST_BYTES} bytes')

@@ -1,12 +1,11 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Loads on the links of a mechanism: each gives a generalised force on every loaded link.
+"""Loads on the links of a mechanism: generalised forces.
 
-The power of a load is the sum of its forces times the links' rates, so that a turning link gets a
-torque about its own axis, and a sliding link a force along its guide. Viscous friction in a pin
-would be such a load, too: it acts on one link with -c times the relative rate of the two links,
-and on the other link with the opposite torque. Loads are named tuples of floats; in formulas an
-absent term is ZERO.
+The power of a load is the sum of its forces times the links' rates. A generalised force is
+therefore a torque on a turning link and a force along the guide on a sliding link. Viscous
+friction in a pin could be added as a load with two opposite torques, proportional to the relative
+rate of the two links. Loads are named tuples of floats; in formulas, ZERO replaces absent terms.
 """
 
 import math
@@ -26,23 +25,26 @@ _POSITIVE = (0.0, 1e12)
 class Load(Protocol):
     """Interface of a load: generalised forces on links, computed from their motion.
 
-    A load on a single link may have an attribute `link`, the index of that link: the MJCF export
-    then makes it a motor on the link's joint. Two methods are optional: `resistance(links, rates)`
-    gives the part of the forces that the frame exerts, such as those of dampers and springs;
-    `potential(links)` gives the potential energy up to a constant, J.
+    A load on a single link may have an attribute `link`, the index of that link. The MJCF export
+    then writes a motor on the link's joint.
+
+    Two methods are optional. `resistance(links, rates)` returns the forces exerted by the frame,
+    such as those of dampers and springs, which `forces` includes. `potential(links)` returns the
+    potential energy up to a constant, J.
     """
 
     def forces(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> dict[int, Real]:
         """Computes the generalised forces.
 
-        A torque on a turning link acts as a couple, which matters for the joint forces.
+        For the joint forces, a torque on a turning link is a pure couple.
 
         Args:
             links: Poses of the links.
             rates: Velocities of the links, rad/s or m/s.
 
         Returns:
-            Forces by the index of the link: N m, counter-clockwise, or N along the guide.
+            Forces by link index: torque, N m, positive counter-clockwise, or force along the
+            guide, N.
         """
 
 
@@ -50,10 +52,10 @@ class Contact(NamedTuple):
     """A load caused by the force in a joint.
 
     Attributes:
-        joint: Name of the pin or, for a guide, of the link that slides on it.
-        levers: The load per force in the joint, by the index of the link: m; for a sliding link,
-            dimensionless. A load with two links acts between them; a load with one link acts
-            between that link and the frame.
+        joint: Name of the pin or, for a guide, of its sliding link.
+        levers: Load divided by joint force, by link index: m, or dimensionless for a sliding
+            link. With two links, the load acts between them; with one, between that link and the
+            frame.
     """
 
     joint: str
@@ -61,15 +63,15 @@ class Contact(NamedTuple):
 
 
 class JointLoad(Protocol):
-    """Interface of a load that joint forces cause, such as friction.
+    """Interface of a load caused by joint forces, such as friction.
 
-    Such loads and the joint forces are solved together.
+    These loads and the joint forces depend on each other and are solved together.
     """
 
     def contacts(
         self, pins: Sequence[Any], links: Sequence[Any], rates: Sequence[Real]
     ) -> list[Contact]:
-        """The joints whose forces cause the loads.
+        """Returns the loads per joint force.
 
         Args:
             pins: `Structure.pins` of the mechanism.
@@ -77,36 +79,37 @@ class JointLoad(Protocol):
             rates: Velocities of the links, rad/s or m/s.
 
         Returns:
-            A contact for each joint; their order does not depend on the rates.
+            A contact for each joint that causes a load, in an order independent of the rates.
         """
 
 
 class AppliedLoad(Checked):
-    """Base class of the loads in a mechanism's description: frozen dataclasses of quantities.
+    """Base class of the loads of a mechanism: frozen dataclasses of quantities.
 
-    `linkage_ros.model.parts.LOADS` lists the classes of loads.
+    `linkage_ros.model.parts.LOADS` lists the subclasses.
 
     Attributes:
-        group: Name of the parameter group of the load; empty: the load has no such group.
-        has_corners: Whether the force may have a corner or a jump while the links move.
+        group: Parameter group of the load; empty if the load has no parameters of its own.
+        has_corners: Whether the force, as a function of the motion, may have a corner or a jump.
     """
 
     group: ClassVar[str] = ''
     has_corners: ClassVar[bool] = False
 
     def join(self, _mechanism: Any) -> 'tuple[AppliedLoad, ...]':
-        """Adds the load to a mechanism during its creation.
+        """Adds the load to a mechanism that is being created.
 
         Returns:
-            The load itself; empty if a part of the mechanism takes over the load's values.
+            The loads to keep in `Mechanism.loads`: this load, or none if a part of the mechanism
+            now holds its values.
 
         Raises:
-            ConfigurationError: The mechanism cannot have this load.
+            ConfigurationError: The load does not fit the mechanism.
         """
         return (self,)
 
     def on(self, _mechanism: Any) -> Load | None:
-        """Returns the load as formulas use it; None: joint forces cause all of the load.
+        """Returns the load in the form used by formulas; None if joint forces cause all of it.
 
         Raises:
             ConfigurationError: The load does not fit the mechanism.
@@ -114,7 +117,7 @@ class AppliedLoad(Checked):
         return None
 
     def in_joints(self, _mechanism: Any) -> JointLoad | None:
-        """Returns the part of the load that joint forces cause; None: there is no such part.
+        """Returns the portion of the load caused by joint forces; None if there is none.
 
         Raises:
             ConfigurationError: The load does not fit the mechanism.
@@ -124,17 +127,16 @@ class AppliedLoad(Checked):
 
 @dataclass(frozen=True)
 class LinkLoad(AppliedLoad):
-    """The load on the output link; the mechanism stores it in the values of that link.
+    """A load on the output link; the mechanism moves its values into that link.
 
-    `FourBar(..., loads=(LinkLoad('rocker', -5.0),))` puts a torque of -5 N m on its rocker.
+    `FourBar(..., loads=(LinkLoad('rocker', -5.0),))` applies a torque of -5 N m to the rocker.
 
     Attributes:
-        link: 'rocker' or 'slider'.
-        force: Load on the link: torque, N m, counter-clockwise; on a slider, force along the
-            guide, N.
-        damping: Resistance per rate of the link, N m s or N s/m.
+        link: Loaded link: 'rocker' or 'slider'.
+        force: Torque, N m, positive counter-clockwise; on a slider, force along the guide, N.
+        damping: Damping coefficient, N m s or N s/m.
         stiffness: Stiffness of a spring to the frame, N m/rad or N/m.
-        rest: Position at which the spring is at rest, rad or m.
+        rest: Position at which the spring exerts no force, rad or m.
     """
 
     link: str = quantity('choice', 'link that the load acts on', choices=('rocker', 'slider'))
@@ -146,7 +148,7 @@ class LinkLoad(AppliedLoad):
     rest: float = quantity('number', 'rest position', 'rad or m', span=(-1e9, 1e9), default=0.0)
 
     def join(self, mechanism: Any) -> tuple[()]:
-        """See `AppliedLoad`; the load's values become values of the link.
+        """Moves the load's values into the link; see `AppliedLoad.join`.
 
         Raises:
             ConfigurationError: The mechanism has no such link, or the link already has a load.
@@ -164,15 +166,15 @@ class LinkLoad(AppliedLoad):
 
 
 class LinkForce(NamedTuple):
-    """The load on one link: a force or torque, a resistance, and a spring to the frame.
+    """The load on one link: a force or torque, viscous damping, and a spring to the frame.
 
     Attributes:
-        link: Index of the link.
-        force: Torque, N m, counter-clockwise; or force along the guide, N.
-        damping: Resistance per rate of the link, N m s or N s/m.
+        link: Index of the loaded link.
+        force: Torque, N m, positive counter-clockwise, or force along the guide, N.
+        damping: Damping coefficient, N m s or N s/m.
         stiffness: Stiffness of the spring, N m/rad or N/m.
-        rest: Position at which the spring is at rest, rad or m.
-        middle: Middle of the swing of a link that turns, rad; see `continuous`.
+        rest: Position at which the spring exerts no force, rad or m.
+        middle: Middle of the link's swing, rad; None for a sliding link. See `continuous`.
     """
 
     link: int
@@ -183,16 +185,16 @@ class LinkForce(NamedTuple):
     middle: Real = None
 
     def forces(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> dict[int, Real]:
-        """See `Load`."""
+        """See `Load.forces`."""
         return {self.link: self.force + self.resistance(links, rates)[self.link]}
 
     def resistance(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> dict[int, Real]:
-        """See `Load`."""
+        """Returns the force of damper and spring; see `Load`."""
         lost = self.damping * rates[self.link] + self.stiffness * self._stretch(links)
         return {self.link: -lost}
 
     def potential(self, links: Sequence[LinkPose]) -> Real:
-        """See `Load`; this is the energy of the spring."""
+        """Returns the energy of the spring, J; see `Load`."""
         stretch = self._stretch(links)
         return 0.5 * (self.stiffness * (stretch * stretch))
 
@@ -203,14 +205,14 @@ class LinkForce(NamedTuple):
 
 
 def continuous(position: Real, middle: Real) -> Real:
-    """Makes the position of a link continuous over its swing, without a jump from pi to -pi.
+    """Removes the jump from pi to -pi from the position of a link over its swing.
 
     Args:
         position: Direction in [-pi, pi], rad; for a sliding link, its position, m.
-        middle: Middle of the link's swing, in [-pi, pi], rad; None: the link slides.
+        middle: Middle of the link's swing, rad in [-pi, pi]; None for a sliding link.
 
     Returns:
-        The direction within pi of the middle, rad; for a sliding link, its position, m.
+        The direction within pi of the middle, rad; for a sliding link, its unchanged position, m.
     """
     if middle is None:
         return position
@@ -222,8 +224,9 @@ def continuous(position: Real, middle: Real) -> Real:
 class Friction(AppliedLoad):
     """Dry friction: one coefficient and radius for all pins, and one coefficient for the guide.
 
-    A pin resists the relative rotation of its two links with a torque, coefficient x radius x
-    force. The guide resists sliding with a force, coefficient x normal force. Both are 0 at rest.
+    The friction torque in a pin is coefficient x radius x pin force. It opposes the relative
+    rotation of the two links. The friction force in the guide is coefficient x normal force. It
+    opposes sliding. Both are 0 at rest.
 
     Attributes:
         pin: Coefficient of friction of the pins.
@@ -250,10 +253,10 @@ class Friction(AppliedLoad):
             )
 
     def in_joints(self, mechanism: Any) -> 'DryFriction | None':
-        """See `AppliedLoad`.
+        """See `AppliedLoad.in_joints`.
 
         Raises:
-            ConfigurationError: Friction in a guide is given for a mechanism without a guide.
+            ConfigurationError: The mechanism has no guide, but guide friction is given.
         """
         if self.guide and not any(link.slides for link in mechanism.structure().links):
             raise ConfigurationError(
@@ -264,11 +267,11 @@ class Friction(AppliedLoad):
 
 
 class DryFriction(NamedTuple):
-    """Dry friction as formulas use it.
+    """Dry friction, in the form used by formulas.
 
     Attributes:
-        arm: Coefficient times radius of the pins, m; ZERO: the pins have no friction.
-        guide: Coefficient of the guide; ZERO: the guide has no friction.
+        arm: Friction coefficient times radius of the pins, m; ZERO for frictionless pins.
+        guide: Friction coefficient of the guide; ZERO for a frictionless guide.
     """
 
     arm: Real
@@ -277,10 +280,10 @@ class DryFriction(NamedTuple):
     def contacts(
         self, pins: Sequence[Any], links: Sequence[Any], rates: Sequence[Real]
     ) -> list[Contact]:
-        """See `JointLoad`; the contacts are the joints with friction, pins first."""
+        """Returns the contacts of the joints with friction, pins first; see `JointLoad`."""
         contacts = []
         for pin in pins if self.arm is not ZERO else ():
-            # A sliding link does not turn: its guide transmits the couple to the frame.
+            # A sliding link does not turn, because its guide transmits the couple to the frame.
             first, *others = (
                 j for j in (pin.second, pin.first) if j is not None and not links[j].slides
             )

@@ -1,9 +1,9 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The parts of mechanisms: links with two pins, sliders and fixed links; the classes of loads.
+"""Parts of mechanisms: links with two pins, sliders and fixed links. Lists the load classes.
 
-Lengths are in m, masses in kg, moments of inertia in kg m^2 about each body's own centre of mass,
-and angles in rad, counter-clockwise from the x axis of base_link.
+Lengths are in m, masses in kg, and moments of inertia in kg m^2 about each body's centre of mass.
+Angles are in rad, counter-clockwise from the x axis of base_link.
 """
 
 from dataclasses import dataclass
@@ -16,15 +16,15 @@ from linkage_ros.quantities import Checked, groups, quantity
 OPEN = 'open'
 CROSSED = 'crossed'
 
-# Ranges of inputs. Products of up to six lengths must neither overflow nor underflow; every
-# linkage that can be built is far within these ranges.
+# Input ranges. They keep products of up to six lengths from overflowing or underflowing, and are
+# far wider than any real linkage requires.
 _LENGTHS = (1e-9, 1e9)
 _MASSES = (0.0, 1e12)
 _FORCES = (-1e12, 1e12)
 _SLIDER_LOAD = 'force', 'damping', 'stiffness', 'rest_position'
 
 
-# The classes of loads. Add a new class here.
+# Add new load classes here.
 LOADS: tuple[type[AppliedLoad], ...] = (LinkLoad, LoadCurve, Friction)
 
 
@@ -67,7 +67,7 @@ class Coupler(Body):
     """The floating link, which may carry a traced point.
 
     Attributes:
-        point: Coupler point [along, across] from the crank pin, m; None: no point is traced.
+        point: Coupler point [along, across] from the crank pin, m; None if no point is traced.
     """
 
     point: tuple[float, float] | None = quantity(
@@ -78,13 +78,13 @@ class Coupler(Body):
 
 @dataclass(frozen=True)
 class Rocker(Body):
-    """The output link of a four-bar, and the load on it.
+    """The output link of a four-bar, including the load on it.
 
     Attributes:
         torque: External torque on the rocker, positive counter-clockwise, N m.
-        damping: Resistance of the rocker's bearing per angular velocity, N m s.
+        damping: Damping coefficient of the rocker's bearing, N m s.
         stiffness: Stiffness of a torsion spring to the frame, N m/rad.
-        rest_angle: Direction in which the spring is at rest, rad.
+        rest_angle: Angle of the rocker at which the spring exerts no torque, rad.
     """
 
     load_fields: ClassVar[tuple[str, ...]] = ('torque', 'damping', 'stiffness', 'rest_angle')
@@ -122,10 +122,10 @@ class Frame(Checked):
 
 @dataclass(frozen=True)
 class Guide(Checked):
-    """The fixed link of a slider: the crank pivot A0 and a straight guide.
+    """The fixed link of a slider-crank: the crank pivot A0 and a straight guide.
 
     Attributes:
-        angle: Direction in which the slider's position increases, rad.
+        angle: Direction of the guide in which the slider's position increases, rad.
     """
 
     angle: float = quantity(
@@ -135,18 +135,19 @@ class Guide(Checked):
 
 @dataclass(frozen=True)
 class Slider(Checked):
-    """A body that slides along a guide and does not turn; its pin is its centre of mass.
+    """A body that slides along a guide without turning; its pin is its centre of mass.
 
-    A disc of mass m, inertia J and radius R that rolls along the guide moves as a slider of mass
+    A disc of mass m, inertia J and radius R that rolls along the guide moves like a slider of mass
     m + J / R^2. If the guide is not level, `force` must cancel the weight of J / R^2.
 
     Attributes:
-        offset: Distance of the pin's path from the crank pivot, to the guide's left, m.
+        offset: Distance from the crank pivot to the pin's path, positive to the left of the
+            guide's direction, m.
         mass: Mass, kg.
         force: External force along the guide, N.
-        damping: Resistance of the guide per sliding speed, N s/m.
+        damping: Damping coefficient of the guide, N s/m.
         stiffness: Stiffness of a spring to the frame, N/m.
-        rest_position: Position at which the spring is at rest, m.
+        rest_position: Position of the slider at which the spring exerts no force, m.
     """
 
     load_fields: ClassVar[tuple[str, ...]] = _SLIDER_LOAD
@@ -172,16 +173,16 @@ class Slider(Checked):
 
 @dataclass(frozen=True)
 class Piston(Checked):
-    """A slider on the x axis of base_link, whose position the crank angle does not determine.
+    """A slider on the x axis of base_link that moves independently of the crank angle.
 
     Attributes:
         position: Position at t = 0, m.
         velocity: Velocity at t = 0, m/s.
         mass: Mass, kg.
-        damping: Resistance of the pump per sliding speed, N s/m.
+        damping: Damping coefficient of the pump, N s/m.
         force: External force along the guide, N.
         stiffness: Stiffness of a spring to the frame, N/m.
-        rest_position: Position at which the spring is at rest, m.
+        rest_position: Position of the slider at which the spring exerts no force, m.
     """
 
     load_fields: ClassVar[tuple[str, ...]] = _SLIDER_LOAD

@@ -1,13 +1,13 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The mechanisms, by their names in parameter files."""
+"""Registry of mechanism classes, keyed by their names in parameter files."""
 
 from linkage_ros.model.four_bar import FourBar
 from linkage_ros.model.slider_crank import SliderCrank
 from linkage_ros.model.structure import Mechanism
 from linkage_ros.model.wind_pump import WindPump
 
-# Your package may add its own mechanisms before it starts a program of this package.
+# Other packages may add their own mechanisms before they start a program of this package.
 MECHANISMS: dict[str, type[Mechanism]] = {
     'four_bar': FourBar,
     'slider_crank': SliderCrank,

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The moving links as simulators need them, for URDF and MJCF."""
+"""Moving links in the form that simulators require, for the URDF and MJCF exports."""
 
 import math
 from typing import Any, NamedTuple
@@ -9,26 +9,27 @@ from linkage_ros.model.parts import Body
 from linkage_ros.model.structure import Link, Mechanism
 from linkage_ros.palette import color_of, fractions
 
-# Simulators refuse a moving link without mass or inertia. Such a link gets this fraction of the
-# mass of the whole linkage.
+# Simulators reject a moving link without mass or inertia, so such a link is given this fraction
+# of the linkage's total mass.
 _SMALL = 1e-6
-# kg or kg m^2: the least value at which MuJoCo also accepts half the inertia, which is ixx.
+# kg or kg m^2. MuJoCo must also accept half of this value, because ixx is half the inertia.
 _LEAST = 1e-14
 
 
 class RigidLink(NamedTuple):
-    """A moving link for simulators: with mass, inertia, and a box as its shape.
+    """A moving link for simulators, with nonzero mass and inertia and a box as its shape.
 
     Attributes:
-        joint: Joint that moves the link.
-        name: Name of the joint.
+        joint: The link's joint in the open tree.
+        name: Name of the joint, including the prefix.
         mass: Mass, kg, above 0.
         inertia: Moment of inertia about the centre of mass, kg m^2, above 0.
         center: Centre of mass in the link's axes, m.
-        note: States which of mass and inertia are 0 in the parameters; empty: neither is.
-        box: Length, width and height of the link's shape, m.
-        place: Centre of the shape in the link's axes, m.
-        color: Red, green, blue and opacity, from 0 to 1.
+        note: Comment that names which of mass and inertia are 0 in the parameters; empty if
+            neither is.
+        box: Length, width and height of the box, m.
+        place: Centre of the box in the link's axes, m.
+        color: Red, green, blue and opacity, each from 0 to 1, separated by spaces.
     """
 
     joint: Link
@@ -43,18 +44,18 @@ class RigidLink(NamedTuple):
 
 
 def rigid_links(mechanism: Mechanism, joint_prefix: str = '') -> list[RigidLink]:
-    """The moving links of a mechanism, in the order of its joints.
+    """Returns the moving links of a mechanism, in the order of its joints.
 
-    The x axis of a link points from its first to its second pin; the x axis of a slider points
-    along its guide. Bars are boxes with a width of a twentieth of the shortest link, one above the
-    other so that they do not intersect.
+    The x axis of a link points from its first to its second pin, and that of a slider along its
+    guide. The boxes of bars are 1/20 as wide as the shortest bar is long. They are stacked along
+    z so that they do not intersect.
 
     Args:
-        mechanism: Mechanism whose links are needed.
-        joint_prefix: Prepended to all joint names.
+        mechanism: Mechanism to convert.
+        joint_prefix: Prefix of all joint names.
 
     Returns:
-        The links; a mass or inertia of 0 is replaced by a small value.
+        The links, in which a small value replaces a mass or inertia of 0.
     """
     joints = mechanism.structure().links
     bodies: list[Any] = [getattr(mechanism, joint.name) for joint in joints]

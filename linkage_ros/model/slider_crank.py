@@ -1,20 +1,19 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The slider-crank: description, mobility and exact pose.
+"""The slider-crank: parameters, mobility and exact pose.
 
-The loop equation is that of document 4 (eq. 2, where e = 0), with an offset e and in the guide's
-axes:
+The loop equation, in the guide's axes, is that of document 4 (eq. 2) with an added offset e:
 
     r e^(i alpha) + b e^(i beta) = x + i e
 
-Let mu be the transmission angle, which the coupler makes with the normal of the guide. From the
-imaginary parts, cos mu = sin beta = (e - r sin alpha) / b: with theta = alpha + pi/2 this is the
-same map as for a four-bar (`transmission`),
+Let mu be the transmission angle between the coupler and the normal of the guide. The imaginary
+parts give cos mu = sin beta = (e - r sin alpha) / b. With theta = alpha + pi/2, this is the same
+map as for a four-bar (`transmission`),
 
     cos^2(mu/2) = (b+e-r)/2b + (r/b) cos^2(theta/2)
     sin^2(mu/2) = (b-e-r)/2b + (r/b) sin^2(theta/2)
 
-and beta = pi/2 -+ mu, x = r cos alpha + b cos beta follow without any division.
+from which beta = pi/2 -+ mu and x = r cos alpha + b cos beta follow without division.
 """
 
 import math
@@ -59,14 +58,14 @@ from linkage_ros.quantities import quantity
 
 
 class SliderCrankLoop(NamedTuple):
-    """The constants of one slider-crank.
+    """The kinematic constants of a slider-crank.
 
     Attributes:
         transmission: Map from crank angle to transmission angle.
         side: 1 for the open assembly, -1 for the crossed one.
         guide: Cosine and sine of the guide's direction.
-        crank: Length r, m.
-        coupler: Length b, m.
+        crank: Length r of the crank, m.
+        coupler: Length b of the coupler, m.
         offset: Offset e of the guide, m.
         refuse: Function that rejects a position of the slider.
     """
@@ -80,13 +79,13 @@ class SliderCrankLoop(NamedTuple):
     refuse: Opaque
 
     def pose(self, q: tuple[Real, ...]) -> Pose:
-        """The pose at a crank angle.
+        """Computes the pose at a crank angle.
 
         Args:
-            q: Crank angle, rad.
+            q: Crank angle, rad, as the only element.
 
         Returns:
-            The pose.
+            The pose of crank, coupler and slider.
         """
         (angle,) = q
         r, b, guide = self.crank, self.coupler, self.guide
@@ -118,14 +117,14 @@ class SliderCrankLoop(NamedTuple):
 
 
 class BySlider(SliderCrankLoop):
-    """The constants of a slider-crank whose coordinate is the slider's position.
+    """The kinematic constants of a slider-crank with the slider's position as its coordinate.
 
     This position determines the motion at the dead centres of a crank that cannot turn fully.
-    `side` is 1 if the crank pin lies left of the line from A0 to B, -1 if right of it.
+    `side` is 1 if the crank pin lies to the left of the line from A0 to B, -1 if to the right.
     """
 
     def pose(self, q: tuple[Real, ...]) -> Pose:
-        """The pose at a position of the slider, m."""
+        """Computes the pose at a position of the slider, m."""
         (slide,) = q
         r, b, e, guide = self.crank, self.coupler, self.offset, self.guide
         square = slide * slide + e * e
@@ -153,13 +152,13 @@ class SliderCrank(Mechanism):
     Attributes:
         crank: Driven link, from A0, the origin.
         coupler: Connecting rod, from the crank pin A to B.
-        slider: Output link, at B; its position is measured along the guide from the foot of the
+        slider: Output link, at B. Its position is measured along the guide from the foot of the
             perpendicular from A0.
-        frame: Direction of the guide.
-        assembly: 'open': the slider is on the positive side of the crank pin when the crank
-            points along the guide; 'crossed': on the negative side.
+        frame: Fixed link with the direction of the guide.
+        assembly: 'open' if the slider is ahead of the crank pin when the crank points along the
+            guide, 'crossed' if the slider is behind it.
         gravity: Acceleration of gravity [x, y], m/s^2.
-        loads: Load curves and friction; the values of a `LinkLoad` are moved to the slider.
+        loads: Load curves and friction. A `LinkLoad` given here is moved into the slider.
     """
 
     other_coordinates: ClassVar[tuple[str, ...]] = ('slider',)
@@ -193,7 +192,7 @@ class SliderCrank(Mechanism):
         return longest
 
     def _sums(self) -> dict[str, tuple[float, ...]]:
-        """Sums of lengths that vanish at change points: their signed terms, by description."""
+        """Returns the terms of each sum of lengths that is 0 at a change point, by its formula."""
         r, b, e = self._lengths()
         return {
             'coupler + offset - crank': (b, e, -r),
@@ -204,8 +203,8 @@ class SliderCrank(Mechanism):
     def grashof(self) -> str:
         """The Grashof class of the linkage.
 
-        It is 'crank-slider' (the crank turns fully), 'rotating-coupler' (the coupler turns
-        fully), 'non-Grashof' (neither turns fully) or 'change-point'.
+        One of 'crank-slider' (the crank turns fully), 'rotating-coupler' (the coupler turns
+        fully), 'non-Grashof' (neither turns fully) and 'change-point'.
         """
         r, b, e = self._lengths()
         crank = short_sum(self._longest(), r, abs(e), -b)
@@ -230,7 +229,7 @@ class SliderCrank(Mechanism):
         )
 
     def loop(self) -> SliderCrankLoop:
-        """The constants of the kinematics; the coordinate is the crank angle."""
+        """Returns the kinematic constants; the coordinate is the crank angle."""
         guide = self.frame.angle
         return SliderCrankLoop(
             self._transmission(),
@@ -241,7 +240,7 @@ class SliderCrank(Mechanism):
         )
 
     def other_loop(self) -> BySlider:
-        """The constants of the kinematics; the coordinate is the slider's position."""
+        """Returns the kinematic constants; the coordinate is the slider's position."""
         return BySlider(*self.loop())
 
     def _refuse_slide(self, slide: float) -> NoReturn:
@@ -252,18 +251,18 @@ class SliderCrank(Mechanism):
         )
 
     def reach(self) -> Reach:
-        """The reach of the crank."""
+        """Computes the reach of the crank."""
         return self._transmission().reach(self.grashof, self._sums(), self._cures())
 
     def _cures(self) -> Iterator[str]:
-        """Yields changes of length, each of which lets a limited crank turn fully."""
+        """Yields alternative changes of length that let a limited crank turn fully."""
         r, b, e = self._lengths()
         yield f'lengthen the coupler to at least {rounded(r + abs(e), up=True)} m'
         if (shorter := short_sum(self._longest(), b, -abs(e))) > 0:
             yield f'shorten the crank to at most {rounded(shorter, up=False)} m'
 
     def structure(self) -> Structure:
-        """The structure of the linkage, whose loop is cut at B."""
+        """Returns the links, points and joints; the loop is cut at B."""
         crank, coupler, slider = self.crank, self.coupler, self.slider
         foot = 1j * slider.offset * direction(self.frame.angle)
         A0 = Point.at(0j, 3)

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The structure of a mechanism, and the base class of all mechanisms."""
+"""Structure of a mechanism: links, points, pins and dyads. Base class of all mechanisms."""
 
 import itertools
 import math
@@ -18,13 +18,14 @@ from linkage_ros.quantities import Checked, shown
 
 
 class Point(NamedTuple):
-    """A point as a combination of the directions of the links that turn.
+    """A point, expressed as a linear combination of the link directions.
+
+    The point is `fixed` plus the sum of weights[j] e^(i phi_j). In formulas, `Vector`s replace
+    the complex numbers.
 
     Attributes:
-        weights: Complex weights of the moving links, m: the point is `fixed` plus the sum of
-            weights[j] e^(i phi_j). The weight of a sliding link is 0. In formulas, weights and
-            `fixed` are vectors.
-        fixed: Constant part x + iy, m.
+        weights: A complex weight for each moving link, m; 0 for a sliding link.
+        fixed: Constant term x + iy, m.
     """
 
     weights: tuple[Any, ...]
@@ -32,11 +33,11 @@ class Point(NamedTuple):
 
     @classmethod
     def at(cls, position: complex, links: int) -> 'Point':
-        """Makes a fixed point at x + iy, m; `links` is the number of moving links."""
+        """Creates a fixed point at x + iy, m; `links` is the number of moving links."""
         return cls((0j,) * links, position)
 
     def along(self, link: int, along: Real, across: Real = 0.0) -> 'Point':
-        """Makes the point [along, across], m, of a turning link whose first pin is this point."""
+        """Returns the point [along, across], m, of a link whose first pin is at this point."""
         weights = list(self.weights)
         weights[link] += along + 1j * across
         return Point(tuple(weights), self.fixed)
@@ -48,11 +49,11 @@ class Point(NamedTuple):
 
         Args:
             directions: Unit vector of each link.
-            rates: Velocity of each link, rad/s.
-            changes: Acceleration of each link, rad/s^2.
+            rates: Angular velocity of each link, rad/s.
+            changes: Angular acceleration of each link, rad/s^2.
 
         Returns:
-            Position, m, velocity, m/s, and acceleration, m/s^2.
+            The position in m, the velocity in m/s and the acceleration in m/s^2.
         """
         position, velocity, acceleration = self.fixed, Vector(ZERO, ZERO), Vector(ZERO, ZERO)
         for weight, direction, rate, change in zip(
@@ -69,21 +70,22 @@ class Point(NamedTuple):
 
 
 class Link(NamedTuple):
-    """A moving link: its joint in the open tree for ROS, and its body.
+    """A moving link: its body, and its joint in the open tree for ROS.
 
-    URDF has no closed loops. The loop is cut at the pin of the output link: B between coupler and
-    rocker or slider; in a wind pump, D between rod and slider. Every joint is measured from its
-    parent in the tree: the coupler's from the crank, the rod's from the coupler.
+    URDF does not support closed loops, so the loop is cut at the output link's pin. This pin is B
+    between coupler and rocker or slider or, in a wind pump, D between rod and slider. Joint
+    positions are relative to the parent link: that of the coupler to the crank, that of the rod to
+    the coupler.
 
     Attributes:
         name: Name of the link and of its joint.
         mass: Mass, kg.
-        inertia: Moment of inertia about its centre of mass, kg m^2; 0 for a sliding link.
-        center: Centre of mass; for a link that slides, its pin.
-        parent: Index of the parent link; None: base_link.
-        origin: Position of the joint in the axes of its parent, x + iy, m.
-        angle: Direction of the joint's x axis in the axes of its parent, rad.
-        slides: Whether the joint is prismatic, along its x axis.
+        inertia: Moment of inertia about the centre of mass, kg m^2; 0 for a sliding link.
+        center: Centre of mass; for a sliding link, its pin.
+        parent: Index of the parent link; None if the parent is base_link.
+        origin: Position of the joint in the axes of the parent, x + iy, m.
+        angle: Direction of the joint's x axis in the axes of the parent, rad.
+        slides: Whether the joint is prismatic; it then slides along its x axis.
     """
 
     name: str
@@ -97,17 +99,17 @@ class Link(NamedTuple):
 
     @classmethod
     def turning(cls, name: str, body: Body, index: int, pin: Point) -> 'Link':
-        """Makes a link that turns about its first pin.
+        """Creates a link that turns about its first pin.
 
         Args:
             name: Name of the link.
             body: Dimensions and mass of the link.
-            index: Index of the link among all links.
-            pin: The first pin. The last link with a weight in this point is the parent, or else
-                the frame.
+            index: Index of the link among the moving links.
+            pin: The first pin. The parent is the last link with a nonzero weight in this point,
+                or base_link if there is none.
 
         Returns:
-            The link, with its joint in the tree.
+            The link, with a revolute joint at the pin.
         """
         parent = max((j for j, weight in enumerate(pin.weights) if weight), default=None)
         origin = pin.fixed if parent is None else pin.weights[parent]
@@ -116,19 +118,19 @@ class Link(NamedTuple):
 
 
 def direction(angle: Real) -> Any:
-    """The unit vector cos + i sin of an angle, rad, or of an array of angles."""
+    """Returns e^(i angle) for an angle, rad, or for an array of angles."""
     return cos(angle) + 1j * sin(angle)
 
 
 def coupler_point(coupler: Coupler, pin: Point) -> dict[str, Point]:
-    """Makes the coupler point C.
+    """Returns the coupler point C.
 
     Args:
         coupler: The coupler, with or without a coupler point.
         pin: The crank pin A.
 
     Returns:
-        The point by name; empty if the coupler has no such point.
+        The point with the key 'C'; empty if the coupler has no coupler point.
     """
     return {} if coupler.point is None else {'C': pin.along(1, *coupler.point)}
 
@@ -138,7 +140,7 @@ class Pin(NamedTuple):
 
     Attributes:
         name: Name of the pin's point.
-        first: Index of the link that exerts the pin force; None: the frame.
+        first: Index of the link that exerts the pin force; None for the frame.
         second: Index of the link on which the force acts.
     """
 
@@ -148,14 +150,14 @@ class Pin(NamedTuple):
 
 
 class Dyad(NamedTuple):
-    """Two links joined by a pin, whose outer pins determine their positions (an Assur group).
+    """Two links joined by a pin; the outer pins determine their positions (an Assur group).
 
     Attributes:
         first: Index of the first link.
-        second: Index of the second link; a sliding link counts as an infinite link across its
-            guide.
+        second: Index of the second link; a sliding link is treated as an infinitely long link
+            perpendicular to its guide.
         pin: Name of the pin that joins the two links.
-        outer: Names of the outer pins of the two links; for a sliding link, the second is empty.
+        outer: Names of the outer pins of the two links; the second is empty if that link slides.
     """
 
     first: int
@@ -169,12 +171,12 @@ class Structure(NamedTuple):
 
     Attributes:
         links: The moving links, each after its parent.
-        points: The pins A0, A, B and, if present, B0, D and the coupler point C.
-        closure: Sum of the turning links' vectors around the loop. If the loop is closed, it is
+        points: The pins A0, A, B and, if present, B0, D and the coupler point C, by name.
+        closure: Sum of the turning links' vectors around the loop. In a closed loop, this sum is
             0 or, with a sliding link, the position of that link's pin.
         pins: The pin joints; empty if joint forces are not supported.
-        dyads: Dyads in the order in which they are solved.
-        other_dyads: Dyads in the other coordinates; see `Mechanism`.
+        dyads: The dyads, in the order in which they are solved.
+        other_dyads: The dyads for `Mechanism.other_coordinates`.
     """
 
     links: tuple[Link, ...]
@@ -185,7 +187,7 @@ class Structure(NamedTuple):
     other_dyads: tuple[Dyad, ...] = ()
 
     def loop_residual(self, state: State) -> float:
-        """The closure error of the loop, m, at a state of floats."""
+        """Computes the closure error of the loop, m, at a state of floats."""
         closure, last = self.closure, self.links[-1]
         reached: complex = closure.fixed + sum(
             weight * direction(angle)
@@ -202,7 +204,7 @@ class Description(NamedTuple):
 
     Attributes:
         coordinates: Names of the links whose positions determine all others.
-        assembly: 'open' or 'crossed': how the loop is closed in these coordinates.
+        assembly: Assembly in these coordinates, 'open' or 'crossed'.
     """
 
     coordinates: tuple[str, ...]
@@ -213,16 +215,18 @@ class Description(NamedTuple):
 
 
 class Mechanism(Checked):
-    """Base class of all mechanisms: frozen dataclasses of parts, checked on creation.
+    """Base class of all mechanisms.
+
+    Mechanisms are frozen dataclasses of parts and are validated on creation.
 
     Attributes:
         coordinates: Names of the links whose positions determine all others.
-        other_coordinates: Names of the links whose positions determine all others where the
-            `coordinates` are singular, at a dead centre or a stretched dyad; empty: no such links.
-        crank: The link that the drive turns.
-        assembly: How the loop is closed.
+        other_coordinates: Alternative coordinates, used where `coordinates` are singular, that is,
+            at a dead centre or a stretched dyad. Empty if there are none.
+        crank: The link turned by the drive.
+        assembly: Assembly of the loop, 'open' or 'crossed'.
         gravity: Acceleration of gravity [x, y], m/s^2.
-        loads: Loads on the links, in addition to the loads that the parts hold.
+        loads: Loads on the links, in addition to those defined by the parts.
     """
 
     coordinates: ClassVar[tuple[str, ...]] = ('crank',)
@@ -239,11 +243,11 @@ class Mechanism(Checked):
             object.__setattr__(self, 'loads', rest)
 
     def structure(self) -> Structure:
-        """The structure of the links."""
+        """Returns the links, points and joints."""
         raise NotImplementedError
 
     def loop(self) -> Loop:
-        """The constants of the kinematics in the mechanism's own coordinates."""
+        """Returns the kinematic constants in the mechanism's own coordinates."""
         raise NotImplementedError
 
     @property
@@ -252,7 +256,7 @@ class Mechanism(Checked):
         return Description(self.coordinates, self.assembly)
 
     def loop_of(self, description: Description) -> Loop:
-        """The constants of the kinematics in the coordinates and assembly of a description."""
+        """Returns the kinematic constants in the coordinates and assembly of a description."""
         mechanism: Mechanism = self
         if description.assembly != self.assembly:
             mechanism = replace(cast('Any', self), assembly=description.assembly)
@@ -260,18 +264,18 @@ class Mechanism(Checked):
         return mechanism.loop() if is_own else mechanism.other_loop()
 
     def other_loop(self) -> Loop:
-        """The constants of the kinematics in the other coordinates."""
+        """Returns the kinematic constants in `other_coordinates`."""
         raise NotImplementedError
 
     def link_loads(self) -> tuple[Load, ...]:
-        """Loads on the links, without weights and loads caused by joint forces."""
+        """Returns the loads on the links, except weights and loads caused by joint forces."""
         parts = ((name, x) for name, x in vars(self).items() if hasattr(x, 'load_fields'))
         own = (self._own_load(name, part) for name, part in parts)
         found = (*own, *(load.on(self) for load in self.loads))
         return tuple(load for load in found if load is not None)
 
     def _own_load(self, name: str, part: Any) -> Load | None:
-        """Makes the load on the output link from the values of its part; None: no load."""
+        """Returns the load defined by a part on its link, or None if all its values are 0."""
         force, damping, stiffness, rest = (getattr(part, field) for field in part.load_fields)
         if not (force or damping or stiffness):
             return None
@@ -282,21 +286,21 @@ class Mechanism(Checked):
         return LinkForce(link, force, damping, stiffness, rest, middle)
 
     def joint_loads(self) -> tuple[JointLoad, ...]:
-        """Loads caused by joint forces; usually none."""
+        """Returns the loads caused by joint forces, such as friction."""
         return tuple(found for load in self.loads if (found := load.in_joints(self)) is not None)
 
     def output(self, name: str, what: str) -> int:
-        """The index of a link on which loads may act: the crank or the output link.
+        """Returns the index of a link that may carry a load: the crank or the output link.
 
         Args:
             name: Name of the link.
-            what: Name of the setting, for the error.
+            what: Name of the setting, for the error message.
 
         Returns:
-            The index.
+            The index of the link in `structure().links`.
 
         Raises:
-            ConfigurationError: The mechanism has no such link.
+            ConfigurationError: The name is not that of the crank or the output link.
         """
         names = [link.name for link in self.structure().links]
         if name not in {names[0], names[-1]}:
@@ -306,23 +310,23 @@ class Mechanism(Checked):
         return names.index(name)
 
     def swing_middle(self, _what: str) -> float | None:
-        """The middle of the output link's swing.
+        """Returns the middle of the output link's swing.
 
         Args:
-            _what: Name of the setting, for the error.
+            _what: Name of the setting, for the error message.
 
         Returns:
-            Direction in [-pi, pi], rad; None for a sliding link.
+            The direction of the link there, rad in [-pi, pi]; None for a sliding link.
 
         Raises:
-            ConfigurationError: The link turns fully.
+            ConfigurationError: The link turns fully, so its swing has no middle.
         """
         return None
 
     def reach(self) -> Reach | None:
-        """The reach of the crank; None: the crank angle alone does not determine the motion."""
+        """Returns the crank's reach; None if the crank angle does not determine the motion."""
         return None
 
     def start(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """The coordinates other than the crank angle at t = 0, and their rates."""
+        """Returns the coordinates other than the crank angle at t = 0, and their rates."""
         return (), ()

@@ -1,21 +1,20 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The map from crank angle to transmission angle for four-bar and slider-crank; rocker swings.
+"""Transmission angle as a function of crank angle, for four-bar and slider-crank; rocker swings.
 
-Let h be half the crank angle, measured from the line of the fixed pivots, and m half the
-transmission angle, at which coupler and rocker meet. By the factored closed form
-(docs/mechanisms.md)
+Let h be half the crank angle, measured from the line of the fixed pivots. Let m be half the
+transmission angle, between coupler and rocker. The factored closed form (docs/mechanisms.md) is
 
     cos^2 m = p + kappa^2 cos^2 h        sin^2 m = q + kappa^2 sin^2 h        p + q + kappa^2 = 1
 
-where the constants depend on the lengths alone. The crank turns fully if and only if p >= 0 and
-q >= 0: then all terms of these sums are non-negative, and nothing cancels. If p = 0 or q = 0, the
-linkage has change points: the root, kappa cos h or kappa sin h, is taken with its sign, and the
-motion is smooth there. With u = kappa cos h / cos m and v = kappa sin h / sin m
+where the constants depend only on the lengths. The crank turns fully if and only if p >= 0 and
+q >= 0. All terms of these sums are then non-negative, so there is no cancellation. If p = 0 or
+q = 0, the linkage has change points. The root is then kappa cos h or kappa sin h, with its sign,
+so that the motion is smooth there. With u = kappa cos h / cos m and v = kappa sin h / sin m,
 
     d(2m)/d(2h) = u v        d^2(2m)/d(2h)^2 = [u^2 (1 - v^2) cot m - v^2 (1 - u^2) tan m] / 2
 
-without division by the sine of the transmission angle. These formulas were derived for this
+avoids dividing by the sine of the transmission angle. These formulas were derived for this
 project.
 """
 
@@ -29,14 +28,14 @@ from linkage_ros.numeric import Real, is_rounding, largest, short_sum, two_sum, 
 
 
 class Square(NamedTuple):
-    """A function of h: cos^2 m = p + (kappa cos h)^2, or sin^2 m = q + (kappa sin h)^2.
+    """A function of h: cos^2 m = p + (kappa cos h)^2 or sin^2 m = q + (kappa sin h)^2.
 
     Attributes:
-        least: Smallest value, p or q; ZERO if this value counts as 0: the root then has a sign.
+        least: Smallest value, p or q; ZERO if it is treated as 0, so that the root is signed.
         most: Largest value, 1 - q or 1 - p, without the rounding error of this difference.
         limits: Whether the function is negative at some crank angles, which are unreachable.
-        from_most: Whether to compute it as `most` minus the square of the other product, because
-            this computation loses fewer digits.
+        from_most: Whether to subtract the other product squared from `most`, because this loses
+            fewer digits.
     """
 
     least: Real
@@ -46,8 +45,9 @@ class Square(NamedTuple):
 
     @classmethod
     def of(cls, least: float, most: float) -> 'Square':
-        """Makes the square from its smallest and largest values."""
-        most = largest(most, 0.0)  # rounding could make it negative for a loop that just closes
+        """Creates the function from its smallest and largest values."""
+        # In a loop that can only just close, rounding could make the largest value negative.
+        most = largest(most, 0.0)
         limits = bool(least < 0)
         return cls(least or ZERO, most, limits, limits and bool(most < -least))
 
@@ -56,12 +56,12 @@ class Square(NamedTuple):
 
         Args:
             x: kappa cos h, or kappa sin h.
-            other: The other one of the products kappa cos h and kappa sin h.
+            other: The other of these two products.
             refuse: Function that rejects a crank angle.
             crank: Crank angle, rad.
 
         Returns:
-            cos m or sin m.
+            The square root of the function, signed if `least` is ZERO.
         """
         if self.least is ZERO:
             return x
@@ -75,12 +75,13 @@ class Transmission(NamedTuple):
     """The constants of the map from crank angle to transmission angle.
 
     Attributes:
-        reference: Direction of the reference line, rad, in two parts whose sum is exact to
-            twice the digits of a double.
-        kappa: kappa with a sign: negative if the reference, rounded to whole turns, is an odd
-            number of turns. So `assembly` names the branch from the reference to pi beyond it.
-        cos: The square of cos m; it limits a crank that cannot reach the far side (h = pi/2).
-        sin: The square of sin m; it limits a crank that cannot reach the near side (h = 0).
+        reference: Direction from which crank angles are measured, rad, as a sum of two doubles
+            that has twice the digits of one.
+        kappa: kappa, negative if the reference, rounded to whole turns, is an odd number of
+            turns. With this sign, `assembly` refers to the branch in the half turn after the
+            reference.
+        cos: cos^2 m as a function of h; limits a crank that cannot reach h = pi/2.
+        sin: sin^2 m as a function of h; limits a crank that cannot reach h = 0.
         refuse: Function that rejects a crank angle.
     """
 
@@ -91,14 +92,14 @@ class Transmission(NamedTuple):
     refuse: Opaque
 
     def half_angles(self, crank: Real) -> tuple[Real, ...]:
-        """Computes functions of h and m, the halves of the crank and the transmission angle.
+        """Computes sines and cosines of half the crank angle (h) and transmission angle (m).
 
         Args:
             crank: Crank angle, rad.
 
         Returns:
-            sin h, cos h, sin m, cos m, u and v, accurate to an ulp even next to change points,
-            because the rounding error of crank - reference is taken into account.
+            sin h, cos h, sin m, cos m, u and v. They are accurate to an ulp even near change
+            points, because the rounding error of crank - reference is compensated.
         """
         high, low = self.reference
         half, error = two_sum(0.5 * crank, -0.5 * high)
@@ -113,11 +114,11 @@ class Transmission(NamedTuple):
         return sin_h, cos_h, sin_m, cos_m, u, v
 
     def slopes(self, halves: tuple[Real, ...], factor: float = 1.0) -> tuple[Real, Real]:
-        """Derivatives of the transmission angle with respect to the crank angle.
+        """Computes derivatives of the transmission angle with respect to the crank angle.
 
         Args:
             halves: Result of `half_angles`.
-            factor: Factor by which the derivatives are multiplied.
+            factor: Factor by which both derivatives are multiplied.
 
         Returns:
             d(2m)/d(2h) and d^2(2m)/d(2h)^2, times the factor.
@@ -137,10 +138,10 @@ class Transmission(NamedTuple):
         return not (self.cos.limits or self.sin.limits)
 
     def arcs(self) -> tuple[Arc, ...]:
-        """The reachable crank angles, at which neither cos^2 m nor sin^2 m is negative.
+        """Computes the reachable crank angles: neither cos^2 m nor sin^2 m is negative there.
 
         Returns:
-            Arcs (from, to) with from in [0, 2 pi), rad; one turn if the crank turns fully.
+            Arcs (start, end) with start in [0, 2 pi), rad; one turn if the crank turns fully.
         """
         if self.turns_fully:
             return ((0.0, 2 * math.pi),)
@@ -160,10 +161,10 @@ class Transmission(NamedTuple):
         )
 
     def extremes(self) -> Arc:
-        """The smallest and the largest transmission angle 2m, in [0, pi], rad.
+        """Computes the smallest and the largest transmission angle 2m, rad in [0, pi].
 
-        They occur at h = 0 and h = pi/2. If the crank cannot reach such an angle, its reach ends
-        where the transmission angle is 0 (folded) or pi (stretched).
+        They occur at h = 0 and h = pi/2. If the crank cannot reach one of these positions, its
+        reach ends where the transmission angle is 0 (folded) or pi (stretched), respectively.
         """
         near, far = (largest(number(square.least), 0.0) for square in (self.sin, self.cos))
         low = 2 * atan2(sqrt(near), sqrt(where(near > 0, self.cos.most, 1.0)))
@@ -177,12 +178,12 @@ class Transmission(NamedTuple):
         cures: Iterable[str],
         pass_by: float = 0.0,
     ) -> Reach:
-        """Describes the reach of the crank.
+        """Collects the properties of the crank's reach.
 
         Args:
-            grashof: Class of the linkage.
-            sums: Signed lengths by description; each sum is 0 at a change point. If the first sum
-                is negative, cos m limits the crank; if another sum is negative, sin m does.
+            grashof: Grashof class of the linkage.
+            sums: Terms of the sums of lengths that are 0 at a change point, by their formulas. If
+                the first sum is negative, cos m limits the crank; if another one is, sin m does.
             cures: Changes that would let the crank turn fully; used only if it is limited.
             pass_by: Largest h at which the crank pin is close to the rocker pivot, rad; 0 if there
                 is no rocker pivot, or if the pin passes through it.
@@ -199,7 +200,7 @@ class Transmission(NamedTuple):
             for (words, total), limits in zip(totals.items(), limited, strict=True)
             if limits and total < 0 and words not in rounding
         )
-        # Motion is fast where h is within these widths of 0 or pi/2.
+        # The output moves fast where h is within these widths of 0 or pi/2.
         leasts = [float(square.least) for square in (self.cos, self.sin)]
         widths = [math.sqrt(x) / abs(self.kappa) for x in leasts if x > 0]
         return Reach(
@@ -227,19 +228,19 @@ def _normalized(start: float, end: float) -> Arc:
 def swing_middle(
     lengths: tuple[float, ...], frame: float, rocker: float, *, both_sides: bool
 ) -> float | None:
-    """The middle of the swing of a four-bar's rocker.
+    """Computes the middle of the swing of a four-bar's rocker.
 
-    The distance of the rocker's end from the crank's pivot is between |coupler - crank| and
+    The distance from the crank pivot to the rocker's end is between |coupler - crank| and
     coupler + crank. By the law of cosines, this bounds the angle between rocker and frame.
 
     Args:
         lengths: Lengths of crank, coupler, rocker and frame, m.
         frame: Direction of the frame, rad.
         rocker: A direction of the rocker during its swing, rad.
-        both_sides: Whether the rocker swings, or may swing, to both sides of the frame's line.
+        both_sides: Whether the rocker can swing to both sides of the line of the fixed pivots.
 
     Returns:
-        Direction of the rocker in [-pi, pi], rad; None if the rocker turns fully.
+        The middle direction, rad in [-pi, pi]; None if the rocker turns fully.
     """
     (r, b, c, d), longest = lengths, max(lengths)
     nearest, low, high = abs(short_sum(longest, b, -r)), 0.0, math.pi
@@ -257,6 +258,6 @@ def swing_middle(
 
 
 def _opposite(rocker: float, frame: float, opposite: float) -> float:
-    """The angle between the sides `rocker` and `frame` of a triangle, rad."""
+    """Returns the angle between the sides `rocker` and `frame` of a triangle, rad."""
     cosine = (rocker * rocker + frame * frame - opposite * opposite) / (2 * rocker * frame)
     return math.acos(max(-1.0, min(1.0, cosine)))

@@ -1,19 +1,19 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The wind pump: two coordinates, the crank angle and the slider's position, and its exact pose.
+"""The wind pump: parameters and exact pose at a crank angle and a slider position.
 
 The loop equation is that of document 3, l1 e^(i phi1) + l2 e^(i phi2) + l3 e^(i phi3) = xD. Given
-the crank pin A and the slider's pin D, coupler and rod form a dyad of two links. With L = |D - A|
-and h = phi1 / 2 for xD >= 0 (for xD < 0, use h = (phi1 - pi) / 2 and |xD|), the dyad has the same
+the crank pin A and the slider's pin D, coupler and rod form a dyad. With L = |D - A| and
+h = phi1 / 2 for xD >= 0 (for xD < 0, use h = (phi1 - pi) / 2 and |xD|), the dyad has the same
 factored closed form as the four-bar (docs/mechanisms.md):
 
     P = (l2+l3)^2 - L^2 = (l2+l3-xD-l1)(l2+l3+xD+l1) + 4 l1 xD cos^2 h
     Q = L^2 - (l2-l3)^2 = (xD-l1-l2+l3)(xD-l1+l2-l3) + 4 l1 xD sin^2 h
     B - A = (D-A) [(l2-l3)(l2+l3) + L^2 + i side sqrt(PQ)] / (2 L^2)
 
-and sin(phi2 - phi3) = side sqrt(PQ) / (2 l2 l3): no digits are lost next to a stretched dyad.
-The rates have the form of document 3, phi2' = a11 phi1' + a12 xD' (its coefficients are damaged in
-print); the squared-rate terms of the accelerations, which the document lacks, follow from
+and sin(phi2 - phi3) = side sqrt(PQ) / (2 l2 l3), so no digits are lost near a stretched dyad. The
+rates have the form of document 3, phi2' = a11 phi1' + a12 xD', whose coefficients are damaged in
+print. The document omits the squared-rate terms of the accelerations; they follow from
 differentiating the loop equation twice.
 """
 
@@ -53,7 +53,7 @@ _EPSILON = 2.0**-52
 
 
 class WindPumpLoop(NamedTuple):
-    """The constants of one wind pump.
+    """The kinematic constants of a wind pump.
 
     Attributes:
         crank: Length r of the crank, m.
@@ -73,7 +73,7 @@ class WindPumpLoop(NamedTuple):
         """Computes P, Q and L^2, m^2; rejects a dyad that does not close or is in line.
 
         Args:
-            q: Crank angle, rad, and the slider's position, m.
+            q: Crank angle, rad, and slider position, m.
         """
         angle, slide = q
         r, b, c = self.crank, self.coupler, self.rod
@@ -85,21 +85,21 @@ class WindPumpLoop(NamedTuple):
         far = growth * where(ahead, cosine * cosine, sine * sine)
         one, other = d - r - b + c, d - r + b - c
         stretch, fold = (b + c - d - r) * total_length + far, one * other + near
-        # The error of a sum of lengths is about an ulp of their total. Where the short sums are
-        # small, so is the error of their product: a slider may pass through the crank pin.
+        # The error of a sum of lengths is about an ulp of their total. The error of a product of
+        # such sums shrinks with them, so that a slider may pass through the crank pin.
         ulp = _EPSILON * total_length
         require(stretch > ulp * total_length, self.refuse, *q)
         require(fold > ulp * (abs(one) + abs(other)) + _EPSILON * near, self.refuse, *q)
         return stretch, fold, (d - r) * (d - r) + near
 
     def pose(self, q: tuple[Real, ...]) -> Pose:
-        """The pose at the coordinates.
+        """Computes the pose at the coordinates.
 
         Args:
-            q: Crank angle, rad, and the slider's position, m.
+            q: Crank angle, rad, and slider position, m.
 
         Returns:
-            The pose.
+            The pose of crank, coupler, rod and slider.
         """
         angle, slide = q
         r, b, c = self.crank, self.coupler, self.rod
@@ -117,16 +117,16 @@ class WindPumpLoop(NamedTuple):
         def bend(
             own: Real, other: Real, arm_b: Real = ZERO, arm_c: Real = ZERO
         ) -> tuple[Real, Real]:
-            """Curvatures of coupler and rod for a pair of coordinates.
+            """Computes one curvature coefficient of coupler and rod, for a pair of coordinates.
 
             Args:
-                own: Product of the coupler's two rates.
-                other: Product of the rod's two rates.
+                own: Product of the coupler's jacobian values for the pair.
+                other: Product of the rod's jacobian values for the pair.
                 arm_b: Component of the crank's acceleration term along the rod, m.
                 arm_c: Component of the crank's acceleration term along the coupler, m.
 
             Returns:
-                The curvatures of coupler and rod.
+                The coefficients of coupler and rod.
             """
             return (
                 -over_b * (arm_b + b * cos23 * own + c * other),
@@ -149,14 +149,14 @@ class WindPumpLoop(NamedTuple):
 
 
 class ByCoupler(WindPumpLoop):
-    """The constants of a wind pump whose coordinates are the angles of crank and coupler.
+    """The kinematic constants of a wind pump with crank and coupler angle as its coordinates.
 
-    These angles determine the motion where coupler and rod are in line. `side` is 1 if the rod
-    points along the guide, -1 if it points against it.
+    These angles determine the motion where coupler and rod are in line. `side` is 1 if the x
+    component of the rod's direction is positive, otherwise -1.
     """
 
     def pose(self, q: tuple[Real, ...]) -> Pose:
-        """The pose at a crank angle and a coupler angle, rad."""
+        """Computes the pose at a crank angle and a coupler angle, rad."""
         r, b, c = self.crank, self.coupler, self.rod
         crank, coupler = (Vector(cos(angle), sin(angle)) for angle in q)
         rise = -(r * crank.y + b * coupler.y)
@@ -193,19 +193,18 @@ class ByCoupler(WindPumpLoop):
 class WindPump(Mechanism):
     """A wind pump: crank A0-A, coupler A-B, rod B-D, slider D on the x axis.
 
-    It has two degrees of freedom, the crank angle and the slider's position. Only the equations of
-    motion, not the loop equation, relate them to each other.
+    It has two degrees of freedom: crank angle and slider position. The loop equation leaves them
+    independent; the equations of motion couple them.
 
     Attributes:
-        coordinates: The crank's angle and the slider's position.
+        coordinates: Names of the coordinates: crank angle and slider position.
         crank: Driven link, from A0, the origin.
         coupler: Link from the crank pin A to B.
         rod: Link from B to the slider's pin D.
         slider: The pump's piston, at D.
-        assembly: 'open': B lies left of the line from A to D; 'crossed': right of it, that is,
-            below it if the slider is to the right.
+        assembly: 'open' if B lies to the left of the line from A to D, 'crossed' if to the right.
         gravity: Acceleration of gravity [x, y], m/s^2.
-        loads: Load curves and friction; the values of a `LinkLoad` are moved to the slider.
+        loads: Load curves and friction. A `LinkLoad` given here is moved into the slider.
     """
 
     coordinates: ClassVar[tuple[str, ...]] = ('crank', 'slider')
@@ -222,7 +221,7 @@ class WindPump(Mechanism):
     loads: tuple[Any, ...] = loads_field()
 
     def loop(self) -> WindPumpLoop:
-        """The constants of the kinematics; the coordinates are crank angle and slider position."""
+        """Returns the kinematic constants; the coordinates are crank angle and slider position."""
         return WindPumpLoop(
             self.crank.length,
             self.coupler.length,
@@ -232,11 +231,11 @@ class WindPump(Mechanism):
         )
 
     def other_loop(self) -> ByCoupler:
-        """The constants of the kinematics; the coordinates are the angles of crank and coupler."""
+        """Returns the kinematic constants; the coordinates are crank and coupler angle."""
         return ByCoupler(*self.loop()[:-1], Opaque(self._refuse_rod))
 
     def start(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """The slider's position, m, and velocity, m/s, at t = 0."""
+        """Returns the slider's position, m, and velocity, m/s, at t = 0."""
         return (self.slider.position,), (self.slider.velocity,)
 
     def _refuse(self, angle: float, slide: float) -> NoReturn:
@@ -257,7 +256,7 @@ class WindPump(Mechanism):
         )
 
     def _slider_range(self, crank: float) -> str:
-        """Describes the range of the slider at a crank angle."""
+        """Describes the reachable slider positions at a crank angle, for an error message."""
         r, b, c = self.crank.length, self.coupler.length, self.rod.length
         ax, ay = r * math.cos(crank), r * math.sin(crank)
         far = (b + c) ** 2 - ay * ay
@@ -269,7 +268,7 @@ class WindPump(Mechanism):
         return f'there the slider can be within {words} m'
 
     def structure(self) -> Structure:
-        """The structure of the pump, whose loop is cut at D."""
+        """Returns the links, points and joints; the loop is cut at D."""
         crank, coupler, rod, slider = self.crank, self.coupler, self.rod, self.slider
         A0 = Point.at(0j, 4)
         A = A0.along(0, crank.length)
