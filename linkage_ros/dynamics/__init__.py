@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Exact states, torque, forces and equations of motion; needs only NumPy.
+"""Exact states, driving torque, joint forces and equations of motion. Requires only NumPy.
 
-Documents 1 to 4, which formulas refer to, are the sources in docs/mechanisms.md.
+References to documents 1 to 4 are to the sources listed in docs/mechanisms.md.
 """

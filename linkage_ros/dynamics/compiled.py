@@ -1,9 +1,9 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Compiles programs to machine code with Numba, for studies of many states.
+"""Compiles programs to machine code with Numba, for computing many states.
 
-Numba is the extra `fast`. It is loaded only for a `Solver` with `compiled=True`; the first call of
-each program takes about a second.
+The extra `fast` installs Numba. It is imported only for a `Solver` with `compiled=True`. The first
+call of each program takes about a second.
 """
 
 import ast
@@ -24,16 +24,17 @@ def compiled_arrays(program: Program, *values: Any) -> Any:
     """Runs a program on arrays of one shape, in machine code.
 
     Args:
-        program: The program. If it calls functions such as tables, it runs without Numba.
-        *values: Arrays and floats.
+        program: The program to run. A program that calls Python functions, such as tables, runs
+            without Numba.
+        *values: Arrays and floats that broadcast.
 
     Returns:
-        The result as arrays; it equals the result of the program for floats, except for the last
-        digits of functions such as the sine.
+        The result as arrays. It equals that of the scalar program, except for the last digits of
+        functions such as the sine.
 
     Raises:
         ConfigurationError: Numba is not installed.
-        LinkageError: The program rejects some values; raised as for floats, for the first of them.
+        LinkageError: The program rejects some values; the error is that of the first of them.
     """
     if any(line.operation == 'call' for line in program.tape.lines):
         return program.arrays(*values)
@@ -51,10 +52,11 @@ def compiled_arrays(program: Program, *values: Any) -> Any:
 
 @functools.cache
 def _loop(source: str) -> Callable[..., int]:
-    """Compiles the source of a program for floats as a loop over columns.
+    """Compiles the source of a scalar program as a loop over columns.
 
-    The loop takes the constants, an array with a row for each argument, and an array with a row
-    for each result, which it fills. It returns the first column rejected by a guard, or -1.
+    The parameters of the loop are the constants, an array with a row per argument, and an array
+    to fill with a row per result. It returns the index of the first column rejected by a guard,
+    or -1.
 
     Raises:
         ConfigurationError: Numba is not installed.
@@ -82,12 +84,12 @@ def _loop(source: str) -> Callable[..., int]:
 
 
 def _statement_source(column: str, statement: ast.stmt) -> str:
-    """Writes a statement as source; a guard is changed to return the column that it rejects."""
+    """Returns the source of a statement, in which guards return the index of the column."""
     return re.sub(r'\n +.*', f' return {column}', ast.unparse(statement))
 
 
 def _number_sources(tree: ast.expr) -> list[str]:
-    """Lists the source of each number in a nested result."""
+    """Returns the source of each number in a nested result."""
     if isinstance(tree, ast.Call) and isinstance(tree.args[0], ast.Tuple):  # a named tuple
         tree = tree.args[0]
     if isinstance(tree, ast.Tuple):

@@ -1,18 +1,19 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Virtual power: from pose, masses and loads to the driving torque, or to the accelerations.
+"""Equations of motion by virtual power: driving torque or accelerations from pose and loads.
 
-Every centre of mass is a fixed combination of the link directions, G = sum_j rho_j e^(i phi_j)
-(+ constant). The sums over the bodies in document 1's power balance and document 3's virtual
-work, m v . a, J w eps and P . v, then depend on the bodies only through two kinds of constants,
+Every centre of mass is a fixed linear combination of the link directions, G = sum_j rho_j
+e^(i phi_j) (+ constant). The power balance in document 1 and the virtual work in document 3 sum
+m v . a, J w eps and P . v over the bodies. These sums depend on the bodies only through the
+constants
 
     C_jk = sum_bodies m conj(rho_j) rho_k  (+ J on the diagonal)      W_j = sum_bodies m rho_j,
 
-computed once. With A + i B = C_jk e^(i (phi_k - phi_j)), the virtual power of all inertia forces
-through the spin of link j is sum_k A phi_k'' - B phi_k'^2. A sliding link adds its mass. The
-power of the loads is subtracted. Weighted with the links' velocities per rate of each coordinate
-(the jacobian), these sums give the equations of motion M q'' + h - Q = driving torque, and 0 for
-undriven coordinates. No pin reaction appears.
+which are computed once. With A + i B = C_jk e^(i (phi_k - phi_j)), the generalised inertia force
+on link j is sum_k A phi_k'' - B phi_k'^2. A sliding link contributes its mass times its
+acceleration. The forces of the loads are subtracted. Weighted with the jacobian and summed over
+the links, these forces give M q'' + h - Q, which equals the driving torque for the crank and 0 for
+undriven coordinates. Pin reactions do not appear.
 """
 
 import itertools
@@ -37,7 +38,7 @@ from linkage_ros.model.loads import JointLoad, Load
 from linkage_ros.model.structure import Dyad, Link, Mechanism, Pin, Point, Structure
 from linkage_ros.numeric import Real
 
-# Takes the place of a function that rejects values, and accepts all values.
+# Replaces a function that rejects values; accepts all values.
 ACCEPT = Opaque(lambda *_: None)
 
 
@@ -53,7 +54,7 @@ class Weight(NamedTuple):
     gravity: Vector
 
     def _moment(self, j: int) -> Vector:
-        """Conj(W_j) g as a vector, N m; for a sliding link, m g, N."""
+        """Returns conj(W_j) g as a vector, N m; for a sliding link, m g, N."""
         if self.links[j].slides:
             return self.gravity * self.links[j].mass
         turning = (link for link in self.links if not link.slides)
@@ -61,14 +62,14 @@ class Weight(NamedTuple):
         return Vector(dot(arm, self.gravity), cross(arm, self.gravity))
 
     def forces(self, links: Sequence[LinkPose], _rates: Sequence[Real]) -> dict[int, Real]:
-        """See `Load`; the torque on a turning link is Re(conj(i W_j e^(i phi_j)) g)."""
+        """Computes the forces; the torque on a turning link is Re(conj(i W_j e^(i phi_j)) g)."""
         return {
             j: (dot if self.links[j].slides else cross)(link.direction, self._moment(j))
             for j, link in enumerate(links)
         }
 
     def potential(self, links: Sequence[LinkPose]) -> Real:
-        """See `Load`."""
+        """Computes the potential energy of the weights, J."""
         return total(
             -dot(link.direction, self._moment(j)) * (link.position if body.slides else 1.0)
             for j, (link, body) in enumerate(zip(links, self.links, strict=True))
@@ -76,22 +77,22 @@ class Weight(NamedTuple):
 
 
 class Model(NamedTuple):
-    """The constants that the formulas of a mechanism use.
+    """The constants used by the formulas of a mechanism.
 
     Attributes:
-        loop: Constants of the kinematics.
+        loop: Kinematic constants.
         links: The moving links of the mechanism.
-        pins: The pin joints; empty if they are not known.
+        pins: The pin joints; empty if joint forces are not supported.
         pin_points: The points of the pins, in the same order.
         dyads: The dyads in the chosen coordinates.
         other_dyads: The dyads in the mechanism's other coordinates.
         gravity: Acceleration of gravity, m/s^2.
-        loads: Loads on the links, without weights and `joint_loads`.
+        loads: Loads on the links, except weights and `joint_loads`.
         joint_loads: Loads caused by joint forces, such as friction.
         refuse: Function that rejects q, u and a if a value or a result is not finite.
         refuse_torque: Function that rejects q, u and a torque if a value or a result is not
             finite.
-        refuse_forces: Function that rejects q at which the joint forces have no finite value.
+        refuse_forces: Function that rejects q if the joint forces are infinite.
         massless: Function that rejects a mass matrix that is not positive definite.
     """
 
@@ -120,14 +121,14 @@ class Model(NamedTuple):
         """Collects the constants of a mechanism.
 
         Args:
-            mechanism: Description of the mechanism, with its loads.
-            structure: Links, bodies and points of the mechanism.
-            loop: Constants of the kinematics; None: the mechanism's own.
-            **refusals: Functions that reject values, for the last fields; by default, all values
-                are accepted.
+            mechanism: The mechanism, with its loads.
+            structure: Links, points and joints of the mechanism.
+            loop: Kinematic constants; by default, those in the mechanism's own coordinates.
+            **refusals: Functions that reject values, by field name; by default, all values are
+                accepted.
 
         Returns:
-            The constants.
+            The constants of the formulas.
 
         Raises:
             ConfigurationError: A load does not fit the mechanism.
@@ -146,11 +147,11 @@ class Model(NamedTuple):
         )
 
     def all_loads(self) -> tuple[Load, ...]:
-        """All loads on the links, weights included."""
+        """Returns all loads on the links except `joint_loads`, including weights."""
         return (Weight(self.links, self.gravity), *self.loads)
 
     def coupling(self, j: int, k: int) -> Vector:
-        """C_jk as real and imaginary part, kg m^2; ZERO: no body couples the links."""
+        """Returns C_jk as real and imaginary part, kg m^2; ZERO if no body couples the links."""
         result = Vector(ZERO, ZERO)
         for link in self.links:
             if not link.slides:
@@ -159,12 +160,12 @@ class Model(NamedTuple):
         return result
 
     def inertia(self, j: int) -> Real:
-        """C_jj of a link, kg m^2; for a sliding link, its mass, kg."""
+        """Returns C_jj of a link, kg m^2; for a sliding link, its mass, kg."""
         link = self.links[j]
         return link.mass if link.slides else self.coupling(j, j).x + link.inertia
 
     def coupled(self, pose: Pose, j: int, k: int) -> tuple[Real, Real]:
-        """A and B, the real and imaginary parts of C_jk e^(i (phi_k - phi_j))."""
+        """Returns A and B, the real and imaginary part of C_jk e^(i (phi_k - phi_j))."""
         coupling, first, second = (
             self.coupling(j, k), pose.links[j].direction, pose.links[k].direction,
         )  # fmt: skip
@@ -180,7 +181,7 @@ def velocities(pose: Pose, u: Sequence[Real]) -> list[Real]:
 def accelerations(pose: Pose, u: Sequence[Real], a: Sequence[Real]) -> list[Real]:
     """Computes the acceleration of each link, rad/s^2 or m/s^2.
 
-    Without accelerations `a` of the coordinates, the rates `u` are taken as constant.
+    If `a`, the accelerations of the coordinates, is empty, the rates `u` are constant.
     """
     products = [x * y for x, y in itertools.combinations_with_replacement(u, 2)]
     return [
@@ -196,10 +197,10 @@ def _product(row: Iterable[Real], column: Iterable[Real]) -> Real:
 def balance(
     model: Model, pose: Pose, rates: Sequence[Real], changes: Sequence[Real]
 ) -> list[Real]:
-    """Computes M q'' + h - Q, the generalised force that must act on each coordinate.
+    """Computes M q'' + h - Q, the generalised force required for the given accelerations.
 
-    This force is linear in the accelerations. For the actual accelerations, it is the driving
-    torque; for the accelerations at q'' = 0, it is h - Q.
+    For the actual accelerations, the force on the crank angle is the driving torque. For the
+    accelerations at q'' = 0, the forces are h - Q.
 
     Args:
         model: Constants of the mechanism.
@@ -208,7 +209,7 @@ def balance(
         changes: Acceleration of each link, rad/s^2 or m/s^2.
 
     Returns:
-        The force on each coordinate: N m on an angle, N on a slider's position.
+        The generalised force on each coordinate: N m for an angle, N for a slider's position.
     """
     forces = [model.inertia(j) * change for j, change in enumerate(changes)]
     for load in model.all_loads():
@@ -230,7 +231,7 @@ def mass_matrix(model: Model, pose: Pose) -> list[list[Real]]:
     for j, k in itertools.combinations(range(size), 2):
         inertias[j][k] = inertias[k][j] = model.coupled(pose, j, k)[0]
     momenta = [[_product(row, column) for row in inertias] for column in columns]
-    # M is symmetric: each of its values is computed once.
+    # M is symmetric, so min and max let the tape share equal entries.
     return [
         [_product(columns[min(i, j)], momenta[max(i, j)]) for j in range(len(columns))]
         for i in range(len(columns))
@@ -238,12 +239,12 @@ def mass_matrix(model: Model, pose: Pose) -> list[list[Real]]:
 
 
 def _columns(pose: Pose) -> list[tuple[Real, ...]]:
-    """The jacobian by columns: the links' velocities per rate of each coordinate."""
+    """Returns the columns of the jacobian, one per coordinate."""
     return list(zip(*(link.jacobian for link in pose.links), strict=True))
 
 
 def state(model: Model, q: Sequence[Real], u: Sequence[Real], a: Sequence[Real] = ()) -> State:
-    """Computes the motion of all links and the driving torque; without `a`, at q'' = 0."""
+    """Computes the motion of all links and the driving torque; if `a` is empty, for q'' = 0."""
     require(is_finite(*q), model.refuse, *q, *u, *a)
     pose = model.loop.pose(tuple(q))
     rates, changes = velocities(pose, u), accelerations(pose, u, a)
@@ -254,7 +255,7 @@ def state(model: Model, q: Sequence[Real], u: Sequence[Real], a: Sequence[Real] 
 
 
 def forward(model: Model, q: Sequence[Real], u: Sequence[Real], torque: Real) -> tuple[Real, ...]:
-    """Solves M q'' + h - Q = torque for the accelerations q'', given the torque on the crank."""
+    """Solves M q'' + h - Q = torque for q'', given the torque on the crank."""
     require(is_finite(*q), model.refuse_torque, *q, *u, torque)
     pose = model.loop.pose(tuple(q))
     held = balance(model, pose, velocities(pose, u), accelerations(pose, u, ()))
@@ -270,7 +271,7 @@ def forward(model: Model, q: Sequence[Real], u: Sequence[Real], torque: Real) ->
 
 
 def acceleration(model: Model, q: Sequence[Real], u: Sequence[Real], torque: Real) -> Real:
-    """Computes the acceleration under a torque on the crank; for a single coordinate."""
+    """Computes the acceleration of a single coordinate under a torque on the crank."""
     (found,) = forward(model, q, u, torque)
     return found
 
@@ -293,7 +294,7 @@ def driven_state(model: Model, q: Sequence[Real], u: Sequence[Real], torque: Rea
 def solved(
     matrix: Sequence[Sequence[Real]], right: Sequence[Real], whole: Real
 ) -> tuple[Real, ...]:
-    """Solves linear equations by Cramer's rule; `whole` is the determinant of the matrix."""
+    """Solves linear equations using Cramer's rule; `whole` is the determinant of the matrix."""
     return tuple(
         determinant(
             [[*row[:i], side, *row[i + 1 :]] for row, side in zip(matrix, right, strict=True)]
@@ -327,7 +328,7 @@ class DyadSine(NamedTuple):
 
 
 def dyad_sines(model: Model, q: Sequence[Real], u: Sequence[Real]) -> tuple[DyadSine, ...]:
-    """Computes, for every dyad, the sine of the angle between its links and the sine's rate.
+    """Computes the sine of the angle between each dyad's links, and the rate of this sine.
 
     The dyads of the current coordinates come first, then those of the other coordinates.
     """
@@ -345,7 +346,7 @@ def dyad_sines(model: Model, q: Sequence[Real], u: Sequence[Real]) -> tuple[Dyad
 
 
 def energy(model: Model, q: Sequence[Real], u: Sequence[Real]) -> tuple[Real, Real]:
-    """Computes the kinetic energy, and the potential energy of weights and loads, J."""
+    """Computes the kinetic energy and the potential energy of weights and loads, J."""
     require(is_finite(*q, *u), model.refuse, *q, *u)
     pose = model.loop.pose(tuple(q))
     matrix = mass_matrix(model, pose)
@@ -362,6 +363,6 @@ def energy(model: Model, q: Sequence[Real], u: Sequence[Real]) -> tuple[Real, Re
 
 
 def matrix(model: Model, q: Sequence[Real]) -> tuple[tuple[Real, ...], ...]:
-    """Computes the mass matrix as nested tuples, a row for each coordinate."""
+    """Computes the mass matrix as a tuple of rows, one per coordinate."""
     require(is_finite(*q), model.refuse, *q)
     return tuple(map(tuple, mass_matrix(model, model.loop.pose(tuple(q)))))

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Evaluates a mechanism's formulas for the arguments of solver methods: floats, arrays, states."""
+"""Evaluates a mechanism's formulas for floats, arrays and states."""
 
 import functools
 import math
@@ -33,20 +33,20 @@ class Evaluator:
     """Evaluates the formulas of one mechanism, in one choice of coordinates.
 
     Attributes:
-        mechanism: Description of the mechanism.
-        structure: Structure of its links.
+        mechanism: The mechanism.
+        structure: Links, points and joints of the mechanism.
         links: Names of the links, in the order used by all tuples.
         description: Choice of coordinates and assembly.
         coordinates: Names of the links whose positions are the coordinates.
         model: Constants of the formulas.
-        names: Names of the numbers in each argument of the formulas. The keys are 'q', 'u' and
-            'a' for coordinates, rates and accelerations; 'torque'; and 'search' for joint loads.
+        names: Names of the scalar arguments of the formulas, by key: 'q', 'u' and 'a' for
+            coordinates, rates and accelerations; 'torque'; and 'search' for joint loads.
     """
 
     def __init__(
         self, mechanism: Mechanism, compiled: bool, description: Description | None
     ) -> None:
-        """Collects constants and names of arguments; see `Solver` for the parameters.
+        """Collects the constants and the argument names; see `Solver` for the parameters.
 
         Raises:
             MechanismError: The argument is not a mechanism.
@@ -88,7 +88,7 @@ class Evaluator:
         return Constants(self.model)
 
     def program(self, formula: Callable[..., Any], *letters: str) -> Program:
-        """Returns the program of a formula; `letters` are the keys of its arguments in `names`."""
+        """Returns the program of a formula; `letters` are its arguments' keys in `names`."""
         key = formula, letters
         if key not in self._programs:
             arguments = tuple(self.names[letter] for letter in letters)
@@ -99,12 +99,12 @@ class Evaluator:
         """Evaluates a formula of the model.
 
         Args:
-            formula: Function of the model's constants and of the arguments.
-            by_math: Whether array results have the same bits as results of single floats.
+            formula: Function of the model and the arguments.
+            by_math: Whether array results must be bit-identical to scalar results.
             **given: Arguments of the formula, by their keys in `names`.
 
         Returns:
-            The result of the formula: arrays if one of the arguments is an array.
+            The result of the formula, with arrays if an argument is an array.
         """
         values = [x for letter, row in given.items() for x in self.row(letter, row)]
         return self.run_program(self.program(formula, *given), *values, by_math=by_math)
@@ -125,14 +125,14 @@ class Evaluator:
         return program.arrays(*values, by_math=by_math)
 
     def settle(self, *given: Any, by_math: bool = False) -> Round:
-        """Iterates until the joint forces and the loads that depend on them are consistent.
+        """Iterates until the joint forces and the loads caused by them are consistent.
 
         Args:
             *given: Coordinates, their rates and their accelerations.
             by_math: See `run`.
 
         Returns:
-            The last iteration. In arrays, solved states stay unchanged, so that the results are
+            The last round. In arrays, converged states stay unchanged, so that the results are
             bit-identical to those of single states.
 
         Raises:
@@ -141,7 +141,7 @@ class Evaluator:
         program = self.program(joint_load_round, *ROUND)
         motion, shape = real_numbers(**dict(zip(program.names, given, strict=False)))
         search: list[Real] = [1.0, 0.0, math.inf, *[0.0] * (len(program.names) - len(given) - 3)]
-        if shape:  # one program for all rounds
+        if shape:  # arrays from the start, so that all rounds use one program
             search = [np.full(shape, value) for value in search]
         for _ in range(_ROUNDS):
             found = cast('Round', self.run_program(program, *motion, *search, by_math=by_math))
@@ -162,10 +162,10 @@ class Evaluator:
 
         Args:
             letter: 'q', 'u' or 'a' for coordinates, rates or accelerations; or 'torque'.
-            row: The argument; a float for a single coordinate.
+            row: The argument as passed; a float or an array is accepted for a single coordinate.
 
         Returns:
-            A value for each coordinate; for the torque, one value.
+            One value per coordinate; for the torque, one value.
 
         Raises:
             ConfigurationError: The number of values is wrong.
@@ -182,7 +182,7 @@ class Evaluator:
         return tuple(found)
 
     def rows(self, state: State) -> tuple[tuple[Real, ...], ...]:
-        """Returns positions, velocities and accelerations of all links.
+        """Returns the positions, velocities and accelerations of all links.
 
         Raises:
             ConfigurationError: The argument is not a state of this mechanism.
@@ -199,10 +199,10 @@ class Evaluator:
         return tuple(row[i] for row in self.rows(state) for i in self._moving)
 
     def refuse_angle(self, reason: str, crank: float, *_: float) -> NoReturn:
-        """Rejects a crank angle for a reason, which becomes part of the message.
+        """Rejects a crank angle, rad.
 
         Raises:
-            UnreachableError: Always.
+            UnreachableError: Always. The message includes the reason.
         """
         reach = self.mechanism.reach()
         message = f'at {math.degrees(crank):.9g} deg {reason}'
@@ -210,10 +210,10 @@ class Evaluator:
 
 
 def refuse_overflow(names: tuple[str, ...], *values: float) -> NoReturn:
-    """Rejects numbers that are not finite or that make a result overflow.
+    """Rejects numbers that are not finite or that cause an overflow.
 
     Raises:
-        ConfigurationError: Always.
+        ConfigurationError: Always. The message lists the numbers by name.
     """
     given = dict(zip(names, values, strict=False))
     require_finite(**given)

@@ -1,14 +1,15 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Loads that depend on the joint forces and change them, such as dry friction.
+"""Loads coupled with the joint forces, such as dry friction.
 
-For a given motion, the joint forces are linear in the loads: F_k = F0_k + sum_m R_km s_m, where
+For a given motion, the joint forces are linear in these loads: F_k = F0_k + sum_m R_km s_m. Here
 s_m is the magnitude of the force in joint m, and R_km is proportional to the coefficients of
-friction. Newton's method solves s_k = |F_k|. Its matrix, 1_km - F_k . R_km / |F_k|, has the
-determinant 1 without friction. Several solutions may exist. The right solution is reached
-continuously from the frictionless forces as the coefficients grow, and the determinant stays
-positive on this path. Where the determinant reaches 0, the forces become infinite or cease to
-exist: the mechanism is self-locking.
+friction. Newton's method solves s_k = |F_k|. Its matrix, 1_km - F_k . R_km / |F_k|, has
+determinant 1 without friction.
+
+Several solutions may exist. The correct one is reached continuously from the frictionless forces
+as the coefficients grow; the determinant stays positive along this path. Where the determinant
+reaches 0, the forces become infinite or cease to exist: the mechanism is self-locking.
 """
 
 import functools
@@ -23,42 +24,42 @@ from linkage_ros.model.kinematics import LinkPose, State
 from linkage_ros.model.loads import Contact
 from linkage_ros.numeric import Real
 
-_CHANGE = 1e-12  # relative to the largest force; forces that change by less in a round are solved
-_ROUNDING = 1e-6  # the same limit, used if rounding errors keep the change from shrinking
-_SINGULAR = 1e-12  # a determinant below this has no correct digits
+_CHANGE = 1e-12  # convergence tolerance for a round's changes, relative to the largest force
+_ROUNDING = 1e-6  # the same tolerance, used once rounding errors keep the changes from shrinking
+_SINGULAR = 1e-12  # a determinant below this is only rounding error
 _STEP = 1e-9  # smallest step of the coefficients, as a fraction of their full values
 
 
 class FoundLoad(NamedTuple):
-    """The loads that joint forces cause, such as friction, as a `Load`.
+    """The loads caused by joint forces, such as friction, as a `Load`.
 
     Attributes:
-        inner: Torque on each link from its pins to other moving links, N m.
-        outer: Load on each link from the frame: torque of a pin, N m; force of a guide, N.
+        inner: Torque on each link at its pins to other moving links, N m.
+        outer: Load on each link from the frame: torque at a pin, N m, or force of a guide, N.
     """
 
     inner: tuple[Real, ...]
     outer: tuple[Real, ...]
 
     def forces(self, _links: Sequence[LinkPose], _rates: Sequence[Real]) -> dict[int, Real]:
-        """See `Load`."""
+        """See `Load.forces`."""
         both = zip(self.inner, self.outer, strict=True)
         return {j: inner + outer for j, (inner, outer) in enumerate(both)}
 
     def resistance(self, _links: Sequence[LinkPose], _rates: Sequence[Real]) -> dict[int, Real]:
-        """See `Load`."""
+        """Returns the loads from the frame; see `Load`."""
         return dict(enumerate(self.outer))
 
 
 class Search(NamedTuple):
-    """Progress of the search for the joint forces of a state.
+    """State of the iteration for the joint forces.
 
     Attributes:
-        share: Fraction of the full coefficients that the round uses, from 0 to 1.
-        solved: Largest fraction for which the forces are solved.
+        share: Fraction of the full coefficients used in this round, from 0 to 1.
+        solved: Largest fraction for which the forces have converged.
         change: Largest change in the last round, N; inf before the first round of a fraction.
         sizes: Latest magnitudes of the forces in the joints that cause loads, N.
-        known: The magnitudes of these forces at the fraction `solved`, N.
+        known: Converged magnitudes of these forces at the fraction `solved`, N.
     """
 
     share: Any
@@ -69,15 +70,15 @@ class Search(NamedTuple):
 
 
 class Round(NamedTuple):
-    """The result of one round of the search, which is a step of Newton's method.
+    """The result of one round, that is, one step of Newton's method.
 
     Attributes:
-        state: The state under the loads that the previous forces cause.
-        reactions: Forces under these loads, as the fields of `Reactions` in order.
-        load: The loads that the previous forces cause.
-        search: Input of the next round; unchanged where the forces are solved.
-        left: 0 if the forces are solved, 1 if more rounds are needed, -1 if friction locks the
-            mechanism.
+        state: The state under the loads caused by the previous forces.
+        reactions: Forces under these loads, in the order of the fields of `Reactions`.
+        load: The loads caused by the previous forces.
+        search: Input of the next round; unchanged if the forces have converged.
+        left: 0 if the forces have converged, 1 if more rounds are needed, -1 if friction locks
+            the mechanism.
     """
 
     state: State
@@ -88,7 +89,7 @@ class Round(NamedTuple):
 
 
 def search_names(model: Model) -> Search:
-    """Names the numbers of a `Search`, which is an argument of `joint_load_round`."""
+    """Returns a `Search` of argument names for the program of `joint_load_round`."""
     contacts = _contacts(model, [0.0] * len(model.links))
     rows: list[Any] = [
         tuple(f'{word}_{i}_{contact.joint}' for i, contact in enumerate(contacts))
@@ -104,17 +105,17 @@ def joint_load_round(
     a: Sequence[Real],
     search: Search,
 ) -> Round:
-    """Computes the state under the loads that given joint forces cause, and one Newton step.
+    """Computes the state under the loads caused by given joint forces, and one Newton step.
 
     Args:
         model: Constants of the mechanism.
-        q: Coordinates.
+        q: Coordinates, rad or m.
         u: Rates of the coordinates.
         a: Accelerations of the coordinates.
         search: The joint forces from the previous round.
 
     Returns:
-        The result of the round.
+        The state, the forces, and the input of the next round.
     """
     rates = velocities(model.loop.pose(tuple(q)), u)
     contacts = _contacts(model, rates)
@@ -123,7 +124,7 @@ def joint_load_round(
     loaded = model._replace(loads=(*model.loads, load))
     found = reactions(loaded, q, u, a)
 
-    # R_km: the forces in joints k under the loads that a force of 1 N in joint m causes.
+    # R_km: the force in joint k under the loads caused by a force of 1 N in joint m.
     nothing: Any = ZERO
     links = tuple(link._replace(mass=nothing, inertia=nothing) for link in model.links)
     weightless = model._replace(links=links, gravity=Vector(ZERO, ZERO))
@@ -142,7 +143,7 @@ def _contacts(model: Model, rates: Sequence[Real]) -> list[Contact]:
 def _caused_loads(
     contacts: Sequence[Contact], share: Real, links: int, sizes: Sequence[Real]
 ) -> FoundLoad:
-    """Computes the loads that forces of given sizes cause; `share` scales the coefficients."""
+    """Computes the loads caused by forces of given magnitudes; `share` scales the coefficients."""
     inner, outer = [ZERO] * links, [ZERO] * links
     for contact, size in zip(contacts, sizes, strict=True):
         row = inner if len(contact.levers) > 1 else outer
@@ -162,15 +163,15 @@ def _forces(model: Model, contacts: Sequence[Contact], found: tuple[Any, ...]) -
 def _newton_step(
     search: Search, forces: Sequence[Vector], slopes: Sequence[Sequence[Vector]]
 ) -> tuple[Search, Real]:
-    """Advances the search by a step of Newton's method.
+    """Performs one step of Newton's method.
 
     Args:
-        search: The search before the step.
+        search: The iteration before the step.
         forces: F_k, the force in each joint, N.
-        slopes: R_km in the order [m][k].
+        slopes: R_km, indexed [m][k].
 
     Returns:
-        The search after the step, and `Round.left`.
+        The iteration after the step, and `Round.left`.
     """
     sizes = [sqrt(dot(force, force)) for force in forces]
     matrix = [
@@ -193,9 +194,9 @@ def _next_round(
 
     Args:
         search: Input of this round.
-        steps: Newton's steps of the magnitudes of the forces, N.
+        steps: Newton steps of the force magnitudes, N.
         whole: Determinant of Newton's matrix.
-        largest: The largest force, N.
+        largest: Magnitude of the largest force, N.
     """
     share, change = search.share, _largest([abs(step) for step in steps])
     shrinks = change < 0.5 * search.change

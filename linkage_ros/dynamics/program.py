@@ -1,14 +1,15 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Turns formulas into straight-line Python: one program for each structure of constants.
+"""Compiles formulas to straight-line Python: one program per structure of constants.
 
-A formula is an ordinary function of constants and arguments. It runs once on symbolic numbers,
-which record its operations: equal terms are shared, unused terms are dropped, and terms of
-constants alone are computed when the constants are bound. The order of operations is kept, so that
-results equal those of the formula itself to the bit. Constants are floats, complex numbers and
-`Opaque` functions in nested tuples. None, booleans, whole numbers, text and the value 0.0 among
-the constants are part of the structure: a formula may branch on them, and terms that vanish
-because of a 0.0 are not computed.
+A formula is an ordinary function of constants and arguments. It runs once on symbolic numbers that
+record its operations. Equal terms are shared, unused terms are dropped, and terms that depend only
+on constants are computed when the constants are bound. The order of operations is kept, so results
+are bit-identical to those of the formula.
+
+Constants are floats, complex numbers and `Opaque` functions in nested tuples. None, booleans,
+integers, strings and the value 0.0 belong to the structure: a formula may branch on them, and
+terms that vanish because of a 0.0 are not computed.
 """
 
 import collections
@@ -36,7 +37,7 @@ from linkage_ros.dynamics.tape import (
 )
 from linkage_ros.numeric import Real, by_element
 
-_CHUNK = 16384  # array values per block: intermediate results stay in the processor's cache
+_CHUNK = 16384  # array values per block, so that intermediate results fit the processor's cache
 _INFIX = {
     **{sign: f'{{}} {sign} {{}}' for sign in OPERATORS.values()},
     'neg': '-{}', 'where': '{1} if {0} else {2}',
@@ -45,18 +46,18 @@ _FUNCTIONS: dict[str, tuple[Callable[..., float], Callable[..., Real]]] = {
     'sin': (math.sin, np.sin), 'cos': (math.cos, np.cos), 'atan2': (math.atan2, np.arctan2),
     'sqrt': (math.sqrt, np.sqrt), 'rint': (round, np.rint),
 }  # fmt: skip
-_EXACT = 'sqrt', 'rint'  # functions whose results NumPy rounds correctly, as Python does
+_EXACT = 'sqrt', 'rint'  # functions that NumPy, like Python, rounds correctly
 _RESERVED = {*_FUNCTIONS, 'abs', 'bind', 'inf', 'refuse', 'locals'}
-_LONG = 200  # characters from which a term gets a line of its own
+_LONG = 200  # characters; a term at least this long is assigned to a variable
 _serial = itertools.count(1)
 _T = TypeVar('_T')
 
 
 class Writer:
-    """Writes the lines of a tape as Python, for floats or for arrays.
+    """Writes a tape as Python source, for floats or for arrays.
 
     Attributes:
-        namespace: Classes of named tuples that the program uses, by name.
+        namespace: Named-tuple classes used by the program, by name.
     """
 
     def __init__(self, tape: Tape, arrays: frozenset[str], head: tuple[str, ...]) -> None:
@@ -64,8 +65,8 @@ class Writer:
 
         Args:
             tape: The recorded operations.
-            arrays: Names of the array inputs; none: all are floats.
-            head: First lines of the program; empty: a `def` line with the inputs.
+            arrays: Names of the inputs that are arrays; all others are floats.
+            head: First lines of the program; if empty, a `def` line with the inputs is used.
         """
         self.namespace: dict[str, Any] = {}
         self._tape, self._head, lines = tape, head, tape.lines
@@ -87,10 +88,10 @@ class Writer:
         self._taken = {*_RESERVED, *self._words.values(), *re.findall(r'\w+', ' '.join(head))}
 
     def text(self) -> tuple[str, str]:
-        """Writes the sources of two functions.
+        """Returns the sources of two functions.
 
-        The first computes all terms that depend on constants alone, and returns them by name.
-        The second is the program, which uses these names.
+        The first computes all terms that depend only on constants, and returns them by name. The
+        second is the program, which uses these names.
         """
         tape = self._tape
         written = [
@@ -112,13 +113,13 @@ class Writer:
         return '\n    '.join(bind) + '\n\n\n', '\n    '.join(program) + '\n'
 
     def numbers(self) -> list[str]:
-        """Lists the names of the numbers in the program that depend on constants alone."""
+        """Returns the names of the numbers in the program that depend only on constants."""
         others = 'literal', 'require', *COMPARISONS
         outer = (i for i in self._live if i not in self._inner)
         return [self._words[i] for i in outer if self._tape.lines[i].operation not in others]
 
     def _statement(self, i: int) -> str:
-        """Writes a line as a statement; empty if its expression is inlined at its only use."""
+        """Returns a line as a statement; empty if the expression is inlined at its only use."""
         operation, operands, _ = self._tape.lines[i]
         read = [self._words[x] for x in operands]
         if operation == 'require':
@@ -164,7 +165,7 @@ class _Tuple(tuple[Any, ...]):
 
 @functools.cache
 def _fast_variant(kind: Any) -> type:
-    """Makes a faster variant of a named tuple, constructed from one tuple of its values."""
+    """Returns a faster variant of a named tuple, constructed from a single tuple of values."""
 
     def reduce(row: tuple[Any, ...]) -> tuple[Any, ...]:
         return kind, tuple(row)
@@ -188,9 +189,9 @@ class Code(NamedTuple):
     """A compiled program whose constants are not bound yet.
 
     Attributes:
-        text: Source code of the function.
-        bound: Function that makes the program from the numbers of the constants and, by name,
-            the functions that `Program.entry` adds.
+        text: Source code of the program.
+        bound: Function that binds the numbers of the constants and, by name, the functions added
+            by `Program.entry`; returns the program as a callable.
     """
 
     text: str
@@ -207,7 +208,7 @@ def _compile(tape: Tape, arrays: frozenset[str], head: tuple[str, ...], *, by_ma
     for name, (scalar, array) in _FUNCTIONS.items():
         is_slow = by_math and name not in _EXACT
         space |= {name: scalar, f'array_{name}': by_element(scalar) if is_slow else array}
-    # In the compiled program, strings stand for the numbers that depend on constants alone.
+    # In the compiled code, strings are placeholders for the numbers that depend on constants only.
     numbers = '|'.join(writer.numbers()) or '$'
     quoted = re.sub(rf'\b({numbers})\b(?!\()', r"'\1'", program)
     exec(compile(bind + quoted, path, 'exec'), space)  # noqa: S102
@@ -216,7 +217,7 @@ def _compile(tape: Tape, arrays: frozenset[str], head: tuple[str, ...], *, by_ma
     run = space[program[len('def ') : program.index('(')]]
 
     def bound(numbers: Iterable[Any], **others: Any) -> Callable[..., Any]:
-        """Replaces strings in a program by numbers; constants are faster than variables."""
+        """Replaces the placeholders with numbers, because constants are faster than variables."""
         values = space['bind'](*numbers)
         constants = transformed(lambda x: values.get(x, x), run.__code__.co_consts)
         code = run.__code__.replace(co_consts=constants)
@@ -228,7 +229,7 @@ def _compile(tape: Tape, arrays: frozenset[str], head: tuple[str, ...], *, by_ma
 class Program:
     """A formula with its constants bound.
 
-    A new structure is recorded and compiled when the program first runs.
+    If the structure of the constants is new, the formula is recorded and compiled on first use.
 
     Attributes:
         formula: Function that the program evaluates.
@@ -242,25 +243,25 @@ class Program:
         """Binds a formula to constants.
 
         Args:
-            formula: Function of constants and arguments; returns numbers in nested tuples.
+            formula: Function of constants and arguments that returns nested tuples of numbers.
             constants: The constants of the formula.
-            arguments: The names of the numbers in each argument.
+            arguments: The names of the scalars in each argument.
         """
         self.formula, self.constants, self._arguments = formula, constants, arguments
         self.names: list[str] = leaves(arguments)
 
     @functools.cached_property
     def scalar(self) -> Callable[..., Any]:
-        """The program for floats; each number of the arguments is a separate parameter."""
+        """The program for floats, with a separate parameter for each scalar of the arguments."""
         return self.code().bound(self.constants.numbers)
 
     def entry(self, *head: str, **others: Any) -> Callable[..., Any]:
-        """The program for floats as a function with other parameters.
+        """Returns the program for floats as a function with a different signature.
 
         Args:
-            *head: First lines of the function: its `def` line, then statements that compute the
-                program's arguments from its parameters.
-            **others: Functions and programs that these statements use, by name.
+            *head: First lines of the function: its `def` line, followed by statements that compute
+                the program's arguments from the function's parameters.
+            **others: Functions and programs used by these statements, by name.
 
         Returns:
             The function.
@@ -284,29 +285,29 @@ class Program:
         *,
         by_math: bool = False,
     ) -> Code:
-        """Compiles the program, without its constants, once for each structure.
+        """Compiles the program without its constants, once per structure.
 
         Args:
-            arrays: Names of the arguments that are arrays; none: all are floats.
+            arrays: Names of the arguments that are arrays; all others are floats.
             head: First lines of the function; see `entry`.
-            by_math: Whether to apply the functions of `math` to arrays, element by element.
+            by_math: Whether to apply functions of `math` to arrays, element by element.
 
         Returns:
-            The code.
+            The compiled program, to which constants can be bound.
         """
         return self._cached(
             (arrays, head, by_math), lambda: _compile(self.tape, arrays, head, by_math=by_math)
         )
 
     def _cached(self, part: tuple[Any, ...], make: Callable[[], _T]) -> _T:
-        """Makes an object once for all programs of one formula and structure."""
+        """Creates an object once for all programs with the same formula and structure."""
         known, key = self.constants.known, (self.formula, self._arguments, *part)
         if key not in known:
             known[key] = make()
         return cast('_T', known[key])
 
     def untraced(self, *values: float) -> Any:
-        """Evaluates the formula itself on floats, for debugging and comparison."""
+        """Evaluates the uncompiled formula on floats, for debugging and comparison."""
         given = iter(values)
         result = self.formula(
             self.constants.tree, *(transformed(lambda _: next(given), x) for x in self._arguments)
@@ -314,14 +315,14 @@ class Program:
         return transformed(formulas.number, result)
 
     def designs(self, *values: Real, by_math: bool = False) -> Any:
-        """Runs the program for many designs and angles at once; constants may also be arrays.
+        """Runs the program for many designs and angles at once; constants may be arrays too.
 
         Args:
             *values: Floats, and arrays that broadcast with the arrays among the constants.
             by_math: See `arrays`.
 
         Returns:
-            The result; values that do not depend on an array are floats.
+            The result, with floats for values that do not depend on an array.
         """
         named = [line.text for line in self.tape.lines if line.operation == 'constant']
         given = zip([*named, *self.names], [*self.constants.numbers, *values], strict=True)
@@ -333,12 +334,12 @@ class Program:
         """Runs the program on arrays of one shape.
 
         Args:
-            *values: Arrays, and floats that hold for all their elements.
-            by_math: Whether to use the functions of `math`, element by element, for results with
-                the bits of the scalar program; NumPy's functions are faster.
+            *values: Arrays of one shape, and floats that apply to all elements.
+            by_math: Whether to apply functions of `math`, element by element, so that results are
+                bit-identical to those of the scalar program. NumPy's functions are faster.
 
         Returns:
-            The result, in which arrays take the place of floats.
+            The result of the scalar program, with arrays instead of floats.
         """
         shape = np.broadcast_shapes(*map(np.shape, values))
         rows: list[Real] = [np.broadcast_to(x, shape).ravel() if np.ndim(x) else x for x in values]
@@ -346,8 +347,8 @@ class Program:
         run = self.code(varying, by_math=by_math).bound(self.constants.numbers)
         size = math.prod(shape)
         results = [np.empty(size) for _ in leaves(self.tape.result)]
-        # glibc returns blocks of this size to the system at once and fetches them again page by
-        # page, until a larger block has been freed. This block is never touched.
+        # By default, glibc returns large freed blocks to the system and faults them in again page
+        # by page. Freeing this larger block, which is never touched, raises that threshold.
         np.empty(3_000_000)
         for start in range(0, size, _CHUNK):
             part = slice(start, start + _CHUNK)

@@ -1,12 +1,11 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Pin forces, shaking force and shaking moment: Newton-Euler, body by body.
+"""Pin forces, shaking force and shaking moment from the Newton-Euler equations of each body.
 
 Virtual power gives the driving torque without these forces, so they are computed only on request.
-For each dyad, the moment balances of its two links, each about its outer pin, give the force in
-the common pin. If only one pin force of a link is still unknown, the force balance of the link
-gives it. Finally, the moment balance of the crank gives the driving torque, independently of
-virtual power.
+For each dyad, the moment balances of its two links about their outer pins give the force in the
+common pin. The force balance of each link then gives its remaining pin force. Finally, the moment
+balance of the crank gives the driving torque, independently of virtual power.
 """
 
 from collections.abc import Sequence
@@ -18,25 +17,26 @@ from linkage_ros.model.kinematics import Pose
 from linkage_ros.model.structure import Dyad, Pin
 from linkage_ros.numeric import Real
 
-# Relative to the coordinate: no double is exactly at a change point; k * math.pi is 2 ulp off.
+# Relative to the coordinate. Doubles only approximate a change point: k * math.pi is up to 2 ulp
+# off.
 _ROUNDING = 2.0**-51
 _ORIGIN = Vector(ZERO, ZERO)
 _FRAME = -1  # index of the last body
 
 
 class Reactions(NamedTuple):
-    """Forces in the joints, in the axes of base_link; floats or arrays, as in the state.
+    """Joint forces in the axes of base_link; floats or arrays, as in the state.
 
     Attributes:
-        pins: Forces (x, y), N, by the name of the pin. 'A0': frame on crank; 'A': crank on
-            coupler; 'B': coupler on rocker, rod or slider; 'B0': frame on rocker; 'D': rod on
-            slider.
-        guide_force: Force of the guide on the slider, to the guide's left, N; None if there is no
-            slider.
+        pins: Forces (x, y), N, by pin name. 'A0' is the force of the frame on the crank, 'A' of
+            the crank on the coupler, 'B' of the coupler on the rocker, rod or slider, 'B0' of the
+            frame on the rocker, and 'D' of the rod on the slider.
+        guide_force: Normal force of the guide on the slider, positive to the left of the guide's
+            direction, N; None if there is no slider.
         shaking_force: Force (x, y) of bearings and guide on the frame, N. It includes an external
-            force on the slider, because that force comes from outside the machine.
+            force on the slider, because that force originates outside the machine.
         shaking_moment: Moment on the frame about A0, including the drive's reaction, N m.
-        torque: Driving torque from the crank's balance of moments, N m.
+        torque: Driving torque from the moment balance of the crank, N m.
     """
 
     pins: dict[str, Vector]
@@ -49,7 +49,7 @@ class Reactions(NamedTuple):
 def reactions(
     model: Model, q: Sequence[Real], u: Sequence[Real], a: Sequence[Real]
 ) -> tuple[tuple[Vector, ...], tuple[Real, ...], Vector, Real, Real]:
-    """Computes the forces in the joints of a moving mechanism, as fields of `Reactions`.
+    """Computes the joint forces of a moving mechanism, in the order of the fields of `Reactions`.
 
     The forces grow without bound near a change point or a limit of the crank.
     """
@@ -60,7 +60,7 @@ def reactions(
         first, second = pose.links[dyad.first], pose.links[dyad.second]
         for angle, k1, k2 in zip(q, first.jacobian, second.jacobian, strict=True):
             slope = (ZERO if model.links[dyad.second].slides else k2) - k1
-            # Within rounding errors, the coordinates are those of a change point.
+            # Reject coordinates within rounding errors of a change point.
             near = _ROUNDING * abs(slope) * (1 + abs(angle))
             require(abs(sine) > near, model.refuse_forces, *q)
         balance.solve(dyad, sine)
@@ -72,11 +72,11 @@ def reactions(
 
 
 class _Balance:
-    """Newton's and Euler's equations of all bodies: the links and, as the last body, the frame.
+    """Newton-Euler equations of all bodies: the links and, as the last body, the frame.
 
     Attributes:
-        forces: Forces in the solved pins, by pin name. Each is exerted by the pin's first link on
-            its second link.
+        forces: Known pin forces, by pin name. The pin's first link exerts the force on its second
+            link.
     """
 
     def __init__(
@@ -93,8 +93,8 @@ class _Balance:
             pin.name: place.follow(self._directions, rates, changes)[0]
             for pin, place in zip(model.pins, model.pin_points, strict=True)
         }
-        # For each body, the known forces with their points of application, and the known couple;
-        # inertia forces and couples are included with reversed signs (d'Alembert).
+        # For each body, the known forces with their points of application, and the known couple.
+        # Following d'Alembert, inertia is included as reversed forces and couples.
         self._known: list[list[tuple[Vector, Vector]]] = [[] for _ in (*model.links, 'frame')]
         self._couples = [ZERO] * len(self._known)
         self._centers = []
@@ -111,25 +111,25 @@ class _Balance:
                 self._add_load(_FRAME, j, -force)
 
     def _add_load(self, body: int, j: int, force: Real) -> None:
-        """Adds a force along link j's guide, or a couple if it turns, to the loads of a body."""
+        """Adds a load of link j to a body: a force along the guide or, if j turns, a couple."""
         if self._links[j].slides:
             self._known[body].append((self._centers[j], self._directions[j] * force))
         else:
             self._couples[body] += force
 
     def force(self, j: int) -> Vector:
-        """The force that the force balance of a body lacks, N."""
+        """Returns the force, N, that is missing from the force balance of body j."""
         return -Vector(*map(total, zip(*(force for _, force in self._known[j]), strict=True)))
 
     def moment(self, j: int, about: Vector = _ORIGIN) -> Real:
-        """The moment that the moment balance of a body about a point lacks, N m."""
+        """Returns the moment, N m, that is missing from the moment balance of body j."""
         return -(
             self._couples[j]
             + total(cross(place - about, force) for place, force in self._known[j])
         )
 
     def _add_pin_force(self, pin: Pin, force: Vector) -> None:
-        """Adds the force in a pin to both of its links."""
+        """Adds a pin force to both of the pin's links."""
         self.forces[pin.name] = force
         self._known[pin.second].append((self._positions[pin.name], force))
         first = _FRAME if pin.first is None else pin.first
@@ -151,7 +151,7 @@ class _Balance:
         self._add_pin_force(self._pins[dyad.pin], force)
 
     def solve_last_pin(self, j: int) -> None:
-        """Computes the last unknown pin force of a link from its balance of forces."""
+        """Computes the last unknown pin force, if any, of a turning link: a force balance."""
         unknown = [
             pin
             for name, pin in self._pins.items()
@@ -162,7 +162,7 @@ class _Balance:
             self._add_pin_force(pin, force if pin.second == j else -force)
 
     def solve_guide(self, j: int) -> Real:
-        """Computes the force of a guide on its slider, N, positive to the guide's left."""
+        """Computes the force of a guide on its slider; see `Reactions.guide_force`."""
         across = self._directions[j].left()
         force = dot(across, self.force(j))
         self._known[_FRAME].append((self._centers[j], across * -force))

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The exact mechanics of one mechanism: states, torque, accelerations, energy and forces."""
+"""Exact solver for a mechanism: states, torque, accelerations, energy and forces."""
 
 import functools
 import itertools
@@ -22,7 +22,7 @@ from linkage_ros.model.structure import Description, Mechanism, Point
 from linkage_ros.numeric import Real
 from linkage_ros.quantities import shown
 
-# First lines of programs that take floats directly; for mechanisms with one coordinate.
+# First lines of programs that accept floats directly, for mechanisms with one coordinate.
 _HEADS = {
     'state': (
         'def state(q, u=0.0, a=0.0, by_math=False):',
@@ -39,15 +39,15 @@ _HEADS = {
 
 
 class Solver(Evaluator):
-    """The exact mechanics of one mechanism.
+    """Exact solver for a mechanism.
 
     The coordinates are the crank angle and, for a wind pump, the slider's position. With one
     coordinate, q, u and a are floats or arrays; with more, sequences of floats or arrays. A tuple
     always holds one value per coordinate, even if there is only one. Arrays broadcast.
 
     Attributes:
-        mechanism: Description of the mechanism.
-        structure: Structure of its links.
+        mechanism: The mechanism.
+        structure: Links, points and joints of the mechanism.
         links: Names of the links, in the order used by all tuples.
         description: Choice of coordinates and assembly.
         coordinates: Names of the links whose positions are the coordinates.
@@ -60,14 +60,14 @@ class Solver(Evaluator):
         compiled: bool = False,
         description: Description | None = None,
     ) -> None:
-        """Prepares the programs; each is compiled when it is first used.
+        """Prepares the programs, each of which is compiled on first use.
 
         Args:
             mechanism: The mechanism to solve.
             compiled: Whether Numba compiles the programs for arrays to machine code.
-            description: Coordinates and assembly; None: the mechanism's own. A solver in other
-                coordinates supports only `driven_state`, `driven_by` and `dyad_sines`; the torque
-                still acts on the crank.
+            description: Coordinates and assembly; by default, the mechanism's own. A solver in
+                other coordinates supports only `driven_state`, `driven_by` and `dyad_sines`; the
+                torque still acts on the crank.
 
         Raises:
             MechanismError: The argument is not a mechanism.
@@ -80,7 +80,7 @@ class Solver(Evaluator):
             self._shorten(self.accelerations, equations.acceleration, 'q', 'u', 'torque')
 
     def _shorten(self, method: Any, formula: Callable[..., Any], *letters: str) -> None:
-        """Replaces a method of this solver by one that passes floats directly to the program."""
+        """Replaces a method of this solver with one that passes floats directly to the program."""
         name = method.__name__
 
         def first(*given: Any, **named: Any) -> Any:
@@ -119,7 +119,7 @@ class Solver(Evaluator):
 
     @property
     def source(self) -> str:
-        """The Python source of `state`; with friction, the source of one iteration."""
+        """The Python source of the program behind `state`; with friction, that of one round."""
         if self.model.joint_loads:
             return self.program(joint_load_round, *ROUND).source
         return self.program(equations.state, 'q', 'u', 'a').source
@@ -133,15 +133,15 @@ class Solver(Evaluator):
             u: Rates of the coordinates, rad/s and m/s.
             a: Accelerations of the coordinates, rad/s^2 and m/s^2. `accelerations` computes the
                 acceleration of a wind pump's slider.
-            by_math: Whether array results have the same bits as results of single floats.
+            by_math: Whether array results must be bit-identical to scalar results.
 
         Returns:
-            The state. Its values are floats if all arguments are floats, and otherwise arrays of
-            the broadcast shape.
+            The state. Its values are floats if all arguments are floats, otherwise arrays of the
+            broadcast shape.
 
         Raises:
-            UnreachableError: At these coordinates, the loop cannot close, or it is stretched, so
-                that no finite rates exist.
+            UnreachableError: At these coordinates, the loop cannot close, or a dyad is in line so
+                that the rates are infinite.
             ConfigurationError: A value is not a finite number, or the torque overflows.
         """
         changes = self.row('a', a)
@@ -157,17 +157,18 @@ class Solver(Evaluator):
         """Solves M q'' + h - Q = torque for the accelerations q'' under a given torque.
 
         Args:
-            q: Coordinates.
-            u: Rates of the coordinates.
+            q: Coordinates, rad and m, as for `state`.
+            u: Rates of the coordinates, rad/s and m/s.
             torque: Torque on the crank, N m, positive counter-clockwise.
             by_math: See `state`.
 
         Returns:
-            Accelerations of the coordinates, rad/s^2, for a wind pump's slider m/s^2. They are a
-            tuple if q is a tuple or there are several coordinates; otherwise a float or an array.
+            Accelerations of the coordinates, rad/s^2 and, for a wind pump's slider, m/s^2. They
+            are a tuple if q is a tuple or there are several coordinates, otherwise a float or an
+            array.
 
         Raises:
-            UnreachableError: At these coordinates, the loop cannot close, or a dyad is stretched.
+            UnreachableError: At these coordinates, the loop cannot close, or a dyad is in line.
             ConfigurationError: A value is not a finite number, or an acceleration overflows.
             MechanismError: A moving coordinate has no mass.
         """
@@ -183,13 +184,13 @@ class Solver(Evaluator):
         """Computes positions, rates and accelerations of all links under a given torque.
 
         Args:
-            q: Coordinates.
-            u: Rates of the coordinates.
+            q: Coordinates, rad and m, as for `state`.
+            u: Rates of the coordinates, rad/s and m/s.
             torque: Torque on the crank, N m, positive counter-clockwise.
             by_math: See `state`.
 
         Returns:
-            The state, with the given torque.
+            The state, whose `torque` is the given torque.
 
         Raises:
             LinkageError: As for `accelerations`.
@@ -198,14 +199,14 @@ class Solver(Evaluator):
         return cast('State', self.run(equations.driven_state, by_math=by_math, **given))
 
     def driven_by(self, torque: Callable[[float], float]) -> Callable[..., tuple[float, ...]]:
-        """Makes a fast function for integrators: the accelerations under a torque law.
+        """Returns a fast function for integrators: the accelerations under a torque law.
 
         Args:
-            torque: Function of the crank speed, rad/s; returns the torque on the crank, N m.
+            torque: Function that returns the torque on the crank, N m, at a crank speed, rad/s.
 
         Returns:
             A function whose parameters are the coordinates and then their rates, all floats. It
-            does not check their types, and raises the errors of `accelerations`.
+            does not check the types of its arguments, and raises the errors of `accelerations`.
         """
         arguments = self.names['q'], self.names['u']
         constants = Constants((self.model, Opaque(torque)))
@@ -215,10 +216,10 @@ class Solver(Evaluator):
         """Computes the sine of the angle between the two links of each dyad.
 
         Args:
-            y: Coordinates, then their rates; floats.
+            y: Coordinates followed by their rates, floats.
 
         Returns:
-            A `DyadSine` for each dyad; the dyads of the other coordinates, if any, come last.
+            A `DyadSine` for each dyad, with the dyads of the other coordinates, if any, last.
 
         Raises:
             LinkageError: As for `state`.
@@ -229,12 +230,12 @@ class Solver(Evaluator):
         """Computes the mechanical energy of the mechanism.
 
         Args:
-            q: Coordinates.
-            u: Rates of the coordinates.
+            q: Coordinates, rad and m, as for `state`.
+            u: Rates of the coordinates, rad/s and m/s.
 
         Returns:
-            The kinetic energy, J; and the potential energy of weights and loads, up to a
-            constant, J.
+            The kinetic energy, J, and the potential energy of weights and loads, up to a constant,
+            J.
 
         Raises:
             LinkageError: As for `state`.
@@ -245,11 +246,11 @@ class Solver(Evaluator):
         """Computes the mass matrix M.
 
         Args:
-            q: Coordinates.
+            q: Coordinates, rad and m, as for `state`.
 
         Returns:
-            A row for each coordinate: kg m^2 between angles, kg m between an angle and a slider's
-            position, kg for the slider's position alone.
+            The rows of the matrix. Entries are in kg m^2 for two angles, kg m for an angle and a
+            position, and kg for two positions.
 
         Raises:
             LinkageError: As for `state`.
@@ -261,8 +262,7 @@ class Solver(Evaluator):
 
         Args:
             state: A state of floats or arrays, from `state`.
-            name: 'A0', 'A', 'B', 'C' (the coupler point, if there is one), the four-bar's 'B0'
-                or the wind pump's 'D'.
+            name: 'A0', 'A', 'B', 'B0' (four-bar), 'C' (coupler point, if any) or 'D' (wind pump).
             by_math: See `state`.
 
         Returns:
@@ -289,7 +289,7 @@ class Solver(Evaluator):
             state: A state of floats or arrays, from `state`.
 
         Returns:
-            The forces and the moment.
+            The joint forces, the shaking force and the shaking moment.
 
         Raises:
             UnreachableError: The mechanism is at a change point, where joint forces are infinite.
@@ -312,14 +312,14 @@ class Solver(Evaluator):
         )
 
     def load_forces(self, state: State) -> dict[str, Real]:
-        """Computes the forces of loads and friction on the links, without weights.
+        """Computes the forces of loads and friction on the links, excluding weights.
 
         Args:
             state: A state of floats or arrays, from `state`.
 
         Returns:
-            The torque on each loaded link, by the link's name, positive counter-clockwise, N m;
-            for a sliding link, the force along its guide, N.
+            The torque on each loaded link by its name, N m, positive counter-clockwise; for a
+            sliding link, the force along its guide, N.
 
         Raises:
             ConfigurationError: The argument is not a state of this mechanism.
@@ -336,15 +336,15 @@ class Solver(Evaluator):
         return found
 
     def alignment(self, q: Sequence[float]) -> tuple[float, str]:
-        """Measures how close a dyad is to being in line, where the motion may end.
+        """Returns how close a dyad is to being in line, where the motion may end.
 
         Args:
-            q: Coordinates, floats; a sequence, even for a single coordinate.
+            q: Coordinates, a sequence of floats even for a single coordinate.
 
         Returns:
-            The sine of the angle between the two links of the dyad or, for a slider, between the
-            link and the guide's normal, or 0 if the loop cannot close; and a description of the
-            position in which this sine is 0.
+            The smallest sine of the angle between a dyad's two links, or between a link and the
+            normal of the guide; 0 if the loop cannot close. Also a description of the position
+            at which this sine is 0.
         """
         dyads, links = self.structure.dyads, self.structure.links
         if not dyads:

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Records the operations of a formula on symbolic numbers, on a tape.
+"""Records the operations of a formula on a tape, by calling the formula with symbolic numbers.
 
 The constants and results of formulas are nested tuples.
 """
@@ -17,7 +17,7 @@ from linkage_ros import formulas, numeric
 from linkage_ros.formulas import ZERO, Opaque, Vector
 from linkage_ros.numeric import Real
 
-# An argument of a formula: the name of a number, or the names of a tuple of numbers.
+# An argument of a formula: the name of a scalar, or the names of the elements of a tuple.
 Argument: TypeAlias = str | tuple[str, ...]
 
 OPERATORS = {
@@ -25,16 +25,16 @@ OPERATORS = {
     'gt': '>', 'ge': '>=', 'lt': '<', 'le': '<=',
 }  # fmt: skip
 COMPARISONS = '>', '>=', '<', '<='
-# x * 1, x / 1, x - 0.0 and x + -0.0 are x for every double, signed zeros included.
+# Neutral second operands: x * 1, x / 1, x - 0.0 and x + -0.0 are x for all x, including -0.0.
 _NEUTRAL = {'*': '1.0', '/': '1.0', '-': '0.0', '+': '-0.0'}
-# For each operation, the number of leading operands that must be finite for a finite result.
+# Number of leading operands that are necessarily finite if the result is finite.
 _PASSED_ON = {'+': 2, '-': 2, '*': 2, '/': 1, 'neg': 1, 'abs': 1}
-# Files whose local variables do not become names in the program.
+# Files whose local variables do not name variables of the program.
 _UNNAMED = __file__, formulas.__file__, numeric.__file__
 
 
 class Recorder:
-    """A symbolic number that records the operations on it on a tape."""
+    """A symbolic number; operations on it are recorded on a tape."""
 
     __array_ufunc__ = None
     __hash__ = __iter__ = None  # type: ignore[assignment]
@@ -43,7 +43,7 @@ class Recorder:
         self.tape, self.line = tape, line
 
     def binary(self, sign: str, a: Real, b: Real) -> Real:
-        """Records an operation on two values; if one of them is ZERO, ZERO handles it instead."""
+        """Records a binary operation; if an operand is ZERO, lets ZERO handle the operation."""
         if a is ZERO or b is ZERO:
             return NotImplemented
         return self.tape.record(sign, a, b)
@@ -75,7 +75,7 @@ class Line(NamedTuple):
 
     Attributes:
         operation: Name of the operation.
-        operands: Numbers of earlier lines.
+        operands: Indices of the lines that compute the operands.
         text: Source text of an input, constant or literal.
     """
 
@@ -85,13 +85,13 @@ class Line(NamedTuple):
 
 
 class Tape:
-    """The operations of one formula, each recorded once, in the order of the formula.
+    """The operations of a formula in order of execution, each recorded once.
 
     Attributes:
         title: Name of the formula.
         lines: The operations, in order.
-        names: Names of the variables that hold the results of lines, by line.
-        result: Result of the formula: nested tuples of `Recorder`s.
+        names: Name of the variable that holds the result of a line, by line index.
+        result: Result of the formula, nested tuples of `Recorder`s.
     """
 
     def __init__(
@@ -100,9 +100,10 @@ class Tape:
         """Records a formula.
 
         Args:
-            formula: Function of constants and arguments; returns numbers in nested tuples.
-            constants: Constants of the structure to record; their values do not matter.
-            arguments: Names of the numbers in each argument.
+            formula: Function of constants and arguments that returns nested tuples of numbers.
+            constants: Constants with the structure to record; the values of their numbers are not
+                used.
+            arguments: Names of the scalars in each argument.
         """
         self.title = formula.__name__
         self.names: dict[int, str] = {}
@@ -113,7 +114,7 @@ class Tape:
         given = iter(
             [self._add('constant', (), at) if isinstance(x, numbers) else x for x, at in named]
         )
-        # An active profiler is left in place; the tape then has no names.
+        # Keep a profiler that is already active; the tape then has no names.
         is_free = sys.getprofile() is None
         if is_free:
             sys.setprofile(self._take_names)
@@ -131,11 +132,11 @@ class Tape:
         """Records an operation, unless it is already on the tape.
 
         Args:
-            operation: Name of the operation.
+            operation: Name of the operation, or its sign.
             *operands: Symbolic numbers and floats.
 
         Returns:
-            The result of the operation.
+            The symbolic result of the operation.
         """
         known = [
             x if isinstance(x, Recorder) else self._add('literal', (), repr(float(x)))
@@ -143,7 +144,7 @@ class Tape:
         ]
         for i in {'+': (1, 0), '-': (1,)}.get(operation, ()):
             negative, positive, _ = self.lines[known[i].line]
-            if negative == 'neg':  # a + -b is a - b to the bit, and a - -b is a + b
+            if negative == 'neg':  # a + -b is bit-identical to a - b, and a - -b to a + b
                 sign = '-' if operation == '+' else '+'
                 return self.record(sign, known[1 - i], Recorder(self, *positive))
         neutral = self._numbers.get(Line('literal', (), _NEUTRAL.get(operation, '')))
@@ -153,20 +154,20 @@ class Tape:
         return self._add(operation, tuple(x.line for x in known))
 
     def without_implied(self, values: Iterable[Real]) -> list[Recorder]:
-        """Leaves out values whose finiteness follows from that of another value.
+        """Removes values whose finiteness is implied by that of another value.
 
-        A finite sum, difference or product has finite operands; a finite quotient has a finite
+        A finite sum, difference or product has finite operands, and a finite quotient has a finite
         dividend.
 
         Args:
-            values: Symbolic numbers, and floats that are finite.
+            values: Symbolic numbers and finite floats.
 
         Returns:
-            The symbolic numbers that must be checked.
+            The symbolic numbers that remain to be checked for finiteness.
         """
         recorded = [x for x in values if isinstance(x, Recorder)]
         implied, lines = set[int](), [x.line for x in recorded]
-        for i in lines:  # the list grows
+        for i in lines:  # the list grows during the loop
             operation, operands, _ = self.lines[i]
             passed = {*operands[: _PASSED_ON.get(operation, 0)]} - implied
             implied |= passed
@@ -181,7 +182,7 @@ class Tape:
         return Recorder(self, self._numbers[found])
 
     def _take_names(self, frame: FrameType, event: str, _: object) -> None:
-        """Copies the names of a function's variables when the function returns."""
+        """Copies the names of a function's local variables when the function returns."""
         if event == 'return' and frame.f_code.co_filename not in _UNNAMED:
             for name, value in frame.f_locals.items():
                 if isinstance(value, Recorder) and value.tape is self:
@@ -189,16 +190,16 @@ class Tape:
 
 
 def leaves(tree: Any) -> list[Any]:
-    """Lists all values of nested tuples, in order."""
+    """Returns all values of nested tuples, in order."""
     if not isinstance(tree, tuple):
         return [tree]
     return [leaf for part in tree for leaf in leaves(part)]
 
 
 def paths(tree: Any, path: str) -> Any:
-    """Replaces each value in nested tuples by a unique name.
+    """Replaces each value in nested tuples with a unique name.
 
-    The name is `path`, followed by the field names or indices that lead to the value, joined by
+    The name consists of `path` and the field names or indices that lead to the value, joined by
     underscores.
     """
     if not isinstance(tree, tuple):
@@ -219,13 +220,13 @@ class Constants:
 
     Attributes:
         numbers: The numbers and opaque functions among the constants, in order.
-        known: Programs compiled for constants of this structure, independent of their values.
+        known: Cache of what was compiled for this structure of constants, whatever their values.
     """
 
     def __init__(self, tree: Any) -> None:
         """Separates the numbers and functions in nested tuples from the structure of the tuples.
 
-        For many designs at once, each number is an array with a row for each design.
+        For many designs at once, each number is an array with one row per design.
         """
         self._given = tree
         self.numbers: list[Any] = []
@@ -250,7 +251,7 @@ class Constants:
         self.known = _known.setdefault(tuple(structure), {})
 
     def part(self, rows: slice) -> 'Constants':
-        """Selects the constants of some designs, by rows of the arrays."""
+        """Selects the constants of some designs by their rows in the arrays."""
         chosen = copy.copy(self)
         chosen.numbers = [x[rows] if isinstance(x, np.ndarray) else x for x in self.numbers]
         return chosen

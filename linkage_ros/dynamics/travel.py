@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The assemblies of a linkage at a crank angle, and the motion of its output over a period."""
+"""Assemblies of a linkage at a crank angle, and stroke or swing of its output link."""
 
 import cmath
 import math
@@ -21,19 +21,19 @@ _SAME = 16 * 2.0**-53 * math.tau  # rad; a few rounding errors of an angle of on
 
 
 class Travel(NamedTuple):
-    """The motion of the output link over a period.
+    """Stroke or swing of the output link over a period.
 
     Attributes:
         output: Name of the output link, such as 'rocker' or 'slider'.
         slides: Whether the output link slides.
-        extremes: Lowest and highest position, rad or m; an angle is beyond pi only if the link
-            swings through pi. None: the link turns fully.
-        at: Crank angles in [0, 2 pi) or [0, 4 pi) at which the link reverses, rad.
+        extremes: Lowest and highest position, rad or m. An angle exceeds pi only if the link
+            swings through pi. None if the link turns fully.
+        at: Crank angles at which the link reverses, rad, in [0, 2 pi) or [0, 4 pi).
         transmission: Smallest and largest transmission angle, between coupler and rocker or
-            between coupler and the normal of the guide; rad in [0, pi]. None: the mechanism has
-            no such angle.
+            between coupler and the normal of the guide, rad in [0, pi]. None if the mechanism has
+            no transmission angle.
         time_ratio: Ratio of the longer to the shorter crank rotation between the two reversals;
-            None unless there are exactly two.
+            None unless there are exactly two reversals.
     """
 
     output: str
@@ -57,13 +57,14 @@ class Travel(NamedTuple):
 
 
 def travel(solver: Solver) -> Travel:
-    """Finds the reversals of the output link.
+    """Finds the extreme positions and reversals of the output link.
 
     Args:
         solver: Solver of a mechanism whose crank turns fully.
 
     Returns:
-        The travel. Its positions are accurate to a few ulp, because they are extremes.
+        The travel. Its positions are accurate to a few ulp, because an error of the crank angle
+        has only a second-order effect on an extreme position.
 
     Raises:
         MechanismError: The crank does not turn fully.
@@ -90,7 +91,7 @@ def travel(solver: Solver) -> Travel:
     reversed_at = [p + whole_turns(position[i] - p) for i, p in zip(before, found, strict=True)]
     extremes: tuple[float, float] | None = None
     if not whole_turns(position[-1] - position[0]):
-        # If the output nearly rests, rounding errors hide the change of sign.
+        # If the output nearly rests, rounding errors may hide a reversal; include the samples.
         ends = *reversed_at, float(position.min()), float(position.max())
         seam = whole_turns(0.5 * (min(ends) + max(ends)))
         extremes = min(ends) - seam, max(ends) - seam
@@ -116,20 +117,20 @@ def _reversal(solver: Solver, low: float, high: float) -> float:
 def assemblies(mechanism: FourBar | SliderCrank, crank: float) -> tuple[tuple[float, ...], ...]:
     """Finds the assemblies of a linkage at a crank angle.
 
-    As in document 2, there are usually two: first the open assembly, then the crossed one. There
-    is only one if coupler and output are in line (for a slider-crank: the coupler and the normal
-    of the guide), at the end of a limited crank's reach or at a change point. There is none
-    beyond that reach.
+    As in document 2, there are usually two: the open and the crossed assembly. They coincide at
+    the end of a limited crank's reach or at a change point. The coupler is then in line with the
+    rocker or, in a slider-crank, with the normal of the guide. Beyond the reach, there are none.
 
     Args:
-        mechanism: The linkage; its own `assembly` is ignored.
+        mechanism: The linkage, whose own `assembly` is ignored.
         crank: Crank angle, rad.
 
     Returns:
-        The positions of crank, coupler and output in each assembly, as in `State.position`.
+        The positions of crank, coupler and output in each assembly, as in `State.position`: the
+        open assembly, then the crossed one.
 
     Raises:
-        ConfigurationError: The crank angle is not one finite number.
+        ConfigurationError: The crank angle is not a single finite number.
     """
     if np.shape(crank):
         raise ConfigurationError(f'crank angle = {shown(crank)}: give one number')
@@ -152,7 +153,7 @@ def assemblies(mechanism: FourBar | SliderCrank, crank: float) -> tuple[tuple[fl
 
 
 def _in_line(mechanism: FourBar | SliderCrank, crank: float) -> tuple[float, ...]:
-    """The position at the end of a crank's reach, where both assemblies coincide."""
+    """Computes the positions at the end of a crank's reach, where both assemblies coincide."""
     angle, pin = mechanism.frame.angle, cmath.rect(mechanism.crank.length, crank)
     b = mechanism.coupler.length
     if isinstance(mechanism, SliderCrank):
