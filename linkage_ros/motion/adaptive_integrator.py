@@ -1,9 +1,9 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Integrates torque-driven motion in steps of adaptive length, for records.
+"""Integrates torque-driven motion in adaptive steps, for records.
 
-This is the only file of this folder that uses SciPy. SciPy's DOP853 is Dormand and Prince's method
-of order 8 with a continuous solution of order 7 between its steps.
+This is the only file in this folder that uses SciPy. DOP853 is Dormand and Prince's method of
+order 8, with a continuous solution of order 7 within each step.
 """
 
 from __future__ import annotations
@@ -19,10 +19,11 @@ from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.fixed_step_integrator import EDGE_PART, Values
 from linkage_ros.numeric import Array
 
-_TOLERANCE = 1e-13  # relative, and absolute in rad and crank lengths
+_TOLERANCE = 1e-13  # relative; also absolute, in rad and crank lengths
 _FIRST_STEP = 1e-4  # s
 _SHORTEST_STEP = 1e-8  # s
-# Steps between two states; a turn of a four-bar takes 100, a second of the wind pump about 20.
+# Largest number of steps between two states: a constant plus a number per second. A turn of a
+# four-bar takes 100 steps, a second of the wind pump about 20.
 _STEPS, _STEPS_A_SECOND = 5_000, 20_000
 _END = 1e10  # s, longer than any run
 
@@ -33,17 +34,17 @@ class AdaptiveSteps:
     Attributes:
         driven: The driven mechanism in its current coordinates.
         time: Time reached, s.
-        phase: Coordinates, then their rates, at that time; the crank angle is within two turns
-            of 0.
+        phase: Coordinates at that time, then their rates; the crank angle is within two turns of
+            0.
         pairs: Pairs of whole turns removed from the crank angle.
     """
 
     def __init__(self, driven: DrivenMechanism, phase: Values) -> None:
-        """Starts a motion at time 0.
+        """Starts a motion at t = 0.
 
         Args:
-            driven: The mechanism under its torque.
-            phase: Coordinates, then their rates.
+            driven: The mechanism and its torque law.
+            phase: Coordinates at t = 0, then their rates.
 
         Raises:
             LinkageError: The motion cannot start; see `Solver.accelerations`.
@@ -51,12 +52,12 @@ class AdaptiveSteps:
         self.driven, self.time = driven, 0.0
         self.phase, self.pairs = driven.wound(phase)
         self._steps = self._begin(0.0, self.phase)
-        # The continuous solution of the last step, and the pairs of turns removed from it.
+        # Continuous solution of the last step, and the pairs of turns removed before it.
         self._between: Any = None
         self._pairs_ahead = self._pairs_between = self.pairs
 
     def changed(self) -> None:
-        """Restarts the steps, because the torque has changed."""
+        """Restarts the integrator after a change of the torque."""
         self._steps = self._begin(self.time, self.phase)
         self._pairs_ahead = self.pairs
 
@@ -69,10 +70,10 @@ class AdaptiveSteps:
         )  # fmt: skip
 
     def advance(self, time: float) -> None:
-        """Integrates the motion to a time.
+        """Integrates the motion up to a time.
 
         Args:
-            time: Not before the time reached, s.
+            time: Time not before the time reached, s.
 
         Raises:
             MotionError: The motion ends earlier.
@@ -88,13 +89,13 @@ class AdaptiveSteps:
             self.time, self.phase, self.pairs = time, phase, self._pairs_between + pairs
 
     def phases(self, times: Sequence[float]) -> Iterator[tuple[Values, int]]:
-        """Integrates to increasing times, s; yields phase and pairs of whole turns at each."""
+        """Yields `phase` and `pairs` at increasing times, s."""
         done = 0
         while done < len(times):
             self.advance(times[done])
             yield self.phase, self.pairs
             done += 1
-            # Other times within the same step need only one evaluation each.
+            # For other times within the same step, evaluate the continuous solution only once.
             end = bisect_right(times, self._steps.t, done)
             if end > done:
                 for values in self._between(np.array(times[done:end])).T.tolist():
@@ -122,14 +123,14 @@ class AdaptiveSteps:
             self.driven.fail(steps.t, phase, cause)
         self._between, self._pairs_between = steps.dense_output(), self._pairs_ahead
         phase, pairs = self.driven.wound(tuple(steps.y.tolist()))
-        if pairs:  # a relative tolerance would be too loose for a large angle
+        if pairs:  # keep the angle small, because the tolerance is relative to it
             steps.y = np.array(phase)
             self._pairs_ahead += pairs
 
     def _try(self) -> LinkageError | None:
-        """Makes one step. If the slope rejects a value, keeps the state and returns the error."""
+        """Performs one step; if the slope rejects a value, returns the error instead."""
         try:
-            with np.errstate(all='ignore'):  # the slope refuses non-finite values
+            with np.errstate(all='ignore'):  # the slope rejects non-finite values
                 self._steps.step()
         except LinkageError as refusal:
             return refusal

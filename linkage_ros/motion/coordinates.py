@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The coordinates of a mechanism at one moment: the output of every drive."""
+"""Coordinates, rates and accelerations of a mechanism: the output of every drive."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from linkage_ros.numeric import Array, Real
 class Coordinates(NamedTuple):
     """Coordinates, rates and accelerations, each in the order of `Solver.coordinates`.
 
-    The values are floats, or arrays for many moments.
+    The values are floats, or arrays for many times.
 
     Attributes:
-        q: Crank angle, rad, reduced to within two turns, after which every state repeats. For a
-            wind pump also the slider's position, m.
+        q: Crank angle, rad, reduced to the range of two turns, after which every state repeats;
+            for a wind pump also the slider's position, m.
         u: Rates of the coordinates, rad/s and m/s.
         a: Accelerations of the coordinates, rad/s^2 and m/s^2.
-        unwrapped: The whole crank angle, correctly rounded, rad.
-        state: The state, if the motion is in another assembly, which the coordinates do not
-            determine; None: they determine the state.
+        unwrapped: Crank angle including all turns, correctly rounded, rad.
+        state: The state, if the motion may be in another assembly so that the coordinates do not
+            determine the state; otherwise None.
     """
 
     q: tuple[Real, ...]
@@ -36,7 +36,7 @@ class Coordinates(NamedTuple):
 
 
 def stacked(moments: Sequence[Coordinates]) -> Coordinates:
-    """Stacks the coordinates of many moments into arrays."""
+    """Stacks the coordinates of many times into arrays."""
     q, u, a = (_columns([m[i] for m in moments]) for i in range(3))
     states = [m.state for m in moments if m.state is not None]
     state = None

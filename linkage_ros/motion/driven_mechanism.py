@@ -3,8 +3,8 @@
 """A mechanism under a torque, as a first-order system for integrators.
 
 Near a singularity of the mechanism's own coordinates, such as a dead centre or a stretched dyad,
-the motion is described in the mechanism's other coordinates. Beyond the singularity, its own
-coordinates are used again, perhaps in the other assembly.
+the motion is integrated in its other coordinates. After the singularity, its own coordinates are
+used again, possibly in the other assembly.
 """
 
 from __future__ import annotations
@@ -32,23 +32,23 @@ from linkage_ros.numeric import Array, Real, with_turns, within_two_turns, wrap
 TorqueLaw: TypeAlias = Callable[[Any], Real]
 
 _NUDGE = 1e-7  # relative step of a value, or of its unit, for derivatives
-_PLACES = 12  # crank angles at which eigenvalues are found
-_SLOW = 1e-3  # rad/s or m/s: counts as rest
-_SOON = 1e-3  # s
+_PLACES = 12  # number of crank angles per arc at which eigenvalues are computed
+_SLOW = 1e-3  # rad/s or m/s, treated as rest
+_SOON = 1e-3  # s, within which an end is reported at its extrapolated time
 _NEAR = 0.05  # sine of the dyad angle below which the dyad counts as stretched or folded
-# Sines at which a motion leaves its own coordinates and returns to them.
+# Sines of the dyad angle at which the motion leaves its own coordinates and returns to them.
 _LEAVE, _RETURN = 0.1, 0.2
 
 
 @dataclass(frozen=True)
 class DrivenMechanism:
-    """A mechanism under a torque: y' = slope(y), where y holds coordinates, then their rates.
+    """A mechanism under a torque: y' = slope(y), where y are coordinates, then their rates.
 
     Attributes:
-        solver: Solver of the mechanism.
-        torque: Torque on the crank, N m, as a function of its speed, rad/s.
+        solver: Solver of the mechanism in the current coordinates.
+        torque: Torque on the crank, N m, as a function of the crank speed, rad/s.
         middle: If the crank is not a coordinate, the middle of the arc on which it moves, rad.
-        solvers: Solvers of the descriptions used so far.
+        solvers: Solvers for all descriptions used so far.
     """
 
     solver: Solver
@@ -58,7 +58,7 @@ class DrivenMechanism:
 
     @functools.cached_property
     def units(self) -> tuple[float, ...]:
-        """Units of errors in y: rad and crank lengths, then the same per second."""
+        """Units of the errors in y: rad or crank lengths, then the same per second."""
         length = self.solver.mechanism.crank.length
         return tuple(length if link.slides else 1.0 for link in self.links) * 2
 
@@ -74,21 +74,21 @@ class DrivenMechanism:
         return self.solver.coordinates[0] == self.solver.links[0]
 
     def wound(self, y: tuple[float, ...]) -> tuple[tuple[float, ...], int]:
-        """Reduces the crank angle in y to within two turns; also returns the removed pairs."""
+        """Removes pairs of whole turns from the crank angle in y; returns y and their number."""
         if not self.has_crank:
             return y, 0
         angle, pairs = within_two_turns(y[0])
         return (angle, *y[1:]), pairs
 
     def crank(self, y: tuple[float, ...], pairs: int) -> float:
-        """The whole crank angle, rad.
+        """Returns the crank angle including all turns.
 
         Args:
             y: Coordinates, then their rates.
-            pairs: Pairs of whole turns removed from y.
+            pairs: Pairs of whole turns removed from the crank angle in y.
 
         Returns:
-            The angle, rounded once.
+            The angle, rad, rounded once.
         """
         if self.has_crank:
             return with_turns(y[0], pairs)
@@ -96,7 +96,7 @@ class DrivenMechanism:
         return with_turns(angle, pairs + turns_between(angle, self.middle))
 
     def described(self, description: Description) -> DrivenMechanism:
-        """This driven mechanism in another description."""
+        """Returns this driven mechanism in another description."""
         self.solvers.setdefault(self.solver.description, self.solver)
         if description not in self.solvers:
             self.solvers[description] = Solver(self.solver.mechanism, description=description)
@@ -109,11 +109,11 @@ class DrivenMechanism:
             y: Coordinates, then their rates.
 
         Returns:
-            The driven mechanism, y in its coordinates, and the time to the end of these
-            coordinates at constant rates, s.
+            The driven mechanism in the chosen coordinates, y in these coordinates, and the
+            estimated time until they become singular, s.
 
         Raises:
-            LinkageError: As `Solver.accelerations`.
+            LinkageError: As for `Solver.accelerations`.
         """
         if not self.is_limited:
             return self, y, math.inf
@@ -141,7 +141,7 @@ class DrivenMechanism:
         return bool(self.solver.description == self.solver.mechanism.description)
 
     def _better(self, y: tuple[float, ...], sine: float, other_sine: float) -> tuple[str, ...]:
-        """Selects the coordinates to use from now on; empty: the current coordinates."""
+        """Selects new coordinates; empty to keep the current ones."""
         mechanism = self.solver.mechanism
         is_worse = sine < _LEAVE and other_sine > 2 * sine
         if self.is_own:
@@ -155,17 +155,17 @@ class DrivenMechanism:
     def redescribed(
         self, y: tuple[float, ...], coordinates: tuple[str, ...]
     ) -> tuple[DrivenMechanism, tuple[float, ...]]:
-        """The motion in given coordinates, in the assembly that matches the links' positions.
+        """Converts the motion to other coordinates, in the assembly that matches the positions.
 
         Args:
             y: Coordinates, then their rates.
-            coordinates: The mechanism's own coordinates, or its other coordinates.
+            coordinates: The mechanism's `coordinates` or `other_coordinates`.
 
         Returns:
-            The driven mechanism, and y in its coordinates.
+            The driven mechanism in these coordinates, and y in these coordinates.
 
         Raises:
-            LinkageError: As `Solver.state`.
+            LinkageError: As for `Solver.state`.
         """
         state, links = self._state(y), self.solver.structure.links
         positions = [
@@ -191,7 +191,7 @@ class DrivenMechanism:
         return replace(min(both, key=distance), middle=middle), there
 
     def arc_middle(self, crank: float) -> float:
-        """The middle of the arc on which the crank moves, rad, within pi of a crank angle."""
+        """Returns the middle of the arc on which the crank moves, rad, within pi of its angle."""
         mobility = self.solver.mobility
         if mobility is None:
             return crank
@@ -206,36 +206,36 @@ class DrivenMechanism:
         return with_turns(middle, turns_between(middle, crank))
 
     def _state(self, y: tuple[float, ...]) -> State:
-        """Positions and rates of all links."""
+        """Computes the positions and rates of all links."""
         return self.solver.state(y[: len(y) // 2], y[len(y) // 2 :])
 
     @functools.cached_property
     def accelerations(self) -> Callable[..., tuple[float, ...]]:
-        """A function of the values of y, given one by one, that returns the accelerations.
+        """A function that returns the accelerations; its arguments are the elements of y.
 
         It raises the errors of `Solver.accelerations`.
         """
         return self.solver.driven_by(self.torque)
 
     def slope(self, y: tuple[float, ...]) -> tuple[float, ...]:
-        """Computes the rates, then the accelerations, at y.
+        """Computes y', the rates followed by the accelerations.
 
         Raises:
-            LinkageError: As `Solver.accelerations`.
+            LinkageError: As for `Solver.accelerations`.
         """
         return slope_at(self.accelerations, y)
 
     def speed(self, y: tuple[float, ...]) -> float:
-        """The speed of the crank, rad/s."""
+        """Returns the speed of the crank, rad/s."""
         return y[len(y) // 2] if self.has_crank else self._state(y).velocity[0]
 
     @functools.cached_property
     def rates(self) -> tuple[float, float]:
-        """Largest rates of settling and of swinging about rest, without the motor's torque, 1/s.
+        """Settling rate and angular frequency of small motions about rest, 1/s.
 
-        Each rate is the median, over several crank angles, of the largest eigenvalue of the
-        linearised motion. The median ignores the dead centre of a massless crank, where an
-        eigenvalue is infinite.
+        They are medians, over several crank angles, of the largest decay rate and the largest
+        imaginary part of the eigenvalues. The torque at rest is subtracted. The median ignores
+        the dead centre of a massless crank, where an eigenvalue is infinite.
         """
         free = DrivenMechanism(self.solver, lambda speed: self.torque(speed) - self.torque(0.0))
         arcs = self.solver.mobility.arcs if self.solver.mobility else FULL_TURN
@@ -250,7 +250,7 @@ class DrivenMechanism:
         return float(median(settling or [0.0])), float(median(swinging or [0.0]))
 
     def eigenvalues(self, q: tuple[float, ...]) -> Array:
-        """Eigenvalues of the motion linearised about rest, 1/s."""
+        """Computes the eigenvalues of the motion linearised about rest, 1/s."""
         y, count = (*q, *[_SLOW] * len(q)), len(q)
         by_value = jacobian(self.accelerations, self.units, y, self.slope(y))
         system: Any = np.vstack([np.eye(count, 2 * count, count), np.transpose(by_value)])
@@ -258,19 +258,20 @@ class DrivenMechanism:
         return found
 
     def fail(self, time: float, y: tuple[float, ...], cause: Exception | None) -> NoReturn:
-        """Ends a motion that cannot be continued.
+        """Reports the end of a motion that cannot continue.
 
         Args:
-            time: Time reached, s; the error gives the exact time of the end.
+            time: Time reached, s.
             y: Coordinates and rates at that time.
-            cause: Error in the next step, if any.
+            cause: Error raised in the next step, if any.
 
         Raises:
-            MotionError: Always; the message names time and place, and the remedy.
+            MotionError: Always. The message states the extrapolated time of the end, the position,
+                the cause and remedies.
         """
         sine, words = self.solver.alignment(y[: len(y) // 2])
         q, other_sine = y[: len(y) // 2], 1.0
-        with suppress(LinkageError):  # the exact end is a little later
+        with suppress(LinkageError):  # the actual end is slightly later
             _, _, left = self.ready(y)
             time += left if left < _SOON else 0.0
             others = self.solver.dyad_sines(y)[len(self.solver.structure.dyads) :]
@@ -301,7 +302,7 @@ class DrivenMechanism:
 
     @functools.cached_property
     def is_limited(self) -> bool:
-        """Whether the coordinates cannot describe every motion; change points do not count."""
+        """Whether the coordinates are singular at positions other than change points."""
         mobility = self.solver.mobility
         return mobility is None or not mobility.turns_fully
 
@@ -309,7 +310,7 @@ class DrivenMechanism:
 def slope_at(
     accelerations: Callable[..., Sequence[Real]], y: tuple[Real, ...]
 ) -> tuple[Real, ...]:
-    """Computes the rates, then the accelerations, at y; compiled as a formula."""
+    """Computes y', the rates followed by the accelerations; compiled as a formula."""
     found, half = accelerations(*y), len(y) // 2
     return (*y[half:], *(found[i] for i in range(half)))
 
@@ -320,20 +321,21 @@ def jacobian(
     y: tuple[Real, ...],
     slope: tuple[Real, ...],
 ) -> list[list[Real]]:
-    """Computes the derivatives of the accelerations by differences; compiled as a formula.
+    """Computes the jacobian of the accelerations by finite differences; compiled as a formula.
 
     Args:
-        accelerations: Accelerations at y, given one by one.
-        units: Units of errors in y.
+        accelerations: Function that returns the accelerations; its arguments are the elements of
+            y.
+        units: Units of the errors in y.
         y: Coordinates, then their rates.
-        slope: The slope at y.
+        slope: y' at y.
 
     Returns:
-        For each value of y, the derivatives of all accelerations.
+        A row for each element of y, with the derivatives of all accelerations.
     """
     found = []
     for i, (value, unit) in enumerate(zip(y, units, strict=True)):
-        # Steps go away from 0, where the force of a load may jump.
+        # Step away from 0, where the force of a load may jump.
         size = _NUDGE * where(abs(value) >= unit, abs(value), unit)
         nudged = value + where(value >= 0.0, size, -size)
         there = slope_at(accelerations, (*y[:i], nudged, *y[i + 1 :]))[len(y) // 2 :]
@@ -343,5 +345,5 @@ def jacobian(
 
 
 def turns_between(angle: float, middle: float) -> Fraction:
-    """The number of pairs of turns that bring an angle within pi of another."""
+    """Returns the pairs of turns to add to `angle` so that it is within pi of `middle`."""
     return Fraction(round((middle - angle) / (2 * math.pi)), 2)

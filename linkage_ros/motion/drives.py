@@ -1,8 +1,8 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The drives of a mechanism: a crank speed, a torque, or a measured crank.
+"""Drives of a mechanism: a crank speed, a torque, or a measured crank.
 
-Their fields are the parameters of the drive.
+The fields of each class are the parameters of the drive.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from linkage_ros.quantities import Checked, quantity
 
 @dataclass(frozen=True)
 class SpeedDrive(Checked):
-    """The motion of a speed-driven crank.
+    """A drive that turns the crank at a set speed.
 
     Attributes:
-        rpm: Crank speed, counter-clockwise positive, turns per minute.
-        start_rpm: Speed at t = 0, turns per minute; None: `rpm`.
-        crank_acceleration: Acceleration at which the speed approaches `rpm`, rad/s^2; 0: the speed
-            changes at once.
+        rpm: Set crank speed, turns per minute, positive counter-clockwise.
+        start_rpm: Speed at t = 0, turns per minute; None to start at `rpm`.
+        crank_acceleration: Acceleration at which the speed approaches `rpm`, rad/s^2; 0 for an
+            immediate change.
         crank_angle: Crank angle at t = 0, rad.
     """
 
@@ -52,11 +52,11 @@ class SpeedDrive(Checked):
 
 @dataclass(frozen=True)
 class Motor(Checked):
-    """A motor whose torque falls linearly with the crank speed.
+    """A motor whose torque decreases linearly with the crank speed.
 
     Attributes:
-        torque: Torque at rest, N m, counter-clockwise positive.
-        damping: Decrease of the torque per unit of crank speed, N m s.
+        torque: Torque at rest, N m, positive counter-clockwise.
+        damping: Decrease in torque per unit of crank speed, N m s.
     """
 
     torque: float = quantity(
@@ -68,19 +68,19 @@ class Motor(Checked):
     )
 
     def at(self, speed: Real) -> Real:
-        """Torque, N m, at a crank speed or an array of crank speeds, rad/s."""
+        """Returns the torque, N m, at a crank speed or an array of crank speeds, rad/s."""
         return self.torque - self.damping * speed
 
 
 @dataclass(frozen=True)
 class TorqueDrive(Checked):
-    """The motor and the start of a torque-driven mechanism.
+    """A drive that applies a torque to the crank.
 
     Attributes:
-        motor: The motor; the torque of commands is added to the motor's.
+        motor: The motor; commanded torques are added to its torque.
         start_rpm: Crank speed at t = 0, turns per minute.
         crank_angle: Crank angle at t = 0, rad.
-        torque_limit: Limit of the commanded torque, N m; larger values are cut to the limit.
+        torque_limit: Magnitude to which commanded torques are clipped, N m.
         command_timeout: Time after which a command expires, s.
     """
 
@@ -102,11 +102,11 @@ class TorqueDrive(Checked):
 
 @dataclass(frozen=True)
 class FollowDrive(Checked):
-    """A measured crank, which the other links follow.
+    """A measured crank that the other links follow.
 
     Attributes:
-        follow_bandwidth: Bandwidth of the filter that gives rates and accelerations, Hz; 0: they
-            are 0.
+        follow_bandwidth: Bandwidth of the filter that estimates rates and accelerations, Hz; 0 to
+            set both to 0.
     """
 
     follow_bandwidth: float = quantity(
@@ -116,7 +116,7 @@ class FollowDrive(Checked):
 
     @property
     def crank_angle(self) -> float:
-        """Crank angle before the first measurement, rad."""
+        """The crank angle before the first measurement, rad."""
         return 0.0
 
 

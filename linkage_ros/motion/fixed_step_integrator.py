@@ -1,11 +1,11 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Integrates torque-driven motion in fixed steps, with bounded work and checked steps.
+"""Integrates torque-driven motion in fixed steps, with error checks and bounded work.
 
 Each step uses Dormand and Prince's method of order 5 (J. Comput. Appl. Math. 6 (1980), RK5(4)7M).
 The difference from the embedded result of order 4 shows whether the step was short enough. If not,
-the step is halved, within a limited number of trials. If all trials fail, the motion is at a
-singularity of its coordinates and ends with an error.
+the step is halved, up to a limited number of trials. If all trials fail, for example near a
+singularity of the coordinates, the motion ends with an error.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ Values: TypeAlias = tuple[float, ...]
 
 LONGEST_STEP = 1e-3  # s
 TOLERANCE = 1e-9
-EDGE_PART = 0.25  # longest step, relative to the time to the end of the coordinates
+EDGE_PART = 0.25  # longest step, relative to the time until the coordinates become singular
 _HALVINGS = 50
-_TRIALS = 400  # largest number of trial steps per part of at most 1 ms
+_TRIALS = 400  # largest number of trials for each step of at most LONGEST_STEP
 
 
 class Method(NamedTuple):
     """The coefficients of a Runge-Kutta method: weights of the slopes, 0 for unused slopes.
 
     Attributes:
-        stages: Weights for the point at which each slope after the first is evaluated.
-        end: Weights for the end of a step.
-        error: Weights for the error of a step, including the slope at its end.
+        stages: Weights for each point at which a slope after the first is evaluated.
+        end: Weights for the values at the end of a step.
+        error: Weights for the error of a step; the last is that of the slope at its end.
     """
 
     stages: tuple[tuple[Real, ...], ...]
@@ -59,11 +59,11 @@ DORMAND_PRINCE = Method(
 
 
 class Steps(Protocol):
-    """The interface of integrators of one motion.
+    """Interface of an integrator.
 
     Attributes:
         driven: The driven mechanism in its current coordinates.
-        phase: These coordinates, then their rates; the crank angle is within two turns of 0.
+        phase: Coordinates, then their rates; the crank angle is within two turns of 0.
         pairs: Pairs of whole turns removed from the crank angle.
         time: Time reached, s.
     """
@@ -74,26 +74,26 @@ class Steps(Protocol):
     time: float
 
     def changed(self) -> None:
-        """Prepares for a torque that has just changed."""
+        """Notifies the integrator that the torque has changed."""
 
     def advance(self, time: float) -> None:
-        """Integrates the motion to a time, s."""
+        """Integrates the motion up to a time, s."""
 
     def phases(self, times: Sequence[float]) -> Iterator[tuple[Values, int]]:
-        """Integrates to increasing times, s; yields phase and pairs of whole turns at each."""
+        """Yields `phase` and `pairs` at increasing times, s."""
 
 
-# Makes the integrator of a motion from the values at t = 0.
+# Creates an integrator from the values at t = 0.
 Integrate: TypeAlias = Callable[[DrivenMechanism, Values], Steps]
 
 
 class Plant(NamedTuple):
-    """The equations of motion that a step integrates.
+    """The equations of motion integrated by a step.
 
     Attributes:
-        units: Units of errors; see `DrivenMechanism`.
-        accelerations: Function that takes the coordinates and then their rates as separate
-            arguments, and returns the accelerations.
+        units: Units of errors; see `DrivenMechanism.units`.
+        accelerations: Function that returns the accelerations; its arguments are the coordinates,
+            then their rates.
     """
 
     units: tuple[Real, ...]
@@ -103,16 +103,16 @@ class Plant(NamedTuple):
 def leap(
     plant: Plant, values: tuple[Real, ...], h: Real, slope: tuple[Real, ...]
 ) -> tuple[tuple[Real, ...], tuple[Real, ...], tuple[Real, ...]]:
-    """Makes one step of one motion, or of many as arrays; compiled as a formula.
+    """Performs one step of a motion, or of many motions as arrays; compiled as a formula.
 
     Args:
-        plant: The mechanism under its torque.
+        plant: The equations of motion.
         values: Coordinates, then their rates.
         h: Length of the step, s.
-        slope: Rates and accelerations at the start.
+        slope: Rates and accelerations at the start of the step.
 
     Returns:
-        The values and the slope at the end of the step, and the error of each value in its unit.
+        The values and the slope at the end of the step, and the errors; see `errors`.
     """
     slopes, end = [slope], values
     for weights in (*DORMAND_PRINCE.stages, DORMAND_PRINCE.end):
@@ -124,7 +124,7 @@ def leap(
 def moved(
     weights: Sequence[Real], values: tuple[Real, ...], h: Real, slopes: Sequence[Sequence[Real]]
 ) -> tuple[Real, ...]:
-    """Adds h times the weighted sum of the slopes to the values; compiled as a formula."""
+    """Returns values + h * (weighted sum of the slopes); compiled as a formula."""
     used = [(weight, rates) for weight, rates in zip(weights, slopes, strict=True) if weight]
     return tuple(
         value + h * total(weight * rates[i] for weight, rates in used)
@@ -142,14 +142,14 @@ def errors(
     """Estimates the errors of a step; compiled as a formula.
 
     Args:
-        weights: Weights of the slopes.
-        units: Units of the values.
+        weights: Weights of the slopes in the error.
+        units: Units of the errors; see `DrivenMechanism.units`.
         end: The values at the end of the step.
         h: Length of the step, s.
         slopes: The slopes evaluated in the step.
 
     Returns:
-        The error of each value in its unit; of a rate above one unit, the relative error.
+        The error of each value in its unit; for a rate above one unit, the relative error.
     """
     sizes = [
         unit if i < len(end) // 2 else where(unit >= abs(value), unit, abs(value))
@@ -165,10 +165,10 @@ class FixedSteps:
     Attributes:
         driven: The driven mechanism in its current coordinates.
         time: Time reached, s.
-        phase: Coordinates, then their rates, at that time; the crank angle is within two turns
-            of 0.
+        phase: Coordinates at that time, then their rates; the crank angle is within two turns of
+            0.
         pairs: Pairs of whole turns removed from the crank angle.
-        tried: Number of trial steps so far.
+        tried: Number of trials so far.
     """
 
     _formula = staticmethod(leap)
@@ -185,13 +185,12 @@ class FixedSteps:
         """Starts a motion.
 
         Args:
-            driven: The mechanism under its torque.
-            phase: Coordinates, then their rates.
+            driven: The mechanism and its torque law.
+            phase: Coordinates at the start, then their rates.
             longest: Largest length of a step, s.
-            tolerance: Largest error of a step, in rad and crank lengths; of rates, in the same
-                units per second, relative to rates above one unit.
-            time: Time of the start, s.
-            trials: Largest number of trial steps for each step.
+            tolerance: Largest error of a step; see `errors`.
+            time: Time at the start, s.
+            trials: Largest number of trials for each step.
 
         Raises:
             LinkageError: The motion cannot start; see `Solver.accelerations`.
@@ -204,7 +203,7 @@ class FixedSteps:
         self._slope: Values | None = driven.slope(self.phase)
 
     def _use(self, driven: DrivenMechanism) -> None:
-        """Prepares the program of a step in the coordinates of a driven mechanism."""
+        """Creates the program of a step in the coordinates of a driven mechanism."""
         constants = Constants(Plant(driven.units, Opaque(driven.accelerations)))
         values, slope = (
             tuple(f'{word}{i}' for i in range(len(driven.units))) for word in ('value', 'slope')
@@ -213,23 +212,23 @@ class FixedSteps:
         self._leap = Program(self._formula, constants, (values, 'h', slope)).scalar
 
     def changed(self) -> None:
-        """Prepares for a torque that has just changed."""
+        """Discards the slope, because the torque has changed."""
         self._slope = None
 
     def phases(self, times: Sequence[float]) -> Iterator[tuple[Values, int]]:
-        """See `Steps`."""
+        """See `Steps.phases`."""
         for time in times:
             self.advance(time)
             yield self.phase, self.pairs
 
     def advance(self, time: float) -> None:
-        """Integrates the motion to a time.
+        """Integrates the motion up to a time.
 
         Args:
-            time: Not before the time reached, s.
+            time: Time not before the time reached, s.
 
         Raises:
-            MotionError: The motion ends earlier; `time` and `phase` hold the last values.
+            MotionError: The motion ends earlier. `time` and `phase` then hold the last values.
         """
         start, span = self.time, time - self.time
         steps = math.ceil(span / self._longest * (1 - 1e-9))
@@ -254,13 +253,13 @@ class FixedSteps:
             until = self.time + h
             self._step(h / 2, halvings - 1)
             left = until - self.time
-            # After days, time is coarser than the shortest steps.
+            # After days of motion, the resolution of time is coarser than the shortest steps.
             self._step(left if abs(left - h / 2) < h / 4 else h / 2, halvings - 1)
         else:
             self.driven.fail(self.time, self.phase, cause)
 
     def _try(self, h: float) -> tuple[Values, Values, float]:
-        """Makes one step; returns the values and the slope at its end, and its error."""
+        """Tries one step; returns the values and the slope at its end, and its largest error."""
         driven, self.phase, left = self.driven.ready(self.phase)
         if driven is not self.driven:
             self._use(driven)
@@ -269,5 +268,5 @@ class FixedSteps:
         if h > left * EDGE_PART:
             return phase, slope, math.inf
         end, slope, apart = self._leap(*phase, h, *slope)
-        # Not max: a nan must not pass.
+        # max alone could ignore a nan.
         return end, slope, math.inf if sum(apart) != sum(apart) else max(apart)

@@ -1,19 +1,19 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The motion of a measured crank: its measured angle, and rates from a tracking filter.
+"""Motion of a measured crank: its measured angle, and rates from a tracking filter.
 
-The filter tracks a signal m with a value x and a rate v; both poles are at -w = -2 pi bandwidth:
+The filter tracks a signal m with a value x and a rate v. Both poles are at -w = -2 pi bandwidth:
 
     x' = v + 2 w (m - x)        v' = w^2 (m - x)
 
-The filter tracks a constant rate without error; if the rate changes steadily, v' equals the rate
-of change. With e = m - x and d = m' - v the filter is e' = d - 2 w e, d' = -w^2 e. Between two
-measurements, m' is assumed to be constant, so
+If m' is constant, the filter settles without error. If m'' is constant, v' settles at m''. With
+e = m - x and d = m' - v, the filter is e' = d - 2 w e, d' = -w^2 e. If m' is constant between two
+measurements,
 
     e(t) = [e + (d - w e) t] exp(-w t)        d(t) = [d + w (d - w e) t] exp(-w t)
 
 exactly, for any time t. If m is the crank angle, v is the speed and w^2 e the acceleration. If the
-sensor measures the speed, m is the speed, and v is the acceleration.
+sensor also measures the speed, a second filter tracks it, and its v is the acceleration.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ from linkage_ros.motion.drives import FollowDrive
 from linkage_ros.numeric import within_two_turns
 from linkage_ros.units import NS_PER_S
 
-# A larger step back, ns, comes from a bag in a loop or from a restarted simulator.
+# ns. Stamps jump back farther than this only if a bag is looped or a simulator is restarted.
 _RESTART = NS_PER_S
-# Relative to 1 / bandwidth; a longer gap resets the filter.
+# A longer gap between measurements, in units of 1 / bandwidth, resets the filter.
 _GAP = 10.0
 
-# Larger values, rad or rad/s, are not measurements, and their squares would overflow.
+# rad or rad/s. Larger values cannot be measurements, and their squares would overflow.
 _LARGEST = 1e12
 
 NOT_NEWER, NOT_FINITE = 'not newer than the one before', 'not finite, or beyond 1e+12'
@@ -42,9 +42,9 @@ class Measurement(NamedTuple):
     """A measurement of the crank.
 
     Attributes:
-        stamp: Stamp, ns.
-        position: Angle, rad.
-        velocity: Speed, rad/s; None: not measured.
+        stamp: Time of the measurement, ns.
+        position: Crank angle, rad.
+        velocity: Crank speed, rad/s; None if it was not measured.
     """
 
     stamp: int
@@ -56,9 +56,9 @@ class Tracked(NamedTuple):
     """The state of the filter for one signal.
 
     Attributes:
-        value: Last measured value of the signal.
-        error: Difference of the last measured value from the filter's value.
-        rate: Rate of the filter.
+        value: Last measured value of the signal, m.
+        error: Last measured value minus the filter's value, m - x.
+        rate: Rate of the filter, v.
     """
 
     value: float
@@ -87,14 +87,14 @@ class FollowMotion:
     """The motion of a measured crank.
 
     Attributes:
-        left_out: Numbers of rejected measurements, by cause.
+        left_out: Number of rejected measurements for each cause.
     """
 
     def __init__(self, drive: FollowDrive) -> None:
-        """Starts without a measurement.
+        """Initializes the filter, which starts at the first measurement.
 
         Args:
-            drive: Settings of the filter.
+            drive: Drive with the bandwidth of the filter.
         """
         self.left_out: Counter[str] = Counter()
         self._w = 2 * math.pi * drive.follow_bandwidth
@@ -106,10 +106,11 @@ class FollowMotion:
         """Updates the motion with a measurement.
 
         Args:
-            measured: A measurement; the calls must be in the order of arrival.
+            measured: The measurements of successive calls must be in order of arrival.
 
         Returns:
-            The crank at the stamp of the measurement; None: it was rejected and counted.
+            The coordinates at the stamp of the measurement; None if it was rejected, which
+            `left_out` counts.
         """
         stamp, position, velocity = measured
         values = (position,) if velocity is None else (position, velocity)
@@ -133,7 +134,7 @@ class FollowMotion:
         return Coordinates((angle,), *self._rates(velocity), position)
 
     def _advance(self, position: float, velocity: float | None, time: float) -> None:
-        # A sensor may restart at 0 each turn: choose the whole turns by the speed.
+        # A sensor may restart at 0 each turn: choose the angle closest to the predicted one.
         turn = 2 * math.pi
         ahead = self._angle.value + self._angle.rate * time
         turns = round((ahead - position) / turn)
@@ -151,11 +152,11 @@ class FollowMotion:
 
 
 def ahead(coordinates: Coordinates, seconds: float) -> Coordinates:
-    """Extrapolates coordinates with their acceleration.
+    """Extrapolates coordinates at constant acceleration.
 
     Args:
-        coordinates: Coordinates now.
-        seconds: Time ahead, s.
+        coordinates: Coordinates of the crank alone.
+        seconds: Time by which to extrapolate, s.
 
     Returns:
         The coordinates after that time.

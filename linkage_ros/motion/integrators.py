@@ -1,9 +1,9 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Selects the integrator of a motion.
+"""Selects the integrator for a torque-driven motion.
 
-Processor time in s for each second of motion, in ticks of 1 ms, of the quadrilateral at 150 rpm
-and the wind pump at 3 rad/s under motor lines of several dampings:
+The table lists the processor time, in s per second of motion, for ticks of 1 ms. The quadrilateral
+turns at 150 rpm and the wind pump at 3 rad/s; `Motor.damping` varies:
 
     damping, N m s       rate, 1/s   explicit   implicit   DOP853   implicit, 1e-11
     quadrilateral 30     6e2         0.04       0.04       0.4      0.1
@@ -14,9 +14,9 @@ and the wind pump at 3 rad/s under motor lines of several dampings:
     wind pump 4e5        2e4         0.4        0.1        1.2      0.09
     wind pump 1e7        5e5         11         0.08       20       0.07
 
-At 1e5 N m s, implicit steps at 1e-11 leave an error of 2e-7 N m in the quadrilateral's torque.
-SciPy's Radau at 1e-12 leaves an error of 2e-5 N m at the same cost, and SciPy's LSODA one of 2e-6
-N m at a sixth of this cost.
+At a damping of 1e5 N m s, the error of the quadrilateral's torque is 2e-7 N m for implicit steps
+with a tolerance of 1e-11. It is 2e-5 N m for SciPy's Radau (1e-12) at the same cost, and 2e-6 N m
+for SciPy's LSODA at a sixth of this cost.
 """
 
 from __future__ import annotations
@@ -30,45 +30,45 @@ from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.fixed_step_integrator import FixedSteps, Steps, Values
 from linkage_ros.motion.stiff_integrator import StiffSteps
 
-_STIFF = 2e3  # rate of settling, 1/s, above which implicit steps cost less than explicit ones
-_MOST_STEPS, _TRIED = 50, 100  # steps of 12 us of work in each ms; ms of the motion to try
-_RECORD: dict[str, Any] = {'tolerance': 1e-11, 'trials': 10_000}  # tolerance of implicit steps
-_RECORD_CORNERS: dict[str, Any] = {'tolerance': 1e-13, 'trials': 10_000}  # of explicit steps
+_STIFF = 2e3  # settling rate, 1/s, above which implicit steps cost less than explicit ones
+_MOST_STEPS, _TRIED = 50, 100  # limit of steps per ms, at 12 us each; ms of motion to check
+_RECORD: dict[str, Any] = {'tolerance': 1e-11, 'trials': 10_000}  # for implicit steps
+_RECORD_CORNERS: dict[str, Any] = {'tolerance': 1e-13, 'trials': 10_000}  # for explicit steps
 
 
 def live_steps(driven: DrivenMechanism, phase: Values, **options: Any) -> Steps:
-    """Makes an integrator with bounded work per tick.
+    """Creates an integrator with bounded work per tick.
 
     Args:
-        driven: The mechanism under its torque.
-        phase: Coordinates, then their rates.
-        **options: Options of `FixedSteps`.
+        driven: The mechanism and its torque law.
+        phase: Coordinates at t = 0, followed by their rates.
+        **options: Further parameters of `FixedSteps`.
 
     Returns:
-        The integrator.
+        The integrator at t = 0.
 
     Raises:
-        LinkageError: The motion cannot begin; see `Solver.accelerations`.
+        LinkageError: The motion cannot start; see `Solver.accelerations`.
     """
     return live_method(driven)(driven, phase, **options)
 
 
 def live_method(driven: DrivenMechanism) -> type[FixedSteps]:
-    """Selects the cheaper integrator of live runs by the settling rate."""
+    """Selects the integrator that costs less at the mechanism's settling rate."""
     return StiffSteps if driven.rates[0] > _STIFF else FixedSteps
 
 
 def require_live(driven: DrivenMechanism, begin: Coordinates, period: float) -> None:
-    """Refuses a motion that takes too many steps for a live run.
+    """Rejects a motion that requires too many steps for a live run.
 
     Args:
-        driven: The mechanism under its torque.
+        driven: The mechanism and its torque law.
         begin: Coordinates at t = 0.
         period: Period of the ticks, s.
 
     Raises:
-        ConfigurationError: The first 0.1 s of the motion take too many steps, or the motion ends
-            in the first ms.
+        ConfigurationError: The first 0.1 s of the motion requires too many steps, or the motion
+            ends within the first ms.
     """
     method, tried, words = live_method(driven), 0.0, ''
     steps = method(driven, (*begin.q, *begin.u))
@@ -78,7 +78,7 @@ def require_live(driven: DrivenMechanism, begin: Coordinates, period: float) -> 
         try:
             steps.advance(1e-3 * ms)
         except LinkageError as error:
-            words = f'{error}' if ms == 1 else ''  # the run itself reports a later end
+            words = f'{error}' if ms == 1 else ''  # the run reports a later end
             break
         tried = steps.tried / ms
     if tried > most:
@@ -95,10 +95,10 @@ def require_live(driven: DrivenMechanism, begin: Coordinates, period: float) -> 
 
 
 def record_steps(driven: DrivenMechanism, phase: Values) -> Steps:
-    """Makes the most accurate integrator; see `live_steps`."""
+    """Creates the most accurate integrator; see `live_steps`."""
     if driven.rates[0] > _STIFF:
         return live_steps(driven, phase, **_RECORD)
-    # Between the corners of a load, long steps of high order lose their accuracy.
+    # Corners of a load destroy the accuracy of long high-order steps.
     if any(load.has_corners for load in driven.solver.mechanism.loads):
         return FixedSteps(driven, phase, **_RECORD_CORNERS)
     return AdaptiveSteps(driven, phase)

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The coordinates of a torque-driven motion as runs publish them and logs hold them."""
+"""Coordinates of a torque-driven motion, in the form published by runs and stored in logs."""
 
 import functools
 import math
@@ -18,19 +18,19 @@ _ROUNDINGS = 8
 
 
 def published(driven: DrivenMechanism, y: tuple[float, ...], pairs: int) -> Coordinates:
-    """The coordinates that a run publishes.
+    """Returns the coordinates to publish.
 
     Args:
         driven: The driven mechanism in its current coordinates.
         y: Coordinates, then their rates.
-        pairs: Pairs of whole turns removed from y.
+        pairs: Pairs of whole turns removed from the crank angle in y.
 
     Returns:
-        The coordinates. A reader of the messages computes the same values to the bit, because
-        the crank angle within two turns is derived from the rounded whole angle.
+        The coordinates. They can be recomputed from messages bit for bit, because the reduced
+        crank angle is derived from the rounded unwrapped angle.
 
     Raises:
-        LinkageError: As `Solver.accelerations`.
+        LinkageError: As for `Solver.accelerations`.
     """
     solver, half = driven.solver, len(y) // 2
     unwrapped = 0.0
@@ -53,7 +53,7 @@ def published(driven: DrivenMechanism, y: tuple[float, ...], pairs: int) -> Coor
 def all_published(
     driven: DrivenMechanism, moments: list[tuple[tuple[float, ...], int]]
 ) -> Coordinates:
-    """The coordinates that a run publishes at many moments, in arrays; see `published`."""
+    """Returns the coordinates to publish at many times, as arrays; see `published`."""
     solver = driven.solver
     if not driven.is_own:
         return stacked([published(driven, *moment) for moment in moments])
@@ -69,7 +69,7 @@ def all_published(
 
 
 def legible(driven: DrivenMechanism, y: tuple[float, ...]) -> tuple[float, ...]:
-    """The values y after a round trip through messages, which hold angles and rates of joints."""
+    """Rounds y so that a conversion to joint angles and rates of messages and back is exact."""
     crank, half = driven.solver.links[0], len(y) // 2
     values = list(y)
     for i, link in enumerate(driven.links):
@@ -83,15 +83,15 @@ def legible(driven: DrivenMechanism, y: tuple[float, ...]) -> tuple[float, ...]:
 
 
 def own_coordinates(solver: Solver, state: State, unwrapped: Real) -> Coordinates:
-    """Coordinates that carry a state, because they do not determine it.
+    """Returns coordinates that include the state, because they do not determine it.
 
     Args:
         solver: Solver of the mechanism.
         state: A state of floats or arrays.
-        unwrapped: The whole crank angle, rad.
+        unwrapped: Crank angle including all turns, rad.
 
     Returns:
-        The coordinates.
+        The mechanism's own coordinates with the state.
     """
     own = [solver.links.index(name) for name in solver.mechanism.coordinates]
     q, u, a = (tuple(row[i] for i in own) for row in state[:3])
@@ -99,7 +99,7 @@ def own_coordinates(solver: Solver, state: State, unwrapped: Real) -> Coordinate
 
 
 def joint_angle(angle: float) -> float:
-    """The angle of a joint as messages hold it, in (-pi, pi], rad."""
+    """Wraps the angle of a joint to (-pi, pi], rad, as in messages."""
     found: float = wrap(angle)
     return found if found > -math.pi else math.pi
 
@@ -113,7 +113,7 @@ def _of_rate(base: float, value: float) -> float:
 
 
 def _settled(function: Callable[[float], float], value: float) -> float:
-    """Applies a function to a value repeatedly until the value does not change."""
+    """Applies a function to a value repeatedly until the value no longer changes."""
     for _ in range(_ROUNDINGS):
         before, value = value, function(value)
         if value == before:

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The segments of a run's motion, as a log keeps them; each lasts until the next begins."""
+"""Segments of a run's motion, as stored in logs. Each lasts until the next one starts."""
 
 from __future__ import annotations
 
@@ -13,16 +13,17 @@ from linkage_ros.model.structure import Description
 
 @dataclass(frozen=True)
 class SpeedSegment:
-    """A segment in which the crank goes from a phase and a speed to a set speed.
+    """A segment in which the crank accelerates from an initial speed to the set speed.
 
     Attributes:
-        stamp: Start, ns.
-        phase: Phase at the start, turns.
-        speed: Speed at the start, turns per minute.
+        stamp: Stamp of the start, ns.
+        phase: Crank angle at the start, turns.
+        speed: Crank speed at the start, turns per minute.
         rpm: Set speed, turns per minute.
-        acceleration: Acceleration towards the set speed, rad/s^2, not negative; 0: the speed
-            changes at once.
-        old_stamp: Start on the clock before the clock was stepped, ns; None: it was not stepped.
+        acceleration: Magnitude of the acceleration towards the set speed, rad/s^2; 0 for an
+            immediate change.
+        old_stamp: If a step of the clock started the segment, the stamp of its start on the old
+            clock, ns; otherwise None.
     """
 
     stamp: int
@@ -35,13 +36,14 @@ class SpeedSegment:
 
 @dataclass(frozen=True)
 class TorqueSegment:
-    """A segment in which the mechanism is driven by a motor torque.
+    """A segment in which a motor torque drives the mechanism.
 
     Attributes:
-        stamp: Start, ns.
+        stamp: Stamp of the start, ns.
         torque: Torque of the motor at rest, N m.
-        old_stamp: Start on the clock before the clock was stepped, ns; None: it was not stepped.
-        description: Coordinates and assembly of the states; None: the mechanism's own.
+        old_stamp: If a step of the clock started the segment, the stamp of its start on the old
+            clock, ns; otherwise None.
+        description: Coordinates and assembly of the motion; None for the mechanism's own.
     """
 
     stamp: int

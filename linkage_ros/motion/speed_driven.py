@@ -1,10 +1,10 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The motion of a speed-driven crank: exact at every stamp, after a second or after years.
+"""Motion of a speed-driven crank, exact at every stamp even after years.
 
-Errors do not accumulate, because nothing is summed step by step. A segment has a phase and a speed
-at a stamp, and a set speed; the phase at a later stamp is one expression in whole nanoseconds,
-reduced by whole turns and then rounded once to a float.
+Errors do not accumulate, because nothing is summed step by step. A segment defines phase and speed
+at its start, and a set speed. The phase at a later stamp is a closed expression in integer
+nanoseconds. It is reduced by whole turns and then rounded once to a float.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ from linkage_ros.motion.drives import SpeedDrive
 from linkage_ros.motion.segments import SpeedSegment
 from linkage_ros.units import NS_PER_S
 
-# Phases, speeds and accelerations are whole numbers of 2^-128 turn, rpm and rpm/s. Every double
-# above 1e-22 rpm is such a number exactly; smaller values are rounded by less than 1e-38.
+# Phases, speeds and accelerations are integers in units of 2^-128 turn, rpm and rpm/s. Doubles
+# above 1e-22 are exact in these units; rounding changes smaller values by less than 1e-38.
 _GRID = 1 << 128
-# After whole ns, speeds are whole numbers of 1 / _RPM rpm, and phases, with rate t^2 / 2, are
-# whole numbers of 1 / _TURN turn.
+# With time in integer ns, speeds are integers in units of 1 / _RPM rpm. Phases, which include
+# rate t^2 / 2, are integers in units of 1 / _TURN turn.
 _RPM = _GRID * NS_PER_S
 _TURN = _RPM * 120 * NS_PER_S
-# 2 pi in whole numbers of 2^-256.
+# 2 pi in units of 2^-256.
 _TWO_PI_GRID = 1 << 256
 _TWO_PI = 0x6487ED5110B4611A62633145C06E0E68948127044533E63A0105DF531D89CD913
-# Angles and speeds are rounded from whole numbers of 2^-_BITS rad and rad/s. A multiplication by
-# the size of the unit takes far less time than a division by its inverse.
+# Angles and speeds are rounded from integers in units of 2^-_BITS rad and rad/s. Multiplying by
+# the size of a unit is much faster than dividing by its inverse.
 _BITS = 600
 _TURN_SIZE = (_TWO_PI << _BITS) // (_TURN * _TWO_PI_GRID)
 _SPEED_SIZE = (_TWO_PI << _BITS) // (60 * _RPM * _TWO_PI_GRID)
@@ -42,7 +42,7 @@ class SpeedMotion:
     """The exact motion in one segment.
 
     Attributes:
-        segment: The segment, as in logs.
+        segment: The segment, in the form stored in logs.
     """
 
     def __init__(self, segment: SpeedSegment) -> None:
@@ -52,11 +52,11 @@ class SpeedMotion:
         self._speed = round(segment.speed * _GRID)
         gap = self._target - self._speed
         rate = round(Fraction(segment.acceleration) * 60 * _TWO_PI_GRID * _GRID / _TWO_PI)
-        rate = max(rate, 1)  # a tiny acceleration must not count as "at once"
+        rate = max(rate, 1)  # a tiny acceleration must not be treated as an immediate change
         self._ramp_ns = math.ceil(Fraction(abs(gap) * NS_PER_S, rate))
         self._rate = rate if gap > 0 else -rate
-        # A settled crank differs by gap^2 / (2 rate) from one that has always turned at the
-        # final speed.
+        # After the ramp, the phase differs by gap^2 / (2 rate) from that of a crank that has
+        # always turned at the set speed.
         settled = self._phase - round(Fraction(gap * gap, 120 * self._rate))
         self._settled_phase = settled * (_TURN // _GRID)
         self._settled_speed = _radians(self._target * NS_PER_S, _SPEED_SIZE)
@@ -66,25 +66,25 @@ class SpeedMotion:
         """Starts the motion of a drive at t = 0.
 
         Args:
-            drive: Settings of the crank's motion.
+            drive: The drive, with the angle and speed at t = 0.
             stamp: Stamp of t = 0, ns.
 
         Returns:
             The motion in the first segment.
         """
         phase = Fraction(drive.crank_angle) * _TWO_PI_GRID / _TWO_PI
-        # Without acceleration the first change of speed happens at once, at t = 0.
+        # With crank_acceleration = 0, `_segment` replaces this speed with the set speed.
         speed = Fraction(drive.initial_rpm)
         return cls(_segment(stamp, phase, speed, drive.rpm, drive.crank_acceleration))
 
     def at(self, stamp: int) -> Coordinates:
-        """The crank at a stamp at or after the start.
+        """Computes the coordinates at a stamp.
 
         Args:
-            stamp: ns.
+            stamp: Stamp at or after the start of the segment, ns.
 
         Returns:
-            Angle, speed and acceleration, each rounded once.
+            Crank angle, speed and acceleration, each rounded once.
         """
         elapsed = stamp - self.segment.stamp
         turned, speed, acceleration = self._phase_after(elapsed), self._settled_speed, 0.0
@@ -97,13 +97,14 @@ class SpeedMotion:
         return Coordinates((angle,), (speed,), (acceleration,), unwrapped)
 
     def at_all(self, stamps: Sequence[int]) -> Coordinates:
-        """The crank at many stamps, with the same bits as `at`.
+        """Computes the coordinates at many stamps, bit-identical to those of `at`.
 
         Args:
-            stamps: Increasing stamps, at or after the start, ns.
+            stamps: Increasing stamps at or after the start of the segment, ns.
 
         Returns:
-            Arrays; if the speed has settled, speed and acceleration are floats.
+            The coordinates as arrays; once the set speed is reached, speed and acceleration are
+            floats.
         """
         elapsed = [stamp - self.segment.stamp for stamp in stamps]
         if elapsed[0] < self._ramp_ns:
@@ -116,23 +117,23 @@ class SpeedMotion:
         return Coordinates((angle,), (self._settled_speed,), (0.0,), unwrapped)
 
     def follow(self, stamp: int, drive: Any) -> SpeedMotion:
-        """The motion from a stamp on under a drive; a new motion if the speed was set.
+        """Returns the motion under a drive from a stamp on.
 
         Args:
-            stamp: ns.
-            drive: The SpeedDrive in force.
+            stamp: Stamp from which the drive applies, ns.
+            drive: The current `SpeedDrive`.
 
         Returns:
-            The motion.
+            This motion, or a new one if the set speed has changed.
         """
         return self if drive.rpm == self.segment.rpm else self.change(stamp, drive.rpm)
 
     def restamp(self, old: int, new: int) -> SpeedMotion:
-        """The motion after a step of the clock, with continuous phase and speed.
+        """Returns the motion after a step of the clock, with continuous phase and speed.
 
         Args:
-            old: Moment of the step on the old clock, ns.
-            new: The same moment on the new clock, ns.
+            old: Stamp of the step on the old clock, ns.
+            new: Stamp of the step on the new clock, ns.
 
         Returns:
             The motion in the next segment.
@@ -140,12 +141,12 @@ class SpeedMotion:
         return self.change(old, self.segment.rpm, new)
 
     def change(self, stamp: int, rpm: float, restamp: int | None = None) -> SpeedMotion:
-        """The motion after a change, with continuous phase and speed.
+        """Returns the motion after a change of speed or clock, with continuous phase and speed.
 
         Args:
             stamp: Stamp of the change, ns.
             rpm: The new set speed, turns per minute.
-            restamp: The same moment on the clock after a step, ns; None: no step of the clock.
+            restamp: Stamp of the change on the new clock, ns; None if the clock was not stepped.
 
         Returns:
             The motion in the next segment.
@@ -155,23 +156,21 @@ class SpeedMotion:
         return SpeedMotion(_segment(start, *continued, rpm, self.segment.acceleration, old))
 
     def phase(self, stamp: int) -> Fraction:
-        """Turns at a stamp, unwrapped."""
+        """Returns the unwrapped crank angle at a stamp, turns."""
         return Fraction(self._phase_after(stamp - self.segment.stamp), _TURN)
 
     def speed(self, stamp: int) -> Fraction:
-        """Turns per minute at a stamp."""
+        """Returns the crank speed at a stamp, turns per minute."""
         return Fraction(self._speed_after(stamp - self.segment.stamp), _RPM)
 
     def time_to_turn(self, turns: int) -> int | None:
-        """Finds the first moment at which the crank is a number of turns from its start.
-
-        The turns may be forwards or backwards.
+        """Finds when the crank is first a given number of turns away from its start.
 
         Args:
-            turns: More than 0.
+            turns: Number of turns in either direction, above 0.
 
         Returns:
-            Time after the start, ns; None: never.
+            Time from the start, ns; None if the crank never gets there.
         """
         start, goal = self._phase_after(0), turns * _TURN
 
@@ -182,23 +181,23 @@ class SpeedMotion:
         late = max(reversal, self._ramp_ns) + 1
         while self._target and not reached(late):
             late *= 2
-        # Before the reversal, the distance from the start grows. Its largest value may be at the
-        # last ns before the reversal or the first after it. Later, the distance grows again from
-        # the moment at which the crank passes the start.
+        # Bisection needs intervals at whose ends the distance from the start is largest. It grows
+        # until the reversal, where it is largest at the ns before or after, and again once the
+        # crank has passed its start.
         for low, high in ((0, reversal), (0, reversal + 1), (reversal, late)):
             if reached(high):
                 return _first(reached, low, high)
         return None
 
     def _phase_after(self, elapsed: int) -> int:
-        """The phase after a time, ns, in 1 / _TURN turn."""
+        """Returns the phase after a time, ns, in units of 1 / _TURN turn."""
         twice = 2 * NS_PER_S * elapsed
         if elapsed >= self._ramp_ns:
             return self._settled_phase + self._target * twice
         return self._phase * (_TURN // _GRID) + self._speed * twice + self._rate * elapsed**2
 
     def _speed_after(self, elapsed: int) -> int:
-        """The speed after a time, ns, in 1 / _RPM rpm."""
+        """Returns the speed after a time, ns, in units of 1 / _RPM rpm."""
         if elapsed >= self._ramp_ns:
             return self._target * NS_PER_S
         return self._speed * NS_PER_S + self._rate * elapsed
@@ -212,9 +211,9 @@ def _segment(
     acceleration: float,
     old_stamp: int | None = None,
 ) -> SpeedSegment:
-    """Makes a segment with phase and speed on the grid.
+    """Creates a segment with phase and speed rounded to multiples of 1 / _GRID.
 
-    Without acceleration, the segment starts at its set speed.
+    If the acceleration is 0, the segment starts at its set speed.
     """
     speed = speed if acceleration else Fraction(rpm)
     phase, speed = (Fraction(round(value * _GRID), _GRID) for value in (phase, speed))
@@ -222,10 +221,10 @@ def _segment(
 
 
 def _first(reached: Callable[[int], bool], low: int, high: int) -> int:
-    """Finds the smallest number from low to high that meets a condition.
+    """Finds the smallest integer in [low, high] that meets a condition.
 
-    The condition must also hold for all larger numbers. Numbers may exceed 2^63, the limit of
-    bisect.
+    The condition must also hold for all larger integers of the range. The integers may exceed
+    2^63, the limit of `bisect`.
     """
     while low < high:
         middle = (low + high) // 2
@@ -234,5 +233,5 @@ def _first(reached: Callable[[int], bool], low: int, high: int) -> int:
 
 
 def _radians(number: int, size: int) -> float:
-    """Converts a number of units to rad or rad/s, correctly rounded; the unit is in 2^-_BITS."""
+    """Converts `number` units of `size` 2^-_BITS to rad or rad/s, correctly rounded."""
     return math.ldexp(float(number * size), -_BITS)

@@ -1,17 +1,17 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Integrates torque-driven motion with strong damping, in linearly implicit fixed steps.
+"""Integrates torque-driven motion with strong damping in fixed linearly implicit steps.
 
-Under strong damping, a rate settles with a time constant (inertia / damping) that may be far
-shorter than a step. An explicit step diverges unless it is as short as that time constant; a
-linearly implicit (Rosenbrock) step is limited only by its error. The method is Rodas5P, of
-order 5, L-stable and stiffly accurate (G. Steinebach, BIT Numer. Math. 63 (2023), article 27).
-With the matrix J of the slope's derivatives, the stages of the method solve
+Under strong damping, rates settle with a time constant (inertia / damping) that may be much
+shorter than a step. Explicit steps diverge unless they are as short as this time constant, whereas
+only accuracy limits linearly implicit (Rosenbrock) steps. The method is Rodas5P, of order 5,
+L-stable and stiffly accurate (G. Steinebach, BIT Numer. Math. 63 (2023), article 27). With the
+jacobian J of the slope, the stages of the method solve
 
     (1 / gamma - h J) k_i = slope(y + h sum_j a_ij k_j) + sum_j c_ij k_j.
 
-The rates of the coordinates are among the values, so that only the n accelerations of each stage
-need a system of n equations. The last stage gives the difference from order 4.
+Half of the slope consists of the rates themselves, so each stage only requires solving a system of
+n equations for n coordinates. The last stage gives the difference from the result of order 4.
 """
 
 from __future__ import annotations
@@ -61,9 +61,9 @@ _COUPLINGS = (
 def stiff_leap(
     plant: Plant, values: tuple[Real, ...], h: Real, slope: tuple[Real, ...]
 ) -> tuple[tuple[Real, ...], tuple[Real, ...], tuple[Real, ...]]:
-    """Makes one linearly implicit step; compiled as a formula.
+    """Performs one linearly implicit step; compiled as a formula.
 
-    Arguments and result are those of `fixed_step_integrator.leap`.
+    See `fixed_step_integrator.leap` for the arguments and the result.
     """
     derivatives = jacobian(plant.accelerations, plant.units, values, slope)
     results: list[tuple[Real, ...]] = []
@@ -81,7 +81,7 @@ def stiff_leap(
 
 
 class StiffSteps(FixedSteps):
-    """Integrates a motion in equal steps that need not be shortened for strong damping."""
+    """Integrates a motion in equal steps whose length strong damping does not limit."""
 
     _formula = staticmethod(stiff_leap)
 
@@ -89,15 +89,15 @@ class StiffSteps(FixedSteps):
 def _solved(
     part: Real, derivatives: Sequence[Sequence[Real]], right: Sequence[Real]
 ) -> tuple[Real, ...]:
-    """The result of one stage.
+    """Solves the equations of one stage.
 
     Args:
         part: gamma h, s.
-        derivatives: For each value, the derivatives of all accelerations.
+        derivatives: Result of `jacobian`.
         right: Right-hand side of the equations, in the units of a slope.
 
     Returns:
-        The result, in the same units.
+        The result k_i of the stage, in the same units.
     """
     count = len(derivatives) // 2
     by_place, by_rate = (
@@ -118,7 +118,7 @@ def _solved(
 
 
 def _eliminated(rows: Sequence[Sequence[Real]], right: Sequence[Real]) -> list[Real]:
-    """Solves equations by elimination without pivoting: the identity dominates the matrix."""
+    """Solves equations by elimination without pivoting, as the identity dominates the matrix."""
     (pivot, *row), *others = rows
     if not others:
         return [right[0] / pivot]

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The motion of a mechanism under a motor and torque commands, integrated from stamp to stamp."""
+"""Motion of a mechanism under a motor and torque commands, integrated from stamp to stamp."""
 
 from __future__ import annotations
 
@@ -23,15 +23,16 @@ from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.numeric import Real, within_two_turns
 from linkage_ros.units import NS_PER_S, radians_per_second
 
-# Longest delay beyond a tick that a late run makes up for, ns. A longer delay would only grow.
+# Longest delay, ns, that a late run catches up with. Catching up with more would take so long that
+# the delay would grow.
 CATCH_UP = NS_PER_S // 4
 
 
 class TorqueMotion:
-    """A motion under a torque; its stamps must not decrease.
+    """A motion under a torque; the stamps of successive calls must not decrease.
 
     Attributes:
-        segment: The current segment, as in logs.
+        segment: The current segment, in the form stored in logs.
     """
 
     def __init__(
@@ -46,10 +47,10 @@ class TorqueMotion:
 
         Args:
             solver: Solver of the mechanism.
-            drive: Motor and start.
+            drive: Motor, and crank angle and speed at t = 0.
             stamp: Stamp of t = 0, ns.
             period: Time between states, ns.
-            integrate: Makes the integrator.
+            integrate: Function that creates the integrator.
 
         Raises:
             LinkageError: The motion cannot start from the given angle and speed.
@@ -61,18 +62,17 @@ class TorqueMotion:
         y = begin.unwrapped, *begin.q[1:], *begin.u
         self._steps = integrate(DrivenMechanism(solver, self._torque), y)
         self._end: LinkageError | None = None
-        # A stamp, and the time of the integrator at this stamp, s.
+        # A reference stamp, ns, and the integrator's time at this stamp, s.
         self._origin, self._begun = stamp, 0.0
 
     def at(self, stamp: int) -> Coordinates:
-        """The coordinates at a stamp.
+        """Computes the coordinates at a stamp.
 
         Args:
-            stamp: Not before the last one, ns.
+            stamp: Stamp not before that of the last call, ns.
 
         Returns:
-            The coordinates. The angle within two turns is derived from the rounded whole angle, so
-            that a log holds the exact state.
+            The coordinates; see `published`.
 
         Raises:
             MotionError: The motion ends before the stamp.
@@ -84,14 +84,14 @@ class TorqueMotion:
         return published(self._steps.driven, self._steps.phase, self._steps.pairs)
 
     def at_all(self, stamps: Sequence[int]) -> Coordinates:
-        """The coordinates at many stamps, with the same bits as `at`.
+        """Computes the coordinates at many stamps, bit-identical to those of `at`.
 
         Args:
-            stamps: Increasing stamps, ns, the first not before the stamps of earlier calls.
+            stamps: Increasing stamps, ns, the first not before that of the last call.
 
         Returns:
-            Arrays. They are shorter than `stamps` if the motion ends or changes its coordinates;
-            a change of coordinates starts another segment.
+            The coordinates as arrays. They are shorter than `stamps` if the motion ends or its
+            coordinates change; a change of coordinates starts a new segment.
 
         Raises:
             MotionError: The motion ends before the first stamp.
@@ -103,7 +103,7 @@ class TorqueMotion:
             for phase, pairs in self._steps.phases(times):
                 found.append((self._steps.driven, phase, pairs))
                 if self._steps.driven is not found[0][0]:
-                    break  # other coordinates: the next batch begins there
+                    break  # the next call starts in the other coordinates
         except LinkageError as error:
             self._end = error
         if self._end and not found:
@@ -115,11 +115,11 @@ class TorqueMotion:
         return all_published(driven, moments)
 
     def command(self, stamp: int, torque: float) -> None:
-        """Sets the torque that is added to the motor's torque, starting at a stamp.
+        """Sets the torque to add to the motor's torque from a stamp on.
 
         Args:
-            stamp: Stamp, not before the last one, ns.
-            torque: Added torque, N m.
+            stamp: Stamp not before that of the last call, ns.
+            torque: Torque to add, N m.
 
         Raises:
             MotionError: The motion ends before the stamp.
@@ -130,13 +130,13 @@ class TorqueMotion:
             self._steps.changed()
 
     def follow(self, stamp: int, drive: Any) -> TorqueMotion:
-        """Continues under a drive; a change of the motor starts a new segment.
+        """Continues the motion under a drive from a stamp on.
 
-        If the run is more than 0.25 s late, the plant is paused for the delay, and a new segment
-        also starts.
+        A change of the motor starts a new segment. So does a delay of more than 0.25 s, during
+        which the motion is paused.
 
         Args:
-            stamp: Not before the last one, ns.
+            stamp: Stamp not before that of the last call, ns.
             drive: The current `TorqueDrive`.
 
         Returns:
@@ -157,11 +157,11 @@ class TorqueMotion:
         return self
 
     def restamp(self, old: int, new: int) -> TorqueMotion:
-        """Continues after a step of the clock.
+        """Continues the motion after a step of the clock.
 
         Args:
-            old: Moment of the step on the old clock, ns.
-            new: The same moment on the new clock, ns.
+            old: Stamp of the step on the old clock, ns.
+            new: Stamp of the step on the new clock, ns.
 
         Returns:
             This motion.
@@ -174,7 +174,7 @@ class TorqueMotion:
         return self
 
     def rehearse(self) -> None:
-        """Compiles the programs for the other coordinates, to avoid a delay at their first use."""
+        """Compiles the programs for all coordinates and assemblies, to avoid a delay later."""
         own, mechanism = self._steps.driven, self._solver.mechanism
         if not (own.is_limited and mechanism.other_coordinates):
             return
@@ -187,7 +187,7 @@ class TorqueMotion:
                 published(driven, there, 0)
 
     def _describe(self, stamp: int, driven: DrivenMechanism) -> None:
-        """Starts a segment at a stamp if the description of the motion changes at this stamp."""
+        """Starts a new segment at a stamp if the description of the motion has changed."""
         description = None if driven.is_usual else driven.solver.description
         if description != self.segment.description:
             self.segment = replace(
@@ -203,19 +203,19 @@ class TorqueMotion:
         self._steps.advance(self._time(stamp))
 
     def _time(self, stamp: int) -> float:
-        """The integrator's time at a stamp, s."""
+        """Returns the integrator's time at a stamp, s."""
         return self._begun + (stamp - self._origin) / NS_PER_S
 
     def _torque(self, speed: float) -> Real:
         return self._motor.at(speed) + self._command
 
 
-# The motion of a run under any drive.
+# The motion of a run under a speed or torque drive.
 Motion: TypeAlias = SpeedMotion | TorqueMotion
 
 
 def start(mechanism: Mechanism, drive: TorqueDrive) -> Coordinates:
-    """The coordinates at t = 0, without solved accelerations."""
+    """Returns the coordinates at t = 0, with accelerations of 0."""
     positions, rates = mechanism.start()
     angle, _ = within_two_turns(drive.crank_angle)
     u = radians_per_second(drive.start_rpm), *rates
