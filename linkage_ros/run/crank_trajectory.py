@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Makes trajectories of the crank, ahead of time, for joint_trajectory_controller."""
+"""Computes trajectories of the crank in advance, for joint_trajectory_controller."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from linkage_ros.units import NS_PER_MS, NS_PER_S
 from linkage_ros.wire.codecs import crank_trajectory
 from linkage_ros.wire.topics import trajectory_commands
 
-# Between points, ns: the controller interpolates the effort in a straight line.
+# Time between points, ns; short, because the controller interpolates the effort linearly.
 _STEP = NS_PER_MS
 
 
 class CrankTrajectory:
-    """Makes trajectories of a fixed length, a new one after half of this length.
+    """Computes trajectories of a fixed duration; the next one is due after half of it.
 
-    A trajectory begins at or just before its stamp, so that a controller that receives it a
-    moment later can follow it at once. Each tick computes only the new points within the horizon;
-    the first tick, and the first tick after a change of the motion, compute all points.
+    A trajectory starts at or just before its stamp, so that a controller can follow it as soon as
+    it arrives. Each tick computes only the new points within the horizon. The first tick, and the
+    first one after a change of the motion, compute all points.
 
     Attributes:
         topic: Topic of the trajectories.
@@ -32,8 +32,8 @@ class CrankTrajectory:
         """Prepares the trajectories.
 
         Args:
-            simulator: Simulator of the run, with its solver and names.
-            drive: Settings of the feed-forward, with topic and horizon.
+            simulator: Simulator of the run.
+            drive: Drive with the topic and the duration of the trajectories.
         """
         self.topic = trajectory_commands(drive.trajectory_command_topic)
         self._names = simulator.crank_joint, simulator.configuration.session.frame_id
@@ -43,15 +43,15 @@ class CrankTrajectory:
         self._next = self._due = 0
 
     def message_at(self, motion: SpeedMotion, stamp: int) -> bytes | None:
-        """The message due at a stamp, if any.
+        """Returns the trajectory to send at a stamp, if one is due.
 
         Args:
-            motion: Motion in the segment that contains the stamp. If it has changed since the last
-                call, the sent trajectory is invalid, and a new one is due.
-            stamp: ns.
+            motion: Motion in the segment that contains the stamp. If it differs from that of the
+                last call, the trajectory sent before is invalid, and a new one is due.
+            stamp: Stamp of the current tick, ns.
 
         Returns:
-            CDR bytes; None: no message is due.
+            The CDR bytes of the message; None if no message is due.
         """
         if motion is not self._motion or stamp >= self._next:
             self._points.clear()

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Health of a run: diagnostic_msgs statuses of its motion, log and viewer."""
+"""Health of a run: diagnostic statuses of motion, log and viewer."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from linkage_ros.run.ticker import TickCounts
 from linkage_ros.units import NS_PER_MS
 from linkage_ros.wire.cdr import ERROR, OK, WARN, Status
 
-# Time, s, and number of reports over which a run is judged.
+# Window over which the health of a run is evaluated, s; there is one report per second.
 WINDOW = 10
-# Shares of missed ticks above which the warning begins, and below which it ends. They differ, so
-# that a share near either of them does not switch the warning on and off.
+# Fractions of missed ticks above which the warning starts and below which it ends. They differ, so
+# that the warning does not flicker if the fraction fluctuates around one of them.
 _OVERLOADED, _RECOVERED = 0.10, 0.05
 _BUSY = (
     f'more than {100 * _OVERLOADED:g} % of the ticks of the last {WINDOW} s were missed: '
@@ -32,13 +32,13 @@ _FAST_CRANK = (
 
 
 class Health(NamedTuple):
-    """Health of a log or a view.
+    """Health of a log or viewer.
 
     Attributes:
-        target: Path or URL of the log or view; empty: not in use.
-        dropped: Items lost so far.
-        error: The error that ended the log or view; None: no error.
-        trouble: Current reason for accepting no items; empty: none.
+        target: Path or URL of the log or viewer; empty if it is not used.
+        dropped: Number of items lost so far.
+        error: The error that ended the log or viewer, or None.
+        trouble: Reason why it currently accepts no items; empty if it accepts items.
     """
 
     target: str
@@ -48,19 +48,20 @@ class Health(NamedTuple):
 
 
 class HealthMonitor:
-    """Judges a run at each report by the last 10 s."""
+    """Evaluates the health of a run over the last 10 s."""
 
     def __init__(self, node: str, *, is_torque_driven: bool = False) -> None:
-        """Starts with a new run.
+        """Starts monitoring a new run.
 
         Args:
-            node: Name of the node, for the names of the statuses.
-            is_torque_driven: Whether the motion is integrated, which costs more at higher speeds.
+            node: Name of the node, used in the names of the statuses.
+            is_torque_driven: Whether the motion is integrated, which takes more time per tick at
+                higher speeds.
         """
         self._node = node
         self._busy = _BUSY + _FAST_CRANK * is_torque_driven
         self._is_overloaded = False
-        # Time, s, counts and parts at each report of the window, the first at its start.
+        # Time, s, counts and parts at the start of the window and at each report since.
         self._past: deque[tuple[float, TickCounts, dict[str, Health]]] = deque(maxlen=WINDOW + 1)
         self._past.append((time.monotonic(), TickCounts(), {}))
         self._last: dict[str, Status] = {}
@@ -72,28 +73,28 @@ class HealthMonitor:
         parts: dict[str, Health],
         troubles: Sequence[str],
     ) -> list[Status]:
-        """Makes the statuses of the motion and of each part.
+        """Returns the statuses of the motion and of each part; call it once a second.
 
         Args:
             counts: Counts of ticks so far.
-            figures: Further values of the motion.
-            parts: Log and viewer.
+            figures: Further values for the status of the motion.
+            parts: Health of log and viewer, by name.
             troubles: Other current warnings about the motion.
 
         Returns:
-            The statuses; the status of the motion is the first.
+            The status of the motion, followed by those of the parts.
         """
         self._past.append((time.monotonic(), replace(counts), parts))
         return [self._motion(figures, list(troubles)), *map(self._output, parts)]
 
     def changes(self, statuses: Sequence[Status]) -> list[Status]:
-        """Selects the statuses to log: new warnings, and warnings that have ended.
+        """Selects the statuses to log: new warnings, and the ends of warnings.
 
         Args:
-            statuses: Statuses of the report.
+            statuses: Statuses from the current report.
 
         Returns:
-            The selected statuses. Failures of parts are left out, because the parts log them.
+            The selected statuses. Errors of parts are omitted, because the parts log them.
         """
         last, nothing = self._last, Status(OK, '', '', {})
         self._last = {status.name: status for status in statuses}
@@ -110,7 +111,7 @@ class HealthMonitor:
         kept, missed = counts.kept - first.kept, counts.missed - first.missed
         if counts.clock_steps > first.clock_steps:
             troubles.append(f'the clock was stepped in the last {WINDOW} s')
-            missed = 0  # jumps of simulated time skip ticks, regardless of the machine's speed
+            missed = 0  # these ticks were skipped by the clock, not by a slow machine
         limit = _RECOVERED if self._is_overloaded else _OVERLOADED
         is_full = len(self._past) > WINDOW
         self._is_overloaded = is_full and missed > limit * max(1, kept + missed)
@@ -140,7 +141,7 @@ class HealthMonitor:
             level, words = ERROR, f'failed: {error}'
         elif trouble:
             level, words = WARN, trouble
-        # Losses during a reported problem get no warning of their own.
+        # Losses during a problem that is reported anyway need no separate warning.
         elif dropped > past[0].dropped and not any(one.trouble for one in past):
             level, words = WARN, f'the {part} lags: items were left out in the last {WINDOW} s'
         elif dropped:

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Messages that a run receives: torque commands, and measurements of the crank."""
+"""Messages received by a run: torque commands and measurements of the crank."""
 
 from __future__ import annotations
 
@@ -20,48 +20,48 @@ from linkage_ros.units import NS_PER_S
 from linkage_ros.wire.cdr import decode_joint_state
 from linkage_ros.wire.topics import JOINT_COMMANDS, MEASURED_JOINT_STATES, Topic
 
-_SILENCE = 2.0  # s without a measurement before a warning
+_SILENCE = 2.0  # s without a measurement after which a warning is issued
 NO_CRANK, NO_JOINT_STATE, OUT_OF_REACH = 'without the crank', 'no JointState', 'out of reach'
 
 
 class TorqueCommands:
-    """The last valid command until it expires, and counts of all commands.
+    """Stores the last valid command until it expires, and counts commands.
 
     One thread may receive commands while another reads the torque.
 
     Attributes:
         accepted: Number of accepted commands.
-        limited: Number of accepted commands that were cut to the limit.
-        refused: Number of refused commands.
-        timeouts: Number of times that a command expired.
+        limited: Number of accepted commands that were clipped to the limit.
+        refused: Number of rejected commands.
+        timeouts: Number of commands that expired before the next one.
     """
 
     def __init__(
         self, drive: TorqueDrive, crank: str, clock: Callable[[], float] = time.monotonic
     ) -> None:
-        """Starts without a command.
+        """Initializes without an active command.
 
         Args:
-            drive: Settings with the limit of commands and their timeout.
+            drive: Drive with the limit and the timeout of commands.
             crank: Name of the crank's joint.
-            clock: Returns the time, s.
+            clock: Function that returns the time, s.
         """
         self.accepted = self.limited = self.refused = self.timeouts = 0
         self._limit, self._timeout = drive.torque_limit, drive.command_timeout
         self._crank, self._clock = crank, clock
-        self._torque, self._end = 0.0, math.inf  # in force, N m, and until when, s
+        self._torque, self._end = 0.0, math.inf  # active torque, N m, and when it expires, s
         self._is_active = False
         self._timed_out_at = -math.inf
 
     def read(self, data: bytes, received: int) -> None:
-        """Reads a command from a message and puts it in force.
+        """Decodes a message and activates its command.
 
         Args:
             data: CDR bytes of a JointState.
-            received: Time of receipt, ns.
+            received: Wall-clock time of receipt, ns.
 
         Raises:
-            ValueError: The command is refused.
+            ValueError: The message is not a command for this crank.
         """
         try:
             command = decode_joint_state(data)
@@ -72,12 +72,12 @@ class TorqueCommands:
             raise
 
     def receive(self, names: Sequence[str], efforts: Sequence[float], age: float) -> None:
-        """Puts a command in force.
+        """Activates a command.
 
         Args:
-            names: Names of joints.
-            efforts: Effort of each joint, N m; only the effort of the crank is used.
-            age: Time since the receipt of the command, s.
+            names: Names of the joints.
+            efforts: Effort of each joint, N m; all but that of the crank are ignored.
+            age: Time since the command was received, s.
 
         Raises:
             ValueError: The message is not a command for this crank.
@@ -94,13 +94,13 @@ class TorqueCommands:
             raise ValueError(f'effort {torque}: must be a finite number, N m')
         self.accepted += 1
         self.limited += abs(torque) > self._limit
-        # The end is set first: a concurrent reader then uses the old torque a little longer.
+        # Set the end first, so that a concurrent reader at worst uses the old torque once more.
         self._end = self._clock() + self._timeout - age
         self._torque = min(max(torque, -self._limit), self._limit)
         self._is_active = True
 
     def torque(self) -> float:
-        """The torque in force, N m: 0 before the first command and after the timeout."""
+        """Returns the active torque, N m; 0 before the first command and after a timeout."""
         now = self._clock()
         if now <= self._end:
             return self._torque
@@ -109,13 +109,13 @@ class TorqueCommands:
         return 0.0
 
     def troubles(self, topic: str) -> list[str]:  # noqa: ARG002, the signature of all
-        """A warning if there was no command in force at a tick of the last 10 s; else empty."""
+        """Returns a warning if no command was active at some tick in the last 10 s."""
         if self._clock() - self._timed_out_at >= WINDOW:
             return []
         return [f'no command within command_timeout: the motor drove alone in the last {WINDOW} s']
 
     def diagnostics(self) -> dict[str, str]:
-        """The command in force, and the counts of all commands, for diagnostics."""
+        """Returns the active torque and the counts of commands, for diagnostics."""
         return {
             'command, N m': f'{self._torque if self._clock() <= self._end else 0.0:.6g}',
             'commands taken': str(self.accepted),
@@ -126,14 +126,14 @@ class TorqueCommands:
 
 
 class MeasuredCrank:
-    """Reads measurements in the order of their arrival.
+    """Reads measurements of the crank, in order of arrival.
 
     Attributes:
-        left_out: Numbers of rejected messages, by cause.
+        left_out: Number of rejected messages for each cause.
     """
 
     def __init__(self, simulator: Simulator) -> None:
-        """Starts without a measurement.
+        """Initializes without a measurement.
 
         Args:
             simulator: Simulator of a configuration with `drive: follow`.
@@ -141,20 +141,20 @@ class MeasuredCrank:
         self._simulator = simulator
         self._motion = FollowMotion(cast('FollowDrive', simulator.configuration.drive))
         self.left_out = self._motion.left_out
-        self._last = -math.inf  # when a measurement was accepted, s
+        self._last = -math.inf  # time of the last accepted measurement, s
 
     def read(self, data: bytes, received: int) -> tuple[int, Coordinates]:
         """Reads a measurement from a message.
 
         Args:
             data: CDR bytes of a JointState.
-            received: Time of receipt, ns; used as the stamp of a message without a stamp.
+            received: Time of receipt, ns; replaces the stamp if the message has none.
 
         Returns:
-            The stamp, ns, and the crank.
+            The stamp, ns, and the coordinates of the crank.
 
         Raises:
-            ValueError: The message is rejected and counted; the error's text is the cause.
+            ValueError: The message is rejected and counted. The error text is the cause.
         """
         try:
             heard = decode_joint_state(data)
@@ -173,7 +173,7 @@ class MeasuredCrank:
         if found is None:
             (cause,) = self.left_out - before
             raise ValueError(cause)
-        # At a limit of the crank, rates are unbounded; the next measurement may be valid.
+        # Near a limit of the crank, the rates of the links may overflow.
         for one in filter(None, (found, self._simulator.later(found))):
             if not self._has_state(one.q[0], one.u[0], one.a[0]):
                 raise self._rejected(OUT_OF_REACH)
@@ -185,15 +185,15 @@ class MeasuredCrank:
         return ValueError(cause)
 
     def troubles(self, topic: str) -> list[str]:
-        """A warning if no measurements arrive on their topic; else empty."""
+        """Returns a warning if no measurement has been accepted for 2 s."""
         if time.monotonic() < self._last + _SILENCE:
             return []
         crank = self._simulator.crank_joint
         return [f'no measurement of {crank} on {topic} in the last {_SILENCE:g} s']
 
     def diagnostics(self) -> dict[str, str]:
-        """Counts of the rejected messages, for diagnostics."""
-        # In one step, because the tick thread may be counting.
+        """Returns the counts of rejected messages, for diagnostics."""
+        # Copy in one step, because the tick thread may add a count meanwhile.
         counts = list(self.left_out.items())
         return {f'left out, {cause}': str(count) for cause, count in counts}
 
@@ -206,7 +206,7 @@ class MeasuredCrank:
 
 
 def inputs_of(simulator: Simulator) -> dict[Topic, Any]:
-    """The topic of commands or measurements, if a run has one, and the reader of its messages."""
+    """Returns the topic received by a run, if any, with the reader of its messages."""
     drive = simulator.configuration.drive
     if isinstance(drive, TorqueDrive):
         return {JOINT_COMMANDS: TorqueCommands(drive, simulator.crank_joint)}

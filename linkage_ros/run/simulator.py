@@ -1,8 +1,9 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Simulates a configured mechanism: from a stamp to the bytes of its messages.
+"""Simulates a configured mechanism: computes the message bytes at a stamp.
 
-Node and recorder share this code, so that equal configurations and elapsed times give equal bits.
+The node and the recorder share this code, so equal configurations and elapsed times give
+bit-identical messages.
 """
 
 from __future__ import annotations
@@ -57,17 +58,17 @@ from linkage_ros.wire.topics import (
 )
 from linkage_ros.wire.urdf import joint_names, make_urdf
 
-# Integers of any size; arrays of them have the type object.
+# Integers of any size; arrays of them have dtype object.
 Whole = TypeVar('Whole', int, npt.NDArray[np.object_])
 
 
 class Snapshot(NamedTuple):
-    """A run at one stamp.
+    """A state of a run and its messages.
 
     Attributes:
         state: State of the mechanism.
-        stamp: ns.
-        numbers: Numbers in the messages, without stamps.
+        stamp: Stamp of the state, ns.
+        numbers: Numbers in the messages, except stamps.
         layout: Layout of the messages.
     """
 
@@ -77,27 +78,27 @@ class Snapshot(NamedTuple):
     layout: RowLayout
 
     def row(self, time: int) -> bytes:
-        """Records of the messages for a log, published and logged at a time, ns."""
+        """Returns the MCAP records of the messages, with a log and publish time, ns."""
         return self.layout.pack(time, time, *divmod(self.stamp, NS_PER_S), *self.numbers)
 
     @property
     def messages(self) -> tuple[bytes, ...]:
-        """CDR bytes, one message for each of `Simulator.topics`."""
+        """The CDR bytes of the messages, one for each of `Simulator.topics`."""
         return self.layout.messages(self.row(0))
 
 
 class Simulator:
-    """Makes the states and messages of one configuration.
+    """Computes the states and messages of a configuration.
 
     Attributes:
         configuration: Configuration of the run.
-        solver: Solver of its mechanism.
+        solver: Solver of the mechanism.
         joints: Names of the joints, in the order of the messages.
         crank_joint: Name of the crank in measurements, commands and trajectories.
         joint_states: Template of the messages on `joint_states`.
-        topics: Topics on which each state has a message.
-        layout: Layout of a state's messages, in channels numbered from 1.
-        description: The robot_description message, CDR bytes.
+        topics: Topics on which a message is published for each state.
+        layout: Layout of a state's messages, with channels numbered from 1.
+        description: CDR bytes of the robot_description message.
     """
 
     def __init__(self, configuration: Configuration) -> None:
@@ -135,18 +136,18 @@ class Simulator:
         self._numbers = Program(_numbers, constants, (*rows, 'torque', 'unwrapped'))
         self.topics = tuple(self._parts)
         self.layout = self.layout_of(zip(itertools.count(1), self.topics))
-        # The decimal value counts: ticks at 0.1 Hz are exactly 10 s apart.
+        # Use the decimal value, so that ticks at 0.1 Hz are exactly 10 s apart.
         self._rate = Fraction(repr(session.rate_hz)).as_integer_ratio()
 
     def begin(self, stamp: int, integrate: Integrate = live_steps) -> Motion:
-        """Begins a motion.
+        """Starts a motion.
 
         Args:
             stamp: Stamp of t = 0, ns.
-            integrate: Makes the integrator of a motion under a torque.
+            integrate: Function that creates the integrator of a motion under a torque.
 
         Returns:
-            The motion.
+            The motion in its first segment.
 
         Raises:
             ConfigurationError: The crank is measured, not simulated.
@@ -161,53 +162,53 @@ class Simulator:
         )
 
     def prepare_live(self) -> None:
-        """Compiles the programs; refuses a motion that a live run cannot follow.
+        """Compiles the programs, and rejects a motion that is too fast for a live run.
 
         Raises:
-            ConfigurationError: As `integrators.require_live`.
+            ConfigurationError: As for `integrators.require_live`.
         """
         drive = self.configuration.drive
         if isinstance(drive, TorqueDrive):
             driven = DrivenMechanism(self.solver, drive.motor.at)
             begin = start(self.configuration.mechanism, drive)
             require_live(driven, begin, self.elapsed(1) / NS_PER_S)
-            with suppress(LinkageError):  # the run itself reports this error
+            with suppress(LinkageError):  # the run will report this error
                 motion = TorqueMotion(self.solver, drive, 0, self.elapsed(1))
                 self.snapshot_at(motion, NS_PER_MS)
                 motion.rehearse()
 
     def elapsed(self, tick: Whole) -> Whole:
-        """Time from the first tick to a tick, ns, without accumulated error."""
+        """Returns the time from tick 0 to a tick, ns, without accumulated error."""
         numerator, denominator = self._rate
         elapsed: Whole = tick * NS_PER_S * denominator // numerator
         return elapsed
 
     def tick_at(self, elapsed: Whole) -> Whole:
-        """The last tick at or before an elapsed time, ns."""
+        """Returns the last tick at or before an elapsed time, ns."""
         numerator, denominator = self._rate
         tick: Whole = elapsed * numerator // (NS_PER_S * denominator)
-        # `elapsed` rounds down, so that the next tick may already be due.
+        # Because `elapsed` rounds down, the next tick may already be due.
         tick += self.elapsed(tick + 1) <= elapsed
         return tick
 
     def layout_of(self, channels: Iterable[tuple[int, Topic]]) -> RowLayout:
-        """The layout of a state's messages in a log.
+        """Returns the layout of a state's messages in a log.
 
         Args:
-            channels: Numbers of the channels, with their topics, in the order of the log.
+            channels: Channel numbers with their topics, in the order of the log.
 
         Returns:
-            The layout.
+            The layout of a row, which consists of one message per channel.
         """
         messages = [(number, self._parts[topic]) for number, topic in channels]
         return RowLayout(messages, self._names)
 
     def snapshot_at(self, motion: Motion, stamp: int) -> Snapshot:
-        """Solves the state at a stamp.
+        """Computes the state at a stamp.
 
         Args:
             motion: Motion in the segment that contains the stamp.
-            stamp: ns.
+            stamp: Stamp of the state, ns.
 
         Returns:
             The state and its messages.
@@ -216,11 +217,11 @@ class Simulator:
         return self._snapshot(stamp, motion.at(stamp), ahead)
 
     def snapshot_measured(self, stamp: int, coordinates: Coordinates) -> Snapshot:
-        """Solves the state of a measured crank.
+        """Computes the state of a measured crank.
 
         Args:
-            stamp: ns.
-            coordinates: Measured and filtered coordinates.
+            stamp: Stamp of the measurement, ns.
+            coordinates: Measured angle, with filtered rates.
 
         Returns:
             The state and its messages.
@@ -228,7 +229,7 @@ class Simulator:
         return self._snapshot(stamp, coordinates, self.later(coordinates))
 
     def later(self, coordinates: Coordinates) -> Coordinates | None:
-        """Coordinates of a measured crank after `lead_time`; None without feed-forward."""
+        """Extrapolates a measured crank by `lead_time`; returns None without feed-forward."""
         return None if self._lead is None else later(coordinates, self._lead / NS_PER_S)
 
     def _snapshot(
@@ -246,17 +247,17 @@ class Simulator:
         times: npt.NDArray[np.uint64] | None = None,
         layout: RowLayout | None = None,
     ) -> bytearray:
-        """Solves many states.
+        """Computes the messages of many states.
 
         Args:
-            stamps: ns.
-            coordinates: Coordinates at the stamps, in arrays.
-            ahead: Coordinates for the feed-forward torque, if there is one.
-            times: Log times, ns; None: the stamps.
-            layout: Layout of the rows; None: `layout`.
+            stamps: Stamps of the states, ns.
+            coordinates: Coordinates at the stamps, as arrays.
+            ahead: Coordinates for the feed-forward torque; None without feed-forward.
+            times: Log times, ns; by default, the stamps.
+            layout: Layout of the rows; by default, that of the simulator.
 
         Returns:
-            Records of the states' messages, bit-identical to those of the snapshots.
+            MCAP records of the messages, bit-identical to those of snapshots.
         """
         _, numbers = self._solved(coordinates, ahead, by_math=True)
         nanoseconds = np.array(stamps)
@@ -265,14 +266,14 @@ class Simulator:
         return (layout or self.layout).fill(len(stamps), (logged, logged, *stamped, *numbers))
 
     def ahead(self, motion: Motion, stamps: Sequence[int]) -> Coordinates | None:
-        """Coordinates for the feed-forward torque at stamps; None without feed-forward."""
+        """Returns the coordinates `lead_time` after stamps; None without feed-forward."""
         lead = self._lead
         return None if lead is None else motion.at_all([stamp + lead for stamp in stamps])
 
     def _solved(
         self, coordinates: Coordinates, ahead: Coordinates | None, *, by_math: bool = False
     ) -> tuple[State, Sequence[Real]]:
-        """Solves a state; returns the state and the numbers in its messages."""
+        """Returns the state at coordinates, and the numbers in its messages."""
         state = self._state(coordinates, by_math=by_math)
         (*rows, torque), program = state, self._numbers
         values = *itertools.chain(*rows), torque, coordinates.unwrapped

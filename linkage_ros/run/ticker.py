@@ -1,10 +1,10 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Makes ticks: in real time, in the simulated time of /clock, or one for each measurement.
+"""Generates ticks: in real time, in the simulated time of /clock, or one per measurement.
 
-In real time the tick number comes from the monotonic clock, never from counting calls: a late
-thread skips and counts ticks, and the next state is right again. The stamp of tick n is
-t0 + n / rate on the wall clock; if the wall clock is stepped, t0 is stepped by the same time.
+In real time, the tick number is computed from the monotonic clock. If the thread is late, it skips
+and counts ticks, so the next state is on time again. The stamp of tick n is t0 + n / rate on the
+wall clock; if the wall clock is stepped, t0 is shifted by the same amount.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from linkage_ros.run.scheduling import (
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.units import NS_PER_MS, NS_PER_S
 
-_LATENESS_SAMPLES = 10_000  # number of ticks whose lateness is kept
-# Only a larger step of the wall clock, ns, moves t0, so that the jitter between the readings of
-# the two clocks does not appear in the stamps.
+_LATENESS_SAMPLES = 10_000  # number of ticks whose lateness is stored
+# Smallest step of the wall clock that shifts t0, ns. Smaller differences are jitter between the
+# readings of the two clocks, which must not affect the stamps.
 CLOCK_STEP = 50 * NS_PER_MS
-# Longest uninterrupted sleep, s: how long a slow node may take to notice that it should stop.
+# Longest uninterrupted sleep, s, which limits the time that a stop takes.
 _MAX_SLEEP = 0.1
-# Largest number of ticks for one clock message; a longer jump skips ticks, which count as missed.
+# Largest number of ticks per clock message. A longer jump skips ticks and counts them as missed.
 _MAX_TICKS_PER_MESSAGE = 1000
 
 
@@ -40,10 +40,10 @@ class TickCounts:
     """Counts of ticks so far.
 
     Attributes:
-        kept: Ticks that were carried out.
-        missed: Ticks that were skipped because the thread was late by a period or more.
-        clock_steps: How often the clock was stepped.
-        lateness: Lateness of the last ticks, ns.
+        kept: Number of executed ticks.
+        missed: Number of ticks skipped because the thread was late by a period or more.
+        clock_steps: Number of steps of the clock.
+        lateness: Lateness of the most recent ticks, ns.
         max_lateness: Largest lateness of all ticks, ns.
         real_time_priority: Whether the thread has real-time priority.
     """
@@ -57,11 +57,11 @@ class TickCounts:
 
 
 class Ticker(ABC):
-    """Makes the ticks of a motion, in a thread.
+    """Generates the ticks of a motion in a separate thread.
 
     Attributes:
         counts: Counts of the ticks.
-        error: The error of a callback; None: no error.
+        error: The error raised by a callback, or None.
         t0: Stamp of tick 0 on the current clock, ns; set at the first tick.
     """
 
@@ -73,16 +73,16 @@ class Ticker(ABC):
         fail: Callable[[BaseException], None],
         receive: Callable[[], Iterable[Any]] = tuple,
     ) -> None:
-        """Prepares the ticks.
+        """Prepares the thread.
 
         Args:
-            simulator: Determines when ticks are due.
+            simulator: Simulator with the tick rate.
             tick: Called at each tick, with its stamp, ns, or the fields of a measurement.
             restamp: Called before the first tick after a step of the clock, with the stamps of
-                this tick before and after the step, ns.
-            fail: Called with the error of a failed callback, which ends the motion.
-            receive: Waits briefly and returns the messages since the last call; for tickers driven
-                by messages.
+                this tick on the old and the new clock, ns.
+            fail: Called with the error raised by a callback, which ends the motion.
+            receive: Waits briefly and returns the messages since the last call; used by tickers
+                driven by messages.
         """
         self.counts = TickCounts()
         self.error: BaseException | None = None
@@ -93,11 +93,11 @@ class Ticker(ABC):
         self._thread = threading.Thread(target=self._run, name='ticker', daemon=True)
 
     def start(self) -> None:
-        """Starts the ticks."""
+        """Starts the thread."""
         self._thread.start()
 
     def stop(self) -> None:
-        """Ends the thread after the current tick."""
+        """Ends the thread after the current tick, and waits for it."""
         self._stop.set()
         if self._thread.is_alive():
             self._thread.join()
@@ -116,13 +116,13 @@ class Ticker(ABC):
 
     @abstractmethod
     def _due(self) -> Iterator[tuple[Any, ...]]:
-        """Waits for ticks; yields the arguments of each until the ticker is stopped."""
+        """Waits for ticks, and yields the arguments of each tick until the ticker is stopped."""
 
     def _stamp(self, tick: int) -> int:
         return self.t0 + self._simulator.elapsed(tick)
 
     def _step_clock(self, tick: int, shift: int) -> None:
-        """Shifts the next tick, and all later ticks, by a step of the clock, ns."""
+        """Shifts the stamps of a tick and all later ticks by a step of the clock, ns."""
         old = self._stamp(tick)
         self.t0 += shift
         self.counts.clock_steps += 1
@@ -130,7 +130,7 @@ class Ticker(ABC):
 
 
 class RealTimeTicker(Ticker):
-    """Makes ticks in real time."""
+    """Generates ticks in real time."""
 
     def _due(self) -> Iterator[tuple[int]]:
         tick, origin = 0, time.monotonic_ns()
@@ -150,17 +150,17 @@ class RealTimeTicker(Ticker):
             tick = due + 1
 
     def _sleep_until(self, deadline: int) -> int:
-        """Sleeps until a time of the monotonic clock or the stop; returns the lateness, ns."""
+        """Sleeps until a time of the monotonic clock or a stop; returns the lateness, ns."""
         while (left := deadline - time.monotonic_ns()) > 0 and not self._stop.is_set():
             time.sleep(min(left / NS_PER_S, _MAX_SLEEP))
         return -left
 
 
 def _clock_offset() -> int:
-    """Offset of the wall clock from the monotonic clock, ns.
+    """Returns the offset of the wall clock from the monotonic clock, ns.
 
     The wall clock is read between two readings of the monotonic clock. If these are 1 ms or more
-    apart, the thread was delayed, and all three readings are repeated.
+    apart, the thread was delayed, and all readings are repeated.
     """
     while True:
         before = time.monotonic_ns()
@@ -171,11 +171,11 @@ def _clock_offset() -> int:
 
 
 class SimTimeTicker(Ticker):
-    """Makes every tick up to the times of a clock, ns, that it receives.
+    """Generates ticks in the simulated time of received clock messages.
 
-    Tick 0 is at the first received time; there are no ticks while the clock stops. If the clock is
-    set back, t0 is shifted by the same time, and the motion continues without a jump. The step is
-    counted, as for the wall clock.
+    Tick 0 is at the first received time, and there are no ticks while the clock is paused. If the
+    clock is set back, t0 is shifted by the same amount, so that the motion continues without a
+    jump. The step is counted, like a step of the wall clock.
     """
 
     def _due(self) -> Iterator[tuple[int]]:
@@ -185,7 +185,7 @@ class SimTimeTicker(Ticker):
                 if last is None:
                     self.t0 = now
                 elif now < last:
-                    # The next state gets the new time, and the motion continues without a jump.
+                    # Stamp the next state with the new time, without a jump of the motion.
                     self._step_clock(tick, now - self._stamp(tick))
                 last = now
                 due = self._simulator.tick_at(now - self.t0) if now >= self.t0 else -1
@@ -199,7 +199,7 @@ class SimTimeTicker(Ticker):
 
 
 class MeasurementTicker(Ticker):
-    """Makes a tick for each measurement that it receives."""
+    """Generates a tick for each received measurement."""
 
     def _due(self) -> Iterator[tuple[Any, ...]]:
         while not self._stop.is_set():

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Slow work in a separate thread, so that disk and viewer never delay a tick."""
+"""Moves slow work to a separate thread, so that disk and viewer never delay a tick."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ _T = TypeVar('_T')
 
 
 class Worker(Generic[_T]):
-    """Feeds a consumer from a bounded queue, in batches, in a separate thread.
+    """Passes batches of items from a bounded queue to a consumer, in a separate thread.
 
-    `offer` never waits for the consumer and never fails. If the consumer falls behind by more
-    than the queue holds, the oldest items are dropped and counted. If the consumer fails, it is
-    closed once, the error is reported once, and later items are counted as dropped.
+    `offer` never waits for the consumer and never fails. If the queue is full, the oldest item is
+    dropped and counted. If the consumer fails, the error is reported once, the consumer is closed,
+    and later items are counted as dropped.
 
     Attributes:
-        error: The consumer's failure, or None.
-        dropped: Number of items lost because the consumer lagged or failed.
+        error: The error raised by the consumer, or None.
+        dropped: Number of items lost because the consumer was too slow or failed.
     """
 
     def __init__(
@@ -38,9 +38,9 @@ class Worker(Generic[_T]):
 
         Args:
             name: Name of the thread.
-            consumer: Used only by this thread from now on. Its `consume` takes the items offered
-                since the last call, possibly none; `close` is called last.
-            capacity: Items that the queue holds.
+            consumer: Object that only this thread uses from now on. Its method `consume` is called
+                with the items offered since the last call, possibly none; `close` is called last.
+            capacity: Largest number of items in the queue.
             period: Time between batches, s.
             on_error: Called from the thread, once, if the consumer fails.
             on_start: Called from the thread when it starts.
@@ -52,21 +52,21 @@ class Worker(Generic[_T]):
         self._queue: deque[_T] = deque(maxlen=capacity)
         self._lock = threading.Lock()
         self._stop = threading.Event()
-        # A daemon thread: a hanging disk must not keep the process alive.
+        # A daemon thread, because a hanging disk must not keep the process alive.
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
         self._thread.start()
 
     def offer(self, item: _T) -> None:
-        """Queues an item; any thread may call this."""
+        """Adds an item to the queue; thread-safe."""
         with self._lock:
             self.dropped += len(self._queue) == self._capacity
             self._queue.append(item)
 
     def close(self, timeout: float) -> bool:
-        """Passes the queued items to the consumer, and ends the thread.
+        """Passes the remaining items to the consumer, and ends the thread.
 
         Args:
-            timeout: Longest time to wait, s.
+            timeout: Longest time to wait for the thread, s.
 
         Returns:
             Whether the consumer was closed in time.
