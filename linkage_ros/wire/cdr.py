@@ -1,9 +1,9 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Writes and reads CDR, the encoding of ROS messages: little endian, padding bytes zero.
+"""Encodes and decodes CDR, the encoding of ROS messages: little endian, with zero padding.
 
-Values are aligned to their size, counted from the end of the encapsulation header. Commands and
-measurements are JointState messages of other nodes. They are decoded here, because rclpy prints a
+Values are aligned to their size, relative to the end of the encapsulation header. Commands and
+measurements are JointState messages from other nodes. They are decoded here because rclpy prints a
 line to stderr for each invalid message.
 """
 
@@ -17,14 +17,14 @@ ENCAPSULATION = b'\x00\x01\x00\x00'
 STAMP = struct.Struct('<iI')  # s and ns
 _COUNT = struct.Struct('<I')
 LARGEST_COMMAND = 65536  # bytes
-OK, WARN, ERROR = 0, 1, 2  # levels of a status
+OK, WARN, ERROR = 0, 1, 2  # levels of a DiagnosticStatus
 
 
 def stamp_of(data: bytes) -> int:
-    """The stamp in the header of a message.
+    """Reads the stamp in the header of a message.
 
     Args:
-        data: CDR bytes of a message with a header.
+        data: CDR bytes of a message that starts with a header.
 
     Returns:
         The stamp, ns; -1 if the message is too short.
@@ -36,47 +36,48 @@ def stamp_of(data: bytes) -> int:
 
 
 def align(body: bytes, size: int) -> bytes:
-    """Pads CDR bytes, counted without encapsulation, to a multiple of a size."""
+    """Pads CDR bytes to a multiple of a size, in bytes."""
     return body + b'\0' * (-len(body) % size)
 
 
 def count(body: bytes, number: int) -> bytes:
-    """Appends the length of a sequence or text to CDR bytes."""
+    """Appends the length of a sequence or string to CDR bytes."""
     return align(body, 4) + _COUNT.pack(number)
 
 
 def string(body: bytes, text: str) -> bytes:
-    """Appends a text to CDR bytes."""
+    """Appends a string to CDR bytes."""
     data = text.encode() + b'\0'
     return count(body, len(data)) + data
 
 
 def header(frame_id: str, stamp: int = 0) -> bytes:
-    """A std_msgs/Header as CDR bytes; the stamp in ns."""
+    """Encodes a std_msgs/Header; `stamp` is in ns."""
     return string(STAMP.pack(*divmod(stamp, NS_PER_S)), frame_id)
 
 
 def encode_string(text: str) -> bytes:
-    """A std_msgs/String message as CDR bytes.
+    """Encodes a std_msgs/String message as CDR bytes.
 
-    It is padded to a multiple of 4 bytes, as DDS does, so that subscribers get the logged bytes.
+    Like DDS, it pads the message to a multiple of 4 bytes, so that subscribers receive exactly the
+    logged bytes.
     """
     return align(ENCAPSULATION + string(b'', text), 4)
 
 
 def encode_clock(stamp: int) -> bytes:
-    """A rosgraph_msgs/Clock message as CDR bytes; the stamp in ns."""
+    """Encodes a rosgraph_msgs/Clock message as CDR bytes; `stamp` is in ns."""
     return ENCAPSULATION + STAMP.pack(*divmod(stamp, NS_PER_S))
 
 
 class Status(NamedTuple):
-    """The health of one part, as in a DiagnosticStatus.
+    """The status of a component, with the fields of a DiagnosticStatus.
 
     Attributes:
         level: OK, WARN or ERROR.
-        name: Name of the part.
-        message: Short description.
-        values: Figures as text, by name.
+        name: Name of the component.
+        message: Short description of its status.
+        values: Further values as strings, by key.
     """
 
     level: int
@@ -86,15 +87,15 @@ class Status(NamedTuple):
 
 
 def encode_diagnostics(stamp: int, hardware: str, statuses: Sequence[Status]) -> bytes:
-    """A diagnostic_msgs/DiagnosticArray message as CDR bytes.
+    """Encodes a diagnostic_msgs/DiagnosticArray message.
 
     Args:
-        stamp: ns.
+        stamp: Stamp of the message, ns.
         hardware: The hardware_id of every status.
-        statuses: The health of each part.
+        statuses: The statuses in the message.
 
     Returns:
-        The bytes, padded to a multiple of 4 as in `encode_string`.
+        The CDR bytes, padded to a multiple of 4 as in `encode_string`.
     """
     body = count(header('', stamp), len(statuses))
     for level, name, message, values in statuses:
@@ -108,14 +109,14 @@ def encode_diagnostics(stamp: int, hardware: str, statuses: Sequence[Status]) ->
 
 
 class JointStateData(NamedTuple):
-    """The contents of a JointState; the lists may differ in length.
+    """The contents of a JointState; the sequences may differ in length.
 
     Attributes:
-        stamp: ns.
+        stamp: Stamp of the message, ns.
         names: Names of the joints.
-        positions: rad or m.
-        velocities: rad/s or m/s.
-        efforts: N m or N.
+        positions: Joint positions, rad or m.
+        velocities: Joint velocities, rad/s or m/s.
+        efforts: Joint efforts, N m or N.
     """
 
     stamp: int
@@ -129,13 +130,13 @@ def decode_joint_state(data: bytes) -> JointStateData:
     """Decodes an untrusted JointState.
 
     Args:
-        data: Its CDR bytes, little endian.
+        data: CDR bytes of the message, little endian.
 
     Returns:
         The contents of the message.
 
     Raises:
-        ValueError: The bytes are not a JointState, or the message is too large for a command.
+        ValueError: The bytes are not a JointState, or the message is too large.
     """
     if len(data) > LARGEST_COMMAND:
         raise ValueError(f'it has {len(data)} bytes: must be at most {LARGEST_COMMAND}')
@@ -147,7 +148,7 @@ def decode_joint_state(data: bytes) -> JointStateData:
         at += -at % 4 + _COUNT.size
         for _ in range(*_COUNT.unpack_from(body, at - _COUNT.size)):
             (text,), at = _sequence(body, at, 's')
-            names.append(text.removesuffix(b'\0').decode())  # Fast DDS may leave the zero out
+            names.append(text.removesuffix(b'\0').decode())  # Fast DDS may omit the zero
         for _ in range(3):
             row, at = _sequence(body, at, 'd')
             rows.append(row)

@@ -1,8 +1,8 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The messages of a state as templates: CDR, little endian, padding bytes zero.
+"""Templates of the messages of a state: CDR, little endian, with zero padding.
 
-The bytes that a run publishes are also logged and replayed.
+A run publishes and logs the same bytes; replay publishes them again.
 """
 
 import math
@@ -21,7 +21,7 @@ ROOT_FRAME = 'base_link'
 QUANTITIES = ('position', 'velocity', 'acceleration', 'effort')
 POINT_FIELDS = Field('point.x', 'd'), Field('point.y', 'd')
 
-# A point of a trajectory: four sequences of one number, aligned to 8 bytes, and a duration.
+# A trajectory point: four sequences of one number each, aligned to 8 bytes, and a duration.
 _POINT = struct.Struct('<' + 4 * 'I4xd' + 'iI')
 
 
@@ -30,23 +30,23 @@ def joint_rows(
     state: State,
     unwrapped: Real,
 ) -> list[list[Real]]:
-    """Converts a state to the joints of the URDF's open tree, as in messages; used in a formula.
+    """Converts a state to the joints of the URDF's open tree; compiled as a formula.
 
     Args:
-        links: The links of the open tree; the crank is the first.
+        links: The links of the open tree, starting with the crank.
         state: State of the mechanism.
-        unwrapped: The whole angle of the crank, rad.
+        unwrapped: Crank angle including all turns, rad.
 
     Returns:
-        Positions, rad or m, velocities, accelerations and efforts, one row each. The crank has its
-        whole angle; other angles are relative to the parent link, in (-pi, pi]. The effort of the
-        crank is the driving torque, N m; other efforts are 0.
+        Rows of positions, rad or m, velocities, accelerations and efforts of the joints. The crank
+        angle includes all turns; other angles are relative to the parent link and in (-pi, pi].
+        The effort of the crank is the driving torque, N m; other efforts are 0.
     """
     position, *_ = rows = [list(row) for row in state[:3]]
     for i, link in reversed(list(enumerate(links))):  # joints with a parent link
         if link.parent is not None:
             for row in rows:
-                row[i] = row[i] - row[link.parent]  # an array stays as it is
+                row[i] = row[i] - row[link.parent]  # -= would modify an array of the state
             position[i] = wrap(position[i], rint)
         if not link.slides:
             position[i] = where(position[i] <= -math.pi, math.pi, position[i])
@@ -55,12 +55,12 @@ def joint_rows(
 
 
 def joint_numbers(names: Sequence[str]) -> list[str]:
-    """Names of the numbers in joint messages, such as 'velocity[coupler]'."""
+    """Returns the names of the numbers in joint messages, such as 'velocity[coupler]'."""
     return [f'{quantity}[{name}]' for quantity in QUANTITIES for name in names]
 
 
 def _named(names: Sequence[str], frame_id: str) -> bytes:
-    """A header and the names of joints, aligned to 4 bytes, without encapsulation."""
+    """Encodes a header and joint names, aligned to 4 bytes, without encapsulation."""
     body = count(header(frame_id), len(names))
     for name in names:
         body = string(body, name)
@@ -68,15 +68,15 @@ def _named(names: Sequence[str], frame_id: str) -> bytes:
 
 
 def _sequences(body: bytes, names: Sequence[str], quantities: Iterable[str]) -> Iterable[Part]:
-    """The parts of a message of joints: constant bytes, then a sequence for each quantity.
+    """Generates the template of a joint message: constant bytes, then a sequence per quantity.
 
     Args:
         body: Bytes of the message before the sequences, aligned to 4, without encapsulation.
         names: Names of the joints.
-        quantities: The quantities in the sequences.
+        quantities: Names of the quantities, such as 'velocity'.
 
     Yields:
-        Parts of a template.
+        Constant bytes and fields.
     """
     constant = body[STAMP.size :]
     yield from (ENCAPSULATION, *STAMP_FIELDS)
@@ -88,45 +88,45 @@ def _sequences(body: bytes, names: Sequence[str], quantities: Iterable[str]) -> 
 
 
 def joint_state(names: Sequence[str], frame_id: str) -> list[Part]:
-    """A JointState message of joints."""
+    """Returns the template of a JointState message."""
     quantities = (quantity for quantity in QUANTITIES if quantity != 'acceleration')
     return [*_sequences(_named(names, frame_id), names, quantities)]
 
 
 def trajectory(names: Sequence[str], frame_id: str) -> list[Part]:
-    """A JointTrajectory message of joints and one point, whose time_from_start is 0."""
+    """Returns the template of a JointTrajectory message with one point at time_from_start 0."""
     return [*_sequences(count(_named(names, frame_id), 1), names, QUANTITIES), bytes(8)]
 
 
 def point(frame_id: str) -> list[Part]:
-    """A PointStamped message; its z is 0."""
+    """Returns the template of a PointStamped message with z = 0."""
     body = align(header(frame_id), 8)[STAMP.size :]
     return [ENCAPSULATION, *STAMP_FIELDS, body, *POINT_FIELDS, bytes(8)]
 
 
 def float64(name: str) -> list[Part]:
-    """A std_msgs/Float64 message."""
+    """Returns the template of a std_msgs/Float64 message."""
     return [ENCAPSULATION, Field(name, 'd')]
 
 
 def float64_array(name: str) -> list[Part]:
-    """A std_msgs/Float64MultiArray message of one number, without layout."""
+    """Returns the template of a std_msgs/Float64MultiArray message with one number."""
     return [ENCAPSULATION + struct.pack('<III4x', 0, 0, 1), Field(name, 'd')]
 
 
 def crank_trajectory(
     name: str, frame_id: str, points: Collection[tuple[int, tuple[float, ...]]]
 ) -> bytes:
-    """A JointTrajectory message of one joint and many points, with the stamp of its first point.
+    """Encodes a JointTrajectory message of one joint and many points.
 
     Args:
         name: Name of the joint.
         frame_id: Frame of the message.
-        points: For each point its stamp, ns, in increasing order, and its values: position, rad,
+        points: Stamp of each point, ns, in increasing order, and its values: position, rad,
             velocity, rad/s, acceleration, rad/s^2, and effort, N m.
 
     Returns:
-        The CDR bytes of the message.
+        The CDR bytes of the message, whose stamp is that of the first point.
     """
     start = next(iter(points))[0]
     body = count(_named([name], frame_id), len(points))[STAMP.size :]
@@ -136,7 +136,7 @@ def crank_trajectory(
         )
         for time, (p, v, a, e) in points
     )
-    # Only the offset of the first number depends on the name.
+    # The padding before the first number depends on the name; all later offsets are fixed.
     gap = -(STAMP.size + len(body) + 4) % 8
     first = packed[:4] + packed[8 - gap :]
     return ENCAPSULATION + STAMP.pack(*divmod(start, NS_PER_S)) + body + first

@@ -1,13 +1,13 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Rows: all messages of one state as bytes of an MCAP file, record headers included.
+"""Rows: the MCAP records of all messages of one state.
 
-The messages of a topic differ only in numbers at fixed offsets, so a template is filled, once or
-thousands of times. This is several times faster than serialising each message. Padding bytes are
-zero; Fast DDS leaves uninitialised memory there, so that the files of equal states would differ.
+The messages of a topic differ only in numbers at fixed offsets. Filling a template, once or
+thousands of times, is several times faster than serialising each message. Padding bytes are zero;
+Fast DDS leaves them uninitialised, so that files of equal states would differ.
 
 The messages of a state are adjacent in a log, so that a state is written, found and compared as
-one run of bytes.
+one block of bytes.
 """
 
 import operator
@@ -23,14 +23,14 @@ import numpy.typing as npt
 from linkage_ros.numeric import Array, Real
 from linkage_ros.units import NS_PER_S
 
-# Opcode and length of the record, channel, sequence, log and publish time.
+# Opcode and length of the record, channel, sequence number, log time and publish time.
 MESSAGE_HEAD = struct.Struct('<BQHIQQ')
 _HEAD_FIELDS = np.dtype({
     'names': ['opcode', 'channel', 'time'], 'formats': ['u1', '<u2', '<u8'],
     'offsets': [0, 9, 15], 'itemsize': MESSAGE_HEAD.size,
 })  # fmt: skip
 _OPCODE = 5
-_CONSTANT = 15  # bytes of the head before its times
+_CONSTANT = 15  # number of bytes in the head before the times
 
 
 class Field(NamedTuple):
@@ -54,16 +54,16 @@ STAMP_FIELDS = Field('header.stamp.sec', 'i'), Field('header.stamp.nanosec', 'I'
 
 
 class Template:
-    """A run of constant bytes and fields.
+    """A byte template that consists of constant bytes and fields.
 
     Attributes:
         size: Number of bytes.
         places: The fields, in order.
-        fields: The fields by name; of several with the same name, the last one.
+        fields: The fields by name; if several have the same name, the last of them.
     """
 
     def __init__(self, parts: Sequence[Part], names: Sequence[str] = ()) -> None:
-        """Lays out the parts.
+        """Computes the offsets of the fields.
 
         Args:
             parts: Constant bytes and fields, in order.
@@ -88,11 +88,11 @@ class Template:
         return self._struct.pack(*self._arrange((*numbers, *self._constants)))
 
     def fill(self, count: int, numbers: Sequence[Real]) -> bytearray:
-        """Fills the template many times.
+        """Fills many copies of the template.
 
         Args:
             count: Number of copies.
-            numbers: For each name, an array with a value for each copy, or one number for all.
+            numbers: For each name, an array with one value per copy, or one number for all.
 
         Returns:
             The bytes of all copies.
@@ -103,16 +103,16 @@ class Template:
         return rows
 
     def read(self, data: bytes) -> tuple[npt.NDArray[np.int64], Array]:
-        """Reads messages with a stamp.
+        """Reads messages that match the template, which has a stamp.
 
         Args:
-            data: CDR bytes of one or more messages, one after the other.
+            data: Concatenated CDR bytes of one or more messages.
 
         Returns:
-            Stamps, ns, and the other numbers of each message, shape (n, numbers).
+            The stamps, ns, shape (n,), and the other numbers, shape (n, numbers).
 
         Raises:
-            ValueError: The bytes are not such messages.
+            ValueError: The bytes do not match the template.
         """
         count = len(data) // self.size
         columns = [self.column(data, place) for place in self.places] if count else []
@@ -122,20 +122,20 @@ class Template:
         return self.stamps(data), np.stack(columns[len(STAMP_FIELDS) :], axis=1)
 
     def stamps(self, rows: bytes) -> npt.NDArray[np.int64]:
-        """The stamps in filled templates, ns."""
+        """Returns the stamps in filled templates, ns."""
         whole, rest = (self.column(rows, self.fields[field.name]) for field in STAMP_FIELDS)
         stamps: npt.NDArray[np.int64] = whole.astype(np.int64) * NS_PER_S + rest
         return stamps
 
     def column(self, rows: Any, place: Field) -> npt.NDArray[Any]:
-        """A view of one field.
+        """Returns a view of one field.
 
         Args:
             rows: Bytes of any number of filled templates.
             place: Field to view.
 
         Returns:
-            The value of the field in each template.
+            The values of the field, one per template.
         """
         values: npt.NDArray[Any] = np.ndarray(
             len(rows) // self.size, f'<{place.code}', rows, place.offset, (self.size,)
@@ -144,7 +144,7 @@ class Template:
 
 
 def message_record(channel: int, times: tuple[int, int], data: bytes) -> bytes:
-    """The record of a message in an MCAP file.
+    """Encodes a message as an MCAP record.
 
     Args:
         channel: Number of the message's channel.
@@ -166,8 +166,8 @@ def message_heads(data: bytes, starts: Sequence[int]) -> npt.NDArray[Any]:
         starts: First byte of each record.
 
     Returns:
-        The fields opcode, channel and time (log time, ns) of each record. If a record is not a
-        message, only its opcode is meaningful.
+        A structured array with the fields opcode, channel and time (log time, ns). If a record is
+        not a message, only its opcode is meaningful.
     """
     padded = np.frombuffer(data + bytes(MESSAGE_HEAD.size), np.uint8)
     windows = np.lib.stride_tricks.sliding_window_view(padded, MESSAGE_HEAD.size)
@@ -176,22 +176,22 @@ def message_heads(data: bytes, starts: Sequence[int]) -> npt.NDArray[Any]:
 
 
 class RowLayout(Template):
-    """The bytes of one state's messages.
+    """The layout of a row, which contains the records of one state's messages.
 
     Attributes:
-        channels: Channels of the messages.
-        starts: First byte of each message's record.
-        bodies: Places of the messages' CDR bytes.
-        times: Place of the first message's log time.
+        channels: Channel number of each message.
+        starts: Offset of each message's record.
+        bodies: Slice of each message's CDR bytes.
+        times: Field with the log time of the first message.
     """
 
     def __init__(
         self, messages: Sequence[tuple[int, Sequence[Part]]], names: Sequence[str]
     ) -> None:
-        """Lays out the messages.
+        """Computes the offsets of the messages and their fields.
 
         Args:
-            messages: Channel and parts of each message.
+            messages: Channel number and template parts of each message.
             names: Names of the numbers that fill the messages.
         """
         parts, patterns = list[Part](), list[bytes]()
@@ -209,23 +209,23 @@ class RowLayout(Template):
         self._whole = re.compile(b'(?:%b)*' % b''.join(patterns), re.DOTALL)
 
     def messages(self, row: bytes) -> tuple[bytes, ...]:
-        """The CDR bytes of the messages in a row."""
+        """Returns the CDR bytes of the messages in a row."""
         return tuple(row[body] for body in self.bodies)
 
     def fitting(self, records: bytes | bytearray) -> int:
-        """The length, in bytes, of the leading messages that are the first messages of a row."""
+        """Returns the number of leading bytes that are complete messages from a row's start."""
         rows = ((end, records[:end] + self._blank[end:]) for end in self._ends)
         return max(end for end, row in rows if self.count(row, 0))
 
     def count(self, data: bytes | bytearray, at: int) -> int:
-        """Counts adjacent whole rows.
+        """Counts complete adjacent rows.
 
         Args:
-            data: Records.
-            at: Place of the first row.
+            data: MCAP records.
+            at: Offset of the first row.
 
         Returns:
-            The number of rows.
+            The number of complete rows from that offset on.
         """
         found = self._whole.match(data, at)
         return (found.end() - at) // self.size if found else 0

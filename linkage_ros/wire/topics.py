@@ -1,9 +1,9 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The topics of the node: names, message types, quality of service.
+"""Topics of the node: names, message types and quality of service.
 
-Logs are also written without ROS, so this file holds the fields and type hashes (REP 2011) of the
-message types. A test compares them with the installed message packages.
+This file contains the definitions and type hashes (REP 2011) of the message types, because logs
+are also written without ROS. A test compares them with the installed message packages.
 """
 
 from typing import NamedTuple
@@ -20,8 +20,8 @@ class Interface(NamedTuple):
     Attributes:
         name: Name of the type, such as 'std_msgs/msg/Float64'.
         hash: Type hash, RIHS01.
-        definition: Its fields; then, each after a separator line, the fields of the types that it
-            contains.
+        definition: Fields of the type, followed by those of each nested type after a separator
+            line.
     """
 
     name: str
@@ -112,11 +112,11 @@ class Topic(NamedTuple):
     """A topic of the node.
 
     Attributes:
-        name: Relative name; /diagnostics is absolute.
+        name: Relative name, or absolute name with a leading slash.
         interface: Message type of the topic.
-        latched: Whether late subscribers get the last message (transient local durability).
-        depth: Messages kept for a reader that lags.
-        meaning: Contents of a message, one line for docs/reference.md.
+        latched: Whether late subscribers receive the last message (transient local durability).
+        depth: QoS depth: number of messages queued for a slow subscriber.
+        meaning: Contents of a message in one line, for docs/reference.md.
     """
 
     name: str
@@ -169,19 +169,19 @@ MEASURED_JOINT_STATES = Topic(
     depth=1000,
     meaning='best effort, with `drive: follow`: the measured crank, which every state answers',
 )
-# Depth 1: a reader that lags needs only the latest time.
+# Depth 1, because a slow subscriber needs only the latest time.
 SIMULATED_CLOCK = Topic('/clock', CLOCK, depth=1, meaning='with `use_sim_time`: the time')
 
 
 def effort_commands(name: str) -> Topic:
-    """The topic with the driving torque for a controller."""
+    """Returns the topic of the driving torque for a controller."""
     return Topic(
         name, FLOAT64_MULTI_ARRAY, meaning='one number: the driving torque `lead_time` later'
     )
 
 
 def trajectory_commands(name: str) -> Topic:
-    """The topic with the crank's trajectory for a controller."""
+    """Returns the topic of the crank's trajectory for a controller."""
     return Topic(
         name,
         JOINT_TRAJECTORY,
@@ -190,5 +190,5 @@ def trajectory_commands(name: str) -> Topic:
 
 
 def qualified(topic: Topic) -> str:
-    """The fully qualified name of a topic for a node without a namespace."""
+    """Returns the fully qualified name of a topic for a node without a namespace."""
     return topic.name if topic.name.startswith('/') else f'/{topic.name}'

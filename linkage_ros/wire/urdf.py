@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Writes the URDF of a mechanism's open tree from its description."""
+"""Generates the URDF of a mechanism's open tree."""
 
 import math
 from collections.abc import Iterable
@@ -11,9 +11,9 @@ from linkage_ros.model.rigid_links import RigidLink, rigid_links
 from linkage_ros.model.structure import Link, Mechanism
 from linkage_ros.wire.codecs import ROOT_FRAME
 
-# URDF demands limits of force and speed for a prismatic joint; the model has no such limits.
+# URDF requires effort and velocity limits for a prismatic joint, which the model does not have.
 _NO_LIMIT = '1e9'
-# Parameters of joint_state_topic_hardware_interface with a node as the plant.
+# Parameters of joint_state_topic_hardware_interface if a node simulates the plant.
 _PLUGIN = 'joint_state_topic_hardware_interface/JointStateTopicSystem'
 _HARDWARE = {
     'joint_commands_topic': '/joint_commands',
@@ -23,17 +23,17 @@ _HARDWARE = {
 
 
 def joint_names(joints: Iterable[Link], joint_prefix: str) -> tuple[str, ...]:
-    """The names of joints in the URDF and in messages."""
+    """Returns the names of joints in the URDF and in messages."""
     return tuple(f'{joint_prefix}{joint.name}' for joint in joints)
 
 
 def link_of(joint: str) -> str:
-    """The name of a joint's child link; it differs from the joint's, as many readers require."""
+    """Returns the name of a joint's child link, which many tools require to be different."""
     return f'{joint}_link'
 
 
 def text_of(*numbers: float) -> str:
-    """Formats numbers for XML attributes: all digits, separated by spaces."""
+    """Formats numbers for an XML attribute with all digits, separated by spaces."""
     return ' '.join(map(repr, numbers))
 
 
@@ -44,19 +44,20 @@ def make_urdf(
     *,
     ros2_control: bool = False,
 ) -> str:
-    """Writes the URDF: a link and a joint for each joint of the open tree.
+    """Generates the URDF, with a link and a joint for each joint of the open tree.
 
-    `Link` defines where the loop is open; the positions on joint_states close it. A comment marks
-    a mass or an inertia that is 0 in the parameters.
+    See `Link` for the pin at which the loop is cut; the positions on joint_states close the loop.
+    A comment marks each mass or inertia that is 0 in the parameters.
 
     Args:
         mechanism: Mechanism to export.
-        joint_prefix: Prepended to all joint and link names but frame_id.
+        joint_prefix: Prefix of all joint and link names, except frame_id.
         frame_id: Name of the root link, which carries the fixed pivots.
-        ros2_control: Whether to add the tag by which ros2_control drives the crank of a node.
+        ros2_control: Whether to add a ros2_control tag, with which a controller drives the crank
+            of a node.
 
     Returns:
-        XML text.
+        The URDF as XML text.
     """
     links = rigid_links(mechanism, joint_prefix)
     # The loop cannot close beyond these limits.
@@ -72,7 +73,7 @@ def make_urdf(
 
 
 def element(tag: str, *children: Any, text: str | None = None, **rest: str) -> ET.Element:
-    """Makes an XML element with children and text; `rest` holds the attributes."""
+    """Creates an XML element with children, text and, in `rest`, attributes."""
     made = ET.Element(tag, rest)
     made.text = text
     made.extend(children)
@@ -80,12 +81,12 @@ def element(tag: str, *children: Any, text: str | None = None, **rest: str) -> E
 
 
 def comment(link: RigidLink) -> list[Any]:
-    """A comment with the note on a link, if there is one."""
+    """Returns an XML comment with the note of a link; empty if there is no note."""
     return [ET.Comment(link.note)] if link.note else []
 
 
 def _link(link: RigidLink) -> ET.Element:
-    # A planar description has only izz; a flat body has ixx + iyy = izz.
+    # The parameters define only izz; for a flat body, ixx + iyy = izz.
     half = repr(link.inertia / 2)
     return element(
         'link',
@@ -130,7 +131,7 @@ def _origin(x: float, y: float, z: float = 0.0, *, yaw: float = 0.0) -> ET.Eleme
 
 
 def _ros2_control(crank: str) -> ET.Element:
-    """Adds the tag for the crank alone: the node refuses commands for other joints."""
+    """Returns the tag for the crank only, because the node ignores commands for other joints."""
     states = (element('state_interface', name=n) for n in ('position', 'velocity', 'effort'))
     return element(
         'ros2_control',
