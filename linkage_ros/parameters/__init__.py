@@ -1,7 +1,7 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Parameters from files, presets and command lines, checked in one place.
+"""Reads and validates parameters from files, presets and command lines.
 
-The parameters of mechanisms and drives are declared in `model` and `motion`. The parameters of a
-run are declared here.
+The parameters of mechanisms and drives are declared in `model` and `motion`, those of a run in
+this package.
 """

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Makes a checked configuration from parameters of a node, a file or a log."""
+"""Creates a validated configuration from the parameters of a node, a file or a log."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ from linkage_ros.quantities import Checked, Leaf, build, flatten, leaves, quanti
 
 DEFAULT_PRESET = 'quadrilateral'
 
-# Parameters of every rclpy node.
+# Parameters that every rclpy node declares.
 _ROS_PARAMETERS = ('use_sim_time', 'start_type_description_service')
 
 
 @dataclass(frozen=True)
 class MechanismAndDrive(Checked):
-    """The kind of mechanism and the kind of drive.
+    """The kinds of mechanism and drive.
 
     Attributes:
-        mechanism: A name of `MECHANISMS`.
-        drive: A name of `DRIVES`.
+        mechanism: A key of `MECHANISMS`.
+        drive: A key of `DRIVES`.
     """
 
     mechanism: str = quantity('choice', 'kind of mechanism', choices=MECHANISMS.keys())
@@ -44,10 +44,10 @@ class MechanismAndDrive(Checked):
 
     @classmethod
     def of(cls, given: Mapping[str, object]) -> MechanismAndDrive:
-        """Reads mechanism and drive from parameters; a wind pump is always driven by a torque.
+        """Reads mechanism and drive from parameters; a wind pump always has drive: torque.
 
         Raises:
-            ConfigurationError: The mechanism is missing, or a wind pump has drive: speed.
+            ConfigurationError: The mechanism is missing, or a wind pump has another drive.
         """
         kind = build(cls, given)
         if len(MECHANISMS[kind.mechanism].coordinates) == 1:
@@ -63,13 +63,13 @@ class MechanismAndDrive(Checked):
 
 @dataclass(frozen=True)
 class Configuration:
-    """Everything that a run depends on.
+    """The complete configuration of a run.
 
     Attributes:
-        kind: The names of mechanism and drive.
-        mechanism: The description of the mechanism.
-        drive: The description of the drive.
-        session: Settings of publishing, logging and viewing.
+        kind: The kinds of mechanism and drive.
+        mechanism: The mechanism.
+        drive: The drive.
+        session: Settings for publishing, logging and viewing.
     """
 
     kind: MechanismAndDrive
@@ -78,7 +78,7 @@ class Configuration:
     session: Session
 
     def parameters(self) -> dict[str, object]:
-        """Returns the values of all parameters by name, defaults included."""
+        """Returns the values of all parameters by name, including defaults."""
         parts = (self.kind, self.mechanism, self.drive, self.session)
         known = {leaf.name for leaf in parameter_leaves(self.kind)}
         flat = (item for part in parts for item in flatten(part).items())
@@ -86,36 +86,36 @@ class Configuration:
 
 
 def parameter_leaves(kind: MechanismAndDrive) -> tuple[Leaf, ...]:
-    """Lists the parameters that a mechanism and a drive use, in the order of declaration."""
+    """Returns the parameters of a mechanism, a drive and a run, in order of declaration."""
     classes = (MechanismAndDrive, MECHANISMS[kind.mechanism], DRIVES[kind.drive], Session)
     unused = 'rate_hz' if kind.drive == 'follow' else ''  # measurements set the rate
     return tuple(leaf for cls in classes for leaf in leaves(cls) if leaf.name != unused)
 
 
 def without_ros_parameters(values: Mapping[str, object]) -> dict[str, object]:
-    """Removes the parameters that every rclpy node has."""
+    """Removes the parameters that every rclpy node declares."""
     return {name: value for name, value in values.items() if name not in _ROS_PARAMETERS}
 
 
 def configure(values: Mapping[str, object]) -> Configuration:
-    """Checks parameters and makes a configuration.
+    """Validates parameters and creates a configuration.
 
     Args:
         values: Values by dotted parameter name. If 'mechanism' is missing, they override the
             values of the quadrilateral preset.
 
     Returns:
-        The configuration.
+        The validated configuration.
 
     Raises:
         ConfigurationError: A name is unknown or missing, a value is invalid, the links cannot be
-            assembled, or the crank cannot turn. The message says what is valid.
+            assembled, or the crank cannot turn. The message states what is valid.
     """
     given = without_ros_parameters(values)
     preset: Mapping[str, object] = {}
     if 'mechanism' not in given:
         preset = read_parameter_file(preset_path(DEFAULT_PRESET))
-    # Parameters of the preset that the drive lacks, such as rpm, are ignored.
+    # `build` ignores values of the preset that the drive does not have, such as rpm.
     chosen = {**preset, **given}
     kind = MechanismAndDrive.of(chosen)
     valid = [leaf.name for leaf in parameter_leaves(kind)]
@@ -137,7 +137,7 @@ def configure(values: Mapping[str, object]) -> Configuration:
 
 
 def _not_a_parameter(name: str, kind: MechanismAndDrive) -> str:
-    """Writes the error message for an unknown parameter of a mechanism and drive."""
+    """Returns the error message for an unknown parameter of a mechanism and drive."""
     driven = {'torque': 'torque-driven ', 'follow': 'measured '}.get(kind.drive, '')
     owner, valid = f'a {driven}{kind.mechanism}', parameter_leaves(kind)
     block = name.partition('.')[0]
@@ -155,14 +155,14 @@ def _not_a_parameter(name: str, kind: MechanismAndDrive) -> str:
 
 
 def _others(sought: str, kinds: Mapping[str, type], own: str) -> list[str]:
-    """Lists the other kinds that have a parameter or group; an empty list if `own` has it."""
+    """Returns the other kinds that have a parameter or group; empty if `own` has it."""
     names = {kind: [f'{leaf.name}.' for leaf in leaves(cls)] for kind, cls in kinds.items()}
     having = [kind for kind in kinds if any(x.startswith(f'{sought}.') for x in names[kind])]
     return [] if own in having else having
 
 
 def preset_note(values: Mapping[str, object]) -> str:
-    """Returns a text to print before the summary if the default preset is used; otherwise ''."""
+    """Returns the prefix of the summary if the default preset is used, otherwise ''."""
     return '' if 'mechanism' in values else f'no mechanism given, so the {DEFAULT_PRESET}: '
 
 
@@ -170,11 +170,11 @@ def read_values(source: str, namespace: str = '') -> Mapping[str, object]:
     """Reads the values of a parameter file or a preset.
 
     Args:
-        source: Path of a ROS 2 parameter file, or the name of a preset.
+        source: Path of a ROS 2 parameter file, or name of a preset.
         namespace: Namespace of linkage_node.
 
     Returns:
-        Values by dotted parameter name.
+        The values by dotted parameter name.
 
     Raises:
         ConfigurationError: There is no such file or preset, it cannot be read, or it has no
@@ -191,13 +191,13 @@ def read_values(source: str, namespace: str = '') -> Mapping[str, object]:
 
 
 def load(source: str) -> Configuration:
-    """Reads the configuration of a parameter file or a preset.
+    """Reads the configuration from a parameter file or a preset.
 
     Args:
-        source: Path of a ROS 2 parameter file, or the name of a preset.
+        source: Path of a ROS 2 parameter file, or name of a preset.
 
     Returns:
-        The configuration.
+        The validated configuration.
 
     Raises:
         ConfigurationError: There is no such file or preset, it cannot be used, or it has only
@@ -207,7 +207,7 @@ def load(source: str) -> Configuration:
 
 
 def to_strings(configuration: Configuration) -> dict[str, str]:
-    """Converts a configuration to JSON texts by parameter name."""
+    """Converts a configuration to JSON strings by parameter name."""
     return {name: json.dumps(value) for name, value in configuration.parameters().items()}
 
 
@@ -215,10 +215,10 @@ def from_strings(strings: Mapping[str, str]) -> Configuration:
     """Restores a configuration from `to_strings`.
 
     Args:
-        strings: JSON texts by parameter name.
+        strings: JSON strings by parameter name.
 
     Returns:
-        The configuration.
+        The validated configuration.
 
     Raises:
         ConfigurationError: A value is not JSON, or the configuration is invalid.

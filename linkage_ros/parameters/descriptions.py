@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Describes parameters for --help, and a configuration in the line that each run prints."""
+"""Describes parameters for --help, and configurations for the summary line of each run."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def help_on(parameters: Iterable[Leaf]) -> str:
         parameters: Parameters of any dataclass of quantities.
 
     Returns:
-        The lines.
+        The lines, joined by newlines.
     """
     return '\n'.join(
         f'  {name}: {_valid(quantity)}{quantity.meaning}{_default(default)}'
@@ -36,12 +36,12 @@ def help_on(parameters: Iterable[Leaf]) -> str:
 
 
 def _valid(quantity: Quantity) -> str:
-    """Describes the valid values; empty if any text is valid."""
+    """Describes the valid values; empty if any string is valid."""
     return '' if quantity.valid == 'text' else f'{quantity.valid}; '
 
 
 def _default(value: object) -> str:
-    """Formats a default value as a user would type it; empty for None and for empty text."""
+    """Formats a default value as a user would type it; empty for None and empty strings."""
     if value is MISSING:
         return ' (required)'
     if value in (None, ''):
@@ -52,7 +52,7 @@ def _default(value: object) -> str:
 
 
 def help_on_every_kind() -> str:
-    """Describes the parameters of a four_bar, then those that other drives and mechanisms add."""
+    """Describes the parameters of a four_bar, then those added by other drives and mechanisms."""
     usual = MechanismAndDrive('four_bar', 'speed')
     leaves = parameter_leaves(usual)
     parts = ['parameters of a four_bar:', help_on(leaves)]
@@ -70,10 +70,10 @@ def summary(configuration: Configuration, solver: Solver) -> str:
 
     Args:
         configuration: Configuration of the run.
-        solver: Solver of its mechanism.
+        solver: Solver of the configured mechanism.
 
     Returns:
-        One line.
+        The line, without a newline.
     """
     words = [configuration.kind.mechanism, configuration.mechanism.assembly]
     if reach := solver.mobility:
@@ -85,7 +85,7 @@ def summary(configuration: Configuration, solver: Solver) -> str:
 
 
 def motor_line(motor: Motor) -> str:
-    """Describes a motor and its damping."""
+    """Describes the torque and the damping of a motor."""
     lost = f' - {motor.damping:g} N m s x speed' if motor.damping else ''
     return f'motor {motor.torque:g} N m{lost}'
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The drives, by their names in parameter files."""
+"""Registry of drive classes, keyed by their names in parameter files."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ class FeedForward(Checked):
     """Settings of the feed-forward torque for a controller.
 
     Attributes:
-        effort_command_topic: Topic of the driving torque for a controller; empty: no topic.
-        lead_time: Time from the stamp to the moment for which the torque is computed, s.
+        effort_command_topic: Topic of the driving torque for a controller; empty for none.
+        lead_time: Time by which the torque is computed in advance of its stamp, s.
     """
 
     effort_command_topic: str = quantity(
@@ -34,11 +34,11 @@ class FeedForward(Checked):
 
 @dataclass(frozen=True)
 class SpeedFeedForward(FeedForward, SpeedDrive):
-    """A crank at a given speed, with feed-forward torque and trajectory.
+    """A speed-driven crank, with feed-forward torque and trajectory.
 
     Attributes:
-        trajectory_command_topic: Topic of the crank's motion ahead of time; empty: no topic.
-        trajectory_horizon: Duration of the published motion, s.
+        trajectory_command_topic: Topic of the crank's trajectory for a controller; empty for none.
+        trajectory_horizon: Duration of each trajectory, s.
     """
 
     trajectory_command_topic: str = quantity(

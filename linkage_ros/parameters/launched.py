@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Turns launch arguments into parameters of the nodes that a launch file starts.
+"""Converts launch arguments to parameters of the nodes started by a launch file.
 
 This file does not import launch, so that it can be tested without ROS.
 """
@@ -24,7 +24,7 @@ from linkage_ros.quantities import Quantity
 from linkage_ros.wire.codecs import ROOT_FRAME
 from linkage_ros.wire.urdf import make_urdf
 
-# Arguments that are text even if they look like a number; empty arguments count as not given.
+# Arguments that are strings even if they look like numbers.
 _TEXTS = ('log', 'viewer', 'joint_prefix', 'effort_command_topic')
 _COMMON = ('use_sim_time', 'joint_prefix', 'log', 'log_overwrite', 'viewer')
 
@@ -35,7 +35,7 @@ class Linkage(NamedTuple):
     Attributes:
         node: Parameters of linkage_node.
         publisher: Parameters of robot_state_publisher.
-        fixed_frame: Name in tf of the link that carries the fixed pivots.
+        fixed_frame: Name of the tf frame of the link that carries the fixed pivots.
     """
 
     node: dict[str, object]
@@ -44,14 +44,14 @@ class Linkage(NamedTuple):
 
 
 def given(arguments: Mapping[str, str], names: Iterable[str]) -> dict[str, object]:
-    """Returns the parameters that launch arguments set.
+    """Returns the parameters set by launch arguments.
 
     Args:
-        arguments: Texts by name; an empty text sets nothing.
+        arguments: Argument strings by name; empty strings set no parameter.
         names: Names of the arguments that are parameters.
 
     Returns:
-        Values by name, with the types that `-p NAME:=VALUE` would give them.
+        The values by name, with the same types as with `-p NAME:=VALUE`.
     """
     texts = {name: arguments[name] for name in names if arguments[name]}
     return {name: text if name in _TEXTS else read_scalar(text) for name, text in texts.items()}
@@ -64,7 +64,7 @@ def follow(arguments: Mapping[str, str]) -> Linkage:
         arguments: All arguments of follow.launch.py.
 
     Returns:
-        The parameters; values of the file that such a node does not have are left out.
+        The parameters, without those of the file that do not apply to a measured crank.
 
     Raises:
         ConfigurationError: The file or a value cannot be used.
@@ -72,7 +72,7 @@ def follow(arguments: Mapping[str, str]) -> Linkage:
     names = ('follow_bandwidth', 'effort_command_topic', 'lead_time', *_COMMON)
     file = read_values(arguments['params'], arguments['namespace'])
     configure(file)
-    # A preset sets the motion of its crank; here the crank is measured.
+    # A preset defines the motion of its crank, which is measured here.
     kind = MechanismAndDrive.of({'mechanism': 'four_bar', **file, 'drive': 'follow'})
     known = {leaf.name for leaf in parameter_leaves(kind)}
     kept = {name: value for name, value in file.items() if name in known}
@@ -86,8 +86,8 @@ def demo(arguments: Mapping[str, str]) -> Linkage:
         arguments: All arguments of demo.launch.py.
 
     Returns:
-        The parameters. The node gets these values instead of the file, because rcl's choice
-        between two sections of a file and an argument depends on their order.
+        The parameters. They are passed to the node instead of the file, because rcl lets the order
+        decide whether a section of the file or an argument takes precedence.
 
     Raises:
         ConfigurationError: The file or a value cannot be used.
@@ -111,7 +111,7 @@ def _linkage(values: dict[str, object], arguments: Mapping[str, str]) -> Linkage
 
 
 def is_asked_for(arguments: Mapping[str, str], name: str) -> bool:
-    """Returns whether a switch such as rviz is on.
+    """Returns whether a launch switch, such as rviz, is on.
 
     Raises:
         ConfigurationError: The value is neither true nor false.
@@ -121,27 +121,28 @@ def is_asked_for(arguments: Mapping[str, str], name: str) -> bool:
 
 
 def parameter_file(values: Mapping[str, object]) -> str:
-    """Writes parameters to a file, because launch_ros would convert the text 1e3 to a number.
+    """Writes parameters to a file, because launch_ros would convert the string 1e3 to a number.
 
     Args:
         values: Values by dotted name, for any node.
 
     Returns:
-        Path of the file.
+        Path of the file, which exists until this process ends.
     """
     return _file_in_memory(json.dumps({'/**': {'ros__parameters': values}}))
 
 
 def rviz_file(template: Path, fixed_frame: str, frame_prefix: str) -> str:
-    """Writes RViz's configuration for the frames of a launch.
+    """Adapts the RViz configuration to the frames of a launch.
 
     Args:
-        template: RViz's configuration for a linkage without prefixes.
-        fixed_frame: As in `Linkage`.
-        frame_prefix: Frame prefix of robot_state_publisher. RViz adds a '/' to its own prefix.
+        template: RViz configuration for a linkage without prefixes.
+        fixed_frame: See `Linkage.fixed_frame`.
+        frame_prefix: Frame prefix of robot_state_publisher. A trailing '/' is removed, because
+            RViz adds one.
 
     Returns:
-        Path of the template, or of a file in memory.
+        Path of the template if it needs no change, otherwise of a file in memory.
     """
     if fixed_frame == ROOT_FRAME:
         return str(template)
@@ -152,21 +153,21 @@ def rviz_file(template: Path, fixed_frame: str, frame_prefix: str) -> str:
 
 
 def _file_in_memory(text: str) -> str:
-    """Writes a text to a file in memory, which exists until this process ends."""
+    """Writes text to a file in memory that exists until this process ends; returns its path."""
     descriptor = os.memfd_create('linkage_ros')
     os.write(descriptor, text.encode())
     return f'/proc/{os.getpid()}/fd/{descriptor}'
 
 
 def how_to_install(package: str, feature: str) -> str:
-    """Advises how to install a ROS package that is missing.
+    """Explains how to install a ROS package that is missing.
 
     Args:
         package: Name of the package.
-        feature: The feature that is missing without the package.
+        feature: The feature that requires the package.
 
     Returns:
-        One line; empty if a sourced workspace has the package.
+        One line of advice; empty if a sourced workspace has the package.
     """
     prefixes = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
     index = Path('share', 'ament_index', 'resource_index', 'packages', package)

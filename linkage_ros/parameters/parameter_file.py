@@ -1,11 +1,11 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Reads a ROS 2 parameter file as a node does, without ROS.
+"""Reads a ROS 2 parameter file in the same way as a node, without ROS.
 
-A node gets its parameters from rcl, which reads YAML differently from PyYAML: `1e2` is a float,
-`on` is a bool, `010` is 8, and `[0, -9.81]` is refused. To read the same values as the node, this
-reader interprets the events of PyYAML as rcl_yaml_param_parser/src/parse.c does. It refuses files
-that rcl refuses, and also files of which rcl silently drops or garbles a part.
+A node gets its parameters from rcl, which interprets YAML differently from PyYAML: `1e2` is a
+float, `on` is a bool, `010` is 8, and `[0, -9.81]` is rejected. To read the same values, this
+reader interprets the events of PyYAML like rcl_yaml_param_parser/src/parse.c. It rejects files
+that rcl rejects, and also files that rcl silently reads incompletely or incorrectly.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ Parameters: TypeAlias = dict[str, ParameterValue]
 
 _LOADER = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)  # libyaml, as in rcl, if available
 _MAX_BYTES = 1 << 20
-_MAX_NAME = 255  # characters with all parents, so that the nesting depth is bounded as well
+_MAX_NAME = 255  # characters including all parents, which also limits the nesting depth
 _NODE = re.compile(r'/?((\*\*?|[A-Za-z_]\w{0,243})/)*(\*\*?|[A-Za-z_]\w*)', re.ASCII)
 _BOOL = re.compile('([yY]|[yY]es|YES|[tT]rue|TRUE|[oO]n|ON)|[nN]o?|NO|[fF]alse|FALSE|[oO]ff|OFF')
 _VALUE = 'write a bool, integer, float or string, or a list of one of these'
@@ -40,24 +40,24 @@ def read_parameter_file(path: Path | str, node_name: str = 'linkage_node') -> Pa
     """Reads the parameters that a file sets on a node.
 
     Args:
-        path: The YAML file.
-        node_name: Name of the node with its namespace, such as left/linkage_node. Sections of
-            other nodes are checked, but not returned.
+        path: Path of the YAML file.
+        node_name: Name of the node with its namespace, such as left/linkage_node. Sections for
+            other nodes are checked but not returned.
 
     Returns:
-        The values by dotted name. Where two sections set the same name, the later one wins.
+        The values by dotted name. If two sections set the same name, the later one wins.
 
     Raises:
-        ConfigurationError: The file cannot be read, or rcl would refuse or garble it.
+        ConfigurationError: The file cannot be read, or rcl would reject it or read it incorrectly.
     """
     return _Reader(path, 'parameter', node_name, _LAYOUT).read(())
 
 
 def read_study_file(path: Path | str) -> Parameters:
-    """Reads a study file, which is written like the part of a parameter file below a node name.
+    """Reads a study file: YAML with the syntax of a parameter file below `ros__parameters`.
 
     Args:
-        path: The YAML file.
+        path: Path of the YAML file.
 
     Returns:
         The values by dotted name.
@@ -88,7 +88,7 @@ class _Reader:
         self.sections: dict[str, Parameters] = {}
 
     def read(self, path: tuple[str, ...]) -> Parameters:
-        """Reads the file as if all its names were below a path of names."""
+        """Reads the file as if all its names were nested below a path of names."""
         while not isinstance(event := self.next(), yaml.StreamEndEvent):
             if isinstance(event, yaml.MappingStartEvent):
                 for names, value in self.leaves(path):
@@ -98,7 +98,7 @@ class _Reader:
         return {name: value for own in self.sections.values() for name, value in own.items()}
 
     def leaves(self, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], yaml.Event]]:
-        """Yields each value of a mapping: its path of names, and the event that begins it."""
+        """Yields the path of names and the first event of each value in a mapping."""
         key, section = '', _section(path)
         while following := self.key(path if section is None else path[section + 1 :]):
             if section is None and key.startswith(_SECTION):
@@ -108,7 +108,7 @@ class _Reader:
             if not isinstance(event, yaml.MappingStartEvent):
                 yield (*path, key), event
                 continue
-            # After a path inside another name, rcl gives wrong names to parameters.
+            # If a nested name is a path, rcl assigns wrong names to the following parameters.
             if path and section != len(path) - 1 and ('/' if section is None else '.') in key:
                 raise self.error(f'{key!r} is a path; write its parts one below the other')
             yield from self.leaves((*path, key))
@@ -116,7 +116,7 @@ class _Reader:
             raise self.error(f'{path[-1]!r} is an empty group; remove it')
 
     def take(self, path: tuple[str, ...], event: yaml.Event) -> None:
-        """Stores a value if it is for this node."""
+        """Stores a value if its section applies to this node."""
         section = _section(path)
         if section is None or section == len(path) - 1:
             raise self.error(f'{_show(event)} where a mapping belongs; {self.layout}')
@@ -134,7 +134,7 @@ class _Reader:
         for group in itertools.accumulate(path[section + 1 : -1], '{}.{}'.format):
             if group in values:
                 raise self.error(f'{group!r} is a value and a group; rename one')
-        # Which of two values rcl keeps depends on their types and on the spelling of the name.
+        # rcl keeps one of two values, depending on their types and the spelling of the name.
         if name in values and ('.' in path[-1] or _types(value) != _types(values[name])):
             raise self.error(f'{name!r} is set twice, in two ways; remove one')
         values[name] = value
@@ -160,7 +160,7 @@ class _Reader:
         return read_scalar(event.value)
 
     def key(self, path: tuple[str, ...]) -> str:
-        """Reads the next key of a mapping below a path of names; empty at the mapping's end."""
+        """Reads the next key of the mapping at a path of names; empty at its end."""
         event = self.next()
         if isinstance(event, yaml.MappingEndEvent):
             return ''
@@ -176,7 +176,7 @@ class _Reader:
         try:
             event = next(self.events)
         except (yaml.YAMLError, ValueError, OverflowError) as error:
-            if isinstance(error, yaml.reader.ReaderError):  # this error has no mark
+            if isinstance(error, yaml.reader.ReaderError):  # has a position instead of a mark
                 self.line = self.data.count(b'\n', 0, error.position) + 1
             self.line = getattr(getattr(error, 'problem_mark', None), 'line', self.line - 1) + 1
             reason = getattr(error, 'problem', None) or getattr(error, 'reason', error)
@@ -195,15 +195,15 @@ class _Reader:
 
 
 def _section(path: tuple[str, ...]) -> int | None:
-    """Finds the index of `ros__parameters` in a path of names; None if the path lacks it."""
-    # rcl compares only as many characters as this name has.
+    """Returns the index of `ros__parameters` in a path of names; None if it is missing."""
+    # Like rcl, accept any name that starts with `ros__parameters`.
     return next((i for i, key in enumerate(path) if key.startswith(_SECTION)), None)
 
 
 def _matches(section: str, node: str) -> bool:
-    """Returns whether a section is for a node: '**' matches any number of names, '*' one."""
+    """Returns whether a section applies to a node; '*' matches one name, '**' any number."""
     wildcards = {'**': '(/[^/]+)*', '*': '/[^/]+'}
-    section = re.sub(r'\*\*(/+\*\*)+', '**', section)  # repeated ** would match too slowly
+    section = re.sub(r'\*\*(/+\*\*)+', '**', section)  # matching repeated ** would be slow
     parts = [wildcards.get(part, f'/{re.escape(part)}') for part in section.split('/') if part]
     return re.fullmatch(''.join(parts), f'/{node.strip("/")}') is not None
 
@@ -218,7 +218,7 @@ def _types(value: ParameterValue) -> list[type]:
 
 
 def read_scalar(text: str) -> _Scalar:
-    """Reads an unquoted scalar: a bool, a number as strtoll or strtod would read it, or text."""
+    """Parses an unquoted scalar: a bool, a number as read by strtoll or strtod, or a string."""
     if match := _BOOL.fullmatch(text):
         return match[1] is not None
     if re.fullmatch(r'[+-]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)', text):
@@ -233,6 +233,6 @@ def read_scalar(text: str) -> _Scalar:
         real = float.fromhex(number) if 'x' in number else float(number)
     except (ValueError, OverflowError):
         return text
-    # float() accepts more than strtod, and rcl keeps values out of strtod's range as text.
+    # float() accepts more than strtod, and rcl reads numbers out of strtod's range as strings.
     lost = abs(real) in {0, float('inf')} and re.match('[^ex]*[1-9]|[^p]*x[^p]*[1-9a-f]', number)
     return text if lost or not re.fullmatch('[-+.0-9a-z]+', number) else real

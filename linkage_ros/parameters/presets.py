@@ -1,8 +1,8 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Finds parameter files by path, or by name among the package's presets.
+"""Finds parameter files by path or by the name of a preset.
 
-Presets are not package data, because `colcon build --symlink-install` installs no package data.
+Presets are not package data, because `colcon build --symlink-install` does not install it.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from linkage_ros.quantities import shown
 
 
 def preset_names() -> list[str]:
-    """Lists the names of all presets, in alphabetical order."""
+    """Returns the names of all presets in alphabetical order."""
     return sorted(_presets())
 
 
@@ -25,13 +25,13 @@ def preset_path(name: str) -> Path:
     """Finds the parameter file of a preset.
 
     Args:
-        name: Name of the preset, which is the name of its file without `.yaml`.
+        name: Name of the preset, that is, its file name without `.yaml`.
 
     Returns:
-        The file, from the first folder of presets that has it.
+        Path of the file in the first preset folder that contains it.
 
     Raises:
-        ConfigurationError: No folder has such a preset.
+        ConfigurationError: There is no such preset.
     """
     presets = _presets()
     if name not in presets:
@@ -47,10 +47,10 @@ def find_file(source: str) -> Path:
     """Finds the parameter file for a path or the name of a preset.
 
     Args:
-        source: Path of a ROS 2 parameter file, or the name of a preset.
+        source: Path of a ROS 2 parameter file, or name of a preset.
 
     Returns:
-        The file; if source is a path, the file need not exist.
+        Path of the file; if `source` is a path, the file may not exist.
     """
     path = Path(source)
     is_path = source and (path.suffix or path_exists(path))  # '' would be the current folder
@@ -58,12 +58,12 @@ def find_file(source: str) -> Path:
 
 
 def _presets() -> dict[str, Path]:
-    """Finds all presets; for each name, the first file counts."""
+    """Returns the path of each preset by name; if a name occurs twice, the first file is used."""
     root = Path(__file__).resolve().parents[2]
-    # A sourced workspace comes first, also for code that runs from a checkout: by sourcing, a ROS
-    # user selects an installation, and an overlay replaces presets. Then come the folders of pip:
-    # with --target; with --user or --prefix, in PREFIX/lib/python3.X/site-packages; in an
-    # environment.
+    # Sourced workspaces come first, even if the code runs from a checkout, because sourcing
+    # selects an installation, and overlays may replace presets. Then come the prefixes used by
+    # pip: with --target; with --user or --prefix (PREFIX/lib/python3.X/site-packages); and in a
+    # virtual environment.
     sourced = filter(None, os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep))
     prefixes = [*map(Path, sourced), root, *root.parents[2:3], Path(sys.prefix)]
     folders = [prefix / 'share' / 'linkage_ros' / 'config' for prefix in prefixes]

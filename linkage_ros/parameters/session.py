@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Parameters of publishing, logging and viewing."""
+"""Parameters for publishing, logging and viewing."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from linkage_ros.wire.urdf import joint_names, link_of
 
 JOINT_PREFIX = '[A-Za-z0-9_]*'  # regular expression
 SPAWN, WEB = 'spawn', 'web'
-# The valid values of the parameter viewer, for help and errors.
+# Valid values of the parameter `viewer`, for help and error messages.
 VIEWERS = f'{SPAWN}, {WEB}, rerun+http://HOST:PORT/proxy or a .rrd path'
 
 _URL = re.compile(r'rerun\+http://(\[[0-9a-fA-F:.]+\]|[^][/:\s]+):(\d{1,5})/proxy')
@@ -25,16 +25,17 @@ _LAST_PORT = 65535
 
 @dataclass(frozen=True)
 class Session(Checked):
-    """Settings of publishing, logging and viewing a run.
+    """Settings for publishing, logging and viewing a run.
 
     Attributes:
-        rate_hz: States per second.
-        log: Path of the MCAP file; empty: no log.
+        rate_hz: Number of states per second.
+        log: Path of the MCAP log; empty for no log.
         log_overwrite: Whether an existing log or .rrd file may be replaced.
-        viewer: One of VIEWERS; empty: no viewer.
-        viewer_bind: Address on which the data of a spawned viewer, or the page, is served.
-        joint_prefix: Prepended to every joint name in messages and to the URDF's link names.
-        crank_joint: Name of the crank in messages from and to a robot; empty: the usual name.
+        viewer: A value described by `VIEWERS`; empty for no viewer.
+        viewer_bind: Address on which the data of a spawned viewer or the web page is served.
+        joint_prefix: Prefix of all joint names in messages and all link names in the URDF.
+        crank_joint: Name of the crank joint in measurements, commands and trajectories; empty for
+            its name in the other messages.
         frame_id: Name of the link that carries the fixed pivots, and frame of the messages.
     """
 
@@ -65,13 +66,13 @@ class Session(Checked):
             raise ConfigurationError(viewer_error(self.viewer))
 
     def require_names(self, mechanism: Mechanism) -> None:
-        """Rejects a frame_id or crank_joint that is the name of another part of the linkage.
+        """Rejects a frame_id or crank_joint that is already the name of another joint or link.
 
         Args:
-            mechanism: Mechanism whose joints and links have names.
+            mechanism: Mechanism of the run.
 
         Raises:
-            ConfigurationError: The linkage has a joint or moving link of this name.
+            ConfigurationError: The name is already in use.
         """
         joints = joint_names(mechanism.structure().links, self.joint_prefix)
         if self.frame_id in {*joints, *map(link_of, joints)}:
@@ -87,10 +88,10 @@ class Session(Checked):
 
 
 def viewer_address(target: str) -> tuple[str, int] | None:
-    """Reads the URL of a viewer.
+    """Parses the URL of a viewer.
 
     Args:
-        target: The value of the parameter.
+        target: Value of the parameter `viewer`.
 
     Returns:
         Host and port; None if the value is not the URL of a viewer.
@@ -102,10 +103,10 @@ def viewer_address(target: str) -> tuple[str, int] | None:
 
 
 def is_recording(target: str) -> bool:
-    """Returns whether a value of the parameter viewer looks like the path of a .rrd file."""
+    """Returns whether a value of the parameter `viewer` is the path of a .rrd file."""
     return Path(target).suffix == '.rrd' and '://' not in target
 
 
 def viewer_error(target: str) -> str:
-    """Writes the error message for an invalid value of the parameter viewer."""
+    """Returns the error message for an invalid value of the parameter `viewer`."""
     return f'viewer = {shown(target)} is not one of: {VIEWERS}'

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The error for an unknown parameter name, with the name that was probably meant."""
+"""Error message for an unknown parameter name, with a suggestion."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from collections.abc import Collection, Iterable
 
 from linkage_ros.quantities import Leaf, shown
 
-# Least similarity of misspelt names, from 0 to 1: with a group, and without.
+# Smallest similarity of a suggestion, from 0 to 1: to the whole name, and to a name without group.
 _SIMILAR, _SIMILAR_WORD = 0.85, 0.65
-# Groups that a user may put before a parameter that has no group, as in crank.rpm.
+# Groups that users may put before a parameter that has no group, as in crank.rpm.
 _TOP = ('', 'crank', 'motor', 'drive')
 
-# Words of textbooks and other tools, with the names that they may mean, the most likely first.
+# Terms of textbooks and other tools, with the names that they may mean, most likely first.
 _MEANINGS = {
     'base ground fixed': ('frame',),
     'input driver': ('crank',),
@@ -48,17 +48,17 @@ _MEANINGS = {
 def unknown_name(
     name: str, owner: str, valid: Iterable[Leaf], where: str, elsewhere: str = ''
 ) -> str:
-    """Writes the error message for an unknown parameter name.
+    """Returns the error message for an unknown parameter name.
 
     Args:
-        name: The name that was given.
-        owner: Description of the object that has no such parameter.
+        name: The unknown name.
+        owner: Description of the object without such a parameter.
         valid: The parameters of the object.
-        where: The command that lists these parameters.
-        elsewhere: Clause that says which objects have the parameter; empty if none has it.
+        where: Command that lists these parameters.
+        elsewhere: Clause about the objects that have such a parameter; empty if there are none.
 
     Returns:
-        One line, with the name that was probably meant, or else with the names of the group.
+        One line that suggests a valid name or, if none is similar, lists the names of the group.
     """
     units = {leaf.name: leaf.quantity.unit for leaf in valid}
     group = (
@@ -77,14 +77,14 @@ def unknown_name(
 
 
 def nearest(name: str, valid: Collection[str]) -> str:
-    """Finds the valid name that was probably meant: by its meaning, or else by its letters.
+    """Finds the most similar valid name, first by meaning, then by spelling.
 
     Args:
-        name: A name that is not valid.
-        valid: The valid names to choose from.
+        name: The unknown name.
+        valid: The valid names.
 
     Returns:
-        A valid name; empty if none is similar.
+        One of the valid names; empty if none is similar.
     """
     group, _, word = name.lower().rpartition('.')
     words = [word, *_meanings(word)]
