@@ -1,3 +1,3 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Writes, reads and recovers MCAP logs; `mcap_file.py` reads files that may be damaged."""
+"""Writes, reads and recovers MCAP logs."""

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The file of a log: reports a full disk, a removed file, and another program's changes."""
+"""Log files: detects a full disk, a removed file, and changes by another program."""
 
 import os
 from collections.abc import Callable, Sequence
@@ -15,10 +15,10 @@ from linkage_ros.files import create_file, open_file
 
 
 def keep_other_files(path: Path | str) -> None:
-    """Checks that a file, if there is one, may be replaced by a log.
+    """Checks that a file may be replaced with a log, if it exists.
 
     Raises:
-        LogError: The file is neither empty nor a log.
+        LogError: The file is neither empty nor an MCAP file.
     """
     with suppress(OSError), open_file(path) as old:
         if old.read(len(MCAP0_MAGIC)) not in {b'', MCAP0_MAGIC}:
@@ -26,12 +26,12 @@ def keep_other_files(path: Path | str) -> None:
 
 
 class LogFile:
-    """A new log file, written by one thread.
+    """A new log file; not thread-safe.
 
     The writer of the mcap package calls `write`, `tell` and `flush`.
 
     Attributes:
-        path: Path of the file.
+        path: Path of the file, for error messages.
         stream: The open file.
     """
 
@@ -43,8 +43,8 @@ class LogFile:
             overwrite: Whether to replace an existing log.
 
         Raises:
-            LogError: The file exists and must not be replaced, is not a log, is being written
-                by another run, or cannot be created.
+            LogError: The file exists and must not be replaced, is not an MCAP file, is being
+                written by another run, or cannot be created.
         """
         self.path = path
         if overwrite:
@@ -54,7 +54,7 @@ class LogFile:
         )
 
     def write(self, data: bytes) -> None:
-        """Writes bytes.
+        """Writes bytes to the buffer or the file.
 
         Raises:
             LogError: The file cannot be written, or was removed or truncated.
@@ -62,7 +62,7 @@ class LogFile:
         self._attempt(self.stream.write, data)
 
     def flush(self) -> None:
-        """Passes all bytes to the operating system, which keeps them if the run is killed.
+        """Passes all bytes to the operating system, so that they survive if the run is killed.
 
         Raises:
             LogError: The file cannot be written, or was removed or truncated.
@@ -86,14 +86,14 @@ class LogFile:
             ) from error
 
     def _check(self) -> None:
-        """Checks that the file exists and has the written length; otherwise ends the writing.
+        """Closes the file with an error unless it still exists and has the written length.
 
         Raises:
             LogError: The file was removed, or another program truncated it or wrote to it.
         """
         number, problem = self.stream.fileno(), ''
         status, written = os.fstat(number), os.lseek(number, 0, os.SEEK_CUR)
-        if not status.st_nlink:  # an open file exists even after its removal
+        if not status.st_nlink:  # a removed file still exists while it is open
             problem = (
                 'was removed while it was written; before this process ends, save it with '
                 f'linkage_log recover /proc/{os.getpid()}/fd/{os.dup(number)} OUT.mcap'
@@ -104,28 +104,28 @@ class LogFile:
                 'truncates it or writes to it; give each run a log of its own'
             )
         if problem:
-            self.stream.raw.close()  # buffered data would be written after a hole
+            self.stream.raw.close()  # without flushing, which would write after a gap
             raise LogError(f'{self.path} {problem}')
 
     def close(self) -> None:
         """Closes the file."""
-        with suppress(OSError):  # closing flushes unwritten data once more
+        with suppress(OSError):  # closing tries once more to flush unwritten data
             self.stream.close()
 
 
 class DiskSync:
-    """Syncs a log to the disk, so that it survives a power cut; used as a worker's consumer.
+    """Consumer of a worker that syncs a log to the disk, so that it survives a power cut.
 
-    A sync may take seconds, during which the log must still be flushed, so the sync has its own
-    worker.
+    It needs its own worker, because a sync may take seconds, during which the log must still be
+    flushed.
     """
 
     def __init__(self, log: LogFile) -> None:
-        """Prepares the sync; it works even after the log has closed its file."""
+        """Duplicates the file's descriptor, so that syncs work even after the log is closed."""
         self._path, self._number = log.path, os.dup(log.stream.fileno())
 
     def consume(self, _: Sequence[object]) -> None:
-        """Syncs everything flushed so far.
+        """Syncs all data flushed so far.
 
         Raises:
             LogError: The sync failed.
@@ -136,5 +136,5 @@ class DiskSync:
             raise LogError(f'{self._path} does not reach the disk: {error.strerror}') from error
 
     def close(self) -> None:
-        """Closes this object's descriptor of the file."""
+        """Closes the duplicated descriptor."""
         os.close(self._number)

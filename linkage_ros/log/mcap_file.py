@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reads MCAP files that may be incomplete, damaged or forged.
 
-The mcap package trusts the lengths in a file and unpacks any chunk. This module limits the size of
-a record, and lets the mcap package parse only these bytes. Damage may raise any exception.
+The mcap package trusts the lengths in a file and decompresses any chunk. This module limits the
+size of a record, and passes only the bytes of that record to the mcap package. Damaged data may
+raise any exception.
 """
 
 import os
@@ -25,11 +26,12 @@ from mcap.writer import MCAP0_MAGIC
 from linkage_ros.errors import LogError
 from linkage_ros.files import open_file
 
-# Limit of a record and of an unpacked chunk, bytes. Chunks of this package have 1 MiB, those of
-# other tools a few MiB.
+# Largest size of a record and of an uncompressed chunk, bytes. Chunks of this package have 1 MiB,
+# those of other tools a few MiB.
 LARGEST = 1 << 24
 HEAD = struct.Struct('<BQ')  # opcode and length of a record
-# Opcode and length of the footer, starts of the summary and of its offsets, checksum, magic.
+# Opcode and length of the footer, offsets of the summary and summary offset section, checksum, and
+# magic.
 _FOOTER = struct.Struct('<BQQQI8s')
 MAGIC_SIZE = len(MCAP0_MAGIC)
 _KINDS: dict[int, Any] = {
@@ -46,14 +48,14 @@ _KINDS: dict[int, Any] = {
     Opcode.ATTACHMENT_INDEX: records.AttachmentIndex,
     Opcode.SUMMARY_OFFSET: records.SummaryOffset,
 }
-# The records in a chunk, and their smallest lengths.
+# Kinds of records in a chunk, and their smallest lengths, bytes.
 _IN_CHUNKS = {Opcode.MESSAGE: 22, Opcode.SCHEMA: 0, Opcode.CHANNEL: 0}
-# Costs, in bytes to unpack: reading a message takes as long as unpacking 5000 bytes. Parsing a
-# byte takes as long as unpacking 250, but counts as 1000: a file whose index refers to one large
-# record many times is refused early.
+# Costs in units of decompressing one byte. Reading a message takes as long as decompressing 5000
+# bytes. Parsing a byte takes as long as decompressing 250, but counts as 1000 to reject early a
+# file whose index refers to one large record many times.
 _MESSAGE_COST, _PARSING_COST = 5000, 1000
 _FREE, _COST_PER_BYTE = 1 << 30, 1000
-# Start of a chunk or of a metadata record of linkage_ros.
+# Matches the start of a chunk or of a metadata record of linkage_ros.
 _LANDMARK = re.compile(rb'\x06.{36}\x04\0\0\0zstd|\x0c.{8}[\x0b-\x20]\0\0\0linkage_ros', re.DOTALL)
 _LANDMARK_SIZE = 45
 
@@ -65,14 +67,14 @@ def open_mcap(path: Path) -> BinaryIO:
         path: Path of the file.
 
     Returns:
-        The file, to be closed by the caller.
+        The open file, which the caller must close.
 
     Raises:
         LogError: The file cannot be read, or is not an MCAP file.
     """
     try:
         stream = open_file(path)
-        # A pipe may never have data.
+        # Do not read from a pipe, which may never provide data.
         begin = stream.read(MAGIC_SIZE) if stream.seekable() else b''
     except OSError as error:
         raise LogError(f'{path} cannot be read: {error.strerror or error}') from error
@@ -86,28 +88,28 @@ def open_mcap(path: Path) -> BinaryIO:
 
 
 class McapFile:
-    """One pass through a file, of limited cost.
+    """One pass through an MCAP file, at limited cost.
 
     Attributes:
         size: Size of the file, bytes.
-        left: Remaining cost allowed for the pass; negative: the limit is exceeded.
+        left: Remaining cost allowed for the pass; negative once the limit is exceeded.
     """
 
     def __init__(self, stream: BinaryIO) -> None:
         """Starts a pass.
 
         Args:
-            stream: The file; its position is moved.
+            stream: The file, whose position changes.
         """
         self._stream, self.size = stream, stream.seek(0, os.SEEK_END)
         self.left = _FREE + _COST_PER_BYTE * self.size
 
     def spend(self, size: int, count: int = 0) -> None:
-        """Adds to the cost of the pass.
+        """Deducts a cost from the remaining cost.
 
         Args:
-            size: Number of unpacked bytes.
-            count: Number of messages read from these bytes.
+            size: Cost in units of decompressing one byte.
+            count: Number of messages read, whose cost is added.
 
         Raises:
             LogError: The cost exceeds the limit for the size of the file.
@@ -121,7 +123,7 @@ class McapFile:
             )
 
     def _read(self, at: int, size: int) -> bytes:
-        """Reads bytes at an offset; fewer at the end of the file."""
+        """Reads up to `size` bytes at an offset, fewer at the end of the file."""
         self._stream.seek(at)
         return self._stream.read(max(0, min(size, self.size - at)))
 
@@ -129,21 +131,22 @@ class McapFile:
         """Reads a record of the data section.
 
         Args:
-            at: First byte of the record.
+            at: Offset of the record.
 
         Returns:
-            The opcode; the content; and the end of the record. The content is the unpacked records
-            of a chunk, None for a message index, or any other record parsed by the mcap package.
+            The opcode, the content and the end offset. The content is the uncompressed records of
+            a chunk, None for a message index, or the parsed record of any other kind.
 
         Raises:
             LogError: The record is too large.
-            ValueError: No record begins there. Damaged data may raise other exceptions.
+            ValueError: There is no valid record at the offset. Damaged data may raise other
+                exceptions.
         """
         (opcode, body, end), content = self._record(at), None
         if opcode == Opcode.CHUNK:
             content = unpack(parsed(opcode, body))
             self.spend(len(content))
-        elif opcode != Opcode.MESSAGE_INDEX:  # parsing its entries takes long
+        elif opcode != Opcode.MESSAGE_INDEX:  # whose entries would take long to parse
             self.spend(len(body) * _PARSING_COST)
             content = parsed(opcode, body)
         elif len(body) != 6 + int.from_bytes(body[2:6], 'little'):
@@ -151,7 +154,7 @@ class McapFile:
         return opcode, content, end
 
     def _record(self, at: int) -> tuple[int, bytes, int]:
-        """Reads the opcode, the body and the end of the record at an offset.
+        """Reads the opcode, the body and the end offset of the record at an offset.
 
         Raises:
             LogError: The record is too large.
@@ -165,18 +168,18 @@ class McapFile:
         return opcode, body, at + HEAD.size + length
 
     def next_place(self, at: int) -> int:
-        """Finds the next chunk or metadata record of this package after damage.
+        """Finds the next chunk or metadata record of linkage_ros after a damaged record.
 
         Args:
             at: Offset at which the search starts.
 
         Returns:
-            Its first byte; the end of the file if there is none.
+            The offset of the record, or the size of the file if there is none.
 
         Raises:
-            LogError: The file has too many damaged places.
+            LogError: The file has too many damaged records.
         """
-        self.spend(LARGEST)  # parsing may cost this much, and many places may look like chunks
+        self.spend(LARGEST)  # bytes that only look like a chunk may cost this much to decompress
         while len(data := self._read(at, LARGEST)) >= _LANDMARK_SIZE:
             if found := _LANDMARK.search(data):
                 return at + found.start()
@@ -187,15 +190,15 @@ class McapFile:
         """Finds the records in a chunk.
 
         Args:
-            data: The records of an unpacked chunk.
-            at: First byte of the first record.
+            data: The uncompressed records of the chunk.
+            at: Offset of the first record to find.
 
         Yields:
-            The first byte of each record, and the first byte after it.
+            The start offset and the end offset of each record.
 
         Raises:
-            ValueError: A length is wrong, or the chunk contains a kind of record that it must not.
-            LogError: There are more records than the file may contain.
+            ValueError: A length is wrong, or a record of this kind must not be in a chunk.
+            LogError: The cost of the records exceeds the limit for the size of the file.
         """
         while at < len(data):
             opcode, length = HEAD.unpack_from(data, at)
@@ -209,7 +212,7 @@ class McapFile:
         """Reads the records of the summary section, by type; None if there is none.
 
         Raises:
-            ValueError: The section is damaged. Damage may raise other exceptions, too.
+            ValueError: The section is damaged. Damaged data may raise other exceptions.
         """
         end = self.size - _FOOTER.size
         opcode, _, at, _, checksum, magic = _FOOTER.unpack(self._read(end, _FOOTER.size))
@@ -226,10 +229,10 @@ class McapFile:
 
 
 def parsed(opcode: int, body: bytes) -> Any:
-    """Parses a record with the mcap package, within the bounds of its body.
+    """Parses the body of a record with the mcap package.
 
     Raises:
-        ValueError: The record extends beyond its body. Damage may raise other exceptions, too.
+        ValueError: The length of the body is wrong. Damaged data may raise other exceptions.
     """
     stream = ReadDataStream(BytesIO(body))
     record: records.McapRecord = _KINDS[opcode].read(stream)
@@ -239,24 +242,24 @@ def parsed(opcode: int, body: bytes) -> Any:
 
 
 def unpack(chunk: records.Chunk) -> bytes:
-    """Unpacks the records of a chunk.
+    """Decompresses the records of a chunk.
 
-    A few bytes may unpack to gigabytes, or declare any size.
+    The size is checked first, because a few bytes may decompress to gigabytes.
 
     Args:
-        chunk: A chunk with compressed or plain records.
+        chunk: A chunk with compressed or uncompressed records.
 
     Returns:
-        The records.
+        The uncompressed records.
 
     Raises:
-        LogError: The records are too large, or not compressed by zstd.
+        LogError: The records are too large, or are compressed by another method than zstd.
         ValueError: The size or the checksum of the records is wrong.
     """
     size, data = chunk.uncompressed_size, chunk.data
     _check_size(size)
     if chunk.compression == 'zstd':
-        # The size in the frame header is allocated, regardless of the limit.
+        # zstandard allocates the size in the frame header, even if it exceeds the limit.
         if zstandard.frame_content_size(data) not in {-1, size}:
             raise ValueError('the size of a chunk is wrong')
         data = zstandard.decompress(data, size)

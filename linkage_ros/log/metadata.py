@@ -1,9 +1,9 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The metadata records of a log: configuration, segments of motion, and the end.
+"""Metadata records of a log: configuration, segments of motion, and end of the log.
 
-MCAP has no checksums of metadata, so each record has its own: a flipped bit must not change a
-setting unnoticed.
+MCAP does not protect metadata with checksums. Each record therefore includes one, so that a
+flipped bit cannot change a setting unnoticed.
 """
 
 import json
@@ -21,9 +21,9 @@ from linkage_ros.units import TIME_END
 
 CONFIGURATION_RECORD = 'linkage_ros'
 MOTION_RECORD = 'linkage_ros/motion'
-END_RECORD = 'linkage_ros/end'  # its field `messages`: the number of logged messages
+END_RECORD = 'linkage_ros/end'  # its field `messages` is the number of logged messages
 
-CHECKSUM = 'crc32'  # name of a record's field
+CHECKSUM = 'crc32'  # name of the field with the checksum
 
 
 def seal(fields: dict[str, str]) -> dict[str, str]:
@@ -33,10 +33,10 @@ def seal(fields: dict[str, str]) -> dict[str, str]:
 
 
 def unseal(record: Mapping[str, str]) -> dict[str, str]:
-    """Checks and removes the checksum of a record.
+    """Verifies and removes the checksum of a record.
 
     Args:
-        record: From `seal`.
+        record: A record created by `seal`.
 
     Returns:
         The fields without the checksum.
@@ -59,10 +59,10 @@ def decode_configuration(record: Mapping[str, str]) -> tuple[str, Configuration]
     """Decodes the version and the configuration from a record.
 
     Args:
-        record: From `encode_configuration`.
+        record: A record created by `encode_configuration`.
 
     Returns:
-        The version of linkage_ros that wrote it, and the configuration.
+        The version of linkage_ros that wrote the record, and the configuration.
 
     Raises:
         LogError: The record is damaged.
@@ -74,17 +74,17 @@ def decode_configuration(record: Mapping[str, str]) -> tuple[str, Configuration]
 
 
 def _fraction(text: str) -> Fraction:
-    """Parses a fraction from its text; `Fraction(text)` would expand 1e999999999."""
+    """Parses 'p/q'; unlike `Fraction(text)`, does not expand exponents such as 1e999999999."""
     return Fraction(*map(int, text.split('/')))
 
 
 def _description(text: str) -> Description:
-    """Parses a description from its text."""
+    """Parses the output of `str(description)`."""
     *coordinates, assembly = text.split()
     return Description(tuple(coordinates), assembly)
 
 
-_NAMES = {'old_stamp': 'before'}  # fields of segments with a different name in records
+_NAMES = {'old_stamp': 'before'}  # field names of segments that differ in records
 _PARSERS: dict[str, Callable[[str], Any]] = {
     'stamp': int, 'phase': _fraction, 'speed': _fraction, 'rpm': float, 'acceleration': float,
     'torque': float, 'old_stamp': int, 'description': _description,
@@ -93,21 +93,18 @@ _LARGEST = {int: TIME_END - 1, float: 1e30, Fraction: 1e30}
 
 
 def encode_motion(segment: Segment) -> dict[str, str]:
-    """Encodes a segment of motion as a record.
-
-    The record has exact fractions of turns and of turns per minute, or a torque.
-    """
+    """Encodes a segment of motion as a record; phase and speed are exact fractions."""
     return seal({_NAMES.get(n, n): str(v) for n, v in vars(segment).items() if v is not None})
 
 
 def decode_motion(record: Mapping[str, str]) -> Segment:
-    """Decodes a segment of motion from its record.
+    """Decodes a segment of motion from a record.
 
     Args:
-        record: From `encode_motion`.
+        record: A record created by `encode_motion`.
 
     Returns:
-        The segment.
+        The segment, which is bit-identical to the encoded one.
 
     Raises:
         LogError: The record is damaged.

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Reads the MCAP logs of this package; describes other files in one line."""
+"""Reads MCAP logs of this package; rejects other files with a one-line error."""
 
 import heapq
 from collections.abc import Callable, Container, Iterable, Iterator
@@ -27,21 +27,20 @@ from linkage_ros.units import TIME_END
 from linkage_ros.wire.rows import MESSAGE_HEAD, RowLayout, message_record
 from linkage_ros.wire.topics import MEASURED_JOINT_STATES, Topic
 
-# Limit of the messages that are buffered because chunks overlap in time, and overhead of a message
-# in Python, bytes. The log of a simulator that was reset a hundred times needs a third of the
-# limit.
+# Largest size of messages buffered because chunks overlap in time, and overhead of a message in
+# Python, bytes. The log of a simulator that was reset a hundred times requires a third of this.
 _MOST_WAITING, _OVERHEAD = 1 << 29, 500
 
 
 class LoggedMessage(NamedTuple):
-    """A message as it was logged.
+    """A logged message.
 
     Attributes:
-        topic: Fully qualified name.
+        topic: Fully qualified name of the topic.
         time: Log time, ns.
-        data: CDR bytes.
+        data: CDR bytes of the message.
         published: Publish time, ns.
-        channel: Number of its channel in the log.
+        channel: Number of the message's channel in the log.
     """
 
     topic: str
@@ -56,11 +55,11 @@ class LoggedTopic(NamedTuple):
 
     Attributes:
         number: Number of the channel.
-        name: Fully qualified name.
-        type: Type of its messages, such as 'std_msgs/msg/Float64'.
+        name: Fully qualified name of the topic.
+        type: Type of the messages, such as 'std_msgs/msg/Float64'.
         messages: Number of messages.
-        latched: Whether late subscribers get the last message.
-        layout: Encodings of message and schema, and the schema's text.
+        latched: Whether late subscribers receive the last message.
+        layout: Message encoding, schema encoding, and schema text.
     """
 
     number: int
@@ -77,24 +76,24 @@ class LogReader(AbstractContextManager['LogReader']):
     Attributes:
         path: Path of the log.
         configuration: Configuration of the run.
-        version: Version of linkage_ros that wrote it.
-        has_same_urdf: Whether its robot_description can be recomputed; older versions named links
-            like joints.
+        version: Version of linkage_ros that wrote the log.
+        has_same_urdf: Whether robot_description can be recomputed; older versions used other link
+            names.
         motions: The segments of motion, in order.
-        lost: Number of logged messages missing from the file; 0 without an end record.
+        lost: Number of logged messages missing from the file; 0 if the log has no end record.
         topics: The channels of the log.
-        start: Time of the first message, ns.
-        end: Time of the last message, ns.
+        start: Log time of the first message, ns.
+        end: Log time of the last message, ns.
     """
 
     def __init__(self, path: Path | str) -> None:
-        """Opens a log.
+        """Reads the configuration, the motions and the index of a log.
 
         Args:
             path: Path of the log.
 
         Raises:
-            LogError: The file is not a complete log of linkage_ros; the message describes it.
+            LogError: The file is not a complete log of linkage_ros. The message states the reason.
         """
         self.path = Path(path)
         with self._opened() as file:
@@ -110,7 +109,7 @@ class LogReader(AbstractContextManager['LogReader']):
         statistics = summary[Statistics][-1]
         indexes = summary[MetadataIndex]
         records = [file.part(index.offset)[1] for index in indexes]
-        # The summary's checksum covers the index; no checksum covers the names of the records.
+        # The summary's checksum protects the index, but not the names of the records.
         if [record.name for record in records] != [index.name for index in indexes]:
             raise LogError('it is damaged: its metadata records are not those of its index')
         about = [r.metadata for r in records if r.name == CONFIGURATION_RECORD]
@@ -120,7 +119,8 @@ class LogReader(AbstractContextManager['LogReader']):
                 'of one'
             )
         self.version, self.configuration = decode_configuration(about[0])
-        self.has_same_urdf = 'frame_id' in about[0]  # as since links have their present names
+        # Versions that name links in the present way also log frame_id.
+        self.has_same_urdf = 'frame_id' in about[0]
         self.motions = tuple(decode_motion(r.metadata) for r in records if r.name == MOTION_RECORD)
         self.lost = sum(
             int(unseal(record.metadata)['messages']) - statistics.message_count
@@ -130,8 +130,8 @@ class LogReader(AbstractContextManager['LogReader']):
         channels = {channel.id: channel for channel in summary[Channel]}.values()
         self.topics = tuple(_topic(channel, schemas, statistics) for channel in channels)
         self._names = {topic.number: topic.name for topic in self.topics}
-        # First and last time, first byte and channels of each chunk: the log of a day has hundreds
-        # of thousands of chunks.
+        # First and last time, offset and channels of each chunk. Tuples save memory, because the
+        # log of a day has hundreds of thousands of chunks.
         self._chunks = [
             (c.message_start_time, c.message_end_time, c.chunk_start_offset,
              tuple(c.message_index_offsets))
@@ -150,19 +150,19 @@ class LogReader(AbstractContextManager['LogReader']):
         start: int | None = None,
         end: int | None = None,
     ) -> Iterator[LoggedMessage]:
-        """Reads messages in the order of log time; at equal times, in the order of the file.
+        """Reads messages in order of log time or, at equal times, in the order of the file.
 
         Args:
-            topics: Fully qualified names; None: all.
-            start: First log time, ns; None: from the beginning.
-            end: Log time before which to stop, ns; None: at the end.
+            topics: Fully qualified names of the topics to read; by default, all.
+            start: Log time from which to read, ns; by default, from the start.
+            end: Log time before which to stop, ns; by default, at the end.
 
         Yields:
             The messages.
 
         Raises:
-            LogError: The file is damaged or too large when unpacked, or too many chunks overlap in
-                time.
+            LogError: The file is damaged or too large when decompressed, or too many chunks
+                overlap in time.
         """
         channels = {t.number for t in self.topics if topics is None or t.name in topics}
         times = range(start or 0, TIME_END if end is None else end)
@@ -172,7 +172,8 @@ class LogReader(AbstractContextManager['LogReader']):
             if first < times.stop and last >= times.start
             and not channels.isdisjoint(held or channels)
         )  # fmt: skip
-        # Messages that messages of the next chunk may precede, by time, chunk and place in it.
+        # Messages not yet yielded, because messages of the next chunk may precede them. They are
+        # sorted by time, chunk and offset.
         queue, waiting = list[tuple[int, int, int, LoggedMessage]](), 0
         with self._opened() as file:
             for (_, place), (due, _) in pairwise([*chunks, (TIME_END, 0)]):
@@ -191,15 +192,15 @@ class LogReader(AbstractContextManager['LogReader']):
                     yield message
 
     def rows(self, layout: RowLayout, other: Callable[[LoggedMessage], object]) -> Iterator[bytes]:
-        """Reads the messages of states in the order of writing.
+        """Reads the messages of states in the order in which they were written.
 
         Args:
-            layout: Layout of their rows, in the log's channels.
+            layout: Layout of a row, with the channel numbers of the log.
             other: Called with the messages of other channels.
 
         Yields:
-            Records without sequence numbers: whole rows, or a message that is not part of a whole
-            row.
+            MCAP records with sequence number 0: complete rows, or a single message that is not
+            part of a complete row.
 
         Raises:
             LogError: The file is damaged.
@@ -226,7 +227,7 @@ class LogReader(AbstractContextManager['LogReader']):
                             yield message_record(message.channel, times, message.data)
                         else:
                             other(message)
-            if found != self._count:  # no checksum covers opcodes: damage hides a record
+            if found != self._count:  # a damaged opcode, which no checksum protects, hides records
                 raise LogError('it is damaged: its messages are not as many as its summary says')
 
     def _message(self, data: bytes, start: int, end: int) -> LoggedMessage:
@@ -241,7 +242,7 @@ class LogReader(AbstractContextManager['LogReader']):
 
     @contextmanager
     def _opened(self) -> Iterator[McapFile]:
-        """Opens the file for one pass; turns any parser error into one line that names the file.
+        """Opens the file for one pass; converts parser errors to one line with the file name.
 
         Raises:
             LogError: The file is damaged, or not a log of this package.
@@ -274,17 +275,17 @@ def _topic(channel: Channel, schemas: dict[int, Schema], statistics: Statistics)
 
 
 def paired(log: LogReader, topics: Iterable[Topic]) -> dict[Topic, LoggedTopic]:
-    """Finds the channels of a log that carry given topics, even if they were renamed.
+    """Finds the channels of given topics in a log, even if the topics were remapped.
 
-    If several channels have the same type, channels with an unchanged name are matched first, then
-    the other channels in the order of their declaration, which is the order of the topics.
+    If several channels have the type of a topic, one with the unchanged name is preferred. The
+    others are matched in the order of their declaration, which is the order of the topics.
 
     Args:
         log: The log to search.
         topics: The topics, in the order of the simulator.
 
     Returns:
-        A channel for each topic found.
+        The channel of each topic in the log.
     """
     measured, found = measured_channel(log), dict[Topic, LoggedTopic]()
     free = [channel for channel in log.topics if channel != measured]
@@ -300,7 +301,7 @@ def paired(log: LogReader, topics: Iterable[Topic]) -> dict[Topic, LoggedTopic]:
 
 
 def measured_channel(log: LogReader) -> LoggedTopic | None:
-    """The channel with measurements of the crank, which a run declares after its own topics."""
+    """Returns the channel with measurements of the crank, or None; runs declare it last."""
     kind = MEASURED_JOINT_STATES.interface.name
     channels = [channel for channel in log.topics if channel.type == kind]
     follows = isinstance(log.configuration.drive, FollowDrive) and len(channels) > 1

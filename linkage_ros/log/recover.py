@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Recovers the readable part of a truncated or damaged log."""
+"""Recovers the readable data of a truncated or damaged log."""
 
 from collections.abc import Callable
 from contextlib import suppress
@@ -32,10 +32,10 @@ class Recovered(NamedTuple):
     """The outcome of a recovery.
 
     Attributes:
-        messages: Number of messages recovered.
+        messages: Number of recovered messages.
         duration: Time from the first to the last recovered message, s.
-        places: Number of damaged stretches, including an incomplete end.
-        damaged: Number of bytes in the damaged stretches.
+        places: Number of damaged regions, including an incomplete end.
+        damaged: Number of bytes in the damaged regions.
         unknown: Number of messages lost because their topics are unknown.
     """
 
@@ -53,20 +53,20 @@ def recover(
     overwrite: bool = False,
     progress: Callable[[int], object] = lambda _: None,
 ) -> Recovered:
-    """Copies the readable part of a log: messages, topics, configuration and motions.
+    """Copies the readable messages, topics, configuration and motions of a log to a new one.
 
     Args:
-        source: The log; it is not changed.
-        target: The new log; the file appears, or replaces an older file, when it is complete.
+        source: Path of the damaged log, which is not changed.
+        target: Path of the new log, which is created or replaced only when it is complete.
         overwrite: Whether to replace an existing log.
-        progress: Called with the number of bytes that were read since the last call.
+        progress: Called with the number of bytes read since the last call.
 
     Returns:
-        The outcome: what was recovered, and what was lost.
+        Counts of the recovered and lost data.
 
     Raises:
-        LogError: The source is not a log of this package, or would be too large when unpacked; or
-            the target is the source or cannot be written.
+        LogError: The source is not a log of this package, or would be too large when
+            decompressed; or the target is the source or cannot be written.
     """
     with open_mcap(Path(source)) as stream:
         if is_same_file(str(source), str(target)):
@@ -77,7 +77,7 @@ def recover(
             replacement(target, LogError, overwrite=overwrite, cure='give --overwrite') as path,
             LogWriter(path, None, overwrite=True) as new,
         ):
-            new.file.path = target  # for errors
+            new.file.path = target  # for error messages
             try:
                 return _Copy(McapFile(stream), new).run(progress)
             except LogError as error:
@@ -85,32 +85,32 @@ def recover(
 
 
 class _Copy:
-    """Copies the intact records of a log into a new one, with unchanged chunks."""
+    """Copies the intact records of a log into a new one, with the same division into chunks."""
 
     def __init__(self, file: McapFile, new: LogWriter) -> None:
         """Prepares the copy.
 
         Args:
-            file: The broken log, which is read.
-            new: The new log, to which the intact records are written.
+            file: The damaged log to read.
+            new: The new log, to which intact records are written.
         """
         self._file, self._new = file, new
         self._unknown, self._is_configured = 0, False
-        # If the first chunk is lost, the summary still names the topics.
+        # Schemas and channels of the summary, in case the chunk that declares them is lost.
         self._spare: list[Schema | Channel] = []
         with suppress(Exception):  # the file is incomplete, or its summary is damaged
             summary = file.summary() or {}
             self._spare = [*summary[Schema], *summary[Channel]]
 
     def run(self, progress: Callable[[int], object]) -> Recovered:
-        """Copies all records.
+        """Copies all intact records; returns the outcome.
 
         Args:
-            progress: As for `recover`.
+            progress: See `recover`.
 
         Raises:
-            LogError: The unpacked log would be too large, the log has no configuration, or the new
-                log cannot be written.
+            LogError: The decompressed log would be too large, the log has no configuration, or the
+                new log cannot be written.
         """
         file, opcode, at = self._file, 0, MAGIC_SIZE
         places = damaged = 0
@@ -133,18 +133,19 @@ class _Copy:
         return Recovered(found.message_count, duration, places, damaged, self._unknown)
 
     def _take(self, content: object) -> None:
-        """Copies the content of a part of the file.
+        """Copies the content of a record, as returned by `McapFile.part`.
 
         Raises:
-            LogError: The part is damaged. Damage may raise other exceptions, too.
-            ValueError: The name of a record is damaged.
+            LogError: The record is damaged. Damaged data may raise other exceptions.
+            ValueError: The name of a metadata record is damaged.
         """
         library = self._new.library
         if isinstance(content, bytes):
             self._take_chunk(content)
         elif isinstance(content, Attachment):
             library.add_attachment(**vars(content))
-        elif isinstance(content, Metadata) and content.name != END_RECORD:  # a new one is written
+        # The new log gets its own end record.
+        elif isinstance(content, Metadata) and content.name != END_RECORD:
             is_named = content.name in {CONFIGURATION_RECORD, MOTION_RECORD}
             if is_named or CHECKSUM in content.metadata:
                 unseal(content.metadata)

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Writes the MCAP log: a bag that ROS tools open directly, with all data to verify it."""
+"""Writes MCAP logs: bags that ROS tools can open and that contain all data for verification."""
 
 import struct
 from collections.abc import Iterable, Sequence
@@ -31,12 +31,12 @@ from linkage_ros.wire.rows import RowLayout, message_record
 from linkage_ros.wire.topics import Topic
 
 CHUNK_SIZE = 1 << 20
-_INDEX_HEAD = struct.Struct('<BQHI')  # opcode and length of the record, channel, bytes of entries
+_INDEX_HEAD = struct.Struct('<BQHI')  # opcode and length of the record, channel, size of entries
 _FOREVER = '{sec: 9223372036, nsec: 854775807}'
 
 
 class _Index(MessageIndex):
-    """Index of one channel in a chunk, whose entries are kept as bytes."""
+    """Message index of a channel in a chunk, which stores the entries as bytes."""
 
     records: Any
 
@@ -49,7 +49,7 @@ class _Index(MessageIndex):
 
 
 def _qos(topic: Topic) -> str:
-    """A publisher's quality of service in rosbag2's format, which requires every key."""
+    """Formats a publisher's quality of service for rosbag2, which requires every key."""
     durability = 'transient_local' if topic.latched else 'volatile'
     return (
         f'- history: keep_last\n  depth: {topic.depth}\n'
@@ -61,16 +61,16 @@ def _qos(topic: Topic) -> str:
 
 
 class LogWriter(AbstractContextManager['LogWriter']):
-    """Writes one log; not thread-safe.
+    """Writes a log; not thread-safe.
 
-    The mcap package has no public function to add packed records, so this class adds them to the
-    package's writer itself.
+    The mcap package has no public function that adds encoded records, so this class accesses
+    private attributes of its writer.
 
     Attributes:
-        file: The file of the log.
+        file: The log file.
         library: The writer of the mcap package.
-        statistics: Counts and times so far.
-        channels: Channels so far, by number.
+        statistics: Message counts and times so far.
+        channels: Channels declared so far, by number.
     """
 
     def __init__(
@@ -80,12 +80,12 @@ class LogWriter(AbstractContextManager['LogWriter']):
 
         Args:
             path: Path of the new file.
-            configuration: Configuration of the run; None: its record is added later.
+            configuration: Configuration of the run; None if the caller adds the record later.
             overwrite: Whether to replace an existing log.
 
         Raises:
-            LogError: The file exists and must not be replaced, is not a log, is being written
-                by another run, or cannot be created.
+            LogError: The file exists and must not be replaced, is not an MCAP file, is being
+                written by another run, or cannot be created.
         """
         self.file = LogFile(path, overwrite=overwrite)
         self.library = Writer(
@@ -107,10 +107,10 @@ class LogWriter(AbstractContextManager['LogWriter']):
 
         Args:
             topic: Topic of the channel's messages.
-            name: Its fully qualified name.
+            name: Fully qualified name of the topic.
 
         Returns:
-            The channel, for `write`.
+            The channel number, for `write`.
         """
         interface = topic.interface
         schemas = {schema.name: number for number, schema in self._schemas.items()}
@@ -122,11 +122,11 @@ class LogWriter(AbstractContextManager['LogWriter']):
         return self.library.register_channel(name, 'cdr', schemas[interface.name], metadata)
 
     def add_states(self, layout: RowLayout, topics: Iterable[tuple[Topic, str]]) -> None:
-        """Declares the channels of rows, which must be the first channels of a log.
+        """Declares the channels of rows; must be called before `add_topic`.
 
         Args:
             layout: Layout of the rows.
-            topics: Topics and their fully qualified names.
+            topics: Topics of a row and their fully qualified names.
         """
         self._layout = layout
         for topic, name in topics:
@@ -136,9 +136,9 @@ class LogWriter(AbstractContextManager['LogWriter']):
         """Appends a message.
 
         Args:
-            channel: From `add_topic`.
+            channel: Channel number returned by `add_topic`.
             stamp: Log and publish time, ns.
-            data: CDR bytes.
+            data: CDR bytes of the message.
 
         Raises:
             LogError: The file cannot be written.
@@ -147,10 +147,10 @@ class LogWriter(AbstractContextManager['LogWriter']):
         self.add_records(record, {channel: np.array([[stamp, 0]], np.uint64)})
 
     def write_rows(self, rows: bytes | bytearray) -> None:
-        """Appends the messages of states; a chunk ends with a whole row.
+        """Appends the messages of states; chunks end with a complete row.
 
         Args:
-            rows: In the layout of `add_states`.
+            rows: Complete rows in the layout passed to `add_states`.
 
         Raises:
             LogError: The file cannot be written.
@@ -176,11 +176,12 @@ class LogWriter(AbstractContextManager['LogWriter']):
     def add_records(
         self, data: bytes | bytearray, index: dict[int, npt.NDArray[np.uint64]]
     ) -> None:
-        """Appends records, which stay in one chunk.
+        """Appends message records to the current chunk.
 
         Args:
-            data: Message records, one after the other.
-            index: Log time, ns, and place of each message, by channel; shape (messages, 2).
+            data: Concatenated message records.
+            index: Log time, ns, and offset in `data` of each message, shape (messages, 2), by
+                channel number.
         """
         builder, statistics = self._builder, self.statistics
         for channel, entries in index.items():
@@ -206,12 +207,12 @@ class LogWriter(AbstractContextManager['LogWriter']):
         self.library.add_metadata(MOTION_RECORD, encode_motion(segment))
 
     def consume(self, items: Sequence[Any]) -> None:
-        """Appends items, and flushes them.
+        """Appends items and flushes them; see `Worker`.
 
         Args:
-            items: Rows, tuples of arguments of `write`, or segments of motion.
+            items: Rows, tuples of arguments for `write`, or segments of motion.
         """
-        # Adjacent rows are written together, which takes far less time.
+        # Write adjacent rows together, which is much faster.
         for is_rows, group in groupby(items, lambda item: isinstance(item, bytes)):
             if is_rows:
                 self.write_rows(b''.join(group))
@@ -224,22 +225,22 @@ class LogWriter(AbstractContextManager['LogWriter']):
         self.flush()
 
     def flush(self) -> None:
-        """Passes all messages to the operating system, which keeps them if the run is killed.
+        """Passes all messages to the operating system, so that they survive if the run is killed.
 
         Raises:
-            LogError: The file cannot be written, or was removed or truncated; the log ends.
+            LogError: The file cannot be written, or was removed or truncated.
         """
         self.library.flush()
 
     def close(self) -> None:
-        """Completes the file.
+        """Writes the end record and the summary, and closes the file.
 
         Raises:
             LogError: The file cannot be written, or was removed or truncated.
         """
         if self.file.stream.closed:
             return
-        self.flush()  # otherwise the last chunk would follow the record
+        self.flush()  # otherwise the last chunk would follow the end record
         end = seal({'messages': str(self.statistics.message_count)})
         self.library.add_metadata(END_RECORD, end)
         self.library.finish()
@@ -247,7 +248,7 @@ class LogWriter(AbstractContextManager['LogWriter']):
         self.file.close()
 
     def disk_sync(self) -> DiskSync:
-        """Returns the object that syncs the file to the disk, for a separate worker."""
+        """Returns a consumer that syncs the file to the disk, for a separate worker."""
         return DiskSync(self.file)
 
     def __exit__(self, *error: object) -> None:
