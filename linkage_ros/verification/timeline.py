@@ -1,8 +1,8 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Finds the segments of motion, or the measurements, that the stamps of a log belong to.
+"""Matches the stamps of a log to segments of motion or to measurements.
 
-A step of the clock begins a segment, but does not change the count of ticks.
+A step of the clock starts a new segment, but tick numbers continue.
 """
 
 from collections.abc import Iterator
@@ -25,21 +25,21 @@ from linkage_ros.wire.topics import DIAGNOSTICS
 
 
 def _moment(segment: Segment) -> int:
-    """The start of a segment on the clock of the previous segment."""
+    """Returns the start of a segment on the clock of the previous segment, ns."""
     return segment.stamp if segment.old_stamp is None else segment.old_stamp
 
 
 def check_motions(simulator: Simulator, motions: tuple[Segment, ...]) -> str:
     """Checks that each segment follows from the configuration and from the previous segment.
 
-    The time of a change, and the new rpm, torque or clock, are taken from the log.
+    The time of a change and the new rpm, torque or clock are user inputs, which are not checked.
 
     Args:
-        simulator: Simulator of the configuration.
+        simulator: Simulator of the logged configuration.
         motions: The logged segments.
 
     Returns:
-        The first difference; empty if there is none.
+        Description of the first difference; empty if there is none.
     """
     past: Segment | None = None
     for number, logged in enumerate(motions, 1):
@@ -49,7 +49,7 @@ def check_motions(simulator: Simulator, motions: tuple[Segment, ...]) -> str:
             due = SpeedMotion(past).change(_moment(logged), logged.rpm, restamp).segment
         if past and (type(past) is not type(logged) or _moment(logged) < past.stamp):
             return f'motion record {number} begins before the one before it, or has another drive'
-        for name, value in reversed(vars(due).items()):  # the values that users set come last
+        for name, value in reversed(vars(due).items()):  # compare values set by users first
             if (found := vars(logged).get(name)) != value:
                 return f'motion record {number} has {name} = {found}, recomputed {value}'
         past = logged
@@ -57,25 +57,25 @@ def check_motions(simulator: Simulator, motions: tuple[Segment, ...]) -> str:
 
 
 class Timeline:
-    """The states of a speed-driven log, and its segments of motion in the order of writing.
+    """Matches the states of a speed-driven log to ticks in the logged segments.
 
     Attributes:
         missed: Number of ticks so far without a state.
-        is_record: Whether it is a record, in which every tick has a state.
+        is_record: Whether linkage_record wrote the log, so that every tick has a state.
     """
 
     def __init__(self, simulator: Simulator, log: LogReader, layout: RowLayout) -> None:
         """Starts with the first segment.
 
         Args:
-            simulator: Simulator of the configuration.
-            log: The log, which has at least one segment.
+            simulator: Simulator of the logged configuration.
+            log: The log, which must have at least one segment.
             layout: Layout of the log's rows.
         """
         self.missed, self._tick, self._number = 0, -1, 0
         self._simulator, self._layout = simulator, layout
         self._motions: tuple[Any, ...] = log.motions
-        # A run on simulated time may also start at 0, but only a record has no diagnostics.
+        # A live run with simulated time may also start at 0, but always has diagnostics.
         is_live = any(channel.type == DIAGNOSTICS.interface.name for channel in log.topics)
         self.is_record = not is_live and log.motions[0].stamp == 0
         steps = accumulate(motion.stamp - _moment(motion) for motion in log.motions)
@@ -83,9 +83,10 @@ class Timeline:
         self._ends = [*map(_moment, log.motions[1:]), TIME_END]
 
     def fitting(self, stamps: npt.NDArray[np.int64]) -> Iterator[tuple[int, list[int]]]:
-        """The segments that may contain the next stamps, the likeliest first.
+        """Finds the segments that may contain the next stamps, starting with the current one.
 
-        If the clock was set back and segments overlap, only the values of the states decide.
+        If the clock was set back, segments may overlap. The caller must then compare the states to
+        find the right one.
 
         Args:
             stamps: The next stamps, ns; at least one.
@@ -114,23 +115,27 @@ class Timeline:
         Args:
             number: Index of the states' segment.
             stamps: Stamps of the states, ns.
-            rows: Messages of the states.
+            rows: Logged rows of the states.
 
         Returns:
-            The coordinates; and the coordinates for the feed-forward torque, or None.
+            The coordinates, and those for the feed-forward torque or None.
 
         Raises:
-            LinkageError: The messages do not describe states.
+            LinkageError: The messages do not describe valid states.
         """
         motion = SpeedMotion(self._motions[number])
         return motion.at_all(stamps), self._simulator.ahead(motion, stamps)
 
     def take(self, number: int, ticks: list[int]) -> tuple[int, str]:
-        """Advances past states with equal messages, at the given ticks of a segment.
+        """Advances past states whose messages are equal.
+
+        Args:
+            number: Index of the states' segment.
+            ticks: Ticks of the states.
 
         Returns:
-            The number of states that follow from their predecessors, and the error of the next
-            state.
+            The number of states consistent with their predecessors, and the error of the next
+            state, empty if all are consistent.
         """
         self.missed += ticks[-1] - self._tick - len(ticks)
         self._number, self._tick = number, ticks[-1]
@@ -138,25 +143,25 @@ class Timeline:
 
 
 class Measurements:
-    """The measurements of a crank, each with one state; has the interface of `Timeline`."""
+    """Matches the states of a log to logged measurements; has the interface of `Timeline`."""
 
     missed, is_record = 0, False
 
     def __init__(self, simulator: Simulator, log: LogReader, _: RowLayout) -> None:
-        """Starts without a measurement."""
+        """Initializes without a measurement; see `Timeline`."""
         self._simulator, self._crank = simulator, MeasuredCrank(simulator)
         self._channel = measured_channel(log)
-        # Stamps, ns, and coordinates of measurements whose states have not been read yet.
+        # Stamps, ns, and coordinates of measurements whose states are still to be compared.
         self._next: list[tuple[int, Coordinates]] = []
 
     def handle(self, message: LoggedMessage) -> None:
-        """Reads a measurement from a message; called in the order of writing."""
+        """Reads a measurement; must be called in the order in which messages were written."""
         if self._channel and message.channel == self._channel.number:
             with suppress(ValueError):  # a rejected measurement has no state
                 self._next.append(self._crank.read(message.data, message.time))
 
     def fitting(self, stamps: npt.NDArray[np.int64]) -> Iterator[tuple[int, list[int]]]:
-        """The leading stamps that match the next measurements; see `Timeline.fitting`."""
+        """Yields the leading stamps that match the next measurements; see `Timeline.fitting`."""
         pairs = zip(stamps.tolist(), self._next, strict=False)
         if fit := [stamp for stamp, _ in takewhile(lambda pair: pair[0] == pair[1][0], pairs)]:
             yield 0, fit
@@ -164,12 +169,12 @@ class Measurements:
     def coordinates(
         self, _: int, stamps: list[int], __: bytes
     ) -> tuple[Coordinates, Coordinates | None]:
-        """The coordinates of the next measurements; see `Timeline.coordinates`."""
+        """Returns the coordinates of the next measurements; see `Timeline.coordinates`."""
         found = [coordinates for _, coordinates in self._next[: len(stamps)]]
         later = [x for one in found if (x := self._simulator.later(one))]
         return stacked(found), stacked(later) if later else None
 
     def take(self, _: int, ticks: list[int]) -> tuple[int, str]:
-        """Advances past the given measurements."""
+        """Advances past measurements; see `Timeline.take`."""
         del self._next[: len(ticks)]
         return len(ticks), ''

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recomputes the states of a torque-driven log from its accelerations and commands.
 
-Coordinates, rates and accelerations are read from mechanism_state; in a record, which has no
-commands, the accelerations are computed from the motor's torque. The motion of all links and the
-torque, tau = M q'' + h - Q, are recomputed from these values, and must be equal to the bit. Each
-state must follow from the previous state under the torque logged in the previous state.
+Coordinates, rates and accelerations are read from mechanism_state. In a record, which has no
+commands, the accelerations are instead computed from the motor's torque. From these values, the
+motion of all links and the torque, tau = M q'' + h - Q, are recomputed for comparison. Each state
+must also follow from the previous state under the torque logged there.
 """
 
 from dataclasses import replace
@@ -31,38 +31,38 @@ from linkage_ros.wire.codecs import joint_numbers
 from linkage_ros.wire.rows import RowLayout
 
 # Tolerance between a state and its prediction from the previous state: rad and crank lengths; for
-# rates per second, or relative. Records and live runs use different integrators.
+# rates, the same per second or relative. It allows for the different integrators of runs.
 _APART = 1e-7
-# Longest time between two states that is integrated, s; beyond it, they are not compared.
+# Longest time between two states, s. States farther apart are not predicted.
 _LONGEST = 10.0
-# Tolerance and limit of the steps of the integrator that checks a deviating state again.
+# Tolerance and trials of the integrator that checks a deviating state again.
 _TOLERANCE, _TRIALS = 1e-11, 10_000
-# Rounding error of a logged state, in rad and crank lengths, and per second. If this error changes
-# the next state by more than the difference found, the difference is not an error.
+# Perturbation of a state, in rad and crank lengths, and per second. If it changes the prediction
+# by more than the difference from the logged state, the difference is accepted.
 _NUDGE = 1e-9
-_NOWHERE = 1e300  # result of a motion that cannot be followed
-_LEAPS = 2  # steps between two states, for all states at once
+_NOWHERE = 1e300  # predicted value if the motion cannot be integrated
+_LEAPS = 2  # number of steps between two states if all states are integrated at once
 
 
 class TorqueStates(Timeline):
-    """Recomputes the states of one torque-driven log.
+    """Recomputes the states of a torque-driven log.
 
-    A state is a column: the positions of all links, including whole turns of the crank; then their
-    rates; then the torque added to the motor's torque, N m.
+    A state is stored as a column: positions of all links, including all turns of the crank;
+    their rates; and the torque added to the motor's torque, N m.
     """
 
     def __init__(self, simulator: Simulator, log: LogReader, layout: RowLayout) -> None:
-        """Prepares the check; the layout must contain mechanism_state."""
+        """Prepares the check; see `Timeline`. The layout must contain mechanism_state."""
         super().__init__(simulator, log, layout)
         drive: Any = simulator.configuration.drive
         solver, self._motor = simulator.solver, drive.motor
         self._links = solver.structure.links
-        # Of fields with the same name, the last ones, which are those of mechanism_state.
+        # If fields have the same name, `fields` holds the last, which is that of mechanism_state.
         self._places = [layout.fields[name] for name in joint_numbers(simulator.joints)]
         self._own = self._last = DrivenMechanism(solver, drive.motor.at)
         length = solver.mechanism.crank.length
         self._units = np.array([length if link.slides else 1.0 for link in self._links] * 2)
-        # The previous state; the first one follows from the start.
+        # The previous state, initially that at t = 0.
         begin = start(solver.mechanism, drive)
         state = solver.state(begin.q, begin.u)
         before = [begin.unwrapped, *state.position[1:], *state.velocity, 0.0]
@@ -82,7 +82,7 @@ class TorqueStates(Timeline):
         driven, solver = self._driven, self._driven.solver
         moving = self._rows(driven)[: len(driven.links)]
         q, u, a = (tuple(row[moving]) for row in table[:3])
-        # Only live runs have commands.
+        # Use the logged torque of live runs, because it includes commands.
         torque = self._motor.at(table[1, 0]) if self.is_record else table[3, 0]
         if solver.coordinates == self._own.solver.coordinates:
             if self.is_record:
@@ -95,7 +95,7 @@ class TorqueStates(Timeline):
         return own_coordinates(solver, state, crank), None
 
     def _described(self, segment: TorqueSegment) -> DrivenMechanism:
-        """The driven mechanism in the description of a segment.
+        """Returns the driven mechanism in the description of a segment.
 
         Raises:
             LogError: The mechanism has no such coordinates.
@@ -110,7 +110,7 @@ class TorqueStates(Timeline):
         return self._own.described(description)
 
     def _rows(self, driven: DrivenMechanism) -> list[int]:
-        """Indices of a description's coordinates and rates in a state."""
+        """Returns the indices of the coordinates and their rates in a state."""
         moving = [driven.solver.links.index(name) for name in driven.solver.coordinates]
         return [*moving, *(len(self._links) + i for i in moving)]
 
@@ -118,8 +118,8 @@ class TorqueStates(Timeline):
         """Reads mechanism_state.
 
         Returns:
-            Positions, rates, accelerations and efforts of all links, with the crank angle within
-            two turns; and the crank angle including whole turns.
+            Positions, rates, accelerations and efforts of all links, shape (4, links, states),
+            with the crank angle within two turns; and the crank angle including all turns.
 
         Raises:
             LogError: A value is not a finite number.
@@ -136,12 +136,7 @@ class TorqueStates(Timeline):
         return table, crank
 
     def take(self, number: int, ticks: list[int]) -> tuple[int, str]:
-        """Checks states at the given ticks of a segment, and advances past them.
-
-        Returns:
-            The number of states that follow from their predecessors, and the error of the next
-            state.
-        """
+        """Checks that states follow from their predecessors; see `Timeline.take`."""
         driven, found = self._driven, self._found[:, : len(ticks)]
         found[-1] -= self._motor.at(found[len(self._links)])
         origin = np.concatenate([self._before, found[:, :-1]], axis=1)
@@ -161,7 +156,7 @@ class TorqueStates(Timeline):
     def _many_follow(
         self, driven: DrivenMechanism, origin: Array, found: Array, spans: Array
     ) -> npt.NDArray[np.bool_]:
-        """Finds states that follow from their predecessors, by integrating all of them at once."""
+        """Returns which states follow from their predecessors, integrating all at once."""
         nothing, half = np.zeros(len(spans), bool), len(driven.links)
         if driven.solver.coordinates != self._own.solver.coordinates:
             return nothing
@@ -174,12 +169,12 @@ class TorqueStates(Timeline):
         plant, phase = Plant(driven.units, accelerations), tuple(origin[rows])
         error = np.zeros(len(spans))
         try:
-            with np.errstate(all='ignore'):  # if the steps are too long
+            with np.errstate(all='ignore'):  # long steps may overflow
                 slope = slope_at(accelerations, phase)
                 for _ in range(_LEAPS):
                     phase, slope, errors = leap(plant, phase, spans / _LEAPS, slope)
                     error = np.maximum(error, np.max(errors, axis=0))
-        except LinkageError:  # a state fails; the states are then checked one by one
+        except LinkageError:  # check the states one by one instead
             return nothing
         before, due = origin[rows], np.array(phase)
         follows = _agrees(units, before, due, found[rows], spans).all(axis=0)
@@ -196,11 +191,11 @@ class TorqueStates(Timeline):
             before: The driven mechanism in the description of the previous state.
             origin: The previous state.
             found: The logged state to check.
-            span: Time between them, s.
+            span: Time between the two states, s.
 
         Returns:
-            Description; empty if the difference is small, or if the rounding error of the previous
-            state explains it.
+            The description; empty if the difference is within the tolerance, or if rounding errors
+            of the previous state explain it.
         """
         values = found[:-1]
         due = self._predicted(before, origin, values, span)
@@ -216,16 +211,16 @@ class TorqueStates(Timeline):
     def _predicted(
         self, before: DrivenMechanism, origin: Array, values: Array, span: float
     ) -> Array:
-        """Predicts positions and rates from an earlier state.
+        """Predicts positions and rates from the previous state.
 
-        The angles of all links but the crank are shifted by whole turns to lie nearest to the
-        logged angles.
+        The predicted angles, except that of the crank, are shifted by whole turns to be closest to
+        the logged angles.
 
         Args:
             before: See `_difference`.
-            origin: The earlier state.
+            origin: The previous state.
             values: Logged positions and rates.
-            span: Time between them, s.
+            span: Time between the two states, s.
         """
         driven = replace(
             before,
@@ -251,23 +246,23 @@ class TorqueStates(Timeline):
 def _agrees(
     units: Array, before: Array, due: Array, values: Array, span: Array | float
 ) -> npt.NDArray[np.bool_]:
-    """Whether logged positions and rates agree with expected values.
+    """Returns whether logged positions and rates agree with predicted values.
 
-    Rates are integrated to a tolerance relative to themselves, so that the tolerance of a position
-    grows with the way to it, and that of a rate with the largest rate and with the way.
+    The integrators' error of a rate is relative to that rate. The tolerance of a position
+    therefore grows with the distance travelled, and that of a rate also with the largest rate.
 
     Args:
         units: Unit of each value.
-        before: Positions, of the crank first, and rates of the previous state.
-        due: Expected positions and rates.
+        before: Positions, starting with the crank, and rates of the previous state.
+        due: Predicted positions and rates.
         values: Logged positions and rates.
         span: Time between the states, s.
 
     Returns:
-        For each value, whether it agrees.
+        A boolean for each value.
     """
     count = len(due) // 2
-    # The smaller of both: a forged rate must not widen its own tolerance.
+    # Use the smaller rate, so that a forged rate cannot widen its own tolerance.
     ends = np.minimum(abs(due[count:]), abs(values[count:]))
     pace = (np.maximum(abs(before[count:]), ends) / units[count:]).max(axis=0)
     sizes = units * np.maximum(1.0, pace * span)

@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recomputes every state of a log from its configuration and its segments of motion.
 
-Messages are equal if their bytes are equal, or if each number differs by at most 4 ulp of the
-largest number in its field, because sines differ between machines; 0.0 and -0.0 are equal. The log
-times of a live run are not known, so only their equality within a state is checked. Topics are
-identified by their types, because their names may be remapped. Other topics of the log are named,
-but not compared.
+Messages are considered equal if their bytes are equal, or if each number differs by at most 4 ulp
+of the largest number in its field, because sines differ between machines. 0.0 and -0.0 are equal.
+The log times of a live run cannot be recomputed, so only their equality within a state is checked.
+Topics are identified by their types, because they may be remapped. Other topics of the log are
+listed but not compared.
 """
 
 import math
@@ -34,9 +34,10 @@ from linkage_ros.wire.topics import (
 )
 
 _BATCH = 1024  # states per batch
-# Sines of another machine may differ in the last bit, and so may all results.
-_TOLERANCE = 4  # ulp of the largest value of a field
-# Message types that occur only in topics of states.
+# ulp of the largest value of a field. On another machine, sines and all results may differ in the
+# last bits.
+_TOLERANCE = 4
+# Message types of topics that only a state has.
 _OF_STATES = (DRIVING_TORQUE.interface.name, COUPLER_POINT.interface.name)
 
 
@@ -45,13 +46,13 @@ def verify(log: LogReader, progress: Callable[[int], object] = lambda _: None) -
 
     Args:
         log: The log to verify.
-        progress: Called with the number of states that were compared since the last call.
+        progress: Called with the number of states compared since the last call.
 
     Returns:
-        The outcome.
+        The completed comparison.
 
     Raises:
-        LogError: The file is damaged, or lacks the topics or the segments of its states.
+        LogError: The file is damaged, or lacks the topics or segments required to recompute it.
     """
     done = Verification(log)
     done.run(progress)
@@ -65,17 +66,17 @@ class Verification:
 
     Attributes:
         states: Number of equal states.
-        compared: Names of the topics that are compared.
+        compared: Names of the compared topics.
         others: Names of the topics that cannot be recomputed.
-        absent: Relative names of the mechanism's topics that the log does not have.
-        missed: Ticks without a state.
-        cut: Names of the topics that the last state lacks because its writing was cut off.
-        ulp: Largest difference, in ulp of the largest value of its field; 0: all bits are equal.
-        difference: The first difference; empty if there is none.
+        absent: Relative names of the mechanism's topics that are missing from the log.
+        missed: Number of ticks without a state.
+        cut: Names of the topics that are missing from an incomplete last state.
+        ulp: Largest difference, in ulp of the largest value of its field; 0 if all bits are equal.
+        difference: Description of the first difference; empty if there is none.
     """
 
     def __init__(self, log: LogReader) -> None:
-        """Compares the topics and the segments of motion with those that a run would have.
+        """Compares the topics and segments of the log with those of a run.
 
         Args:
             log: The log to verify.
@@ -106,7 +107,7 @@ class Verification:
         """Prepares the comparison of states.
 
         Raises:
-            LogError: The log lacks the topics or the segments of its states.
+            LogError: The log lacks the topics or segments required to recompute its states.
         """
         log, simulator = self._log, self._simulator
         drive = simulator.configuration.drive
@@ -128,7 +129,8 @@ class Verification:
         """Compares the messages, up to the first difference; see `verify`.
 
         Raises:
-            LogError: The file is damaged, or lacks the topics or the segments of its states.
+            LogError: The file is damaged, or lacks the topics or segments required to recompute
+                it.
         """
         if self.difference or not any(c.messages for c in self._channels.values()):
             return
@@ -146,10 +148,7 @@ class Verification:
         self.missed, self.ulp = self._timeline.missed, self._comparison.ulp
 
     def _handle(self, message: LoggedMessage) -> None:
-        """Handles a message that is not part of a state.
-
-        It is called for all such messages in the order in which they were written.
-        """
+        """Handles a message that is not part of a state, in the order of writing."""
         if isinstance(self._timeline, Measurements):
             self._timeline.handle(message)
         if message.topic in self.compared and message.data != self._simulator.description:
@@ -158,7 +157,7 @@ class Verification:
             )
 
     def _compare_rows(self, progress: Callable[[int], object]) -> None:
-        """Compares all whole rows that were read."""
+        """Compares all complete rows read so far."""
         layout = self._layout
         while not self.difference and (count := layout.count(self._rows, 0)):
             count, self.difference = self._compare(bytes(self._rows[: count * layout.size]))
@@ -167,7 +166,7 @@ class Verification:
             progress(count)
 
     def _check_rest(self) -> None:
-        """Checks the remaining messages: the start of the last state, or messages out of order."""
+        """Checks the messages after the last complete row: an incomplete state, or an error."""
         layout, end = self._layout, self._layout.fitting(self._rows)
         if end < len(self._rows):
             _, _, channel, _, time, _ = MESSAGE_HEAD.unpack_from(self._rows, end)
@@ -180,10 +179,11 @@ class Verification:
             self.cut = tuple(name for start, name in starts if start >= end)
 
     def _compare(self, rows: bytes) -> tuple[int, str]:
-        """Compares states at the beginning of rows.
+        """Compares the leading rows that belong to one segment.
 
         Returns:
-            The number of equal states, and the error of the next state, if that was compared.
+            The number of equal states, and the error of the next state, empty if it was not
+            compared.
         """
         stamps, count, wrong = self._layout.stamps(rows), 0, ''
         for number, ticks in self._timeline.fitting(stamps):
@@ -191,7 +191,7 @@ class Verification:
             try:
                 made = self._again(number, stamps[: len(ticks)].tolist(), logged)
             except LinkageError as error:
-                if len(ticks) > 1:  # which topic differs?
+                if len(ticks) > 1:  # bisect to find the first invalid state
                     return self._compare(rows[: len(ticks) // 2 * self._layout.size])
                 wrong = wrong or str(error)
                 continue
@@ -213,7 +213,7 @@ class Verification:
         """Recomputes rows at stamps in a segment.
 
         Raises:
-            LinkageError: A logged row does not describe a state.
+            LinkageError: A logged row does not describe a valid state.
         """
         coordinates, ahead = self._timeline.coordinates(number, stamps, rows)
         times = None if self._timeline.is_record else self._layout.column(rows, self._layout.times)
@@ -221,10 +221,10 @@ class Verification:
 
 
 class RowComparison:
-    """Compares the rows of one log.
+    """Compares the rows of a log with recomputed rows.
 
     Attributes:
-        ulp: Largest difference so far, in ulp of the largest value of the field.
+        ulp: Largest accepted difference so far, in ulp of the largest value of its field.
     """
 
     def __init__(self, layout: RowLayout, names: list[str]) -> None:
@@ -236,17 +236,17 @@ class RowComparison:
         """Compares rows.
 
         Args:
-            logged: Some rows.
+            logged: One or more logged rows.
             recomputed: The same number of recomputed rows.
 
         Returns:
-            The number of leading rows that are equal to the bit or within the tolerance (0.0
-            equals -0.0), and the difference of the next row.
+            The number of leading rows that are equal within the tolerance, and a description of
+            the first difference in the next row.
         """
         due, size = self._values(recomputed), self._layout.size
         number = len(logged) // size
         self._largest = np.maximum(self._largest, abs(due).max(axis=1, keepdims=True))
-        if logged == recomputed:  # equal unless another machine has different sines
+        if logged == recomputed:  # usual, unless another machine computes different sines
             return number, ''
         with np.errstate(all='ignore'):  # logged values may be arbitrary
             ulp = abs(self._values(logged) - due) / np.spacing(self._largest)
@@ -263,7 +263,7 @@ class RowComparison:
         return count, self._describe(at, logged[row], recomputed[row])
 
     def _values(self, rows: bytes | bytearray) -> Array:
-        """The doubles in rows, as an array with a row for each field."""
+        """Returns the doubles in rows, shape (fields, rows)."""
         return np.array([self._layout.column(rows, place) for place in self._doubles])
 
     def _describe(self, at: int, logged: bytes, recomputed: bytearray) -> str:
