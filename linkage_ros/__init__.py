@@ -1,10 +1,10 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The exact motion of planar linkages: states, driving torque, ROS 2 node, log, replay and view.
+"""Exact motion and driving torque of planar linkages, with a ROS 2 node, logs, replay and viewer.
 
-Describe a mechanism (`FourBar`, `SliderCrank` or `WindPump`) and pass it to a `Solver`, which
-computes its states, accelerations, joint forces and energy. Units are SI: m, kg, rad, s, N. Angles
-and torques are positive counter-clockwise. Each value may be a float or an array.
+Create a mechanism (`FourBar`, `SliderCrank` or `WindPump`) and pass it to a `Solver`, which
+computes states, accelerations, joint forces and energy. Units are SI: m, kg, rad, s, N. Angles and
+torques are positive counter-clockwise. Coordinates and rates may be floats or arrays.
 """
 
 __version__ = '0.1.0'

@@ -1,6 +1,9 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Command line of linkage_chart; the modules in `lab/commands` run its commands."""
+"""linkage_chart: draws the motion of a mechanism, or compares methods.
+
+The modules in `lab/commands` implement its commands.
+"""
 
 import argparse
 import sys

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Shared parts of the command lines: an error is one line on stderr and exit code 2."""
+"""Shared code of the command-line programs, which report an error in one line of stderr."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ from linkage_ros import __version__
 from linkage_ros.errors import ConfigurationError, LinkageError, missing_library, one_line
 from linkage_ros.quantities import Quantity, shown
 
-# Option names, the valid range of a number, and keyword arguments for argparse.
+# Option names, `Quantity` of a numeric option, and keyword arguments for argparse.
 Option: TypeAlias = tuple[tuple[str, ...], Quantity | None, dict[str, Any]]
 
 STOPPED_BY_USER = 130
 _LONGEST_WAIT = 1.0  # s, for a blocked stderr to accept an error message
-_LONGEST_SLEEP = 0.5  # s, before a signal that another thread received is handled
+_LONGEST_SLEEP = 0.5  # s, until a signal received by another thread is handled
 
 
 class Parser(argparse.ArgumentParser):
@@ -44,16 +44,16 @@ class Parser(argparse.ArgumentParser):
 def make_parser(
     name: str, purpose: str, examples: tuple[str, ...], notes: str = ''
 ) -> argparse.ArgumentParser:
-    """Makes a parser with --version and examples.
+    """Creates a parser with --version and examples.
 
     Args:
         name: Name of the executable.
-        purpose: What the executable does, in one sentence.
+        purpose: One-sentence description of the executable.
         examples: Command lines, without the name of the executable.
-        notes: Text below the examples.
+        notes: Text to print below the examples.
 
     Returns:
-        The parser.
+        The parser, to which options can be added.
     """
     parser = Parser(prog=name, **_described(name, purpose, examples, notes))
     parser.add_argument('--version', action='version', version=f'%(prog)s {__version__}')
@@ -61,13 +61,13 @@ def make_parser(
 
 
 def path(text: str) -> Path:
-    """Converts a command-line argument to a path; an empty argument is an error.
+    """Converts a command-line argument to a path, for argparse.
 
     Args:
-        text: Text of the argument.
+        text: The argument.
 
     Returns:
-        The path.
+        The path, which may not exist.
 
     Raises:
         ArgumentTypeError: The argument is empty.
@@ -81,9 +81,9 @@ def add_options(parser: Any, options: Iterable[Option]) -> None:
     """Adds options to a parser or to an argument group.
 
     Args:
-        parser: The parser or the group.
-        options: The options. For an option with a quantity, help and errors state its range and
-            unit; `note` is appended to the help.
+        parser: Parser or argument group.
+        options: Options to add. For an option with a quantity, help and error messages include the
+            range and the unit; its `note` is appended to the help.
     """
     for names, quantity, others in options:
         given = dict(others)
@@ -95,7 +95,7 @@ def add_options(parser: Any, options: Iterable[Option]) -> None:
 
 def _read_number(name: str, quantity: Quantity, text: str) -> object:
     value: float | str = text
-    for kind in (float, int):  # int is last, so that a whole number becomes an int
+    for kind in (float, int):  # int comes last, so that '2' becomes an int
         with suppress(ValueError):
             value = kind(text)
     try:
@@ -109,10 +109,10 @@ class Command(NamedTuple):
 
     Attributes:
         run: Function that runs the command with its parsed options; returns an exit code or None.
-        purpose: What the command does, in one sentence.
+        purpose: One-sentence description of the command.
         examples: Command lines, without the names of executable and command.
         options: The options and arguments of the command.
-        usage: Usage line; None: argparse writes it.
+        usage: Usage line; by default, argparse generates it.
     """
 
     run: Callable[[argparse.Namespace], int | None]
@@ -123,7 +123,7 @@ class Command(NamedTuple):
 
 
 def add_commands(parser: argparse.ArgumentParser, commands: Mapping[str, Command]) -> None:
-    """Adds commands to a parser; the attribute `run` of the parsed options runs the command."""
+    """Adds commands to a parser; parsed options have the function of the command as `run`."""
     parsers = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
     for name, (run, purpose, examples, options, usage) in commands.items():
         words = _described(f'{parser.prog} {name}', purpose, examples)
@@ -145,14 +145,15 @@ def _described(
 
 
 class Stop:
-    """A request to end the program, set by a signal; the main thread waits for it.
+    """A request to end the program, set by a signal, for which the main thread waits.
 
     The signals are SIGINT, SIGTERM and, unless it is ignored (as under nohup), SIGHUP. Python
-    handles signals in the main thread, and without delay only while that thread runs or waits in
-    Python; so all work is done in other threads, or the main thread waits here between its steps.
-    A threading.Event would deadlock if a signal arrived just as the wait begins; a SimpleQueue can
-    be filled at any time. Linux may deliver a signal to another thread, for example while the
-    process is being stopped; the signal is then handled when the main thread wakes.
+    handles signals in the main thread, and promptly only if that thread runs or waits in Python.
+    Therefore, other threads do the work, or the main thread calls `wait` between its steps.
+
+    A SimpleQueue is reentrant, whereas a threading.Event would deadlock if a signal arrived at the
+    start of a wait. Linux may deliver a signal to another thread, for example while the process is
+    being stopped. The signal is then handled when the main thread wakes up.
     """
 
     def __init__(self) -> None:
@@ -163,11 +164,11 @@ class Stop:
             self._signals.append(signal.SIGHUP)
         for number in self._signals:
             signal.signal(number, self._request)
-            # At exit Python restores its own handlers; a second Ctrl-C would kill the process.
+            # Python restores its own handlers at exit, and a second Ctrl-C would kill the process.
             atexit.register(signal.signal, number, signal.SIG_IGN)
 
     def _request(self, *_: object) -> None:
-        for number in self._signals:  # another signal would interrupt this handler
+        for number in self._signals:  # because another signal would interrupt this handler
             signal.signal(number, signal.SIG_IGN)
         self.set()
 
@@ -177,14 +178,14 @@ class Stop:
         self._asked.put(None)
 
     def is_set(self) -> bool:
-        """Returns whether the end was requested."""
+        """Returns whether the end of the program was requested."""
         return self._is_set
 
     def wait(self, timeout: float | None = None) -> bool:
-        """Waits until the end is requested.
+        """Waits until the end of the program is requested.
 
         Args:
-            timeout: Longest time to wait, s; None: for ever.
+            timeout: Longest time to wait, s; by default, unlimited.
 
         Returns:
             Whether the end was requested.
@@ -197,21 +198,21 @@ class Stop:
 
 
 def run(name: str, command: Callable[[], int | None]) -> int:
-    """Runs a command.
+    """Runs a program and reports its errors on stderr.
 
     Args:
-        name: Name of the executable, for messages.
-        command: Function that does the work; returns an exit code, or None for 0.
+        name: Name of the executable, for error messages.
+        command: Function that runs the program; returns an exit code, or None for 0.
 
     Returns:
         The exit code: 2 for an error that the user can correct, 130 after Ctrl-C.
     """
     if isinstance(sys.stdout, io.TextIOWrapper):
-        # Paths and texts in logs may have characters that the terminal's encoding lacks.
+        # The terminal's encoding may lack characters that occur in paths and logs.
         sys.stdout.reconfigure(errors='backslashreplace')
     try:
         code = command() or 0
-        if sys.stdout is not None:  # None: the process was started with stdout closed
+        if sys.stdout is not None:  # None if the process was started with stdout closed
             sys.stdout.flush()
     except KeyboardInterrupt:
         print(file=sys.stderr)
@@ -229,13 +230,13 @@ def run(name: str, command: Callable[[], int | None]) -> int:
 
 
 def leave(code: int) -> int:
-    """Exits a ROS process at once, without Python's clean-up; does nothing in another process.
+    """Exits a process that uses rclpy immediately, without Python's clean-up.
 
-    While the interpreter shuts down, Fast DDS may hang or crash (Fast-DDS#6513), and a
-    second Ctrl-C would be an error.
+    During the clean-up, Fast DDS may hang or crash (Fast-DDS#6513), and a second Ctrl-C would
+    cause an error.
 
     Args:
-        code: Exit code.
+        code: Exit code of the process.
 
     Returns:
         The exit code, if rclpy was not imported.
@@ -249,7 +250,7 @@ def leave(code: int) -> int:
 
 
 def _discard_stdout() -> None:
-    """Redirects stdout to /dev/null if it fails, so that Python does not fail again at exit."""
+    """Redirects a failing stdout to /dev/null, so that Python does not fail again at exit."""
     try:
         sys.stdout.flush()
     except OSError:
@@ -257,14 +258,14 @@ def _discard_stdout() -> None:
 
 
 def counted(number: int, noun: str) -> str:
-    """Formats a number and its noun, which is in the plural unless the number is 1."""
+    """Formats a number with a noun, such as '1 state' or '2 states'."""
     return f'{number} {noun}{"" if number == 1 else "s"}'
 
 
 def print_error(name: str, error: object) -> None:
-    """Prints an error on one line of stderr; gives up if stderr is blocked for a second.
+    """Prints an error as one line on stderr, unless stderr is blocked for more than a second.
 
-    A full pipe, or Ctrl-S in the terminal, blocks stderr.
+    A full pipe or Ctrl-S in the terminal may block stderr.
     """
     is_writable = sys.stderr is not None
     with suppress(OSError, TypeError):  # stderr may lack a file descriptor

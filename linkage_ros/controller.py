@@ -1,9 +1,10 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""linkage_controller: keeps a torque-driven crank at a speed; a prototype to copy and change.
+"""linkage_controller: keeps a torque-driven crank at a set speed; a prototype to copy and adapt.
 
-A PI controller acts on the measured speed of each joint state. The controller adds the exact
-torque of the desired motion, computed for the crank angle at which the command will act.
+For each joint state, a PI controller computes a torque from the speed error. The exact torque of
+the desired motion is added as feed-forward, computed for the crank angle at which the command
+takes effect.
 """
 
 from __future__ import annotations
@@ -34,8 +35,8 @@ from linkage_ros.ros.process import run_program
 from linkage_ros.units import NS_PER_S, radians_per_second
 
 _NAME = 'linkage_controller'
-# ns between two states. After a longer gap, such as a step of the clock, a restart of the plant
-# or a lost connection, the integral is reset.
+# Longest gap between two states, ns. After a longer gap, caused by a step of the clock, a restart
+# of the plant or a lost connection, the integral is reset.
 _LONGEST_GAP = NS_PER_S // 10
 
 
@@ -44,12 +45,13 @@ class Settings(Checked):
     """The parameters of linkage_controller.
 
     Attributes:
-        plant: Parameter file, or preset, of the mechanism that is controlled.
-        rpm: Crank speed to keep, turns per minute.
+        plant: Parameter file or preset of the controlled mechanism.
+        rpm: Set crank speed, turns per minute.
         bandwidth: Bandwidth of the speed loop, Hz.
-        feed_forward: Whether the exact torque is added.
-        lead_time: Delay from a measurement to the middle of the period of its command, s.
-        joint_prefix: Prefix of the plant's joints; None: the prefix in the plant's parameter file.
+        feed_forward: Whether to add the exact torque.
+        lead_time: Delay from a measurement to the middle of the period in which its command acts,
+            s.
+        joint_prefix: Prefix of the plant's joint names; None for that in its parameter file.
     """
 
     plant: str = quantity(
@@ -80,17 +82,16 @@ class SpeedController:
     def __init__(
         self, mechanism: Mechanism, rpm: float, bandwidth: float, lead: float | None
     ) -> None:
-        """Derives the gains from the mean inertia at the crank.
+        """Computes the gains from the mean inertia at the crank.
 
         Args:
             mechanism: The controlled mechanism.
-            rpm: Speed to keep.
-            bandwidth: Bandwidth of the proportional term alone, Hz.
-            lead: Delay from a measurement to the middle of the period of its command, s; None:
-                no feed-forward.
+            rpm: Set crank speed, turns per minute.
+            bandwidth: Bandwidth of the proportional control alone, Hz.
+            lead: See `Settings.lead_time`; None for no feed-forward.
 
         Raises:
-            ConfigurationError: The crank angle does not determine the state of this mechanism.
+            ConfigurationError: The mechanism is a wind pump, or its crank does not turn fully.
         """
         if not mechanism.reach():
             raise ConfigurationError(
@@ -111,10 +112,10 @@ class SpeedController:
         Args:
             angle: Measured crank angle, rad.
             speed: Measured crank speed, rad/s.
-            elapsed: Time since the previous measurement, s; 0: restart the integral.
+            elapsed: Time since the previous measurement, s; 0 to reset the integral.
 
         Returns:
-            The torque, N m.
+            The torque on the crank, N m.
         """
         error = self._speed - speed
         if not elapsed:
@@ -128,7 +129,7 @@ class SpeedController:
 
 
 class ControllerNode(ParameterNode):
-    """Answers each message on joint_states with a command on joint_commands."""
+    """Publishes a command on joint_commands for each message on joint_states."""
 
     def __init__(self, stop: cli.Stop) -> None:
         super().__init__(_NAME)
@@ -163,12 +164,13 @@ class ControllerNode(ParameterNode):
         return 0
 
     def _answer(self, state: JointState) -> None:
-        if self._crank not in state.name:  # the message of another robot
+        if self._crank not in state.name:  # the message is from another robot
             return
-        joints = zip(state.name, state.position, state.velocity, strict=False)  # may be left out
+        # Positions and velocities are optional in a JointState.
+        joints = zip(state.name, state.position, state.velocity, strict=False)
         measured = {name: (angle, speed) for name, angle, speed in joints}
         angle, speed = measured.get(self._crank, (math.nan, math.nan))
-        if not math.isfinite(angle + speed):  # the integral would stay non-finite
+        if not math.isfinite(angle + speed):  # would make the integral non-finite permanently
             words = f'a state without finite position and velocity of {self._crank} is ignored'
             self.get_logger().warning(words, throttle_duration_sec=1.0)
             return

@@ -22,7 +22,7 @@ _NAME = 'demo'
 _FOLDER = Path('demo')
 _LOG, _VIEW = _FOLDER / 'quadrilateral.mcap', _FOLDER / 'quadrilateral.rrd'
 _SECONDS = 8.0
-_START_SECONDS = 1.0  # from the log's first byte until the crank turns
+_START_SECONDS = 1.0  # from the creation of the log until the crank turns
 
 
 def _command(module: str, *arguments: object) -> list[str]:
@@ -49,7 +49,7 @@ def _run_live(viewer: str) -> None:
 
 def _run_recorded(viewer: str) -> None:
     print('rclpy is not installed here: recording the run without ROS')
-    rate = 1 if viewer == SPAWN else 1000  # a view written to a file needs no real time
+    rate = 1 if viewer == SPAWN else 1000  # a view written to a file need not run in real time
     for command in (
         _command('record', 'quadrilateral', _LOG, '--duration', _SECONDS, '--overwrite'),
         _command('replay', _LOG, '--no-ros', '--rate', rate, '--viewer', viewer),

@@ -1,24 +1,24 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The errors of linkage_ros.
+"""Exceptions of linkage_ros.
 
-A program reads the attributes of an error. A person reads its message: one line that names the
-value, the valid range and what to do.
+Attributes of an exception are for programs. Its message is for users: one line that states the
+value, the valid range and a remedy.
 """
 
 from __future__ import annotations
 
-_LONGEST = 600  # characters of an error message
+_LONGEST = 600  # largest length of an error message, characters
 
 
 def printable(text: str) -> str:
-    """Escapes the characters of a text that are not printable.
+    """Escapes non-printable characters.
 
     Args:
-        text: A text that may contain names and values from untrusted files.
+        text: Text that may contain names and values from untrusted files.
 
     Returns:
-        The text, without control characters.
+        The text, with escape sequences instead of non-printable characters.
     """
     if text.isprintable():
         return text
@@ -27,14 +27,14 @@ def printable(text: str) -> str:
 
 
 def shortened(text: str, longest: int) -> str:
-    """Shortens a text by leaving out its middle.
+    """Shortens text by omitting its middle.
 
     Args:
-        text: Any text.
+        text: Text to shorten.
         longest: Maximum length of the result, characters.
 
     Returns:
-        The text itself if it is short enough, otherwise its beginning and end.
+        The text if it is short enough, otherwise its start and end, joined by ' ... '.
     """
     if len(text) <= longest:
         return text
@@ -42,24 +42,24 @@ def shortened(text: str, longest: int) -> str:
 
 
 def one_line(text: str) -> str:
-    """Makes a text fit for an error message: printable, short and on one line.
+    """Formats text for an error message: printable, short and on one line.
 
     Args:
-        text: A text that may contain names and values from untrusted files.
+        text: Text that may contain names and values from untrusted files.
 
     Returns:
-        At most 600 characters; the middle of a longer text is left out.
+        The formatted text, of at most 600 characters.
     """
     words = shortened(' '.join(text.split()), _LONGEST)
     return shortened(printable(words), _LONGEST)
 
 
-# For each module: why it is needed, and the arguments of `pip install`.
+# For each module: the feature that requires it, and the arguments of `pip install`.
 _LIBRARIES = {
     'mcap': ('logs need mcap', 'mcap lz4 zstandard'),
     'lz4': ('logs need lz4', 'mcap lz4 zstandard'),
     'zstandard': ('logs need zstandard', 'mcap lz4 zstandard'),
-    # A new rerun-sdk brings NumPy 2, with which Ubuntu's SciPy and Matplotlib do not work.
+    # A new rerun-sdk installs NumPy 2, which is incompatible with Ubuntu's SciPy and Matplotlib.
     'rerun': ('the viewer needs rerun-sdk', '--upgrade rerun-sdk scipy matplotlib'),
     'matplotlib': ('charts need matplotlib', 'matplotlib'),
     'mpmath': ('accuracy and stability charts need mpmath', 'mpmath'),
@@ -74,10 +74,10 @@ def missing_library(module: str) -> str:
     """Returns the error message for a missing library.
 
     Args:
-        module: The module that cannot be imported.
+        module: Name of the module that cannot be imported.
 
     Returns:
-        One line that says which feature needs the missing library, and how to install it.
+        One line that states which feature requires the library and how to install it.
     """
     name = module.partition('.')[0]
     if name.startswith('rcl') or name.endswith('_msgs'):
@@ -93,27 +93,27 @@ def missing_library(module: str) -> str:
 
 
 class LinkageError(Exception):
-    """Base of all errors of this package; its message is always one line."""
+    """Base class of all exceptions of this package; the message is always one line."""
 
     def __str__(self) -> str:
         return one_line(super().__str__())
 
 
 class ConfigurationError(LinkageError, ValueError):
-    """A parameter, file or argument has a value that cannot be used."""
+    """A parameter, file or argument has an invalid value."""
 
 
 class MechanismError(ConfigurationError):
-    """The lengths, masses or centres do not describe a mechanism."""
+    """The mechanism is invalid, or does not support the requested operation."""
 
 
 class UnreachableError(LinkageError, ValueError):
-    """No state exists at this crank angle, because the loop cannot close.
+    """No finite state exists at the requested coordinates, for example if the loop cannot close.
 
     Attributes:
-        crank_angle: The first requested angle that is out of reach, rad.
-        arcs: The reachable arcs of the crank angle, pairs (from, to) in rad; empty if no angle
-            is reachable.
+        crank_angle: The first requested crank angle that is rejected, rad; NaN if the coordinate
+            is the slider's position.
+        arcs: Reachable arcs of the crank angle as pairs (start, end), rad; empty if unknown.
     """
 
     def __init__(
@@ -125,7 +125,7 @@ class UnreachableError(LinkageError, ValueError):
 
 
 class MotionError(LinkageError):
-    """A torque-driven motion cannot be continued.
+    """A torque-driven motion cannot continue.
 
     Attributes:
         time: Time at which the motion ends, s.

@@ -1,9 +1,9 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Entry points of the executables; each imports its program only when it is called.
+"""Entry points of the executables, which import their programs only when called.
 
-Importing rclpy takes most of the start-up time. Ctrl-C during the import ends the program without
-a traceback, and a missing rclpy gives a one-line error.
+Importing rclpy takes most of the start-up time. Importing it inside `cli.run` ensures that Ctrl-C
+during the import prints no traceback, and that a missing rclpy is reported in one line.
 """
 
 from __future__ import annotations

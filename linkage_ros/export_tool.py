@@ -20,13 +20,13 @@ _NAME = 'linkage_export'
 
 
 def urdf(options: argparse.Namespace) -> None:
-    """Writes the mechanism as URDF: a tree of links, with the loop open.
+    """Writes the mechanism as URDF: a tree of links with an open loop.
 
     Args:
-        options: Options of the command line.
+        options: Parsed options of the command.
 
     Raises:
-        ConfigurationError: The mechanism cannot be used, or the file cannot be written.
+        ConfigurationError: The parameters are invalid, or the file cannot be written.
     """
     configuration = _configuration(options)
     prefix, frame_id = configuration.session.joint_prefix, configuration.session.frame_id
@@ -35,13 +35,13 @@ def urdf(options: argparse.Namespace) -> None:
 
 
 def mjcf(options: argparse.Namespace) -> None:
-    """Writes the mechanism as MJCF, with the loop closed.
+    """Writes the mechanism as MJCF, with a closed loop.
 
     Args:
-        options: Options of the command line.
+        options: Parsed options of the command.
 
     Raises:
-        ConfigurationError: The mechanism cannot be used, or the file cannot be written.
+        ConfigurationError: The parameters are invalid, or the file cannot be written.
     """
     configuration = _configuration(options)
     simulator = Simulator(configuration)
@@ -57,11 +57,11 @@ def _configuration(options: argparse.Namespace) -> Configuration:
 
 
 def _write(options: argparse.Namespace, text: str) -> None:
-    """Writes a text to the output file and prints the path.
+    """Writes text to the output file and prints its path.
 
     Raises:
-        ConfigurationError: The file holds the parameters, exists and --overwrite is not given,
-            or cannot be written.
+        ConfigurationError: The file is the parameter file, exists without --overwrite, or cannot
+            be written.
     """
     if is_same_file(str(options.out), str(find_file(options.params))):
         raise ConfigurationError(
@@ -75,7 +75,7 @@ def _write(options: argparse.Namespace, text: str) -> None:
 
 
 def _options(file: str) -> tuple[cli.Option, ...]:
-    """The options that both commands have; `file` names the output file in the help."""
+    """Returns the options of both commands; `file` is the name of the output file in the help."""
     presets = f'parameter file, or a preset: {", ".join(preset_names())}'
     prefix = 'prefix of every joint and link name (default: joint_prefix of the file)'
     return (

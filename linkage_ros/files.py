@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Opens and inspects files at paths from users, which may be missing or special files."""
+"""Opens and inspects files at user-supplied paths, which may be missing or special files."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ _WRITTEN = 'is being written by another run and is kept: choose another name'
 
 
 def open_file(path: Path | str, mode: Literal['rb', 'wb', 'xb'] = 'rb') -> BinaryIO:
-    """Opens a file without waiting.
+    """Opens a file without blocking.
 
-    A pipe without a writer reads as empty; a pipe without a reader cannot be opened for writing.
-    A file opened for writing is locked: this package refuses to open it for writing a second
-    time, in any process.
+    A pipe without a writer reads as empty, and a pipe without a reader cannot be opened for
+    writing. A file opened for writing is locked, so that this function cannot open it for writing
+    again in any process.
 
     Args:
         path: Path of the file.
-        mode: Mode of `open`.
+        mode: Mode, as for the built-in `open`.
 
     Returns:
-        The file, to be closed by the caller.
+        The open file, which the caller must close.
 
     Raises:
         BlockingIOError: The file is locked.
@@ -40,7 +40,7 @@ def open_file(path: Path | str, mode: Literal['rb', 'wb', 'xb'] = 'rb') -> Binar
     opener = _open_nonblocking if mode == 'rb' else _open_locked
     try:
         stream = open(path, mode, opener=opener)  # noqa: SIM115, the caller closes it
-    except ValueError as error:  # the name has a NUL or a lone surrogate
+    except ValueError as error:  # the name contains a NUL or a lone surrogate
         raise OSError(errno.EINVAL, str(error)) from error
     os.set_blocking(stream.fileno(), True)
     return stream
@@ -53,16 +53,16 @@ def create_file(
 
     Args:
         path: Path of the file.
-        kind: Class of the error to raise.
+        kind: Class of the exception to raise.
         overwrite: Whether to replace an existing file.
-        cure: What a user must do to replace an existing file.
+        cure: Instruction for replacing an existing file, for the error message.
 
     Returns:
-        The file, to be closed by the caller.
+        The open file, which the caller must close.
 
     Raises:
-        LinkageError: The file exists and is kept, or cannot be created; the error is of class
-            `kind`.
+        LinkageError: The file exists and must not be replaced, or cannot be created. The exception
+            is a `kind`.
     """
     try:
         return open_file(path, 'wb' if overwrite else 'xb')
@@ -79,21 +79,23 @@ def create_file(
 def replacement(
     path: Path | str, kind: type[LinkageError], *, overwrite: bool, cure: str
 ) -> Iterator[Path]:
-    """Writes a file under a temporary name, and renames it when it is complete.
+    """Provides a temporary file that replaces a file once it is complete.
+
+    At the end of the block, the temporary file is renamed to `path`. If the block raises an
+    exception, the temporary file is removed.
 
     Args:
-        path: Path of the file.
-        kind: Class of the error to raise.
+        path: Path of the file to replace.
+        kind: Class of the exception to raise.
         overwrite: Whether to replace an existing file.
-        cure: What a user must do to replace an existing file.
+        cure: Instruction for replacing an existing file, for the error message.
 
     Yields:
-        The temporary path, in the same folder. At the end of the block, the temporary file is
-        renamed to `path` and replaces an older file; after an error in the block, it is removed.
+        Path of the temporary file, in the same folder.
 
     Raises:
-        LinkageError: The file exists and is kept, or cannot be replaced; the error is of class
-            `kind`.
+        LinkageError: The file exists and must not be replaced, or cannot be replaced. The
+            exception is a `kind`.
     """
     problem = ''
     if os.path.lexists(path) and not overwrite:
@@ -108,7 +110,7 @@ def replacement(
         target = Path(os.path.realpath(path))
         temporary = target.with_name(f'.{os.getpid()}.part')
         temporary.touch()
-    except (OSError, ValueError) as error:  # ValueError: the name has a NUL or a lone surrogate
+    except (OSError, ValueError) as error:  # ValueError for a NUL or a lone surrogate in the name
         raise kind(f'{path} cannot be written: {_reason(error)}') from error
     try:
         yield temporary
@@ -121,7 +123,7 @@ def replacement(
 
 
 def _reason(error: Exception) -> str:
-    """Returns the message of an error, without its number and path."""
+    """Returns the message of an OSError without its number and path."""
     return getattr(error, 'strerror', None) or str(error)
 
 
@@ -137,13 +139,13 @@ def _open_locked(path: str, flags: int) -> int:
         OSError: The file cannot be opened.
     """
     number = _open_nonblocking(path, flags & ~os.O_TRUNC)
-    if stat.S_ISREG(os.fstat(number).st_mode):  # a device such as /dev/null is not locked
+    if stat.S_ISREG(os.fstat(number).st_mode):  # do not lock devices such as /dev/null
         try:
             fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             os.close(number)
             raise
-        except OSError:  # some network file systems have no locks
+        except OSError:  # some network file systems do not support locks
             pass
         os.ftruncate(number, 0)
     return number
@@ -169,5 +171,5 @@ def is_same_file(path: str, other: str) -> bool:
 
 
 def path_exists(path: Path | str) -> bool:
-    """Returns whether a path exists; False for an invalid name, where Path.exists may raise."""
+    """Returns whether a path exists; unlike Path.exists, does not raise for invalid names."""
     return os.path.exists(path)  # noqa: PTH110

@@ -1,8 +1,9 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Functions for formulas that run on floats, on arrays and on symbolic numbers (`dynamics/tape`).
+"""Functions for formulas of floats, arrays and symbolic numbers (`dynamics/tape`).
 
-A term that a mechanism does not have is `ZERO`: it drops out of sums, and its products are `ZERO`.
+Terms that a mechanism does not have are `ZERO`. They drop out of sums, and their products are
+`ZERO`.
 """
 
 import functools
@@ -17,9 +18,9 @@ from linkage_ros.numeric import Real
 
 
 class _Zero:
-    """The zero of absent terms: x + ZERO is x itself, and ZERO * x is ZERO.
+    """A zero for absent terms: x + ZERO is x itself, and ZERO * x is ZERO.
 
-    Unlike 0.0, ZERO is recognised when a formula is recorded, so that the program omits the term.
+    Unlike 0.0, it is recognised when a formula is recorded, so that the program omits the term.
     """
 
     __array_ufunc__ = None
@@ -66,47 +67,47 @@ ZERO = _Zero()
 
 
 def total(terms: Iterable[Real]) -> Real:
-    """The sum of the terms, added from left to right; ZERO if there are none.
+    """Returns the sum of the terms, added from left to right; ZERO if there are none.
 
-    The built-in sum starts from 0 and, from Python 3.12, compensates rounding errors.
+    The built-in `sum` starts from 0 and, from Python 3.12 on, compensates rounding errors.
     """
     return functools.reduce(operator.add, terms, ZERO)
 
 
 def number(value: Real) -> Real:
-    """Replaces ZERO by 0.0; any other value is returned unchanged."""
+    """Replaces ZERO with 0.0; returns any other value unchanged."""
     return 0.0 if value is ZERO else value
 
 
 def sin(angle: Real) -> Real:
-    """Sine of an angle, rad."""
+    """Returns the sine of an angle, rad."""
     return _apply('sin', math.sin, np.sin, angle)
 
 
 def cos(angle: Real) -> Real:
-    """Cosine of an angle, rad."""
+    """Returns the cosine of an angle, rad."""
     return _apply('cos', math.cos, np.cos, angle)
 
 
 def sqrt(square: Real) -> Real:
-    """Square root; the caller requires that the square is not negative."""
+    """Returns the square root; the caller must ensure that the argument is not negative."""
     return _apply('sqrt', math.sqrt, np.sqrt, square)
 
 
 def atan2(y: Real, x: Real) -> Real:
-    """Direction of (x, y), rad, in [-pi, pi]."""
+    """Returns the direction of (x, y), rad in [-pi, pi]."""
     return _apply('atan2', math.atan2, np.arctan2, y, x)
 
 
 def rint(value: Real) -> Real:
-    """Rounds to the nearest whole number; halfway between two, to the even one."""
+    """Rounds to the nearest integer; half-way cases to the even one."""
     return _apply('rint', round, np.rint, value)
 
 
 def is_finite(*values: Real) -> Any:
-    """The condition that the sum of the values, and therefore each value, is finite.
+    """Returns the condition that the sum of the values, and therefore each value, is finite.
 
-    A program omits values whose finiteness follows from that of another value.
+    A program omits values whose finiteness is implied by that of another value.
     """
     recorded = next((x for x in values if hasattr(x, 'tape')), None)
     if recorded is not None:
@@ -116,15 +117,15 @@ def is_finite(*values: Real) -> Any:
 
 
 def where(condition: Any, then: Real, otherwise: Real) -> Real:
-    """Selects one of two values by a condition; both values must be finite.
+    """Selects one of two values, both of which must be finite.
 
     Args:
-        condition: A comparison of values.
-        then: The result where the condition holds.
-        otherwise: The result elsewhere.
+        condition: Result of a comparison.
+        then: Value where the condition is true.
+        otherwise: Value where the condition is false.
 
     Returns:
-        The selected value.
+        The selected value, or an array of selected values.
     """
     then, otherwise = number(then), number(otherwise)
     if hasattr(condition, 'tape'):
@@ -135,13 +136,13 @@ def where(condition: Any, then: Real, otherwise: Real) -> Real:
 
 
 def require(condition: Any, refuse: Callable[..., object], *values: Real) -> None:
-    """Guards the formulas that follow it with a condition.
+    """Guards the rest of a formula with a condition.
 
     Args:
-        condition: A comparison of values, which must hold for all elements of arrays.
-        refuse: Function that raises an error; called if the condition fails.
-        *values: Arguments of `refuse`. If they are arrays, `refuse` gets the first elements for
-            which the condition fails.
+        condition: Result of a comparison, which must be true for all elements of arrays.
+        refuse: Function that raises an error, called if the condition is false.
+        *values: Arguments for `refuse`; from arrays, the first elements for which the condition
+            is false.
     """
     recorded = next((x for x in (condition, refuse) if hasattr(x, 'tape')), None)
     if recorded is not None:
@@ -153,9 +154,9 @@ def require(condition: Any, refuse: Callable[..., object], *values: Real) -> Non
 
 
 class Opaque:
-    """A function that a program calls, such as a table look-up or a function that raises an error.
+    """A function that a program calls at run time, such as a table look-up or an error function.
 
-    The operations of any other function that a formula calls are recorded.
+    The operations of all other functions in a formula are recorded.
 
     Attributes:
         function: The function to call.
@@ -194,26 +195,26 @@ class Vector(NamedTuple):
 
     @classmethod
     def at(cls, angle: Real) -> 'Vector':
-        """The unit vector at an angle, rad, from the x axis."""
+        """Returns the unit vector at an angle, rad, from the x axis."""
         return cls(cos(angle), sin(angle))
 
     def left(self) -> 'Vector':
-        """The vector turned by 90 degrees, counter-clockwise."""
+        """Returns the vector rotated by 90 degrees, counter-clockwise."""
         return Vector(-self.y, self.x)
 
 
 def dot(u: Vector, v: Vector) -> Real:
-    """Scalar product."""
+    """Returns the scalar product."""
     return u.x * v.x + u.y * v.y
 
 
 def cross(u: Vector, v: Vector) -> Real:
-    """The z component of the cross product."""
+    """Returns the z component of the cross product."""
     return u.x * v.y - u.y * v.x
 
 
 def turned(vector: Vector, cos: Real, sin: Real) -> Vector:
-    """Rotates a vector by an angle with this cos and sin; scales it if cos^2 + sin^2 is not 1."""
+    """Rotates a vector by the angle of (cos, sin), and scales it by the length of (cos, sin)."""
     return Vector(vector.x * cos - vector.y * sin, vector.x * sin + vector.y * cos)
 
 

@@ -25,16 +25,16 @@ from linkage_ros.units import NS_PER_S
 from linkage_ros.verification.verify import Verification, verify
 
 _NAME = 'linkage_log'
-# Smaller stamps are times since the start of a record, not dates; s.
+# Stamps below this, s, are times since the start of a record, not dates.
 _FIRST_DATE = 10**9
 _MAX_WIDTH = 60  # width of the topic column, characters
 
 
 def info(log: LogReader) -> Iterator[str]:
-    """Describes a log.
+    """Describes a log: file, times, mechanism, topics, motion and configuration.
 
     Args:
-        log: The described log.
+        log: The log to describe.
 
     Yields:
         Lines of text.
@@ -84,8 +84,8 @@ def verdict(log: LogReader, report: Verification) -> Iterator[str]:
     """Describes the outcome of a verification.
 
     Args:
-        log: The described log.
-        report: From `verify`.
+        log: The verified log.
+        report: Result of `verify`.
 
     Yields:
         Lines of text.

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Writes MJCF, MuJoCo's own format, with the loop closed and a motor on the crank."""
+"""Generates MJCF, MuJoCo's format, with a closed loop and a motor on the crank."""
 
 import cmath
 from collections.abc import Sequence
@@ -14,8 +14,8 @@ from linkage_ros.model.structure import Mechanism
 from linkage_ros.wire.codecs import joint_rows
 from linkage_ros.wire.urdf import comment, element, link_of, text_of
 
-# MuJoCo raises the time constant of a constraint, the first number of solref, to twice the
-# timestep: the loop is as stiff as the timestep allows.
+# MuJoCo raises the time constant of a constraint, the first number of solref, to at least twice
+# the timestep, so this makes the loop as stiff as the timestep allows.
 _SOLREF, _SOLIMP = (1e-6, 1.0), (0.9999, 0.9999, 0.001)
 _TIMESTEP = 2e-4  # s
 _ABOUT = """
@@ -26,19 +26,19 @@ _ABOUT = """
 
 
 def make_mjcf(mechanism: Mechanism, start: State, joint_prefix: str = '') -> str:
-    """Writes the MJCF: the tree of the URDF, closed by a connect constraint between two sites.
+    """Generates the MJCF: the tree of the URDF, closed by a connect constraint between two sites.
 
-    The file holds masses, gravity and loads, a motor on the crank, sensors for the values of
-    joint_states, and the start as a keyframe. The reference position of each joint is its position
-    at the start, so that the model begins in the right assembly even without the keyframe.
+    The model includes masses, gravity and loads, a motor on the crank, sensors for the values of
+    joint_states, and a keyframe of the start. The reference position of each joint is its position
+    at the start, so that the model starts in the correct assembly even without the keyframe.
 
     Args:
         mechanism: Mechanism to export.
         start: State of the mechanism at t = 0.
-        joint_prefix: Prepended to all joint and body names.
+        joint_prefix: Prefix of all joint and body names.
 
     Returns:
-        XML text.
+        The MJCF as XML text.
 
     Raises:
         ConfigurationError: A load has no equivalent in MJCF.
@@ -50,8 +50,8 @@ def make_mjcf(mechanism: Mechanism, start: State, joint_prefix: str = '') -> str
         bodies.append(_body(link, at))
         above = link.joint.parent
         (world if above is None else bodies[above]).append(bodies[-1])
-    # The last two links of the tree are joined by a pin: the closure runs along the first and
-    # back along the second.
+    # A pin joins the two leaf links of the tree. The closure runs along the first and back along
+    # the second, which explains the sign of the second weight.
     parents, weights = {link.joint.parent for link in links}, structure.closure.weights
     first, second = (number for number in range(len(links)) if number not in parents)
     ends = [f'{links[number].name}_end' for number in (first, second)]
@@ -95,7 +95,7 @@ def make_mjcf(mechanism: Mechanism, start: State, joint_prefix: str = '') -> str
 
 
 def _body(link: RigidLink, at: float) -> ET.Element:
-    """Makes the body of a link whose joint is at the position `at`, rad or m."""
+    """Returns the body of a link whose joint is at the position `at`, rad or m."""
     joint, half = link.joint, link.inertia / 2  # a flat body
     place, angle, kind, axis = joint.origin, joint.angle + at, 'hinge', '0 0 1'
     if joint.slides:
@@ -124,15 +124,15 @@ def _site(name: str, place: complex) -> ET.Element:
 
 
 def _load(load: object, links: Sequence[RigidLink], position: Sequence[float]) -> ET.Element:
-    """Makes the actuator of a load.
+    """Returns the actuator of a load.
 
-    A `LinkForce` becomes an actuator without control, which exerts force - stiffness x stretch -
-    damping x rate. Another load, such as a load curve, becomes a motor whose control must be set
-    to the value of the load, because MJCF has no tables.
+    A `LinkForce` becomes an actuator without control input that exerts force - stiffness x stretch
+    - damping x rate. Another load, such as a load curve, becomes a motor whose control input the
+    user must set to the value of the load, because MJCF has no tables.
 
     Raises:
-        ConfigurationError: The load acts in joints, on several links, or on a link with a
-            moving parent, where it would act on both.
+        ConfigurationError: The load acts in joints, on several links, or on a link with a moving
+            parent, on which the actuator would also act.
     """
     link: int | None = getattr(load, 'link', None)
     if link is None or links[link].joint.parent is not None:

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""linkage_node: turns the crank on ROS 2, and publishes the states and the driving torque."""
+"""linkage_node: runs a mechanism on ROS 2, and publishes its states and driving torque."""
 
 from __future__ import annotations
 
@@ -53,26 +53,27 @@ _NAME = 'linkage_node'
 
 
 class LinkageNode(ParameterNode):
-    """Publishes the states of one mechanism at its rate.
+    """Publishes the states of a mechanism.
 
-    Publishes: the topics of the simulator, while they have subscribers; robot_description; and,
-    once a second, /diagnostics.
-    Subscribes: /clock, with use_sim_time; commands or measurements, if the drive needs them.
-    Parameters: the parameters of the configuration; rpm or motor.torque may be set at any time.
+    Published topics: those of the simulator, while they have subscribers; robot_description;
+    and /diagnostics, once a second.
+    Subscribed topics: /clock, if use_sim_time is true; commands or measurements, depending on the
+    drive.
+    Parameters: those of the configuration. rpm and motor.torque may be set at any time.
     """
 
     def __init__(self, stop: cli.Stop) -> None:
         super().__init__(_NAME)
         given = given_values(self)
         configuration = configure(given)
-        self._stop, self._drive = stop, configuration.drive  # the start values with later changes
+        self._stop, self._drive = stop, configuration.drive  # set_live replaces the drive
         values = configuration.parameters()
-        values.setdefault('start_rpm', values.get('rpm'))  # value in force if it was left out
+        values.setdefault('start_rpm', values.get('rpm'))  # the effective default
         self.declare(parameter_leaves(configuration.kind), values)
         self._simulator = simulator = Simulator(configuration)
         simulator.prepare_live()
         self._motion: Motion | None = None
-        self._segment: Segment | None = None  # the last one logged
+        self._segment: Segment | None = None  # the last logged segment
         self._state: State | None = None
         others, heard = [ROBOT_DESCRIPTION, DIAGNOSTICS], inputs_of(simulator)
         self._ahead: CrankTrajectory | None = None
@@ -94,17 +95,17 @@ class LinkageNode(ParameterNode):
         self.get_logger().info(preset_note(given) + summary(configuration, simulator.solver))
         wait_for_subscribers([state.publisher for state in self._states])
         freeze_heap()
-        # Simulated time may stop, so the reports use real time.
+        # Reports use real time, because simulated time may be paused.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._report_timer = self.create_timer(1.0, self._report, clock=steady)
 
     def _open_outputs(self, others: list[Topic]) -> tuple[Any, RunLog]:
-        """Opens the log and, if there is one, the view.
+        """Opens the log and, if configured, the viewer.
 
-        Rerun is imported only here, because it may be missing.
+        Rerun is imported here, because it is an optional dependency.
 
         Raises:
-            ViewerError: The view cannot be opened.
+            ViewerError: The viewer cannot be opened.
             LogError: The log cannot be created.
             ImportError: MCAP or Rerun is not installed.
         """
@@ -134,7 +135,7 @@ class LinkageNode(ParameterNode):
 
     def work(self) -> int:
         """Runs the motion until the end is requested; returns the exit code."""
-        # Published before the first tick, which may be late with use_sim_time.
+        # Publish this before the first tick, for which simulated time may have to wait.
         self._publish(ROBOT_DESCRIPTION, self._simulator.description)
         self._ticker.start()
         self._stop.wait()
@@ -162,12 +163,12 @@ class LinkageNode(ParameterNode):
         )
 
     def _tick(self, stamp: int) -> None:
-        """Carries out one tick, in the ticker's thread."""
+        """Computes and publishes the state of a tick; runs in the ticker's thread."""
         motion = self._motion or self._continue(self._simulator.begin(self._ticker.t0))
         motion = self._continue(motion.follow(stamp, self._drive))
         if isinstance(motion, TorqueMotion):
             for subscription, commands in self._inputs:
-                for _ in subscription.take():  # the drive that was read is in force
+                for _ in subscription.take():  # this activates the received commands
                     pass
                 motion.command(stamp, commands.torque())
         snapshot = self._simulator.snapshot_at(motion, stamp)
@@ -179,11 +180,11 @@ class LinkageNode(ParameterNode):
                 self._publish(self._ahead.topic, message)
 
     def _answer(self, stamp: int, coordinates: Coordinates) -> None:
-        """Answers a measurement, in the ticker's thread."""
+        """Publishes the state of a measurement; runs in the ticker's thread."""
         self._show(self._simulator.snapshot_measured(stamp, coordinates))
 
     def _continue(self, motion: Motion) -> Motion:
-        """Continues with a motion, and logs its segment if it is new."""
+        """Sets the current motion, and logs its segment if it is new."""
         if motion.segment is not self._segment:
             self._segment = motion.segment
             self._log.offer(self._segment)
@@ -208,16 +209,16 @@ class LinkageNode(ParameterNode):
             self._view.offer((0, row[bodies[0]]))
 
     def _publish(self, topic: Topic, message: bytes) -> None:
-        """Publishes and logs a message outside the ticks."""
+        """Publishes and logs a message that is not part of a state."""
         self._others[topic.name].publish(message)
         self._log.write(time.time_ns(), topic, message)
 
     def set_live(self, name: str, value: float) -> None:
-        """Sets a new rpm or motor.torque, in force from the next tick on."""
+        """Sets rpm or motor.torque, with effect from the next tick on."""
         self._drive = build(type(self._drive), {**flatten(self._drive), name: value})
 
     def _report(self) -> None:
-        """Publishes the diagnostics, and logs new problems since the last report."""
+        """Publishes the diagnostics, and logs new warnings and the ends of warnings."""
         for state in self._states:
             state.count()
         is_waiting = isinstance(self._ticker, SimTimeTicker) and not self._state
@@ -232,7 +233,7 @@ class LinkageNode(ParameterNode):
                 logger.warning(status.message)
             else:
                 logger.info(status.message)
-        now = self.get_clock().now().nanoseconds  # 0 until a simulated time is received
+        now = self.get_clock().now().nanoseconds  # 0 until the first /clock message
         hardware = self._simulator.configuration.kind.mechanism
         self._publish(DIAGNOSTICS, encode_diagnostics(now, hardware, statuses))
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Arithmetic for floats and arrays: exact sums, angles of many turns, checks of arguments."""
+"""Arithmetic for floats and arrays: exact sums, multi-turn angles, and argument checks."""
 
 import functools
 import itertools
@@ -16,16 +16,16 @@ import numpy.typing as npt
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.quantities import shown
 
-# A float, or an array of floats: the formulas are written once for both. Any, because no type
-# expresses "float gives float, array gives array" through plain arithmetic.
+# A float or an array of floats; formulas accept both. This is Any, because no type expresses that
+# arithmetic on floats gives floats and on arrays gives arrays.
 Real: TypeAlias = Any
 Array: TypeAlias = npt.NDArray[np.float64]
 
 
 def by_element(function: Callable[..., float]) -> Callable[..., Real]:
-    """Extends a function of floats to arrays, by calling it for each element.
+    """Extends a function of floats to arrays by calling it for each element.
 
-    NumPy's functions of arrays may differ from the function of floats in the last bit.
+    Unlike with NumPy's functions, the results for arrays are bit-identical to those for floats.
     """
     floats = {float}
 
@@ -54,31 +54,32 @@ largest = by_element(max)
 
 @by_element
 def exact_sum(*terms: float) -> float:
-    """The sum of the terms, rounded only once."""
+    """Returns the sum of the terms, rounded only once."""
     return math.fsum(terms)
 
 
-# pi/2 and 2 pi in two parts: the nearest double, and the remainder.
+# pi/2 and 2 pi, each as a sum of the nearest double and the remainder.
 HALF_PI = (math.pi / 2, 6.123233995736766e-17)
 _TWO_PI = (2 * math.pi, 2.4492935982947064e-16)
-# 2 pi with a first part of 31 bits: its products with up to 4 million turns are exact.
+# 2 pi as a similar sum whose first term has 31 bits, so that its product with up to 4 million
+# turns is exact.
 _SHORT_TWO_PI = (6.2831853069365025, 2.430840202602477e-10)
 TURN = Fraction(_TWO_PI[0]) + Fraction(_TWO_PI[1])
 
 
 def two_sum(a: Real, b: Real) -> tuple[Real, Real]:
-    """Returns the rounded sum and its rounding error; together they are exactly a + b (Knuth)."""
+    """Returns the rounded sum and its rounding error, which add up to exactly a + b (Knuth)."""
     total = a + b
     part = total - a
     return total, (a - (total - part)) + (b - part)
 
 
 def wrap(angle: Real, to_whole: Callable[[Real], Real] = round) -> Real:
-    """Wraps an angle of a few turns into [-pi, pi], rad, without the rounding error of 2 pi.
+    """Wraps an angle of a few turns to [-pi, pi], rad, without the rounding error of 2 pi.
 
     Args:
         angle: Angle or array of angles, rad.
-        to_whole: Function that rounds to the nearest whole number: `np.rint` for arrays.
+        to_whole: Function that rounds to the nearest integer; use `np.rint` for arrays.
 
     Returns:
         The wrapped angle, rad.
@@ -91,8 +92,8 @@ def wrap(angle: Real, to_whole: Callable[[Real], Real] = round) -> Real:
 def nearest_turns(angle: float) -> int:
     """Rounds an angle to the nearest whole number of turns, exactly.
 
-    The double nearest to 3 pi is less than 3 pi, but in floating point its quotient with 2 pi is
-    1.5, which rounds up; exact fractions give 1.
+    The double nearest to 3 pi is less than 3 pi, so the result is 1. In floating point, dividing
+    it by 2 pi would give 1.5, which rounds to 2.
 
     Args:
         angle: Angle, rad.
@@ -104,14 +105,14 @@ def nearest_turns(angle: float) -> int:
 
 
 def within_two_turns(angle: float) -> tuple[float, int]:
-    """Removes pairs of whole turns from an angle: a state repeats after at most two turns.
+    """Removes pairs of whole turns from a crank angle; states repeat after at most two turns.
 
     Args:
         angle: Angle, rad.
 
     Returns:
-        The remaining angle, rad, which is between -2 and 2 turns and rounded once; and the number
-        of pairs removed.
+        The remaining angle, rad, between -2 and 2 turns and rounded once, and the number of pairs
+        removed.
     """
     pairs = int(angle / (2 * _TWO_PI[0]))
     return with_turns(angle, -pairs), pairs
@@ -124,7 +125,7 @@ def with_turns(angle: float, pairs: int | Fraction) -> float:
 
 @functools.lru_cache(maxsize=64)
 def _parts_of(pairs: int | Fraction) -> tuple[float, ...]:
-    """Expresses pairs of turns, in rad, as floats whose sum is exact."""
+    """Converts pairs of turns to rad, as floats whose sum is exact."""
     parts, rest = [], pairs * 2 * TURN
     while rest:
         parts.append(float(rest))
@@ -133,11 +134,11 @@ def _parts_of(pairs: int | Fraction) -> tuple[float, ...]:
 
 
 def without_turns(angle: Real, first: float) -> Real:
-    """Reduces an angle by whole turns into the turn that begins at `first`.
+    """Reduces an angle by whole turns to the turn that starts at `first`.
 
     Args:
-        angle: Float or array, rad; results for floats and arrays are equal to the bit.
-        first: Angle at which the turn begins, rad.
+        angle: Angle or array of angles, rad; results for floats and arrays are bit-identical.
+        first: Angle at which the turn starts, rad.
 
     Returns:
         The reduced angle, rad.
@@ -149,10 +150,10 @@ def without_turns(angle: Real, first: float) -> Real:
 
 @by_element
 def short_sum(longest: float, *terms: float) -> float:
-    """Sums link lengths exactly and rounds once; a sum below 4 ulp of the longest counts as 0.
+    """Sums link lengths with a single rounding; a sum below 4 ulp of the longest becomes 0.
 
-    Lengths typed in decimals may miss an intended equality: 0.2 + 0.3 - 0.1 - 0.4 is not 0 in
-    binary. Four ulp cover the four roundings of the lengths themselves.
+    Lengths entered as decimals may miss an intended equality: 0.2 + 0.3 - 0.1 - 0.4 is not 0 in
+    binary. Four ulp cover the rounding errors of the four lengths.
 
     Args:
         longest: Longest link, m.
@@ -166,16 +167,16 @@ def short_sum(longest: float, *terms: float) -> float:
 
 
 def is_rounding(longest: float, total: float) -> bool:
-    """Returns whether a sum of lengths counts as 0: it is below 4 ulp of the longest length."""
+    """Returns whether a sum of lengths is treated as 0: below 4 ulp of the longest length."""
     return abs(total) < 4 * math.ulp(longest)
 
 
 def rounded(length: float, *, up: bool) -> str:
-    """Formats a limit of a length with six digits, rounded so that it still holds.
+    """Formats a limit of a length with six digits, rounded to the valid side.
 
     Args:
         length: The limit, m.
-        up: Whether to round up, for a lower limit; an upper limit is rounded down.
+        up: Whether to round up, as required for a lower limit; otherwise, rounds down.
 
     Returns:
         The formatted limit.
@@ -192,13 +193,13 @@ def require_finite(**named: Real) -> None:
     """Raises unless every value is finite.
 
     Args:
-        **named: Floats or arrays, by their names in errors, with _ for a space.
+        **named: Floats or arrays, by their names in error messages, with _ for spaces.
 
     Raises:
         ConfigurationError: A value is not finite.
     """
     for name, values in named.items():
-        # A sum is cheaper than a test of each value, but it may overflow for finite values.
+        # Test the sum first, which is cheaper; if it is not finite, test each value.
         if not math.isfinite(values if isinstance(values, float) else np.sum(values)):
             for bad in np.extract(~np.isfinite(values), values)[:1]:
                 words = name.replace('_', ' ')
@@ -209,15 +210,14 @@ def real_numbers(**named: object) -> tuple[list[Real], tuple[int, ...]]:
     """Converts arguments to floats or arrays of floats.
 
     Args:
-        **named: Numbers, arrays or nested sequences, by their names in errors, with _ for a
-            space.
+        **named: Numbers, arrays or nested sequences, by their names in error messages, with _ for
+            spaces.
 
     Returns:
-        A float or an array of floats for each, and the shape to which they broadcast.
+        A float or an array of floats for each argument, and the shape to which they broadcast.
 
     Raises:
-        ConfigurationError: A value is text, complex, None or otherwise not a real number,
-            or the shapes do not broadcast.
+        ConfigurationError: A value is not a real number, or the shapes do not broadcast.
     """
     values = [float(x) if isinstance(x, float) else _real(name, x) for name, x in named.items()]
     shapes = [np.shape(value) for value in values]

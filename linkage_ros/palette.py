@@ -1,11 +1,11 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""All colours of Rerun, charts, documents and URDF.
+"""Colours for Rerun, charts, documents and URDF.
 
-The colours are greys and the palette of Okabe and Ito, whose colours colour-blind people can
-distinguish. A link and its curves have the same colour; colours of links stand out from black and
-from white. Pairs of other things, such as states, energies or controllers, have two further
-colours. In charts without a mechanism, a legend explains the colours.
+Besides greys, they are from the colour-blind-safe palette of Okabe and Ito. A link and its curves
+have the same colour, which is visible on black and on white. Two further colours are for pairs of
+other items, such as states, energies or controllers. In charts without a mechanism, a legend
+explains the colours.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ COLORS: dict[str, Color] = {
     'slider': GREEN,
 }
 _OTHER_LINK = GREY  # colour of a link with an unknown name
-# Colours of two things that are not links; a third thing is grey.
+# Colours of two items that are not links; a third item is grey.
 FIRST, SECOND = SKY, ORANGE
 
 
 def color_of(link: str) -> Color:
-    """The colour of a link, by its name."""
+    """Returns the colour of a link, given its name."""
     return COLORS.get(link, _OTHER_LINK)
 
 
@@ -48,7 +48,7 @@ def mixed(color: Color, other: Color, share: float) -> Color:
     Args:
         color: The colour to change.
         other: The colour to add: WHITE makes the first colour paler, BLACK makes it darker.
-        share: Share of the added colour, from 0 to 1.
+        share: Fraction of the added colour, from 0 to 1.
 
     Returns:
         The mixed colour.
@@ -60,6 +60,6 @@ def mixed(color: Color, other: Color, share: float) -> Color:
 
 
 def fractions(color: Color) -> tuple[float, float, float]:
-    """Converts a colour to fractions from 0 to 1, as in matplotlib and URDF."""
+    """Converts the components of a colour to the range 0 to 1, as in Matplotlib and URDF."""
     red, green, blue = color
     return red / 255, green / 255, blue / 255

@@ -14,18 +14,18 @@ from tqdm import tqdm
 def progress_bar(
     items: Iterable[Any] | None = None, *, wanted: bool = True, **options: Any
 ) -> tqdm[Any]:
-    """Makes a progress bar on stderr, if that is a terminal; the bar disappears at the end.
+    """Creates a progress bar on stderr, if it is a terminal; the bar disappears when it is done.
 
     Args:
-        items: The items to iterate over; None: the bar is updated by hand.
+        items: Items to iterate over; None if the caller updates the bar.
         wanted: Whether to show the bar at all.
-        options: Options of tqdm: desc, total, unit, delay and so on.
+        options: Options of tqdm, such as desc, total, unit and delay.
 
     Returns:
         The bar, which yields the items.
     """
     disable = None if wanted else True  # None: no bar if stderr is not a terminal
-    # Every item may update the bar (miniters): after quick items, tqdm would skip slow ones.
+    # By default, tqdm would not update the bar at slow items that follow quick ones.
     options = {'leave': False, 'mininterval': 1.0, 'miniters': 1, **options}
     return tqdm(items, disable=disable, **options)
 
@@ -40,6 +40,6 @@ def waiting(words: str) -> Iterator[None]:
     Yields:
         None.
     """
-    # The cursor is at the beginning of the line, so that other output overwrites it.
+    # Return the cursor to the start of the line, so that other output overwrites it.
     with progress_bar(desc=words, bar_format='{desc}\r'):
         yield

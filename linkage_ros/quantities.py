@@ -1,9 +1,9 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Checked dataclass fields with a meaning, a unit and a range.
+"""Validated dataclass fields with a meaning, a unit and a range.
 
-`quantity` declares the fields of mechanisms, drives, session and controller settings. The ROS
-parameters, their descriptors, checks and error messages all come from these declarations.
+`quantity` declares the fields of mechanisms, drives, session and controller settings. These
+declarations also define the ROS parameters, their descriptors, checks and error messages.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from typing import Any, NamedTuple, TypeVar
 from linkage_ros.errors import ConfigurationError, shortened
 
 _T = TypeVar('_T')
-_LONGEST = 80  # characters of a value in an error
-_ANY = '(?s).*'  # pattern of any text
+_LONGEST = 80  # largest length of a value in an error message, characters
+_ANY = '(?s).*'  # pattern that matches any string
 
 
 @dataclass(frozen=True)
@@ -31,13 +31,13 @@ class Quantity:
 
     Attributes:
         kind: 'number', 'whole', 'pair', 'list', 'choice', 'text' or 'switch'.
-        meaning: Description for users, in one line.
-        unit: Unit; empty if there is none.
-        low: Smallest valid number, inclusive; also for each number of a pair or list.
-        high: Largest valid number, inclusive.
-        choices: The valid values of a choice.
-        pattern: Regular expression of valid text; empty: any text is valid.
-        live: Whether the value may be changed while the node runs.
+        meaning: One-line description for users.
+        unit: Unit of the value; empty for dimensionless and non-numeric values.
+        low: Smallest valid number, inclusive; also applies to each number of a pair or list.
+        high: Largest valid number, inclusive; also applies to each number of a pair or list.
+        choices: Valid values if the kind is 'choice'.
+        pattern: Regular expression that valid text matches; empty if any text is valid.
+        live: Whether the value may change while the node runs.
     """
 
     kind: str
@@ -51,12 +51,12 @@ class Quantity:
 
     @property
     def span(self) -> str:
-        """The range and its unit as text; only for numbers, whole numbers, pairs and lists."""
+        """The range with its unit as text, for numbers, whole numbers, pairs and lists."""
         return f'{self.low:g} to {self.high:g} {self.unit}'.rstrip()
 
     @property
     def valid(self) -> str:
-        """Describes the valid values in words."""
+        """The valid values in words, for help and error messages."""
         return {
             'number': f'a number from {self.span}',
             'whole': f'a whole number from {self.span}',
@@ -68,11 +68,11 @@ class Quantity:
         }[self.kind]
 
     def clean(self, name: str, value: object) -> object:
-        """Checks a value and converts it to the type of its field.
+        """Validates a value and converts it to the type of its field.
 
         Args:
             name: Name of the field in error messages.
-            value: The value; a number may be a whole number, and a pair may be a list.
+            value: Value to convert; integers are accepted as numbers, and lists as pairs.
 
         Returns:
             The value as float, int, tuple of floats, str or bool.
@@ -86,7 +86,7 @@ class Quantity:
         return cleaned
 
     def _read(self, value: object) -> object:
-        """Converts a value to the type of the field; returns None if the value is not valid."""
+        """Converts a value to the type of the field; returns None if the value is invalid."""
         if self.kind == 'number':
             return self._number(value)
         if self.kind in {'pair', 'list'}:
@@ -111,7 +111,7 @@ class Quantity:
             number = float(value)
         except (OverflowError, ValueError):  # 10**400, Decimal('sNaN')
             return None
-        # Adding 0.0 turns -0.0 into 0.0, so that equal settings give equal bytes.
+        # Adding 0.0 converts -0.0 to 0.0, so that equal settings give equal bytes.
         return number + 0.0 if self.low <= number <= self.high else None
 
 
@@ -119,7 +119,7 @@ def shown(value: object) -> str:
     """Formats a value for an error message, with at most 80 characters."""
     try:
         return shortened(' '.join(repr(value).split()), _LONGEST)
-    except ValueError:  # Python cannot print an integer of thousands of digits
+    except ValueError:  # Python refuses to print an integer with thousands of digits
         return 'a number of thousands of digits'
     except RecursionError:
         return 'lists nested deeper than Python goes'
@@ -136,21 +136,21 @@ def quantity(
     live: bool = False,
     default: Any = MISSING,
 ) -> Any:
-    """Declares a dataclass field with a `Quantity`; without a default, the field is required."""
+    """Declares a dataclass field with a `Quantity`; the field is required if it has no default."""
     described = Quantity(kind, meaning, unit, *span, choices, pattern, live)
     return dataclasses.field(default=default, metadata={'quantity': described})
 
 
 def groups(base: type, kinds: Sequence[Any]) -> Any:
-    """Declares a dataclass field that holds a tuple of dataclasses of quantities.
+    """Declares a dataclass field for a tuple of objects whose classes have quantities.
 
     Args:
         base: Base class of the valid objects.
-        kinds: The valid classes. The attribute `group` of a class names its group of parameters;
-            it is '' if the class has no group. A parameter file may set each group once.
+        kinds: The valid classes. The attribute `group` of a class names its parameter group, or is
+            '' if it has none. A parameter file may set each group once.
 
     Returns:
-        The field; empty by default.
+        The field, whose default is an empty tuple.
     """
     valid = f'{", ".join(kind.__name__ for kind in kinds)} or another {base.__name__}'
     named = {kind.group: kind for kind in kinds if kind.group}
@@ -159,13 +159,13 @@ def groups(base: type, kinds: Sequence[Any]) -> Any:
 
 
 class _Held(NamedTuple):
-    """The objects that a field may hold; their classes are dataclasses of quantities.
+    """The valid objects of a field whose value is not a quantity but has quantities itself.
 
     Attributes:
-        kinds: The valid classes, by the names that stand for them in dotted parameter names.
+        kinds: The valid classes, by their names in dotted parameter names.
         base: Base class of the valid objects.
-        valid: Description of the valid objects.
-        is_group: Whether the field holds a tuple of such objects.
+        valid: Description of the valid objects, for error messages.
+        is_group: Whether the value is a tuple of objects.
     """
 
     kinds: Mapping[str, Any]
@@ -175,7 +175,7 @@ class _Held(NamedTuple):
 
 
 def _parts(cls: Any) -> Iterator[tuple[dataclasses.Field[Any], Quantity | _Held]]:
-    """Yields the fields of a dataclass of quantities, each with a description of its value."""
+    """Yields each field of a dataclass with its `Quantity` or its valid objects."""
     hints = typing.get_type_hints(cls)
     for field in dataclasses.fields(cls):
         kind = hints[field.name]
@@ -184,7 +184,7 @@ def _parts(cls: Any) -> Iterator[tuple[dataclasses.Field[Any], Quantity | _Held]
 
 
 class Checked:
-    """Base class of frozen dataclasses of quantities; checks the fields on creation."""
+    """Base class of frozen dataclasses of quantities; validates the fields on creation."""
 
     def __post_init__(self) -> None:
         for field, part in _parts(type(self)):
@@ -204,7 +204,7 @@ class Checked:
 
 
 class Leaf(NamedTuple):
-    """One quantity of a dataclass or of the dataclasses nested in it.
+    """A quantity of a dataclass or of its nested dataclasses.
 
     Attributes:
         name: Dotted path, such as 'crank.length'.
@@ -218,10 +218,7 @@ class Leaf(NamedTuple):
 
 
 def leaves(cls: type, prefix: str = '') -> tuple[Leaf, ...]:
-    """Lists the quantities of a dataclass in order of declaration.
-
-    Quantities of nested dataclasses have dotted names.
-    """
+    """Returns the quantities of a dataclass, including nested ones, in order of declaration."""
     found: list[Leaf] = []
     for field, part in _parts(cls):
         if isinstance(part, Quantity):
@@ -239,16 +236,15 @@ def build(cls: type[_T], values: Mapping[str, object], prefix: str = '') -> _T:
     """Builds an instance of a dataclass from values by dotted name; inverts `flatten`.
 
     Args:
-        cls: A dataclass whose fields are quantities or such dataclasses.
-        values: Values by dotted name; names that cls does not have are ignored.
-        prefix: Prepended to the names of cls.
+        cls: Dataclass whose fields are quantities or nested dataclasses of this kind.
+        values: Values by dotted name; other names are ignored.
+        prefix: Prefix of the names in `values`.
 
     Returns:
-        The object; missing fields have their defaults.
+        The instance; fields without a value have their defaults.
 
     Raises:
-        ConfigurationError: A value is missing or not valid; the message starts with its dotted
-            name.
+        ConfigurationError: A value is missing or invalid. The message starts with its dotted name.
     """
     arguments: dict[str, object] = {}
     for field, part in _parts(cls):
@@ -268,11 +264,11 @@ def build(cls: type[_T], values: Mapping[str, object], prefix: str = '') -> _T:
 
 
 def flatten(instance: object, prefix: str = '') -> dict[str, object]:
-    """Returns the values of an object by dotted name; None values are left out.
+    """Returns the values of an object by dotted name, without None values.
 
     Raises:
-        ConfigurationError: Parameters cannot express the object: it holds two objects of one
-            group, or an object that belongs to no group.
+        ConfigurationError: Parameters cannot express the object, because it contains two objects
+            of one group or an object without a group.
     """
     flat: dict[str, object] = {}
     for field, part in _parts(type(instance)):

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""linkage_record: writes the states of a run to a log, as fast as the machine allows."""
+"""linkage_record: writes the states of a run to a log, as fast as possible."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from linkage_ros.wire.topics import ROBOT_DESCRIPTION, qualified
 
 _NAME = 'linkage_record'
 _DEFAULT_DURATION = 10.0  # s
-_LONGEST = 1e9  # s; stamps of thirty years still fit ROS's time
+_LONGEST = 1e9  # s, thirty years, which is within the range of ROS time
 _DURATION = Quantity('number', 'duration', 's', 1e-9, _LONGEST)
 _REVOLUTIONS = Quantity('whole', 'rotation of the crank', 'turns', 1, _LONGEST)
 _LONGEST_WAIT = 3600  # s; a torque-driven crank must make its revolutions within this time
@@ -62,18 +62,20 @@ def record(
     Args:
         configuration: Configuration of the run.
         path: Path of the new log.
-        duration: Duration, s; by default 10.
-        revolutions: Turns of the crank in either direction, instead of a duration.
-        overwrite: Whether to replace an existing file.
+        duration: Duration of the record, s; by default 10.
+        revolutions: Number of crank turns in either direction, instead of a duration.
+        overwrite: Whether to replace an existing log.
         progress: Whether to show a progress bar on stderr.
-        stopped: Called before each batch of states; if it returns True, the record ends early.
+        stopped: Function called before each batch of states; the record ends early if it returns
+            True.
 
     Returns:
         The number of states written.
 
     Raises:
-        ConfigurationError: The duration is not positive, or the crank never makes the revolutions.
-        MotionError: A torque-driven motion ends earlier; the log keeps the states until then.
+        ConfigurationError: The duration is out of range, or the crank does not complete the
+            revolutions.
+        MotionError: A torque-driven motion ends earlier. The log contains the states until then.
         LogError: The file cannot be written.
     """
     simulator = Simulator(configuration)
@@ -113,19 +115,19 @@ def _rows(
     Args:
         simulator: Simulator of the configuration.
         motion: The motion from t = 0.
-        count: Number of states; None: until the turns are complete.
-        turns: Turns of the crank in either direction; used if `count` is None.
+        count: Number of states; None to continue until the turns are complete.
+        turns: Number of crank turns in either direction, used if `count` is None.
 
     Yields:
         The rows of a batch, in the simulator's layout.
 
     Raises:
-        ConfigurationError: The crank has not made its turns within an hour.
-        MotionError: The motion cannot be continued.
+        ConfigurationError: The crank does not complete its turns within an hour.
+        MotionError: The motion cannot continue.
     """
     start, tick = simulator.configuration.drive.crank_angle, 0
     while tick != count:
-        # If turns are counted, at most a second beyond the last one is computed.
+        # If turns are counted, compute at most one second beyond the last turn.
         most = simulator.tick_at(NS_PER_S) + 1 if count is None else count - tick
         stamps = [simulator.elapsed(tick + i) for i in range(min(_BATCH, most))]
         found = motion.at_all(stamps)
@@ -154,19 +156,21 @@ def count_states(
     Args:
         simulator: Simulator of the configuration.
         motion: The motion from t = 0.
-        duration: Duration, s; None: 10.
-        revolutions: Turns of the crank in either direction, instead of a duration.
+        duration: Duration of the record, s; None for 10 s.
+        revolutions: Number of crank turns in either direction, instead of a duration.
 
     Returns:
-        The number; None for the turns of a torque-driven crank, which must be simulated first.
+        The number of states; None for revolutions of a torque-driven crank, whose duration is not
+        known in advance.
 
     Raises:
-        ConfigurationError: A value is out of range, or the crank never makes these turns.
+        ConfigurationError: A value is out of range, or the crank does not complete the
+            revolutions.
     """
     if revolutions is None:
         duration = _DEFAULT_DURATION if duration is None else duration
         _DURATION.clean('duration', duration)
-        # Uses the decimal value: in binary, 0.535 * 10^9 is slightly more than 535000000.
+        # Use the decimal value, because 0.535 * 10^9 in binary is slightly more than 535000000.
         end = math.ceil(Fraction(repr(float(duration))) * NS_PER_S)
     else:
         _REVOLUTIONS.clean('revolutions', revolutions)

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""linkage_replay: publishes the bytes of a log on its topics, at the logged times."""
+"""linkage_replay: publishes the messages of a log at the logged times, or shows them."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ _OPTIONS: list[cli.Option] = [
 
 @contextmanager
 def _status(log: LogReader, excerpt: Excerpt, pace: Pace) -> Iterator[Show]:
-    """Prints position, rate and pause on one line of stderr, if that is a terminal."""
+    """Shows position, rate and pause on one line of stderr, if it is a terminal."""
     end = (min(excerpt.end, log.end) - log.start) / NS_PER_S
     bar = progress_bar(
         total=max(end, 1e-9),
@@ -81,7 +81,7 @@ def _parser() -> argparse.ArgumentParser:
         ('run.mcap', 'run.mcap --rate 0.5 --start-offset 2 --topics /joint_states',
          'run.mcap --loop --clock', 'run.mcap --viewer spawn --no-ros'),
     )  # fmt: skip
-    # After --topics, the log would be parsed as a topic.
+    # LOG.mcap must come first, because after --topics it would be parsed as a topic.
     parser.usage = '%(prog)s LOG.mcap [options]'
     parser.epilog = f'{KEYS}\n\n{parser.epilog}'
     cli.add_options(parser, _OPTIONS)
@@ -107,9 +107,9 @@ def _check(options: argparse.Namespace, log: LogReader) -> None:
 
 
 def _split(arguments: list[str]) -> tuple[list[str], list[str]]:
-    """Splits a command line into arguments of this program and arguments of ROS.
+    """Splits a command line into the arguments of this program and those of ROS.
 
-    The arguments of ROS are the program's name and all words from --ros-args to -- or the end.
+    The ROS arguments are the program name and everything from --ros-args to -- or the end.
     """
     start = arguments.index('--ros-args') if '--ros-args' in arguments else len(arguments)
     end = arguments.index('--', start) if '--' in arguments[start:] else len(arguments)
@@ -120,12 +120,12 @@ def _sinks(
     stack: ExitStack, options: argparse.Namespace, ros_arguments: list[str], log: LogReader,
     excerpt: Excerpt, pace: Pace,
 ) -> list[Sink]:  # fmt: skip
-    # The view also works without ROS.
+    # Without rclpy, the viewer still works.
     publishes = not options.no_ros and (
         find_spec('rclpy') or options.clock is not None or not options.viewer
     )
-    # The viewer is opened first, because its errors appear at once; but a message is published
-    # before it is shown.
+    # Open the viewer first, because its errors occur immediately; but insert the publishers before
+    # it, so that each message is published before it is shown.
     sinks: list[Sink] = []
     if options.viewer:
         from linkage_ros.playback.replay_view import showing

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Units other than SI: stamps are in nanoseconds, and users give speeds in turns per minute."""
+"""Non-SI units: stamps are in nanoseconds, and users specify speeds in turns per minute."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import math
 
 NS_PER_S = 10**9
 NS_PER_MS = 10**6
-TIME_END = 2**31 * NS_PER_S  # ns; ROS can express stamps from 0 to below this time
+TIME_END = 2**31 * NS_PER_S  # ns, exclusive upper limit of stamps in ROS
 
 
 def radians_per_second(rpm: float) -> float:
