@@ -1,17 +1,17 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""linkage_chart motion --fluctuation: the flywheel of a crank, and its speed under a motor.
+"""linkage_chart motion --fluctuation: flywheel sizing, and the crank's speed under a motor.
 
-With the mechanism's inertia M at the crank, the flywheel's J and the crank speed u, the kinetic
-energy E = (M + J) u^2 / 2 changes with the crank angle:
+With the mechanism's inertia M at the crank, the flywheel's inertia J and the crank speed u, the
+kinetic energy E = (M + J) u^2 / 2 changes with the crank angle:
 
     dE/dtheta = c + motor(u) - R,
 
 where R is the torque of weights, loads and friction, and c is a constant torque. Each iteration
 linearises R and the motor's torque in E, solves the linear equation for one period, and chooses
-the energy at the start of the period so that the mean speed is as given. c follows from the
-condition that the energy is periodic. At the mean speed for which c = 0, the motor alone drives
-the cycle.
+the energy at the start of the period so that the mean speed has its given value. c follows from
+the condition that the energy is periodic. At the mean speed for which c = 0, the motor alone
+drives the cycle.
 """
 
 import math
@@ -36,16 +36,16 @@ from linkage_ros.parameters.descriptions import motor_line
 from linkage_ros.units import radians_per_second
 
 _RPM = 1 / radians_per_second(1.0)
-# Angles per turn, which give four digits of a flywheel's inertia if a load curve has corners.
+# Angles per turn; enough for four digits of a flywheel's inertia if a load curve has corners.
 _PARTS = 2880
-_ROUNDS, _CLOSE = 30, 1e-11  # most iterations; relative change of the speed that ends them
+_ROUNDS, _CLOSE = 30, 1e-11  # maximum iterations; relative speed change at convergence
 _UNEVEN = 10.0  # fluctuation assigned to a crank without a steady cycle
-_APART = 1e-6  # relative difference of the speeds between which a slope is computed
-# Ratio and number of the mean speeds that are tried to bracket the speed under a motor: from 1/50
-# to 50 times the given speed.
+_APART = 1e-6  # relative speed step of a finite difference
+# Ratio and number of the mean speeds that are tried, to bracket the speed under a motor between
+# 1/50 and 50 times the given speed.
 _NEXT, _STARTS = 1.25, 19
-_SLOWEST = 1e-13  # margin above the energy of a stopped crank, relative to the span
-_MASSLESS = 1e-9  # inertia, relative to the largest at the crank, that counts as none
+_SLOWEST = 1e-13  # margin above the start energy that stops the crank, relative to the bracket
+_MASSLESS = 1e-9  # inertia treated as 0, relative to the largest at the crank
 _NONE = 'no steady cycle of the crank speed was found'
 _NO_MOTOR = Motor()
 
@@ -59,7 +59,7 @@ class Cycle(NamedTuple):
         torque: Applied torque at these angles, N m.
         demand: Torque needed by the mechanism at these angles, N m; the difference from the
             applied torque accelerates the flywheel.
-        constant: Constant torque that is applied in addition to the motor's, N m.
+        constant: Constant torque applied in addition to the motor's, N m.
     """
 
     crank: Array
@@ -75,13 +75,13 @@ class Cycle(NamedTuple):
 
     @property
     def fluctuation(self) -> float:
-        """Difference between largest and smallest speed, relative to the mean over time."""
+        """Difference between the largest and the smallest speed, relative to the mean speed."""
         found = extent(self.crank, self.velocity)
         return (found.high - found.low) / abs(self.speed)
 
 
 class Crank:
-    """The steady cycles of a crank, with and without a flywheel."""
+    """Computes the steady cycles of a crank, with or without a flywheel."""
 
     def __init__(self, mechanism: Mechanism) -> None:
         """Computes the inertia at the crank over a period; the crank must turn fully."""
@@ -92,18 +92,18 @@ class Crank:
         self._growth = CubicSpline(self._angles, self._inertia)(self._angles, 1)
 
     def energy(self, speed: float) -> float:
-        """Estimates the kinetic energy between the extreme speeds to first order, J.
+        """Estimates the range of the kinetic energy over a period to first order, J.
 
-        At a constant speed, the difference between mean and current driving torque is integrated
-        over the crank angle. The energy is the difference between the largest and the smallest
-        value of this integral.
+        The mean driving torque minus the driving torque, at a constant speed, is integrated over
+        the crank angle. The result is the difference between the largest and the smallest value
+        of this integral.
         """
         taken = self._solver.state(self._angles, np.full_like(self._angles, speed)).torque
         found = extent(self._angles, self._integral(mean(self._angles, taken) - taken))
         return found.high - found.low
 
     def inertia_for(self, fluctuation: float, speed: float) -> float:
-        """Inertia to add to the crank to reach a fluctuation, kg m^2; 0 if none is needed."""
+        """Computes the inertia to add for a given fluctuation, kg m^2; 0 if none is needed."""
 
         def excess(added: float) -> float:
             try:
@@ -119,7 +119,7 @@ class Crank:
         return float(brentq(excess, 0.0, enough, xtol=1e-12 * enough, rtol=1e-12))
 
     def cycle(self, speed: float, added: float, motor: Motor = _NO_MOTOR) -> Cycle:
-        """The cycle under a motor and a constant torque.
+        """Computes the steady cycle under a motor and a constant torque.
 
         Args:
             speed: Mean speed over time, with the sign of the rotation, rad/s.
@@ -152,7 +152,7 @@ class Crank:
         raise MechanismError(_NONE)
 
     def under(self, motor: Motor, near: float, added: float) -> Cycle | None:
-        """Finds the cycle under a motor alone, with an inertia, kg m^2, added to the crank.
+        """Finds the steady cycle under a motor alone; `added` is the flywheel's inertia, kg m^2.
 
         `near` is an estimate of the mean speed, with the sign of the rotation, rad/s. Returns None
         if the motor cannot turn the crank at any mean speed from 1/50 to 50 times the estimate.
@@ -161,10 +161,10 @@ class Crank:
 
         @cache
         def lack(speed: float) -> float:
-            """The torque that the motor lacks to turn the crank at a mean speed, N m."""
+            """Returns the torque missing at a mean speed under the motor alone, N m."""
             try:
                 return way * self.cycle(way * speed, added, motor).constant
-            except MechanismError:  # the crank stops: it must be faster
+            except MechanismError:  # the crank stops: try a higher speed
                 return -math.inf
 
         step = _NEXT if lack(abs(near)) < 0 else 1 / _NEXT
@@ -175,7 +175,7 @@ class Crank:
         return None
 
     def _resistance(self, velocity: Array, change: Array, motor: Motor) -> Array:
-        """Torque of weights, loads and friction, minus the motor torque, N m."""
+        """Computes the torque of weights, loads and friction, minus the motor's, N m."""
         taken = self._solver.state(self._angles, velocity, change).torque
         inertia = self._inertia * change + self._growth * velocity * velocity / 2
         return np.asarray(taken - inertia - motor.at(velocity))
@@ -188,7 +188,7 @@ class Crank:
         Raises:
             MechanismError: No solution has the mean speed.
         """
-        way = 1 if speed > 0 else -1  # direction of the motion, in which disturbances decay
+        way = 1 if speed > 0 else -1  # disturbances decay in the direction of motion
         slope, rest = way * slope[::way], way * (slope * energy - resistance)[::way]
         growth = np.exp(self._integral(slope))
         fixed, even = (self._integral(growth * x) / growth for x in (rest, 1 + 0 * rest))
@@ -204,23 +204,22 @@ class Crank:
         most = float(((inertia[::way] * speed**2 / 2 - fixed) / each).max())
         try:
             start = brentq(slowness, least + _SLOWEST * (most - least), most, rtol=1e-14)
-        except (ValueError, RuntimeError):  # not finite, or within rounding of a stop
+        except (ValueError, RuntimeError):  # not finite, or the crank almost stops
             raise MechanismError(_NONE) from None
         return (fixed + start * each)[::way], way * float(start * rise - fixed_c)
 
     def _integral(self, values: Array) -> Array:
-        """The integral over the crank angle from 0."""
+        """Integrates values over the crank angle, from 0 to each angle."""
         return np.asarray(CubicSpline(self._angles, values).antiderivative()(self._angles))
 
 
 def size_flywheel(
     period: Period, motor: Motor | None, fluctuation: float, name: str, picture: Path
 ) -> list[str]:
-    """Sizes a flywheel for a mechanism, plots its effect, and checks the motor if there is one.
+    """Sizes a flywheel for a mechanism, plots its effect, and checks the motor, if any.
 
     `fluctuation` is the allowed difference between the largest and the smallest speed, relative to
-    the mean speed; `name` is the name of the parameter file. Returns lines of text about the
-    result.
+    the mean speed; `name` is the name of the parameter file. Returns the summary, line by line.
     """
     crank, speed = Crank(period.solver.mechanism), period.speed
     added, energy = crank.inertia_for(fluctuation, speed), crank.energy(speed)
@@ -276,7 +275,7 @@ def _demand(period: Period, name: str, average: float) -> str:
 
 
 def _carried(crank: Crank, motor: Motor, speed: float, added: float) -> tuple[Cycle | None, str]:
-    """The cycle under the motor, if there is one, and its description."""
+    """Returns the cycle under the motor, or None, and its description."""
     try:
         cycle = crank.under(motor, speed, added)
     except LinkageError as error:

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Results of linkage_chart: folder, records, tables, pictures in one style, and progress."""
+"""Output of linkage_chart: folder, JSON and CSV files, charts in a common style, progress bars."""
 
 import csv
 import json
@@ -19,9 +19,8 @@ from linkage_ros import ConfigurationError, __version__
 from linkage_ros.numeric import Array
 from linkage_ros.progress import progress_bar
 
-# Charts must be readable at half their size, which is 700 pixels wide; the smallest text then has
-# 8 pixels.
-WIDTH, DPI = 10.0, 140  # inches, and pixels in each
+# Charts must be readable at half size, 700 pixels wide; the smallest text is then 8 pixels high.
+WIDTH, DPI = 10.0, 140  # inches, and pixels per inch
 TITLE, TEXT, SMALL, NUMBERS = 11.0, 10.0, 9.0, 8.5  # points
 STYLE: dict[Any, Any] = {
     'font.size': SMALL, 'figure.titlesize': TITLE, 'axes.titlesize': TEXT,
@@ -33,7 +32,7 @@ STYLE: dict[Any, Any] = {
 
 @contextmanager
 def folder(path: Path) -> Iterator[None]:
-    """Makes the folder for results; reports a failure to write in one line.
+    """Creates the output folder; converts write errors in the context to a one-line error.
 
     Raises:
         ConfigurationError: The folder or a file cannot be written.
@@ -51,7 +50,7 @@ def progress(items: Iterable[Any], words: str) -> Iterable[Any]:
 
 
 def about() -> dict[str, str]:
-    """Versions of the software and description of the machine, for measurements."""
+    """Returns software versions and a description of the machine, to save with measurements."""
     models: list[str] = []
     with suppress(OSError):
         models = re.findall(r'model name\s*: (.*)', Path('/proc/cpuinfo').read_text())
@@ -65,12 +64,12 @@ def about() -> dict[str, str]:
 
 
 def save_records(path: Path, records: list[dict[str, Any]]) -> None:
-    """Writes records as JSON, with versions and machine."""
+    """Writes records as JSON, together with `about()`."""
     path.write_text(json.dumps({'about': about(), 'records': records}, indent=1) + '\n')
 
 
 def save_csv(path: Path, head: Sequence[str], rows: Iterable[Iterable[object]]) -> None:
-    """Writes a complete CSV file, with all digits of floats and an empty cell for None."""
+    """Writes a CSV file atomically; floats have all digits, None is an empty cell."""
     new = path.with_suffix('.csv.new')
     with new.open('w', newline='', encoding='utf-8') as stream:
         csv.writer(stream, lineterminator='\n').writerows([head, *rows])
@@ -81,7 +80,7 @@ def save_csv(path: Path, head: Sequence[str], rows: Iterable[Iterable[object]]) 
 def chart(
     path: Path, height: float, title: str = '', layout: Any = 'constrained'
 ) -> Iterator[Any]:
-    """Makes a chart in the common style, and saves it.
+    """Creates a figure in the common style, and saves it at the end of the context.
 
     Args:
         path: The PNG file, replaced if it exists.
@@ -95,7 +94,7 @@ def chart(
     Raises:
         OSError: The file cannot be written.
     """
-    # Programs that draw nothing, such as the workers of a sweep, need not import matplotlib.
+    # Imported here, so that programs without charts, such as sweep workers, skip matplotlib.
     from matplotlib import rc_context
     from matplotlib.figure import Figure
 
@@ -107,7 +106,7 @@ def chart(
 
 
 def over_crank(axes: Any, crank: Array, label: str, parts: int = 8) -> None:
-    """Completes a plot against the crank angle: `parts` even ticks, a label, a line at 0."""
+    """Formats axes over the crank angle: `parts` equal intervals, y label, line at y = 0."""
     end = math.degrees(crank[-1])
     axes.set(xlim=(0, end), xticks=np.linspace(0, end, parts + 1), ylabel=label)
     low, high = axes.get_ylim()

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The motion of a mechanism over one period, as columns of numbers."""
+"""Motion, torque and forces of a mechanism over one period, as named columns."""
 
 import math
 from typing import Any, NamedTuple
@@ -16,7 +16,7 @@ _MOTION = ('position', ''), ('velocity', '/s'), ('acceleration', '/s^2')
 
 
 class Column(NamedTuple):
-    """One quantity over the period: SI unit, and values at the crank angles."""
+    """A quantity over the period: its SI unit, and its values at the crank angles."""
 
     unit: str
     values: Array
@@ -45,16 +45,16 @@ class Period:
 
     Attributes:
         solver: Solver of the mechanism.
-        crank: Crank angles from 0 to the end of the period, rising, rad.
+        crank: Crank angles from 0 to the end of the period, in increasing order, rad.
         speed: Mean crank speed, rad/s.
         mean_power: Mean driving power over time, W.
-        columns: All quantities, by names such as 'coupler.position'; angles do not jump by turns.
+        columns: Quantities by name, such as 'coupler.position'; angles are unwrapped.
     """
 
     def __init__(
         self, solver: Solver, crank: Array, state: State, *, speed: float, mean_power: float
     ) -> None:
-        """Stores the states of a motion at all crank angles as columns."""
+        """Converts the states at all crank angles to columns."""
         self.solver = solver
         self.crank, self.speed, self.mean_power = crank, speed, mean_power
         self.columns: dict[str, Column] = {}
@@ -84,7 +84,7 @@ class Period:
 
 
 class SpeedDrivenPeriod(Period):
-    """One period of a mechanism, with the same speed and acceleration at every angle.
+    """One period with the same crank speed and acceleration at every crank angle.
 
     The crank angles are 0.5 deg apart, and closer together near change points.
     """
@@ -97,7 +97,7 @@ class SpeedDrivenPeriod(Period):
         *,
         reactions: bool = False,
     ) -> None:
-        """Solves the period.
+        """Computes the states and, on request, the reactions.
 
         Args:
             mechanism: A mechanism whose crank turns fully.
@@ -115,8 +115,8 @@ class SpeedDrivenPeriod(Period):
         crank = solver.reach.samples()
         state = solver.state(crank, speed, acceleration)
         ((inertia,),) = solver.matrix(crank)
-        # At a constant speed, weights and inertia have a mean power of 0. The power of the loads
-        # and of the crank's acceleration remains; their sum has no cancellation.
+        # At a constant speed, weights and inertia have zero mean power. Summing only the power of
+        # the loads and of the crank's acceleration avoids cancellation.
         power = np.zeros_like(crank) + state.velocity[0] * acceleration * inertia
         for name, force in solver.load_forces(state).items():
             power = power - force * state.velocity[solver.links.index(name)]
@@ -144,20 +144,20 @@ class SpeedDrivenPeriod(Period):
 
 
 def mean(crank: Array, values: Array) -> float:
-    """The mean of a quantity over a period; `crank` holds the rising crank angles, rad."""
+    """Computes the mean of values over a period, given their crank angles in increasing order."""
     return float(trapezoid(values, crank)) / float(crank[-1] - crank[0])
 
 
 def extent(crank: Array, values: Array) -> Extent:
-    """Finds the smallest and largest value of a quantity over the period.
+    """Finds the extreme values of a quantity over a period, and its root mean square.
 
     Args:
-        crank: Crank angles in rising order, over the whole period, rad.
+        crank: Crank angles of the whole period in increasing order, rad.
         values: Values at these angles.
 
     Returns:
-        The extent. A peak between two angles is taken from a parabola through the three nearest
-        values.
+        The extent. A peak between two samples is interpolated by a parabola through the three
+        nearest values.
     """
     low, low_at = _peak(crank, -values)
     high, high_at = _peak(crank, values)
@@ -165,7 +165,7 @@ def extent(crank: Array, values: Array) -> Extent:
 
 
 def _peak(crank: Array, values: Array) -> tuple[float, float]:
-    """The largest value and its crank angle."""
+    """Finds the largest value and its crank angle."""
     top = int(np.argmax(values))
     if top in (0, len(values) - 1):  # the end of the period coincides with its start
         return float(values[top]), 0.0

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Simpler models of the driving torque at a constant crank speed, as programs.
 
-A term is left out by setting its parameters to 0; reduced models replace the coupler or the whole
-torque.
+A term is omitted by setting its parameters to 0. Reduced models replace the coupler by two point
+masses, or the torque by a series or a table.
 """
 
 import ast
@@ -25,7 +25,7 @@ from linkage_ros.numeric import Array, Real
 from linkage_ros.quantities import build, flatten
 
 STATIC = 'inertia'  # term of all inertia forces; without it, weights and loads remain
-# The parameters of each term, or their group; a term is present if any of its parameters is not 0.
+# Parameters of each term, or their group. A term is present if any of its parameters is nonzero.
 TERMS: dict[str, tuple[str, ...]] = {
     'gravity': ('gravity',),
     STATIC: ('crank.inertia', 'coupler.inertia', 'rocker.inertia'),
@@ -44,12 +44,12 @@ TERMS: dict[str, tuple[str, ...]] = {
     'slider.stiffness': ('slider.stiffness', 'slider.rest_position'),
     **{kind.group: (kind.group,) for kind in LOADS if kind.group},
 }
-_SLOW = 1e-6  # relative to the speed; at this speed inertia takes no torque
+_SLOW = 1e-6  # fraction of the speed at which inertia torque is negligible
 _COUNTED = ast.BinOp | ast.UnaryOp | ast.Compare | ast.Call | ast.IfExp
 
 
 def counts(mechanism: Mechanism) -> dict[str, int]:
-    """Counts the non-zero values of each parameter; the centres of massless links do not count."""
+    """Counts the nonzero values of each parameter, except the centres of massless links."""
     found = {
         name: 0 if isinstance(value, str) else int(np.count_nonzero(value))  # type: ignore[call-overload]
         for name, value in flatten(mechanism).items()
@@ -61,13 +61,13 @@ def counts(mechanism: Mechanism) -> dict[str, int]:
 
 
 def terms(mechanism: Mechanism) -> dict[str, frozenset[str]]:
-    """The terms of a mechanism, with their non-zero parameters."""
+    """Returns the terms of a mechanism, each with the names of its nonzero parameters."""
     values = counts(mechanism)
     masses = any(name.endswith(('.mass', '.inertia')) for name in values)
     found = {name: frozenset(_members(values, own)) for name, own in TERMS.items()}
     return {
         name: own for name, own in found.items()
-        # The only term of a link without mass is the term of its inertia.
+        # For a link without mass, 'crank' would repeat 'crank.inertia'.
         if (own or (name == STATIC and masses)) and own != found.get(f'{name}.inertia')
     }  # fmt: skip
 
@@ -78,7 +78,7 @@ def _members(values: Iterable[str], wanted: Iterable[str]) -> set[str]:
 
 
 def without(mechanism: Mechanism, names: Iterable[str]) -> Mechanism:
-    """Removes terms from a mechanism by setting their parameters to 0."""
+    """Returns a copy of a mechanism in which the parameters of some terms are 0."""
     values = flatten(mechanism)
     gone = {parameter for name in names for parameter in _members(values, TERMS[name])}
     left = {name: value for name, value in values.items() if name not in gone}
@@ -86,14 +86,14 @@ def without(mechanism: Mechanism, names: Iterable[str]) -> Mechanism:
 
 
 def with_point_masses(mechanism: Any) -> Mechanism | None:
-    """Moves the coupler's mass to its two pins, as parts of crank and output link.
+    """Replaces the coupler by two point masses at its pins, added to crank and output link.
 
     Args:
         mechanism: Mechanism to simplify.
 
     Returns:
-        The mechanism with a massless coupler. None: it has no coupler, the coupler has no mass, or
-        the coupler's centre of mass is not between its pins.
+        The mechanism with a massless coupler; None if there is no coupler, or it has no mass, or
+        its centre of mass is not between its pins.
     """
     coupler, output = getattr(mechanism, 'coupler', None), Solver(mechanism).links[-1]
     if coupler is None or not (coupler.mass and 0 <= coupler.center[0] <= coupler.length):
@@ -125,14 +125,14 @@ class TorqueProgram(NamedTuple):
     Attributes:
         scalar: Function of the crank angle, rad, and the constant speed, rad/s, that returns the
             torque, N m, in a tuple.
-        source: Python text of the program; with friction, the text of one iteration.
+        source: Python source of the program; with friction, the source of one iteration.
     """
 
     scalar: Callable[[float, float], tuple[Any]]
     source: str
 
     def torques(self, angles: Array, speed: float) -> Array:
-        """The torques at crank angles, N m."""
+        """Computes the torque, N m, at each crank angle, rad, for a constant speed, rad/s."""
         return np.array([self.scalar(angle, speed)[0] for angle in angles.tolist()])
 
 
@@ -142,14 +142,14 @@ def _program(formula: Callable[..., Any], constants: Any) -> TorqueProgram:
 
 
 def torque_program(mechanism: Mechanism, *, static: bool = False) -> TorqueProgram:
-    """The program of a mechanism's driving torque.
+    """Compiles a program for a mechanism's driving torque at a constant crank speed.
 
     Args:
-        mechanism: Mechanism whose crank turns at a constant speed.
-        static: Whether to leave out all inertia.
+        mechanism: Mechanism to compile.
+        static: Whether to omit all inertia forces.
 
     Returns:
-        The program; with friction, it solves for the joint forces by iteration.
+        The program. With friction, it iterates to find the joint forces.
     """
     if mechanism.joint_loads():
         pace, values = (_SLOW if static else 1.0), flatten(mechanism)
@@ -161,7 +161,7 @@ def torque_program(mechanism: Mechanism, *, static: bool = False) -> TorqueProgr
 
 
 def driving_torque(model: Model, angle: Real, speed: Real) -> tuple[Real]:
-    """The driving torque at a crank angle and constant speed, N m, in a tuple."""
+    """Computes the driving torque, N m, in a tuple, at a crank angle and constant speed."""
     pose = model.loop.pose((angle,))
     rates = velocities(pose, (speed,))
     return (balance(model, pose, rates, accelerations(pose, (speed,), ()))[0],)
@@ -183,7 +183,7 @@ def series_program(torques: Array, period: float, harmonics: int) -> TorqueProgr
         harmonics: Number of harmonics.
 
     Returns:
-        A program with the arguments of the full program; it ignores the speed.
+        A program with the signature of the full program; it ignores the speed.
     """
     mean, *others = np.fft.rfft(torques, norm='forward')[: harmonics + 1].tolist()
     waves = tuple(Vector(2 * x.real, -2 * x.imag) for x in others)
@@ -192,7 +192,7 @@ def series_program(torques: Array, period: float, harmonics: int) -> TorqueProgr
 
 def _series_torque(series: Any, angle: Real, _: Real) -> tuple[Real]:
     rate, mean, waves = series
-    wave = Vector.at(rate * angle)  # Clenshaw's sum
+    wave = Vector.at(rate * angle)  # for Clenshaw summation
     now = before = Vector(ZERO, ZERO)
     for amplitude in reversed(waves):
         now, before = amplitude + now * (2.0 * wave.x) - before, now
@@ -203,11 +203,11 @@ def table_program(torques: Array, period: float) -> TorqueProgram:
     """Replaces the driving torque at one speed by a table with linear interpolation.
 
     Args:
-        torques: Torques at the nodes, which are evenly spaced over one period from 0 on, N m.
+        torques: Torques at evenly spaced nodes of one period, the first at 0, N m.
         period: Period, rad.
 
     Returns:
-        A program with the arguments of the full program; it ignores the speed.
+        A program with the signature of the full program; it ignores the speed.
     """
     nodes, rows = len(torques), (torques.tolist(), (np.roll(torques, -1) - torques).tolist())
     value, slope = (Opaque(lambda i, row=row: row[i % nodes]) for row in rows)
@@ -222,12 +222,12 @@ def _table_torque(table: Any, angle: Real, _: Real) -> tuple[Real]:
 
 
 def operations(source: str) -> int:
-    """Counts the arithmetic operations of a program, including the tests of its guards."""
+    """Counts the arithmetic operations in a program's source, including its guard conditions."""
     _, run = ast.parse(source).body
     parts = [x.test if isinstance(x, ast.If) else x for x in run.body]  # type: ignore[attr-defined]
     return sum(
         isinstance(x, _COUNTED)
-        # Neither the sign of a number nor the assembly of the result counts as an operation.
+        # The sign of a literal and the construction of the result do not count.
         and not isinstance(getattr(x, 'operand', None), ast.Constant)
         and not isinstance(next(iter(getattr(x, 'args', [])), None), ast.Tuple)
         for part in parts

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Draws a mechanism and the paths of its pins in a chart, or in a movie with its torque."""
+"""Draws a mechanism and its pin paths in a chart, or in a movie with its driving torque."""
 
 import math
 from collections.abc import Sequence
@@ -22,9 +22,9 @@ from linkage_ros.numeric import Array
 from linkage_ros.palette import COLORS, DARK, GREY, Color, color_of, fractions
 from linkage_ros.view.drawing import Drawing
 
-SECONDS = 3.0  # of the movie, for each turn of the crank
-_RATE = 20  # frames in a second
-_SIZE, _DPI = (8.0, 4.2), 90  # inches, and pixels in each
+SECONDS = 3.0  # duration of a crank turn in the movie
+_RATE = 20  # frames per second
+_SIZE, _DPI = (8.0, 4.2), 90  # inches, and pixels per inch
 _WRITERS: dict[str, Any] = {'.gif': PillowWriter, '.mp4': FFMpegWriter}
 _AWAY = 16.0  # distance of a name from its pin, points
 _NAME: dict[str, Any] = {
@@ -33,7 +33,7 @@ _NAME: dict[str, Any] = {
 
 
 class LinkagePicture:
-    """A mechanism with its pins, their paths over a period, and a scale.
+    """A drawing of a mechanism with its pins, their paths over a period, and a scale bar.
 
     Attributes:
         period: Period of the drawn mechanism.
@@ -101,7 +101,7 @@ def draw_movie(period: Period, title: Sequence[str], path: Path) -> None:
 
     Args:
         period: Period to draw.
-        title: A name, and a line of description.
+        title: Name of the mechanism, then phrases that describe it.
         path: A .gif or .mp4 file, replaced if it exists.
 
     Raises:

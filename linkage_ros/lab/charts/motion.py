@@ -21,11 +21,11 @@ from linkage_ros.lab.period import Period, extent
 from linkage_ros.numeric import Array
 from linkage_ros.palette import BLACK, COLORS, DARK, Color, color_of, fractions
 
-# Inches. Heights: linkage; a diagram; the gap below it with the tick labels; foot. Widths: margin
-# left of the diagrams, text right of them.
+# Inches. Heights: linkage, diagram, gap for tick labels below a diagram, bottom margin. Widths:
+# margin left of the diagrams, text right of them.
 _LINKAGE, _ROW, _GAP, _FOOT = 2.8, 1.35, 0.5, 0.1
 _LEFT, _TEXT = 0.8, 4.5
-DRAWN_AT = 45.0  # crank angle of the picture, deg; the links of most mechanisms are apart there
+DRAWN_AT = 45.0  # crank angle of the drawing, deg, at which links rarely overlap
 _TITLES = {
     'deg': 'Direction', 'rad/s': 'Rate', 'rad/s^2': 'Accel.', 'N m': 'Driving torque',
     'm': 'Slider position', 'm/s': 'Slider velocity', 'm/s^2': 'Slider accel.',
@@ -61,10 +61,10 @@ _Panel: TypeAlias = tuple[str, Sequence[_Curve], Sequence[str]]
 def draw_motion(periods: Mapping[str, Period], lines: Iterable[str], path: Path) -> None:
     """Draws position, rate, acceleration, torque and, if present, reactions over a period.
 
-    For several mechanisms, common diagrams show the motion of the output links and the torques.
+    For several mechanisms, shared diagrams show the motion of the output links and the torques.
 
     Args:
-        periods: Periods by name; at most as many as `DESIGN_COLORS`.
+        periods: Periods by mechanism name; at most as many as `DESIGN_COLORS`.
         lines: Description of the mechanism; empty for several mechanisms.
         path: The PNG file, replaced if it exists.
     """
@@ -99,7 +99,7 @@ def _wrapped(text: str) -> str:
 
 
 def _panels(period: Period) -> Iterator[_Panel]:
-    """The diagrams of one mechanism."""
+    """Yields the diagrams of one mechanism."""
     columns, links = period.columns, period.solver.links
     even = not np.ptp(columns['crank.velocity'].values)
     for quantity in ('position', 'velocity', 'acceleration'):
@@ -121,7 +121,7 @@ def _panels(period: Period) -> Iterator[_Panel]:
 
 
 def _compared(periods: Mapping[str, Period]) -> Iterator[_Panel]:
-    """The diagrams of several mechanisms: motion of the outputs, and torques."""
+    """Yields the shared diagrams of several mechanisms: motion of the outputs, and torques."""
     for quantity in ('{}.position', '{}.acceleration', 'driving_torque'):
         yield from _by_unit([
             _curve(period, quantity.format(period.solver.links[-1]), name)._replace(color=color)
@@ -130,18 +130,18 @@ def _compared(periods: Mapping[str, Period]) -> Iterator[_Panel]:
 
 
 def _curve(period: Period, column: str, name: str, across: str = '') -> _Curve:
-    """The curve of a column, or of the magnitude of a vector with two columns."""
+    """Makes the curve of a column, or of the magnitude of a vector with two columns."""
     unit, values = period.columns[column]
     if across:
         values = np.hypot(values, period.columns[across].values)
     if unit == 'rad':
         unit, values = 'deg', np.degrees(values)
-    values = np.round(values, 12) + 0.0  # a parallelogram's coupler turns only by rounding
+    values = np.round(values, 12) + 0.0  # hides rounding errors of constant values
     return _Curve(name, _FORCES.get(name) or color_of(name), unit, period.crank, values)
 
 
 def _by_unit(curves: Sequence[_Curve], title: str = '') -> Iterator[_Panel]:
-    """A diagram for each unit."""
+    """Groups curves into one diagram per unit."""
     for unit in dict.fromkeys(curve.unit for curve in curves):
         group = [curve for curve in curves if curve.unit == unit]
         yield f'{title or _TITLES[unit]}, {unit}', group, ()
@@ -152,7 +152,7 @@ def _draw(axes: Axes, title: str, curves: Sequence[_Curve], words: Sequence[str]
     unit = curves[0].unit
     heading = f'{unit:<8}{"min":>11}{"at deg":>7}{"max":>11}{"at deg":>7}{"rms":>10}'
     lines, texts = [Line2D([], [], color='0.4', linestyle='none')], [heading]
-    # Curves of forces may coincide: dashes show the curve below.
+    # Force curves may coincide: dashes let the curve below show through.
     dashes = cycle(_DASHES if unit == 'N' else _DASHES[:1])
     for curve, dash in zip(curves, dashes, strict=False):
         degrees, color = np.degrees(curve.crank), fractions(curve.color)

@@ -1,12 +1,12 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""linkage_chart accuracy: one picture per linkage, one for all motions, one for `drive: follow`.
+"""linkage_chart accuracy: one chart per linkage, one for all motions, one for `drive: follow`.
 
-The last picture shows the torque error of a measured crank against the filter's bandwidth, for
-encoders of several resolutions. A motor whose torque falls steeply with the speed turns the
-quadrilateral at 150 rpm. The encoder rounds the angle to 2^bits steps per turn. A speed sensor
-with the same number of bits, whose range is +-300 rpm, rounds the speed. `FollowMotion` gets 1000
-measurements per second.
+The last chart shows the torque error of a measured crank against the filter's bandwidth, for
+several encoder resolutions. A motor whose torque falls steeply with the speed turns the
+quadrilateral at 150 rpm. The encoder rounds the angle to 2^bits steps per turn; a speed sensor
+with the same number of bits and a range of +-300 rpm rounds the speed. `FollowMotion` receives
+1000 measurements per second.
 """
 
 import argparse
@@ -59,15 +59,15 @@ from linkage_ros.palette import (
 from linkage_ros.parameters.configuration import load
 from linkage_ros.units import NS_PER_S, radians_per_second
 
-_CEILING = 10.0  # larger errors are drawn here
-_LEAST = 1e-17  # an error of 0 is drawn here
-_SPAN = 1.0, 100.0  # range of the axis of torque errors of a measured crank, %
+_CEILING = 10.0  # larger errors are drawn at this value
+_LEAST = 1e-17  # smaller errors are drawn at this value
+_SPAN = 1.0, 100.0  # y axis of the chart of a measured crank, %
 _BITS = (12, 14, 16, 18, 20)
 _BANDWIDTHS = (5.0, 7.0, 10.0, 14.0, 20.0, 30.0, 40.0, 60.0, 80.0, 120.0, 160.0, 240.0)  # Hz
 _RPM = 150.0
-_DAMPING = 20.0  # damping of the motor, N m s: the speed stays within 3 % of 150 rpm
+_DAMPING = 20.0  # motor damping, N m s; keeps the speed within 3 % of 150 rpm
 _PERIOD = NS_PER_S // 1000  # between measurements, ns
-_TURN = 400  # measurements in a turn; two turns settle, the next two are compared
+_TURN = 400  # measurements per turn; the filter settles for two turns, the next two are compared
 
 
 def _style(marker: str, color: Color, size: float = 6.0, *, filled: bool = True) -> dict[str, Any]:
@@ -98,7 +98,7 @@ _STYLES = {
     'multipliers, projected': _style('v', ORANGE),
 }
 _OTHER = _style('d', DARK, filled=False)  # marker of a method added by a user
-_STEADY = _style('*', VERMILION, 13)  # marker of the default of live runs at its default setting
+_STEADY = _style('*', VERMILION, 13)  # marker of the live default at its default setting
 _ENCODERS = [
     _style(marker, color, 5)
     for marker, color in zip('s^oDv', (VERMILION, ORANGE, GREEN, BLUE, PURPLE), strict=True)
@@ -114,7 +114,7 @@ def accuracy(options: argparse.Namespace) -> None:
     """Measures speed and accuracy of all methods, draws the results, and writes the records.
 
     Args:
-        options: Options of the command line.
+        options: Parsed command-line options.
 
     Raises:
         ConfigurationError: The folder cannot be written.
@@ -140,7 +140,7 @@ def accuracy(options: argparse.Namespace) -> None:
 
 
 def draw_accuracy(points: Sequence[Point], title: str, path: Path) -> None:
-    """Draws the points of one linkage, a row per quantity, or of all motions, a row per motion.
+    """Draws the chart of one linkage, a row per quantity, or of all motions, a row per motion.
 
     Args:
         points: Points of a linkage, or of all motions.
@@ -160,7 +160,7 @@ def draw_accuracy(points: Sequence[Point], title: str, path: Path) -> None:
     names = [(name, *column) for name, column in panels]
     high = len(names) // wide
     with chart(path, 2.6 + 2.2 * high, title) as figure:
-        rcParams['text.parse_math'] = True  # powers of ten at the axes
+        rcParams['text.parse_math'] = True  # for the powers of ten of tick labels
         grid = figure.subplots(high, wide, sharey=True, sharex='col')
         for axes, panel in zip(grid.flat, names, strict=True):
             axes.set_title(named.format(*panel).replace('_', ' ').replace(f', {MEAN}', ''))
@@ -192,7 +192,7 @@ def _name(method: str) -> str:
 
 
 def _settings(methods: Sequence[Method]) -> str:
-    """Describes the settings of all methods in one text."""
+    """Describes the settings of all methods in one string."""
     kinds: dict[str, list[str]] = {}
     for method in methods:
         for name in dict.fromkeys(itertools.chain(*method.settings)):
@@ -249,7 +249,7 @@ def _measure_follow(*, quick: bool) -> tuple[list[dict[str, Any]], tuple[float, 
 
     Returns the points, and the lowest and highest crank speed, rpm. Each point has the resolution
     in bits, whether the velocity is also measured, the bandwidth of the filter, Hz, and the
-    largest torque error, relative to the largest torque at a constant speed.
+    largest torque error, relative to the peak torque at a constant speed.
     """
     solver, speed = Solver(load('quadrilateral').mechanism), radians_per_second(_RPM)
     drive = TorqueDrive(motor=Motor(_DAMPING * speed, _DAMPING), start_rpm=_RPM)
@@ -284,7 +284,7 @@ def draw_follow(points: Sequence[dict[str, Any]], title: str, path: Path) -> Non
     """Plots the torque error of a measured crank against the bandwidth, for each encoder.
 
     Args:
-        points: Points of all encoders.
+        points: The points from `_measure_follow`.
         title: Title of the picture.
         path: The PNG file, replaced if it exists.
     """

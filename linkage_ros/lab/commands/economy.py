@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""linkage_chart economy: error of the driving torque without each term, at several speeds."""
+"""linkage_chart economy: driving-torque error when each term is omitted, at several speeds."""
 
 import argparse
 import functools
@@ -42,35 +42,37 @@ POINT_MASSES = 'coupler as two point masses'
 _FULL = 'full model'
 _HARMONICS = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 16, 24, 32)
 _NODES = (8, 16, 32, 64, 128, 256, 512, 1024)
-_TIMED = 8  # every such angle is timed
-_SAMPLES = 2048  # evenly spaced states: series are fitted to all, tables use some of them
-_FACTORS = 0.25, 0.5, 1.0, 2.0, 4.0  # default speeds, relative to the speed of the mechanism
+_TIMED = 8  # one of this many angles is timed
+_SAMPLES = 2048  # evenly spaced torques: series are fitted to all, tables use a subset
+_FACTORS = 0.25, 0.5, 1.0, 2.0, 4.0  # default speeds, relative to the mechanism's own speed
 _LEAST = 1e-4  # smaller errors are not drawn
-_ROOM = 0.88  # width of the bars, relative to the distance between two speeds
+_ROOM = 0.88  # width of a group of bars, relative to the distance between groups
 _OTHERS = {'gravity': DARK, STATIC: PURPLE}
 _OTHERS |= zip((kind.group for kind in LOADS if kind.group), (ORANGE, SKY), strict=False)
 _HATCHES = {'': '', 'inertia': '', 'damping': 'xxx', 'stiffness': '...'}
-# Marker, size, colour and name of the reduced models, by a word in their names.
+# Marker, size, colour and legend label of the reduced models, by a word in their names.
 _REDUCED = {
     'harmonic': ('o-', 5, BLUE, 'harmonics'),
     'table': ('s-', 5, ORANGE, 'nodes of a table'),
     POINT_MASSES: ('*-', 9, PURPLE, 'two point masses'),
 }
 
-# One simpler model at one speed, as in the JSON file: 'mechanism', the name of the parameter file;
-# 'rpm'; 'left_out', the omitted term or the reduced model; 'error', the largest torque error over
-# a period, as a share of the full torque's peak; the savings 'operations', 'microseconds' of one
-# run, and 'parameters', the values that need not be known; 'full_operations', 'full_microseconds'
-# and 'full_parameters', the costs of the full model.
+# One simpler model at one speed, as in the JSON file:
+#   mechanism: name of the parameter file
+#   rpm: crank speed
+#   left_out: the omitted term, or the reduced model
+#   error: largest torque error over a period, relative to the peak of the full model's torque
+#   operations, microseconds, parameters: savings; time of one evaluation, number of known values
+#   full_operations, full_microseconds, full_parameters: costs of the full model
 Saving: TypeAlias = dict[str, Any]
 _COSTS = 'operations', 'microseconds', 'parameters'
 
 
 def economy(options: argparse.Namespace) -> None:
-    """Leaves out each term at each speed, draws the errors, and writes the records.
+    """Omits each term at each speed, draws the errors, and writes the records.
 
     Args:
-        options: Options of the command line.
+        options: Parsed command-line options.
 
     Raises:
         ConfigurationError: No speed is given, or the folder cannot be written.
@@ -78,7 +80,7 @@ def economy(options: argparse.Namespace) -> None:
     """
     configuration, name = load(options.params), find_file(options.params).stem
     given = options.rpm or []
-    # The speed of the summary.
+    # The summary is for this speed.
     own = getattr(configuration.drive, 'rpm', given[0] if given else 0.0)
     rpms = sorted({own, *(given or (own * factor for factor in _FACTORS))})
     measured = Economy(configuration.mechanism, name)
@@ -97,14 +99,14 @@ def economy(options: argparse.Namespace) -> None:
 
 
 class Economy:
-    """The driving torque of one mechanism at constant speeds, by full and simpler models.
+    """Compares simpler models of a mechanism's driving torque with the full model.
 
     Attributes:
         terms: Terms of the model, each with its non-zero parameters.
     """
 
     def __init__(self, mechanism: Mechanism, name: str) -> None:
-        """Prepares the models of a mechanism.
+        """Finds the terms of the full model.
 
         Args:
             mechanism: A mechanism whose crank turns fully.
@@ -124,11 +126,11 @@ class Economy:
         self._period, self._samples = reach.period_turns * 2 * math.pi, reach.samples()
 
     def measure(self, rpms: Sequence[float], rounds: int) -> list[Saving]:
-        """Computes each simpler model at each speed: without one term, or reduced.
+        """Measures the error and the savings of each simpler model at each speed.
 
         Args:
             rpms: Crank speeds.
-            rounds: Number of timings of each program; the shortest counts.
+            rounds: Number of timings of each program; the shortest is kept.
 
         Returns:
             The savings of each model, sorted by speed.
@@ -145,15 +147,15 @@ class Economy:
         return found
 
     def sentence(self, rpm: float, tolerance: float, savings: Sequence[Saving]) -> str:
-        """States which terms the torque needs at one speed, and which may be left out together.
+        """Summarises which terms the torque needs at one speed, and which are negligible together.
 
         Args:
             rpm: One of the measured speeds.
-            tolerance: Allowed error, as a share of the full torque's peak.
-            savings: From `measure`.
+            tolerance: Allowed error, relative to the peak of the full model's torque.
+            savings: Result of `measure`.
 
         Returns:
-            One sentence.
+            One sentence, without a capital letter and a full stop.
         """
         errors = {x['left_out']: x['error'] for x in savings if x['rpm'] == rpm}
         out: list[str] = []
@@ -176,7 +178,7 @@ class Economy:
         ) + (f'; sufficient models: {_listed(smallest, "or")}' if good else '')
 
     def _models(self, rpm: float) -> dict[str, tuple[TorqueProgram, int]]:
-        """The full and the simpler models at a speed, each as its program and parameter count."""
+        """Returns the program and the parameter count of each model at a speed, by name."""
         count = sum(self._counts[x] for x in frozenset[str]().union(*self.terms.values()))
         needs = {
             name: count - sum(self._counts[x] for x in own) for name, own in self.terms.items()
@@ -202,9 +204,9 @@ class Economy:
     def _costs(
         self, models: dict[str, tuple[TorqueProgram, int]], rounds: Iterable[int]
     ) -> dict[str, tuple[int, float, int]]:
-        """Measures the operations, microseconds and parameters of each model.
+        """Returns the operations, microseconds and parameters of each model.
 
-        The programs run in turns, so that a busy machine slows all of them equally.
+        The programs are timed in turn, so that a busy machine slows all of them equally.
         """
         programs = {program.source: program.scalar for program, _ in models.values()}
         best, angles = dict.fromkeys(programs, math.inf), self._samples[::_TIMED].tolist()
@@ -220,7 +222,7 @@ class Economy:
         }
 
     def _error(self, program: TorqueProgram, rpm: float) -> float:
-        """The largest error of a program's torque, as a share of the full torque's peak.
+        """Computes a program's largest torque error, relative to the peak of the full torque.
 
         Raises:
             MechanismError: The torque is 0.
@@ -236,12 +238,14 @@ class Economy:
 
     @functools.cache  # noqa: B019
     def _exact(self, rpm: float) -> Array:
-        """Torques of the full model at all angles, N m."""
+        """Computes the torques of the full model at all angles, N m."""
         return self._without().torques(self._samples, radians_per_second(rpm))
 
 
 def handover(savings: Sequence[Saving]) -> float | None:
-    """The speed, rpm, at which weights and inertia contribute equally; None without one of them.
+    """Computes the speed, rpm, at which weights and inertia contribute equally.
+
+    Returns None if there are no weights or no inertia.
 
     The torque of weights does not depend on the speed; the torque of inertia grows with the speed
     squared.
@@ -255,7 +259,7 @@ def handover(savings: Sequence[Saving]) -> float | None:
 
 
 def _listed(names: Sequence[str], word: str) -> str:
-    """Joins names as text: a, b and c."""
+    """Joins names to a phrase such as 'a, b and c'."""
     *others, last = names or ['nothing']
     return f'{", ".join(others)} {word} {last}' if others else last
 

@@ -28,10 +28,10 @@ def motion(options: argparse.Namespace) -> None:
     """Draws one period of a mechanism, or of several mechanisms side by side; writes a table.
 
     Args:
-        options: Options of the command line.
+        options: Parsed command-line options.
 
     Raises:
-        ConfigurationError: A mechanism, the options or the folder cannot be used.
+        ConfigurationError: A mechanism or an option is invalid, or a file cannot be written.
     """
     names = _names(options)
     others = {x: getattr(options, x) for x in ('acceleration', 'reactions', 'fluctuation')}
@@ -71,10 +71,10 @@ def movie(options: argparse.Namespace) -> None:
     """Writes a movie of a mechanism.
 
     Args:
-        options: Options of the command line.
+        options: Parsed command-line options.
 
     Raises:
-        ConfigurationError: The mechanism, the speed or the file cannot be used.
+        ConfigurationError: The mechanism or the speed is invalid, or the file cannot be written.
     """
     period, (name, about, speed, *_) = _show(options.params, load(options.params), options.rpm)
     share = 2 * math.pi / SECONDS / abs(period.speed or math.inf)
@@ -85,10 +85,10 @@ def movie(options: argparse.Namespace) -> None:
 
 
 def _names(options: argparse.Namespace) -> list[str]:
-    """The names of the mechanisms.
+    """Returns the name of each mechanism's parameter file.
 
     Raises:
-        ConfigurationError: The mechanisms cannot be drawn side by side.
+        ConfigurationError: There are too many mechanisms, or two have the same name.
     """
     count, most = len(options.params), len(DESIGN_COLORS)
     if count > most or (count > 1 and options.fluctuation is not None):
@@ -181,7 +181,7 @@ def _settled(
 
 
 def settled_turn(motion: PeriodicMotion) -> Period:
-    """One period of a steady state of a wind pump, in steps of 0.5 deg."""
+    """Samples one period of a wind pump's steady state in steps of 0.5 deg."""
     crank = np.linspace(0, 2 * math.pi * motion.turns, 720 * motion.turns + 1)
     second, speed, rate = motion.phase(crank)
     torque = Motor(motion.torque, motion.damping).at(speed)
@@ -192,7 +192,7 @@ def settled_turn(motion: PeriodicMotion) -> Period:
 
 
 def _measures(period: Period) -> dict[str, float | None]:
-    """Measures of a design, by name and unit; None for a measure that does not apply to it."""
+    """Computes the measures of a design by name and unit; None if one does not apply."""
     solver, columns = period.solver, period.columns
     link, found = solver.structure.links[-1], travel(solver) if solver.mobility else None
     way, torque = (
@@ -216,7 +216,7 @@ def _measures(period: Period) -> dict[str, float | None]:
 
 
 def _lines(measures: dict[str, dict[str, float | None]]) -> Iterator[str]:
-    """Makes a table of all designs, with a line for each measure that applies to any of them."""
+    """Formats a table of the designs, with a line per measure that applies to any of them."""
     width = 2 + max(12, *map(len, measures))
     yield ' ' * 32 + ''.join(f'{name:>{width}}' for name in measures)
     for name in next(iter(measures.values())):

@@ -20,7 +20,7 @@ def pump(options: argparse.Namespace) -> None:
     """Finds the steady states of a wind pump, draws them, and writes their numbers.
 
     Args:
-        options: Options of the command line.
+        options: Parsed command-line options.
 
     Raises:
         ConfigurationError: The mechanism is not a wind pump, or the folder cannot be written.

@@ -42,7 +42,7 @@ from linkage_ros.lab.output import (
 )
 from linkage_ros.palette import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, WHITE, fractions, mixed
 
-# Colours of cell and text. The colours of cells also differ in grey scale.
+# Colours of cell and text; the cells also differ in greyscale.
 _COLORS = {
     RIGHT: (mixed(GREEN, WHITE, 0.9), mixed(GREEN, BLACK, 0.7)),
     REFUSED: (mixed(SKY, WHITE, 0.6), mixed(BLUE, BLACK, 0.7)),
@@ -67,8 +67,8 @@ GRIDS = (
     (FRICTION_METHODS, FRICTION_SITUATIONS),
     (INTEGRATORS, MOTION_SITUATIONS),
 )
-# Sizes in inches: cell; names on the left; slanted names above the cells; top and bottom margins.
-# Cells of whole pixels are identical, which makes the file a third smaller.
+# Inches: size of a cell; space for names to the left and above; top and bottom margins. Cells of
+# whole pixels make the PNG file a third smaller.
 _WIDE, _HIGH = 92 / DPI, 53 / DPI
 _LEFT, _ABOVE = 1.2, 1.4
 _TOP, _FOOT = 0.5, 0.75
@@ -79,7 +79,7 @@ def stability(options: argparse.Namespace) -> None:
     """Runs all methods in all situations, draws the outcomes, and writes the records.
 
     Args:
-        options: Options of the command line.
+        options: Parsed command-line options.
 
     Raises:
         ConfigurationError: The folder cannot be written.
@@ -144,7 +144,7 @@ def _draw_grid(
             fill, ink = map(fractions, _COLORS[outcome])
             square = Rectangle((x, y), 1, 1, facecolor=fill, edgecolor='white', linewidth=1.5)
             axes.add_patch(square)
-            # If no state exists, a refusal is right.
+            # If no state exists, a refusal is the correct outcome.
             is_good = outcome == RIGHT or (outcome == REFUSED and not situation.exists)
             words = _SHORT.get(outcome, outcome)
             if cell['worst_error'] is not None:

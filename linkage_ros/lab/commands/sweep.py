@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""linkage_chart sweep: many designs of one mechanism."""
+"""linkage_chart sweep: measures many designs of one mechanism."""
 
 import argparse
 import os
@@ -38,12 +38,12 @@ def sweep(options: argparse.Namespace) -> None:
     """Measures the designs of a study, writes their table, and draws their Pareto front.
 
     Args:
-        options: Options of the command line.
+        options: Parsed command-line options.
 
     Raises:
         ConfigurationError: The study, the cluster or the folder cannot be used, or no design meets
             all constraints.
-        KeyboardInterrupt: Ctrl-C was pressed; the table holds the designs measured until then.
+        KeyboardInterrupt: Ctrl-C was pressed; the table holds the designs measured so far.
     """
     study = read_study(options.study)
     name, count = Path(options.study).stem, len(study.designs)
@@ -76,7 +76,7 @@ def sweep(options: argparse.Namespace) -> None:
 
 
 class _Results:
-    """The measures of all designs.
+    """Measures and outcomes of all designs.
 
     Attributes:
         study: Study that contains the designs.
@@ -87,7 +87,7 @@ class _Results:
     """
 
     def __init__(self, study: Study, base: Array, found: Array) -> None:
-        """Determines the outcomes of designs.
+        """Assigns an outcome to each design.
 
         Args:
             study: Study that contains the designs.
@@ -110,7 +110,7 @@ class _Results:
         self.summary = f'{len(found)} design{"s" * (len(found) > 1)}: {", ".join(counts)}'
 
     def _front(self) -> Array:
-        """The indices of the designs on the Pareto front."""
+        """Returns the indices of the designs on the Pareto front."""
         first, second = (
             self.of[name] * (1.0 if goal == 'least' else -1.0)
             for name, goal in self.study.goals.items()
@@ -121,7 +121,7 @@ class _Results:
         return np.asarray(rows[second[rows] < best_before])
 
     def require_good(self) -> None:
-        """Refuses a study without a good design.
+        """Raises an error unless at least one design meets all constraints.
 
         Raises:
             ConfigurationError: No design meets all constraints; the message counts the designs
@@ -135,15 +135,15 @@ class _Results:
             )
 
     def spread(self, measure: str) -> tuple[Array, Array]:
-        """Parameters of the good designs to which a measure applies, and values of the measure."""
+        """Returns the good designs to which a measure applies, and the values of the measure."""
         has = self._good & np.isfinite(self.of[measure])
         return self.study.designs[has], self.of[measure][has]
 
     def lines(self) -> Iterator[str]:
-        """Lines of text about each measure.
+        """Yields a line for each measure that applies to any good design.
 
-        They state its range, its value for the base design, and the parameter that explains most
-        of its variance.
+        It gives the range, the value of the base design, and the parameter that explains most of
+        the variance.
         """
         for name, base in self.base.items():
             designs, values = self.spread(name)
@@ -160,7 +160,7 @@ class _Results:
                 yield line
 
     def table(self) -> tuple[list[str], list[list[object]]]:
-        """Column titles, and a row for each measured design; missing values are None."""
+        """Returns column titles, and a row for each measured design; missing values are None."""
         units = {leaf.name: leaf.quantity.unit for leaf in self.study.columns}
         units |= {name: MEASURES[name].unit for name in self.of}
         head = ['design', *(f'{name} [{unit}]' for name, unit in units.items()), 'outcome']
@@ -171,7 +171,7 @@ class _Results:
 
 
 def _draw_front(results: _Results, name: str, path: Path) -> None:
-    """Plots one goal of all designs against the other goal."""
+    """Plots the two goals of all designs against each other."""
     goals = [*results.study.goals]
     with chart(path, _HEIGHT, f'{name}: {results.summary}') as figure:
         axes = figure.add_subplot()

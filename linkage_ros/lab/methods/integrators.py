@@ -1,12 +1,11 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Integrators of motion under a torque, from one requested time to the next.
+"""Integrators for motion under a torque.
 
-Each integrator begins at the start of an initial value problem. `at(time)` integrates to a time,
-s, which must not be before the last one, and returns the phase: the coordinates, then their rates;
-the crank angle includes whole turns. `gap()` then returns the gap of the loop, m. The package has
-one method for live runs (motion/fixed_step_integrator.py) and one for records
-(motion/adaptive_integrator.py).
+Each integrator starts at the initial values of a problem. `at(time)` integrates to a time, s, not
+earlier than the previous one, and returns the phase: coordinates, then rates, with an unwrapped
+crank angle. `gap()` then returns the gap of the loop, m. The package has one method for live runs
+(motion/fixed_step_integrator.py) and one for records (motion/adaptive_integrator.py).
 """
 
 import math
@@ -25,7 +24,7 @@ from linkage_ros.numeric import Array
 
 _FIRST_STEP = 1e-4  # s
 _END = 1e10  # s, longer than any run
-_MOST_STEPS = 500  # between two times; with more the solver counts as stuck
+_MOST_STEPS = 500  # maximum between two times; a solver that needs more is considered stuck
 
 
 class _OwnCoordinates:
@@ -35,20 +34,20 @@ class _OwnCoordinates:
         self._driven, self._phase = problem.driven, problem.start
 
     def gap(self) -> float:
-        """See the module's description."""
+        """See the module docstring."""
         half, solver = len(self._phase) // 2, self._driven.solver
         state = solver.state(self._phase[:half], self._phase[half:], (0.0,) * half)
         return solver.structure.loop_residual(state)
 
 
 class OfPackage(_OwnCoordinates):
-    """The package's own integrators; they change coordinates and count the turns of the crank."""
+    """The package's own integrators, which switch coordinates and count crank turns."""
 
     def __init__(self, problem: InitialValueProblem, begin: Integrate) -> None:
         self._steps = begin(problem.driven, problem.start)
 
     def at(self, time: float) -> Phase:
-        """See the module's description."""
+        """See the module docstring."""
         self._steps.advance(time)
         self._driven, self._phase = self._steps.driven, self._steps.phase
         moment = published(self._driven, self._phase, self._steps.pairs)
@@ -56,14 +55,14 @@ class OfPackage(_OwnCoordinates):
 
 
 class RungeKutta4(_OwnCoordinates):
-    """The classical textbook method of order 4 in equal steps, without error control."""
+    """The classical fourth-order Runge-Kutta method, with equal steps and no error control."""
 
     def __init__(self, problem: InitialValueProblem, step: float) -> None:
         super().__init__(problem)
         self._longest, self._time = step, 0.0
 
     def at(self, time: float) -> Phase:
-        """See the module's description."""
+        """See the module docstring."""
         span, slope, y = time - self._time, self._driven.slope, self._phase
         steps = max(1, math.ceil(span / self._longest * (1 - 1e-9)))
         h = span / steps
@@ -79,17 +78,17 @@ class RungeKutta4(_OwnCoordinates):
 
 
 def _moved(phase: Phase, h: float, slope: Sequence[float]) -> Phase:
-    """Moves a phase along one slope; a sixth faster than fixed_step_integrator.py does."""
+    """Advances a phase by `h` along a slope; a sixth faster than in fixed_step_integrator.py."""
     return tuple([value + h * rate for value, rate in zip(phase, slope, strict=True)])
 
 
 class OfScipy(_OwnCoordinates):
-    """One of SciPy's solvers, with its own dense output between steps."""
+    """A SciPy solver; its dense output interpolates between steps."""
 
     def __init__(self, problem: InitialValueProblem, solver: str, tolerance: float) -> None:
-        """Starts the named solver of scipy.integrate; the tolerance is in rad and crank lengths.
+        """Starts a solver of scipy.integrate by name.
 
-        For rates, it is in the same units per second.
+        `tolerance` is in rad and crank lengths, and for rates in these units per second.
         """
         super().__init__(problem)
         self._problem, (self._phase, units) = problem, self._begin(problem)
@@ -100,17 +99,17 @@ class OfScipy(_OwnCoordinates):
         self._between: Callable[[float], Array]
 
     def _begin(self, problem: InitialValueProblem) -> tuple[Phase, Phase]:
-        """The values at t = 0, and the unit of the error of each value."""
+        """Returns the values at t = 0, and the error unit of each value."""
         return problem.start, problem.driven.units
 
     def _slope(self, values: Array) -> Array:
         return np.array(self._driven.slope(tuple(values.tolist())))
 
     def _correct(self, steps: Any) -> None:
-        """Changes the values at the end of a step."""
+        """Corrects the values after a step; does nothing by default."""
 
     def at(self, time: float) -> Phase:
-        """See the module's description.
+        """See the module docstring.
 
         Raises:
             ArithmeticError: The solver makes no progress.
@@ -135,7 +134,7 @@ class Multipliers(OfScipy):
     The unstabilised equations enforce only the second derivative of the constraints: a position
     error persists, and a velocity error opens the loop steadily. Baumgarte stabilisation,
     gap'' + 2 k gap' + k^2 gap = 0, makes the gap decay. A projection after every step closes the
-    loop by the smallest change in the metric of the masses.
+    loop with the smallest change in the mass metric.
     """
 
     def __init__(
@@ -151,7 +150,7 @@ class Multipliers(OfScipy):
         Args:
             problem: The motion and its start.
             tolerance: Relative and absolute tolerance; see `OfScipy`.
-            closing: k of Baumgarte stabilisation, 1/s; 0: no stabilisation.
+            closing: Parameter k of Baumgarte stabilisation, 1/s; 0 disables it.
             projects: Whether to project onto the closed loop after every step.
         """
         self._bodies = Multibody(problem.mechanism, float, Vector.at)
@@ -166,7 +165,7 @@ class Multipliers(OfScipy):
         return (*state.position, *state.velocity), units * 2
 
     def _split(self, values: Sequence[float]) -> tuple[list[Vector], list[float]]:
-        """The links' positions, in the form that `Multibody.gap` needs, and their rates."""
+        """Splits values into the links' positions, as `Multibody.gap` needs them, and rates."""
         half = len(values) // 2
         pairs = zip(values, self._bodies.slides, strict=False)
         places = [Vector(x, 0.0) if slides else Vector.at(x) for x, slides in pairs]
@@ -198,11 +197,11 @@ class Multipliers(OfScipy):
         return values
 
     def at(self, time: float) -> Phase:
-        """See the module's description."""
+        """See the module docstring."""
         self._phase = tuple(self._projected(np.array(super().at(time))).tolist())
         places, rates = self._split(self._phase)
         return self._phase[0], *(place.x for place in places[3:]), rates[0], *rates[3:]
 
     def gap(self) -> float:
-        """See the module's description."""
+        """See the module docstring."""
         return math.hypot(*self._bodies.gap(self._split(self._phase)[0]))

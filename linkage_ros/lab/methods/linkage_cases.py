@@ -1,10 +1,10 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A linkage with its true states, as a case on which methods are measured.
+"""Cases for methods: a linkage with its reference states.
 
-Errors are relative to the largest value that a quantity has at evenly spaced angles. Next to a
-change point, a value may be larger by many powers of ten; its error is then relative to the value
-itself. Errors of directions are absolute, in rad.
+Errors are relative to the largest value of a quantity at evenly spaced angles. Near a change
+point, a value may be larger by many powers of ten; its error is then relative to the value itself.
+Errors of directions are absolute, in rad.
 """
 
 import itertools
@@ -56,10 +56,10 @@ class LinkageCase(Case):
 
     Attributes:
         mechanism: Linkage to solve.
-        cranks: Angles at which methods are judged, in order, rad.
-        guess: Initial guess of iterations.
+        cranks: Crank angles at which methods are tested, in order, rad.
+        guess: Initial guess of iterative methods.
         decimal: See `Reference`.
-        reference: Computes the true states.
+        reference: Source of the reference states.
     """
 
     def __init__(
@@ -83,7 +83,10 @@ class LinkageCase(Case):
         return LinkageCase(other, self.cranks, self.guess, decimal=self.decimal)
 
     def _state(self, place: int) -> dict[str, Any]:
-        """The true values, in long doubles to resolve errors of doubles; empty if none exist."""
+        """Returns the reference values in long doubles, which resolve errors of doubles.
+
+        The result is empty if no state exists.
+        """
         with suppress(UnreachableError):
             state = self.reference.state(float(self.cranks[place]))
             return {
@@ -94,7 +97,7 @@ class LinkageCase(Case):
 
     @cached_property
     def _sizes(self) -> dict[str, Any]:
-        """Largest value of each quantity within the reach; 0 for a mere rounding error."""
+        """Largest magnitude of each quantity within the reach; 0 if it is only rounding error."""
         solver, parts = Solver(self.mechanism), (np.arange(_EVEN) + 0.5) / _EVEN
         turns = solver.reach.period_turns
         cranks = [start + (end - start) * turns * parts for start, end in solver.reach.arcs]
@@ -132,7 +135,7 @@ class LinkageCase(Case):
         return itertools.product(stages.OWN[method.stage], method.modes)
 
     def function(self, method: Method, setting: Setting, quantity: str, mode: str) -> Function:
-        """Makes a function from the crank angle to a quantity, including all preceding stages.
+        """Makes a function that computes a quantity from the crank angle, with all prior stages.
 
         Args:
             method: A method for linkages.
@@ -164,7 +167,7 @@ class LinkageCase(Case):
             columns = np.broadcast_arrays(*function(cranks), cranks)[:-1]
             return [*np.stack(columns, -1).tolist()]
 
-        # If an array fails because of one bad angle, each angle is evaluated alone.
+        # If one angle makes the whole array fail, each angle is evaluated separately.
         with np.errstate(all='ignore'), suppress(LinkageError, *FAILURES):
             return rows(self.cranks)
         return [attempt(lambda x: rows(x)[0], crank) for crank in self.cranks[:, None]]
@@ -188,14 +191,14 @@ class TurnCase(LinkageCase):
         even = np.linspace(0, fine[-1], angles * reach.period_turns + 1)
         # The first angle is half a step after 0, so that special angles do not favour a method.
         self._ones = even[:-1] + math.pi / angles
-        # Angles where the motion is fast are added, among them the fastest of all.
+        # Angles where the motion is fast are added, including the fastest.
         fast = reach.fast + math.pi * np.arange(2 * reach.period_turns)
         some = np.setdiff1d(fine, even)[:: 360 // angles]
         cranks = np.unique(np.concatenate([self._ones, some, fast]))
         super().__init__(mechanism, cranks, _rough(mechanism, 0.1))
 
     def panels(self, method: Method, _: Setting) -> Iterable[Panel]:
-        """The quantities that the method provides together with the package's own stages."""
+        """Returns the quantities that the method computes alone or with later package stages."""
         first = QUANTITIES.index(stages.OWN[method.stage][0])
         return itertools.product(QUANTITIES[first:], method.modes)
 
@@ -209,16 +212,16 @@ class TurnCase(LinkageCase):
 
 
 def _rough(mechanism: Linkage, crank: float) -> Place:
-    """The position at a crank angle, rounded to 0.1 rad or m."""
+    """Computes the position at a crank angle, rounded to 0.1 rad or m."""
     _, coupler, output = Solver(mechanism).state(crank).position
     return round(coupler, 1), round(output, 1)
 
 
 def linkages(*, quick: bool) -> list[tuple[str, TurnCase]]:
-    """The three linkages of the accuracy chart, by name.
+    """Returns the three linkages of the accuracy chart, each with its name.
 
     The third linkage is nearly a kite: its crank pin passes the rocker pivot at a distance of
-    1e-12 m. It has the same masses and inertias as the first linkage.
+    1e-12 m. Its masses and inertias equal those of the first linkage.
     """
     mechanisms: list[Any] = [load(name).mechanism for name in ('quadrilateral', 'slider_crank')]
     q, slider_crank = mechanisms

@@ -1,16 +1,15 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Methods for loads, each of which computes one number, and situations in which methods fail.
+"""Methods for load curves and friction, and situations in which some of them fail.
 
-A load curve is interpolated between its points. It acts on the crank of a linkage at rest, without
-gravity, so that the driving torque is the negative value of the curve. The right answer is the
-linear interpolation in exact fractions.
+A load curve acts on the crank of a linkage at rest, without gravity, so that the driving torque is
+the negative value of the curve. The reference is linear interpolation in exact fractions.
 
-Friction depends on the normal force, which friction changes. Only the guide of a slider-crank has
-friction here. The normal force of the guide is N = |b + k N|, where b is the force without
-friction and k is proportional to the coefficient of friction. The solutions are b / (1 - k) and
--b / (1 + k). The right answer is the solution that develops continuously from |b| as the
-coefficient grows. If there is no such solution, the mechanism locks.
+Friction depends on the normal force, which in turn depends on friction. Here, only the guide of a
+slider-crank has friction. The normal force of the guide is N = |b + k N|, where b is the force
+without friction and k is proportional to the coefficient of friction. The solutions are
+b / (1 - k) and -b / (1 + k). The reference is the solution that continuously extends |b| as the
+coefficient increases from 0. Where no such solution exists, the mechanism locks.
 """
 
 import bisect
@@ -38,13 +37,13 @@ _PROBE = 10.0  # force along the guide that probes the normal force, N
 
 
 class NumberCase(Case):
-    """A number that methods compute.
+    """A case whose answer is a single number.
 
     Attributes:
         given: Input of the methods. For a load curve: its points, rad and N m, and the crank
             angle, rad. For friction: the linkage, the crank angle, rad, b, N, and k.
-        exact: The right answer.
-        size: The unit of relative errors.
+        exact: Reference value.
+        size: Value to which errors are relative.
     """
 
     def __init__(self, given: tuple[Any, ...], exact: float, size: float) -> None:
@@ -63,7 +62,7 @@ class NumberCase(Case):
 
 
 def _lines(at: list[float], value: list[float], crank: float) -> float:
-    """Linear interpolation, N m, between points at increasing angles within a turn, rad."""
+    """Interpolates linearly, N m, between points at increasing angles within a turn, rad."""
     places = [*map(Fraction, at), Fraction(at[0]) + TURN]
     place = places[0] + (Fraction(crank) - places[0]) % TURN
     i = bisect.bisect_right(places, place) - 1
@@ -127,7 +126,7 @@ CURVE_SITUATIONS = (
 
 
 def _guide(mechanism: SliderCrank, crank: float) -> tuple[float, float]:
-    """The force on the slider to the left of its guide, N, and the velocity of the slider, m/s."""
+    """Returns the guide force, positive to the left, N, and the slider's velocity, m/s."""
     solver = Solver(mechanism)
     state = solver.state(crank, SPEED, ACCELERATION)
     return float(solver.reactions(state).guide_force or 0.0), float(state.velocity[-1])
@@ -168,14 +167,14 @@ FRICTION_METHODS = [
 
 
 def _rubbing(random: Random, _: int, *, share: float, relieves: bool = False) -> NumberCase:
-    """A random slider-crank whose coefficient of friction gives |k| = `share`."""
+    """Makes a random slider-crank whose coefficient of friction gives |k| = `share`."""
     r, b, offset = random.uniform((0.1, 0.5, -0.02), (0.3, 1.0, 0.02)).tolist()
     crank = float(random.uniform(0.5, 2.6)) * (1 if random.random() < 0.5 else -1)
     smooth = slider_crank(r, b, offset)
     push, velocity = _guide(smooth, crank)
     pushed = replace(smooth, slider=replace(smooth.slider, force=_PROBE))
     slope = -math.copysign(1.0, velocity) * (_guide(pushed, crank)[0] - push) / _PROBE
-    # k, positive if friction adds to the normal force; from 1 on, the mechanism locks.
+    # k, positive if friction adds to the normal force; at 1 and above, the mechanism locks.
     locks = share * math.copysign(1.0, slope * push)
     if (locks < 0) != relieves:
         return _rubbing(random, 0, share=share, relieves=relieves)

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Methods, the cases on which they are measured, and the measurements for both charts.
 
-A case is one problem (a linkage, a motion, a load curve or friction) with a known true answer. A
-method answers with rows: one for each crank angle, one for each time, or a single row. A situation
-makes cases. A cell of the stability chart shows the worst outcome of all rows. From best to worst,
-the outcomes are:
+A case is one problem (a linkage, a motion, a load curve or friction) with a known answer. A method
+returns rows: one per crank angle, one per time, or a single row. A situation generates cases. A
+cell of the stability chart shows the worst outcome of all rows. From best to worst, the outcomes
+are:
 
     right         every value within 1e-6, relative to its size (`Case.error`)
     refused       an error that states the reason; correct where no state exists
@@ -33,20 +33,22 @@ RIGHT, REFUSED, DIVERGED, WRONG_BRANCH, NAN = OUTCOMES = (
     'right', 'refused', 'diverged', 'wrong branch', 'NaN',
 )  # fmt: skip
 LIMIT = 1e-6  # largest error of a right answer
-# Errors that arithmetic raises if a formula has no answer.
+# Exceptions raised where a formula has no finite value.
 FAILURES = (ArithmeticError, ValueError, np.linalg.LinAlgError)
 ONE, BATCH = 'one at a time', 'batch'
 _SEED = 20_261_121
 
 Setting: TypeAlias = dict[str, float]
-Row: TypeAlias = Sequence[float] | None  # an answer; not finite after a failure; None: refused
+Row: TypeAlias = Sequence[float] | None  # an answer: not finite if it failed, None if refused
 Panel: TypeAlias = tuple[str, str]  # a quantity and a mode
 
-# A method with a setting, as in the JSON file: names of 'method' and 'mechanism'; 'setting' as
-# text; 'quantity' and 'mode'; 'us_per_state', the time, us, for a state including all preceding
-# work, or for a simulated ms of a motion (1000 us is real time); 'max_error', the largest relative
-# error in the period or motion; 'pareto', whether the point is on the Pareto front (see
-# `with_fronts`). If the method fails, time and error are None.
+# A method with a setting, as in the JSON file:
+#   method, mechanism, setting: names and text
+#   quantity, mode: the panel
+#   us_per_state: time, us, per state with all prior stages, or per simulated ms of a motion (1000
+#     us is real time); None if the method fails
+#   max_error: largest relative error in the period or motion; None if the method fails
+#   pareto: whether the point is on the Pareto front; see `with_fronts`
 Point: TypeAlias = dict[str, Any]
 
 
@@ -58,7 +60,7 @@ class Method:
         name: Name in charts and docs.
         stage: Result of the method: 'state' (everything), 'position', 'rates', 'motion', 'load'
             or 'friction'.
-        needs: Input besides the description of the case.
+        needs: Input required in addition to the description of the case.
         source: Publication or file, with the equation number.
         solve: For linkages, the formula of its stage, as in `stages`. For motions, a function
             from the initial value problem and a setting to an integrator. For loads, a function
@@ -66,7 +68,7 @@ class Method:
         settings: The settings for the accuracy chart, from coarse to fine.
         steady: The setting for the stability chart: the best practical setting.
         modes: For linkages: 'one at a time', 'batch' or both.
-        tool: Function that makes an additional input of the formula from the linkage's case and
+        tool: Function that makes an additional input of the formula from the case of a linkage and
             the setting.
         narrow: Whether the method computes in single precision, including crank angle and results.
     """
@@ -84,12 +86,12 @@ class Method:
 
 
 def label(setting: Setting) -> str:
-    """A setting as text."""
+    """Formats a setting as text."""
     return ', '.join(f'{name} {value:g}' for name, value in setting.items())
 
 
 def attempt(solve: Callable[..., Sequence[float]], *given: Any) -> Row:
-    """Calls a function; returns its values, or nan after an arithmetic error, None if refused."""
+    """Calls a function; returns its values, NaN after an arithmetic error, None if refused."""
     try:
         with np.errstate(all='ignore'):
             return solve(*given)
@@ -108,26 +110,26 @@ def elapsed(function: Callable[[Any], object], arguments: Iterable[Any]) -> floa
 
 
 class Case:
-    """One problem and its true answer."""
+    """A problem with a known answer."""
 
     def own(self, method: Method) -> Iterable[Panel]:
-        """Quantities that a method itself computes, in each of its modes."""
+        """Returns the quantities that a method itself computes, in each of its modes."""
         return [(method.stage, ONE)]
 
     def rows(self, method: Method, setting: Setting, quantity: str, mode: str) -> Sequence[Row]:
-        """The answers of a method, one for each place at which the case is judged."""
+        """Computes a method's answers, one per crank angle or time of the case."""
         raise NotImplementedError
 
     def error(self, quantity: str, place: int, row: Sequence[float]) -> float:
-        """The largest relative error of the finite values of a row; inf if no state exists."""
+        """Computes the largest relative error of a finite row; inf if no state exists."""
         raise NotImplementedError
 
     def wrong(self, _quantity: str, _place: int, _row: Sequence[float]) -> str:
-        """The outcome of wrong values."""
+        """Classifies a finite row with wrong values."""
         return DIVERGED
 
     def outcomes(self, method: Method, setting: Setting, *panel: str) -> list[tuple[str, float]]:
-        """The outcome and the error of each row; inf if the row is refused or not finite."""
+        """Returns outcome and error of each row; the error is inf if refused or not finite."""
         found: list[tuple[str, float]] = []
         for place, row in enumerate(self.rows(method, setting, *panel)):
             if row is None or not all(map(math.isfinite, row)):
@@ -146,11 +148,11 @@ class Situation:
     Attributes:
         name: Name in charts and docs.
         words: Description in charts and docs.
-        make: Function that makes a case from a generator of random numbers and the case's index.
+        make: Function that makes a case from a random generator and the index of the case.
         exists: Whether a state exists; otherwise the right answer is a refusal.
-        share: Divisor of the number of cases; above 1 if the situation takes long.
+        share: Divisor of the number of cases; above 1 for slow situations.
         fewest: Smallest number of cases.
-        seed: Seed of the random numbers; by default its name.
+        seed: Number and word that seed the random generator; by default the word is the name.
     """
 
     name: str
@@ -179,8 +181,8 @@ def measure_outcomes(
         cases: Number of cases of each situation.
 
     Returns:
-        The cells, sorted by situation. A cell has the names of method and situation, the worst
-        outcome, and the largest error of all finite values; None if there is no finite value.
+        The cells, grouped by situation. A cell has the names of method and situation, the worst
+        outcome, and the largest error of all finite values, or None if no value is finite.
     """
     cells, made = [], lru_cache(1)(Situation.cases)
     for situation, method in progress([*itertools.product(situations, methods)], 'situations'):
@@ -205,12 +207,12 @@ def measure_accuracy(
     """Measures errors and times of methods.
 
     Args:
-        cases: Names of mechanisms, each with a `TurnCase` or a `MotionCase`.
+        cases: Pairs of a mechanism's name and its `TurnCase` or `MotionCase`.
         methods: Methods to measure in each case.
         quick: Whether to time each method only once.
 
     Returns:
-        The points of the chart; points on a Pareto front are marked.
+        The points of the chart, with the Pareto fronts marked.
     """
     points: list[Point] = []
     for name, case in cases:
@@ -240,10 +242,9 @@ def measure_accuracy(
 def with_fronts(points: list[Point]) -> list[Point]:
     """Marks the Pareto front of each panel.
 
-    A point is on the front if its outcome is right, and no other such point is at least as fast
-    and as accurate, and better in one of the two.
+    A point is on the front if its answer is right and no other right point is at least as good in
+    both speed and accuracy and better in one of them.
     """
-    # Wrong points are not part of any front.
     right = [
         point for point in points
         if None not in (point['us_per_state'], point['max_error']) and point['max_error'] <= LIMIT

@@ -34,22 +34,22 @@ from linkage_ros.lab.reference.motions import (
 )
 from linkage_ros.motion.drives import Motor
 
-TRAJECTORY, ENERGY, LOOP = 'trajectory', 'energy', 'loop'  # judged quantities
+TRAJECTORY, ENERGY, LOOP = 'trajectory', 'energy', 'loop'  # compared quantities
 # Modes: mean time per simulated ms, and time of the slowest ms, which limits a live node.
 MEAN, SLOWEST = 'motion', 'motion, slowest ms'
 _ASKED = 0.05  # s between two states that are compared
 _TICK = 1e-3  # s
-_TICKS = 300  # timed ticks for each second of a motion, of which the slowest counts
+_TICKS = 300  # timed ticks per second of motion; the slowest counts
 _SEED = 20_261_122
 
 
 class MotionCase(Case):
-    """A motion, compared at given times.
+    """A motion whose states are compared with a reference at given times.
 
     Attributes:
-        problem: The motion and its start.
+        problem: Equations and initial values of the motion.
         times: Times at which states are compared, in order, s.
-        quantities: Judged quantities: TRAJECTORY, ENERGY or LOOP.
+        quantities: Compared quantities: TRAJECTORY, ENERGY or LOOP.
         rounds: Number of timings.
     """
 
@@ -68,7 +68,7 @@ class MotionCase(Case):
 
     @cached_property
     def _exact(self) -> Any:
-        """The true phases, in Decimals."""
+        """Reference phases, in Decimals."""
         return np.array([[*map(Decimal, self._at(time))] for time in self.times])
 
     @cached_property
@@ -81,12 +81,12 @@ class MotionCase(Case):
         return [(quantity, MEAN) for quantity in self.quantities]
 
     def panels(self, method: Method, setting: Setting) -> Iterable[Panel]:
-        """Quantities and modes to measure; SLOWEST needs steps of at most 1 ms."""
+        """Returns quantities and modes to measure; SLOWEST needs steps of at most 1 ms."""
         has_ticks = TRAJECTORY in self.quantities and setting.get('step', 0) <= _TICK
         return [*self.own(method), *[(TRAJECTORY, SLOWEST)] * has_ticks]
 
     def rows(self, method: Method, setting: Setting, *_: str) -> Sequence[Row]:
-        """See `Case`; each row is a phase and the gap of the loop, m, until the method fails."""
+        """See `Case`; a row is a phase and the loop gap, m; a failure ends the rows."""
         return followed(self.problem, self.times, method.solve, tuple(setting.items()))
 
     def error(self, quantity: str, place: int, row: Sequence[float]) -> float:
@@ -106,7 +106,7 @@ class MotionCase(Case):
         return float(max(apart.astype(float) / np.array(self._sizes, float)))
 
     def outcomes(self, method: Method, setting: Setting, *panel: str) -> list[tuple[str, float]]:
-        """See `Case`; if some values are wrong, failures and right values do not count."""
+        """See `Case`; if any row is wrong, only the wrong rows are returned."""
         found = super().outcomes(method, setting, *panel)
         return [each for each in found if each[0] == DIVERGED] or found
 
@@ -118,7 +118,7 @@ class MotionCase(Case):
         return lambda: elapsed(begin().at, times) / times[-1] * 1e3
 
 
-# Situations share motions, and panels of a chart share runs.
+# Cached, because situations share motions, and panels of a chart share runs.
 @lru_cache(maxsize=32)
 def followed(
     problem: InitialValueProblem,
@@ -134,18 +134,18 @@ def followed(
             phase = follower.at(moment)
             if not all(map(math.isfinite, phase)):
                 raise ArithmeticError('the motion overflows')
-            # `gap` rejects a phase without a position, as the publishing of a state does.
+            # `gap` raises an error for a phase without a position, as publishing a state does.
             yield *phase, follower.gap()
 
     run = phases()
     rows = [attempt(next, run, ()) for _ in times]
-    return [row for row in rows if row != ()]  # () if the motion has ended before
+    return [row for row in rows if row != ()]  # () after the end of the motion
 
 
 def _slowest_time(times: Sequence[float], begin: Callable[[], Any]) -> float:
     """Measures the largest time per simulated ms, us.
 
-    The first 300 ms for each second of the motion are timed, at most 1000 ms.
+    It times 300 ms for each second of the motion, at most 1000 ms, from the start on.
     """
     count = min(1000, round(times[-1] * _TICKS))
     fastest = [math.inf] * count
@@ -157,14 +157,14 @@ def _slowest_time(times: Sequence[float], begin: Callable[[], Any]) -> float:
 
 
 def even(seconds: float) -> list[float]:
-    """Evenly spaced times up to `seconds`, s, at which states are compared."""
+    """Returns evenly spaced times up to `seconds`, s, at which states are compared."""
     return [(i + 1) * _ASKED for i in range(round(seconds / _ASKED))]
 
 
 def motions(*, quick: bool) -> list[tuple[str, MotionCase]]:
-    """The motions of the accuracy chart.
+    """Returns the motions of the accuracy chart, each with its mechanism's name.
 
-    These motions are the wind pump, with and without motor and load, and a coasting four-bar.
+    They are the wind pump, with and without motor and load, and a coasting four-bar.
     """
     seconds = 0.5 if quick else 10.0
     return [
@@ -183,7 +183,7 @@ def _driven(random: Random, i: int) -> MotionCase:
 
 
 def _parallelogram(random: Random) -> FourBar:
-    """A random parallelogram without gravity, whose inertia at the crank is constant."""
+    """Makes a random parallelogram without gravity; its inertia at the crank is constant."""
     x, y = (float(k) / 64 for k in random.integers((8, 33), (32, 64)))
     return replace(four_bar((x, y, x, y)), gravity=(0.0, 0.0))
 
@@ -227,7 +227,7 @@ def _stiff_guide(random: Random, i: int) -> MotionCase:
 
 
 def _settling(begin: float, end: float, rate: float, time: float) -> tuple[float, float]:
-    """Distance and speed, after a time, of a damped body that approaches its final speed."""
+    """Computes distance and speed, after a time, of a damped body that nears its final speed."""
     settled = -math.expm1(-rate * time)
     return end * time + (begin - end) * settled / rate, begin + (end - begin) * settled
 

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """All methods, for charts, tests and docs/methods.md.
 
-To add a method, append an entry to a list here, or do so in a file of your own before a chart is
-drawn. Position methods that iterate or use a table have a tool, which makes a function of the
-crank angle.
+To add a method, append a `Method` to `METHODS`, here or in a module of your own that is imported
+before a chart is drawn. Position methods that iterate or use a table have a tool, which makes a
+function of the crank angle.
 """
 
 import cmath
@@ -28,7 +28,7 @@ from linkage_ros.motion.integrators import live_steps, record_steps
 from linkage_ros.numeric import Real, wrap
 
 CAP = 50
-_ENDLESS = 200  # largest number of iterations of a method without a limit of its own
+_ENDLESS = 200  # iteration limit of a method that has none of its own
 
 
 def newton_raphson(case: LinkageCase, setting: Setting) -> Locate:
@@ -64,8 +64,8 @@ def listing(case: LinkageCase, _: Setting) -> Locate:
     """Document 1's listing as printed, for a four-bar: see the errata in docs/mechanisms.md.
 
     The second column of the listing's Jacobian has the coupler's length instead of the rocker's,
-    and a complex number instead of its real part. So angles become complex; the listing plots
-    their real parts.
+    and a complex number instead of its real part. The angles therefore become complex; the listing
+    plots their real parts.
     """
     mechanism, x = case.mechanism, np.array(case.guess)
 
@@ -90,7 +90,7 @@ def listing(case: LinkageCase, _: Setting) -> Locate:
     return locate
 
 
-# A chart requests each table several times in a row.
+# Cached, because a chart requests each table several times in a row.
 @lru_cache(maxsize=2)
 def hermite(mechanism: Linkage, nodes: int) -> Locate:
     """Interpolates in a table of exact positions and rates over one period.
@@ -183,11 +183,11 @@ METHODS = [
 ]  # fmt: skip
 
 
-# The defaults of live runs and of records.
+# Default integrators of live runs and of records.
 LIVE, RECORDS = 'fixed steps, checked', 'DOP853, guarded'
 _SECONDS = (0.025, 0.01, 0.005, 0.0025, LONGEST_STEP, 0.0005)
 _LIVE: Setting = {'step': LONGEST_STEP, 'tolerance': TOLERANCE}
-_UNCHECKED = 1e300  # tolerance that no error of a step exceeds
+_UNCHECKED = 1e300  # tolerance that no step error exceeds
 _DOP853 = 'Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, II.5 and II.6'
 
 _MULTIPLIERS = tuple({'tolerance': 10.0**-k} for k in (5, 7, 9, 11, 13)), {'tolerance': 1e-9}
@@ -206,7 +206,7 @@ INTEGRATORS = (
                 tolerance=setting.get('tolerance', _UNCHECKED),
             ),
         ),
-        # The other settings have no tolerance. No step is shortened, so the order can be seen.
+        # Without a tolerance, no step is shortened, so that the chart shows the order.
         tuple(_LIVE if step == LONGEST_STEP else {'step': step} for step in _SECONDS), _LIVE,
     ),
     Method(

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Linkages for testing methods, most of them random, and situations in which methods fail."""
+"""Mostly random linkages for testing methods, and situations in which some methods fail."""
 
 import cmath
 import math
@@ -29,7 +29,7 @@ Random: TypeAlias = np.random.Generator
 
 
 def four_bar(lengths: tuple[float, ...], assembly: str = OPEN, angle: float = 0.0) -> FourBar:
-    """A four-bar of uniform rods.
+    """Makes a four-bar of uniform rods.
 
     Args:
         lengths: Lengths of crank, coupler, rocker and frame, m.
@@ -46,7 +46,7 @@ def four_bar(lengths: tuple[float, ...], assembly: str = OPEN, angle: float = 0.
 def slider_crank(
     r: float, b: float, offset: float, assembly: str = OPEN, angle: float = 0.0
 ) -> SliderCrank:
-    """A slider-crank of uniform rods and a slider of 1 kg.
+    """Makes a slider-crank of uniform rods and a slider of 1 kg.
 
     Args:
         r: Length of the crank, m.
@@ -63,7 +63,7 @@ def slider_crank(
 
 
 def _rod(length: float) -> tuple[float, float, float, tuple[float, float]]:
-    """Length, mass, inertia and centre of a uniform rod of 2 kg."""
+    """Returns length, mass, inertia and centre of a uniform rod of 2 kg."""
     return length, 2.0, length * length / 6, (length / 2, 0.0)
 
 
@@ -73,7 +73,7 @@ def any_assembly(random: Random) -> str:
 
 
 def turning(random: Random) -> Linkage:
-    """A random linkage whose crank turns fully, far from change points."""
+    """Makes a random linkage whose crank turns fully, far from change points."""
     while True:
         angle = float(random.uniform(-math.pi, math.pi))
         if random.random() < 0.3:
@@ -88,7 +88,7 @@ def turning(random: Random) -> Linkage:
 
 
 def with_change_point(random: Random) -> FourBar:
-    """A random four-bar, lengths in 64ths of a metre, with a change point at crank angle 0."""
+    """Makes a random four-bar with a change point at crank angle 0; lengths in steps of 1/64 m."""
     r = int(random.integers(8, 24))
     d, b = r + int(random.integers(4, 24)), r + int(random.integers(4, 24))
     lengths = tuple(x / 64 for x in (r, b, d - r + b, d))
@@ -96,7 +96,7 @@ def with_change_point(random: Random) -> FourBar:
 
 
 def limited(random: Random) -> FourBar:
-    """A random four-bar whose crank cannot turn fully."""
+    """Makes a random four-bar whose crank cannot turn fully."""
     while True:
         lengths = tuple(float(x) for x in random.uniform(0.2, 1.0, 4))
         r, b, c, d = lengths
@@ -110,12 +110,12 @@ def limited(random: Random) -> FourBar:
 
 
 def _turn(steps: int = 48, turns: int = 1) -> tuple[float, ...]:
-    """Evenly spaced angles, rad, the first half a step after 0."""
+    """Returns evenly spaced angles, rad, the first half a step after 0."""
     return tuple((i + 0.5) * 2 * math.pi / steps for i in range(steps * turns))
 
 
 def _passing(*extra: float) -> tuple[float, ...]:
-    """Evenly spaced angles over two turns from -pi/2 on, merged with the given angles, rad."""
+    """Merges evenly spaced angles over two turns from -pi/2 on with the given angles, rad."""
     even = (-math.pi / 2 + angle for angle in _turn(turns=2))
     return tuple(sorted((*even, *extra)))
 
@@ -146,7 +146,7 @@ def _dead_centre(random: Random, _: int) -> LinkageCase:
     mechanism = limited(random)
     start, end = Solver(mechanism).reach.arcs[0]
     goal, inward = (start, 1.0) if random.random() < 0.5 else (end, -1.0)
-    # The angles approach the end from the middle of the arc, as in a motion.
+    # The angles approach one end from the middle of the arc, as in a motion.
     approach = np.linspace((start + end) / 2, goal + inward * 1e-2, 40, endpoint=False)
     near = [goal + inward * 10.0**-k for k in range(2, 7)]
     return LinkageCase(mechanism, (*map(float, approach), *near))
@@ -161,16 +161,16 @@ def _no_assembly(random: Random, _: int) -> LinkageCase:
 
 
 def _denominator(random: Random, i: int) -> LinkageCase:
-    """A linkage at crank angles at which the rocker of one assembly points against the frame.
+    """Makes a linkage at crank angles where one assembly's rocker points against the frame.
 
-    There, the tangent of the rocker's half angle is infinite. The quadratic term vanishes, and the
+    There, the tangent of half the rocker's angle is infinite. The quadratic term vanishes, and the
     formula for the other assembly is 0/0.
     """
     if i == 0:
         return LinkageCase(slider_crank(0.1, 0.3, 0.0), (0.0, math.pi))
     r, c, d = (float(x) for x in random.uniform((0.5, 0.6, 0.1), (0.7, 0.8, 0.2)))
     crank = float(random.uniform(0.9, 2.2)) * (1 if i % 2 else -1)
-    # B is on the line of the frame, and right of the line from A to B0 if A is left of the frame.
+    # B lies on the line of the frame, to the right of the line from A to B0 if crank > 0.
     b = abs(d - c - cmath.rect(r, crank))
     return LinkageCase(four_bar((r, b, c, d), OPEN if crank > 0 else CROSSED), (crank,))
 

@@ -3,16 +3,15 @@
 """Formulas from the crank angle of a linkage to position, velocity, acceleration and torque.
 
 A method computes one stage; the package's own formulas compute the other stages. A method for
-rates gets the position as unit vectors. After a method for positions, the 2x2 solve of documents 1
-and 4 gives the rates that are consistent with its positions. The torque is always computed by the
-package's own formula. So every method has a point in the charts of its own stage and of the later
-stages. Each formula is compiled to a program (dynamics/program.py), as the package's own formulas
-are, so that all are compared on equal terms. Documents 1 (eq. 7 and 8) and 4 (eq. 2) have the loop
-equation:
+rates receives the position as unit vectors. After a method for positions, the 2x2 solve of
+documents 1 and 4 computes rates that are consistent with these positions. The torque always comes
+from the package's own formula. Every method therefore has a point in the charts of its own stage
+and of the later stages. All formulas are compiled to programs (dynamics/program.py), so that the
+comparison is fair. The loop equation of documents 1 (eq. 7 and 8) and 4 (eq. 2) is:
 
     gap = r e^(i alpha) + b e^(i beta) - B(y) = 0
 
-with B(gamma) = d e^(i delta) + c e^(i gamma) for a rocker, and B(x) = (x + i e) e^(i guide) for a
+where B(gamma) = d e^(i delta) + c e^(i gamma) for a rocker, and B(x) = (x + i e) e^(i guide) for a
 slider.
 """
 
@@ -48,7 +47,7 @@ class Links(NamedTuple):
     Attributes:
         r: Length of the crank, m.
         b: Length of the coupler, m.
-        c: Length of the rocker, m; None: the output slides.
+        c: Length of the rocker, m; None if the output slides.
         d: Length of the frame, or offset of a slider, m.
         angle: Angle of frame or guide, rad.
         side: 1.0 for the open assembly, -1.0 for the crossed one.
@@ -80,7 +79,7 @@ class Links(NamedTuple):
 
 @functools.cache
 def formula(quantity: str, stage: str, solve: Callable[..., Any]) -> Callable[..., Any]:
-    """Combines the stages up to a quantity; all but one stage are the package's own.
+    """Combines the stages up to a quantity; all stages but one are the package's own.
 
     Args:
         quantity: One of QUANTITIES.
@@ -164,7 +163,7 @@ def _half_angle_root(a: Real, b: Real, c: Real, sign: Real) -> Real:
 
 
 def looked_up(links: Links, crank: Real) -> Pair:
-    """Calls the tool, an opaque function of the angle, and splits its result into two parts."""
+    """Calls the tool, an opaque function of the angle, and unpacks its two results."""
     locate, first, second = links.tool
     found = locate(crank)
     return first(found), second(found)
@@ -174,10 +173,10 @@ def looked_up(links: Links, crank: Real) -> Pair:
 
 
 def _arms(links: Links, crank: Real, place: Pair) -> tuple[Vector, ...]:
-    """The vectors of a loop, m.
+    """Computes the vectors of a loop, m.
 
-    They are the vectors from A0 to A, from A to B, and from B0 to B or along the guide; the
-    derivative of B with respect to the output; and the gap.
+    These are A0 to A; A to B; B0 to B, or the slider's position along the guide; the derivative of
+    B with respect to the output; and the gap.
     """
     coupler, output = place
     first, second = Vector.at(crank) * links.r, _direction(coupler) * links.b
@@ -191,7 +190,7 @@ def _arms(links: Links, crank: Real, place: Pair) -> tuple[Vector, ...]:
 
 
 def _closing(coupler: Vector, slope: Vector, gap: Vector) -> Pair:
-    """Changes of coupler and output that change the gap by a given vector (Cramer's rule)."""
+    """Solves for the changes of coupler and output that change the gap by a vector."""
     over = -1.0 / dot(coupler, slope)
     return cross(gap, slope) * over, dot(coupler, gap) * over
 
@@ -212,7 +211,7 @@ def posed(links: Links, crank: Real, place: Pair, first: Pair, second: Pair) -> 
 
 
 def newton_step(links: Links, crank: Real, coupler: Real, output: Real) -> tuple[Real, ...]:
-    """Changes of coupler and output that close the loop to first order; the current gap, m."""
+    """Computes the Newton step of coupler and output, and the current gap, m."""
     _, arm, _, slope, gap = _arms(links, crank, (coupler, output))
     return (*_closing(arm, slope, -gap), *gap)
 
@@ -235,7 +234,7 @@ def two_by_two(links: Links, crank: Real, locate: Locate) -> tuple[Pair, Pair, P
 
 
 def central_differences(links: Links, crank: Real, locate: Locate) -> tuple[Pair, Pair, Pair]:
-    """Derivatives from positions one step before and after (Dahlquist and Bjorck, sec. 3.3)."""
+    """Differentiates positions one step before and after (Dahlquist and Bjorck, sec. 3.3)."""
     step = links.tool
     before, here, after = locate(crank - step), locate(crank), locate(crank + step)
     (a, b), (c, d) = (

@@ -46,7 +46,7 @@ Phase: TypeAlias = tuple[float, ...]
 
 @dataclass(frozen=True)
 class InitialValueProblem:
-    """The start of a motion in the crank angle and, for a wind pump, the slider's position.
+    """A motion in the crank angle and, for a wind pump, the slider position, with its start.
 
     Attributes:
         mechanism: A four-bar or a wind pump.
@@ -69,19 +69,19 @@ class InitialValueProblem:
         return len(self.start) // 2
 
     def energy(self, phase: Phase) -> tuple[float, float]:
-        """Kinetic energy plus the potential energy of weights, up to a constant, J."""
+        """Computes the kinetic energy, and the potential energy up to a constant, J."""
         return self.driven.solver.energy(phase[: self.count], phase[self.count :])
 
 
 def driven_pump(speed: float, velocity: float = 0.0) -> InitialValueProblem:
-    """The wind pump of document 3 with its motor and load.
+    """Makes the problem of document 3's wind pump with its motor and load.
 
     Args:
         speed: Speed of the crank at t = 0, rad/s.
         velocity: Velocity of the slider at t = 0, m/s.
 
     Returns:
-        The problem.
+        The problem; it starts at crank angle 0.
     """
     pump: Any = load('wind_pump')
     start = 0.0, pump.mechanism.slider.position, speed, velocity
@@ -89,25 +89,25 @@ def driven_pump(speed: float, velocity: float = 0.0) -> InitialValueProblem:
 
 
 def free_pump(speed: float) -> InitialValueProblem:
-    """The pump without motor and load, which conserves energy; it starts at `speed`, rad/s."""
+    """Makes the problem of the pump without motor and load, which conserves energy."""
     driven = driven_pump(speed)
     slider = replace(driven.mechanism.slider, damping=0.0)
     return InitialValueProblem(replace(driven.mechanism, slider=slider), driven.start)
 
 
 def coasting() -> InitialValueProblem:
-    """The quadrilateral of document 1, which coasts from 150 rpm and conserves energy."""
+    """Makes the problem of document 1's quadrilateral coasting from 150 rpm."""
     return InitialValueProblem(load('quadrilateral').mechanism, (0.0, 5 * math.pi))
 
 
 class MotionReference:
-    """Integrates one motion in decimals of 34 digits, from any known state."""
+    """Integrates a motion with 34 decimal digits, from the nearest known state."""
 
     def __init__(self, problem: InitialValueProblem, longest: float = 0.1) -> None:
-        """Closes the loop at the start.
+        """Prepares the initial state, with a closed loop.
 
         Args:
-            problem: The motion and its start.
+            problem: Equations and initial values of the motion.
             longest: Longest step, s.
         """
         self._problem = problem
@@ -117,19 +117,19 @@ class MotionReference:
             self._known = {Decimal(0): self._begin()}  # states by time
 
     def at(self, time: float) -> tuple[Decimal, ...]:
-        """Coordinates, then their rates, at a time, s; the crank angle includes whole turns."""
+        """Returns coordinates, then rates, at a time, s; the crank angle is unwrapped."""
         state = self._state(time)
         places, rates = self._split(state)
         return state[0], *(place.x for place in places[3:]), rates[0], *rates[3:]
 
     def end(self, until: float) -> float | None:
-        """Finds the first time at which coupler and third link are in line, a singularity.
+        """Finds the first singularity, where coupler and third link are in line.
 
         Args:
             until: End of the search, s.
 
         Returns:
-            Time, accurate to 1e-15 s; None if the motion reaches no such position before `until`.
+            The time, accurate to 1e-15 s; None if there is no singularity before `until`.
         """
 
         def sine(time: float) -> float:
@@ -142,7 +142,7 @@ class MotionReference:
         return None
 
     def _begin(self) -> _State:
-        """The values at t = 0: crank angle, position of each link as two numbers, all rates."""
+        """Returns the state at t = 0: crank angle, two numbers per link position, all rates."""
         count, bodies, zero = self._problem.count, self._bodies, Decimal(0)
         q, u = self._problem.start[:count], self._problem.start[count:]
         # Doubles serve as the first guess.
@@ -199,7 +199,7 @@ class MotionReference:
         return state
 
     def _extrapolated(self, start: _State, span: Decimal) -> tuple[_State | None, int]:
-        """The state after a step, or None if the step does not converge; and the rows needed."""
+        """Returns the state after a step, None if it does not converge, and the rows used."""
         above: list[_State] = []
         with suppress(ArithmeticError):  # of a diverging step
             slope = self._slope(start)
@@ -213,7 +213,7 @@ class MotionReference:
         return None, _ROWS
 
     def _midpoint(self, start: _State, slope: _State, h: Decimal, parts: int) -> _State:
-        """Gragg's modified midpoint rule."""
+        """Integrates a step by Gragg's modified midpoint rule."""
         before, here = start, start + h * slope
         for _ in range(parts - 1):
             before, here = here, before + 2 * h * self._slope(here)
@@ -221,7 +221,7 @@ class MotionReference:
 
 
 def unit(angle: float) -> Vector:
-    """The unit vector, in Decimals, in a direction given as a float, rad."""
+    """Computes the unit vector at an angle, rad, in Decimals."""
     with mp.workdps(40):
         return Vector(Decimal(str(mp.cos(angle))), Decimal(str(mp.sin(angle))))
 

@@ -10,8 +10,8 @@ force lambda that closes the loop:
 
 The lower rows are the loop closure, differentiated twice. This is the textbook form for any
 mechanism (Baumgarte, Comput. Methods Appl. Mech. Eng. 1 (1972), eq. 1 to 5). It needs no dyads, so
-it also holds at positions in which coupler and third link are in line. In floats, these equations
-are one of the compared methods; in many digits, they are the reference for states and motions.
+it also holds where coupler and third link are in line. In floats, these equations are one of the
+compared methods; in multiple precision, they are the reference for states and motions.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ Row: TypeAlias = list[Number]
 
 
 class Multibody:
-    """The equations of one mechanism, in one kind of number.
+    """The multibody equations of a mechanism, for one number type.
 
     Attributes:
         slides: For each link, whether it slides.
@@ -47,8 +47,8 @@ class Multibody:
 
         Args:
             mechanism: Mechanism to describe.
-            number: Converts a float to the kind of number.
-            unit: Makes the unit vector of an angle, rad, in these numbers.
+            number: Converts a float to the number type.
+            unit: Makes the unit vector at an angle, rad, in this type.
             length: Converts a length, m; by default `number`.
         """
         structure, length = mechanism.structure(), length or number
@@ -78,13 +78,13 @@ class Multibody:
         ]
 
     def gap(self, places: Sequence[Vector]) -> Vector:
-        """The gap of the loop, m.
+        """Computes the gap of the loop.
 
         Args:
             places: Unit vector of each link that turns, (position, 0) of each link that slides.
 
         Returns:
-            The gap as a vector.
+            The gap vector, m.
         """
         gap = self._fixed
         for j, weight in self._closure.items():
@@ -93,14 +93,14 @@ class Multibody:
         return gap
 
     def closure(self, places: Sequence[Vector], rates: Row) -> tuple[list[Row], Row]:
-        """Derivatives G of the gap with respect to the coordinates, and G' q'; rows x and y."""
+        """Returns the jacobian G of the gap, as rows x and y, and G' q'."""
         columns, bias = self._columns(self._closure, places, rates)
         empty = Vector(self._zero, self._zero)
         found = [columns.get(j, empty) for j in range(len(rates))]
         return [[column.x for column in found], [column.y for column in found]], list(bias)
 
     def closed(self, places: Sequence[Vector], rates: Row, opening: Row) -> Row:
-        """Computes the rates of coupler and third link that open the loop at a velocity, m/s."""
+        """Solves for the rates of coupler and third link that open the loop at a velocity, m/s."""
         free = [*rates[:1], self._zero, self._zero, *rates[3:]]
         closure, _ = self.closure(places, free)
         moved = [sum(map(operator.mul, row, free)) for row in closure]
@@ -108,7 +108,7 @@ class Multibody:
         return [free[0], *eliminate([row[1:3] for row in closure], right), *free[3:]]
 
     def system(self, places: Sequence[Vector], rates: Row) -> tuple[list[Row], Row]:
-        """The matrix and the right-hand side of the equations above, without a driving torque.
+        """Returns the matrix and the right-hand side of the equations, without a driving torque.
 
         Args:
             places: See `gap`.
@@ -139,7 +139,7 @@ class Multibody:
     def _columns(
         self, weights: Mapping[int, Vector], places: Sequence[Vector], rates: Row
     ) -> tuple[dict[int, Vector], Vector]:
-        """The velocities of a point per rate of each link, and its acceleration at these rates."""
+        """Returns a point's velocities per rate of each link, and its centripetal acceleration."""
         columns, bias = {}, Vector(self._zero, self._zero)
         for j, weight in weights.items():
             if self.slides[j]:
@@ -151,7 +151,7 @@ class Multibody:
 
 
 def _vectors(weights: Sequence[complex], number: Callable[[float], Number]) -> dict[int, Vector]:
-    """The non-zero weights of a point, by link."""
+    """Converts the nonzero weights of a point to vectors, by link."""
     return {
         j: Vector(number(weight.real), number(weight.imag))
         for j, weight in enumerate(weights)
@@ -160,7 +160,7 @@ def _vectors(weights: Sequence[complex], number: Callable[[float], Number]) -> d
 
 
 def turned(weight: Vector, direction: Vector) -> Vector:
-    """The product of two vectors as complex numbers."""
+    """Multiplies two vectors as complex numbers."""
     (a, b), (x, y) = weight, direction
     return Vector(a * x - b * y, a * y + b * x)
 

@@ -1,12 +1,12 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Reference states for methods, computed with 130 digits.
+"""Reference states of linkages, computed with 130 digits.
 
 Positions are intersections of circles; rates, accelerations and torque solve the multibody
 equations, from which virtual power eliminates the force that closes the loop. Digits cancel near
 change points, but 100 digits remain in every situation (test/test_methods.py). At a change point
-the formulas are 0/0; the motion is smooth there, so the state is the mean of two states 1e-60 rad
-to either side.
+the formulas are 0/0; the motion is smooth there, so the state is the mean of the states 1e-60 rad
+on either side.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ _Number: TypeAlias = Any  # an mpf or mpc; mpmath has no type annotations
 # Values by quantity: 'position' (of the coupler, rad, and of the output, rad or m), 'direction'
 # (the same with unit vectors in place of angles), 'rate', 'acceleration', 'torque' (in a tuple).
 Exact: TypeAlias = dict[str, tuple[_Number, ...]]
-# The mechanisms with a textbook closed form of the loop.
+# Mechanisms whose loop has a closed-form textbook solution.
 Linkage: TypeAlias = FourBar | SliderCrank
 
 
 def lengths(linkage: Linkage) -> tuple[float, ...]:
-    """Lengths of crank, coupler, rocker and frame, or of crank, coupler and offset, m."""
+    """Returns the lengths of crank, coupler, rocker and frame, or crank, coupler and offset, m."""
     first = linkage.crank.length, linkage.coupler.length
     if isinstance(linkage, FourBar):
         return *first, linkage.rocker.length, linkage.frame.length
@@ -44,12 +44,12 @@ def lengths(linkage: Linkage) -> tuple[float, ...]:
 
 
 def other_assembly(linkage: Linkage) -> Linkage:
-    """The linkage in its other assembly."""
+    """Returns the linkage in its other assembly."""
     return replace(linkage, assembly=CROSSED if linkage.assembly == OPEN else OPEN)
 
 
 class Reference:
-    """States of one mechanism, right to 100 digits.
+    """Computes states of a linkage, correct to 100 digits.
 
     Attributes:
         slides: Whether the output slides.
@@ -58,14 +58,14 @@ class Reference:
     def __init__(
         self, mechanism: Linkage, speed: float, acceleration: float, *, decimal: bool = False
     ) -> None:
-        """Reads the mechanism's numbers.
+        """Converts the numbers of the linkage to multiple precision.
 
         Args:
             mechanism: Linkage to solve.
             speed: Crank speed, rad/s.
             acceleration: Crank acceleration, rad/s^2.
-            decimal: Whether lengths have their typed decimal value: 0.1 is exactly a tenth.
-                Otherwise they have the float's value, as all other numbers do.
+            decimal: Whether lengths are exact decimals, so that 0.1 is a tenth. All other numbers
+                have the value of their float.
         """
         self._mechanism, self._motion = mechanism, (speed, acceleration)
         self.slides = isinstance(mechanism, SliderCrank)
@@ -75,7 +75,7 @@ class Reference:
             self._bodies = Multibody(mechanism, mp.mpf, _unit, as_typed)
 
     def state(self, crank: float) -> Exact:
-        """The state at a crank angle, rad.
+        """Computes the state at a crank angle, rad.
 
         Raises:
             UnreachableError: The loop does not close at this angle, or the crank's arc ends there.
@@ -119,7 +119,7 @@ class Reference:
         return coupler / b, (coupler - diagonal) / c, height / (2 * b * c)
 
     def _height(self, p: _Number, q: _Number, folds: tuple[bool, bool], theta: _Number) -> _Number:
-        """The root of p q with the sign of the assembly, which alternates at change points.
+        """Returns sqrt(p q) with the sign of the assembly, which alternates at change points.
 
         Raises:
             UnreachableError: The root does not exist.
@@ -163,5 +163,5 @@ def _vector(number: _Number) -> Vector:
 
 
 def _mean(a: _Number, b: _Number) -> _Number:
-    # Angles on both sides of the jump at pi are averaged as neighbours.
+    # Angles on either side of the jump at pi are averaged across it.
     return a + mp.arg(mp.expj(b - a)) / 2 if abs(a - b) > 3 else (a + b) / 2

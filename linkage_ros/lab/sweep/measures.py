@@ -1,12 +1,11 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The measures of designs: functions of many designs over all crank angles of a period.
+"""Measures of designs, computed for many designs and all crank angles of a period at once.
 
-The code for a single mechanism also computes the constants of many designs: the description of the
-mechanism contains arrays in place of numbers. Where this code branches on a value, all designs
-must take the same branch. If they do not, the designs are divided into two groups by the
-condition, and the computation starts again for each group. So every group has one structure, and
-one program.
+The constants of many designs are computed by the code for a single mechanism, whose description
+then contains arrays in place of numbers. Where this code branches on a value, all designs must
+take the same branch. If they do not, the condition divides them into two groups, and the
+computation restarts for each group. Every group therefore has one structure and one program.
 """
 
 import copy
@@ -31,12 +30,12 @@ from linkage_ros.numeric import Array, Real, wrap
 from linkage_ros.units import radians_per_second
 
 RPM = 'rpm'
-_AT_ONCE = 16384  # array values per block: intermediate results stay in the processor's cache
-_STEPS = 8  # steps of Newton's method; four reach the last digits
+_AT_ONCE = 16384  # array values per block, few enough for the processor's cache
+_STEPS = 8  # Newton steps; four usually reach full precision
 
 
 class Task(NamedTuple):
-    """The computation for every design.
+    """What to compute for every design.
 
     Attributes:
         mechanism: The base mechanism of all designs.
@@ -56,22 +55,22 @@ class Task(NamedTuple):
 
 
 def measure(task: Task, designs: Array) -> Array:
-    """Measures designs.
+    """Computes all measures of many designs.
 
     Args:
-        task: What to measure.
-        designs: A row for each design, a column for each name.
+        task: The base mechanism, the varied parameters and the measures.
+        designs: Parameter values; a row for each design, a column for each name in the task.
 
     Returns:
-        A row for each design: 1 if its crank turns fully, else 0; then the measures, NaN where a
-        design has none.
+        A row for each design: 1 if its crank turns fully, else 0; then the measures, NaN where one
+        does not apply.
     """
     found = np.full((len(designs), 1 + len(task.measures)), math.nan)
     found[:, 0] = 0
     columns = dict(zip(task.names, designs.T, strict=True))
     rpms = columns.pop(RPM, np.full(len(designs), task.rpm or 0.0))
     at_once = max(1, _AT_ONCE // task.angles)
-    # As in Program.arrays: glibc then keeps the memory of arrays.
+    # As in Program.arrays: makes glibc keep freed arrays for reuse.
     np.empty(3_000_000)
     with np.errstate(all='ignore'):
         for rows, transmission, constants in groups(task.mechanism, columns, len(designs)):
@@ -104,17 +103,17 @@ class _Designs(np.ndarray[Any, Any]):
 def groups(
     mechanism: Mechanism, columns: Mapping[str, Array], count: int
 ) -> Iterator[tuple[npt.NDArray[np.intp], Transmission, Constants]]:
-    """Divides designs into groups of one structure.
+    """Divides designs into groups that share a structure.
 
     Args:
-        mechanism: The mechanism that the designs have in common.
+        mechanism: The base mechanism of all designs.
         columns: Values for all designs, by parameter name.
         count: Number of designs.
 
     Yields:
-        For each group, the indices of its designs, their transmission, and the constants of
+        For each group, the indices of its designs, their transmission, and the constants of the
         formulas, in which varied numbers are arrays of shape (designs, 1). Designs that cannot be
-        assembled are in no group.
+        assembled are omitted.
 
     Raises:
         TypeError: The mechanism cannot be computed for arrays.
@@ -127,7 +126,7 @@ def groups(
         except _DivideError as error:
             (holds,) = error.args
             waiting += [rows[holds], rows[~holds]]
-        except TypeError:  # some constants of this mechanism are functions of floats alone
+        except TypeError:  # some constants of this mechanism accept only floats
             if len(rows) == 1:
                 raise
             waiting += np.split(rows, len(rows))
@@ -138,7 +137,7 @@ def groups(
 def _constants(
     mechanism: Mechanism, columns: Mapping[str, Array], rows: npt.NDArray[np.intp]
 ) -> tuple[Transmission, Constants]:
-    """The transmission, and the constants: model, coupler point, extreme transmission angles."""
+    """Returns the transmission; then model, coupler point and extreme transmission angles."""
     for name, column in columns.items():
         value = float(column[rows[0]]) if len(rows) == 1 else column[rows, None].view(_Designs)
         mechanism = with_value(mechanism, name, value)
@@ -150,7 +149,7 @@ def _constants(
 
 
 def with_value(part: Any, name: str, value: Any) -> Any:
-    """A copy of a description with one value replaced; the value is not checked.
+    """Copies a description with one value replaced; the value is not checked.
 
     Args:
         part: A mechanism, one of its parts, or a pair of numbers.
@@ -175,18 +174,18 @@ def with_value(part: Any, name: str, value: Any) -> Any:
 
 
 def torque_of(constants: Any, angle: Real, speed: Real) -> Real:
-    """The driving torque, N m."""
+    """Computes the driving torque, N m."""
     return driving_torque(constants[0], angle, speed)[0]
 
 
 def _output_of(constants: Any, angle: Real, _: Real) -> tuple[Real, Real, Real]:
-    """Position of the output link, and its first two derivatives with respect to the angle."""
+    """Computes the output link's position and its first two derivatives by the crank angle."""
     link = constants[0].loop.pose((angle,)).links[-1]
     return link.position, link.jacobian[0], link.curvature[0]
 
 
 def _path_of(constants: Any, angle: Real, _: Real) -> Vector:
-    """The coupler point, m."""
+    """Computes the position of the coupler point, m."""
     model, point, *_ = constants
     directions = [link.direction for link in model.loop.pose((angle,)).links]
     at_rest = [ZERO] * len(directions)
@@ -194,17 +193,17 @@ def _path_of(constants: Any, angle: Real, _: Real) -> Vector:
 
 
 def _force_of(constants: Any, angle: Real, speed: Real) -> Vector:
-    """The force on the frame, N."""
+    """Computes the force on the frame, N."""
     return reactions(constants[0], (angle,), (speed,), ())[2]
 
 
 def _extremes_of(constants: Any, *_: Real) -> tuple[Real, Real]:
-    """The smallest and the largest transmission angle, rad."""
+    """Returns the smallest and the largest transmission angle, rad."""
     return cast('tuple[Real, Real]', constants[2])
 
 
 class Batch:
-    """Designs of one structure whose cranks turn fully, over a period.
+    """Designs of one structure whose cranks turn fully, evaluated over a period.
 
     All arrays have a row for each design.
     """
@@ -230,7 +229,7 @@ class Batch:
         return cast('Array', self._run(torque_of, self._angles))
 
     def shaking_force(self) -> Array:
-        """Largest force on the frame, N; infinite if there are change points."""
+        """Computes the largest force on the frame, N; infinite if there are change points."""
         if self._has_change_point:
             return np.full(len(self._speed), math.inf)
         return np.asarray(np.hypot(*self._run(_force_of, self._angles)).max(-1))
@@ -251,27 +250,27 @@ class Batch:
         return np.where(twice, at, math.nan)
 
     def stroke(self) -> Array:
-        """Signed distance between the two reversals of the output, rad or m."""
+        """Computes the signed distance between the two reversals of the output, rad or m."""
         places, *_ = self._run(_output_of, self._reversals)
         return np.asarray(places[:, 1] - places[:, 0])
 
     def swing(self) -> Array:
-        """Swing of a rocker that stays on one side of the frame, deg."""
+        """Computes the swing of a rocker that stays on one side of the frame, deg."""
         return cast('Array', np.abs(np.degrees(wrap(self.stroke(), np.rint))))
 
     def time_ratio(self) -> Array:
-        """Ratio of the longer to the shorter crank rotation between the reversals."""
+        """Computes the ratio of the longer to the shorter crank rotation between reversals."""
         way = self._reversals[:, 1] - self._reversals[:, 0]
         rest = len(self._angles) * self._step - way
         return np.maximum(way, rest) / np.minimum(way, rest)
 
     def transmission_angle(self) -> Array:
-        """Smallest transmission angle, measured as an acute angle, deg."""
+        """Computes the smallest transmission angle, measured as an acute angle, deg."""
         low, high = self._run(_extremes_of, self._angles[:1])
         return cast('Array', np.degrees(np.minimum(low, math.pi - high)).ravel())
 
     def point_distance(self) -> Array:
-        """Largest distance of the given points from the path of the coupler point, m."""
+        """Computes the largest distance of the given points from the coupler point's path, m."""
         x, y = self._run(_path_of, self._angles)
         path = x + 1j * y
         step = np.roll(path, -1, axis=-1) - path
@@ -286,7 +285,7 @@ class Measure(NamedTuple):
     Attributes:
         unit: Unit of the measure.
         of: Function that computes the measure for each design of a batch.
-        needs: Requirement on a task, one of the texts in `has`; empty: none.
+        needs: Requirement on the task, one of the keys in `has`; empty if there is none.
     """
 
     unit: str
@@ -310,7 +309,7 @@ MEASURES = {
 
 
 def has(task: Task, needs: str) -> bool:
-    """Whether a task meets the requirement of a measure."""
+    """Returns whether a task meets the requirement of a measure."""
     structure = task.mechanism.structure()
     slides = structure.links[-1].slides
     return {

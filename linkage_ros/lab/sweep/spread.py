@@ -24,7 +24,7 @@ from typing import Any, cast
 from linkage_ros.errors import ConfigurationError
 
 _ATTEMPTS = 3
-_PATIENCE = 10  # time limit, s, for a scheduler to answer, and another for it to have a worker
+_PATIENCE = 10  # time limit, s, for the scheduler to answer, and again for its first worker
 
 
 def spread(
@@ -40,7 +40,7 @@ def spread(
         connect: Context manager that starts and ends an executor.
 
     Yields:
-        Number and result of each block, in any order.
+        Index and result of each block, in any order.
 
     Raises:
         ConfigurationError: Three executors in a row break without a result.
@@ -95,7 +95,7 @@ def cluster(address: str) -> Iterator[Executor]:
     """Connects to the workers of a Dask cluster, on which this package must be installed.
 
     Args:
-        address: Address of its scheduler.
+        address: Address of the Dask scheduler.
 
     Yields:
         An executor; the cluster repeats the work of a lost worker on another one.
@@ -103,7 +103,7 @@ def cluster(address: str) -> Iterator[Executor]:
     Raises:
         ConfigurationError: No scheduler answers, it has no workers, or its workers fail.
         BrokenExecutor: A result was lost with its worker.
-        TypeError: The work raises it.
+        TypeError: The work itself raised it.
     """
     from distributed import Client, KilledWorker
     from distributed.comm.addressing import get_address_host_port
@@ -122,7 +122,7 @@ def cluster(address: str) -> Iterator[Executor]:
     with client:
         try:
             client.wait_for_workers(1, timeout=_PATIENCE)
-            client.run(version, 'linkage_ros')  # without it a worker ends, and its work waits
+            client.run(version, 'linkage_ros')  # a worker without it would die, its work wait
             yield client.get_executor()
         except (TimeoutError, KilledWorker, ImportError, CancelledError) as error:
             raise ConfigurationError(
@@ -130,7 +130,7 @@ def cluster(address: str) -> Iterator[Executor]:
                 f'workers (`dask worker {address}`) with linkage_ros, and memory for the angles'
             ) from error
         except TypeError as error:
-            # Dask's executor fails so, rarely, on a result whose worker dies while it is sent.
+            # Dask's executor occasionally raises this if a worker dies while it sends a result.
             *_, (frame, _) = traceback.walk_tb(error.__traceback__)
             if frame.f_code.co_name != '_cascade_future':
                 raise

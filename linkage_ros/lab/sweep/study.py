@@ -26,7 +26,7 @@ _GOAL = Quantity('choice', '', choices=('least', 'most'))
 
 @dataclass(frozen=True)
 class Settings(Checked):
-    """The settings of a study besides its groups and measures.
+    """Settings of a study, other than its groups and measures.
 
     Attributes:
         base: Preset or parameter file of the mechanism.
@@ -34,8 +34,8 @@ class Settings(Checked):
         sampler: Method of choosing designs.
         seed: Seed of the random numbers.
         angles: Number of crank angles per turn.
-        rpm: Crank speed, rpm; None: the base's.
-        points: Points that the coupler point should pass: x, y, x, y and so on, m.
+        rpm: Crank speed, rpm; None for the speed of the base.
+        points: Points that the coupler point should pass, as x, y, x, y, ..., m.
     """
 
     base: str = quantity('text', 'preset, or parameter file, of the mechanism')
@@ -53,14 +53,14 @@ class Settings(Checked):
 
 
 class Study(NamedTuple):
-    """A study, read and sampled.
+    """A study with its sampled designs.
 
     Attributes:
         task: The computation for every design.
         columns: The varied parameters with their ranges; defaults are the values of the base.
         designs: Values of these parameters, a row for each design.
         constraints: Smallest and largest value of measures.
-        goals: 'least' or 'most' for the two measures of the Pareto front; empty: there is none.
+        goals: 'least' or 'most' for the two measures of the Pareto front; empty without a front.
     """
 
     task: Task
@@ -80,7 +80,7 @@ def read_study(path: str) -> Study:
         The study.
 
     Raises:
-        ConfigurationError: The study cannot be used; the message names the valid input.
+        ConfigurationError: The study is invalid; the message names valid input.
     """
     groups, values = _read_groups(path)
     settings, measures = build(Settings, values), values.get('measures', [])
@@ -114,7 +114,7 @@ def read_study(path: str) -> Study:
 
 
 def _read_groups(path: str) -> tuple[dict[str, dict[str, Any]], dict[str, Any]]:
-    """Reads the groups of a study by name, and all its values.
+    """Reads a study; returns its groups by name, and all its values.
 
     Raises:
         ConfigurationError: The file cannot be read, or has an unknown name.
@@ -136,7 +136,7 @@ def _read_groups(path: str) -> tuple[dict[str, dict[str, Any]], dict[str, Any]]:
 def _columns(
     groups: Mapping[str, Mapping[str, Any]], mechanism: Mechanism, rpm: float | None
 ) -> list[Leaf]:
-    """The parameters in which designs differ.
+    """Returns the parameters in which designs differ, with their ranges.
 
     Raises:
         ConfigurationError: No parameter is given, or a parameter is unknown, given twice or out of
@@ -178,10 +178,10 @@ def _span(name: str, value: object, allowed: Quantity) -> tuple[float, float]:
 
 
 def parameters(mechanism: Mechanism, rpm: float | None) -> Iterator[Leaf]:
-    """The numeric parameters that may be varied, with the values of the base as defaults."""
+    """Yields the parameters that can vary, with the values of the base as defaults."""
     values: dict[str, Any] = flatten(mechanism)
     for name, allowed, _ in leaves(type(mechanism)):
-        if name in values and hasattr(mechanism, name.partition('.')[0]):  # else of a load
+        if name in values and hasattr(mechanism, name.partition('.')[0]):  # not part of a load
             if allowed.kind == 'number':
                 yield Leaf(name, allowed, values[name])
             elif allowed.kind == 'pair':
@@ -191,10 +191,10 @@ def parameters(mechanism: Mechanism, rpm: float | None) -> Iterator[Leaf]:
 
 
 def _designs(settings: Settings, columns: Sequence[Leaf]) -> Array:
-    """Values of the parameters, a row for each design.
+    """Samples the parameters; returns a row for each design.
 
     Raises:
-        ConfigurationError: A grid of this few designs has only one value per parameter.
+        ConfigurationError: The grid would have only one value per parameter.
     """
     count, size = settings.designs, len(columns)
     if settings.sampler == 'grid':
@@ -205,7 +205,7 @@ def _designs(settings: Settings, columns: Sequence[Leaf]) -> Array:
             )
         shares = np.indices([steps] * size).reshape(size, -1).T / (steps - 1)
     elif settings.sampler == 'sobol':
-        # SciPy warns of numbers that are not a power of 2.
+        # SciPy warns unless the number of samples is a power of 2.
         sampler = qmc.Sobol(size, seed=settings.seed)
         shares = sampler.random_base2(math.ceil(math.log2(count)))[:count]
     else:
