@@ -168,7 +168,7 @@ DEFINED = {
     'methods': (
         'more than 500 steps', '30 cases', 'or 2 to 10 if', 'every value within 1e-6',
         'but within 1e-6', 'after 50 iterations', "Document 1's listing", 'in 130 digits',
-        'of which 100 are left', 'at 1e-12 m', '10 s from 6 rad/s', '4 s from 150 rpm',
+        'of which 100 are correct', 'at 1e-12 m', '10 s from 6 rad/s', '4 s from 150 rpm',
         '1000 us would be real time', 'in 34 digits', 'At a tolerance of 1e-9',
         'by 1e-12 rad', "loop's gap at 0",
     ),
