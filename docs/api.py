@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Writes the API reference as HTML: the public names of linkage_ros, from their docstrings."""
+"""Writes the API reference of linkage_ros as HTML, from the docstrings of its public names."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ import linkage_ros
 
 
 def write(folder: Path) -> None:
-    """Writes the reference; a warning of pdoc is an error.
+    """Writes the reference; treats warnings of pdoc as errors.
 
     Args:
-        folder: Folder for the pages, which are replaced.
+        folder: Output folder; existing pages are replaced.
     """
-    import pdoc  # `--help` needs none
+    import pdoc  # not needed for `--help`
 
     for name in linkage_ros.__all__:
         public = getattr(linkage_ros, name)
         if isinstance(public, type) and issubclass(public, tuple):
-            # Python names no module for this method, in which pdoc could look up the types.
+            # __new__ has no module in which pdoc could resolve the types, so resolve them here.
             public.__new__.__annotations__ = typing.get_type_hints(public)
     pdoc.render.configure(docformat='google', show_source=False)
     with warnings.catch_warnings():

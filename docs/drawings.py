@@ -1,11 +1,11 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Draws the pictures of mechanisms.md: each kind of mechanism, with the names of its parameters.
+"""Draws the figures of mechanisms.md: each kind of mechanism, with the names of its parameters.
 
-    python docs/drawings.py        writes docs/mechanism_*.svg anew
+    python docs/drawings.py        writes docs/mechanism_*.svg
 
-Places, ground and colours are those of the Rerun view, solved and not drawn by hand. SVG is text
-and needs no library: the same mechanism gives the same bytes wherever it is drawn.
+Positions, ground and colours come from the code of the Rerun view. The SVG is written as text,
+without a library, so that the files are the same bytes on every machine.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ _PALE = 0.25  # opacity of the other assembly
 
 
 class Picture(Sheet):
-    """A mechanism in one position, in both of its assemblies.
+    """A drawing of a mechanism at one crank angle, in both assemblies.
 
     Attributes:
-        at: Places of its pins, by name.
-        other: Where they are in the other assembly.
-        centers: Centres of mass, of the links that turn.
+        at: Positions of the pins, by name.
+        other: Positions of the pins in the other assembly, by name.
+        centers: Centres of mass of the links that turn.
         directions: Directions of the links that turn, rad.
     """
 
@@ -48,7 +48,7 @@ class Picture(Sheet):
             mechanism: The mechanism, in its open assembly.
             crank: Crank angle, rad.
             size: Size of the sheet: width, height, scale, origin.
-            names: The pins that are named, and by how much the name is shifted, px.
+            names: Offset of the label of each labelled pin, px.
         """
         super().__init__(*size)
         self._links(replace(mechanism, assembly=lr.CROSSED), crank, f'opacity="{_PALE}"')
@@ -76,7 +76,7 @@ class Picture(Sheet):
             for ground in drawing.ground:
                 self.line([complex(*p) for p in ground], GREY, 2)
         for link, (line,) in lines.items():
-            # Of the other assembly the dyad alone, without the coupler point.
+            # In the other assembly, only the dyad is drawn, without the coupler point.
             shown = line[:2] if attributes and link in ('coupler', 'rocker', 'rod') else line
             self.line([complex(*p) for p in shown], COLORS[link], 6, attributes)
         for name, place in self.at.items():
@@ -85,7 +85,7 @@ class Picture(Sheet):
 
     def angle(self, pin: str, span: tuple[float, float], radius: float, color: Color, words: str,
               shift: complex) -> None:  # fmt: skip
-        """An angle at a pin, from a dashed line to a link, and its name at the arc's middle."""
+        """Draws an angle at a pin, with its label at the middle of the arc."""
         at, middle = self.at[pin], sum(span) / 2
         if not span[0]:
             self.dashes(at, at + (radius + 25) / self.scale)
@@ -94,18 +94,18 @@ class Picture(Sheet):
         self.text(tip, words, color, shift=shift, anchor='start' if shift.real > 0 else 'end')
 
     def texts(self, *texts: tuple[complex, str, Color, complex, str]) -> None:
-        """Words, each with its place, colour, shift in px, and anchor."""
+        """Draws texts, each given by position, words, colour, offset in px, and anchor."""
         for place, words, color, shift, anchor in texts:
             self.text(place, words, color, shift=shift, anchor=anchor)
 
     def gravity(self, place: complex) -> None:
-        """Where it points by default, from a place on the sheet."""
+        """Draws the default direction of gravity as an arrow from a position."""
         length = 120 / self.scale
         self.arrow(place, place - 1j * length)
         self.text(place - 1j * length, 'gravity', shift=-18j)
 
     def away(self, link: int, pin: str, to: complex, color: Color, side: float) -> None:
-        """How far a point of a link is along it from its first pin, and across it."""
+        """Draws the dimensions of a point of a link: along the link from a pin, and across."""
         at, turn = self.at[pin], cmath.rect(1, self.directions[link])
         foot = at + turn * ((to - at) / turn).real
         if side:
@@ -117,7 +117,7 @@ class Picture(Sheet):
 
 
 def four_bar() -> Picture:
-    """Four-bar: lengths, angles, coupler point, a centre of mass."""
+    """Draws a four-bar with lengths, angles, coupler point and a centre of mass."""
     mechanism = lr.FourBar(
         lr.Frame(1.4, math.radians(9)),
         lr.Body(0.42),
@@ -163,7 +163,7 @@ def four_bar() -> Picture:
 
 
 def slider_crank() -> Picture:
-    """Slider-crank: guide, offset, the slider's place and what acts on it."""
+    """Draws a slider-crank with guide, offset, slider position and the forces on the slider."""
     e, delta = 0.2, math.radians(12)
     mechanism = lr.SliderCrank(
         lr.Body(0.6), lr.Coupler(1.15, center=(0.5, 0.13)), lr.Slider(offset=e), lr.Guide(delta)
@@ -221,7 +221,7 @@ def slider_crank() -> Picture:
 
 
 def wind_pump() -> Picture:
-    """Wind pump: its two coordinates, and what drives and brakes it."""
+    """Draws a wind pump with its two coordinates, motor torque and damping."""
     mechanism = lr.WindPump(
         lr.Body(0.35, center=(-0.25, 0.0)),
         lr.Coupler(0.8),
@@ -269,7 +269,7 @@ DRAWINGS = four_bar, slider_crank, wind_pump
 
 
 def main() -> None:
-    """Writes the pictures."""
+    """Writes the SVG files."""
     argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()
     for draw in DRAWINGS:
         Path(__file__).with_name(f'mechanism_{draw.__name__}.svg').write_text(draw().svg())

@@ -1,11 +1,11 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Writes the measured numbers of methods.md and dynamics.md from the JSON beside them.
+"""Updates the measured numbers in methods.md and dynamics.md from the JSON files in this folder.
 
-    python docs/figures.py        renews both pages
+    python docs/figures.py        updates both pages
 
-A sentence is found by its words; {} is a number in it. `linkage_chart accuracy --out docs`,
-`linkage_chart stability --out docs` and benchmarks/delay.py make the JSON.
+Each sentence is found by its words, in which {} stands for a number. `linkage_chart accuracy --out
+docs`, `linkage_chart stability --out docs` and benchmarks/delay.py write the JSON files.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _MULTIPLIERS = [f'multipliers, {how}' for how in ('unstabilised', 'Baumgarte', '
 
 
 def records(name: str) -> list[dict[str, Any]]:
-    """The records of a JSON file."""
+    """Reads the records of a JSON file."""
     content = json.loads((DOCS / f'{name}.json').read_text())
     found: list[dict[str, Any]] = content['records'] if isinstance(content, dict) else content
     return found
@@ -44,18 +44,18 @@ def _points(method: str, mechanism: str, quantity: str, mode: str) -> list[dict[
 
 
 def _share(method: str, quantity: str, mode: str) -> float:
-    """The time of a method on the quadrilateral, over the default's."""
+    """Returns a method's time on the quadrilateral, relative to the default's time."""
     one, default = (_points(x, 'quadrilateral', quantity, mode)[0] for x in (method, DEFAULT))
     return float(one['us_per_state'] / default['us_per_state'])
 
 
 def _best(method: str, quantity: str) -> float:
-    """The smallest error of a method on the quadrilateral."""
+    """Returns the smallest error of a method on the quadrilateral, over all its settings."""
     return min(p['max_error'] for p in _points(method, 'quadrilateral', quantity, _ONE))
 
 
 def _over_live(method: str, mechanism: str, mode: str, setting: str = '') -> float:
-    """The time of an integrator over that of the live default at its own setting."""
+    """Returns an integrator's time, relative to the live default at its default setting."""
     times = [
         point['us_per_state']
         for name, begin in ((method, setting), (LIVE, 'step 0.001,'))
@@ -75,7 +75,7 @@ def _cell(method: str, situation: str) -> float:
 
 
 def methods_figures() -> list[Figure]:
-    """The sentences of methods.md."""
+    """Returns the sentences of methods.md, with their numbers."""
     circles, pump, quadrilateral = 'two circles', 'wind_pump', 'quadrilateral'
     mean, slowest = 'motion', 'motion, slowest ms'
     others = [method.name for method in METHODS if method.name != DEFAULT]
@@ -121,7 +121,7 @@ def methods_figures() -> list[Figure]:
 
 
 def dynamics_figures() -> list[Figure]:
-    """The sentences of dynamics.md."""
+    """Returns the sentences of dynamics.md, with their numbers."""
     live = _points(LIVE, 'quadrilateral', 'trajectory', 'motion')
     (each,) = (p['us_per_state'] for p in live if p['setting'].startswith('step 0.001,'))
     late = {r['delay_ticks']: 100 * r['largest_deviation'] for r in records('delay')}
@@ -149,7 +149,7 @@ FIGURES = {'methods': methods_figures, 'dynamics': dynamics_figures}
 
 
 def shown(value: float) -> str:
-    """A number to two digits, small ones to one, as a power of ten."""
+    """Formats a number with two digits; very small or large ones as one digit and an exponent."""
     if 0.001 < value < 1000:
         return f'{float(f"{value:.2g}"):g}'
     digits, exponent = f'{value:.0e}'.split('e')
@@ -157,10 +157,10 @@ def shown(value: float) -> str:
 
 
 def place(sentence: str, text: str) -> re.Match[str]:
-    """The one place of a sentence on a page.
+    """Finds the only occurrence of a sentence on a page.
 
     Raises:
-        ValueError: There is none, or more than one.
+        ValueError: The sentence occurs never, or more than once.
     """
     words = [re.escape(word).replace(r'\{\}', f'({NUMBER})') for word in sentence.split()]
     found = list(re.finditer(r'\s+'.join(words), text))
@@ -170,7 +170,7 @@ def place(sentence: str, text: str) -> re.Match[str]:
 
 
 def filled(name: str, text: str) -> str:
-    """A page with the numbers of the JSON; the text around them stays."""
+    """Replaces the numbers of a page by those of the JSON files; keeps all other text."""
     for sentence, values in FIGURES[name]():
         match = place(sentence, text)
         for i, value in reversed(list(enumerate(values, 1))):
@@ -179,7 +179,7 @@ def filled(name: str, text: str) -> str:
 
 
 def main() -> None:
-    """Writes the pages."""
+    """Updates the pages."""
     argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()
     for name in FIGURES:
         page = DOCS / f'{name}.md'

@@ -1,12 +1,12 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Makes quadrilateral.gif beside it: a turn of the quadrilateral, as Rerun's viewer shows it.
+"""Makes docs/quadrilateral.gif: one turn of the quadrilateral in Rerun's viewer.
 
     python docs/moving_picture.py
 
-It needs the package with its extras viewer and chart (Pillow comes with matplotlib), and Vulkan:
-a graphics card's, or Mesa's in software (mesa-vulkan-drivers on Debian and Ubuntu). It needs no
-screen: the viewer draws all it has in its window, but opens none. A quarter of a minute.
+Requires the extras viewer and chart (Pillow comes with matplotlib), and Vulkan: the driver of a
+graphics card, or Mesa's software driver (mesa-vulkan-drivers on Debian and Ubuntu). It needs no
+screen, because the viewer renders without a window. This takes a quarter of a minute.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from linkage_ros.view.picture import TIMELINE, Picture
 from linkage_ros.view.rerun_view import View
 from linkage_ros.view.viewer_process import ViewerProcess, find_viewer, free_address
 
-# Imported where it is used, after a View has told it not to warn of what is meant.
+# Imported where it is used, after linkage_ros.view has set the log level of Rerun.
 if TYPE_CHECKING:
     import rerun.blueprint as rrb
     from rerun.experimental import ViewerClient
@@ -40,18 +40,18 @@ if TYPE_CHECKING:
 _NAME = 'python docs/moving_picture.py'
 _OUT = Path(__file__).with_name('quadrilateral.gif')
 _RPM, _TURN = 60.0, 1.0  # s
-_FRAMES = 50  # a turn: as many as a View draws, so that each shows another state
-_FRAME_MS = 40  # half as fast as the crank turns: eyes can follow
-_SHOWN = (-0.06, 1.06)  # s, on the axis of time: with room for the numbers at its ends
+_FRAMES = 50  # per turn, the rate at which a View draws, so that each frame shows a new state
+_FRAME_MS = 40  # half the speed of the crank, to be easy to follow
+_SHOWN = (-0.06, 1.06)  # s, range of the time axis, with room for the labels at its ends
 _SIZE = '960x500'
-_ZOOMS = 3  # each makes letters and lines a tenth larger: the picture is read at half size too
-_BAND = 46  # above the views, where the viewer keeps its title bar even if that is hidden
+_ZOOMS = 3  # each enlarges text and lines by a tenth: the picture is also read at half size
+_BAND = 46  # px above the views, where the viewer reserves space for its hidden title bar
 _COLORS = 64
-_PATIENCE = 30.0  # s, for the viewer to start
+_PATIENCE = 30.0  # s, time limit for the viewer to start
 
 
 def _messages(configuration: Configuration) -> list[tuple[int, bytes]]:
-    """One turn, with the state at its end."""
+    """Computes the messages of one turn, including the state at its end."""
     simulator = Simulator(configuration)
     motion = simulator.begin(0)
     stamps = map(simulator.elapsed, range(simulator.tick_at(round(_TURN * NS_PER_S)) + 1))
@@ -59,7 +59,7 @@ def _messages(configuration: Configuration) -> list[tuple[int, bytes]]:
 
 
 def _blueprint(configuration: Configuration) -> rrb.Blueprint:
-    """The linkage and the torque of the usual layout, no panels, and a time axis that stands."""
+    """Reduces the usual layout to linkage and torque, without panels, with a fixed time axis."""
     import rerun as rr
     import rerun.blueprint as rrb
 
@@ -68,7 +68,7 @@ def _blueprint(configuration: Configuration) -> rrb.Blueprint:
     torque = first.contents[0]
     start, end = (rr.TimeRangeBoundary.absolute(seconds=seconds) for seconds in _SHOWN)
     turn = rr.TimeRange(start=start, end=end)
-    # The usual axis ends at the cursor, which moves.
+    # By default, the axis ends at the cursor, which moves.
     torque.properties['TimeAxis'] = rrb.archetypes.TimeAxis(view_range=turn)
     del torque.properties['VisibleTimeRanges']
     return rrb.Blueprint(
@@ -81,10 +81,10 @@ def _blueprint(configuration: Configuration) -> rrb.Blueprint:
 
 
 def _connect(program: ViewerProcess, url: str) -> ViewerClient:
-    """Waits for the viewer until it has loaded all.
+    """Connects to the viewer, and waits until it has loaded the data.
 
     Raises:
-        ViewerError: It gave up, or nothing came of it.
+        ViewerError: The viewer failed, or did not load the data in time.
     """
     from rerun.experimental import ViewerClient
 
@@ -103,7 +103,7 @@ def _connect(program: ViewerProcess, url: str) -> ViewerClient:
 
 
 def _frames(files: list[Path]) -> Iterator[Image.Image]:
-    """The viewer's pictures of a turn, evenly spaced in time."""
+    """Yields screenshots of a turn, evenly spaced in time."""
     host, port = free_address('127.0.0.1')
     options = ['--headless', '--window-size', _SIZE, '--bind', host, '--port', str(port)]
     program = ViewerProcess([find_viewer(), *files, *options], outlives=False)
@@ -111,7 +111,7 @@ def _frames(files: list[Path]) -> Iterator[Image.Image]:
         client = _connect(program, f'rerun+http://{host}:{port}/proxy')
         for _ in range(_ZOOMS):
             client.run_command('ui.zoom_in_ui')
-        for number in [0] * 10 + list(range(_FRAMES)):  # it needs some frames to settle
+        for number in [0] * 10 + list(range(_FRAMES)):  # the viewer needs some frames to settle
             client.set_time(TIMELINE, duration=number * _TURN / _FRAMES, play_state='paused')
             picture = Image.open(io.BytesIO(client.take_screenshot())).convert('RGB')
             yield picture.crop((0, _BAND, *picture.size))
@@ -128,7 +128,7 @@ def _make(out: Path) -> None:
         view.close()
         _blueprint(configuration).save('linkage_ros', blueprint)
         frames = list(_frames([recording, blueprint]))[-_FRAMES:]
-    # One palette for all, and no dither: what does not move stays the same, and takes no space.
+    # With one palette and no dithering, areas that do not move are identical and take no space.
     palette = frames[_FRAMES // 3].quantize(_COLORS)
     first, *others = (
         frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames

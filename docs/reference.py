@@ -1,11 +1,11 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Fills the tables of reference.md: parameters, topics, executables, launch files, methods.
+"""Updates the tables of reference.md: parameters, topics, executables, launch files, methods.
 
-    python docs/reference.py        writes the tables of docs/reference.md anew
+    python docs/reference.py        updates docs/reference.md
 
-The tables come from the declarations in the code; the text between them is edited by hand. The
-script needs the package with its extra ros.
+The tables come from the declarations in the code; the text between them is written by hand. The
+script requires the extra ros.
 """
 
 from __future__ import annotations
@@ -43,12 +43,12 @@ from linkage_ros.wire.topics import (
 
 _LAUNCH = Path(__file__).parents[1] / 'launch'
 
-# A table stands between a line that names it and a line that ends it.
+# A table is between a comment with its name and an end comment.
 _PLACE = re.compile(r'(?<=<!-- table: )(\w+)( -->\n\n).*?(?=\n\n<!-- end -->)', re.DOTALL)
 
 
 def _table(head: str, rows: Iterable[Iterable[str]]) -> str:
-    """A Markdown table."""
+    """Formats a Markdown table."""
     columns = head.split(', ')
     lines = [columns, ['---'] * len(columns), *rows]
     return '\n'.join(f'| {" | ".join(line)} |' for line in lines)
@@ -58,12 +58,12 @@ def _table(head: str, rows: Iterable[Iterable[str]]) -> str:
 
 
 def _parameters(cls: type) -> str:
-    """The table of the parameters that a class declares."""
+    """Makes the table of the parameters that a class declares."""
     return _table('name, value, default, meaning', map(parameter_row, leaves(cls)))
 
 
 def parameter_row(leaf: Leaf) -> tuple[str, str, str, str]:
-    """One parameter: name, valid values, default and meaning."""
+    """Makes the row of a parameter: name, valid values, default and meaning."""
     name, quantity, default = leaf
     span = re.sub(r'e\+?(-?)0*', r'e\1', quantity.span)  # 1e-9, not 1e-09
     values = {
@@ -83,7 +83,7 @@ def parameter_row(leaf: Leaf) -> tuple[str, str, str, str]:
 
 
 def _presets() -> str:
-    """The presets, each with the comment at the top of its file."""
+    """Makes the table of presets, from the comment at the top of each file."""
     rows = []
     for name in preset_names():
         lines = takewhile(
@@ -95,7 +95,7 @@ def _presets() -> str:
 
 
 def _sections(word: str, classes: Mapping[str, type]) -> str:
-    """A heading and a table for each class."""
+    """Makes a heading and a table for each class."""
     return '\n\n'.join(
         f'#### `{word}: {name}`\n\n{_parameters(cls)}' for name, cls in classes.items()
     )
@@ -122,7 +122,7 @@ def _topics() -> str:
 
 
 def programs() -> dict[str, argparse.ArgumentParser]:
-    """The command line of each executable, by name."""
+    """Returns the argument parser of each executable, by name."""
     starts = [value.args for value in vars(executables).values() if isinstance(value, partial)]
     return {name: import_module(f'linkage_ros.{module}')._parser() for name, module in starts}  # noqa: SLF001
 
@@ -134,7 +134,7 @@ def _executables() -> str:
 
 
 def _command(heading: str, parser: argparse.ArgumentParser) -> Iterator[str]:
-    """A heading, the purpose, and a usage line and table of arguments, or those of subcommands."""
+    """Yields heading, purpose, usage line and table of arguments; recurses into subcommands."""
     yield heading
     words = ' '.join((parser.description or '').split())
     yield f'{words[0].upper()}{words[1:].rstrip(".")}.'
@@ -153,7 +153,7 @@ def _command(heading: str, parser: argparse.ArgumentParser) -> Iterator[str]:
 
 
 def _usage(action: argparse.Action) -> str:
-    """How an argument is typed."""
+    """Formats an argument as in a usage line."""
     value = action.metavar if isinstance(action.metavar, str) else action.dest.upper()
     if not action.option_strings:
         return f'[{value}]' if action.nargs == '?' else value
@@ -166,9 +166,9 @@ def _usage(action: argparse.Action) -> str:
 
 
 def launch_arguments(path: Path) -> dict[str, tuple[str, str]]:
-    """The arguments that a launch file declares: default and meaning by name.
+    """Returns default and meaning of the arguments of a launch file, by name.
 
-    The file runs without ROS's launch: its modules have stand-ins.
+    The file runs with mocks of ROS's launch modules, which need not be installed.
     """
     names = ('launch', 'launch.actions', 'launch.events', 'launch.events.process', 'launch_ros')
     modules = {name: MagicMock() for name in (*names, 'launch_ros.actions')}
@@ -196,7 +196,7 @@ def _launch(path: Path) -> Iterator[str]:
 
 
 def _methods() -> str:
-    """The table of the methods that `linkage_chart accuracy` and `stability` compare."""
+    """Makes the table of the methods that `linkage_chart accuracy` and `stability` compare."""
     methods = [method for methods, _ in GRIDS for method in methods]
     return _table(
         'method, computes, needs, source', ((m.name, m.stage, m.needs, m.source) for m in methods)
@@ -204,7 +204,7 @@ def _methods() -> str:
 
 
 def tables() -> dict[str, str]:
-    """The tables by the names that the page gives them."""
+    """Makes all tables, by the names in the comments of the page."""
     return {
         'presets': _presets(),
         'kind': _parameters(MechanismAndDrive),
@@ -220,13 +220,13 @@ def tables() -> dict[str, str]:
 
 
 def filled(text: str) -> str:
-    """The page with its tables made anew; the text around them stays."""
+    """Replaces the tables of a page; keeps the text around them."""
     made = tables()
     return _PLACE.sub(lambda place: place[1] + place[2] + made[place[1]], text)
 
 
 def main() -> None:
-    """Writes the page."""
+    """Updates the page."""
     argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()
     page = Path(__file__).with_suffix('.md')
     page.write_text(filled(page.read_text()))

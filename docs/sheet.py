@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Lines, arrows, angles and words as SVG."""
+"""Draws lines, arrows, angles and text as SVG."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ import numpy as np
 
 from linkage_ros.palette import BLACK, GREY, Color
 
-_SIZE = 19  # of the letters, px: half of it can still be read
+_SIZE = 19  # font size, px; legible at half size
 
 
 class Sheet:
-    """A picture in the making. Places are x + iy in m of base_link, the rest is in px."""
+    """An SVG picture under construction; positions are x + iy, m, in base_link, sizes are px."""
 
     def __init__(self, width: int, height: int, scale: float, origin: complex) -> None:
-        """Begins it.
+        """Creates an empty picture.
 
         Args:
-            width: px.
-            height: px.
-            scale: px per m.
-            origin: Where base_link is, px to the right and down from the upper left corner.
+            width: Width, px.
+            height: Height, px.
+            scale: Scale, px per m.
+            origin: Position of base_link, px to the right and down from the upper left corner.
         """
         self.scale, self._origin = scale, origin
-        # The first of these fonts is the widest: what fits with it fits with all.
+        # The first of these fonts is the widest, so text that fits in it fits in all of them.
         head = (
             f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" '
             f'width="{width}" height="{height}" font-size="{_SIZE}" stroke-linejoin="round" '
@@ -40,7 +40,7 @@ class Sheet:
     def line(
         self, places: Iterable[complex], color: Color, width: float = 1.5, attributes: str = ''
     ) -> None:
-        """A line through places; `attributes` holds more attributes."""
+        """Draws a line through positions; `attributes` are further SVG attributes."""
         points = ' '.join(self._point(place) for place in places)
         self._parts.append(
             f'<polyline points="{points}" fill="none" stroke="rgb{color}" '
@@ -48,11 +48,11 @@ class Sheet:
         )
 
     def dashes(self, *places: complex, color: Color = GREY) -> None:
-        """A line that is no part of the mechanism."""
+        """Draws a dashed auxiliary line."""
         self.line(places, color, 1.5, 'stroke-dasharray="6 5"')
 
     def dot(self, place: complex, radius: float, color: Color) -> None:
-        """A pin."""
+        """Draws a pin as a circle."""
         x, y = self._point(place).split(',')
         self._parts.append(
             f'<circle cx="{x}" cy="{y}" r="{radius:g}" fill="white" stroke="rgb{color}" '
@@ -60,7 +60,7 @@ class Sheet:
         )
 
     def mass(self, place: complex, color: Color) -> None:
-        """A centre of mass: a circle of which two quarters are filled."""
+        """Draws the symbol of a centre of mass: a circle with two dark quarters."""
         self.dot(place, 9, color)
         r = 9 / self.scale
         for turn in (1, -1):
@@ -70,19 +70,19 @@ class Sheet:
     def arrow(
         self, start: complex, end: complex, color: Color = BLACK, *, both: bool = False
     ) -> None:
-        """An arrow, or with two heads a length."""
+        """Draws an arrow, with two heads if `both` is set."""
         self.line([start, end], color)
         self._head(end, cmath.phase(end - start), color)
         if both:
             self._head(start, cmath.phase(start - end), color)
 
     def arc(self, center: complex, radius: float, span: tuple[float, float], color: Color) -> None:
-        """An angle or a torque, with a head at its end; `span` in rad, `radius` in px."""
+        """Draws an arc with an arrowhead at its end; `span` in rad, `radius` in px."""
         start, end = span
         r = radius / self.scale
         sweep = [center + cmath.rect(r, float(a)) for a in np.linspace(start, end, 33)]
         self.line(sweep, color)
-        # The head's chord, not the tangent at its tip: it lies on the arc.
+        # Aligned with the arc's chord below the head, so that the head lies on the arc.
         turn = math.copysign(math.pi / 2 - 6 / radius, end - start)
         self._head(sweep[-1], end + turn, color)
 
@@ -90,7 +90,7 @@ class Sheet:
         self, place: complex, words: str, color: Color = BLACK, *, shift: complex = 0j,
         anchor: str = 'middle', turn: float = 0.0,
     ) -> None:  # fmt: skip
-        """Words at a place, moved by `shift` px to the right and up, turned by `turn` rad."""
+        """Draws text at a position, offset by `shift` px right and up, rotated by `turn` rad."""
         x, y = self._point(place + shift / self.scale).split(',')
         turned = f' transform="rotate({-math.degrees(turn):.1f} {x} {y})"' if turn else ''
         self._parts.append(
@@ -99,7 +99,7 @@ class Sheet:
         )
 
     def along(self, ends: tuple[complex, complex], words: str, color: Color, side: float) -> None:
-        """Words along a link, `side` px to the left of it."""
+        """Draws text along a line, offset by `side` px to its left."""
         way = ends[1] - ends[0]
         turn = cmath.phase(way)
         upright = turn - math.copysign(math.pi, turn) if abs(turn) > math.pi / 2 else turn
@@ -107,7 +107,7 @@ class Sheet:
         self.text((ends[0] + ends[1]) / 2, words, color, shift=shift, turn=upright)
 
     def svg(self) -> str:
-        """The picture."""
+        """Returns the picture as SVG."""
         return '\n'.join([*self._parts, '</svg>', ''])
 
     def _head(self, tip: complex, direction: float, color: Color) -> None:
@@ -115,7 +115,7 @@ class Sheet:
         self.line([tip, *back, tip], color, 1, f'style="fill:rgb{color}"')
 
     def _point(self, place: complex) -> str:
-        """As SVG writes a place: px to the right and down."""
+        """Formats a position for SVG: px to the right and down."""
         at = self._origin + self.scale * place.conjugate()
-        # + 0.0: no -0.0, whose sign is an accident of rounding.
+        # + 0.0 turns -0.0, an accident of rounding, into 0.0.
         return f'{round(at.real, 1) + 0.0},{round(at.imag, 1) + 0.0}'
