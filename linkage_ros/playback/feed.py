@@ -14,19 +14,19 @@ from typing import NamedTuple
 from linkage_ros.log.reader import LoggedMessage, LogReader
 from linkage_ros.units import NS_PER_S
 
-# Messages in a batch, and batches that are read ahead, so that unpacking a chunk delays no
-# message. Single messages instead of batches would wake the reading thread at every message; while
-# this thread works for milliseconds, a subscriber on the same processor gets its message late.
+# Messages per batch, and batches read ahead, so that decompressing a chunk delays no message.
+# Without batches, every message would wake the reading thread for milliseconds, which delays a
+# subscriber on the same processor.
 _BATCH, _BATCHES = 16, 256
 
 
 class Excerpt(NamedTuple):
-    """A part of a log.
+    """An excerpt of a log.
 
     Attributes:
         start: First log time, ns.
-        end: Log time at which the excerpt ends, ns, exclusive. An excerpt up to the end of the
-            log ends one message period after the last message, so that repetitions in a loop join.
+        end: End of the excerpt in log time, ns, exclusive. At the end of the log, this is one
+            period after the last message, so that the repetitions of a loop are evenly spaced.
         topics: Fully qualified names of the topics.
     """
 
@@ -73,9 +73,9 @@ def feed(log: LogReader, excerpt: Excerpt, *, loop: bool) -> Iterator[Iterator[I
     """Reads an excerpt in a separate thread.
 
     Args:
-        log: The log; from now on, only the feed may use it.
-        excerpt: The part to play; latched messages of earlier times come first.
-        loop: Whether to repeat the excerpt without end.
+        log: The log; while the feed is open, nothing else may use it.
+        excerpt: The part to play; earlier latched messages come first.
+        loop: Whether to repeat the excerpt indefinitely.
 
     Yields:
         An iterator over the items; it raises a LogError where the file is damaged.

@@ -20,10 +20,10 @@ _KEY = re.compile(rb' |\x1b[\[O][ABC]')
 
 
 class Keyboard(AbstractContextManager['Keyboard']):
-    """Reads the keys of a terminal; in the background or without a terminal, there are no keys.
+    """Reads keys from a terminal; returns none in the background or without a terminal.
 
-    Use it in the main thread, because it handles Ctrl-Z: the terminal is restored while the
-    program is stopped, and the next `read` prepares it again.
+    It must be used in the main thread, because it handles Ctrl-Z: the terminal is restored while
+    the program is stopped, and the next `read` prepares it again.
     """
 
     def __init__(self, descriptor: int = 0) -> None:
@@ -44,7 +44,7 @@ class Keyboard(AbstractContextManager['Keyboard']):
         """Waits for a key.
 
         Args:
-            timeout: Longest time to wait, s; without a terminal, `read` always waits this long.
+            timeout: Time limit, s; without a terminal, `read` always waits this long.
 
         Returns:
             SPACE, RIGHT, UP or DOWN; None if no key, or another key, was pressed.

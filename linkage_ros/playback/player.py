@@ -30,17 +30,17 @@ _RATE_STEP = 0.1
 
 MIN_RATE, MAX_RATE = 1e-3, 1e6
 
-# A replay that is late by more real time than this, ns, does not catch up: its process was
-# suspended, or its rate is too high for the machine.
+# A replay that is late by more than this, ns of real time, does not catch up, because its process
+# was suspended, or its rate is too high for the machine.
 _LARGEST_LAG = NS_PER_S // 10
 
 
 class Pace:
     """The position of a replay in log time, ns; it never decreases.
 
-    Deadlines are absolute: delays of single waits do not add up. The position does not pass the
-    next message before that message is published, so that a clock that shows the position is
-    never ahead of the messages. One thread may control the pace while others read it.
+    Deadlines are absolute, so delays of single waits do not accumulate. The position does not pass
+    the next message until that message is published, so that a published clock is never ahead of
+    the messages. One thread may control the pace while others read it.
 
     Attributes:
         rate: Ratio of log time to real time while the replay is not paused.
@@ -50,10 +50,10 @@ class Pace:
     def __init__(
         self, start: int, rate: float, now: Callable[[], int] = time.monotonic_ns
     ) -> None:
-        """Sets the position of a replay that is paused at first.
+        """Creates a paused replay.
 
         Args:
-            start: Log time of the position, ns.
+            start: Initial position, ns of log time.
             rate: Ratio of log time to real time.
             now: Function that returns the real time, ns.
         """
@@ -75,10 +75,10 @@ class Pace:
             time: Log time of that message, ns.
 
         Returns:
-            Real time until the message is due, s; 0 or less: now; infinite while paused.
+            Real time until the message is due, s; at most 0 if it is due, infinite while paused.
         """
         self._next = time
-        if time <= self._played_until:  # messages of one log time come together
+        if time <= self._played_until:  # messages of one log time are played together
             return 0.0
         if self.paused:
             return math.inf
@@ -129,7 +129,7 @@ def play(
         paused: Whether to wait for a key before the first item.
 
     Returns:
-        The number of items.
+        The number of items that were played.
     """
     actions: dict[bytes, Callable[[], None]] = {
         SPACE: pace.toggle,
@@ -141,7 +141,7 @@ def play(
     for item in items:
         if count == 0 and not paused:
             pace.toggle()  # not before: reading the first message takes a while
-        # Keys must be read even if every message is late, so that the loop never waits.
+        # Keys must be read even if every message is late and the loop never waits.
         while (left := pace.seconds_until(item.time)) > 0 or time.monotonic() >= check_at:
             if stop.is_set():
                 return count

@@ -31,7 +31,7 @@ def showing(name: str, log: LogReader, target: str, *, alone: bool) -> Iterator[
         alone: Whether this is the only sink; the replay then ends with the view.
 
     Yields:
-        The function that shows a message, if it contains joint states.
+        A function that shows a message if it contains joint states, and ignores other messages.
 
     Raises:
         ViewerError: No viewer answers, the view cannot be opened, or it has ended and is the only

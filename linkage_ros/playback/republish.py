@@ -26,8 +26,8 @@ from linkage_ros.ros.topics import create_publisher, wait_for_subscribers
 from linkage_ros.wire.cdr import encode_clock
 from linkage_ros.wire.topics import SIMULATED_CLOCK, TOPICS, Topic, effort_commands
 
-# Longest waiting times, s: for a first subscriber, because earlier messages are lost; for all
-# subscribers to be found; and for subscribers to receive the last messages.
+# Time limits, s: for the first subscriber to connect, because earlier messages are lost; for the
+# other subscribers; and for subscribers to receive the last messages.
 _DISCOVERY_SECONDS, _MATCH_SECONDS, _LAST_SECONDS = 3.0, 0.5, 2.0
 
 
@@ -48,14 +48,14 @@ def republishing(
         log: The log; determines types and quality of service.
         topics: Fully qualified names of the topics to publish.
         pace: Position in the log.
-        clock_hz: Rate, in real time, at which the position is published on /clock, Hz; None: it
-            is not published.
+        clock_hz: Rate, in real time, at which the position is published on /clock, Hz; None
+            disables /clock.
 
     Yields:
-        The function that publishes a message.
+        A function that publishes a message.
 
     Raises:
-        ConfigurationError: The command line sets a parameter; the node has none of its own.
+        ConfigurationError: The command line sets a parameter, of which the node has none.
         LogError: A topic has a type that linkage_ros does not write, or an invalid name.
     """
     with ExitStack() as stack:
@@ -99,7 +99,7 @@ def republishing(
 
 
 def _await_receipt(publishers: list[Publisher]) -> None:
-    """Waits until all messages are received, but at most 2 s."""
+    """Waits until subscribers have received all messages, at most 2 s."""
     end = time.monotonic() + _LAST_SECONDS
     for publisher in publishers:
         left = max(0.0, end - time.monotonic())

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Shared parts of the launch files: arguments, and how programs start and end."""
+"""Shared code of the launch files: arguments, and actions that start and end programs."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def program(
     values: Mapping[str, object],
     remappings: Sequence[tuple[str, str]] = (),
 ) -> Any:
-    """Starts a program of this package; the launch ends when the program ends.
+    """Returns an action that starts a program of this package, and ends the launch with it.
 
     Args:
         name: Name of the executable.
@@ -87,7 +87,7 @@ def state_publisher(
     values: Mapping[str, object],
     remappings: Sequence[tuple[str, str]] = (),
 ) -> Any:
-    """Starts robot_state_publisher, if it is installed.
+    """Returns an action that starts robot_state_publisher if it is installed.
 
     Args:
         namespace: Namespace of its node.
@@ -97,8 +97,8 @@ def state_publisher(
     Returns:
         The action.
     """
-    # Otherwise both nodes would publish robot_description, latched; the log contains the message
-    # of linkage_node.
+    # Otherwise both nodes would publish robot_description as latched messages; the log contains
+    # that of linkage_node.
     own = 'robot_description', 'robot_state_publisher/robot_description'
     publisher = Node(
         package='robot_state_publisher',
@@ -111,7 +111,7 @@ def state_publisher(
 
 
 def where_installed(package: str, feature: str, action: Any) -> Any:
-    """Checks the ROS package that an action needs.
+    """Replaces an action by a message if the ROS package that it needs is missing.
 
     Args:
         package: Name of the package.
@@ -119,7 +119,7 @@ def where_installed(package: str, feature: str, action: Any) -> Any:
         action: Action that needs the package.
 
     Returns:
-        The action, or an action that prints what to install.
+        The action, or one that prints what to install.
     """
     cure = how_to_install(package, feature)
     return LogInfo(msg=cure) if cure else action

@@ -22,10 +22,10 @@ class LiveView(Worker[Sample]):
     """Shows the states of a node, in a separate thread."""
 
     def __init__(self, node: Node, configuration: Configuration) -> None:
-        """Opens the view that a configuration asks for.
+        """Opens the view that a configuration specifies.
 
         Args:
-            node: Node whose logger reports the page's address, who can read the data, and errors.
+            node: Node whose logger reports the page's address, public access, and errors.
             configuration: Configuration of the run.
 
         Raises:
@@ -55,7 +55,7 @@ class LiveView(Worker[Sample]):
         )
 
     def health(self) -> Health:
-        """Health of the view: lost states, fatal error, current problem."""
+        """Returns the health of the view: lost states, fatal error, current problem."""
         # States are lost on the way to the view, and in the view if the viewer lags.
         lost = self.dropped + self._view.dropped
         return Health(self._target, lost, self.error, self._view.trouble)

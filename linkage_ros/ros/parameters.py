@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Declared quantities as parameters of an rclpy node: descriptors, checks, live changes."""
+"""Declares quantities as parameters of an rclpy node: descriptors, checks, live changes."""
 
 from __future__ import annotations
 
@@ -30,19 +30,19 @@ _TYPES = {
 
 
 def given_values(node: Node) -> dict[str, object]:
-    """The parameters that a node was started with, by command line and files."""
+    """Returns the parameters set by the command line and parameter files of a node, by name."""
     return {name: p.value for name, p in node._parameter_overrides.items()}  # noqa: SLF001, no other tells
 
 
 class ParameterNode(Node):  # type: ignore[misc]  # rclpy has no types
     """A node whose parameters are quantities.
 
-    A read-only parameter may be set to its current value: so `ros2 param load` accepts the output
-    of `ros2 param dump`.
+    A read-only parameter may be set to its current value, so that `ros2 param load` accepts the
+    output of `ros2 param dump`.
     """
 
     def __init__(self, name: str, **options: Any) -> None:
-        """Makes the node.
+        """Creates the node.
 
         Args:
             name: Name of the node.
@@ -56,7 +56,7 @@ class ParameterNode(Node):  # type: ignore[misc]  # rclpy has no types
         self._live: set[str] = set()
 
     def set_live(self, name: str, value: float) -> None:
-        """Handles a parameter that was set while the node runs; subclasses override this."""
+        """Handles a change of a live parameter; subclasses override this."""
 
     def declare(self, parameters: Iterable[Leaf], values: Mapping[str, object]) -> None:
         """Declares parameters with their current values.
@@ -75,10 +75,10 @@ class ParameterNode(Node):  # type: ignore[misc]  # rclpy has no types
                     self._live.add(name)
 
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
-        """Sets parameters, all or none; all services that set parameters call this.
+        """Sets all parameters or none; all services that set parameters call this method.
 
         Args:
-            parameter_list: The parameters; parameters that would not change are left out.
+            parameter_list: The parameters; those that would not change are ignored.
 
         Returns:
             The result for all parameters.
@@ -101,7 +101,7 @@ class ParameterNode(Node):  # type: ignore[misc]  # rclpy has no types
 
 
 def _descriptor(name: str, quantity: Quantity) -> ParameterDescriptor:
-    """The descriptor for `ros2 param describe`: meaning, unit, range, and whether it is live."""
+    """Makes the descriptor for `ros2 param describe`: meaning, unit, range, and read-only flag."""
     unit = f' [{quantity.unit}]' if quantity.unit else ''
     is_number = quantity.kind == 'number'
     span = FloatingPointRange(from_value=quantity.low, to_value=quantity.high)

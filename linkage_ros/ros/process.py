@@ -37,11 +37,11 @@ from linkage_ros.parameters.presets import preset_names, preset_path
 from linkage_ros.run.scheduling import accompany_ticker
 
 _PIPE_SIZE = 65536  # bytes, the size of a pipe
-_FLUSH_SECONDS = 1.0  # s, for the reader of the program's last lines
-_DESTROY_SECONDS = 10.0  # s; a node that ends later is killed
+_FLUSH_SECONDS = 1.0  # time limit for writing the program's last lines
+_DESTROY_SECONDS = 10.0  # a process whose node takes longer to end is killed
 
-# Errors of rclpy for wrong command lines, files, names and values. RCLError,
-# which has no public name, is a RuntimeError.
+# Errors of rclpy for invalid command lines, files, names and values. RCLError has no public name,
+# but is a RuntimeError.
 USER_ERRORS = (
     RuntimeError,
     ValueError,
@@ -60,7 +60,7 @@ def run_program(
     Args:
         arguments: The command line.
         parser: Parser with the program's name, --help and --version.
-        make: Makes the node; its method `work` runs until the end and returns an exit code.
+        make: Creates the node, whose method `work` runs until the end and returns an exit code.
 
     Returns:
         The exit code.
@@ -84,11 +84,11 @@ def run_program(
 
 
 def _check_parameter_files(arguments: list[str], node: str) -> None:
-    """Checks parameter files before rcl reads them, to give clearer errors.
+    """Checks parameter files before rcl reads them, to report clearer errors.
 
     Args:
         arguments: Arguments of the command line.
-        node: Name of the node, unless the arguments set another name.
+        node: Default name of the node, which the arguments may change.
 
     Raises:
         ConfigurationError: A file has an error, or a preset is given instead of a path.
@@ -109,12 +109,12 @@ def _check_parameter_files(arguments: list[str], node: str) -> None:
 
 @contextmanager
 def ros_context(arguments: list[str]) -> Iterator[list[str]]:
-    """Initialises rclpy and shuts it down; reports a bad command line or file in one line.
+    """Initialises rclpy and shuts it down; reports an invalid command line or file in one line.
 
-    The caller handles signals: rclpy's handlers would shut down during a tick.
+    The caller handles signals, because rclpy's handlers would shut down during a tick.
 
     Args:
-        arguments: The command line, ROS arguments included.
+        arguments: The command line, including ROS arguments.
 
     Yields:
         The arguments that are not for ROS, without the program's name.
@@ -133,7 +133,7 @@ def ros_context(arguments: list[str]) -> Iterator[list[str]]:
 
 @contextmanager
 def reported_as_configuration() -> Iterator[None]:
-    """Turns errors of rclpy about user input into one-line ConfigurationErrors.
+    """Converts errors of rclpy about user input to one-line ConfigurationErrors.
 
     Raises:
         ConfigurationError: rclpy's message, without its source lines.
@@ -141,7 +141,7 @@ def reported_as_configuration() -> Iterator[None]:
     """
     try:
         yield
-    except LinkageError:  # its message already says what to do
+    except LinkageError:  # its message is already clear
         raise
     except USER_ERRORS as error:
         text = re.sub(r'(, at \S+:\d+)+|Error: error not set', '', ' '.join(str(error).split()))
@@ -154,7 +154,7 @@ def reported_as_configuration() -> Iterator[None]:
 
 
 def _spin(executor: SingleThreadedExecutor, node: Node, ends: threading.Event) -> None:
-    """Spins until the end, despite exceptions such as those for parameters without a type."""
+    """Spins until shutdown, despite exceptions such as those for parameters without a type."""
     accompany_ticker()  # a tick may wait for the interpreter lock that the callbacks hold
     while node.context.ok():
         try:
@@ -193,8 +193,8 @@ def spinning(node: Node) -> Iterator[None]:
         ends.set()
         executor.shutdown(timeout_sec=2.0)
         thread.join(2.0)
-        # Fast DDS may hang in C code that holds the interpreter lock (eProsima/Fast-DDS#6513): no
-        # Python thread could end the process then.
+        # Fast DDS may hang in C code that holds the interpreter lock (eProsima/Fast-DDS#6513).
+        # Then no Python thread could end the process.
         with Path(os.devnull).open('w') as devnull:
             faulthandler.dump_traceback_later(_DESTROY_SECONDS, exit=True, file=devnull)
             node.destroy_node()
@@ -205,10 +205,10 @@ def spinning(node: Node) -> Iterator[None]:
 def nonblocking_stderr() -> Iterator[None]:
     """Makes stderr non-blocking, so that Ctrl-S in the terminal cannot stop the crank.
 
-    Log lines go through a pipe of this process. Lines beyond the pipe's 64 KiB are lost, and so
-    are the last lines if they are not read within a second of the end.
+    Log lines pass through a pipe of this process. Lines beyond the pipe's 64 KiB are lost, as are
+    the last lines if they are not read within a second after the end.
     """
-    if sys.stderr is None:  # closed by `2>&-`: the log must not get its number, and its lines
+    if sys.stderr is None:  # closed by `2>&-`: the log file must not become descriptor 2
         os.open(os.devnull, os.O_WRONLY)
     original = os.dup(2)
     if os.isatty(original):  # rcutils would check the pipe instead
@@ -229,9 +229,9 @@ def nonblocking_stderr() -> Iterator[None]:
 
 @contextmanager
 def muted_stderr() -> Iterator[None]:
-    """Drops rcl's output about errors that it also raises: the user gets one line.
+    """Drops rcl's output about errors that it also raises, so that the user sees one line.
 
-    If nothing is raised, the output is printed afterwards.
+    If no error is raised, the output is printed afterwards.
     """
     with tempfile.TemporaryFile() as held:
         original = os.dup(2)
@@ -245,7 +245,7 @@ def muted_stderr() -> Iterator[None]:
 
 
 def _redirect(number: int) -> None:
-    """Redirects stderr to an open file."""
+    """Redirects stderr to an open file, and closes the file's original descriptor."""
     with suppress(OSError, AttributeError):  # the disk is full, or stderr is closed
         sys.stderr.flush()
     os.dup2(number, 2)

@@ -16,29 +16,29 @@ from linkage_ros.run.simulator import Simulator
 from linkage_ros.run.worker import Worker
 from linkage_ros.wire.topics import Topic
 
-# Items that wait for a stalled disk: half a minute's at 1 kHz.
+# Items queued for a stalled disk, enough for half a minute at 1 kHz.
 _CAPACITY = 30_000
 # s between batches, each of which is a chunk. A killed run loses at most this time plus delays of
-# a busy machine; the documentation promises 0.3 s. While the thread waits, its code and data leave
-# the processor's caches, so that smaller batches cost two to three times as much.
+# a busy machine; the documentation promises 0.3 s. Between batches, the thread's code and data
+# leave the processor's caches, so that smaller batches cost two to three times as much.
 _PERIOD = 0.15
-# s between syncs to the disk, which bounds the loss in a power cut.
+# s between syncs to the disk, which limit the loss in a power cut.
 _SYNC_PERIOD = 1.0
 _CLOSE_SECONDS = 30.0
 
 
 class RunLog:
-    """Writes a log, if the run has one, in separate threads; any thread may add to it.
+    """Writes the log of a run, if it has one, in separate threads; any thread may add to it.
 
     Attributes:
-        offer: Logs an item that a `LogWriter` consumes, such as the row of a state.
+        offer: Function that queues an item for the `LogWriter`, such as the row of a state.
     """
 
     def __init__(self, node: Node, simulator: Simulator, others: Iterable[Topic]) -> None:
         """Creates the log.
 
         Args:
-            node: Node whose logger reports how the log ends.
+            node: Node whose logger reports errors.
             simulator: Simulator that makes the states.
             others: Further topics, published or received.
 
@@ -84,7 +84,7 @@ class RunLog:
             self.offer((self._channels[topic.name], stamp, message))
 
     def health(self) -> Health:
-        """Health of the log."""
+        """Returns the health of the log."""
         if not self._workers:
             return Health('')
         writing, syncing = self._workers

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Topics of a node: publishers that take bytes, and subscriptions to commands and measurements."""
+"""Topics of a node: publishers of CDR bytes, subscriptions to commands and measurements."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ from linkage_ros.units import NS_PER_S, TIME_END
 from linkage_ros.wire.cdr import LARGEST_COMMAND, stamp_of
 from linkage_ros.wire.topics import Topic
 
-# Waiting times, s: for subscribers to find a node, and for matching.
+# Time limit, s, for subscribers to discover a node, and time for the others to match.
 _DISCOVERY_SECONDS, _MATCH_SECONDS = 0.8, 0.2
 # Queue length of commands between ticks, which bounds the cost of a flood: older commands are
 # dropped. It is also the queue length of /clock, and large enough for a burst.
 _DEPTH = 100
-_PATIENCE = 0.1  # s; longest wait for a message, which delays the end of a node
+_PATIENCE = 0.1  # s, longest wait for a message, by which the end of a node is delayed
 # Topics of every rclpy node.
 _ROS_TOPICS = ('/rosout', '/parameter_events')
 
 
 def message_class(name: str) -> Any:
-    """The Python class of a message type such as 'std_msgs/msg/Float64'."""
+    """Imports the Python class of a message type such as 'std_msgs/msg/Float64'."""
     package, _, kind = name.split('/')
     return getattr(import_module(f'{package}.msg'), kind)
 
@@ -59,7 +59,8 @@ def create_publisher(node: Node, topic: Topic, **options: Any) -> Publisher:
 class StatePublisher:
     """Publishes a topic while it has subscribers.
 
-    To count the subscribers at every tick would take as long as to publish.
+    The subscribers are counted only when they change, because counting takes as long as
+    publishing.
 
     Attributes:
         publisher: Publisher of CDR bytes.
@@ -77,7 +78,7 @@ class StatePublisher:
 
 
 def require_distinct(node: Node, topics: Iterable[Topic]) -> None:
-    """Refuses two topics of a node with the same name.
+    """Raises an error if two topics of a node have the same name.
 
     Args:
         node: Node that resolves the names by its namespace and remappings.
@@ -108,8 +109,8 @@ def wait_for_subscribers(
 
     Args:
         publishers: Publishers of the node.
-        patience: Longest time to wait until one of them has a subscriber, s.
-        settle: Further time for other subscribers, s.
+        patience: Time limit for the first subscriber, s.
+        settle: Additional time for other subscribers, s.
 
     Returns:
         Whether there is a subscriber.
@@ -126,12 +127,12 @@ def wait_for_subscribers(
 class _PolledGroup(ReentrantCallbackGroup):  # type: ignore[misc]  # rclpy has no types
     """Hides the messages of a subscription from the executor, but not its events.
 
-    Each message would wake the executor's thread. Thousands per second then take the interpreter
-    from the tick thread: at 10 kHz, five of six ticks were missed.
+    Otherwise each message would wake the executor's thread, which then competes with the tick
+    thread for the interpreter: at 10 kHz, five of six ticks were missed.
     """
 
     def can_execute(self, entity: object) -> bool:
-        """Whether the executor may handle an entity of this group."""
+        """Returns whether the executor may handle an entity of this group."""
         return not isinstance(entity, Subscription)
 
 
@@ -157,14 +158,15 @@ class PolledSubscription:
         Args:
             node: Node of the subscription.
             topic: Topic to subscribe to.
-            read: Reads a message received at a time, ns; raises a ValueError if it is refused.
+            read: Decodes a message, given its time of receipt, ns; raises a ValueError to refuse
+                it.
             log: Called for each message with time of receipt, ns, topic, and CDR bytes.
         """
         self.name, self._logger = node.resolve_topic_name(topic.name), node.get_logger()
         self._topic, self._read, self._log = topic, read, log
         self._kind, self._depth = message_class(topic.interface.name), max(topic.depth, _DEPTH)
-        # To ask for messages takes as long as a fifth of a tick, so `take` asks only while there
-        # are publishers, and once after one has come or gone.
+        # Polling takes a fifth of a tick, so `take` polls only while there are publishers, and
+        # once after their number has changed.
         self._publishers, self._has_changed = 0, True
         qos = QoSProfile(depth=self._depth, reliability=ReliabilityPolicy.BEST_EFFORT)
         self._subscription = node.create_subscription(
@@ -191,7 +193,7 @@ class PolledSubscription:
             return
         self._has_changed = False
         handle, refused = self._subscription.handle, ''
-        for _ in range(self._depth):  # a flood of messages must not keep the thread here
+        for _ in range(self._depth):  # a flood of messages must not block the thread
             with handle:
                 found = handle.take_message(self._kind, True)
             if not found:

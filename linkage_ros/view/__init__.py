@@ -4,7 +4,7 @@
 
 import os
 
-# The SDK reads this variable when it is imported. By default it would warn that files get no
-# index, which is intended; that flushes time out, which is expected here; and that a disk is full,
-# which this package reports itself.
+# The SDK reads this variable when it is imported. By default it would warn of files without an
+# index, which are intended; of flush timeouts, which are expected; and of a full disk, which this
+# package reports itself.
 os.environ.setdefault('RUST_LOG', 'warn,re_log_encoding=off,re_sdk=off,re_grpc_client=off')

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The picture of a linkage as lines and points, for Rerun and for charts.
+"""Geometry of a linkage drawing, as lines and points, for Rerun and for charts.
 
 All coordinates are m in base_link, x to the right and y up.
 """
@@ -18,8 +18,8 @@ from linkage_ros.numeric import Array
 from linkage_ros.view.load_arrows import Complex, LoadArrows
 from linkage_ros.view.reach import reach
 
-# Fractions of the size of the picture: a mark, which is the size of a pivot's triangle and the
-# unit of other lengths; and the greatest length of the scale bar.
+# Fractions of the size of the picture: a mark, the unit of the lengths below, which is the size of
+# a pivot's triangle; and the maximum length of the scale bar.
 _MARK, _SCALE = 0.04, 0.25
 _PIVOT_HEIGHT = 1.4  # height of a pivot's symbol with its ground, marks
 # Distance of a label from a pin, and from the pin of a slider's block; height of a label; marks.
@@ -27,7 +27,7 @@ _LABEL_DISTANCE, _LABEL_BEYOND_BLOCK, _LABEL_HEIGHT = 1.5, 1.9, 1.4
 
 
 class Drawing:
-    """The picture of one mechanism.
+    """Drawing of a mechanism.
 
     Attributes:
         joints: Names of the joints, in the order of the links.
@@ -50,7 +50,7 @@ class Drawing:
     """
 
     def __init__(self, mechanism: Mechanism, crank_angle: float = 0.0) -> None:
-        """Computes the parts of the picture that do not move.
+        """Computes the fixed parts of the drawing.
 
         Args:
             mechanism: Mechanism to draw.
@@ -222,7 +222,7 @@ def plane(points: Complex) -> Array:
 
 
 def _pins_of_the_loop(structure: Structure) -> list[str]:
-    """Lists the names of the pins between the links that turn, in the order of the loop."""
+    """Returns the names of the pins between the links that turn, in the order of the loop."""
     names = {point: name for name, point in structure.points.items()}
     way, rest = structure.closure.weights, (0j,) * len(structure.links)
     found = []

@@ -25,14 +25,14 @@ _LONGEST, _BESIDE_PIN, _RADIUS, _HEAD = 6.0, 1.5, 2.6, 0.9
 _SWEEP = np.linspace(0.0, 1.5 * math.pi, 25)  # angle of the longest curved arrow, rad
 # The head of an arrow along the x axis, from its tip.
 _SIDES = np.array([cmath.rect(1.0, math.pi - 0.45), 0.0, cmath.rect(1.0, math.pi + 0.45)])
-_HARDLY = 1e-300  # a rate that has a sign, but causes a negligible resistance
+_HARDLY = 1e-300  # a rate with a sign but negligible damping force
 
 
 class LoadArrows:
-    """Arrows for the sum of all loads on a link, without loads that joint forces cause.
+    """Arrows for the sum of all loads on a link, except loads that depend on joint forces.
 
-    The longest arrow shows the largest load so far; loads that do not depend on speed are known
-    from the start. Points are x + iy, m.
+    The longest arrow corresponds to the largest load so far; loads that do not depend on speed are
+    known from the start. Points are x + iy, m.
 
     Attributes:
         links: Names of the links on which loads act.
@@ -55,7 +55,7 @@ class LoadArrows:
         for rate in (_HARDLY, -_HARDLY):
             self._shares(positions, np.full_like(positions, rate))
         self.links = tuple(self._largest)
-        # Straight arrows lie beyond the slider as seen from the crank, where no link is.
+        # Straight arrows are on the far side of the slider, where they overlap no link.
         self._side = math.copysign(1.0, positions[:, -1].mean())
         self._outwards = cmath.rect(self._side, self._solver.structure.links[-1].angle)
 
@@ -86,7 +86,7 @@ class LoadArrows:
         return found
 
     def _shares(self, positions: Array, rates: Array) -> dict[str, Array]:
-        """Divides the load on each link by its largest value so far: results from -1 to 1."""
+        """Scales the load on each link by its largest magnitude so far, to -1 to 1."""
         state = State(tuple(positions.T), tuple(rates.T), tuple(0.0 * rates.T), 0.0)
         found = {}
         with np.errstate(all='ignore'):  # a state in a log may be impossible

@@ -1,9 +1,9 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The picture of a run in Rerun: entities over time, constant parts, and layout.
+"""Rerun data of a run: entities over time, constant parts, and layout.
 
-Each call of Rerun takes as much processor time as twenty states. So all moving parts are one
-entity, and the curves are updated less often. Curves of one entity need different names.
+Each call of Rerun takes as much processor time as twenty states. Therefore all moving parts are
+one entity, and the curves are updated less often. Curves of one entity need different names.
 """
 
 from __future__ import annotations
@@ -27,18 +27,18 @@ from linkage_ros.view.drawing import Drawing
 TIMELINE = 'ros2_timestamp'  # Rerun's name for the stamps in an MCAP log
 LINKAGE = 'linkage'
 _MOVING, _FIXED = f'{LINKAGE}/moving', f'{LINKAGE}/fixed'
-# Entities of curves: VALUES has the torque, and position and rate of a slider; RATES and
-# DIRECTIONS have rates and directions in base_link of the links that turn. Joint angles would be
-# relative to the parent link, and would jump at pi.
+# Entities of curves. VALUES: the torque, and position and rate of a slider. RATES, DIRECTIONS:
+# rates and directions of the links that turn, in base_link, because joint angles are relative to
+# the parent link and jump at pi.
 VALUES, RATES, DIRECTIONS = 'values', 'rates', 'directions'
 
 _DRAWING_NS = 20_000_000  # 50 drawings a second of stamp time
-_TURNS, _LONGEST = 5, 60.0  # plotted at a given speed: turns, but at most this many seconds
-_STANDING_SECONDS, _DRIVEN_SECONDS = 10.0, 5.0  # seconds plotted at standstill, and under a torque
+_TURNS, _LONGEST = 5, 60.0  # plotted at a given speed: turns, and maximum duration, s
+_STANDING_SECONDS, _DRIVEN_SECONDS = 10.0, 5.0  # plotted at standstill, and under a torque
 _FRONT = 32.0  # drawing order of the pins, above all lines
 _THIN, _MEDIUM, _THICK, _PIN = -1.0, -2.0, -3.5, -5.0  # radii; negative: points on the screen
 
-# Rerun's components with their Arrow types; Rerun draws no other type.
+# Rerun's components with the Arrow types that it requires.
 _SCALARS, _POSITIONS, _STRIPS = (
     (column.component_descriptor(), column.as_arrow_array().type.value_type)
     for column in (
@@ -49,7 +49,7 @@ _SCALARS, _POSITIONS, _STRIPS = (
 )
 
 
-# Values of an entity: its path, stamps, ns, and components with a row for each stamp.
+# Rows of an entity: its path; stamps, ns; and components with a row for each stamp.
 Rows: TypeAlias = tuple[str, npt.NDArray[np.int64], list[rr.ComponentColumn]]
 
 
@@ -68,7 +68,7 @@ class Picture:
         self.drawing = Drawing(mechanism, start)
         turning = self.drawing.turning
         sliders = self.drawing.joints[len(turning) :]
-        # The links whose motion the curves show, by entity.
+        # Links whose curves each entity holds.
         self._curves = {
             VALUES: ('crank', *sliders, *sliders), RATES: turning, DIRECTIONS: turning[1:],
         }  # fmt: skip
@@ -108,7 +108,7 @@ class Picture:
     def frame(
         self, stamps: npt.NDArray[np.int64], position: Array, velocity: Array, _: Array
     ) -> Iterator[Rows]:
-        """Converts samples to rows of the moving parts alone; see `rows`."""
+        """Converts samples to rows of the moving parts only; see `rows`."""
         places, rates = map(self.drawing.links_from_joints, (position, velocity))
         yield _MOVING, stamps, self._moving(places, rates)
 
@@ -154,10 +154,10 @@ class Picture:
         }  # fmt: skip
 
     def layout(self) -> rrb.Blueprint:
-        """Lays out the linkage and two columns of plots; a column has tabs for its plots.
+        """Lays out the linkage and two columns of plots, which are tabs.
 
-        The plots have the height of the window, because Rerun gives the y axis of a low plot only
-        one label.
+        The plots have the height of the window, because Rerun labels the y axis of a low plot only
+        once.
 
         Returns:
             The blueprint.
@@ -214,7 +214,7 @@ class Picture:
 
 
 def _points(places: list[Array] | None, names: Collection[str], pins: int) -> rr.Points2D:
-    """Makes labels, on points without size, and pins, which are points without labels."""
+    """Makes labels, as points of radius 0, and pins, as points without labels."""
     return rr.Points2D.from_fields(
         positions=places, colors=GREY, draw_order=_FRONT, labels=list(names), show_labels=True,
         radii=[0.0] * len(names) + [_PIN] * pins,

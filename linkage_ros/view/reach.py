@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Positions that the links of a mechanism can reach, for the size of a picture."""
+"""Samples the positions that the links of a mechanism can reach, to size its drawing."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from linkage_ros.model.structure import Mechanism
 from linkage_ros.numeric import Array
 
 _STEPS_PER_TURN = 360
-_BEFORE_END = 1e-9  # distance of the first and last sample from the end, of half an arc
+_BEFORE_END = 1e-9  # distance of first and last sample from the ends, as a fraction of half an arc
 # Grid of crank angles and slider positions of a mechanism with a free slider.
 _ANGLES, _POSITIONS = 72, 121
 
@@ -41,8 +41,8 @@ def reach(mechanism: Mechanism, crank_angle: float) -> Array:
         arcs = solver.reach.arcs
         beyond = [(crank_angle - low) % (2 * math.pi) - (high - low) for low, high in arcs]
         start, end = arcs[int(np.argmin(beyond))]
-        # Near an end, the links move with the square root of the distance to it: even steps of
-        # the crank would truncate the paths. No rates exist at the end itself.
+        # Near an end, the links move with the square root of the distance to it, so even steps of
+        # the crank would truncate the paths. At the end itself, the rates are infinite.
         even = np.linspace(-1, 1, _STEPS_PER_TURN + 1)
         way = (1 - _BEFORE_END) * np.sin(0.5 * math.pi * even)
         crank = 0.5 * (start + end) + 0.5 * (end - start) * way
@@ -52,8 +52,8 @@ def reach(mechanism: Mechanism, crank_angle: float) -> Array:
 def _area(solver: Solver, start: float) -> Array:
     """Samples all crank angles with a range of slider positions around the start.
 
-    In this range, the loop closes at every crank angle; or, if that is not so at the start, at
-    some crank angle.
+    In this range, the loop closes at every crank angle, or at some crank angle if the start does
+    not allow every one.
     """
     longest = sum(abs(weight) for weight in solver.structure.closure.weights)
     places = np.linspace(-longest, longest, _POSITIONS)

@@ -34,16 +34,16 @@ from linkage_ros.view.viewer_process import ViewerProcess, open_viewer
 
 _WALL_CLOCK = 10**18  # ns; smaller stamps, before September 2001, are times since a start
 _BATCH = 20_000  # greatest number of samples sent at once
-# Time between batches, s: of drawings and of curves to a viewer, and to a file. In a viewer, a
-# batch costs as much processor time as fifty samples; a file of small batches would be four times
-# as large.
+# Time between batches, s: drawings to a viewer, curves to a viewer, and all data to a file. In a
+# viewer, a batch costs as much processor time as fifty samples; small batches would make a file
+# four times as large.
 _PERIOD, _CURVES_PERIOD, _FILE_PERIOD = 0.1, 0.2, 1.0
-_SEND_SECONDS, _WRITE_SECONDS = 2.0, 5.0  # longest delay of a batch by a viewer or a disk
-_CLOSE_SECONDS, _LAST_SECONDS = 2.5, 0.5  # longest closing time; for a viewer that does not read
+_SEND_SECONDS, _WRITE_SECONDS = 2.0, 5.0  # time limit of a batch, for a viewer and for a disk
+_CLOSE_SECONDS, _LAST_SECONDS = 2.5, 0.5  # time limit of closing; if the viewer does not read
 _ANSWER_SECONDS = 3.0  # a viewer that has just been started needs about 1 s
 
 
-# The time by which the stamp of a message on joint_states is shifted, ns, and its CDR bytes.
+# Shift of the stamp of a message on joint_states, ns, and the message's CDR bytes.
 Sample: TypeAlias = tuple[int, bytes]
 
 
@@ -53,15 +53,15 @@ class View:
     'spawn' opens a viewer window. As usual with Rerun, the window stays open with its contents
     when the run ends, and closing it does not disturb the run. 'web' serves Rerun's page for a
     browser while the run lasts. A URL names a viewer; samples are dropped while it does not
-    answer. A file keeps everything but the last two seconds, however the run ends. It has no
-    index, which would grow in memory; `rerun rrd optimize` adds one.
+    answer. A file contains everything except at most the last two seconds, however the run ends.
+    It has no index, which would grow in memory; `rerun rrd optimize` adds one.
 
     Stamps are shown as dates and times of day, but small stamps are shown as durations: a record
     that starts at 0 has the labels 0 s, 1 s, 2 s, not dates in 1970.
 
     Attributes:
         page: URL of the page for a browser, or an empty text.
-        trouble: Reason why nothing is sent at present, or an empty text.
+        trouble: Reason why no data is currently sent, or an empty text.
         dropped: Number of samples dropped because the viewer lagged or was absent.
         period: Time between calls of `consume`, s.
     """
@@ -79,7 +79,7 @@ class View:
         Args:
             configuration: Configuration of the run.
             target: One of VIEWERS.
-            bind: Address on which the data for a window or a page, and the page, are served.
+            bind: Address on which the data and the page are served, for a window or a page.
             overwrite: Whether to replace an existing file.
 
         Raises:
@@ -110,13 +110,13 @@ class View:
             self._use(FileSink(target, write_footer=False))
 
     def consume(self, samples: Sequence[Sample]) -> None:
-        """Shows the samples since the last call, and curves that are due.
+        """Shows the samples since the last call, and updates the curves when they are due.
 
         Args:
             samples: Samples in the order of their stamps.
 
         Raises:
-            ViewerError: The window could not open, the page's server ended, or the disk is full.
+            ViewerError: The window did not open, the page's server ended, or the disk is full.
         """
         if self._process and not self._process.runs():
             return  # the user has closed the window
@@ -183,7 +183,7 @@ class View:
             self._stream.log(entity, *components, static=True, strict=True)
 
     def _show(self, samples: Sequence[Sample]) -> None:
-        """Sends all drawings and curves if they are due, and otherwise only the last drawing."""
+        """Sends all drawings and curves if they are due, otherwise only the last drawing."""
         self._waiting += samples
         if self._file or time.monotonic() > self._due:
             self._due = time.monotonic() + _CURVES_PERIOD
@@ -225,7 +225,7 @@ def _is_reachable(address: tuple[str, int], timeout: float) -> bool:
 
     Args:
         address: Host and port.
-        timeout: Longest time to wait, s; there is at least one attempt.
+        timeout: Time limit, s; at least one attempt is made.
 
     Returns:
         Whether a server accepts connections.

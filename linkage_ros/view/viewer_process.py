@@ -19,7 +19,7 @@ from linkage_ros.quantities import shown
 
 _WINDOW_MEMORY = '1GB'  # memory limit; beyond it a window drops its oldest data
 _SERVED_MEMORY = '64MB'  # data kept for browsers and windows that connect late
-_TIMEOUT = 1.0  # s for a page's server to end
+_TIMEOUT = 1.0  # s, time limit for a page's server to end
 # Exit codes of a window that the user has closed, or ended with a signal.
 _CLOSED_BY_USER = (0, *(-number for number in (
     signal.SIGHUP, signal.SIGINT, signal.SIGTERM, signal.SIGKILL,
@@ -58,7 +58,7 @@ class ViewerProcess:
             raise ViewerError(f'{command[0]} cannot be run: {error.strerror or error}') from error
 
     def runs(self) -> bool:
-        """Returns whether the viewer runs; if not, the user has closed its window.
+        """Returns whether the viewer is running; False if the user has closed its window.
 
         Raises:
             ViewerError: The viewer has failed, or a page's server has ended.
@@ -96,8 +96,8 @@ def open_viewer(bind: str, *, window: bool) -> tuple[ViewerProcess, str, int, st
         window: Whether to open a window; otherwise a page is served.
 
     Returns:
-        The process; host and port at which the viewer receives data; the page's URL, empty for a
-        window.
+        The process; host and port at which the viewer receives data; the page's URL, or an empty
+        string for a window.
 
     Raises:
         ViewerError: There is no screen, the address is invalid, or the program is missing.
@@ -136,7 +136,7 @@ def find_viewer() -> Path:
     """Finds the viewer's program.
 
     Returns:
-        The binary itself: the `rerun` command is a wrapper that does not pass signals on.
+        The path of the binary; the `rerun` command is a wrapper that does not forward signals.
 
     Raises:
         ViewerError: The program is not installed.
