@@ -1,9 +1,9 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Builds sdist and wheel into a folder, and tries the wheel in a fresh environment.
+"""Builds sdist and wheel into a folder, and tests the wheel in a fresh environment.
 
-The wheel is built from the sdist, so that the sdist is complete. Nothing of the clone is in reach
-of the programs that are tried.
+The wheel is built from the sdist, which shows that the sdist is complete. The tested programs
+cannot access the clone.
 """
 
 import argparse
@@ -31,7 +31,7 @@ TRIED = (
 
 
 def build(folder: Path) -> tuple[Path, Path]:
-    """Make sdist and wheel, and check their metadata."""
+    """Builds sdist and wheel, and checks their metadata."""
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     with tempfile.TemporaryDirectory() as parent:
@@ -46,7 +46,7 @@ def build(folder: Path) -> tuple[Path, Path]:
 
 
 def try_out(wheel: Path, folder: Path) -> None:
-    """Install a wheel into a new environment in a folder, and run its programs there."""
+    """Installs a wheel into a new environment in a folder, and runs its programs there."""
     run(sys.executable, '-m', 'venv', folder / 'venv', cwd=folder)
     programs = folder / 'venv' / 'bin'
     pip = (programs / 'python', '-m', 'pip', 'install', '--quiet', '--no-compile')

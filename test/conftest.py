@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What all tests share: floating-point surprises are errors, random cases repeat, signals work."""
+"""Settings for all tests: floating-point warnings are errors, seeds are fixed, signals work."""
 
 import signal
 import sys
@@ -12,7 +12,7 @@ from ros_harness import fresh_domain
 
 import linkage_ros.view  # noqa: F401, it makes Rerun quiet, whoever imports that first
 
-# What starts the checks in the background may have them ignore these, and so what they start.
+# A program that runs the checks in the background may ignore these signals; children inherit that.
 for number, handler in (
     (signal.SIGINT, signal.default_int_handler),
     (signal.SIGQUIT, signal.SIG_DFL),
@@ -30,7 +30,7 @@ settings.load_profile('repeatable')
 
 @pytest.fixture
 def called(monkeypatch, capfd):
-    """Calls the entry point of a module in this process: exit code, stdout, stderr."""
+    """Calls the entry point of a module in this process; returns exit code, stdout and stderr."""
     monkeypatch.setenv('ROS_DOMAIN_ID', str(fresh_domain()))
     numbers = signal.SIGINT, signal.SIGTERM, signal.SIGHUP
     before = [signal.getsignal(number) for number in numbers]

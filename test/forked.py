@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Programs as processes that start at once, forked from a process that has imported everything."""
+"""Starts programs fast, by forking a process that has already imported everything."""
 
 import multiprocessing
 import os
@@ -22,13 +22,13 @@ _PROCESSES.set_forkserver_preload(
 
 @contextmanager
 def forked(program, *arguments, folder, variables=None):
-    """A process of a module of the package, or of a script, which ends with the block.
+    """Runs a module of the package, or a script, as a process for the duration of the block.
 
     Args:
         program: Name of a module of the package, or path of a script.
-        *arguments: Of the program.
-        folder: Where it works, and writes what it prints to a file `printed`.
-        variables: Of its environment, besides those of this process.
+        *arguments: Arguments of the program.
+        folder: Working folder; the output goes to a file `printed` in it.
+        variables: Additional environment variables.
 
     Yields:
         The process.
@@ -60,7 +60,7 @@ def _run(words, folder, variables):
 
 
 def run_forked(program, *arguments, folder, variables=None, seconds=60):
-    """The exit code of a program, None if it does not end in time, and what it printed."""
+    """Runs a program; returns its exit code, None if it does not end in time, and its output."""
     with forked(program, *arguments, folder=folder, variables=variables) as process:
         process.join(seconds)
         return process.exitcode, Path(folder, 'printed').read_text()

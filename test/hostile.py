@@ -1,9 +1,9 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Hostile input, the same for the same seed: parameter files, command lines, live parameters.
+"""Generates hostile parameter files, command lines and live parameters from a seed.
 
-A case is drawn by a random.Random. The tests, the long run and the coverage-guided fuzzer of
-benchmarks/reliability/fuzz.py take their cases from here.
+The cases are drawn from a random.Random. The tests and benchmarks/reliability/fuzz.py, which also
+runs coverage-guided, use them.
 """
 
 import json
@@ -22,7 +22,7 @@ NUMBERS = (
     0.0, -0.0, 5e-324, 1e-300, 1e-9, 0.1, 1.0, -1.0, 1e6, 1e9, 1e12, 1e17, 1e154, 1e300, 1.8e308,
     math.inf, -math.inf, math.nan, 2**31, 2**53 + 1, 2**63 - 1, -(2**63),
 )  # fmt: skip
-# What a value of a parameter file may look like.
+# Possible values in a parameter file.
 SCALARS = (
     *map(repr, NUMBERS), '1e300', '.inf', '.nan', '-.inf', '1' * 5000, '0x' + 'f' * 5000, '1e5000',
     '0777', '1_000', '12:30:45', '2001-01-01', '!!set {a, b}', '!!python/object:os.system x',
@@ -45,7 +45,7 @@ NAMES = (
 
 
 def parameter_file(rng):
-    """The bytes of a parameter file."""
+    """Generates the bytes of a parameter file."""
     draw = rng.random()
     if draw < 0.05:
         return rng.choice(yaml_bombs())()
@@ -68,7 +68,7 @@ def parameter_file(rng):
 
 
 def extreme(rng):
-    """A preset with values from anywhere in their ranges, and of any scale, in place of some."""
+    """Generates a preset in which some values are extreme, within their ranges or at any scale."""
     configuration = load(rng.choice(preset_names()))
     values, scale = configuration.parameters(), 10.0 ** rng.randint(-8, 8)
     if rng.random() < 0.5 and values['drive'] == 'speed':
@@ -98,7 +98,7 @@ def extreme(rng):
 
 
 def yaml_bombs():
-    """Files that make other readers take all memory, all time, or the whole stack."""
+    """Returns files on which other readers use up all memory, time or stack."""
     own = 'linkage_node:\n  ros__parameters:\n'
     laughs = '\n'.join(
         f'  {b}: &{b} [{f"*{a}, " * 9}]' for a, b in zip('abcdefgh', 'bcdefghi', strict=True)
@@ -127,7 +127,7 @@ def yaml_bombs():
 
 
 def mutated(rng, data, words):
-    """Bytes with one place changed, maybe to one of some words."""
+    """Returns bytes with a change at one position, sometimes to one of some words."""
     at = rng.randrange(len(data) + 1)
     end = min(len(data), at + rng.choice((1, 1, 1, 2, 4, 8, 100)))
     kind = rng.randrange(6)
@@ -148,7 +148,7 @@ def mutated(rng, data, words):
 
 
 def replay_options(rng):
-    """Words behind `linkage_replay LOG.mcap`: wrong ones, or ones that leave nothing to do."""
+    """Generates arguments for `linkage_replay LOG.mcap`, most of them invalid."""
     numbers = [*map(repr, NUMBERS), '1' * 5000, '0x10', '1_0', '', 'x', '\udcff', 'a\nb', '٣']
     words = []
     for _ in range(rng.randint(1, 5)):
@@ -166,15 +166,15 @@ def replay_options(rng):
 # ---------------------------------------------------------------- live parameters
 
 
-# Types of ParameterValue, by their numbers from 1, and what there may be in them.
+# Types of ParameterValue, numbered from 1, and example values.
 TYPES = ('bool', 'integer', 'double', 'string', *(f'{kind}_array' for kind in (
     'byte', 'bool', 'integer', 'double', 'string')))  # fmt: skip
 
 
 def live_parameters(rng):
-    """A request to set parameters: names, numbers of types, fields of the value and their values.
+    """Generates a request to set parameters: names, types, and values of all fields.
 
-    Few numbers of types are wrong; one type in ten or so belongs to the parameter.
+    Few type numbers are invalid; about one type in ten is that of the parameter.
     """
     return [_parameter(rng) for _ in range(rng.choice((1, 1, 1, 2, 5)))]
 

@@ -1,8 +1,8 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Hostile logs: damaged or forged ones, the same for the same seed; and bombs.
+"""Generates damaged and forged logs from a seed, and decompression bombs.
 
-Bombs are logs of at most a few MB that make a trusting reader take gigabytes, or work for ever.
+Bombs are logs of at most a few MB on which a naive reader uses gigabytes, or never ends.
 """
 
 import json
@@ -38,7 +38,7 @@ MAGIC = b'\x89MCAP0\r\n'
 
 
 def resummed(data):
-    """The file with a correct checksum for its summary, which may be forged."""
+    """Returns a file with a correct checksum of its summary, which may be forged."""
     start = struct.unpack_from('<Q', data, len(data) - 28)[0] if len(data) > 37 else 0
     if not 0 < start < len(data) - 37:
         return data
@@ -46,7 +46,7 @@ def resummed(data):
 
 
 def packed(*records):
-    """Records as they stand in a file."""
+    """Returns records in their binary form."""
     builder = RecordBuilder()
     for part in records:
         part.write(builder)
@@ -54,39 +54,39 @@ def packed(*records):
 
 
 def record_bytes(opcode, body, length=None):
-    """A record as it stands in a file, of the length that it has or claims."""
+    """Returns a record in its binary form, with its true length or a false one."""
     return struct.pack('<BQ', opcode, len(body) if length is None else length) + body
 
 
 def chunk(packing, data, size):
-    """A chunk record that claims to unpack to a size."""
+    """Returns a chunk record that states an uncompressed size."""
     head = struct.pack('<QQQII', 0, 2**62, size, 0, len(packing)) + packing
     return record_bytes(6, head + struct.pack('<Q', len(data)) + data)
 
 
 def tight(data):
-    """A chunk that unpacks to what it claims."""
+    """Returns a chunk that states its true uncompressed size."""
     return chunk(b'zstd', zstandard.compress(data), len(data))
 
 
 def zeros(count, told=None):
-    """A zstd frame that unpacks to MiB of zeros, and tells that or another number of bytes."""
+    """Returns a zstd frame that unpacks to `count` MiB of zeros, and states this or another size."""
     head = b'\x00\x50' if told is None else b'\xc0\x50' + struct.pack('<Q', told)
-    block = struct.pack('<I', 1 << 1 | 1 << 20)[:3] + b'\0'  # of one byte 128 KiB times
+    block = struct.pack('<I', 1 << 1 | 1 << 20)[:3] + b'\0'  # repeats one byte 128 KiB times
     return b'\x28\xb5\x2f\xfd' + head + block * (8 * count) + b'\x01\0\0'
 
 
 def whole(*data, indexed=None, behind=b'', times=(0, 1), metadata=(), again=0, channels=1):
-    """A complete log of ours whose data section and summary hold what is given.
+    """Returns a complete log with given records in its data section and summary.
 
     Args:
-        data: Records; chunks among them are indexed.
-        indexed: How often, instead of once.
-        behind: What else stands in the summary.
+        data: Records; the chunks among them are indexed.
+        indexed: How many times each chunk is indexed.
+        behind: Additional records of the summary.
         times: Log times of the first and the last message, ns.
-        metadata: More metadata records.
-        again: How often the last of them is indexed once more.
-        channels: How many topics it has.
+        metadata: Additional metadata records.
+        again: Number of additional index entries of the last metadata record.
+        channels: Number of topics.
     """
     configuration = load('quadrilateral')
     names = ['linkage_ros', 'linkage_ros/motion', *(name for name, _ in metadata)]
@@ -117,7 +117,7 @@ def whole(*data, indexed=None, behind=b'', times=(0, 1), metadata=(), again=0, c
 
 
 def clocks(chunks, messages):
-    """A log of chunks full of true messages of another tool's topic, all of them empty."""
+    """Returns a log of chunks full of valid, empty messages on a topic of another tool."""
     told = packed(
         Schema(2, b'builtin_interfaces/Time clock', 'ros2msg', 'rosgraph_msgs/msg/Clock'),
         Channel(9, '/clock', 'cdr', {}, 2),
@@ -129,13 +129,13 @@ def clocks(chunks, messages):
 
 
 def fields(size):
-    """A channel with so many bytes of metadata: one empty field, over and over."""
+    """Returns a channel whose metadata has a given size: one empty field, many times."""
     head = struct.pack('<HHII', 0, 1, 0, 0)
     return record_bytes(4, head + struct.pack('<I', size) + bytes(size))
 
 
 def bombs():
-    """Files of at most a few MB that make other readers take gigabytes, or for ever."""
+    """Returns files of at most a few MB on which other readers use gigabytes, or never end."""
     message = record_bytes(5, struct.pack('<HIQQ', 0, 0, 0, 0))
     joints = record_bytes(5, struct.pack('<HIQQ', 0, 0, 0, 0) + b'\0\1\0\0' + b'\xff' * 1_000_000)
     nested = message
@@ -144,7 +144,7 @@ def bombs():
     claim = b'\x0c' + struct.pack('<QI', 400_000, 11)
     head = struct.pack('<QQQII', 0, 0, 1 << 24, 0, 4) + b'zstd' + struct.pack('<Q', 400_000)
     landmark = record_bytes(6, head, len(head) + 400_000) + b'\x28\xb5\x2f\xfd'
-    # Each frame unpacks to MiB before its fault, and holds the next chunk: all of a thousand.
+    # Each frame unpacks to MiB before its error, and contains the next of a thousand chunks.
     frame = zeros(1)[:-3] + struct.pack('<I', len(landmark) + 6 + 32 << 3)[:3]
     chain = (landmark[:-4] + frame) * 10_000
     motions = [
@@ -182,7 +182,7 @@ def bombs():
 
 # ---------------------------------------------------------------- damaged and forged
 
-# Where a length, a count, an offset or a time is expected.
+# Values for a length, a count, an offset or a time.
 WHOLE = (0, 1, 7, 8, 255, 2**15, 2**16 - 1, 2**24, 2**31, 2**32 - 1, 2**40, 2**63, 2**64 - 1)
 WORDS = [struct.pack('<Q', n) for n in WHOLE] + [struct.pack('<d', n) for n in NUMBERS]
 
@@ -193,7 +193,7 @@ for name in ('rpm', 'crank_acceleration', 'effort_command_topic', 'lead_time',
 
 
 def good_logs(folder):
-    """Small logs of each kind of mechanism and drive, live ones and records: their bytes."""
+    """Returns the bytes of small logs: each kind of mechanism and drive, live runs and records."""
     changed = {**load('quadrilateral').parameters(), 'crank_acceleration': 7.1, 'rate_hz': 50.0}
     plan = [*ticks(15), ('rpm', -20.0), *ticks(15)]
     paths = [
@@ -208,7 +208,7 @@ def good_logs(folder):
 
 
 def log_file(rng, logs):
-    """The bytes of a log that is damaged, forged or none."""
+    """Generates the bytes of a file that is a damaged log, a forged log, or no log."""
     draw, data = rng.random(), rng.choice(logs)
     if draw < 0.02:
         return rng.choice(bombs())()
@@ -220,11 +220,11 @@ def log_file(rng, logs):
 
 
 def forged(rng, data):
-    """A log of the same kind, with right checksums, that says something else."""
+    """Returns a log of the same kind with valid checksums and changed contents."""
     records = _records(data)
     for _ in range(rng.randint(1, 4)):
         number = rng.randrange(1, len(records))
-        if rng.random() < 0.5:  # messages are many, the others tell more
+        if rng.random() < 0.5:  # messages outnumber the other records, which are more interesting
             number = rng.choice([n for n, r in enumerate(records) if not isinstance(r, Message)])
         kind = rng.randrange(8)
         if kind == 0 and number:
@@ -242,7 +242,7 @@ def forged(rng, data):
 
 
 def bare(data):
-    """A log as it is, but neither packed nor with a checksum."""
+    """Returns a log without compression and checksums."""
     return packed_records(_records(data), compression=CompressionType.NONE, enable_crcs=False)
 
 
@@ -251,7 +251,7 @@ def _records(data):
 
 
 def _forge(rng, record):
-    """Gives a field of a record another value of its type."""
+    """Replaces a field of a record by another value of its type."""
     name = rng.choice(list(vars(record)))
     value = getattr(record, name)
     if isinstance(value, int):
@@ -270,5 +270,5 @@ def _forge(rng, record):
 
 
 def plain(text):
-    """MCAP's texts are UTF-8."""
+    """Replaces surrogates, because strings in MCAP are UTF-8."""
     return text.encode('utf-8', 'replace').decode()

@@ -1,8 +1,8 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What comes of hostile input: success, or one clear line; anything else is raised.
+"""Runs hostile input and requires success or a one-line error; other exceptions propagate.
 
-The very functions are called that the executables call.
+It calls the same functions as the executables.
 """
 
 import io
@@ -23,11 +23,11 @@ from linkage_ros.run.simulator import Simulator
 from linkage_ros.verification.verify import verify
 from linkage_ros.wire.topics import JOINT_STATES
 
-LONGEST = 700  # characters: 600 of an error, and around it what the command line adds
+LONGEST = 700  # characters: at most 600 of an error, plus what the command line adds
 
 
 def outcome(action):
-    """Does something; returns the line that refuses it, empty where it is done."""
+    """Runs an action; returns the error line, or an empty string after success."""
     try:
         action()
     except LinkageError as error:
@@ -36,7 +36,7 @@ def outcome(action):
 
 
 def one_line(words):
-    """A refusal as it has to be: on one line, printable, neither empty nor endless."""
+    """Checks an error message: one printable line, neither empty nor too long."""
     assert words.isprintable(), ascii(words)
     assert 10 < len(words) <= LONGEST, ascii(words)
     assert 'MemoryError' not in words, words
@@ -56,7 +56,7 @@ def parameter_file(path):
 
 
 def log_file(path):
-    """Looks into a log, verifies, plays and recovers it, and verifies what is recovered."""
+    """Inspects, verifies, plays and recovers a log, and verifies the recovered log."""
     out = path.with_suffix('.recovered')
 
     def look():
@@ -75,7 +75,7 @@ def log_file(path):
 
 
 def play(path, words=()):
-    """Reads what a replay with some options would play, as it does."""
+    """Reads the messages that a replay with some options would play."""
     options = replay._parser().parse_args([str(path), *words])
     with LogReader(path) as log:
         replay._check(options, log)
@@ -84,7 +84,7 @@ def play(path, words=()):
         shown = {channel.name for channel in paired(log, [JOINT_STATES]).values()}
         with feed(log, piece, loop=False) as items:
             for item in items:
-                assert 0 <= item.time < 2**31 * 10**9  # what /clock can tell
+                assert 0 <= item.time < 2**31 * 10**9  # the range of /clock
                 if item.message.topic in shown:
                     try:
                         codec.decode(item.message.data)
@@ -93,7 +93,7 @@ def play(path, words=()):
 
 
 def replay_options(words, path):
-    """Replays with some options; the process would end with this code and these lines."""
+    """Replays with some options; returns the exit code and the lines of the process."""
     out, err = io.StringIO(), io.StringIO()
     with redirect_stdout(out), redirect_stderr(err):
         try:
@@ -106,11 +106,11 @@ def replay_options(words, path):
 
 
 class LiveNode:
-    """A node that has declared the parameters of a configuration, as linkage_node does.
+    """A node that declares the parameters of a configuration, as linkage_node does.
 
     Attributes:
-        configuration: Which.
-        motion: Of its simulator.
+        configuration: Current configuration.
+        motion: Current motion of the simulator.
     """
 
     def __init__(self, configuration, context):
@@ -130,7 +130,7 @@ class LiveNode:
         self._drive = build(type(self._drive), {**flatten(self._drive), name: value})
 
     def request(self, wanted):
-        """Sets parameters as the node's service does; returns why each is refused, '' if not."""
+        """Sets parameters as the node's service does; returns the reason of each refusal, or ''."""
         from rcl_interfaces.msg import Parameter, ParameterValue
         from rcl_interfaces.srv import SetParameters
 
@@ -146,7 +146,7 @@ class LiveNode:
         return ['' if r.successful else one_line(r.reason) for r in response.results]
 
     def _step(self):
-        """Goes on with what is set: a motion it is, or its end in one line."""
+        """Continues with the new parameters: with a motion, or a one-line error."""
         self._stamp += 5_000_000
 
         def go():

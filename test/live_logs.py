@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Logs as the node writes them, without a node: of a plan of ticks, changes and clock steps."""
+"""Writes logs as the node does, without a node, from a plan of ticks, changes and clock steps."""
 
 import itertools
 from dataclasses import replace
@@ -15,15 +15,15 @@ STATUSES = [Status(OK, 'motion', 'kept', {'rate': '200'})]
 
 
 def ticks(count):
-    """A part of a plan: ticks that are carried out in time."""
+    """Returns the part of a plan for some ticks without delay."""
     return [('tick', 0)] * count
 
 
 def moments(simulator, plan):
-    """Carries out a plan, which is described below.
+    """Carries out a plan; see `live`.
 
     Yields:
-        The motion and, at a tick, its number and its stamp; in its segment are those that follow.
+        The motion, and number and stamp of a tick; two times None for a clock step.
     """
     motion, drive, command, t0, tick = (
         simulator.begin(START), simulator.configuration.drive, None, START, 0,
@@ -53,19 +53,19 @@ def live(
     path, configuration, plan, *, prefix='/', names=None, diagnostics=True, topics=None,
     alter=lambda _, snapshot: snapshot.messages,
 ):  # fmt: skip
-    """Writes what the node logs.
+    """Writes a log as the node does.
 
     Args:
         path: The log.
         configuration: Configuration of the run.
-        plan: Pairs of a kind and a value. 'rpm', 'motor', 'command': set it, rpm or N m, from the
-            next tick on. 'skip': miss so many ticks. 'step': step the clock by so many ns, and
-            make a tick. 'tick': make it so many ns late.
+        plan: Pairs of a kind and a value. 'rpm', 'motor', 'command': set the speed, rpm, or a
+            torque, N m, from the next tick on. 'skip': miss a number of ticks. 'step': step the
+            clock by some ns and make a tick. 'tick': make a tick that is late by some ns.
         prefix: Prefix of the topic names.
         names: Other names of topics.
-        diagnostics: Whether there are messages that do not belong to states.
-        topics: Names of the topics of states; None: all.
-        alter: Makes the messages of a state from its number, 1 for the first, and its snapshot.
+        diagnostics: Whether to add messages that do not belong to states.
+        topics: Names of the topics of states; None for all.
+        alter: Makes the messages of a state from its number, counted from 1, and its snapshot.
 
     Returns:
         The path.

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The records of an MCAP file, read and written by the mcap library."""
+"""Reads and writes the records of an MCAP file with the mcap library."""
 
 from contextlib import suppress
 from io import BytesIO
@@ -14,14 +14,14 @@ from linkage_ros.log.metadata import END_RECORD
 
 
 def records_of(log):
-    """The records before the end of the data, the header first, of a path or bytes."""
+    """Returns the records up to the end of the data, header first; `log` is a path or bytes."""
     data = log if isinstance(log, bytes) else log.read_bytes()
     records = StreamReader(BytesIO(data)).records
     return list(takewhile(lambda record: not isinstance(record, DataEnd), records))
 
 
 def packed_records(records, **options):
-    """A file of these records, in chunks as they were, all its checksums right."""
+    """Writes records to bytes, in their original chunks, with valid checksums."""
     stream, schemas = BytesIO(), {0: 0}
     writer = Writer(stream, **options)
     for item in records:
@@ -33,7 +33,7 @@ def packed_records(records, **options):
             schema = schemas.get(item.schema_id, item.schema_id)
             writer.register_channel(item.topic, item.message_encoding, schema, item.metadata)
         elif isinstance(item, Message):
-            with suppress(KeyError):  # of no channel: mcap does not even write that
+            with suppress(KeyError):  # of an unknown channel, which mcap refuses to write
                 writer.add_message(item.channel_id, item.log_time, item.data, item.publish_time)
         elif isinstance(item, MessageIndex) or item.name == END_RECORD:
             writer.flush()
@@ -44,6 +44,6 @@ def packed_records(records, **options):
 
 
 def write_records(path, records, **options):
-    """Writes a file of these records; returns its path."""
+    """Writes records to a file; returns its path."""
     path.write_bytes(packed_records(records, **options))
     return path

@@ -1,8 +1,8 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Mechanisms for tests, and their answers compared with those of the reference.
+"""Mechanisms for tests, and comparison of their states with the reference.
 
-Most have mass everywhere and no symmetry, so that no term of an equation vanishes.
+Most have masses on all links and no symmetry, so that no term of an equation vanishes.
 """
 
 import math
@@ -32,7 +32,7 @@ ASSEMBLIES = 'open', 'crossed'
 
 
 def four_bar(lengths, angle=0.3, assembly='open', unit=1.0, gravity=(1.3, -9.7), point=(0.4, 0.7)):
-    """From crank, coupler, rocker and frame; `unit` scales lengths and dynamics."""
+    """Makes a four-bar from the lengths of its links; `unit` scales lengths and dynamics."""
     r, b, c, d = (float(x) * unit for x in lengths)
     return FourBar(
         Frame(d, angle),
@@ -45,7 +45,7 @@ def four_bar(lengths, angle=0.3, assembly='open', unit=1.0, gravity=(1.3, -9.7),
 
 
 def slider_crank(lengths, angle=0.3, assembly='open', unit=1.0, point=(0.4, 0.7)):
-    """From crank, coupler and offset."""
+    """Makes a slider-crank from crank, coupler and offset."""
     r, b, e = (float(x) * unit for x in lengths)
     return SliderCrank(
         Body(r, 0.7, 0.02 * unit**2, (0.3 * r, -0.2 * r)),
@@ -58,7 +58,7 @@ def slider_crank(lengths, angle=0.3, assembly='open', unit=1.0, point=(0.4, 0.7)
 
 
 def wind_pump(lengths, assembly='crossed', unit=1.0):
-    """From crank, coupler and rod."""
+    """Makes a wind pump from crank, coupler and rod."""
     r, b, c = (float(x) * unit for x in lengths)
     return WindPump(
         Body(r, 0.7, 0.02 * unit**2, (0.3 * r, -0.2 * r)),
@@ -70,10 +70,10 @@ def wind_pump(lengths, assembly='crossed', unit=1.0):
     )
 
 
-# Four-bars: crank, coupler, rocker, frame. First come those which pass two change points a turn
-# (p0 = 0 and q0 = 0), then those which pass one at theta = pi (p0 = 0), then one at theta = 0
-# (q0 = 0). Slider-cranks: crank, coupler, offset; one change point a turn on the side away from
-# the offset, or both, which needs no offset.
+# Four-bars: crank, coupler, rocker, frame. The first pass two change points per turn (p0 = 0 and
+# q0 = 0), the next pass one at theta = pi (p0 = 0), the last pass one at theta = 0 (q0 = 0).
+# Slider-cranks: crank, coupler, offset; one change point per turn on the side opposite to the
+# offset, or two without an offset.
 CHANGE_POINTS = {
     'parallelogram': (1, 2, 1, 2),
     'kite_r_b': (1, 1, 2, 2),
@@ -91,7 +91,7 @@ CHANGE_POINTS = {
     'upper_long_offset': (0.5, 2.5, -2),
     'both': (1, 1, 0),
 }
-# The crank turns fully, and never passes a change point.
+# Cranks that turn fully without a change point.
 FULL = {
     'crank_rocker': (1, 3, 2.5, 2.2),
     'double_crank': (3, 2.5, 2.2, 1),
@@ -122,7 +122,7 @@ LIMITED = {
 
 
 def of(lengths, *args, **kwargs):
-    """A four-bar of four lengths, or a slider-crank of three."""
+    """Makes a four-bar from four lengths, or a slider-crank from three."""
     return (four_bar if len(lengths) == 4 else slider_crank)(lengths, *args, **kwargs)
 
 
@@ -144,7 +144,7 @@ PUMPS = {
         'crossed',
     ),
 }
-# Where terms of the equations are absent.
+# Some terms of the equations are absent.
 PENDULUM = replace(
     four_bar(FULL['crank_rocker'], 1.1), coupler=Coupler(3.0, point=(0.4, 0.7)), rocker=Body(2.5)
 )
@@ -153,7 +153,7 @@ LIGHT_ROD = replace(
     coupler=Coupler(2.2),
     slider=Slider(-0.7, 0.0, 6.0, 0.9),
 )
-# With springs, resistance, forces and curves.
+# With springs, damping, forces and load curves.
 SPRUNG_ROCKER = replace(
     four_bar(FULL['crank_rocker'], 1.3),
     loads=(
@@ -174,7 +174,7 @@ SPRUNG_PUMP = replace(
         LoadCurve('crank', at=(0.5, 2.0, 6.0), value=(4.0, -3.0, 8.0)),
     ),
 )
-# One of everything.
+# One mechanism of each kind.
 ALL = {
     'document_1': DOCUMENT_1,
     'crank_rocker': four_bar(FULL['crank_rocker']),
@@ -208,7 +208,7 @@ ALL = {
 
 
 def with_loads(mechanism, *loads):
-    """The mechanism with these loads, and none of its own on the output link."""
+    """Replaces the loads of a mechanism, and removes those of its output link."""
     name = 'rocker' if isinstance(mechanism, FourBar) else 'slider'
     part = getattr(mechanism, name)
     bare = replace(part, **dict.fromkeys(part.load_fields, 0.0))
@@ -216,7 +216,7 @@ def with_loads(mechanism, *loads):
 
 
 def turning_parts(mechanism):
-    """Names of the parts that turn, in the order of the links."""
+    """Returns the names of the parts that turn, in the order of the links."""
     return [name for name in ('crank', 'coupler', 'rod', 'rocker') if hasattr(mechanism, name)]
 
 
@@ -228,7 +228,7 @@ def longest(mechanism):
 
 
 def coordinates(mechanism, cranks):
-    """All coordinates: the dyad of a wind pump is opened by 0.4 to pi - 0.4 rad."""
+    """Returns all coordinates; a wind pump's dyad is open by 0.4 to pi - 0.4 rad."""
     if not isinstance(mechanism, WindPump):
         return (cranks,)
     r, b, c = (getattr(mechanism, name).length for name in ('crank', 'coupler', 'rod'))
@@ -240,7 +240,7 @@ def coordinates(mechanism, cranks):
 
 
 def motion(mechanism, cranks, speed=2.0, acceleration=1.5):
-    """Coordinates, rates and accelerations, each a tuple; the slider of a pump has its own."""
+    """Returns tuples of coordinates, rates and accelerations, including those of a pump's slider."""
     count = len(mechanism.coordinates)
     size = longest(mechanism)
     rates = speed, -0.35 * size * speed
@@ -248,12 +248,12 @@ def motion(mechanism, cranks, speed=2.0, acceleration=1.5):
 
 
 def is_free(mechanism):
-    """Whether its accelerations follow from a torque, as a wind pump's do."""
+    """Returns whether the accelerations follow from a torque, as for a wind pump."""
     return hasattr(mechanism, 'rod')
 
 
 def moving(solver, cranks, speed=2.0, acceleration=1.5, q=None, u=None):
-    """A state at these crank angles; what accelerates a wind pump's crank counts as torque."""
+    """Computes the state at crank angles; for a wind pump, `acceleration` is the torque, N m."""
     if not is_free(solver.mechanism):
         return solver.state(cranks, speed, acceleration)
     place, rates, _ = motion(solver.mechanism, cranks, speed)
@@ -262,7 +262,7 @@ def moving(solver, cranks, speed=2.0, acceleration=1.5, q=None, u=None):
 
 
 def asked_of_oracle(mechanism, crank, speed=2.0, acceleration=1.5):
-    """The same state for the reference."""
+    """Computes the same state with the reference."""
     if not is_free(mechanism):
         return crank, speed, acceleration
     q, u, _ = motion(mechanism, crank, speed)
@@ -270,40 +270,40 @@ def asked_of_oracle(mechanism, crank, speed=2.0, acceleration=1.5):
 
 
 def vector(pair):
-    """x and y, floats or arrays, as a complex number."""
+    """Converts x and y, floats or arrays, to complex numbers."""
     return np.asarray(pair[0]) + 1j * np.asarray(pair[1])
 
 
 def rows(state):
-    """All quantities: positions, velocities, accelerations, torque."""
+    """Returns all quantities: positions, velocities, accelerations, torque."""
     return np.array([*state.position, *state.velocity, *state.acceleration, state.torque])
 
 
 def kinds(mechanism):
-    """For each of these quantities its order (0 to 2, torque 3), and whether a link slides."""
+    """Returns the order of each quantity (0 to 2, torque 3), and whether its link slides."""
     slides = [link.slides for link in mechanism.structure().links]
     return [(order, slide) for order in range(3) for slide in slides] + [(3, False)]
 
 
 def worst_errors(solver, angles, speed=2.0, acceleration=1.5, lengths=None, period=8, floor=1e-20):
-    """Errors of position, velocity, acceleration, torque and points, over their largest values.
+    """Computes the largest errors of position, velocity, acceleration, torque and points.
 
-    Angles count in rad. The largest values are those over these angles, and by the solver over
-    `period` more, spread over two turns. A quantity below `floor` of its natural size, such as
-    the spin of a parallelogram's coupler or the place of a slider that stays at 0, is held to
-    that.
+    Errors of angles are in rad, other errors relative to the largest value over these angles and
+    over `period` more angles, spread over two turns. If this value is below `floor` times the
+    natural size of the quantity, as for the rate of a parallelogram's coupler, the natural size
+    replaces it.
 
     Args:
         solver: The solver under test.
-        angles: Crank angles, rad; each is asked for alone and as one array.
+        angles: Crank angles, rad; solved one by one and as an array.
         speed: Crank speed, rad/s.
-        acceleration: Crank acceleration, rad/s^2; of a wind pump the torque, N m.
-        lengths: As for Oracle.
+        acceleration: Crank acceleration, rad/s^2; for a wind pump the torque, N m.
+        lengths: See Oracle.
         period: Number of angles added for the largest values only; 0 for a limited crank.
         floor: See above.
 
     Returns:
-        The five largest errors, whichever the link or point and the way of asking.
+        The five largest errors over all links, points and both ways of solving.
     """
     oracle = oracle_of(solver.mechanism, lengths and tuple(lengths))
     start = 0.1 if oracle.is_free else float(mp.mpf(angles[0]) - oracle.angle(angles[0])) + 0.1
@@ -346,12 +346,12 @@ def _row(state):
 
 
 def _beyond_rounding(values, size):
-    """Those values that are more than the rounding of something of this size."""
+    """Keeps only values above the rounding error of a quantity of this size."""
     return [x for x in np.atleast_1d(values).tolist() if abs(x) > 1e-12 * size]
 
 
 def _point_errors(solver, traced, usual, asked, units):
-    """The largest error of any point, relative to the largest length of its vector."""
+    """Computes the largest error of any point, relative to the largest length of its vector."""
     (alone, together), worst = asked, 0.0
     for name in traced[0]:
         found, often = (map(vector, solver.point(state, name)) for state in (together, usual))
@@ -369,11 +369,11 @@ def _point_errors(solver, traced, usual, asked, units):
 
 
 def force_errors(solver, angles, speed=2.0, acceleration=1.5):
-    """Errors of pin forces, guide's, shaking force, its moment, torque, and what loads exert.
+    """Computes errors of pin forces, guide force, shaking force and moment, torque and loads.
 
-    Forces count relative to the largest in any joint at the same crank angle, moments to that
-    times the largest length, loads to the largest at any of the angles. Each angle is asked for
-    alone and as one array.
+    Errors of forces are relative to the largest joint force at the same crank angle, errors of
+    moments to this force times the largest length, errors of loads to the largest load at any
+    angle. The angles are solved one by one and as an array.
     """
     mechanism = solver.mechanism
     oracle, worst = oracle_of(mechanism), [0.0] * 6
@@ -408,7 +408,7 @@ def force_errors(solver, angles, speed=2.0, acceleration=1.5):
 
 
 def at(forces, i):
-    """The forces at one of many crank angles."""
+    """Returns the forces at one of many crank angles."""
     pins = {pin: (float(x[i]), float(y[i])) for pin, (x, y) in forces.pins.items()}
     guide, (x, y) = forces.guide_force, forces.shaking_force
     return type(forces)(
@@ -417,8 +417,8 @@ def at(forces, i):
     )  # fmt: skip
 
 
-# Mechanisms whose lengths are whole multiples of a power of two: sums of them are exact, so that
-# change points are drawn as themselves.
+# Mechanisms whose lengths are multiples of a power of two: their sums are exact, so that random
+# change points are exact.
 
 
 @st.composite

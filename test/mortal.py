@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Work that ends its process; a module of its own, which workers import fast."""
+"""Work that kills its process, in a small module that worker processes import fast."""
 
 import multiprocessing
 import os
@@ -9,7 +9,7 @@ from pathlib import Path
 
 
 def die_once(given):
-    """The square of a number; where a file is named, its first process dies over it."""
+    """Returns the square of a number; if a file is named, the first process to try is killed."""
     number, path = given
     if path and not Path(path).exists():
         Path(path).touch()
@@ -20,5 +20,5 @@ def die_once(given):
 
 
 def die(given):
-    """The process always dies over it."""
+    """Kills the process."""
     os.kill(os.getpid(), signal.SIGKILL)

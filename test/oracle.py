@@ -1,16 +1,16 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""All mechanisms again, in 50 digits and by other routes than the package's.
+"""Reference for all mechanisms in 50 digits, by methods other than the package's.
 
-Position: circles, or a circle and the guide, are intersected as textbooks do it; the cancellation
-that spoils this in double precision is paid for with digits. Rates: the 2x2 system of the
-differentiated loop. Everything else: each body is cut free, and Newton's and Euler's equations
-about the centres of mass, together with the loop's second derivative, make one linear system for
-all accelerations, all forces in the joints and the torque. Friction enters it with one unknown
-moment for each pin and one force of the guide; what these are follows by Newton's method.
+Positions are intersections of circles, or of a circle and the guide; enough digits compensate the
+cancellation of this textbook method. Rates solve the 2x2 system of the differentiated loop. For
+everything else, Newton's and Euler's equations of all bodies about their centres of mass, together
+with the second derivative of the loop, are one linear system for accelerations, joint forces and
+torque. Friction adds an unknown moment for each pin and a force for the guide, which Newton's
+method determines.
 
-All of this is singular at a change point, but the motion is analytic there: the mean of two
-positions 1e-60 rad to either side is the limit.
+These systems are singular at a change point, but the motion is analytic there: the state is the
+mean of the states 1e-60 rad on either side.
 """
 
 import functools
@@ -27,17 +27,17 @@ ASIDE = '1e-60'
 
 
 class Reference(NamedTuple):
-    """As linkage_ros.State and linkage_ros.Reactions, in mpf and mpc.
+    """The fields of linkage_ros.State and linkage_ros.Reactions, in mpf and mpc.
 
     Attributes:
-        position: Of the links; angles in (-pi, pi] but for the crank's.
-        velocity: Of the links.
-        acceleration: Of the links.
-        torque: On the crank.
-        joints: Forces in the pins by name, and of the guide along its left; empty at a change
-            point, where they have no finite value.
-        exerted: What loads and friction exert on each link: torque, or force along the guide.
-        outside: What of that comes from outside the machine, and not from its frame.
+        position: Positions of the links; angles are in (-pi, pi], except the crank's.
+        velocity: Velocities of the links.
+        acceleration: Accelerations of the links.
+        torque: Torque on the crank.
+        joints: Forces in the pins by name, and the guide force, positive to the left; empty at a
+            change point, where they are infinite.
+        exerted: Torque, or force along the guide, of loads and friction on each link.
+        outside: Share of `exerted` that is external to the machine and its frame.
     """
 
     position: tuple
@@ -50,11 +50,11 @@ class Reference(NamedTuple):
 
 
 class Point(NamedTuple):
-    """A fixed place plus one vector for each link that carries the point.
+    """A point of the mechanism: a constant plus one vector for each link that carries the point.
 
     Attributes:
-        fixed: m.
-        carried: By index of the link; of a slider, the unit vector of its guide.
+        fixed: The constant, m.
+        carried: Vectors by index of the link; for a slider, the unit vector of its guide.
     """
 
     fixed: mpmath.mpc
@@ -62,12 +62,12 @@ class Point(NamedTuple):
 
 
 class Rubbing(NamedTuple):
-    """A joint with dry friction, and what one unit of the friction in it does.
+    """A joint with dry friction, and the effect of a unit of its friction.
 
     Attributes:
         joint: Name of the pin, or 'guide'.
-        factor: The friction per force in the joint: m, of the guide a number.
-        on: Torque on the links by their indices; of the guide the force on the slider.
+        factor: Friction per unit of joint force: m for a pin, a number for the guide.
+        on: Torque on the links by index; for the guide, the force on the slider.
     """
 
     joint: str
@@ -76,10 +76,10 @@ class Rubbing(NamedTuple):
 
 
 class Oracle:
-    """States of one mechanism.
+    """Computes the states of a mechanism.
 
-    lengths (crank, coupler, then rocker and frame, offset, or rod), as fractions or decimal text,
-    replace the doubles of the mechanism where those only stand for rounded decimals.
+    `lengths` (crank, coupler, then rocker and frame, offset, or rod), as fractions or decimal
+    text, replace the mechanism's lengths if these are only rounded decimals.
     """
 
     def __init__(self, mechanism, lengths=None):
@@ -94,7 +94,7 @@ class Oracle:
         elif not self.is_free:
             doubles.append(mechanism.slider.offset)
         self.lengths = tuple(Fraction(x) for x in lengths or doubles)
-        # Change points: where theta is an even, and where it is an odd multiple of pi.
+        # Change points at even and at odd multiples of pi of theta.
         self.folded = self.stretched = False
         if not self.slides:
             r, b, c, d = self.lengths
@@ -106,15 +106,15 @@ class Oracle:
         self.state = functools.cache(self._state)
 
     def angle(self, crank):
-        """Theta: the crank's angle from the frame, or from the normal of the guide.
+        """Returns theta, the crank's angle from the frame, or from the normal of the guide.
 
-        The angle of frame or guide is taken nearest to zero.
+        The angle of frame or guide is reduced to its value nearest to zero.
         """
         quarter = mp.pi / 2 if self.slides else 0
         return mp.mpf(crank) - wrap(mp.mpf(self.mechanism.frame.angle)) - quarter
 
     def closes(self, crank):
-        """Whether the circles, or circle and guide, meet."""
+        """Returns whether the circles, or circle and guide, intersect."""
         with mp.workdps(100):
             if self.slides:
                 r, b, e = map(mpf, self.lengths)
@@ -124,12 +124,12 @@ class Oracle:
             return bool(abs(b - c) <= distance <= b + c)
 
     def _state(self, q, u=0.0, a=0.0):
-        """The state at exactly these doubles, to 50 digits or more.
+        """Computes the state at exactly these doubles, to 50 digits or more.
 
         Args:
             q: Crank angle, or both coordinates of a wind pump.
-            u: Their rates.
-            a: Acceleration of the crank; of a wind pump, the torque on it.
+            u: Rates of the coordinates.
+            a: Acceleration of the crank; for a wind pump, the torque on it.
         """
         if self.is_free:
             with mp.workdps(100):
@@ -137,11 +137,11 @@ class Oracle:
         with mp.workdps(400):
             theta = self.angle(q) / mp.pi
             nearest = abs(theta - mp.nint(theta))
-            # Nearer than any difference of doubles: only the rounding of these 400 digits.
+            # Nearer than any difference of doubles: only rounding in these 400 digits remains.
             hit = nearest < mp.mpf('1e-350')
             passes = self.stretched if int(mp.nint(theta)) % 2 else self.folded
         nearness = 60 if hit else int(-mp.log10(nearest))
-        # Twice the nearness is lost in the height of the triangle, as much again in the system.
+        # The triangle's height loses twice the digits of this distance, and the system as many.
         with mp.workdps(60 + 6 * max(nearness, 16)):
             if not (hit and passes):
                 return self.solve(q, u, a)
@@ -159,7 +159,7 @@ class Oracle:
             return Reference(tuple(position), *map(tuple, others), torque, {}, exerted)
 
     def solve(self, q, u, a):
-        """The state in the caller's precision; not at change points."""
+        """Computes the state in the caller's precision, except at change points."""
         vectors, rates = self.motion(q, u)
         exerted, outside = self.loads(q, vectors, rates)
         found = self._cut_free(vectors, rates, a, exerted)
@@ -171,15 +171,15 @@ class Oracle:
     # Kinematics.
 
     def guide(self):
-        """Direction of the guide; a wind pump's is the x axis."""
+        """Returns the direction of the guide; for a wind pump, the x axis."""
         return mp.mpc(1) if self.is_free else mp.expj(mp.mpf(self.mechanism.frame.angle))
 
     def pivot(self):
-        """Where the rocker's pivot is."""
+        """Returns the position of the rocker's pivot."""
         return mpf(self.lengths[3]) * mp.expj(mp.mpf(self.mechanism.frame.angle))
 
     def motion(self, q, u):
-        """The links as vectors between their pins, a slider as its place; and their rates."""
+        """Returns the link vectors between pins, a slider's as its position, and their rates."""
         A = mpf(self.lengths[0]) * mp.expj(mp.mpf(_first(q)))
         b, c = mpf(self.lengths[1]), mpf(self.lengths[2])
         if self.is_free:
@@ -203,16 +203,16 @@ class Oracle:
         return vectors, [given[0], first, second, *given[1:]]
 
     def _meet(self, A, b, end, c, side):
-        """Where the circles about A and `end` meet, to the left of the line from A for side 1."""
+        """Intersects the circles about A and `end`; side 1 is to the left of the line from A."""
         distance = abs(end - A)
         along = (b**2 - c**2 + distance**2) / (2 * distance)
         return A + (end - A) / distance * mp.mpc(along, side * mp.sqrt(b**2 - along**2))
 
     def _side(self, crank):
-        """+1 for the open assembly, -1 for the crossed one.
+        """Returns +1 for the open assembly, -1 for the crossed one.
 
-        The assembly names the side at theta in (0, pi), on a guide in (-pi, 0). Each change point
-        between there and theta is passed straight through: the side changes.
+        The assembly is defined for theta in (0, pi), on a guide for (-pi, 0). The side changes at
+        each change point from there to theta.
         """
         home, interval = -int(self.slides), int(mp.floor(self.angle(crank) / mp.pi))
         passed = range(min(home, interval) + 1, max(home, interval) + 1)
@@ -220,7 +220,7 @@ class Oracle:
         return (1 if self.mechanism.assembly == 'open' else -1) * (-1) ** changes
 
     def loop_slopes(self, vectors):
-        """Derivatives of the loop's gap by the positions of the links."""
+        """Returns the derivatives of the loop's gap with respect to the positions of the links."""
         slopes = [1j * x for x in vectors]
         if self.slides:
             slopes[-1] = -self.guide()
@@ -229,7 +229,7 @@ class Oracle:
         return slopes
 
     def points(self, vectors):
-        """The pins and, if it is traced, the coupler point."""
+        """Returns the pins and, if there is one, the coupler point."""
         carried = {j: x for j, x in enumerate(vectors) if self.turning[j]}
         if self.slides:
             carried[len(vectors) - 1] = self.guide()
@@ -248,7 +248,7 @@ class Oracle:
         return found
 
     def centers(self, vectors):
-        """The centres of mass."""
+        """Returns the centres of mass."""
         points = self.points(vectors)
         firsts = [points[name] for name in ('A0', 'A', 'B' if self.is_free else 'B0', 'D')
                   if name in points]  # fmt: skip
@@ -262,7 +262,7 @@ class Oracle:
         return found
 
     def follow(self, point, vectors, rates, accelerations):
-        """Position, velocity and acceleration of a point."""
+        """Computes position, velocity and acceleration of a point."""
         place, velocity, acceleration = point.fixed, mp.mpc(0), mp.mpc(0)
         for j, x in point.carried.items():
             if self.turning[j]:
@@ -274,7 +274,7 @@ class Oracle:
         return place, velocity, acceleration
 
     def vectors(self, state):
-        """The links as vectors between their pins, a slider as its place."""
+        """Returns the link vectors between pins, a slider's as its position."""
         vectors = list(state.position)
         for j, turns in enumerate(self.turning):
             if turns:
@@ -282,7 +282,7 @@ class Oracle:
         return vectors
 
     def trace(self, state):
-        """Position, velocity and acceleration of all points in a state, change points too."""
+        """Computes position, velocity and acceleration of all points, also at change points."""
         with mp.workdps(150):
             vectors = self.vectors(state)
             points = self.points(vectors)
@@ -292,7 +292,7 @@ class Oracle:
     # Dynamics.
 
     def pins(self):
-        """The pins: name, on which body its force acts, from which body."""
+        """Returns for each pin its name, the body on which its force acts, and the other body."""
         pins = [('A0', 0, None), ('A', 1, 0), ('B', 2, 1)]
         if self.is_free:
             pins.append(('D', 3, 2))
@@ -301,29 +301,29 @@ class Oracle:
         return pins
 
     def _cut_free(self, vectors, rates, driven, exerted):
-        """Newton-Euler for all bodies at once.
+        """Solves the Newton-Euler equations of all bodies at once.
 
         Args:
             vectors: From `motion`.
             rates: From `motion`.
-            driven: Acceleration of the crank; of a wind pump, the torque on it.
-            exerted: What loads exert on each link.
+            driven: Acceleration of the crank; for a wind pump, the torque on it.
+            exerted: Loads on each link.
 
         Returns:
-            What `Reference` has from the accelerations to what is exerted.
+            The fields of `Reference` from `acceleration` to `exerted`.
         """
         points, rest = self.points(vectors), [mp.mpf(0)] * len(vectors)
         place = {x: self.follow(p, vectors, rates, rest)[0] for x, p in points.items()}
         centers = self.centers(vectors)
-        # Unknown forces: name, direction, on which body, from which body.
+        # Unknown forces: name, direction, body on which they act, body that exerts them.
         unknown = [(*pin, axis) for pin in self.pins() for axis in (mp.mpc(1), mp.mpc(0, 1))]
         if self.slides:
             unknown.append(('guide', len(self.bodies) - 1, None, 1j * self.guide()))
             place['guide'] = place['D' if self.is_free else 'B']
         rubbing = self._rubbing(rates)
         zeros = [0] * len(rubbing)
-        # Columns: accelerations of the links, forces, torque; then the right-hand side, and what
-        # one unit of each friction adds to it.
+        # Columns: accelerations of the links, forces, torque; then the right-hand side, and the
+        # contribution of a unit of each friction.
         count = len(vectors)
         rows = []
         for k, body in enumerate(self.bodies):
@@ -349,7 +349,7 @@ class Oracle:
         bias = sum(1j * slope * rate**2 for slope, rate, turns in turned if turns)
         rows += [[*(getattr(x, part) for x in slopes), *none, -getattr(bias, part), *zeros]
                  for part in ('real', 'imag')]  # fmt: skip
-        # What is given: the torque of a wind pump, else the acceleration of the crank.
+        # Given is the torque for a wind pump, otherwise the acceleration of the crank.
         last = [0] * (count + len(unknown) + 1)
         last[-1 if self.is_free else 0] = 1
         found = solutions([*rows, [*last, mp.mpf(driven), *zeros]])
@@ -366,13 +366,13 @@ class Oracle:
         return values[:count], values[-1], joints, tuple(exerted)
 
     def _slope(self, point, j):
-        """The derivative of a point's place by the position of a link."""
+        """Computes the derivative of a point's position with respect to the position of a link."""
         return point.carried.get(j, 0) * (1j if self.turning[j] else 1)
 
     # Loads and friction.
 
     def loads(self, q, vectors, rates):
-        """What loads exert on each link, and what of that comes from outside the machine."""
+        """Computes the loads on each link, and the share that is external to the machine."""
         outside = [mp.mpf(0)] * len(vectors)
         output = self.bodies[-1]
         place, rate = self.place(vectors), rates[-1]
@@ -391,7 +391,7 @@ class Oracle:
         return [*outside[:-1], outside[-1] + held], tuple(outside)
 
     def place(self, vectors):
-        """Where the output link is: a rocker's angle within half a turn of its swing's middle."""
+        """Returns the output position; a rocker's is within half a turn of its swing's middle."""
         if self.slides:
             return vectors[-1]
         middle = self.middle if self.needs_middle else 0
@@ -399,24 +399,24 @@ class Oracle:
 
     @property
     def needs_middle(self):
-        """Whether something depends on where the rocker is."""
+        """Returns whether any load depends on the position of the rocker."""
         curves = [x for x in self.mechanism.loads if getattr(x, 'over', '') == 'position']
         return not self.slides and bool(self.mechanism.rocker.stiffness or curves)
 
     @functools.cached_property
     def middle(self):
-        """The middle of the swing of a rocker, by the package; test_loads.py judges it."""
+        """Returns the middle of the rocker's swing from the package; test_loads.py checks it."""
         return mp.mpf(self.mechanism.swing_middle(''))
 
     def reduced(self, at):
-        """The places of a curve, of a rocker less whole turns."""
+        """Returns the points of a curve; angles of a rocker are shifted by whole turns."""
         if self.slides:
             return at
         turns = mp.nint((mp.mpf(at[0] + at[-1]) / 2 - self.middle) / (2 * mp.pi))
         return [mp.mpf(x) - 2 * mp.pi * turns for x in at]
 
     def stretch(self, vectors):
-        """Of the spring on the output link."""
+        """Computes the elongation of the spring on the output link."""
         if self.slides:
             return vectors[-1] - mp.mpf(self.mechanism.slider.rest_position)
         if not self.mechanism.rocker.stiffness:
@@ -425,7 +425,7 @@ class Oracle:
         return self.place(vectors) - rest
 
     def _rubbing(self, rates):
-        """The joints in which something rubs."""
+        """Returns the joints with friction."""
         friction = next((x for x in self.mechanism.loads if hasattr(x, 'pin_radius')), None)
         if friction is None:
             return []
@@ -443,9 +443,9 @@ class Oracle:
         return [x for x in found if x.factor and any(x.on.values())]
 
     def shaking(self, state):
-        """Force on the frame, and moment about A0 with the drive's own reaction.
+        """Computes the force on the frame, and its moment about A0 with the drive's reaction.
 
-        That is what acts from outside the machine, less the change of its momentum.
+        They are the external forces on the machine, minus the rate of change of its momentum.
         """
         force, moment, vectors = mp.mpc(0), mp.mpf(0), self.vectors(state)
         for k, (body, center) in enumerate(zip(self.bodies, self.centers(vectors), strict=True)):
@@ -460,7 +460,7 @@ class Oracle:
         return force, moment
 
     def energy(self, q, u):
-        """Kinetic plus potential energy, J, in the caller's precision; not at change points."""
+        """Computes the kinetic plus potential energy, J, except at change points."""
         total = mp.mpf(0)
         vectors, rates = self.motion(q, u)
         for body, center, rate in zip(self.bodies, self.centers(vectors), rates, strict=True):
@@ -471,7 +471,7 @@ class Oracle:
         return total + mp.mpf(self.bodies[-1].stiffness) * self.stretch(vectors) ** 2 / 2
 
     def natural(self, speed, acceleration):
-        """What each quantity is like in a mechanism of this size at this speed."""
+        """Estimates the size of each quantity in a mechanism of this size at this speed."""
         size, square = float(max(map(abs, self.lengths))), speed**2 + abs(acceleration)
         gravity = math.hypot(*self.mechanism.gravity)
         torque = sum(
@@ -485,7 +485,7 @@ class Oracle:
         return *units, *(abs(speed) * x for x in units), *(square * x for x in units), torque
 
 
-# Tests that ask for the same states share them.
+# Cached, because tests share states.
 oracle_of = functools.lru_cache(Oracle)
 
 
@@ -494,7 +494,7 @@ def _first(q):
 
 
 def _joints(unknown, values):
-    """Forces in the joints by name; that of the guide along its left."""
+    """Returns the joint forces by name; the guide force is positive to the left."""
     joints = {}
     for value, (name, _, _, axis) in zip(values, unknown, strict=True):
         joints[name] = joints.get(name, 0) + (value if name == 'guide' else value * axis)
@@ -502,7 +502,7 @@ def _joints(unknown, values):
 
 
 def solutions(rows):
-    """The unknowns of linear equations that end with one or more right-hand sides.
+    """Solves linear equations with one or more right-hand sides, which are the last columns.
 
     Returns:
         A row for each unknown, with a value for each right-hand side.
@@ -513,18 +513,18 @@ def solutions(rows):
 
 
 def settle(rubbing, joints):
-    """The friction in each joint, where that is its factor times the force that goes with it.
+    """Solves for friction equal to its factor times the joint force, in every joint.
 
     Args:
         rubbing: The joints.
-        joints: Their forces without friction, then what one unit of each friction adds to them.
+        joints: Joint forces without friction, and their change per unit of each friction.
 
     Returns:
-        By Newton's method; none is negative. Where that does not come to an end at once, it is
-        led there by coefficients that grow.
+        The friction in each joint, not negative, by Newton's method. If the iteration does not
+        converge at once, the coefficients are increased step by step.
 
     Raises:
-        ArithmeticError: There is none.
+        ArithmeticError: There is no solution.
     """
     for shares in ([1], [1 - (1 - mp.mpf(k) / 24) ** 4 for k in range(1, 25)]):
         sizes = [mp.mpf(0)] * len(rubbing)
@@ -537,7 +537,7 @@ def settle(rubbing, joints):
 
 
 def by_newton(rubbing, joints, sizes):
-    """As `settle`, from friction that is guessed; None if 30 rounds do not get there."""
+    """Solves as `settle`, from an initial guess; returns None if 30 iterations do not converge."""
     for _ in range(30):
         rows = []
         for i, rub in enumerate(rubbing):
@@ -554,7 +554,7 @@ def by_newton(rubbing, joints, sizes):
 
 
 def between(at, value, place):
-    """Linear between points, and the end values outside."""
+    """Interpolates linearly between points; end values apply outside."""
     if place <= at[0]:
         return mp.mpf(value[0])
     for i in range(1, len(at)):
@@ -565,15 +565,15 @@ def between(at, value, place):
 
 
 def periodic(at, value, angle):
-    """Linear between directions; the first point comes again one turn later."""
+    """Interpolates linearly between angles; the first point repeats one turn later."""
     turn, first = 2 * mp.pi, mp.mpf(at[0])
     angle -= turn * mp.floor((angle - first) / turn)
-    last = max(first + turn, mp.mpf(at[-1]))  # a point of exactly one turn is a double
+    last = max(first + turn, mp.mpf(at[-1]))  # a double may be exactly one turn
     return between([*at, last], [*value, value[0]], angle)
 
 
 def wrap(angle):
-    """Brought into [-pi, pi]."""
+    """Reduces an angle to [-pi, pi]."""
     return angle - 2 * mp.pi * mp.nint(angle / (2 * mp.pi))
 
 
@@ -598,6 +598,6 @@ def cross(u, v):
 
 
 def solve(u, v, w):
-    """Real x, y with x u + y v = w, all three complex."""
+    """Solves x u + y v = w for real x and y; u, v, w are complex."""
     determinant = cross(u, v)
     return cross(w, v) / determinant, cross(u, w) / determinant

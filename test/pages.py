@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The pages of the documentation, taken apart for the tests that hold them to the code."""
+"""Parses the pages of the documentation, for tests that compare them with the code."""
 
 import ast
 import re
@@ -16,11 +16,11 @@ PAGES = (
     *('README.md', 'CONTRIBUTING.md', 'QUALITY_DECLARATION.md'),
     *sorted(f'docs/{path.name}' for path in (ROOT / 'docs').glob('*.md')),
 )
-# A block is fenced, or stands four columns in after a blank line.
+# A block is fenced, or indented by four columns after a blank line.
 _BLOCK = re.compile(
     r'^```\w*\n(.*?)^```$|(?:\A|(?<=\n\n))((?: {4}[^\n]*\n|\n(?= {4}))+)', re.MULTILINE | re.DOTALL
 )
-# What a shell is told begins with one of these, or with a variable before it.
+# A shell command begins with one of these, or with an environment variable before it.
 _COMMAND = re.compile(
     r'(?:[A-Z_]+=\S+ )*(linkage_\w+|python|pytest|make|pip|ros2|colcon|rosdep|source|\.|rerun'
     r'|rosbags-convert|plotjuggler|fastdds|apt|npm)(?= |$)'
@@ -31,9 +31,9 @@ class Command(NamedTuple):
     """A command line of a page.
 
     Attributes:
-        words: Of it, without variables before it and remarks behind it.
-        is_block: Whether it stands in a block, to be copied, and not within a sentence.
-        near: What stands about it: its block and the paragraphs around it, or its own paragraph.
+        words: Its words, without leading variables and trailing comments.
+        is_block: Whether the command is in a block, to be copied, not within a sentence.
+        near: Context of the command: its block and the adjacent paragraphs, or its paragraph.
     """
 
     words: tuple[str, ...]
@@ -50,13 +50,13 @@ def blocks(text):
 
 
 def block(text, words):
-    """The one block of a page that holds these words."""
+    """Returns the only block of a page that contains these words."""
     (found,) = [one for one in blocks(text) if words in one]
     return found
 
 
 def is_python(text):
-    """Whether a block is a program: formulas and shell lines import nothing."""
+    """Returns whether a block is a Python program, which imports something."""
     try:
         tree = ast.parse(text)
     except SyntaxError:
@@ -65,18 +65,18 @@ def is_python(text):
 
 
 def run_python(text, page, names=None):
-    """Runs a block as it stands, or what was made of it."""
+    """Runs a block as a program, unchanged or edited."""
     exec(compile(text, page, 'exec'), {} if names is None else names)
 
 
 def page_files(text):
-    """The parameter files that a page shows: their text by the name in their first line."""
+    """Returns the parameter files of a page, by the file name in their first line."""
     found = [re.match(r'# (\w+\.yaml)\n', one) for one in blocks(text)]
     return {match[1]: match.string + '\n' for match in found if match}
 
 
 def load_script(name):
-    """A script of docs: reference.py, which makes the tables of the reference, or another."""
+    """Imports a script of docs, such as reference.py."""
     spec = spec_from_file_location(name, ROOT / 'docs' / f'{name}.py')
     module = module_from_spec(spec)
     spec.loader.exec_module(module)
@@ -84,12 +84,12 @@ def load_script(name):
 
 
 def links(text):
-    """Where links and pictures lead, without the place on a page."""
+    """Returns the targets of links and pictures, without anchors."""
     return re.findall(r'\]\(([^)#\s]+)', text) + re.findall(r'(?:src|href)="([^"#]+)', text)
 
 
 def commands(text):
-    """The command lines of a page, of blocks and of sentences; a name alone is no command."""
+    """Returns the command lines in blocks and sentences; a bare name is not a command."""
     found = []
     for match in _BLOCK.finditer(text):
         before, after = text[: match.start()].rstrip('\n'), text[match.end() :].lstrip('\n')

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Real processes on real DDS for the tests: started, listened to from outside, stopped."""
+"""Starts real processes on DDS for the tests, listens to them from outside, and stops them."""
 
 import itertools
 import os
@@ -26,8 +26,8 @@ from linkage_ros.ros.topics import message_class
 from linkage_ros.verification.verify import verify
 from linkage_ros.wire.topics import JOINT_COMMANDS, SIMULATED_CLOCK, TOPICS
 
-# Each process that shares the tests (pytest -n 3) has a third of these domains. Benchmarks,
-# which a test runs too, in a network but not a shared memory of their own, have those from 90 on.
+# Each test process (pytest -n 3) uses a third of these domains. Benchmarks use domains from 90
+# on; a test also runs one, in a separate network but with the same shared memory.
 _WORKER = int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0')[2:]) % 3
 _OWN = 26
 _domains = (10 + _OWN * _WORKER + n % _OWN for n in itertools.count(os.getpid()))
@@ -35,7 +35,7 @@ _TYPES = {
     topic.name.lstrip('/'): topic.interface.name
     for topic in (*TOPICS, JOINT_COMMANDS, SIMULATED_CLOCK)
 }
-# The package lies beside the tests, installed or not.
+# The package may be in the source tree next to the tests, or installed.
 PACKAGE_PATH = os.pathsep.join(
     filter(None, (str(Path(__file__).parents[1]), os.environ.get('PYTHONPATH')))
 )
@@ -43,16 +43,16 @@ CODEC = JointStateCodec(('crank', 'coupler', 'rocker'))
 
 
 def taken_domains():
-    """Those in which somebody on this machine listens: RTPS gives each 250 UDP ports."""
+    """Returns the domains that are in use on this machine; RTPS assigns 250 UDP ports to each."""
     sockets = Path('/proc/net/udp').read_text().splitlines()[1:]
     ports = [int(line.split()[1].rpartition(':')[2], 16) for line in sockets]
     return {(port - 7400) // 250 for port in ports}
 
 
 def clear_ports(domain, folder=Path('/dev/shm')):
-    """Removes Fast DDS's ports of a domain that nobody uses: those of killed processes.
+    """Removes Fast DDS ports that killed processes left in an unused domain.
 
-    One that a killed process left half made would stop every later process of the domain.
+    An incomplete one would block every later process of the domain.
     """
     first = 7400 + 250 * domain
     for port in range(first, first + 250):
@@ -60,7 +60,7 @@ def clear_ports(domain, folder=Path('/dev/shm')):
 
 
 def fresh_domain():
-    """Each test its own, so that neither leftovers nor other runs of the tests reach it."""
+    """Returns an unused domain, isolated from leftovers and other test runs."""
     taken = taken_domains()
     domain = next(domain for domain in itertools.islice(_domains, _OWN) if domain not in taken)
     clear_ports(domain)
@@ -78,7 +78,7 @@ def environment(domain):
 
 
 def command(module, *arguments):
-    """Words that run a module of the package, or a program of which these are the first words."""
+    """Returns the command that runs a module of the package, or a program."""
     words = module if isinstance(module, list) else [sys.executable, '-m', f'linkage_ros.{module}']
     return [*words, *map(str, arguments)]
 
@@ -107,16 +107,16 @@ def running(module, *arguments, domain):
 
 @contextmanager
 def watched(topics, *arguments, module='node', domain=None):
-    """A listener and a process, in a domain of their own.
+    """Starts a listener and a process in a domain of their own.
 
     Args:
-        topics: Names, whose types follow from the last word of each; or types by name.
-        *arguments: Of the process.
-        module: Of the package, which is run.
-        domain: Where others take part.
+        topics: Names, whose last word determines the type; or types by name.
+        *arguments: Arguments of the process.
+        module: Module of the package to run.
+        domain: Domain to use instead of a new one.
 
     Yields:
-        Both.
+        The listener and the process.
     """
     if not isinstance(topics, dict):
         topics = {name: _TYPES[name.rpartition('/')[2]] for name in topics}
@@ -129,7 +129,7 @@ def watched(topics, *arguments, module='node', domain=None):
 
 
 def stop(process, number=signal.SIGINT, code=0):
-    """Ends a process by a signal; returns all that it printed, after a check of its exit code."""
+    """Ends a process by a signal, checks its exit code, and returns its output."""
     process.send_signal(number)
     printed = ''.join(process.communicate(timeout=20))
     assert process.returncode == code, printed
@@ -138,33 +138,33 @@ def stop(process, number=signal.SIGINT, code=0):
 
 
 def finished(module, *arguments, **options):
-    """A process, when it has ended."""
+    """Runs a process to its end; returns it."""
     options = {'env': environment(fresh_domain()), 'text': True, 'timeout': 60} | options
     return subprocess.run(command(module, *arguments), capture_output=True, **options)
 
 
 def assert_refused(code, out, err, words):
-    """Asserts exit code 2 and one line on stderr, which matches."""
+    """Asserts exit code 2 and a single matching line on stderr."""
     assert (code, out) == (2, ''), err
     assert re.fullmatch(r'linkage_\w+( \w+)?: [^\n]+\n', err), err
     assert re.search(words, err), err
 
 
 def report_of(path):
-    """The report of the verification of a log."""
+    """Verifies a log; returns the report."""
     with LogReader(path) as log:
         return verify(log)
 
 
 def verified(path):
-    """The same, after a check that no state differs by a bit."""
+    """Verifies a log; returns the report after a check that all bits are equal."""
     report = report_of(path)
     assert (report.difference, report.ulp) == ('', 0.0)
     return report
 
 
 def logged(path):
-    """A log and its messages by topic."""
+    """Reads a log; returns the reader and the messages by topic."""
     with LogReader(path) as log:
         messages = {topic.name: [] for topic in log.topics}
         for message in log.messages():
@@ -173,12 +173,12 @@ def logged(path):
 
 
 def decoded(messages):
-    """(stamp, numbers) of joint states of a four-bar."""
+    """Decodes joint states of a four-bar to pairs of stamp and numbers."""
     return [CODEC.decode(data) for data in messages]
 
 
 class Listener:
-    """Subscribes to topics from this process and keeps the very bytes that arrive."""
+    """Subscribes to topics in this process, and keeps the received bytes."""
 
     def __init__(self, domain, topics):
         self.received = {topic: [] for topic in topics}
@@ -207,7 +207,7 @@ class Listener:
         try:
             self._executor.spin()
         except (InvalidHandle, AttributeError):
-            # rclpy's own, where it is shut down within a callback or while it prepares to wait.
+            # Raised by rclpy if it is shut down within a callback or while it prepares to wait.
             if not self._is_closing:
                 raise
 
@@ -216,7 +216,7 @@ class Listener:
         self.received[topic].append(bytes(data))
 
     def await_more(self, count, topic='/joint_states'):
-        """Waits until so many more messages have arrived."""
+        """Waits until a number of further messages have arrived."""
         received = self.received[topic]
         due = len(received) + count
         wait_for(lambda: len(received) >= due)
@@ -233,18 +233,18 @@ class Listener:
 
 
 def unbroken(heard, sent):
-    """Whether all that was sent was heard, in order, from the first of it on up to the last.
+    """Returns whether received messages are consecutive sent messages, from first to last.
 
-    A busy machine may find a subscriber only after the node began, and end before it has all.
+    On a busy machine, a subscriber may be matched late, and end before it has received everything.
     """
     begin = sent.index(heard[0])
     return heard == sent[begin : begin + len(heard)]
 
 
 def wait_for(condition, seconds=60.0):
-    """Waits until a condition holds; a test that needs it fails clearly where it never does.
+    """Waits until a condition holds; the test fails if it does not in time.
 
-    The time says that it hangs, not how fast it is: a busy machine may take most of it.
+    The time limit detects a hang; a busy machine may need most of it.
     """
     end = time.monotonic() + seconds
     while not condition():

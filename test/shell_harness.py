@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A shell on a real terminal for the tests: typed into, read from, and its terminal looked at."""
+"""Runs a shell on a pseudo-terminal: types, reads output, and inspects terminal settings."""
 
 import fcntl
 import os
@@ -17,12 +17,12 @@ HELD = termios.ICANON | termios.ECHO
 
 
 def held(terminal):
-    """Whether lines and echo are on, as a shell leaves a terminal."""
+    """Returns whether line mode and echo are on, as a shell leaves a terminal."""
     return termios.tcgetattr(terminal)[3] & HELD == HELD
 
 
 class Shell:
-    """A shell on a terminal of its own, which outlives what it runs."""
+    """A shell on its own terminal, which outlives the programs that it runs."""
 
     def __init__(self, *arguments):
         self.said = b''

@@ -1,9 +1,9 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a log's messages should say, made from the solver's states and no bytes of ours.
+"""Makes the expected messages of a log from solver states, without the package's encoders.
 
-A message is a dictionary of its fields. Floats stand there as 16 hexadecimal digits, so that
-equal means equal to the bit: in any other form 0.0 and -0.0 would pass for each other.
+A message is a dictionary of its fields. Floats are represented by 16 hexadecimal digits, so that
+equality means equal bits; otherwise 0.0 and -0.0 would compare equal.
 """
 
 import struct
@@ -29,12 +29,12 @@ TYPES = {
 
 
 def plain(value):
-    """A field, or a message of any reader, as comparable as described above."""
+    """Converts a field, or a message from any reader, to this form."""
     if isinstance(value, float):
         return struct.pack('>d', value).hex()
     if isinstance(value, (str, int)):
         return value
-    if isinstance(value, bytes):  # rclpy's idea of a byte
+    if isinstance(value, bytes):  # rclpy represents a byte as bytes
         return value[0]
     if isinstance(value, dict):
         return {name: plain(item) for name, item in value.items()}
@@ -46,27 +46,27 @@ def plain(value):
         names = value.get_fields_and_field_types()
     else:
         names = getattr(type(value), '__slots__', None) or vars(value)
-    # rosbags gives constants and the type's name as fields too.
+    # rosbags lists constants and the type name as fields too.
     fields = [name for name in names if not (name.isupper() or name.startswith('__'))]
     return {name: plain(getattr(value, name)) for name in fields}
 
 
 def time_of(stamp):
-    """A stamp, ns, as ROS writes it."""
+    """Converts a stamp, ns, to seconds and nanoseconds as in ROS."""
     seconds, nanoseconds = divmod(stamp, 10**9)
     return {'sec': seconds, 'nanosec': nanoseconds}
 
 
 def solved_messages(configuration, motion, stamps):
-    """The messages that belong to some stamps.
+    """Makes the messages for some stamps.
 
     Args:
         configuration: Configuration of the run.
-        motion: The piece of motion that all stamps lie in.
-        stamps: ns.
+        motion: The segment of motion that contains all stamps.
+        stamps: Stamps, ns.
 
     Returns:
-        (stamp, message) in order, for each topic; the robot's description has the first stamp.
+        Pairs of stamp and message in order, by topic; the robot description has the first stamp.
     """
     solver = Solver(configuration.mechanism)
     links, points = solver.structure.links, solver.structure.points

@@ -176,7 +176,7 @@ DEFINED = {
         'at most 1 ms', 'of order 5', 'of order 4', 'exceeds 1e-9 (rad', 'up to 400 trials',
         'more than 0.25 s', 'a tolerance of 1e-13', 'below 0.5 ms', 'records use 1e-11',
         'from 1e3 to 1e7 N m s', 'the first 0.1 s', 'more than 20 steps', '(10 in two',
-        'over 30 s', 'within 1e-7', 'below 0.1 and', 'exceeds 0.2', 'change point by 1e-9 m',
+        'over 30 s', 'tolerance is 1e-7', 'below 0.1 and', 'exceeds 0.2', 'change point by 1e-9 m',
         'keeps 150 rpm', 'ticks of 1 ms', '16 or more', '256 motions',
         '3 % of the crank', '1, 2 or 4 turns', 'up to 8 turns', 'changes by 5 %',
         'documents 1 and 3', 'figure 3',
@@ -244,7 +244,10 @@ def test_mcap_page_matches_channels_and_sizes_of_the_code():
     for topic in (*TOPICS, JOINT_COMMANDS):
         assert f'| `{qualified(topic)}` | ' in page
     sizes = [str(size >> 20) for size in (LARGEST, writer.CHUNK_SIZE)]
-    words = 'of {} MiB at most. Logs of this package have chunks of {} MiB.'
+    words = (
+        'at most {} MiB, including copies made by other tools. '
+        'Logs of this package have chunks of {} MiB.'
+    )
     check_quote('docs/mcap.md', words, *sizes)
 
 
