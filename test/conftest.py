@@ -10,9 +10,9 @@ import pytest
 from hypothesis import settings
 from ros_harness import fresh_domain
 
-import linkage_ros.view  # noqa: F401, it makes Rerun quiet, whoever imports that first
+import linkage_ros.view  # noqa: F401, sets the log level of Rerun before its first import
 
-# A program that runs the checks in the background may ignore these signals; children inherit that.
+# A program that runs the checks in the background may ignore these signals; children inherit it.
 for number, handler in (
     (signal.SIGINT, signal.default_int_handler),
     (signal.SIGQUIT, signal.SIG_DFL),

@@ -70,7 +70,7 @@ def tight(data):
 
 
 def zeros(count, told=None):
-    """Returns a zstd frame that unpacks to `count` MiB of zeros, and states this or another size."""
+    """Makes a zstd frame that unpacks to `count` MiB of zeros and states this or another size."""
     head = b'\x00\x50' if told is None else b'\xc0\x50' + struct.pack('<Q', told)
     block = struct.pack('<I', 1 << 1 | 1 << 20)[:3] + b'\0'  # repeats one byte 128 KiB times
     return b'\x28\xb5\x2f\xfd' + head + block * (8 * count) + b'\x01\0\0'

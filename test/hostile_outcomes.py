@@ -130,7 +130,7 @@ class LiveNode:
         self._drive = build(type(self._drive), {**flatten(self._drive), name: value})
 
     def request(self, wanted):
-        """Sets parameters as the node's service does; returns the reason of each refusal, or ''."""
+        """Sets parameters as the node's service does; returns the reason of each refusal or ''."""
         from rcl_interfaces.msg import Parameter, ParameterValue
         from rcl_interfaces.srv import SetParameters
 

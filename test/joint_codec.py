@@ -7,7 +7,7 @@ from linkage_ros.wire.rows import Template
 
 
 class JointStateCodec:
-    """Codec for JointState messages, or JointTrajectory with `parts=trajectory`, of some joints."""
+    """Codec for JointState messages of some joints; JointTrajectory with `parts=trajectory`."""
 
     def __init__(self, names, frame_id='base_link', parts=joint_state):
         self._template = Template(parts(names, frame_id))

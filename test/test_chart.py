@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""linkage_chart motion: the table against the solver, the picture as a picture."""
+"""linkage_chart motion: compares the table with the solver, and inspects the picture."""
 
 import csv
 import io
@@ -36,8 +36,8 @@ from linkage_ros.lab.period import SpeedDrivenPeriod, extent, mean
 from linkage_ros.lab.pump.settling import settle
 from linkage_ros.parameters.configuration import load
 
-# A coupler point, a guide, a load curve, at a given speed; a wind pump has the speed that it
-# settles at.
+# A coupler point, a guide and a load curve run at a given speed; a wind pump runs at the speed at
+# which it settles.
 PRESETS = ['coupler_point', 'slider_crank', 'compressor']
 ALL = [*PRESETS, 'wind_pump']
 CHANGE_POINT = """
@@ -70,7 +70,7 @@ class Drawn(NamedTuple):
 
 @pytest.fixture(scope='module')
 def drawn(tmp_path_factory):
-    """The picture of each preset with all options; that of a wind pump in its settled state."""
+    """Draws each preset with all options, a wind pump in its settled state."""
     folder, charts = tmp_path_factory.mktemp('charts'), {}
     save = Figure.savefig
     for preset in ALL:
@@ -121,7 +121,7 @@ def test_everything_lies_within_the_picture(drawn, preset):
     pixels = drawn[preset].pixels
     edges = pixels[:3], pixels[-3:], pixels[:, :3], pixels[:, -3:]
     assert all((edge == 1.0).all() for edge in edges)
-    # Curves in the colour of the crank, on white.
+    # Curves in the crank's colour, on white.
     assert (np.abs(pixels[::4] * 255 - (213, 94, 0)).max(axis=-1) < 2).sum() > 100
 
 
@@ -150,7 +150,7 @@ def test_pins_are_named_in_the_drawing(drawn, preset):
     traced = {'C'} if mechanism.coupler.point else set()
     assert set(names) == expected[load(preset).kind.mechanism] | traced
     assert re.fullmatch(r'([125]|0\.0*[125]) m', scale)
-    # Each is nearer to its own pin than to any other.
+    # Each name is nearest to its own pin.
     pins = drawing.texts[1:]
     places = drawing.transData.transform([text.xy for text in pins])
     for number, text in enumerate(pins):
@@ -166,9 +166,9 @@ def test_wind_pump_is_drawn_in_its_settled_state(drawn):
     crank, rate = columns['crank_angle [rad]'], columns['crank.velocity [rad/s]']
     assert (crank[0], crank[-1], len(crank)) == (0.0, 2 * math.pi, 721)
     assert np.ptp(columns['slider.position [m]']) == pytest.approx(stroke, abs=5e-4)
-    # The torque of the motor, by the balance of all bodies.
+    # The motor torque, from the balance of all bodies.
     assert columns['driving_torque [N m]'] == pytest.approx(8.4 - 1.2 * rate, rel=1e-9)
-    # Rates are derivatives over the time that the turn takes at its own speeds.
+    # Rates are derivatives with respect to time along the turn.
     steps = np.diff(crank) * (1 / rate[1:] + 1 / rate[:-1]) / 2
     assert 2 * math.pi / steps.sum() == pytest.approx(speed, abs=5e-4)
     for joint, unit in (('coupler', 'rad'), ('rod', 'rad'), ('slider', 'm')):
@@ -190,7 +190,7 @@ def test_mean_power_of_a_settled_pump_equals_the_loss_at_its_slider():
 
 
 def test_transmission_ratios_are_those_of_document_2_at_rest_too():
-    """Its eq. (32) and (33)."""
+    """Document 2, eq. (32) and (33)."""
     mechanism = load('quadrilateral').mechanism
     columns = SpeedDrivenPeriod(mechanism, 0.0).columns
     two, three, four = (
@@ -210,11 +210,11 @@ def test_transmission_ratios_are_those_of_document_2_at_rest_too():
 def test_extents_match_the_motion():
     period = SpeedDrivenPeriod(load('quadrilateral').mechanism, 5 * math.pi)
     torque = extent(period.crank, period.columns['driving_torque'].values)
-    # Between 0.5 deg samples, of which the largest is at 294 and the smallest at 348 deg.
+    # At samples 0.5 deg apart, the largest value is at 294 deg and the smallest at 348 deg.
     assert 8.475284394410188 < torque.high < 8.4755
     assert -8.5475 < torque.low < -8.54729141947143
     taken = mean(period.crank, period.columns['driving_torque'].values)
-    assert abs(taken) < 1e-14  # all the work comes back
+    assert abs(taken) < 1e-14  # without loads, no work remains
     wave = extent(period.crank, 3 * np.sin(period.crank - 1) - 2)
     assert (wave.high, wave.high_at) == pytest.approx((1.0, math.pi / 2 + 1), rel=1e-6)
     assert wave.rms == pytest.approx(math.sqrt(8.5), rel=1e-12)
@@ -229,12 +229,12 @@ def test_mean_power_is_the_mean_of_the_power():
 
 @pytest.mark.parametrize('gap', [1e-3, 1e-9])
 def test_sharp_peaks_near_change_points_are_sampled(gap):
-    """Angles are finer where the motion is fast; a grid of 0.5 deg misses the peak."""
+    """Samples are denser where the motion is fast; a grid of 0.5 deg would miss the peak."""
     crank, body = Body(0.1), {'mass': 1.0, 'inertia': 0.01}
     coupler, rocker = Coupler(0.2, center=(0.1, 0.0), **body), Body(0.3 + gap, **body)
     period = SpeedDrivenPeriod(FourBar(Frame(0.4, 0.3), crank, coupler, rocker), 2 * math.pi)
     found = extent(period.crank, period.columns['coupler.acceleration'].values)
-    # At theta = pi itself the acceleration is at its peak, to first order in the gap.
+    # To first order in the gap, the acceleration peaks at theta = pi itself.
     at_pi = period.solver.state(0.3 + math.pi, 2 * math.pi)
     assert found.high == pytest.approx(at_pi.acceleration[1], rel=max(1e-3, 10 * gap))
     power = period.columns['driving_power'].values
@@ -243,7 +243,7 @@ def test_sharp_peaks_near_change_points_are_sampled(gap):
 
 
 def test_a_period_of_two_turns_is_drawn_whole(tmp_path, called):
-    odd = tmp_path / 'cost_$5_$x{.yaml'  # a file's name is no mathematics
+    odd = tmp_path / 'cost_$5_$x{.yaml'  # matplotlib must not parse the file name as math
     odd.write_text(CHANGE_POINT)
     code, out, _ = called(chart_tool, 'motion', odd, '--rpm', '6', '--out', tmp_path)
     assert code == 0
@@ -276,7 +276,7 @@ def test_movie_frames_are_evenly_spaced_in_time(tmp_path, monkeypatch, called, p
     assert len(frames) == 10
     assert all(np.abs(one - other).sum() for one, other in itertools.pairwise(frames))
     (picture, _), *_ = shown
-    crank = picture.period.crank[[i for _, i in shown[1:]]]  # without the one before the frames
+    crank = picture.period.crank[[i for _, i in shown[1:]]]  # without the initial frame
     speed = np.abs(picture.period.columns['crank.velocity'].values)
     time = np.interp(crank, *elapsed(picture.period.crank, speed))
     apart, sample = way * np.diff(time), np.diff(picture.period.crank).max() / speed.min()
@@ -313,7 +313,7 @@ def test_several_mechanisms_are_drawn_side_by_side_with_one_table(tmp_path, call
         assert given == pytest.approx(expected, rel=1e-4)
     pixels = matplotlib.image.imread(tmp_path / 'comparison.png')[..., :3]
     assert all((edge == 1.0).all() for edge in (pixels[:3], pixels[-3:]))
-    for color in DESIGN_COLORS[: len(names)]:  # the curves of each
+    for color in DESIGN_COLORS[: len(names)]:  # the curves of each mechanism
         assert (np.abs(pixels * 255 - color).max(axis=-1) < 2).sum() > 500
 
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Message bytes, read by two decoders that share nothing with the package: rosbags, Fast DDS."""
+"""Decodes messages with two independent decoders: rosbags and Fast DDS."""
 
 import math
 import struct
@@ -43,7 +43,7 @@ STAMPS = (
 )
 HARD = (0.0, -0.0, 5e-324, -5e-324, sys.float_info.max, -sys.float_info.max, 0.1, math.pi)
 FLOATS = (*HARD, math.inf, -math.inf, math.nan)
-# Names of 1 to 9 characters reach every offset modulo 8, alone and in rows.
+# Names of 1 to 9 characters, alone and in rows, produce every offset modulo 8.
 NAMES = [('j' * length,) for length in range(1, 10)] + [
     tuple('abcdef'[i] * (1 + (3 * i + shift) % 20) for i in range(count))
     for count in (2, 3, 6)
@@ -53,10 +53,10 @@ NAMES = [('j' * length,) for length in range(1, 10)] + [
 
 @pytest.fixture(scope='module')
 def fast_dds():
-    """rclpy's serialisation."""
+    """Returns rclpy's serialisation functions."""
     serialization = pytest.importorskip('rclpy.serialization')
     with warnings.catch_warnings():
-        # The first use imports a parser that imports sre_parse.
+        # The first use imports a parser that imports the deprecated sre_parse.
         warnings.simplefilter('ignore', DeprecationWarning)
         serialization.serialize_message(message_class(FLOAT64.name)())
     return serialization
@@ -64,7 +64,7 @@ def fast_dds():
 
 @pytest.fixture
 def decodings(fast_dds):
-    """Reads a message with rosbags and with Fast DDS, which write the same bytes, but padding."""
+    """Decodes a message with rosbags and Fast DDS, and compares the bytes that they encode."""
 
     def decode(data, interface):
         read = STORE.deserialize_cdr(data, interface.name)
@@ -72,10 +72,10 @@ def decodings(fast_dds):
         filled = [bytes(STORE.serialize_cdr(read, interface.name))]
         filled.append(fast_dds.serialize_message(message))
         for other in filled:
-            # On the way, DDS fills every message up to a multiple of 4 bytes.
+            # DDS pads every message to a multiple of 4 bytes.
             assert other[:4] == data[:4]
             assert 0 <= len(data) - len(other) < 4
-        # Fast DDS leaves in the padding what was on the heap; rosbags and this package 0.
+        # Fast DDS leaves heap memory in the padding; rosbags and this package write 0.
         assert data == filled[0].ljust(len(data), b'\0')
         pairs = zip(data, filled[1].ljust(len(data), b'\0'), strict=True)
         assert all(ours in (theirs, 0) for ours, theirs in pairs)
@@ -89,7 +89,7 @@ def numbers(count, offset=0):
 
 
 def on_wire(row):
-    """Numbers as they are on the wire: zeros have no sign."""
+    """Returns numbers as they are encoded: -0.0 becomes 0.0."""
     return [number + 0.0 for number in row]
 
 
@@ -98,7 +98,7 @@ def header(stamp, frame_id='base_link'):
 
 
 def joint_states(names, stamp=0, offsets=(0, 3, 5)):
-    """A message and its rows."""
+    """Encodes a message; returns it and its rows."""
     rows = [numbers(len(names), offset) for offset in offsets]
     return JointStateCodec(names).encode(stamp, *rows), rows
 
@@ -128,7 +128,7 @@ def test_both_decoders_read_back_every_joint_state_and_trajectory(names, decodin
 
 
 DATA, ROWS = joint_states(JOINTS)
-# Three names, but 4 positions, 2 velocities and 3 efforts: as long as it ought to be.
+# For three names, there are 4 positions, 2 velocities and 3 efforts; the length is correct.
 OTHER_LENGTHS = [struct.pack(f'<I4x{n}d', n, *numbers(n)) for n in (4, 2, 3)]
 BROKEN = {
     'nothing': b'',
@@ -169,7 +169,7 @@ DESCRIBED = [
     for status in STATUSES
 ]
 EMPTY = {'dim': [], 'data_offset': 0}
-# The bytes of a message, its type and its fields.
+# Bytes of a message, its type and its fields.
 MESSAGES = [
     *((encode_float64(value), FLOAT64, {'data': value + 0.0}) for value in FLOATS),
     *((Template(float64_array('x')).pack(value), FLOAT64_MULTI_ARRAY,
@@ -187,7 +187,7 @@ MESSAGES = [
 @pytest.mark.parametrize(('data', 'interface', 'fields'), MESSAGES, ids=range(len(MESSAGES)))
 def test_both_decoders_read_back_every_other_message(data, interface, fields, decodings):
     assert decodings(data, interface) == [plain(fields)] * 2
-    assert len(data) % 4 == 0  # as DDS sends it
+    assert len(data) % 4 == 0  # DDS pads messages
 
 
 # ---------------------------------------------------------------- interfaces
@@ -199,7 +199,7 @@ def test_both_decoders_read_back_every_other_message(data, interface, fields, de
     ids=lambda interface: interface.name,
 )
 def test_definition_and_type_hash_are_those_of_jazzy(interface):
-    """A type hash covers names and types of all fields, of contained types as well."""
+    """A type hash covers names and types of all fields, including nested types."""
     store = get_typestore(Stores.EMPTY)
     store.register(get_types_from_msg(interface.definition, interface.name))
     for types in (store, STORE):

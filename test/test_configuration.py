@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""From parameters to a configuration and back, and what is refused on the way."""
+"""Converts parameters to a configuration and back, and tests invalid parameters."""
 
 import math
 import re
@@ -44,7 +44,7 @@ REQUIRED = {
     'rocker.length': 0.5,
     'rpm': 150.0,
 }
-# What the design says of document 1's linkage; the preset has to say the same.
+# Data of document 1's linkage according to the design; the preset must agree.
 QUADRILATERAL = {
     'mechanism': 'four_bar',
     'drive': 'speed',
@@ -261,7 +261,7 @@ def test_text_that_is_not_json_is_refused(text):
 
 @pytest.mark.parametrize('name', ['mechanism', 'rpm', 'frame.length', 'rocker.length'])
 def test_text_that_lacks_a_required_setting_is_refused(name):
-    """A log is read by itself: nothing in it may come from the preset of the day."""
+    """A log is self-contained: none of its values may come from a current preset."""
     strings = to_strings(configure({'rpm': 60.0}))
     del strings[name]
     with pytest.raises(ConfigurationError, match=f'{re.escape(name)} is missing|names no {name}'):
@@ -272,7 +272,7 @@ def test_text_that_lacks_a_required_setting_is_refused(name):
     'values',
     [
         *({'viewer': x} for x in ('', 'spawn', 'web', 'rerun+http://a:9876/proxy', 'x/run.rrd')),
-        {'log': 'a\0b', 'viewer': 'c\0.rrd'},  # no file can have these names
+        {'log': 'a\0b', 'viewer': 'c\0.rrd'},  # invalid file names
     ],
 )
 def test_viewers_are_accepted(values):

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The controller prototype: what feed-forward is worth, and a plant that outlives it."""
+"""The controller prototype: benefit of feed-forward, and a plant that survives its controller."""
 
 import math
 from collections import deque
@@ -41,7 +41,7 @@ PREFIXED = JointStateCodec(('left_crank', 'left_coupler', 'left_rocker'), 'tool0
 
 
 def heavier(factor):
-    """The mechanism with all masses and inertias multiplied by a factor."""
+    """Returns the mechanism with all masses and inertias multiplied by a factor."""
     bodies = {name: getattr(MECHANISM, name) for name in ('crank', 'coupler', 'rocker')}
     changed = {
         name: replace(body, mass=body.mass * factor, inertia=body.inertia * factor)
@@ -51,7 +51,7 @@ def heavier(factor):
 
 
 def ripple(believed, lead, rpm=600.0):
-    """The peak speed error from 1.5 to 2 s; a command acts one tick after its state."""
+    """Returns the peak speed error from 1.5 to 2 s; a command acts one tick after its state."""
     configuration = configure({'drive': 'torque', 'start_rpm': rpm})
     plant = TorqueMotion(Solver(MECHANISM), configuration.drive, 0, TICK_NS)
     law = SpeedController(believed, rpm, 15.0, lead)
@@ -70,7 +70,7 @@ def test_feed_forward_removes_most_of_the_ripple():
     assert 0.1 < alone < 0.5
     assert alone > 20 * ahead
     assert alone > 10 * wrong
-    # The look ahead is what does it: without it, the torque of 1.5 ticks ago.
+    # The look-ahead is essential: without it, the torque is 1.5 ticks old.
     assert late > 3 * ahead
     assert wrong > 3 * ahead
 
@@ -83,14 +83,14 @@ def test_integral_restarts_after_a_gap():
 
 
 def has_speed(listener, low, high):
-    """Whether the mean speed of the last 100 states, rad/s, is within limits."""
+    """Returns whether the mean speed of the last 100 states, rad/s, is within limits."""
     last = [PREFIXED.decode(data)[1][3] for data in listener.received[STATES][-100:]]
     return len(last) == 100 and low < sum(last) / 100 < high
 
 
 def test_killed_controller_is_reported_and_a_new_one_takes_over(tmp_path, monkeypatch):
-    """Names and frame come from the file of the plant, which the controller reads as well."""
-    # A process that is killed as it writes to shared memory may leave it locked for the others.
+    """Names and frame come from the plant's parameter file, which the controller also reads."""
+    # A process killed while it writes to shared memory may leave the memory locked for others.
     monkeypatch.setenv('FASTDDS_BUILTIN_TRANSPORTS', 'UDPv4')
     path, plant, domain = tmp_path / 'run.mcap', tmp_path / 'plant.yaml', fresh_domain()
     preset = preset_path('quadrilateral').read_text().rstrip()
@@ -104,7 +104,7 @@ def test_killed_controller_is_reported_and_a_new_one_takes_over(tmp_path, monkey
         with running('controller', *follow, domain=domain) as first:
             wait_for(lambda: has_speed(listener, 14.0, 17.5))
             first.kill()
-            # Without commands the motor's damping brakes the crank.
+            # Without commands, the motor's damping slows the crank down.
             wait_for(lambda: has_speed(listener, 0.0, 12.0))
         with running('controller', *follow, domain=domain) as second:
             wait_for(lambda: has_speed(listener, 14.0, 17.5))
@@ -117,7 +117,7 @@ def test_killed_controller_is_reported_and_a_new_one_takes_over(tmp_path, monkey
     assert decode_joint_state(sent.data).names == ['left_crank']
 
 
-# Of other robots, and of a crank without what a controller needs.
+# States of other robots, and of a crank without the values that a controller needs.
 OTHERS = [
     {},
     {'name': ['wheel', 'arm'], 'position': [1.0, 2.0], 'velocity': [3.0, 4.0]},
@@ -138,7 +138,7 @@ def test_states_of_other_robots_and_without_velocity_change_no_command():
             message.header.stamp.nanosec = tick * 10**6
             states.publish(message)
 
-        # Both ways must have been found before the law's sums begin.
+        # Both directions must be connected before the control law starts to integrate.
         commands = listener.received[COMMANDS]
         wait_for(lambda: send(500, name=['crank'], position=[0.0], velocity=[0.0]) or commands)
         send(0, name=['crank'], position=[0.0], velocity=[15.0])
@@ -160,7 +160,7 @@ def test_states_of_other_robots_and_without_velocity_change_no_command():
 
 
 def sent_back(commands):
-    """The torque of each command, by its stamp in ms."""
+    """Returns the torque of each command, by its stamp in ms."""
     found = [deserialize_message(data, JointState) for data in commands]
     return {m.header.stamp.nanosec // 10**6: m.effort[0] for m in found}
 
@@ -194,7 +194,7 @@ def test_controller_parameters_are_read_only(capfd):
         node = ControllerNode(None)
         assert node.get_parameter('rpm').value == 90.0
         assert node.describe_parameter('lead_time').floating_point_range[0].to_value == 10.0
-        # Nothing listens to a change: it is refused, not taken and forgotten.
+        # No code handles a change, so it must be refused rather than accepted and ignored.
         (result,) = node.set_parameters([Parameter('rpm', value=60.0)])
         assert (result.successful, 'read-only' in result.reason) == (False, True)
         node.destroy_node()

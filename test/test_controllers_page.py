@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""docs/controllers.md: its ways in, run as they stand there; the third is in test_docs.py."""
+"""docs/controllers.md: runs the examples of ways 1 and 2; test_docs.py runs those of way 3."""
 
 import itertools
 import re
@@ -17,7 +17,7 @@ from sensor_msgs.msg import JointState
 
 PAGE = read('docs/controllers.md')
 STATES, PLANT_STATES = '/joint_states', '/plant/joint_states'
-# The node beside ros2_control, as a launch file has it.
+# The node next to ros2_control, with the remappings of the launch file.
 BESIDE = eval(block(PAGE, "'plant/robot_description'"), {'Node': dict})
 
 
@@ -48,7 +48,7 @@ def test_way_1_the_subscriber_turns_the_crank(tmp_path):
             return np.mean(speeds) if speeds else 0.0
 
         try:
-            # It asks for 15.7 rad/s; gravity makes a proportional law swing about it.
+            # The setpoint is 15.7 rad/s; under proportional control, gravity varies the speed.
             wait_for(lambda: 10.0 < speed() < 20.0)
             prototype.terminate()
             _, errors = prototype.communicate(timeout=60)
@@ -56,7 +56,7 @@ def test_way_1_the_subscriber_turns_the_crank(tmp_path):
             prototype.kill()
             prototype.wait()
         stop(node)
-    # Once in 50 times the signal makes rclpy's own wait or publish fail.
+    # Once in about 50 runs, the signal makes rclpy's own wait or publish fail.
     assert (prototype.returncode, errors) == (0, '') or 'rclpy._rclpy_pybind11.RCLError' in errors
 
 
@@ -78,15 +78,15 @@ def test_way_2_tag_names_topics_and_joints_of_the_node():
     parameters = {element.get('name'): element.text for element in tag.iter('param')}
     assert parameters['joint_commands_topic'] == '/joint_commands'
     assert parameters['joint_states_topic'] == f'/{dict(BESIDE["remappings"])["joint_states"]}'
-    # JointStateTopicSystem names every joint of the tag in its commands, and gives an effort for
-    # those alone that have the interface: with one more joint each command would be refused.
+    # JointStateTopicSystem names every joint of the tag in its commands, but gives efforts only
+    # for joints with that interface, so with another joint each command would be refused.
     (joint,) = tag.iter('joint')
     assert joint.get('name') == 'crank'
     assert [i.get('name') for i in joint.iter('command_interface')] == ['effort']
 
 
 def test_way_2_commands_move_the_plant_whose_topics_are_remapped():
-    """Commands as JointStateTopicSystem sends them."""
+    """The commands are sent as JointStateTopicSystem sends them."""
     with watched([PLANT_STATES], *beside_ros2_control()) as (listener, node):
         received = listener.received[PLANT_STATES]
         publisher = listener.node.create_publisher(JointState, '/joint_commands', 1)
@@ -95,7 +95,7 @@ def test_way_2_commands_move_the_plant_whose_topics_are_remapped():
             listener.node.count_publishers(name)
             for name in (STATES, '/robot_description', PLANT_STATES, '/plant/robot_description')
         ]
-        assert counts == [0, 0, 1, 1]  # ros2_control's own topics are left to it
+        assert counts == [0, 0, 1, 1]  # ros2_control's own topics remain free
 
         def acts(effort):
             message = JointState(name=['crank'], effort=[effort])
@@ -105,7 +105,7 @@ def test_way_2_commands_move_the_plant_whose_topics_are_remapped():
             found = [CODEC.decode(data)[1][6] for data in received[-5:]]
             return any(abs(one - effort) < 1e-12 for one in found)
 
-        acts(float('nan'))  # what it sends before a controller is active
+        acts(float('nan'))  # the value sent before a controller is active
         wait_for(lambda: acts(0.75))
         wait_for(lambda: acts(-0.25))
         output = stop(node)

@@ -1,13 +1,13 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The trajectory of the crank, taken as joint_trajectory_controller of Jazzy takes it.
+"""Follows the crank's trajectory with the control law of joint_trajectory_controller of Jazzy.
 
-`Controller` re-enacts that controller, which no Python package holds. Its comments name the lines
+`Controller` reimplements that controller, which is in no Python package. Comments cite the lines
 of ros2_controllers, branch jazzy, version 4.42.1 (commit ed360c9), in joint_trajectory_controller:
   C  src/joint_trajectory_controller.cpp
   T  src/trajectory.cpp
   P  src/joint_trajectory_controller_parameters.yaml
-and the way of the states and commands is that of topic_based_hardware_interfaces 1.1.0 (d115f23):
+States and commands are exchanged as in topic_based_hardware_interfaces 1.1.0 (d115f23):
   H  joint_state_topic_hardware_interface/src/joint_state_topic_hardware_interface.cpp
 The controller manager is that of ros2_control, branch jazzy, version 4.46.0 (9ffbf97):
   M  controller_manager/src/controller_manager.cpp
@@ -55,47 +55,47 @@ def nanoseconds(time):
 
 
 class Controller:
-    """joint_trajectory_controller with the effort interface alone."""
+    """joint_trajectory_controller with only the effort interface."""
 
     def __init__(self, parameters):
         self.joints = parameters['joints']
-        # C:892-895, without another command interface the effort is added to a PID law.
+        # C:892-895: without other command interfaces, the effort is added to a PID law.
         assert parameters['command_interfaces'] == ['effort']
-        # C:943-955, which needs both states.
+        # C:943-955: this requires both states.
         assert parameters['state_interfaces'] == ['position', 'velocity']
         self.may_end_moving = parameters.get('allow_nonzero_velocity_at_trajectory_end', False)
         self.gains = parameters['gains'][self.joints[0]]
         self.points = None
 
     def receive(self, data, now):
-        """The subscription on ~/joint_trajectory, C:1001-1004 and C:1385-1398."""
+        """Receives a message on ~/joint_trajectory, C:1001-1004 and C:1385-1398."""
         message = deserialize_message(data, JointTrajectory)
         self._validate(message, now)
-        # T:101-107, the new trajectory replaces the old one; its stamp is where it starts.
+        # T:101-107: the new trajectory replaces the old one, and starts at its stamp.
         start = nanoseconds(message.header.stamp)
-        assert start != 0  # T:128-131, which would mean now
+        assert start != 0  # T:128-131: 0 would mean now
         self.times = [start + nanoseconds(p.time_from_start) for p in message.points]
         self.points = message.points
 
     def _validate(self, message, now):
         assert list(message.joint_names) == self.joints  # C:1676-1714
         assert message.points  # C:1695
-        # C:1717-1730, unless it is allowed.
+        # C:1717-1730: refused unless allowed.
         assert self.may_end_moving or abs(message.points[-1].velocities[0]) < 1.2e-7
         after = [nanoseconds(point.time_from_start) for point in message.points]
         assert nanoseconds(message.header.stamp) + after[-1] >= now  # C:1737-1748
         assert all(np.diff(after) > 0)  # C:1755
-        for point in message.points:  # C:1797-1803; effort is not checked there, but read: C:422
+        for point in message.points:  # C:1797-1803: effort is not checked there, but read in C:422
             row = point.positions, point.velocities, point.accelerations, point.effort
             assert [len(numbers) for numbers in row] == [1, 1, 1, 1]
 
     def sample(self, now):
-        """Position, velocity and effort at a time, T:109-254."""
-        # T:148-169: before the first point it would blend with the measured state, whose effort
-        # is 0.
+        """Computes position, velocity and effort at a time, T:109-254."""
+        # T:148-169: before the first point it would interpolate from the measured state, whose
+        # effort is 0.
         assert now >= self.times[0]
         after = int(np.searchsorted(self.times, now, 'right'))
-        if after == len(self.times):  # T:208-236, the last point is held
+        if after == len(self.times):  # T:208-236: the last point is held
             last = self.points[-1]
             return last.positions[0], last.velocities[0], last.effort[0]
         a, b = self.points[after - 1], self.points[after]
@@ -103,7 +103,7 @@ class Controller:
                                                  now - self.times[after - 1]))  # fmt: skip
         (p0,), (v0,), (a0,) = a.positions, a.velocities, a.accelerations
         (p1,), (v1,), (a1,) = b.positions, b.velocities, b.accelerations
-        # T:365-406, a quintic spline through both points.
+        # T:365-406: a quintic spline through both points.
         c = [
             p0, v0, 0.5 * a0,
             (-20 * p0 + 20 * p1 - 3 * a0 * T**2 + a1 * T**2 - 12 * v0 * T - 8 * v1 * T)
@@ -114,17 +114,17 @@ class Controller:
         ]  # fmt: skip
         position = sum(x * t**n for n, x in enumerate(c))
         velocity = sum(n * x * t ** (n - 1) for n, x in enumerate(c) if n)
-        # T:296-313, the effort in a straight line.
+        # T:296-313: linear interpolation of the effort.
         effort = a.effort[0] + t * (b.effort[0] - a.effort[0]) / T
         return position, velocity, effort
 
     def update(self, now, position, velocity):
-        """The effort for the hardware, C:321-427."""
+        """Computes the effort for the hardware, C:321-427."""
         desired, speed, _ = self.sample(now)  # C:322
         _, _, effort = self.sample(now + PERIOD)  # C:327-329
-        # C:110-116 and C:1500-1504: the URDF's crank is continuous, so the shorter way counts.
+        # C:110-116 and C:1500-1504: the crank is continuous in the URDF, so angles are wrapped.
         error = math.remainder(desired - position, 2 * math.pi)
-        # C:420-425, with ff_velocity_scale 0 as it is by default (P:174-178).
+        # C:420-425, with the default ff_velocity_scale of 0 (P:174-178).
         return effort + self.gains['p'] * error + self.gains['d'] * (speed - velocity)
 
 
@@ -137,7 +137,7 @@ def parameters_of_the_page():
 
 
 def made(machine, seconds, rate=1000):
-    """The messages of a run and their stamps, as rclpy reads them."""
+    """Returns the messages of a run and their stamps, as rclpy reads them."""
     ahead, motion = trajectory(machine), machine.begin(T0)
     for tick in range(seconds * rate):
         stamp = T0 + tick * NS_PER_S // rate
@@ -200,7 +200,7 @@ def test_a_new_speed_a_step_of_the_clock_and_a_pause_make_a_new_trajectory_at_on
     later = now + 3600 * NS_PER_S
     resumed = deserialize_message(ahead.message_at(motion, later), JointTrajectory)
     assert nanoseconds(resumed.header.stamp) == later
-    assert len(solved) == 501  # nothing of the pause is made up for
+    assert len(solved) == 501  # the pause is not made up for
 
 
 # ---------------------------------------------------------------- the controller takes them
@@ -208,7 +208,7 @@ def test_a_new_speed_a_step_of_the_clock_and_a_pause_make_a_new_trajectory_at_on
 
 @pytest.mark.parametrize('changed', ['joints', 'end', 'past'])
 def test_controller_refuses_unsuitable_trajectories(changed):
-    """This shows that the re-enacted controller refuses at all."""
+    """Checks that the reimplemented controller can refuse a trajectory."""
     one, parameters = machine(), parameters_of_the_page()
     data = trajectory(one).message_at(one.begin(T0), T0)
     now = T0
@@ -224,10 +224,10 @@ def test_controller_refuses_unsuitable_trajectories(changed):
 
 
 def controlled(seconds, *, effort):
-    """Speed errors of our plant under the controller, as parts of the speed.
+    """Returns relative speed errors of our plant under the controller.
 
-    A state is read by the controller manager (H:99-146), its command is written (H:174-232) and
-    acts from the next tick of the plant on. The plant begins at rest.
+    The controller manager reads a state (H:99-146) and writes the command (H:174-232), which acts
+    from the next tick of the plant on. The plant starts at rest.
     """
     one, controller = machine(), Controller(parameters_of_the_page())
     ahead, motion = trajectory(one), one.begin(T0)
@@ -285,7 +285,7 @@ def test_node_publishes_and_logs_trajectories(tmp_path):
 
 
 def test_launch_file_of_the_page_names_existing_topics_and_parameters():
-    """ROS's launch and the programs of ros2_control are no Python packages."""
+    """ROS's launch and the programs of ros2_control are not available as Python packages."""
     code = re.sub(r'(?m)^from .*$', '', block(PAGE, 'generate_launch_description'))
     names = {'Node': MagicMock(), 'LaunchDescription': list, 'Path': MagicMock()}
     exec(code, names)
@@ -293,12 +293,12 @@ def test_launch_file_of_the_page_names_existing_topics_and_parameters():
     calls = [call.kwargs for call in names['Node'].call_args_list]
     plant, reference, publisher, manager, *spawners = calls
     assert configure(plant['parameters'][0]).kind.drive == 'torque'
-    # M:755-756: the manager takes the robot from robot_description, which ours must not be.
+    # M:755-756: the manager subscribes to robot_description, so ours must have another name.
     assert (plant['namespace'], reference['namespace']) == ('plant', 'reference')
     assert plant['remappings'] == [('joint_commands', '/joint_commands')]
     assert publisher['remappings'] == [('joint_states', f'{plant["namespace"]}/joint_states')]
     drive = configure(reference['parameters'][0]).drive
-    # C:1002: the topic is joint_trajectory below the controller's name.
+    # C:1002: the topic is joint_trajectory in the controller's namespace.
     controller, _, word = drive.trajectory_command_topic.lstrip('/').partition('/')
     assert word == 'joint_trajectory'
     spawned = [spawner['arguments'][0] for spawner in spawners]

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Motions past the places where their own coordinates end: dead centres and stretched dyads."""
+"""Motions past singularities of their own coordinates: dead centres and stretched dyads."""
 
 import math
 from dataclasses import replace
@@ -30,21 +30,21 @@ from linkage_ros.units import NS_PER_MS
 
 STRETCHED = wind_pump((0.5, 0.6, 0.7), 'open')
 MECHANISMS = {**{name: of(lengths) for name, lengths in LIMITED.items()}, 'pump': STRETCHED}
-# Their arcs contain a change point, where all links are in line and every description fails.
+# Their arcs contain a change point, where all links are in line and all coordinates are singular.
 WITH_CHANGE_POINT = {'p0_and_near_limit', 'upper_change_point', 'lower_change_point'}
 every = pytest.mark.parametrize('name', [x for x in MECHANISMS if x not in WITH_CHANGE_POINT])
 both = pytest.mark.parametrize('integrate', [live_steps, record_steps])
 
 
 def free(mechanism):
-    """Without what takes energy away."""
+    """Returns the mechanism without damping and friction."""
     if hasattr(mechanism, 'slider'):
         return replace(mechanism, slider=replace(mechanism.slider, damping=0.0, force=0.0))
     return mechanism
 
 
 def start(mechanism):
-    """Coordinates and rates, away from every limit."""
+    """Returns coordinates and rates, away from every limit."""
     reach = mechanism.reach()
     if reach is None:
         return 0.7, 1.0, 3.0, 0.4
@@ -65,7 +65,7 @@ def total(steps):
 
 @pytest.mark.parametrize('name', MECHANISMS)
 def test_a_state_is_the_same_in_all_descriptions(name):
-    """One of the two assemblies in the other coordinates is where the links are."""
+    """In the other coordinates, one of the two assemblies has the position of the links."""
     mechanism = MECHANISMS[name]
     own, y = Solver(mechanism), start(mechanism)
     half = len(y) // 2
@@ -142,13 +142,13 @@ def test_a_record_verifies_to_the_bit(name, tmp_path):
     assert len({segment.description for segment in logged(path)[0].motions}) > 1
 
 
-# The rocker passes the direction in which angles jump from pi to -pi.
+# The rocker crosses the direction in which angles jump from pi to -pi.
 SEAMS = {f'{angle:g}': of(LIMITED['triple_rocker_far'], angle) for angle in (-3, 0.75)}
 
 
 @pytest.mark.parametrize('name', [*SEAMS, 'spinning', 'pump'])
 def test_states_next_to_the_jump_at_pi_close_the_loop_and_verify(name, tmp_path):
-    """Also those of a pump whose coupler has turned, and of states that are seconds apart."""
+    """Includes a pump whose coupler has turned, and states that are seconds apart."""
     if name in SEAMS:
         mechanism = SEAMS[name]
     else:
@@ -194,7 +194,7 @@ def test_many_moments_have_the_bits_of_one_at_a_time():
     ],
 )
 def test_a_false_description_is_found(forged, words, tmp_path, monkeypatch):
-    """A segment that says another assembly, or coordinates that the mechanism has not."""
+    """The segment has the wrong assembly, or coordinates that the mechanism does not have."""
     write = LogWriter.write_motion
 
     def write_forged(log, segment):
@@ -206,7 +206,7 @@ def test_a_false_description_is_found(forged, words, tmp_path, monkeypatch):
 
 
 def test_a_live_run_has_compiled_what_its_dead_centres_need(monkeypatch):
-    """A first compilation would hold up hundreds of ticks there."""
+    """Compiling during the run would delay hundreds of ticks."""
     simulator = Simulator(configuration(of((2.03, 1.5, 1.2, 2.2), 0.31)))
     simulator.prepare_live()
     motion, compiled, write = simulator.begin(0), [], program.Writer.text
@@ -229,7 +229,7 @@ def test_a_change_point_of_a_limited_crank_ends_the_motion_in_words():
 
 
 def test_without_other_coordinates_the_motion_ends_there(monkeypatch):
-    """What the error says: where, and that the motion itself goes on."""
+    """The error names the position, and states that the mechanism itself could move on."""
     for kind in type(MECHANISMS['triple_rocker_far']), type(STRETCHED):
         monkeypatch.setattr(kind, 'other_coordinates', ())
     for name, words in (
@@ -248,7 +248,7 @@ def test_without_other_coordinates_the_motion_ends_there(monkeypatch):
     st.floats(-12.5, 12.5), st.floats(-math.pi, math.pi), st.floats(-50, 50), st.floats(-50, 50)
 )
 def test_coordinates_survive_a_round_trip_through_messages(crank, coupler, speed, rate):
-    """Angles from the link before, and back: the same bits from the first time on."""
+    """Converting angles to joint angles and back keeps the bits after the first time."""
     driven = DrivenMechanism(Solver(STRETCHED), lambda speed: 0.0 * speed)
     other = driven.described(Description(STRETCHED.other_coordinates, 'open'))
     y = legible(other, (crank, coupler, speed, rate))

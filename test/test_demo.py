@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What `make demo` runs: what it prints, and that it does nothing else than it is asked for."""
+"""`make demo`: its output, and its reaction to an argument and to a busy machine."""
 
 import os
 import re
@@ -33,7 +33,7 @@ def children(pid):
 
 
 def test_a_shared_machine_makes_no_warning_and_few_lines(tmp_path):
-    """Half of a tenth of a second is taken from the node, twice a second: 5 % of its ticks."""
+    """Twice a second, the node loses half of a tenth of a second: 5 % of its ticks."""
     without_screen = {
         name: value
         for name, value in environment(fresh_domain()).items()
@@ -58,6 +58,6 @@ def test_a_shared_machine_makes_no_warning_and_few_lines(tmp_path):
     assert demo.returncode == 0, said
     published, missed = re.search(r'(\d+) states, (\d+) ticks? missed', said).groups()
     assert int(missed) > 0.03 * int(published), said
-    # `make demo` adds one line, where it sets up; another tells of messages that were lost.
+    # `make demo` adds a line when it sets up; another line may report lost messages.
     assert len(said.splitlines()) <= 7 + ('not received' in said), said
     assert 'WARN' not in said

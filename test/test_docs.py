@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The commands, programs, links and figures of the pages work.
 
-Cheap commands are run as they are written; others are read by the parser of their executable. The
-words of `ros2` are compared with the package; other programs that are not installed here are
-marked with the words 'not tried'.
+Cheap commands are run as they are written; others are checked by the parser of their executable.
+`ros2` commands are compared with the package; other programs that are not installed are marked as
+'not tried'.
 """
 
 import os
@@ -48,7 +48,7 @@ MODULES = {'linkage_log': 'log_tool', 'linkage_chart': 'chart_tool',
            'linkage_export': 'export_tool'}  # fmt: skip
 CHARTS = [('linkage_chart', word) for word in ('motion', 'economy', 'sweep')]
 CHEAP = ('linkage_record', 'linkage_replay', 'linkage_log', 'linkage_export')
-# The programs of these pages need a log or a node to work on: tests of their own run them.
+# The programs of these pages need a log or a node; other tests run them.
 PYTHON_ELSEWHERE = {
     'docs/controllers.md': 'test_controllers_page.py',
     'docs/mcap.md': 'test_foreign_readers.py',
@@ -65,7 +65,7 @@ def module_of(executable):
 
 
 def without_ros2_run(words):
-    """An executable of the package is the same with `ros2 run linkage_ros` before it."""
+    """Removes `ros2 run linkage_ros`, which does not change the meaning of an executable."""
     is_run = words[:3] == ('ros2', 'run', 'linkage_ros') and '--enclave' not in words
     return words[3:] if is_run else words
 
@@ -74,7 +74,7 @@ def check_executable(words, *, is_block):
     """Parses a command line; within a sentence it may be incomplete.
 
     Raises:
-        SyntaxError: The executable does not take it.
+        SyntaxError: The executable rejects the command line.
     """
     name, *rest = [word for word in words if word != '[options]']
     if name in ('linkage_node', 'linkage_controller'):
@@ -90,7 +90,7 @@ def check_executable(words, *, is_block):
 
 
 def check_parameters(name, words):
-    """Checks --params-file with a file of the page, -p NAME:=VALUE and -r FROM:=TO."""
+    """Checks --params-file with a file from the page, -p NAME:=VALUE and -r FROM:=TO."""
     words = [word for i, word in enumerate(words) if '-r' not in (word, *words[max(0, i - 1) : i])]
     given = dict(word.split(':=', 1) for word in words if ':=' in word)
     flags = [word for word in words if ':=' not in word]
@@ -108,7 +108,7 @@ def check_parameters(name, words):
 
 
 def is_known_to_ros2(words):
-    """Whether `ros2` is used on this package, whose launch arguments, topics and names it has."""
+    """Returns whether a `ros2` command uses launch arguments, topics and names of this package."""
     match words:
         case ('launch', 'linkage_ros', file, *rest):
             declared = load_script('reference').launch_arguments(ROOT / 'launch' / file)
@@ -125,7 +125,7 @@ def is_known_to_ros2(words):
 
 
 def knows(program, options):
-    """Whether a program that is not an executable of the package has these options."""
+    """Returns whether a program that is not part of the package has these options."""
     if program.endswith('.py'):
         code, text = run_forked(program, '--help', folder=Path.cwd())
     else:
@@ -139,7 +139,7 @@ def knows(program, options):
 
 
 def check_command(words, *, is_block, near):
-    """Checks that a command is understood, or marked as not tried."""
+    """Checks that a command is valid, or marked as not tried."""
     words = without_ros2_run(words)
     name, *rest = words
     if name.startswith('linkage_'):
@@ -165,7 +165,7 @@ def check_command(words, *, is_block, near):
 
 @pytest.fixture(autouse=True)
 def parsers_raise(monkeypatch, tmp_path):
-    """Raises errors of the parser, which would otherwise end the program."""
+    """Makes parsers raise errors instead of exiting."""
 
     def error(self, message):
         raise SyntaxError(message)
@@ -233,7 +233,7 @@ def quick(words):
 
 
 def run_node(words, folder):
-    """Runs a node until its joint states arrive, and ends it by Ctrl-C."""
+    """Runs a node until its joint states arrive, then sends Ctrl-C."""
     domain = fresh_domain()
     is_following = 'drive:=follow' in words
     topic = '/linkage/joint_states' if is_following else '/joint_states'
@@ -256,7 +256,7 @@ def run_node(words, folder):
 
 @pytest.fixture(scope='module')
 def run_page(tmp_path_factory):
-    """Runs the cheap commands of a page, once: their folder, and what they print."""
+    """Runs the cheap commands of a page once; returns their folder and output."""
 
     @cache
     def run(page):
@@ -265,7 +265,7 @@ def run_page(tmp_path_factory):
             (folder / name).write_text(text)
         for line, is_block, _ in commands(read(page)):
             words = without_ros2_run(line)
-            if not is_block or '[options]' in words:  # which stands for all of them
+            if not is_block or '[options]' in words:  # '[options]' is a placeholder
                 continue
             (folder / 'shown.rrd').unlink(missing_ok=True)
             name, *rest = quick(words)

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Drawings and tables of the pages are those that the code makes; numbers quoted were measured."""
+"""Drawings and tables of the pages equal those made by the code; quoted numbers were measured."""
 
 import itertools
 import json
@@ -50,7 +50,7 @@ def measured(name):
 
 
 def agrees(shown, value):
-    """Whether a number is what was measured, rounded to the digits that are shown."""
+    """Returns whether a number is the measured value, rounded to the digits shown."""
     least = Fraction(10) ** -len(shown.partition('.')[2])
     if '.' not in shown:
         least = Fraction(10) ** (len(shown) - len(shown.rstrip('0')))
@@ -58,7 +58,7 @@ def agrees(shown, value):
 
 
 def check_quote(page, words, *values):
-    """Asserts that a page has a sentence, with {} for each number, and these numbers."""
+    """Asserts that a page contains a sentence in which each {} is the rounded number."""
     pattern = r'\s+'.join(map(re.escape, words.split())).replace(r'\{\}', r'(\d+(?:\.\d+)?)')
     found = re.search(pattern, read(page))
     assert found, f'{page} has not: {words}'
@@ -162,8 +162,8 @@ def test_figures_of_the_readme_are_measured():
     check_quote('README.md', 'within {} %, and PI alone within {} %', *errors)
 
 
-# Numbers of pages that `docs/figures.py` fills: those that are not measured but defined, by the
-# phrases that hold them. Code, constants and references.
+# Numbers of pages filled by `docs/figures.py` that are defined, not measured, by the phrases that
+# contain them. Code, constants and references are also listed.
 DEFINED = {
     'methods': (
         'more than 500 steps', '30 cases', 'or 2 to 10 if', 'every value within 1e-6',
@@ -186,7 +186,7 @@ DEFINED = {
 
 
 def neither_measured_nor_defined(figures, name, text):
-    """The numbers of a page that are in no sentence of docs/figures.py and in no such phrase."""
+    """Returns a page's numbers that are in no sentence of docs/figures.py and no listed phrase."""
     for sentence, _ in figures.FIGURES[name]():
         match = figures.place(sentence, text)
         text = text[: match.start()] + text[match.end() :]
@@ -313,7 +313,7 @@ def test_a_changed_row_is_found(reference):
 
 
 def test_every_parameter_is_listed():
-    """This includes parameters of classes that the script does not know."""
+    """Includes parameters of classes that the script does not name."""
     kinds = itertools.product(MECHANISMS, DRIVES)
     for mechanism, drive in kinds:
         for leaf in parameter_leaves(MechanismAndDrive(mechanism, drive)):
@@ -325,7 +325,7 @@ def test_every_launch_file_is_listed_with_its_arguments(reference):
         assert f'### `{path.name}`' in PAGE
     found = reference.launch_arguments(ROOT / 'launch' / 'controller.launch.py')
     assert found['rpm'] == ('150.0', 'speed to keep')
-    # All that is declared, in a loop or not.
+    # All declared arguments, whether in a loop or not.
     assert {'rpm', 'feed_forward', 'log', 'viewer'} <= set(found)
 
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The errata in docs/mechanisms.md: each equation as printed and as corrected, and its figures."""
+"""The errata in docs/mechanisms.md: each equation as printed and corrected, with its figures."""
 
 import math
 
@@ -35,7 +35,7 @@ def dot(u, v):
 
 
 def solved(u, v, w):
-    """Real x and y with x u + y v = w, all three complex."""
+    """Solves x u + y v = w for real x and y; u, v, w are complex."""
     determinant = dot(1j * u, v)
     return dot(1j * w, v) / determinant, dot(1j * u, w) / determinant
 
@@ -48,11 +48,14 @@ SPEED, CRANKS = 5 * math.pi, np.arange(0, TURN, TURN / 100)
 
 
 def positions(length, *, is_real):
-    """Angles of coupler and rocker by its Newton-Raphson, and the number of iterations.
+    """Solves for the angles of coupler and rocker by document 1's Newton-Raphson.
 
     Args:
-        length: Of the Jacobian's second column, m.
-        is_real: Whether that column's first row is a real part.
+        length: Length in the second column of the Jacobian, m.
+        is_real: Whether the first row of that column is a real part.
+
+    Returns:
+        The angles, rad, and the number of iterations.
     """
     found, count, x = [], 0, np.radians([15.0, 100.0])
     for alpha in CRANKS:
@@ -71,7 +74,7 @@ def positions(length, *, is_real):
 
 
 def torque(cranks, beta, gamma, sign):
-    """Eq. 13 to 18 and 1, the right-hand side of eq. 17 and 18 as printed times a sign."""
+    """Eq. 13 to 18 and 1; the right-hand side of eq. 17 and 18 is as printed, times `sign`."""
     crank, coupler, rocker = R * unit(cranks), B * unit(beta), C * unit(gamma)
     beta1, gamma1 = solved(-1j * coupler, 1j * rocker, 1j * SPEED * crank)
     right = SPEED**2 * crank + beta1**2 * coupler - gamma1**2 * rocker
@@ -112,7 +115,7 @@ def test_jacobian_of_the_listing_has_two_slips():
 
 
 def test_eq_25_and_26_divide_by_zero_where_a_link_points_back():
-    """The rocker at 180 deg makes d = 0, the coupler at 180 deg makes a = 0."""
+    """The rocker at 180 deg makes d = 0; the coupler at 180 deg makes a = 0."""
     for lengths in ((3.0, 2.5, 2.2, 1.0), (2.5, 3.0, 2.2, 1.2)):
         r2, r3, r4, r1 = lengths
         solver = Solver(FourBar(Frame(r1), Body(r2), Coupler(r3), Body(r4)))
@@ -183,7 +186,7 @@ def test_eq_3_lacks_a_factor_c_and_the_angle_at_b_is_2_pi_less_beta():
 
 
 def test_command_of_the_page_reproduces_the_figures():
-    """Eq. 4, 6 and 8 at every angle, with the speed and acceleration that the command names."""
+    """Eq. 4, 6 and 8 at every angle, with the speed and acceleration of the command."""
     command = 'linkage_chart motion slider_crank --rpm 4.774648 --acceleration 1'
     assert command in read('docs/mechanisms.md')
     rpm, acceleration = (float(command.split()[i]) for i in (-3, -1))

@@ -1,10 +1,10 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""linkage_export: the URDF of the node as a file, and an MJCF that MuJoCo turns as our plant does.
+"""linkage_export: the node's URDF as a file, and an MJCF that moves in MuJoCo like our plant.
 
-MuJoCo closes the loop by a soft constraint and integrates with steps of its own. docs/urdf.md says
-how far off its crank is over seconds under the same torque as our plant; the table there is
-held to what is measured here.
+MuJoCo closes the loop with a soft constraint and its own integration steps. The table in
+docs/urdf.md shows the error of the crank angle after seconds under the same torque; these tests
+measure it again.
 """
 
 import math
@@ -13,7 +13,7 @@ from dataclasses import fields, replace
 from types import SimpleNamespace
 from xml.etree import ElementTree as ET
 
-import mujoco  # the proof rests on it: without it this file fails, it does not skip
+import mujoco  # required by these tests: without it they must fail, not be skipped
 import numpy as np
 import pytest
 from pages import block, read, run_python
@@ -33,8 +33,8 @@ from linkage_ros.units import NS_PER_S
 from linkage_ros.wire.urdf import make_urdf
 
 PAGE = read('docs/urdf.md')
-PRESETS = [name for name in preset_names() if name != 'press']  # which has friction
-# What is changed where MuJoCo is compared with our plant; see the page.
+PRESETS = [name for name in preset_names() if name != 'press']  # has friction
+# Changes for the comparison of MuJoCo with our plant; see the page.
 COMPARED = {
     'press': {'friction.pin': None, 'friction.pin_radius': None, 'friction.guide': None},
     'slider_crank': {'crank.inertia': 0.01},
@@ -44,13 +44,13 @@ each = pytest.mark.parametrize('preset', PRESETS)
 
 
 def changed(preset, **values):
-    """The configuration of a preset with other values."""
+    """Returns the configuration of a preset with other values."""
     given = {**load(preset).parameters(), **values}
     return configure({name: value for name, value in given.items() if value is not None})
 
 
 def pump(**values):
-    """The compressor under a constant force instead of its load curve."""
+    """Returns the compressor with a constant force instead of its load curve."""
     configuration = changed('compressor', **values)
     mechanism = configuration.mechanism
     slider = replace(mechanism.slider, force=-150.0)
@@ -63,7 +63,7 @@ def start_of(configuration):
 
 
 def exported(configuration, mechanism=None):
-    """The model that MuJoCo makes of the MJCF, and its data at rest at the start."""
+    """Returns MuJoCo's model of the MJCF, and its data at rest at the start."""
     prefix = configuration.session.joint_prefix
     text = make_mjcf(mechanism or configuration.mechanism, start_of(configuration), prefix)
     model = mujoco.MjModel.from_xml_string(text)
@@ -73,7 +73,7 @@ def exported(configuration, mechanism=None):
 
 
 def gap(model, data):
-    """The distance of the two sites that the loop joins, m."""
+    """Returns the distance between the two sites that the loop joins, m."""
     return math.dist(data.site_xpos[model.eq_obj1id[0]], data.site_xpos[model.eq_obj2id[0]])
 
 
@@ -88,7 +88,7 @@ def test_model_begins_closed_in_its_assembly(preset, assembly):
     model, data = exported(configuration)
     scale = mechanism.crank.length + mechanism.coupler.length
     assert gap(model, data) < 1e-14 * scale
-    # Direction of the coupler from the crank pin, from the solver alone.
+    # Direction of the coupler from the crank pin, from the solver only.
     turned = data.body('coupler_link').xmat.reshape(3, 3)
     direction = math.cos(state.position[1]), math.sin(state.position[1]), 0.0
     assert turned[:, 0] == pytest.approx(direction, abs=1e-14)
@@ -104,7 +104,7 @@ def test_model_begins_closed_in_its_assembly(preset, assembly):
 
 
 def test_the_motor_and_the_sensors_have_the_names_of_the_page():
-    """That masses and loads are the mechanism's is seen where MuJoCo turns it."""
+    """The comparison with the plant checks the masses and loads."""
     model, _ = exported(pump(joint_prefix='left_'))
     assert model.actuator('left_crank').trnid[0] == model.joint('left_crank').id
     assert model.actuator('left_slider_load').gainprm[0] == 0.0
@@ -139,7 +139,7 @@ def test_friction_and_a_load_on_a_link_that_hangs_on_another_are_refused():
 
 
 def value_of(curve, data, ahead):
-    """The value of a load curve at MuJoCo's own place, some time ahead, s."""
+    """Returns the value of a load curve at MuJoCo's position, extrapolated by some time, s."""
     places = data.qpos + ahead * data.qvel
     return curve.forces([SimpleNamespace(position=float(q)) for q in places], data.qvel)[
         curve.link
@@ -147,12 +147,12 @@ def value_of(curve, data, ahead):
 
 
 def run(configuration, seconds, mechanism=None):
-    """MuJoCo and our plant under the same torque, which is held for each step of MuJoCo.
+    """Runs MuJoCo and our plant under the same torque, held for each step of MuJoCo.
 
     Args:
         configuration: Drive and mechanism.
-        seconds: How long.
-        mechanism: What MuJoCo is told: another one, for deliberate slips.
+        seconds: Duration, s.
+        mechanism: Mechanism for MuJoCo; another one introduces a deliberate error.
 
     Returns:
         Largest difference of the crank angles, deg, and largest gap of the loop, m.
@@ -173,7 +173,7 @@ def run(configuration, seconds, mechanism=None):
     for stamp in range(0, round(seconds * NS_PER_S), step):
         if is_motor:
             torque = drive.motor.at(place.u[0])
-        else:  # that of the middle of the step, on the preset's own motion
+        else:  # the torque at the middle of the step, on the preset's own motion
             (q,), (u,), (a,), *_ = given.at(stamp + step // 2)
             torque = solver.state(q, u, a).torque
         plant.command(stamp, torque)
@@ -182,14 +182,14 @@ def run(configuration, seconds, mechanism=None):
         if curve:
             data.actuator(f'{name}_curve').ctrl = value_of(curve, data, model.opt.timestep / 2)
         mujoco.mj_step(model, data)
-        # The sites are those of the start of the step.
+        # The sites are at their positions at the start of the step.
         widest = max(widest, gap(model, data))
         worst = max(worst, abs(data.joint('crank').qpos.item() - place.unwrapped))
     return math.degrees(worst), widest
 
 
 def rows_of_the_page():
-    """Of each preset seconds, difference, deg, and gap, micrometres, as the page shows them."""
+    """Returns seconds, difference, deg, and gap, um, of each preset in the page's table."""
     found = re.findall(r'^\| (\w+) \| (\d) s \| (\S+) deg \| (\S+) um \|$', PAGE, re.MULTILINE)
     return {preset: [float(number) for number in row] for preset, *row in found}
 
@@ -199,7 +199,7 @@ def test_mujoco_differs_from_the_plant_by_the_documented_angle(preset):
     rows = rows_of_the_page()
     assert sorted(rows) == preset_names()
     seconds, angle, micrometres = rows[preset]
-    # All seconds of one of the largest differences; of others one is enough.
+    # One preset with a large difference runs for all seconds; for the others, one second suffices.
     is_whole = preset == 'coupler_point'
     compared = changed(preset, **COMPARED.get(preset, {}))
     worst, widest = run(compared, seconds if is_whole else 1.0)
@@ -217,7 +217,7 @@ def test_mujoco_differs_from_the_plant_by_the_documented_angle(preset):
     ],
 )  # fmt: skip
 def test_springs_and_torques_act_as_on_our_plant(preset, values):
-    """The swing of the rocker is turned over the jump from pi to -pi, before which it starts."""
+    """The swing of the rocker is rotated so that it crosses the jump from pi to -pi."""
     common = {'quadrilateral': {'frame.angle': 0.65}, 'slider_crank': {'crank.inertia': 0.2}}
     configuration = changed(preset, **common[preset], **values)
     plain = changed(preset, **common[preset])
@@ -236,7 +236,7 @@ def test_springs_and_torques_act_as_on_our_plant(preset, values):
     ],
 )
 def test_a_slip_of_a_hundredth_in_any_number_is_seen(name):
-    """Negative control, in 0.1 s; the crank is accelerated, so that its inertia counts."""
+    """Negative control over 0.1 s; the crank is accelerated, so that its inertia matters."""
     configuration = pump(start_rpm=300.0, crank_acceleration=500.0)
     told = slipped(configuration.mechanism, name, 0.01)
     right, _ = run(configuration, 0.1)
@@ -257,7 +257,7 @@ def test_the_urdf_is_that_of_the_node_and_the_tag_that_of_the_docs(tmp_path, cal
     assert canonical(robot) == canonical(plain)
     shown = block(read('docs/controllers.md'), '<ros2_control').replace('"crank"', '"left_crank"')
     assert canonical(tag) == canonical(ET.fromstring(shown))
-    mujoco.MjModel.from_xml_path(str(out))  # takes no offence at the tag
+    mujoco.MjModel.from_xml_path(str(out))  # ignores the tag
 
 
 def canonical(element):

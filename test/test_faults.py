@@ -1,8 +1,8 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The real node while its disk, its log or its viewer fails, or while it is killed.
+"""Tests the real node when its disk, log or viewer fails, or when it is killed.
 
-What these cost in seconds and megabytes is measured in benchmarks/reliability.
+benchmarks/reliability measures the cost of these faults in seconds and megabytes.
 """
 
 import errno
@@ -33,7 +33,7 @@ STATES, HEARD = '/joint_states', ('/joint_states', '/diagnostics')
 
 
 def health(listener, number):
-    """Level and words of the log (1) or the viewer (2), as last published."""
+    """Returns level and words last published for the log (1) or the viewer (2)."""
     if not listener.received['/diagnostics']:
         return None, ''
     message = deserialize_message(listener.received['/diagnostics'][-1], DiagnosticArray)
@@ -46,16 +46,16 @@ def last_stamp(messages):
 
 
 def flushed(listener, path):
-    """Waits until the log has all that was heard so far; returns the last stamp of that."""
+    """Waits until the log contains all states received so far; returns its last stamp."""
     due = last_stamp(listener.received[STATES])
-    for _ in range(3):  # what is flushed first may have been on its way before
+    for _ in range(3):  # the first flush may have begun earlier
         size = path.stat().st_size
         wait_for(lambda size=size: path.stat().st_size > size)
     return due
 
 
 def states_of(path):
-    """The joint states of a log, once it is verified."""
+    """Verifies a log, and returns its joint states."""
     verified(path)
     return [message.data for message in logged(path)[1][STATES]]
 
@@ -67,7 +67,7 @@ def test_killed_run_is_recovered_up_to_the_last_flush(tmp_path):
     path, saved = tmp_path / 'run.mcap', tmp_path / 'saved.mcap'
     with watched(HEARD, *node_arguments(log=path)) as (listener, process):
         listener.await_more(50)
-        # While it runs, nobody else writes to its log, and a copy can be saved.
+        # During the run, no other process can write to the log, but a copy can be saved.
         with pytest.raises(LogError, match='is being written by another run and is kept'):
             LogWriter(path, load('quadrilateral'), overwrite=True)
         assert recover(path, saved).messages > 0
@@ -81,7 +81,7 @@ def test_killed_run_is_recovered_up_to_the_last_flush(tmp_path):
     recover(path, saved, overwrite=True)
     states = states_of(saved)
     assert last_stamp(states) >= due
-    # The log begins before a subscriber is matched; each may end before the other does.
+    # The log starts before a subscriber is matched; either may end first.
     heard = listener.received[STATES]
     begin = states.index(heard[0])
     common = min(len(heard), len(states) - begin)
@@ -92,7 +92,7 @@ def test_killed_run_is_recovered_up_to_the_last_flush(tmp_path):
 
 
 def fill_the_disk(process, path):
-    """As a full disk would: no file of the node may grow beyond this."""
+    """Limits the size of the node's files, which has the effect of a full disk."""
     resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (path.stat().st_size + 5000,) * 2)
 
 
@@ -126,7 +126,7 @@ def test_failing_log_ends_without_stopping_the_node(tmp_path, breaks, words):
 
 
 def begun(path):
-    """A log with one message."""
+    """Creates a log with one message."""
     log = LogWriter(path, load('quadrilateral'), overwrite=False)
     log.write(log.add_topic(DRIVING_TORQUE, '/driving_torque'), 5, encode_float64(1.5))
     return log
@@ -147,7 +147,7 @@ def test_removed_log_can_be_saved_while_its_process_runs(tmp_path, end):
         end(log)
     recover(re.search(r'/proc/\d+/fd/\d+', str(caught.value))[0], tmp_path / 'saved.mcap')
     assert values(tmp_path / 'saved.mcap') == [(5, encode_float64(1.5))]
-    log.close()  # does nothing any more
+    log.close()  # has no further effect
     assert (tmp_path / 'run.mcap').read_text() == 'of somebody else'
 
 
@@ -184,7 +184,7 @@ def test_log_is_synced_to_the_disk_and_a_failure_reported(tmp_path, monkeypatch)
 def test_each_viewer_change_is_reported_once():
     port = free_port()
     url = f'rerun+http://127.0.0.1:{port}/proxy'
-    arguments = node_arguments(viewer=url, rate_hz=1000.0)  # which fills its buffers sooner
+    arguments = node_arguments(viewer=url, rate_hz=1000.0)  # fills its buffers sooner
     absent = f'no viewer answers at {url}: states are left out until one does'
     stopped = f'the viewer at {url} does not read: states are left out until it does'
 
@@ -206,7 +206,7 @@ def test_each_viewer_change_is_reported_once():
     assert said == [absent, stopped, absent]
     assert len(re.findall(r'\[INFO\].*well, but items were left out: \d+', output)) == 2
     assert re.search(r' states.*, \d+ lost to the viewer$', output, re.MULTILINE)
-    # Nothing but what the node says of it: the SDK has been told to be quiet.
+    # Only the node reports it: the SDK is silenced.
     assert all(re.match(r'\[(INFO|WARN)\] \[', line) for line in output.splitlines())
 
 
@@ -226,5 +226,5 @@ def test_truncated_log_is_reported_and_left_alone(tmp_path, size):
     log.flush()
     os.truncate(path, size)
     with pytest.raises(LogError, match='another program truncates it or writes to it'):
-        log.write_motion(motion.segment)  # which would fill the hole
-    assert path.stat().st_size == size  # what a recovery can read is not spoilt
+        log.write_motion(motion.segment)  # would fill the gap
+    assert path.stat().st_size == size  # recoverable data remains intact

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""States, points and joint forces of all mechanisms against 50 digits, above all in bad places."""
+"""Compares states, points and joint forces of mechanisms with 50 digits, at critical angles."""
 
 import itertools
 import math
@@ -47,12 +47,12 @@ limited = pytest.mark.parametrize('name', LIMITED)
 
 
 def line(lengths, angle):
-    """The crank angle at which the links come into line, of a change point or nearly."""
+    """Returns the crank angle at which the links of a change point, or near one, are in line."""
     return angle if len(lengths) == 4 else angle + math.pi / 2
 
 
 def slipped(value):
-    """Numbers of nested tuples and dictionaries, each too large by a part in 1e10."""
+    """Increases all numbers in nested tuples and dictionaries by a factor of 1 + 1e-10."""
     if isinstance(value, dict):
         return {name: slipped(x) for name, x in value.items()}
     return tuple(map(slipped, value)) if isinstance(value, tuple) else value * (1 + 1e-10)
@@ -102,7 +102,7 @@ def test_any_mechanism_is_right(kind, data, angles):
 
 
 def around(lengths, angle, exponents):
-    """Angles at, and on both sides of, change points of two turns."""
+    """Returns angles at and on both sides of change points, over two turns."""
     near = [0.0, *((-1) ** n * 10.0**-n for n in exponents)]
     points = [line(lengths, angle) + k * math.pi for k in (-2, -1, 0, 1)]
     return [point + x for point in points for x in near] + [1.9]
@@ -118,7 +118,7 @@ def test_change_points_are_hit_neared_and_passed(name, angle, assembly):
 
 @pytest.mark.parametrize('name', CHANGE_POINTS)
 def test_change_points_are_neared_as_closely_as_doubles_can(name):
-    """To 1e-300 rad; pi/2 lies 6.123e-17 above its double, which a guide takes up."""
+    """Down to 1e-300 rad; the guide's angle compensates the rounding of pi/2, 6.123e-17."""
     lengths, lack = CHANGE_POINTS[name], 6.123233995736766e-17
     near = [0.0, 1e-20, -1e-100, 1e-160, -1e-300]
     if len(lengths) == 4:
@@ -171,7 +171,7 @@ GAPS = 0.0, 2.0**-7, 2.0**-33
 @each_assembly
 @pytest.mark.parametrize(('first', 'second'), list(itertools.product(GAPS, repeat=2)))
 def test_nearly_concentric_linkages_keep_all_digits(first, second, assembly):
-    """A passes B0 closely, or B passes A0 closely: links in pairs of nearly equal lengths."""
+    """A passes B0 closely, or B passes A0 closely: links have nearly equal lengths in pairs."""
     frame, coupler = (1.3, 2.7) if assembly == 'open' else (2.7, 1.3)
     cases = [
         (frame + sign * first, coupler, coupler + other * second, frame)
@@ -188,15 +188,15 @@ def test_nearly_concentric_linkages_keep_all_digits(first, second, assembly):
 
 @pytest.mark.parametrize('gap', ['1e-6', '1e-14'])
 def test_nearly_concentric_linkage_in_decimals_loses_only_what_its_doubles_lose(gap):
-    """Typing 1.000001 m moves r - d by half an ulp of 1 m; the motion depends on (r - d)/gap."""
+    """Rounding 1.000001 m moves r - d by half an ulp of 1 m; the motion depends on (r - d)/gap."""
     meant = 1 + Fraction(gap), 2, 2 + Fraction(gap), 1
     angles = [0.3 + x * float(gap) for x in (0.0, 0.1, -0.5, 1.0, 5.0)] + [1.0]
     errors = worst_errors(Solver(of(meant, 0.3)), angles, lengths=meant)
     assert max(errors) < max(1e-13, 4 * math.ulp(1.0) / float(gap))
 
 
-# Odd proportions, and directions of frame or guide that are odd multiples of pi. The
-# double nearest to 3 pi lies below it: it stands for almost pi, not for -pi.
+# Unusual proportions, and directions of frame or guide at odd multiples of pi. The double nearest
+# to 3 pi is below it, so it represents nearly pi, not -pi.
 ODD = [
     *((tuple(unit * x for x in FULL[name]), 0.3) for unit in (1e-6, 1e6) for name in FULL),
     *((lengths, 0.3) for lengths in (
@@ -238,7 +238,7 @@ def test_tiny_crank_angles_do_not_underflow(tiny):
 @each_assembly
 @limited
 def test_limited_crank_is_right_until_a_millionth_of_a_radian_from_its_limit(name, assembly):
-    """Towards a limit rates grow without bound, and so does the effect of a rounded length."""
+    """Near a limit, rates are unbounded, and so is the effect of a rounded length."""
     solver = Solver(of(LIMITED[name], 0.3, assembly))
     assert not solver.reach.turns_fully
     for start, end in solver.reach.arcs:
@@ -261,7 +261,7 @@ def test_long_limited_cranks_keep_their_digits(lengths):
     assert not solver.reach.turns_fully
     for start, end in solver.reach.arcs:
         cranks = [start + part * (end - start) for part in (0.1, 0.3, 0.51, 0.8)]
-        # A slider that passes 0 is held to its place at the other angles.
+        # A slider that passes 0 is compared with its position at the other angles.
         for some in [[x] for x in cranks] if len(lengths) == 4 else [cranks]:
             assert max(worst_errors(solver, some, period=0, floor=1)) < 1e-12
 
@@ -295,17 +295,17 @@ def test_out_of_reach_is_an_error_with_the_reach(name, assembly):
                 assert error.value.arcs == solver.reach.arcs
 
 
-# By hand.
+# Calculated by hand.
 
 
 def test_rod_without_mass_pushes_along_itself():
-    """Force F on the slider, nothing else: rod F/cos(beta), guide F tan(beta)."""
+    """A force F on the slider gives a rod force F/cos(beta) and a guide force F tan(beta)."""
     mechanism = SliderCrank(
         Body(1.0), Coupler(math.sqrt(2)), Slider(force=100.0), Guide(), gravity=(0.0, 0.0)
     )
     solver = Solver(mechanism)
     found = solver.reactions(solver.state(math.radians(45)))
-    # Rod at -30 deg; the slider is pushed along +x, and leans on the guide.
+    # The rod is at -30 deg; the slider is pushed along +x against the guide.
     rod = -100 * complex(1.0, -math.tan(math.radians(30)))
     for pin in ('A0', 'A', 'B'):
         assert complex(*found.pins[pin]) == pytest.approx(rod, rel=1e-13)
@@ -317,7 +317,7 @@ def test_rod_without_mass_pushes_along_itself():
 
 
 def test_weights_of_a_square_hang_on_the_pivots():
-    """Unit links: the coupler's weight halves on both uprights, no torque is due."""
+    """With unit links, half of the coupler's weight acts on each upright link; the torque is 0."""
     square = FourBar(
         Frame(1.0), Body(1.0, 3.0, 0.0, (0.5, 0.0)), Coupler(1.0, 4.0, 0.0, (0.5, 0.0)),
         Body(1.0, 5.0, 0.0, (0.5, 0.0)), gravity=(0.0, -10.0),
@@ -329,11 +329,11 @@ def test_weights_of_a_square_hang_on_the_pivots():
     for pin, force in hand.items():
         assert complex(*found.pins[pin]) == pytest.approx(force, rel=1e-13, abs=1e-13)
     assert complex(*found.shaking_force) == pytest.approx(-120j, abs=1e-13)
-    # About A0: half the coupler's weight stands above A0, the rest and the rocker's at 1 m.
+    # About A0: half the coupler's weight acts above A0, the rest and the rocker's weight at 1 m.
     assert found.shaking_moment == pytest.approx(-70, rel=1e-13)
 
 
-# At change points. Where an angle is rounded, an exact comparison would not see them.
+# At change points. For rounded angles, an exact comparison would not detect them.
 
 PASSED = {
     'small_parallelogram': (four_bar((0.1, 0.4, 0.1, 0.4), 0.0), (0.0, math.pi)),
@@ -348,7 +348,7 @@ at_turns = pytest.mark.parametrize('turns', [0, 1, 3, 101, 1000])
 
 
 def passing(name, turns):
-    """Crank angles of the change points that many turns ahead and back, as a user types them."""
+    """Returns crank angles of change points, as typed, after some turns forward and back."""
     _, first = PASSED[name]
     return [x + sign * turns * 2 * math.pi for x in first for sign in ((1, -1) if turns else (1,))]
 
@@ -371,7 +371,7 @@ def test_change_points_are_refused_after_any_number_of_turns(name, turns):
 
 @passed
 def test_typed_angles_of_change_points_miss_them_by_rounding(name):
-    """Control of the test above: at these angles a guard of no width would let forces pass."""
+    """Control of the previous test: an exact guard would not refuse forces at these angles."""
     mechanism, _ = PASSED[name]
     for crank in (x for turns in (1, 3, 101, 1000) for x in passing(name, turns)):
         with mp.workdps(60):
@@ -384,7 +384,7 @@ def test_typed_angles_of_change_points_miss_them_by_rounding(name):
 @passed
 @at_turns
 def test_forces_beside_change_points_are_large_and_right(name, turns):
-    """Eight roundings away they are answered: the guard is no wider than it has to be."""
+    """Eight roundings away, forces are computed: the guard is no wider than necessary."""
     solver = Solver(PASSED[name][0])
     for crank in passing(name, turns):
         for distance in (1e-2, -1e-4, 1e-6):
@@ -396,7 +396,7 @@ def test_forces_beside_change_points_are_large_and_right(name, turns):
 
 
 def test_links_almost_in_line_are_no_change_point():
-    """A sum of 1e-13 m does not count as 0: the forces are large, finite and right."""
+    """A sum of 1e-13 m does not count as 0: the forces are large, finite and correct."""
     solver = Solver(four_bar((1 - 1e-13, 2, 1, 2), 0.0))
     assert solver.mobility.grashof == 'crank-rocker'
     assert max(force_errors(solver, [0.0, math.pi, 2000 * math.pi])) < 1e-12

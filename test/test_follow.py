@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A crank that is measured: the tracking filter, what is left out, and the node on DDS."""
+"""A measured crank: the tracking filter, rejected measurements, and the node on DDS."""
 
 import math
 import re
@@ -46,7 +46,7 @@ def followed(measurements, bandwidth=20.0):
 
 
 def test_between_measurements_the_filter_has_the_solution_of_its_equations():
-    """Against a Taylor series in 30 digits of x' = v + 2 w (m - x), v' = w^2 (m - x)."""
+    """Compares with a Taylor series of x' = v + 2 w (m - x), v' = w^2 (m - x) in 30 digits."""
     points = [(10, 0.3), (13, 0.5), (40, 0.1), (41, 0.12), (90, 0.7)]  # ms, rad
     _, found = followed([(t * MS, m) for t, m in points])
     with mp.workdps(30):
@@ -84,7 +84,7 @@ def test_a_steady_speed_and_a_steady_change_of_speed_are_followed(wrapped, has_v
     last = found[-1]
     assert last.unwrapped == position
     assert last.a[0] == pytest.approx(change, rel=1e-6 if has_velocity else 0.02)
-    # Without a measured speed, the filter's lags by twice the change over w.
+    # Without a measured speed, the filtered speed lags by twice the acceleration over w.
     lag = 0.0 if has_velocity else 2 * change / (40 * math.pi)
     assert last.u[0] == pytest.approx(speed + change * 499 / 500 - lag, rel=1e-4)
     later = ahead(last, 0.01)
@@ -162,7 +162,7 @@ def test_a_robot_may_name_the_crank_otherwise():
 
 @pytest.mark.parametrize('lead', [{}, {'effort_command_topic': '/torque', 'lead_time': 0.01}])
 def test_extreme_measurements_do_not_end_the_motion(lead):
-    """Too large to be squared; at a limit, where rates have no bound; beyond it a moment later."""
+    """Values whose square overflows, and angles at a limit or beyond it after the lead time."""
     limited = four_bar(LIMITED['rocker_crank'])
     (start, end), *_ = limited.reach().arcs
     for mechanism, inside in ((load('quadrilateral').mechanism, 0.5), (limited, end - 1e-3)):
@@ -194,7 +194,7 @@ ANSWERS = '/linkage/joint_states'
 
 @pytest.fixture(scope='module')
 def answered(tmp_path_factory):
-    """300 measurements at 200 Hz, some of them bad, their answers, the log and what was said."""
+    """Sends 300 measurements at 200 Hz, some invalid; returns answers, log and output."""
     path = tmp_path_factory.mktemp('follow') / 'run.mcap'
     topics = {
         ANSWERS: 'sensor_msgs/msg/JointState',
@@ -240,7 +240,7 @@ def test_each_accepted_measurement_is_answered_once_with_its_stamp(answered):
     values = {one.key: one.value for one in diagnosis.status[0].values}
     left_out = {key: value for key, value in values.items() if key.startswith('left out')}
     assert left_out == {f'left out, {cause}': '3' for cause in (NO_CRANK, NOT_NEWER, NOT_FINITE)}
-    assert len(re.findall('is left out: ', output)) <= 6  # once a second at most
+    assert len(re.findall('is left out: ', output)) <= 6  # at most once a second
 
 
 def test_the_log_is_verified_by_following_its_measurements_again(answered, monkeypatch):

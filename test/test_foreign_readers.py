@@ -1,9 +1,9 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Records and a live log in readers that share no code with the package.
+"""Reads records and a live log with readers that share no code with the package.
 
-Each reader decodes by the definitions that stand in the file. The expected values come from the
-solver; see `solved_messages`. The same for Foxglove's readers: benchmarks/readers.py.
+Each reader decodes with the definitions in the file. The expected values come from the solver; see
+`solved_messages`. benchmarks/readers.py does the same with Foxglove's readers.
 """
 
 import ast
@@ -51,7 +51,7 @@ def recorded(preset, folder):
 
 
 def written_live(folder):
-    """A log as a node writes it while it speeds up, in several chunks."""
+    """Writes a log of several chunks as a node does, while the crank accelerates."""
     path, drive = folder / 'run.mcap', {'start_rpm': -30.0, 'crank_acceleration': 7.1}
     configuration, found = load('quadrilateral'), {}
     configuration = configure({**configuration.parameters(), **drive})
@@ -72,13 +72,13 @@ def written_live(folder):
         (None, {'header': {'stamp': time_of(stamp), 'frame_id': ''}, 'status': [status]})
         for stamp in stamps[::50]
     ]
-    for topic, rows in expected.items():  # a live log's times are those of publishing
+    for topic, rows in expected.items():  # log times of a live run are times of publishing
         pairs = zip(found[topic], rows, strict=True)
         expected[topic] = [(time, message) for time, (_, message) in pairs]
     return Log(path, configuration, expected)
 
 
-# A slider, a motion under a torque, a point on the coupler; live, the quadrilateral.
+# A slider, a torque-driven motion and a coupler point; the quadrilateral as a live run.
 @pytest.fixture(scope='module', params=['compressor', 'wind_pump', 'coupler_point', 'live'])
 def log(request, tmp_path_factory):
     folder = tmp_path_factory.mktemp(request.param)
@@ -111,7 +111,7 @@ def test_rosbags_reads_the_bare_file(log):
         assert (bag.start_time, bag.end_time) == (min(times), max(times) + 1)
         for connection in bag.connections:
             assert connection.msgtype == (TYPES | DIAGNOSTICS)[connection.topic]
-            # Worked out by rosbags from the definitions in the file.
+            # Computed by rosbags from the definitions in the file.
             own = bag.typestore.hash_rihs01(connection.msgtype)
             with log.path.open('rb') as stream:
                 channels = make_reader(stream).get_summary().channels.values()
@@ -154,7 +154,7 @@ def test_mcap_decodes_with_its_ros2_support(log):
 
 
 def rows_of(stream):
-    """{entity: {component: [(log time, value)]}}, in order."""
+    """Returns {entity: {component: [(log time, value)]}} in order."""
     found = {}
     for chunk in stream:
         batch = chunk.to_record_batch()
@@ -170,7 +170,7 @@ def rows_of(stream):
 
 
 def read_rerun(stream):
-    """The messages again, from the entities and components that Rerun makes of them."""
+    """Reconstructs the messages from Rerun's entities and components."""
     entities, found = rows_of(stream), {}
     for entity, components in entities.items():
         for component, rows in components.items():
@@ -191,7 +191,7 @@ def read_rerun(stream):
 
 def test_rerun_reads_every_value(log):
     chunk = pytest.importorskip('rerun.chunk')
-    # Of the headers of joint states it has the frames; the stamps are a timeline of it.
+    # Rerun keeps the frames of the headers of joint states, and the stamps as a timeline.
     joints = [
         (time, {**message, 'frame_id': message['header']['frame_id']})
         for time, message in log.messages['/joint_states']
@@ -222,7 +222,7 @@ def test_the_metadata_lines_tell_configuration_and_motion(log, capsys, monkeypat
 
 
 def test_the_pandas_lines_give_a_column_per_joint_and_quantity(log, monkeypatch):
-    """All lines but those that name pandas, which need not be there."""
+    """Runs all lines except those with pandas, which need not be installed."""
     monkeypatch.chdir(log.path.parent)
     tree, names = ast.parse(block(DOCUMENT, 'pandas')), {}
     lines = [line for line in tree.body if 'pandas' not in ast.unparse(line)]

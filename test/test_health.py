@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Health of a run: which reports warn, and which of them are worth a line in the log."""
+"""Health of a run: which reports warn, and which of them are logged."""
 
 import itertools
 import random
@@ -13,7 +13,7 @@ from linkage_ros.run.health import Health, HealthMonitor
 from linkage_ros.run.ticker import TickCounts
 from linkage_ros.wire.cdr import ERROR, OK, WARN
 
-TICKS = 200  # a second
+TICKS = 200  # per second
 BUSY = (
     'more than 10 % of the ticks of the last 10 s were missed: '
     'the machine is too busy for this rate_hz'
@@ -27,12 +27,12 @@ STEPPED = 'the clock was stepped in the last 10 s'
 
 @pytest.fixture(autouse=True)
 def seconds_pass(monkeypatch):
-    """Every reading of the clock is a second later."""
+    """Makes every reading of the clock a second later than the last."""
     monkeypatch.setattr(health.time, 'monotonic', itertools.count().__next__)
 
 
 def motion(missed, steps=None, **watched):
-    """The level of the motion in every report, and the lines of the log, from misses a second."""
+    """Returns the level of each report and the logged lines, for missed ticks per second."""
     monitor, counts = HealthMonitor('node', **watched), TickCounts()
     levels, lines = [], []
     for now, stepped in itertools.zip_longest(missed, steps or [], fillvalue=0):
@@ -46,7 +46,7 @@ def motion(missed, steps=None, **watched):
 
 
 def bursts(share, seconds, seed=7):
-    """Misses a second that make up a share of the ticks but come by the dozen, as under load."""
+    """Returns missed ticks per second that average to a share and occur in bursts, as under load."""
     chance = random.Random(seed)
     return [12 * sum(chance.random() < share for _ in range(TICKS // 12)) for _ in range(seconds)]
 
@@ -55,7 +55,7 @@ def bursts(share, seconds, seed=7):
     'missed',
     [
         [1] * 30,
-        [0, 0, 60, 0, 0, 0, 0] * 5,  # a third of a second now and then
+        [0, 0, 60, 0, 0, 0, 0] * 5,  # a third of a second, occasionally
         [200, *[0] * 20],  # while the node starts
         bursts(0.03, 300),
     ],
@@ -117,7 +117,7 @@ LAGS = 'the viewer lags: items were left out in the last 10 s'
 
 
 def viewer(*parts):
-    """The lines that reports of a viewer's health are worth, report by report."""
+    """Returns the lines logged for successive reports of a viewer's health."""
     monitor, lines = HealthMonitor('node'), []
     for part in parts:
         statuses = monitor.report(TickCounts(), {}, {'viewer': part}, [])

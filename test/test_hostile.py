@@ -1,9 +1,9 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Hostile input ends in success or one clear line: no traceback, no hang, no gigabytes.
+"""Hostile input ends in success or a one-line error, without traceback, hang or excessive memory.
 
-LINKAGE_ROS_CASES=10000 tries so many cases instead of a hundred. Watched from outside, with
-limits of time and memory, benchmarks/reliability/fuzz.py tries the same ones.
+LINKAGE_ROS_CASES=10000 runs that number of cases instead of a hundred.
+benchmarks/reliability/fuzz.py runs the same cases in processes with limits of time and memory.
 """
 
 import os
@@ -67,7 +67,7 @@ STEERING = '\x1b]0;title\x07\x1b[31m\u202e'
 
 @contextmanager
 def at_most(seconds):
-    """Fails where the work within hangs, even in a call that waits."""
+    """Fails if the block hangs, even in a blocking call."""
 
     def stop(*_):
         raise AssertionError(f'not within {seconds} s')
@@ -95,7 +95,7 @@ def out(tmp_path):
 
 @pytest.fixture
 def put(tmp_path):
-    """Writes bytes into a file; returns its path."""
+    """Writes bytes to a file; returns its path."""
     return lambda name, data: ((tmp_path / name).write_bytes(data), tmp_path / name)[1]
 
 
@@ -105,14 +105,14 @@ def stored(put):
 
 
 def read(path):
-    """All messages of a log, in the order of their times and in that of writing."""
+    """Reads all messages of a log, in order of log time and in order of writing."""
     with LogReader(path) as log:
         return list(log.messages()), written(log)
 
 
 @contextmanager
 def little_memory(most):
-    """Fails where the work within takes more memory, bytes."""
+    """Fails if the block uses more memory than `most`, bytes."""
     tracemalloc.start()
     try:
         yield
@@ -149,7 +149,7 @@ def test_any_file_name_gives_a_one_line_error(tmp_path, log, monkeypatch, name):
             use()
         assert str(caught.value).isprintable()
         assert len(str(caught.value)) <= 600
-    if name not in {NAMES['not UTF-8'], NAMES['of a terminal']}:  # which are names like others
+    if name not in {NAMES['not UTF-8'], NAMES['of a terminal']}:  # valid file names
         with pytest.raises(LogError):
             recover(log, name)
         with pytest.raises(LogError):
@@ -182,7 +182,7 @@ def test_a_pipe_is_read_to_its_end_and_not_waited_for_without_a_writer(tmp_path)
     with at_most(5):
         assert read_parameter_file(pipe) == {}
     with pytest.raises(AssertionError, match='not within'), at_most(0.2):
-        pipe.open('rb').close()  # as it was
+        pipe.open('rb').close()  # unblocks the writer
 
 
 # ---------------------------------------------------------------- words
@@ -215,7 +215,7 @@ def test_log_texts_are_escaped_and_shortened_on_the_terminal(stored, called):
 
 
 def test_a_motion_that_takes_millions_of_steps_is_refused(out):
-    """Nothing in the file is out of its range, but a record of it took hours."""
+    """All values of the file are in range, but a record took hours."""
     extreme = configure({**TORQUE, 'start_rpm': 1e6, 'rate_hz': 10.0})
     begin = time.process_time()
     with pytest.raises(MotionError, match='too fast'):
@@ -232,11 +232,11 @@ CROWDED = 'unpack to more than is read'
 
 
 def test_more_true_messages_than_a_file_has_room_for_are_refused(stored, out, monkeypatch):
-    """A verification of such a file of 0.13 MB took 40 s, of one of 1.3 MB it would take 400."""
+    """Without the limit, verifying such a file of 0.13 MB took 40 s; 1.3 MB would take 400 s."""
     monkeypatch.setattr(mcap_file, '_FREE', 1 << 22)
     path = stored(hostile_logs.clocks(2, 150))
     with LogReader(path) as log:
-        for _ in range(3):  # each pass has an allowance of its own, as a replay in a loop needs
+        for _ in range(3):  # each pass has its own limit, as a looping replay needs
             assert len(list(log.messages())) == len(written(log)) == 300
     path = stored(hostile_logs.clocks(2, 1500))
     with LogReader(path) as log:
@@ -265,7 +265,7 @@ def test_a_log_of_a_linkage_at_rest_stays_far_below_what_may_unpack(tmp_path, ou
 
 
 INNER = packed(Message(0, 1, b'', 1, 0))
-MANY = tight(packed(Message(0, 1, b'', 0, 0)) * 1000)  # later than their chunk begins
+MANY = tight(packed(Message(0, 1, b'', 0, 0)) * 1000)  # with times after the start of their chunk
 OTHER = packed(Channel(9, '/joint_states', 'cdr', {}, 1))
 FIELDS = (
     {'phase': '1e999999999'}, {'speed': '1e-999999999'}, {'stamp': '9' * 4000},
@@ -276,7 +276,7 @@ FIELDS = (
 
 
 def misplaced():
-    """A log whose index has a bomb in place of a metadata record: the mcap library unpacks it."""
+    """Makes a log whose metadata index points to a bomb, which the mcap library unpacks."""
     data = whole(chunk(b'zstd', hostile_logs.zeros(4096), 2**32))
     at = data.index(b'\x06', data.index(b'linkage_ros/motion'))
     index = data.rindex(struct.pack('<I', 18) + b'linkage_ros/motion') - 16
@@ -284,20 +284,20 @@ def misplaced():
 
 
 def merged(told):
-    """A log that was merged with another, so that two channels have one topic."""
+    """Makes a log merged from two, so that two channels have the same topic."""
     messages = packed(*(Message(number, 0, b'', 0, 0) for number in (0, 9)))
     counts = packed(Statistics(0, 2, {0: 1, 9: told}, 1, 1 + told, 1, 0, 2, 1))
     return whole(OTHER, tight(messages), behind=OTHER + counts)
 
 
 def moved(fields):
-    """A log with a motion record that has other fields, under a right checksum."""
+    """Makes a log with a motion record of other fields and a valid checksum."""
     record = {name: text for name, text in {**MOTION, **fields}.items() if name != 'crc32'}
     return whole(metadata=[(MOTION_RECORD, seal(record))])
 
 
 def foreign(*metadata, **options):
-    """An MCAP file of another tool, with metadata records."""
+    """Makes an MCAP file of another tool, with metadata records."""
     schema = Schema(1, b'float64 data\n', 'ros2msg', 'std_msgs/msg/Float64')
     message = Message(1, 1, encode_float64(1.0), 1, 0)
     head = Header('ros2', 'other'), schema, Channel(1, '/x', 'cdr', {}, 1), message
@@ -319,7 +319,7 @@ FORGED = {
         'no log|not complete',
     ),
     'version alone': (explained(seal({'version': '0.1.0'})), '.'),
-    # With a right checksum: whatever wrote it, meant it.
+    # With valid checksums, so the contents were written on purpose.
     'setting of the future': (explained(seal({**SETTINGS, 'crank.colour': '"red"'})), 'colour'),
     'setting without JSON': (explained(seal({**SETTINGS, 'rpm': '150 rpm'})), 'is not JSON'),
     'impossible linkage': (explained(seal({**SETTINGS, 'crank.length': '9.0'})), 'longest link'),
@@ -401,7 +401,7 @@ def test_a_huge_record_is_not_taken_into_memory(stored, out, opcode, claimed):
     head = {5: bytes(22), 6: head, 0x0C: bytes(8)}[opcode]
     path = stored(data[:end] + struct.pack('<BQ', opcode, len(head) + claimed * size) + head)
     with path.open('ab') as file:
-        length = file.truncate(file.tell() + size)  # a hole: it takes no disk
+        length = file.truncate(file.tell() + size)  # a sparse file, which takes no disk space
     with little_memory(3 * LARGEST):
         assert recover(path, out).damaged == length - end
 
@@ -481,7 +481,7 @@ def nodes():
     context.shutdown()
 
 
-# How many of the cases are tried, and how many different refusals there are at least.
+# Number of cases, and smallest number of different refusals.
 SEEDED = {
     'parameter file': (0.4, 10), 'log': (0.35, 5), 'replay options': (0.15, 5),
     'live parameters': (0.1, 1),

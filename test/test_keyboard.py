@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Keys from a real terminal, and the state in which it is left on every way out."""
+"""Keys from a pseudo-terminal, and the state of the terminal after every kind of exit."""
 
 import os
 import select
@@ -31,7 +31,7 @@ with Keyboard() as keyboard:
 
 @pytest.fixture
 def terminal():
-    """(master, slave)"""
+    """Opens a pseudo-terminal; returns (master, slave)."""
     ends = os.openpty()
     yield ends
     for end in ends:
@@ -46,7 +46,7 @@ def test_keys_are_read_singly_and_not_echoed(terminal):
         keys = [keyboard.read(1.0) for _ in range(5)]
         assert keys == [SPACE, UP, DOWN, RIGHT, SPACE]
         assert keyboard.read(0.01) is None
-        assert not select.select([master], [], [], 0.01)[0]  # nothing was echoed
+        assert not select.select([master], [], [], 0.01)[0]  # no echo
     assert held(slave)
 
 
@@ -58,7 +58,7 @@ def test_cursor_key_may_arrive_in_pieces(terminal):
             assert keyboard.read(0.05) is None
         os.write(master, b'C')
         assert keyboard.read(1.0) == RIGHT
-        os.write(master, b'\x1b')  # the escape key by itself hides no key behind it
+        os.write(master, b'\x1b')  # the escape key alone does not hide the next key
         assert keyboard.read(0.05) is None
         os.write(master, b' ')
         assert keyboard.read(1.0) == SPACE
@@ -81,7 +81,7 @@ def test_without_a_terminal_it_waits_and_reads_nothing(tmp_path):
 
 @pytest.fixture
 def program(tmp_path):
-    """The command line of PROGRAM."""
+    """Returns the command line of PROGRAM."""
     path = tmp_path / 'program.py'
     path.write_text(PROGRAM)
     return f'PYTHONPATH={Path(__file__).resolve().parents[1]} {sys.executable} {path}'
@@ -89,7 +89,7 @@ def program(tmp_path):
 
 @pytest.fixture
 def shell(program):
-    """A shell that runs PROGRAM and tells how it ended."""
+    """Starts a shell that runs PROGRAM and prints how it ended."""
     run = f'trap : INT QUIT HUP; {program}; echo ended $?; sleep 60'
     with Shell('-c', run) as shell:
         yield shell
@@ -111,12 +111,12 @@ def test_every_end_but_a_kill_restores_the_terminal(shell, key, code, back):
 
 
 def test_restored_terminal_is_taken_again_without_a_signal(terminal, monkeypatch):
-    """As after a shell's fg of a job that it had let run, once the shell has read that line."""
+    """As after `fg` of a background job in a shell, once the shell has read that line."""
     master, slave = terminal
     with Keyboard(slave) as keyboard:
         keyboard._restore()
         assert held(slave)
-        os.set_blocking(slave, False)  # a read of nothing would last for ever
+        os.set_blocking(slave, False)  # an empty read would block
         answers, wait = iter([([slave], [], [])]), select.select
         monkeypatch.setattr(select, 'select', lambda *a: next(answers, None) or wait(*a))
         assert keyboard.read(1.0) is None
@@ -135,7 +135,7 @@ def test_stopped_program_restores_the_terminal_and_takes_it_again(program):
         shell.send(b'\x1a')
         shell.sees(rb'Stopped')
         assert held(shell.terminal)
-        shell.send(b'bg\n')  # there it must neither touch the terminal nor be stopped by it
+        shell.send(b'bg\n')  # in the background it must not touch the terminal
         shell.send(b'sleep 0.3; jobs; echo li"st"ed\n')
         shell.sees(rb'Running.*listed')
         assert held(shell.terminal)

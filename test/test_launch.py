@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The launch files.
 
-No wheel of launch exists. So the tests run the files with stand-ins for the few names that they
-import, and start the nodes as launch_ros would.
+There is no wheel of launch. The tests therefore run the files with stubs of the few names that
+they import, and start the nodes as launch_ros would.
 """
 
 import os
@@ -43,14 +43,14 @@ OWN = """
 
 
 class Recorded(SimpleNamespace):
-    """An action with the arguments that it was made with."""
+    """An action that records its arguments."""
 
     def __init__(self, *positional, **named):
         super().__init__(positional=positional, **named)
 
 
 def stand_in(monkeypatch):
-    """Puts classes that only record their arguments in the place of launch and launch_ros."""
+    """Replaces launch and launch_ros by classes that only record their arguments."""
     names = {
         'launch': ('LaunchContext', 'LaunchDescription'),
         'launch.actions': (
@@ -72,9 +72,9 @@ def stand_in(monkeypatch):
 
 @pytest.fixture
 def launched(monkeypatch, tmp_path):
-    """Runs a launch file; returns what it starts, by executable, and its words.
+    """Runs a launch file; returns the started programs by executable, and its messages.
 
-    The names of two linkages have their namespace before them.
+    With two linkages, the names include the namespace.
     """
     stand_in(monkeypatch)
     monkeypatch.setattr(tempfile, 'tempdir', str(tmp_path))
@@ -93,7 +93,7 @@ def launched(monkeypatch, tmp_path):
         started = [action for action in actions if hasattr(action, 'executable')]
         words = [action.msg for action in actions if hasattr(action, 'msg')]
         for group in (action for action in actions if hasattr(action, 'forwarding')):
-            assert not group.forwarding  # or an argument of one would be one of the other
+            assert not group.forwarding  # otherwise the linkages would share arguments
             (include,) = group.positional[0]
             nodes, more = launch(*include.positional, *installed, **dict(include.launch_arguments))
             started, words = [*started, *nodes.values()], words + more
@@ -110,7 +110,7 @@ def values_of(node):
 
 
 def ros_arguments(node):
-    """The command line that launch_ros makes of a node."""
+    """Returns the command line that launch_ros makes for a node."""
     remaps = (word for pair in node.remappings or () for word in ('-r', ':='.join(pair)))
     namespace = f'__ns:=/{node.namespace}'
     return ['--ros-args', '-r', namespace, *remaps, '--params-file', *node.parameters]
@@ -143,7 +143,7 @@ def test_arguments_replace_the_values_of_a_file_of_the_namespace(launched, tmp_p
     file = str(tmp_path / 'own.yaml')
     nodes, _ = launched(DEMO, 'robot_state_publisher', params=file, namespace='left')
     values = values_of(nodes['linkage_node'])
-    assert (values['mechanism'], values['rpm']) == ('slider_crank', 31.0)  # the later section
+    assert (values['mechanism'], values['rpm']) == ('slider_crank', 31.0)  # of the later section
     assert values['joint_prefix'] == 'file_'
     nodes, _ = launched(
         DEMO, 'robot_state_publisher', 'rviz2', params=file, namespace='left', rpm='45',
@@ -151,7 +151,7 @@ def test_arguments_replace_the_values_of_a_file_of_the_namespace(launched, tmp_p
         use_sim_time='true', rviz='true',
     )  # fmt: skip
     values = values_of(nodes['linkage_node'])
-    assert configure(values).session.log == '1e3'  # text, though it looks like a number
+    assert configure(values).session.log == '1e3'  # a string that looks like a number
     assert (values['rpm'], values['joint_prefix']) == (45, 'l_')
     assert values['log_overwrite'] is values['use_sim_time'] is True
     values = values_of(nodes['robot_state_publisher'])
@@ -176,7 +176,7 @@ def test_wrong_values_are_refused_before_anything_is_started(launched, tmp_path,
 
 
 def test_a_killed_launch_leaves_no_file(tmp_path):
-    """A file of its parameters is in memory, and so is nothing in the folder for such files."""
+    """Parameter files are in memory, so no file remains in the temporary folder."""
     code = (
         'import time\n'
         'from linkage_ros.parameters.launched import parameter_file\n'
@@ -210,7 +210,7 @@ def test_frames_of_messages_and_rviz_are_those_of_tf(launched):
     assert rviz['Global Options']['Fixed Frame'] == values['frame_id']
     assert rviz['Views']['Current']['Target Frame'] == values['frame_id']
     (model,) = (show for show in rviz['Displays'] if show['Class'].endswith('RobotModel'))
-    assert f'{model["TF Prefix"]}/' == 'left/'  # RViz puts the '/' there itself
+    assert f'{model["TF Prefix"]}/' == 'left/'  # RViz itself adds the '/'
     (_, topic), = nodes['robot_state_publisher'].remappings  # fmt: skip
     assert model['Description Topic']['Value'] == topic
 
@@ -243,12 +243,12 @@ def test_controller_and_plant_take_what_their_launch_file_gives_them(launched):
 
 
 def test_a_node_that_follows_takes_what_its_launch_file_gives_it(launched):
-    """A preset says how its crank turns; what a measured crank does not have is left out."""
+    """A preset contains a speed; parameters that a measured crank does not have are omitted."""
     nodes, _ = launched(
         FOLLOW, 'robot_state_publisher', params='quadrilateral', namespace='left',
         follow_bandwidth='7',
     )  # fmt: skip
-    # The robot has both topics as well: its own, which these must not reach.
+    # The robot publishes both topics as well, with which these must not collide.
     for node in nodes.values():
         taken = dict(node.remappings)
         assert taken['joint_states'] == 'linkage/joint_states'
@@ -267,7 +267,7 @@ def test_a_node_that_follows_takes_what_its_launch_file_gives_it(launched):
 
 
 def test_two_linkages_are_one_tree_and_the_right_one_follows_the_left_one(launched):
-    """By their names: test_urdf.py looks at the places of frames."""
+    """This test compares names; test_urdf.py compares positions of frames."""
     nodes, words = launched(TWO, 'robot_state_publisher', 'tf2_ros', right='wiper', rpm='60')
     sides, domain = ('left', 'right'), fresh_domain()
     topics = {f'/{side}/joint_states': 'sensor_msgs/msg/JointState' for side in sides}
@@ -281,7 +281,7 @@ def test_two_linkages_are_one_tree_and_the_right_one_follows_the_left_one(launch
         def states():
             return [by_stamp(heard.received[topic]) for topic in topics]
 
-        # Either may be heard late.
+        # Either may be matched late.
         wait_for(lambda: len(set.intersection(*map(set, states()))) > 25)
         stop(first)
         stop(second)
@@ -306,7 +306,7 @@ def test_two_linkages_are_one_tree_and_the_right_one_follows_the_left_one(launch
 
 
 def by_stamp(messages):
-    """Positions of the joints by name, by stamp."""
+    """Returns the positions of the joints by name, by stamp."""
     found = (deserialize_message(data, JointState) for data in messages)
     return {
         (one.header.stamp.sec, one.header.stamp.nanosec): dict(

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Laws that hold for every mechanism, whatever its links and however many its coordinates."""
+"""Laws that hold for all mechanisms, regardless of links and number of coordinates."""
 
 import math
 
@@ -43,7 +43,7 @@ def test_the_shape_of_the_angles_is_kept(name, shape):
     assert got.shape == (len(kinds(mechanism)), *shape)
     flat = rows(solver.state(tuple(x.ravel() for x in q), u, a))
     assert np.array_equal(got.reshape(len(got), -1), flat)
-    # Views that are not contiguous are read right as well.
+    # Non-contiguous views are also read correctly.
     transposed = solver.state(tuple(x.T for x in q), u, a).torque
     assert np.allclose(transposed, state.torque.T, rtol=1e-14, atol=0)
     forces = solver.reactions(state)
@@ -67,7 +67,7 @@ def test_angles_stay_in_range_and_coordinates_are_returned_as_asked(kind, data, 
 
 
 def gap(mechanism, position):
-    """By how much the links fail to close the loop, m; in the caller's precision."""
+    """Computes the gap of the loop, m, in the caller's precision."""
     links = [
         mp.mpf(getattr(mechanism, part).length) * mp.expj(mp.mpf(float(angle)))
         for part, angle in zip(turning_parts(mechanism), position, strict=False)
@@ -99,7 +99,7 @@ def test_loop_closes_within_8_ulp_of_the_longest_link(kind, data, crank):
 
 @every
 def test_torque_is_linear_in_accelerations_and_inverted_by_them(name):
-    """M q'' + h - Q = torque: M is symmetric and positive, and gives the kinetic energy."""
+    """M q'' + h - Q = torque; M is symmetric, positive definite, and gives the kinetic energy."""
     mechanism = ALL[name]
     solver = Solver(mechanism)
     for crank in np.linspace(-6.0, 6.5, 12).tolist():

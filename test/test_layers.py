@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What import-linter cannot see of the package's imports, and that it and ruff see every file."""
+"""Rules on imports that import-linter cannot check, and whether it and ruff see every file."""
 
 import ast
 import shutil
@@ -33,7 +33,7 @@ def test_import_linter_finds_imports_in_wrong_rooms(tmp_path):
 
 
 def test_ruff_sees_every_file():
-    """A folder may have the name of one that builds leave behind."""
+    """A source folder may have the name of a build folder, which ruff ignores."""
     command = [sys.executable, '-m', 'ruff', 'check', '--show-files']
     seen = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout
     assert {str(path) for path in PACKAGE_FILES} <= set(seen.splitlines())

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Values that documents print, and the edges: coarse doubles, limits, a pump's links in line."""
+"""Printed values of the documents, and edge cases: rounding, limits, a pump's links in line."""
 
 import cmath
 import itertools
@@ -58,7 +58,7 @@ def test_document_4_has_its_printed_values():
 @pytest.mark.parametrize('assembly', ASSEMBLIES)
 @pytest.mark.parametrize('power', [10, 30, 46])
 def test_loop_closes_where_doubles_miss_an_equality_by_an_ulp_or_two(power, assembly):
-    """Below 4 ulp the equality counts as met, also where d - r itself is not much more."""
+    """Below 4 ulp, lengths count as equal, even if d - r itself is hardly larger."""
     gap = 2.0**-power
     for sign, other, ulps in itertools.product((1, -1), repeat=3):
         lengths = 1 + sign * gap, 2, 2 + other * gap + ulps * math.ulp(1.0) * 2, 1
@@ -72,7 +72,7 @@ def test_loop_closes_where_doubles_miss_an_equality_by_an_ulp_or_two(power, asse
 
 @pytest.mark.parametrize('ratio', [1e-2, 1e-6])
 def test_crank_far_longer_than_its_coupler_loses_its_angles_rounding_and_no_more(ratio):
-    """On an arc of 2 b/r rad one rounding of the crank angle is seen r/b times as large."""
+    """On an arc of 2 b/r rad, a rounding of the crank angle is amplified by r/b."""
     cranks = [0.3 + ratio * x for x in (-0.9, -0.5, -0.1, 0.3, 0.7, 0.95)]
     errors = worst_errors(Solver(slider_crank((1, ratio, 0))), cranks, period=0, floor=1)
     assert max(errors) < 32 * math.ulp(1.0) / ratio
@@ -83,7 +83,7 @@ def test_crank_far_longer_than_its_coupler_loses_its_angles_rounding_and_no_more
     [(four_bar((1, 2, 3, 6), 0.0), 0.0, 0), (slider_crank((1, 2, 3), 0.0), math.pi / 2, 90)],
 )
 def test_crank_is_refused_exactly_at_its_limit(mechanism, limit, degrees):
-    """Frame = crank + coupler + rocker, offset = crank + coupler: stretched, with no rates."""
+    """Frame = crank + coupler + rocker, or offset = crank + coupler: no rates exist there."""
     for crank in (limit, np.full(2, limit)):
         with pytest.raises(UnreachableError, match=f'cannot move at {degrees} deg'):
             Solver(mechanism).state(crank)
@@ -94,7 +94,7 @@ NAMES = ('crank', 'coupler', 'rod')
 
 
 def every_answer(solver, q, u):
-    """The calls that need the links' rates."""
+    """Makes the calls that need the rates of the links."""
     return (
         lambda: solver.accelerations(q, u, 6.0),
         lambda: solver.state(q, u, (0.0, 0.0)),
@@ -125,7 +125,7 @@ def test_where_the_dyad_does_not_close_there_is_one_clear_error(q, words):
 
 @pytest.mark.parametrize('slide', [2.52, 0.92, -2.28, -0.68])
 def test_at_the_stretched_and_the_folded_point_itself_all_is_refused(slide):
-    """No double is that point: the margins are 1e-16 m^2 there, of either sign."""
+    """No double is exactly this point; the margins are 1e-16 m^2, of either sign."""
     solver = Solver(PUMP)
     words = 'or are in line, at crank angle 0 deg'
     with pytest.raises(UnreachableError, match=words):
@@ -138,7 +138,7 @@ def test_at_the_stretched_and_the_folded_point_itself_all_is_refused(slide):
 
 
 def edges(pump, crank):
-    """Where the slider's pin is when coupler and rod are in line, m, exactly."""
+    """Returns the exact positions of the slider's pin where coupler and rod are in line, m."""
     r, b, c = (mp.mpf(getattr(pump, name).length) for name in NAMES)
     x, y = r * mp.cos(mp.mpf(crank)), r * mp.sin(mp.mpf(crank))
     for radius in (b + c, abs(b - c)):
@@ -164,7 +164,7 @@ def test_the_double_nearest_to_an_edge_is_refused_and_one_beside_it_answers(powe
         for edge, outward in edges(pump, crank):
             with pytest.raises(UnreachableError):
                 solver.accelerations((crank, float(edge)), (2.0, 0.1 * unit), 6.0)
-            # A hundred roundings inside, along the way that opens the dyad.
+            # A hundred roundings inside, in the direction that opens the dyad.
             r2 = (edge - mp.mpf(pump.crank.length) * mp.cos(crank)) ** 2
             steep = mp.sqrt(r2) / total
             inside = float(edge - outward * 100 * math.ulp(total) / steep)
@@ -173,7 +173,7 @@ def test_the_double_nearest_to_an_edge_is_refused_and_one_beside_it_answers(powe
 
 
 def test_equal_links_answer_close_to_the_crank_pin():
-    """There coupler and rod fold back on each other: nothing cancels, so nothing is refused."""
+    """Coupler and rod fold back on each other there; nothing cancels, so nothing is refused."""
     pump = WindPump(
         Body(0.12, 20.0, 20.0), Coupler(0.8, 4.0, 1.2), Body(0.8, 4.0, 0.85),
         Piston(1.5, 0.0, 6.0, 60.0),

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Loads and friction: described, refused, and against Newton-Euler in 50 digits in bad places."""
+"""Loads and friction: descriptions, refusals, and comparison with Newton-Euler in 50 digits."""
 
 import math
 from dataclasses import replace
@@ -68,7 +68,7 @@ FILES = {
 }
 CRANKS = np.linspace(-6.0, 6.5, 101)
 ON = {'rocker': ALL['crank_rocker'], 'slider': ALL['offset_right']}
-# Of every kind, on a rocker and on a slider.
+# All kinds of loads, on a rocker and on a slider.
 EXAMPLES = {
     LinkLoad: lambda link: LinkLoad(link, 1.0, 2.0, 3.0, 0.4),
     LoadCurve: lambda link: LoadCurve(
@@ -186,7 +186,7 @@ def test_friction_that_locks_on_the_way_ends_a_record_in_one_line(called, tmp_pa
 
 
 def test_a_spreadsheet_gives_the_curve_of_its_columns(tmp_path):
-    """With a byte order mark, line ends of Windows, an empty row and quoted numbers."""
+    """The file has a byte order mark, Windows line ends, an empty row and quoted numbers."""
     path = tmp_path / 'sheet.csv'
     text = '\ufeffat, value,return_value\r\n"-1","5.5",0\r\n1.5,-7,2\r\n\r\n4e0,30,-4\r\n'
     path.write_bytes(text.encode())
@@ -202,7 +202,7 @@ def test_laws_of_every_kind_of_load(link, kind):
     loaded, bare = with_loads(ON[link], EXAMPLES[kind](link)), with_loads(ON[link])
     solver, q, u, a = Solver(loaded), *motion(loaded, CRANKS)
     state = solver.state(q, u, a)
-    # Its power is what the drive gives beside inertia and weights.
+    # The drive supplies the power of the loads in addition to inertia and weights.
     taken = (state.torque - Solver(bare).state(q, u, a).torque) * 2.0
     forces = solver.load_forces(state)
     power = sum(x * state.velocity[solver.links.index(name)] for name, x in forces.items())
@@ -212,11 +212,11 @@ def test_laws_of_every_kind_of_load(link, kind):
     # Newton's and Euler's equations need the same torque.
     needed = solver.reactions(state).torque
     assert np.allclose(needed, state.torque, rtol=0, atol=1e-12 * np.max(np.abs(state.torque)))
-    # An array has the bits of its states, where both are bound to the functions of `math`.
+    # An array has the bits of its single states if both use the functions of `math`.
     together = solver.state(q, u, a, by_math=True)
     alone = [solver.state(x, *u, *a) for x in CRANKS.tolist()]
     assert together.torque.tolist() == [one.torque for one in alone]
-    # Parameters hold it.
+    # The parameters contain the load.
     assert build(type(loaded), flatten(loaded)) == loaded != bare
 
 
@@ -251,7 +251,7 @@ def test_the_middle_of_the_swing_is_between_its_ends(lengths, angle, assembly):
 
 
 CLOSE, SLIP = 1e-11, 1 + 1e-10
-# Rockers that swing across the jump of angles at pi, and through the line of the frame.
+# Rockers that swing across the jump of angles at pi, and across the line of the frame.
 ROCKERS = {
     'across_the_seam': four_bar(FULL['crank_rocker'], 1.3),
     'through_the_line': four_bar(CHANGE_POINTS['p0'], 0.2, 'crossed'),
@@ -265,7 +265,7 @@ RUBBING = {'rocker': Friction(0.2, 0.08), 'slider': Friction(0.1, 0.05, 0.2)}
 
 
 def loads_of(link, middle):
-    """Every kind of load, with corners in the swing about a middle."""
+    """Returns loads of every kind, with corners in the swing around a middle angle."""
     places = tuple(middle + x for x in (-0.4, 0.05, 0.3))
     return {
         'force': LinkLoad(link, 3.0),
@@ -279,7 +279,7 @@ def loads_of(link, middle):
 
 
 def loaded(name, *kinds):
-    """A mechanism with loads of these kinds."""
+    """Returns a mechanism with loads of these kinds."""
     mechanism = MECHANISMS[name]
     if isinstance(mechanism, FourBar):
         spring = with_loads(mechanism, LinkLoad('rocker', stiffness=1.0))
@@ -290,7 +290,7 @@ def loaded(name, *kinds):
 
 
 def error(mechanism, cranks, speed=2.0, acceleration=1.5, meant=None):
-    """The largest error of any quantity; the reference is given what is meant."""
+    """Computes the largest error of any quantity, relative to the reference for `meant`."""
     solver = Solver(mechanism)
     solver.mechanism = meant or mechanism
     motion = cranks, speed, acceleration
@@ -324,7 +324,7 @@ def test_all_loads_at_once_in_either_direction_and_at_rest(name, speed, accelera
     assert error(mechanism, [-4.1, 1.3], speed, acceleration) < CLOSE
 
 
-# Bad places.
+# Critical positions.
 
 
 def curve(points, value, over='crank_angle', **more):
@@ -381,7 +381,7 @@ def test_places_on_a_rocker_count_without_whole_turns(turns):
     ],
 )
 def test_friction_is_solved_until_it_locks(friction, crank, locks):
-    """Forces up to 1e3 times those without friction; beyond, the reference finds none either."""
+    """Forces reach 1e3 times those without friction; beyond, the reference has no solution."""
     name = 'guide' if friction.guide == 1.0 else 'pin_radius'
 
     def rubs(share):
