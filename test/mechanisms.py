@@ -240,7 +240,7 @@ def coordinates(mechanism, cranks):
 
 
 def motion(mechanism, cranks, speed=2.0, acceleration=1.5):
-    """Returns coordinates, rates and accelerations as tuples, including those of a pump's slider."""
+    """Returns coordinates, rates and accelerations, as tuples, with those of a pump's slider."""
     count = len(mechanism.coordinates)
     size = longest(mechanism)
     rates = speed, -0.35 * size * speed

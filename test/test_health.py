@@ -46,7 +46,7 @@ def motion(missed, steps=None, **watched):
 
 
 def bursts(share, seconds, seed=7):
-    """Returns missed ticks per second that average to a share and occur in bursts, as under load."""
+    """Returns missed ticks per second that average to a share, in bursts, as under load."""
     chance = random.Random(seed)
     return [12 * sum(chance.random() < share for _ in range(TICKS // 12)) for _ in range(seconds)]
 

@@ -1,8 +1,8 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The MCAP log: what the mcap library and rosbags find in it, our reader, and damaged files.
+"""The MCAP log: read by the mcap library, rosbags and our reader; damaged files.
 
-What other readers decode is in test_foreign_readers.py.
+test_foreign_readers.py compares the decoded messages of other readers.
 """
 
 import errno
@@ -61,7 +61,7 @@ def motions():
 
 
 def contents():
-    """What the log holds: (topic, stamp, data), the same every time."""
+    """Returns the contents of the log, always the same: (topic, stamp, data)."""
     rng = random.Random(4)
     yield ROBOT, START, encode_string(DESCRIPTION)
     for stamp in range(START, START + COUNT * PERIOD, PERIOD):
@@ -74,7 +74,7 @@ MOTIONS, CONTENTS = [motion.segment for motion in motions()], list(contents())
 
 
 def write(path, *, overwrite=False):
-    """Writes the contents, in three chunks, with the motions between them."""
+    """Writes the contents in three chunks, with the motions between them."""
     with LogWriter(path, CONFIGURATION, overwrite=overwrite) as log:
         topics = JOINT_STATES, DRIVING_TORQUE, ROBOT_DESCRIPTION
         channels = {
@@ -95,14 +95,14 @@ def path(tmp_path_factory):
 
 
 def content(path):
-    """All that LogReader says about a file."""
+    """Returns everything that LogReader reads from a file."""
     with LogReader(path) as log:
         about = (log.configuration, log.version, log.motions, log.topics, log.start, log.end)
         return about, list(log.messages())
 
 
 def written(log):
-    """The messages of a log in the order of writing: none belongs to these channels."""
+    """Returns the messages of a log in the order of writing; none is on these channels."""
     simulator, found = Simulator(CONFIGURATION), []
     layout = simulator.layout_of(enumerate(simulator.topics, 200))
     assert not list(log.rows(layout, found.append))
@@ -179,7 +179,7 @@ def test_topics_and_start_pick_what_a_filter_picks(path, topics, start):
             if (topics is None or message.topic in topics)
             and (start is None or message.time >= start)
         )
-        # Two passes at a time do not disturb each other.
+        # Two concurrent iterations do not interfere.
         found = zip(log.messages(topics, start), expected, strict=True)
         assert all(message == due for message, due in found)
 
@@ -219,7 +219,7 @@ def test_the_same_record_has_the_same_bytes(tmp_path):
 
 @pytest.mark.parametrize('start', [0, START])
 def test_rows_are_the_very_bytes_that_the_library_would_write(tmp_path, start):
-    """Chunks, indexes, counts and times, message by message, in several chunks."""
+    """Includes chunks, indexes, counts and times, message by message, in several chunks."""
     simulator, path = Simulator(load('quadrilateral')), tmp_path / 'run.mcap'
     stamps = [start + simulator.elapsed(tick) for tick in range(6000)]
     with LogWriter(path, simulator.configuration, overwrite=False) as log:
@@ -260,7 +260,7 @@ def test_an_existing_file_is_kept_unless_it_is_to_be_replaced(path, tmp_path, ol
 
 
 EXISTS, OTHER_FILE = 'exists already and is kept: choose another name', 'is not a log and is kept'
-KEPT = {  # what is at the path, whether it is to be replaced, and the refusal
+KEPT = {  # what is at the path, whether to replace it, and the expected error
     'parameters': (lambda p: p.write_bytes(b'/**:\n  ros__parameters:\n'), True, OTHER_FILE),
     'text': (lambda p: p.write_bytes(b'x'), True, OTHER_FILE),
     'half': (lambda p: p.write_bytes(MCAP0_MAGIC[:4]), True, OTHER_FILE),
@@ -325,7 +325,7 @@ KINDS = {
 
 
 def sections(data):
-    """The records of an MCAP file by hand: (kind, first byte, last byte + 1)."""
+    """Parses the records of an MCAP file by hand: (kind, first byte, last byte + 1)."""
     at, found = 8, []
     while at < len(data) - 8:
         opcode, length = struct.unpack_from('<BQ', data, at)
@@ -335,13 +335,13 @@ def sections(data):
 
 
 def spans(data, kind):
-    """First and last byte + 1 of all records of a kind."""
+    """Returns first byte and last byte + 1 of all records of a kind."""
     return [(first, end) for name, first, end in sections(data) if name == kind]
 
 
 @pytest.fixture
 def answer(path, tmp_path):
-    """What is read from bytes: 'good' as from the undamaged file, 'refused' in one line."""
+    """Reads bytes; returns 'good' if they equal the original, 'refused' after a one-line error."""
     good, target = content(path), tmp_path / 'bad.mcap'
 
     def read(data):
@@ -355,12 +355,12 @@ def answer(path, tmp_path):
     return read
 
 
-# Of these, most bytes count for nothing.
+# In these records, most bytes are irrelevant.
 UNREAD = {'header', 'message index', 'summary offset', 'data end'}
 
 
 def test_a_flipped_byte_is_reported_or_does_no_harm(path, answer):
-    """Never another exception, and never other states, settings or times than were written."""
+    """No other exception is raised, and no other states, settings or times are returned."""
     data = path.read_bytes()
     found = {kind: set() for kind in KINDS.values()}
     for kind, first, end in sections(data):
@@ -375,7 +375,7 @@ def test_a_flipped_byte_is_reported_or_does_no_harm(path, answer):
 
 
 def test_a_cut_file_and_a_tail_of_zeros_or_of_garbage_are_reported(path, answer):
-    """What a crash of the machine leaves of a file whose length was written before its data."""
+    """A crash of the machine can leave a file whose length was written before its data."""
     data = path.read_bytes()
     cuts = {*(len(data) * part // 30 for part in range(30)), 1, 8, 9, *range(-40, 0, 3)}
     for cut in (*cuts, *(end for _, _, end in sections(data))):
@@ -383,7 +383,7 @@ def test_a_cut_file_and_a_tail_of_zeros_or_of_garbage_are_reported(path, answer)
     for keep in range(0, len(data) - 8, len(data) // 10):
         lost = len(data) - keep
         for tail in (bytes(lost), random.Random(keep).randbytes(lost), bytes(3 * lost)):
-            # Of the last bytes, some count for nothing.
+            # Some of the last bytes are irrelevant.
             assert answer(data[:keep] + tail) in {'refused', 'good'}, keep
     assert answer(data + b'\0') == 'refused'
 

@@ -57,7 +57,7 @@ def assert_same(mechanism, crank, lengths=None):
             for x, y in zip(mine[name], theirs, strict=True):
                 size = max(abs(y), mp.mpf('1e-3'))
                 apart = abs(x - y)
-                if name == 'position':  # an angle, or a length below a metre
+                if name == 'position':  # an angle, or a length below 1 m
                     apart = min(apart, abs(apart - 2 * mp.pi))
                 assert apart < size * mp.mpf('1e-45'), (name, crank, x, y)
 
@@ -150,7 +150,7 @@ def newton(mechanism, guess, tolerance):
     return newton_raphson(LinkageCase(mechanism, (0.0,), guess), {'tolerance': tolerance})
 
 
-# Any step ends an iteration of an infinite tolerance, and the next call goes on from there.
+# With an infinite tolerance, an iteration ends after one step, and the next call continues it.
 
 
 def test_newton_raphson_is_of_order_2():
@@ -174,7 +174,7 @@ def test_newton_raphson_stops_at_its_limit_of_iterations():
 
 
 def test_listing_of_document_1_is_as_printed():
-    """As a method, the listing gives the real parts of complex angles."""
+    """As a method, the listing returns the real parts of complex angles."""
     guess = math.radians(15), math.radians(100)
     locate = listing(LinkageCase(PRESETS['quadrilateral'], CRANKS, guess), {})
     found = np.array([locate(crank) for crank in CRANKS.tolist()]).T
@@ -211,7 +211,7 @@ def test_deliberate_errors_are_detected(turns):
     first, second = map(float, exact['position'])
     assert case.error('position', 3, [first + 6 * math.pi, second - 2 * math.pi]) < 4e-15
     assert case.error('position', 3, [first, second + 0.5]) == pytest.approx(0.5)
-    # As unit vectors, whose lengths count too.
+    # As unit vectors, whose length also matters.
     numbers = np.array([float(x) for x in exact['direction']])
     assert case.error('position', 3, numbers) < EPSILON
     for one in np.eye(4):
@@ -225,12 +225,12 @@ each_easy = pytest.mark.parametrize('mechanism', EASY)
 
 
 def committed(name):
-    """The records in the docs."""
+    """Returns the records in the docs."""
     return json.loads((ROOT / 'docs' / f'{name}.json').read_text())['records']
 
 
 def run_quick(command, folder):
-    """The paths that the command prints, and the records that it writes."""
+    """Runs a command; returns the paths that it prints, and the records that it writes."""
     printed = []
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys, 'argv', ['linkage_chart', command, '--quick', '--out', str(folder)])
@@ -252,13 +252,13 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope='module')
 def accuracy(folder):
-    """Names of files, and records, of one quick run."""
+    """Returns file names and records of one quick run."""
     return run_quick('accuracy', folder)
 
 
 @pytest.fixture(scope='module')
 def errors(accuracy):
-    """The errors of all settings in turn, by mechanism, quantity, method and mode."""
+    """Returns the errors of all settings in order, by mechanism, quantity, method and mode."""
     found = {}
     for r in accuracy[1]:
         key = r['mechanism'], r['quantity'], r['method'], r['mode']
@@ -284,7 +284,7 @@ def test_every_panel_has_a_front_of_right_points(accuracy):
 
 
 def test_errors_of_a_measured_crank_equal_those_of_the_docs(accuracy, folder):
-    """The errors do not depend on the machine, so the docs quote the same numbers."""
+    """The errors do not depend on the machine, so they must equal the numbers in the docs."""
     assert accuracy
     records = json.loads((folder / 'accuracy_follow.json').read_text())['records']
     known, found = (

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Real processes from which libraries are hidden, as on a machine that never installed them."""
+"""Runs real processes with hidden libraries, as on a machine that lacks them."""
 
 import os
 import subprocess
@@ -27,7 +27,7 @@ def find(name, path=None, target=None):
 PathFinder.find_spec = find
 """
 OF_ROS = ('rclpy', 'rcl_interfaces', 'sensor_msgs', 'std_msgs')
-# What pip brings to a machine whose ROS 2 comes from Debian packages.
+# Packages that pip adds to a machine whose ROS 2 comes from Debian packages.
 OF_PIP = ('mcap', 'lz4', 'zstandard', 'rerun', 'rerun_bindings', 'mpmath')
 
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a crank can do and how far the output moves: classes, reach, assemblies, period, stroke."""
+"""Mobility of crank and output: classes, reach, assemblies, period, swing and stroke."""
 
 import math
 import random
@@ -44,7 +44,7 @@ any_lengths = st.tuples(*[st.integers(1, 40)] * 4).filter(lambda x: 2 * max(x) <
 @settings(max_examples=30)
 @given(any_lengths)
 def test_class_follows_from_shortest_and_longest_link(lengths):
-    """Grashof's rule on whole numbers, where it is exact; every order of the links."""
+    """Applies Grashof's rule to integers, for which it is exact, in every order of the links."""
     excess = 2 * (min(lengths) + max(lengths)) - sum(lengths)
     found, names = mobility(lengths), ('crank-rocker', 'double-rocker', 'rocker-crank')
     shortest = [
@@ -85,7 +85,7 @@ def test_class_of_a_slider_crank_follows_from_its_lengths(lengths):
 @settings(max_examples=15)
 @given(data=st.data(), angle=st.floats(-7, 7), assembly=st.sampled_from(ASSEMBLIES))
 def test_crank_reaches_just_where_the_loop_closes(every, data, angle, assembly):
-    """The crank's circle, 48 angles of it, against the reach in closed form."""
+    """Compares 48 angles of the crank's circle with the closed form of the reach."""
     solver = Solver(made_of(data.draw(every), angle, assembly))
     oracle = Oracle(solver.mechanism)
     for i in range(24):
@@ -108,7 +108,7 @@ def test_crank_reaches_just_where_the_loop_closes(every, data, angle, assembly):
 
 
 def end_by_bisection(oracle, inside, outside):
-    """Where the loop just closes between two angles, by nothing but trying."""
+    """Finds the angle at which the loop just closes by bisection between two angles."""
     assert oracle.closes(inside)
     assert not oracle.closes(outside)
     with mp.workdps(50):
@@ -141,8 +141,8 @@ def test_ends_of_the_reach_are_where_the_loop_just_closes(lengths, angle):
         step = 0.1 * min(end - start, TURN - (end - start))
         for limit, out in ((start, -step), (end, step)):
             exact = end_by_bisection(oracle, limit - out, limit + out)
-            # The limit is where L = |b - c| or b + c, or where sin(alpha) = (e -+ b)/r: an ulp or
-            # two of the lengths is carried into the angle.
+            # The limit is where L = |b - c| or b + c, or where sin(alpha) = (e -+ b)/r; an ulp or
+            # two of the lengths changes this angle.
             r, d, sine = lengths[0], lengths[-1], abs(math.sin(oracle.angle(exact)))
             square = r * r + d * d - 2 * r * d * math.cos(oracle.angle(exact))
             slope = math.sqrt(square) / (r * d * sine) if len(lengths) == 4 else 1 / (r * sine)
@@ -152,7 +152,7 @@ def test_ends_of_the_reach_are_where_the_loop_just_closes(lengths, angle):
             assert abs(exact - mp.mpf(limit)) <= rounding
 
 
-# Equalities.
+# Lengths with equalities.
 
 
 TURNS = dict.fromkeys(CHANGE_POINTS, 2) | dict.fromkeys(
@@ -184,7 +184,7 @@ def test_gap_of_ten_femtometres_is_not_a_change_point(gap, found):
     assert mobility((1, 2.5, 1.5, 3 - gap)).grashof == found
 
 
-# Words.
+# Descriptions and errors.
 
 
 CURES = {
@@ -197,7 +197,7 @@ CURES = {
 
 @pytest.mark.parametrize('lengths', [4, 3])
 def test_each_cure_by_itself_lets_the_crank_turn_and_nothing_less_does(lengths):
-    """Four-bars and slider-cranks with random lengths, and with round ones."""
+    """Four-bars and slider-cranks with random lengths and with round ones."""
     rng, seen, count = random.Random(7), set(), lengths
     for number in range(200):
         if number % 2:
@@ -209,7 +209,7 @@ def test_each_cure_by_itself_lets_the_crank_turn_and_nothing_less_does(lengths):
         try:
             found = mobility(lengths)
         except MechanismError:
-            continue  # it cannot be put together
+            continue  # it cannot be assembled
         assert bool(found.cures) != found.turns_fully
         for cure in found.cures:
             words, bound = re.fullmatch(r'(.+?) ([0-9.e+-]+) m(?: each)?', cure).groups()
@@ -222,24 +222,24 @@ def test_each_cure_by_itself_lets_the_crank_turn_and_nothing_less_does(lengths):
     assert seen == {words for words in CURES if (count == 3) == words.startswith('on a guide')}
 
 
-# Dyadic fractions, which leave no tiny numbers to underflow.
+# Dyadic fractions, so that no tiny numbers underflow.
 ANGLES = st.integers(-10_240, 10_240).map(lambda x: x / 1024)
 
 
 def way_of(found):
-    """Stroke or swing, m or rad; None where the output turns fully."""
+    """Returns the stroke or swing, m or rad; None if the output turns fully."""
     return None if found.extremes is None else found.extremes[1] - found.extremes[0]
 
 
 def corner(a, b, c):
-    """The angle opposite the first side of a triangle, also of one that is almost flat."""
+    """Returns the angle opposite the first side of a triangle, also of an almost flat one."""
     rise, run = (a - b + c) * (a + b - c), (b + c - a) * (a + b + c)
     return 2 * math.atan2(math.sqrt(max(rise, 0.0)), math.sqrt(max(run, 0.0)))
 
 
 @st.composite
 def crank_rockers(draw):
-    """Crank, coupler, rocker, frame with a margin from every change point."""
+    """Draws crank, coupler, rocker and frame with a margin from every change point."""
     middle = sorted(draw(st.tuples(*[st.floats(1.6, 3)] * 3)))
     r = draw(st.floats(0.1, 0.95)) * (middle[0] + middle[1] - middle[2])
     others = draw(st.permutations(middle))
@@ -251,15 +251,15 @@ def crank_rockers(draw):
 def test_swing_time_ratio_and_transmission_are_those_of_triangles(lengths, assembly, angle):
     r, b, c, d = lengths
     found = travel(Solver(four_bar(lengths, angle, assembly)))
-    # At B0, between frame and rocker, where crank and coupler make one line of b + r or b - r.
+    # At B0, between frame and rocker; crank and coupler are in line, of length b + r or b - r.
     swing = abs(corner(b + r, c, d) - corner(abs(b - r), c, d))
     assert way_of(found) == pytest.approx(swing, abs=1e-7)
-    # At A0, between frame and that line; folded with b > r the crank points the other way.
+    # At A0, between frame and that line; when folded with b > r, the crank points the other way.
     folded = corner(c, abs(b - r), d) + (math.pi if b > r else 0.0)
     way = (folded - corner(c, b + r, d)) % (2 * math.pi)
     ratio = max(way, 2 * math.pi - way) / min(way, 2 * math.pi - way)
     assert found.time_ratio == pytest.approx(ratio, rel=1e-7)
-    # At B, in the two triangles with crank and frame in line.
+    # At B, in the two triangles in which crank and frame are in line.
     between = corner(d - r, b, c), corner(d + r, b, c)
     assert found.transmission == pytest.approx(between, abs=1e-7)
 
@@ -300,7 +300,7 @@ def test_extremes_are_reached_and_never_passed():
         assert np.abs(rates).max() < 1e-14
 
 
-# Stretched at 19 and, a turn and a half later but for that angle, at 161 deg.
+# Stretched at 19 deg and, a turn and a half later except for that angle, at 161 deg.
 _LEAN = 2 * math.asin(1 / 3)
 DEGENERATE = {
     'double-crank': (four_bar((2.0, 1.5, 2.0, 1.0), 0.0), None, None),
@@ -340,7 +340,7 @@ def test_outputs_that_turn_fully_rest_or_take_two_turns(mechanism, span, ratio):
 def test_swing_is_right_however_near_a_change_point_is(
     lengths, link, power, sign, angle, assembly
 ):
-    """Next to a kite the rocker swings by half a turn within a thousandth of a degree."""
+    """Next to a kite, the rocker turns by 180 deg within a thousandth of a degree of the crank."""
     lengths = list(lengths)
     lengths[link] *= 1 + sign * 10**power
     solver = Solver(four_bar(lengths, angle, assembly))
@@ -375,13 +375,13 @@ def test_middle_of_a_swing_through_the_seam_is_within_half_a_turn():
         assert abs(low + high) / 2 <= math.pi
 
 
-# Ways to assemble a linkage at a crank angle, as document 2 counts them.
+# Number of assemblies of a linkage at a crank angle, as document 2 counts them.
 
-NEAR = 1e-12  # rad beside a limit; rounding of the limit itself is a few 1e-16
+NEAR = 1e-12  # rad from a limit, which is rounded by a few 1e-16
 
 
 def counts(mechanism, *cranks):
-    """The number of positions at each angle, each of which closes the loop."""
+    """Returns the number of positions at each angle, after a check that each closes the loop."""
     solver, found = Solver(mechanism), []
     for crank in cranks:
         positions = assemblies(mechanism, crank)

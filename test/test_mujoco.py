@@ -1,19 +1,19 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The driving torque against an independent engine, MuJoCo, which reads our URDF.
+"""Compares the driving torque with an independent engine, MuJoCo, which reads our URDF.
 
-MuJoCo closes loops softly, so it is given the open tree, cut at the pin B. Its inverse dynamics
-gives the forces that the tree's joints need for a motion; its own Jacobians of the two points that
-meet at B give how much of them the crank has to bring once the loop is closed. Nothing but URDF
-and motion (places, rates, accelerations) comes from linkage_ros, and the engine has to find that
-the loop stays closed under it.
+MuJoCo closes loops with soft constraints, so it simulates the open tree, cut at the pin B. Its
+inverse dynamics gives the joint forces that the tree needs for a motion. With its own Jacobians of
+the two points that meet at B, these forces are projected on the crank. Only the URDF and the
+motion (positions, rates, accelerations) come from linkage_ros, and the engine must find that the
+loop stays closed during this motion.
 """
 
 import math
 from dataclasses import replace
 from xml.etree import ElementTree as ET
 
-import mujoco  # the proof rests on it: without it this file fails, it does not skip
+import mujoco  # required by these tests: without it they must fail, not be skipped
 import numpy as np
 import pytest
 from mechanisms import ALL
@@ -25,11 +25,11 @@ from linkage_ros.quantities import build, flatten
 from linkage_ros.units import radians_per_second
 from linkage_ros.wire.urdf import make_urdf
 
-# What the project promises of the torque, and ten times what is seen: both as a part of the
-# largest torque over the turn.
+# Promised accuracy of the torque, and ten times the measured error, both relative to the largest
+# torque in the turn.
 PROMISED = 1e-9
 TORQUE = 5e-14
-# The loop's gap at B: as a part of the lengths, and of those times speed and acceleration.
+# The loop's gap at B, relative to the lengths, and to the lengths times speed and acceleration.
 CLOSED = 2e-14
 CRANKS = 2 * math.pi * (np.arange(12) + 0.3) / 12 - 5.0
 NAMES = (
@@ -45,7 +45,7 @@ MOTION = -11.0, 90.0
 
 
 def urdf(mechanism):
-    """Our URDF, with what URDF does not say and the engine has to know."""
+    """Returns our URDF with additional data that the engine requires."""
     robot = ET.fromstring(make_urdf(mechanism))
     if isinstance(mechanism, SliderCrank):
         joint = robot.find("joint[@name='slider']")
@@ -74,32 +74,32 @@ class Engine:
         assert self.model.nv == self.model.nq == 3
 
     def inverse(self, position, velocity, acceleration):
-        """The driving torque for a motion of the closed loop, and the gaps between the two B.
+        """Computes the driving torque for a motion of the closed loop, and the gaps at B.
 
         Returns:
-            N m; m, m/s and m/s^2.
+            The torque, N m; the gaps in position, m, velocity, m/s, and acceleration, m/s^2.
         """
         model, data = self.model, self.data
         for mine, given in (
             (data.qpos, position), (data.qvel, velocity), (data.qacc, acceleration),
         ):  # fmt: skip
             mine[:] = given
-            mine[1] -= given[0]  # the joint between crank and coupler
+            mine[1] -= given[0]  # relative to the crank
         mujoco.mj_inverse(model, data)
-        # What the joints need, less what the external force on the slider brings.
+        # Forces that the joints need, minus the external force on the slider.
         output, pushed = model.joint(self.output).bodyid[0], np.zeros(3)
         center = data.xipos[output]
         mujoco.mj_applyFT(model, data, self.force, np.zeros(3), center, output, pushed)
         needed = data.qfrc_inverse - pushed
         (here, jacobian, drift), (there, other, other_drift) = map(self._end, self.ends)
         loop, drift = (jacobian - other)[:2], (drift - other_drift)[:2]
-        # The joints' rates per crank speed that keep the loop closed, and their virtual power.
+        # Rates per crank speed that keep the loop closed, for the virtual power.
         rates = np.array([1.0, *np.linalg.solve(loop[:, 1:], -loop[:, 0])])
         gaps = (here - there)[:2], loop @ data.qvel, loop @ data.qacc + drift @ data.qvel
         return rates @ needed, [np.hypot(*gap) for gap in gaps]
 
     def _end(self, name):
-        """Where B is on a body, its Jacobian and the Jacobian's rate."""
+        """Computes the position of B on a body, its Jacobian and the Jacobian's rate."""
         model, data, number = self.model, self.data, self.model.joint(name).bodyid[0]
         jacobian, rate = np.zeros((2, 3, 3))
         turned = data.xmat[number].reshape(3, 3)
@@ -110,17 +110,17 @@ class Engine:
 
 
 def compare(mechanism, told, speed, acceleration):
-    """Compares torques over the turn, and the gaps of the loop.
+    """Compares torques over a turn, and the gaps of the loop.
 
     Args:
-        mechanism: What linkage_ros solves.
-        told: What the engine is told: the same, but for deliberate slips.
-        speed: Of the crank, rad/s.
-        acceleration: Of the crank, rad/s^2.
+        mechanism: Mechanism that linkage_ros solves.
+        told: Mechanism that the engine simulates: equal, except for deliberate errors.
+        speed: Crank speed, rad/s.
+        acceleration: Crank acceleration, rad/s^2.
 
     Returns:
-        The largest difference in torque as a part of the largest torque; the largest gaps in
-        position, velocity and acceleration as parts of what these are like.
+        The largest torque difference, relative to the largest torque; the largest gaps in
+        position, velocity and acceleration, relative to typical values.
     """
     engine, solver = Engine(told), Solver(mechanism)
     size = mechanism.crank.length + mechanism.coupler.length
@@ -133,7 +133,7 @@ def compare(mechanism, told, speed, acceleration):
 
 
 def slipped(mechanism, name, part):
-    """A mechanism with one number too large by a part of itself; its dotted name says which."""
+    """Returns a mechanism in which the number with a dotted name is increased by a fraction."""
     values = flatten(mechanism)
     number = np.multiply(values[name], 1 + part).tolist()
     return build(type(mechanism), {**values, name: number})
@@ -161,7 +161,7 @@ OTHERS = {
 
 @pytest.mark.parametrize('name', OTHERS)
 def test_slips_in_any_number_are_seen(name):
-    """Negative control: 1e-9 in a load shows in the torque, 1e-11 in a length opens the loop."""
+    """Negative control: 1e-9 of a load changes the torque, 1e-11 of a length opens the loop."""
     loads, lengths = OTHERS[name]
     for number in (*LOADS, 'gravity', *loads):
         error, gap = compare(ALL[name], slipped(ALL[name], number, 1e-9), *MOTION)
@@ -179,7 +179,7 @@ def test_slips_in_any_number_are_seen(name):
 def test_small_masses_for_zeros_change_torques_by_less_than_a_millionth(preset):
     configuration = load(preset)
     mechanism, drive = replace(configuration.mechanism, loads=()), configuration.drive
-    if isinstance(mechanism, FourBar):  # the engine is not told of loads
+    if isinstance(mechanism, FourBar):  # the engine has no loads
         mechanism = replace(mechanism, rocker=replace(mechanism.rocker, damping=0.0))
     speed = radians_per_second(drive.rpm)
     error, gap = compare(mechanism, mechanism, speed, drive.crank_acceleration)

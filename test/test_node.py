@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The real node as a process, on real DDS, watched from this one: its crank turned or driven."""
+"""The real node as a process on real DDS, observed from this process, speed- or torque-driven."""
 
 import math
 import re
@@ -47,7 +47,7 @@ OUTPUTS = (STATES, '/driving_torque', '/mechanism_state', '/coupler_point')
 
 @pytest.fixture(scope='module')
 def run(tmp_path_factory):
-    """Three seconds at 200 Hz: what was received and logged, what was printed, the memory."""
+    """Runs 3 s at 200 Hz; returns received and logged messages, output and memory."""
     path = tmp_path_factory.mktemp('run') / 'run.mcap'
     topics = (*OUTPUTS, '/robot_description', '/diagnostics')
     with watched(topics, *node_arguments(log=path)) as (listener, process):
@@ -64,7 +64,7 @@ def test_every_message_arrives_in_order_with_stamps_one_period_apart(run):
     log, messages, received, output, _ = run
     for topic, heard in received.items():
         sent = [message.data for message in messages[topic]]
-        if topic == '/diagnostics':  # the last one comes with the end
+        if topic == '/diagnostics':  # the last message comes at the end
             sent = sent[: sent.index(heard[-1]) + 1]
         assert sent[-len(heard) :] == heard, topic
     stamps = [stamp for stamp, _ in decoded(received[STATES])]
@@ -170,7 +170,7 @@ BAD = [
             ('torque', 'joint_commands', 'joint_states'),
         )
     ),
-    (  # a remapping would move both
+    (  # a remapping would affect both
         ['-p', 'drive:=follow', '-p', 'effort_command_topic:=/measured_joint_states'],
         'name another topic in the parameter that holds /measured_joint_states$',
     ),
@@ -232,7 +232,7 @@ def stamps(listener):
 
 @pytest.fixture(scope='module')
 def simulated(tmp_path_factory):
-    """A run whose clock begins late, runs at half rate, stands, goes back and tells no time."""
+    """Runs a node on a clock that starts late, is slow, stops, jumps back and is invalid."""
     path = tmp_path_factory.mktemp('simulated') / 'run.mcap'
     arguments = node_arguments(use_sim_time='true', log=path)
     with watched([STATES, DESCRIPTION], *arguments) as (listener, process):
@@ -245,18 +245,18 @@ def simulated(tmp_path_factory):
             return stamps(listener)[-1:] == [now]
 
         def run(begin, steps, pause):
-            """Tells times 10 ms apart, each until there is a state of it."""
+            """Publishes clock times 10 ms apart, each until its state has arrived."""
             for now in range(begin, begin + (steps + 1) * 10 * MS, 10 * MS):
                 wait_for(lambda now=now: tell(now))
                 time.sleep(pause)
 
-        wait_for(lambda: listener.received[DESCRIPTION])  # it does not wait for the clock
-        assert stamps(listener) == []  # no clock, no time
+        wait_for(lambda: listener.received[DESCRIPTION])  # does not wait for the clock
+        assert stamps(listener) == []  # no states without a clock
         run(START, 50, 0.02)
         for _ in range(20):
             tell(START + 500 * MS)
             time.sleep(0.01)
-        assert len(stamps(listener)) == 101  # it stood still
+        assert len(stamps(listener)) == 101  # the clock stopped
         run(START - 10**9, 20, 0.01)
         for seconds, rest in ((2**31 - 1, 2**32 - 1), (-1, 0)):
             message = Clock()
@@ -272,7 +272,7 @@ def test_states_follow_a_clock_that_runs_at_half_rate_stands_and_goes_back(simul
     assert 'the clock was stepped by -1.505 s' in output
     assert got[:101] == [START + 5 * MS * i for i in range(101)]
     assert got[101:] == [START - 10**9 + 5 * MS * i for i in range(51)]
-    # The crank goes on from where it was. The log is in the order of publishing.
+    # The crank continues from its position. The log is in the order of publishing.
     log, messages = logged(path)
     numbers = [values for _, values in decoded(m.data for m in messages[STATES])]
     turned = [b[0] - a[0] for a, b in pairwise(numbers)]
@@ -292,7 +292,7 @@ PUMP_CODEC = JointStateCodec(('crank', 'coupler', 'rod', 'slider'))
 
 
 def pump(**parameters):
-    file = preset_path('wind_pump')  # what comes after it, replaces its values
+    file = preset_path('wind_pump')  # later values override the file's
     return ['--ros-args', '--params-file', file, *node_arguments(**parameters)[1:]]
 
 
@@ -316,7 +316,7 @@ def test_the_pump_runs_live_and_its_log_verifies(tmp_path):
     assert unbroken(listener.received[STATES], states)
     rows = np.array([PUMP_CODEC.decode(data)[1] for data in states]).reshape(-1, 3, 4)
     assert rows[0, 1, 0] == pytest.approx(2.0, abs=1e-3)
-    # What acts is the motor line at the speed of that very state.
+    # The effort is the motor line at the speed of the same state.
     torques = [motor - 1.2 * rows[i, 1, 0] for i, motor in ((0, 8.4), (-1, 20.0))]
     assert rows[[0, -1], 2, 0] == pytest.approx(torques, abs=1e-11)
     assert view.stat().st_size > 50_000
@@ -339,7 +339,7 @@ def test_commands_move_the_plant_within_a_tick_and_time_out(tmp_path):
         listener.await_more(1)
 
         def acts(torque):
-            """Whether the last state has the effort that goes with its speed."""
+            """Returns whether the last state has the effort that belongs to its speed."""
             _, numbers = CODEC.decode(listener.received[STATES][-1])
             return numbers[6] == pytest.approx(torque - 0.1 * numbers[3], abs=1e-12)
 
@@ -354,14 +354,14 @@ def test_commands_move_the_plant_within_a_tick_and_time_out(tmp_path):
         wait_for(lambda: acts(0.0))
         listener.await_more(100)
         output = stop(node)
-    # Refused one by one, and said at most once a second.
+    # Refused one by one, and reported at most once a second.
     assert output.count('a message on /joint_commands is left out: effort nan') == 1
     assert output.count('is left out') <= 2
     assert 'no command within command_timeout: the motor drove alone' in output
     assert '/joint_commands' in verified(path).others
     _, messages = logged(path)
     heard = [deserialize_message(m.data, JointState).effort for m in messages['/joint_commands']]
-    assert [heard[0].tolist(), heard[-1].tolist()] == [[1.5], [1.0, 2.0]]  # bad ones too
+    assert [heard[0].tolist(), heard[-1].tolist()] == [[1.5], [1.0, 2.0]]  # invalid ones too
 
 
 def test_a_flood_of_commands_costs_neither_memory_nor_ticks(tmp_path):
@@ -377,27 +377,27 @@ def test_a_flood_of_commands_costs_neither_memory_nor_ticks(tmp_path):
         publisher = listener.node.create_publisher(JointState, 'joint_commands', 10)
         wait_for(publisher.get_subscription_count)
         listener.await_more(1)
-        sent, used = 25_000, {}  # the first reports take memory once
+        sent, used = 25_000, {}  # the first reports allocate memory once
         for number in range(sent):
             publisher.publish(bad if number % 7 == 0 else good)
             if number % 10 == 0:
-                time.sleep(1e-3)  # at most 10 000 a second
+                time.sleep(1e-3)  # at most 10 000 per second
             if number in (10_000, sent - 1):
                 used[number] = int(Path(f'/proc/{node.pid}/statm').read_text().split()[1])
-        time.sleep(2.0)  # it says at most once a second what it refuses
-        publisher.publish(b'\0\1\0\0' + b'\xff' * 40)  # no message at all
+        time.sleep(2.0)  # refusals are reported at most once a second
+        publisher.publish(b'\0\1\0\0' + b'\xff' * 40)  # not a valid message
         listener.await_more(100)
         output = stop(node)
-    # In pages of 4096 bytes: 300 bytes of each command would be seen.
+    # In pages of 4096 bytes; a leak of 300 bytes per command would be visible.
     assert used[sent - 1] - used[10_000] < 3 * 2**20 / 4096
     assert 'is left out: effort nan: must be' in output
     assert 'is left out: its bytes are no JointState' in output
-    assert 'sequence size' not in output  # Fast CDR's line for each
+    assert 'sequence size' not in output  # printed by Fast CDR for each
     log, messages = logged(path)
     assert sent / 4 < len(messages['/joint_commands']) <= sent + 1
     first, last = (CODEC.decode(messages[STATES][i].data)[0] for i in (0, -1))
     assert output.count('is left out') <= 2 + (last - first) / 1e9  # once a second
-    # When each command woke a thread of the node, five of six ticks were missed.
+    # If each command woke a thread of the node, five of six ticks would be missed.
     due = Simulator(log.configuration).tick_at(last - first)
     assert len(messages[STATES]) > due / 3
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The services of the real node's parameters, asked as `ros2 param` does; one node for all."""
+"""The parameter services of the real node, called as by `ros2 param`; all tests share a node."""
 
 import math
 from dataclasses import replace
@@ -41,7 +41,7 @@ def set_parameter(listener, name, namespace='', **value):
 
 @pytest.fixture(scope='module')
 def listener():
-    """Of a node that runs."""
+    """Returns a listener to a running node."""
     with watched(['/joint_states'], *node_arguments(rpm=RPM)) as (listener, process):
         listener.await_more(1)
         yield listener
@@ -49,7 +49,7 @@ def listener():
 
 
 def dump(listener):
-    """The values of all parameters by name, as `ros2 param dump` asks for them."""
+    """Returns the values of all parameters by name, requested as by `ros2 param dump`."""
     listed = call(listener, ListParameters, 'list_parameters', ListParameters.Request())
     names = sorted(listed.result.names)
     got = call(listener, GetParameters, 'get_parameters', GetParameters.Request(names=names))
@@ -57,7 +57,7 @@ def dump(listener):
 
 
 def plain(value):
-    """A ParameterValue as `ros2 param dump` writes it."""
+    """Converts a ParameterValue as `ros2 param dump` does."""
     got = getattr(value, f'{FIELDS[value.type]}_value')
     return list(got) if value.type == 8 else got
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A mechanism, a load and a method from docs/examples run in every program of the package."""
+"""Runs a mechanism, a load and a method from docs/examples in every program of the package."""
 
 import csv
 import json
@@ -36,7 +36,7 @@ IMPORT = f'import sys; sys.path.insert(0, {str(EXAMPLES)!r}); '
 
 @pytest.fixture(scope='module')
 def cardan_gear():
-    """The example as a module, known to the programs that the tests start, not to this one."""
+    """Imports the example, which is registered in the programs under test, but not here."""
     sys.path.insert(0, str(EXAMPLES))
     module = import_module('cardan_gear')
     sys.path.remove(str(EXAMPLES))
@@ -58,7 +58,7 @@ def solver(cardan_gear):
 
 
 def textbook(crank, speed, change, stiffness=400):
-    """Slider position and driving torque of the example, by complex numbers, in mpf."""
+    """Computes slider position and driving torque of the example with complex numbers, in mpf."""
     r, delta, gravity = mp.mpf(0.1), mp.mpf(0.7), mp.mpc(0, mp.mpf(-9.81))
     alpha, u, a = mp.mpf(crank), mp.mpf(speed), mp.mpf(change)
     guide, theta = mp.expj(delta), alpha - delta
@@ -81,7 +81,7 @@ def run(*words, cwd, program=RUN):
 
 
 def check_textbook(joints):
-    """Within the rounding of the crank angle in the message, which counts all turns."""
+    """Compares within the rounding of the crank angle in messages, which includes whole turns."""
     assert list(joints.name) == ['crank', 'coupler', 'slider']
     crank, coupler, slider = joints.position
     ulp, (x, torque) = math.ulp(crank), textbook(crank, SPEED, 0)
@@ -148,7 +148,7 @@ def test_a_link_with_a_name_of_its_own_is_drawn_and_described(cardan_gear, solve
 
 @pytest.fixture(scope='module')
 def folder(tmp_path_factory):
-    """A second of the gear, recorded."""
+    """Records a second of the gear."""
     root = tmp_path_factory.mktemp('gear')
     run('record', GEAR, 'run.mcap', '--duration', 1, cwd=root)
     return root
@@ -186,7 +186,7 @@ def test_the_view_shows_the_links_of_the_mechanism(folder):
     words = ('run.mcap', '--viewer', 'run.rrd', '--no-ros', '--rate', 20)
     run('replay', *words, cwd=folder)
     lines = read(folder / 'run.rrd')['/linkage/moving']['LineStrips2D:strips'][0]
-    # Crank, coupler with its point, slider, and the arrow of its load.
+    # Crank, coupler with its point, slider, and the arrow of the slider's load.
     assert [len(line) for line in lines] == [2, 4, 5, 5]
 
 

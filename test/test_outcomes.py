@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The rule for outcomes, on planted failures, and linkage_chart stability."""
+"""The classification of outcomes, tested with injected failures, and linkage_chart stability."""
 
 import math
 from dataclasses import replace
@@ -47,7 +47,7 @@ def measured(method, situation):
 
 
 def outcome(locate, situation='ordinary', stage=POSITION, modes=(ONE,)):
-    """The outcome of a method whose position, or rate, is that of a function of case and crank."""
+    """Returns the outcome of a method, given its function of case and crank angle."""
 
     def tool(case, _):
         def at(crank):
@@ -74,7 +74,7 @@ def other_side(case, crank):
 
 
 def failing_once(value):
-    """Right but at one of the angles."""
+    """Makes a method that is right except at one angle."""
 
     def locate(case, crank):
         coupler, output = right(case, crank)
@@ -119,7 +119,7 @@ def test_only_the_position_of_the_other_assembly_is_a_wrong_branch():
 
 
 def refuses_first(locate):
-    """Refuses the first angle of each case, and locates the others."""
+    """Makes a method that refuses the first angle of each case and solves the others."""
     refused = []
 
     def first_refused(case, crank):
@@ -138,7 +138,7 @@ def test_where_no_state_exists_only_a_refusal_of_every_angle_is_right():
     assert outcome(refuses_first(lambda *_: (0.1, 0.2)), 'no assembly')[0] == DIVERGED
 
 
-# An array is refused as a whole; then each of its angles is asked by itself.
+# An array is refused as a whole; then each of its angles is solved alone.
 @pytest.mark.parametrize('mode', [ONE, BATCH])
 def test_a_refusal_at_one_angle_hides_nothing_at_the_others(mode):
     wrong = refuses_first(lambda *given: np.add(right(*given), (1.0, 0)))
@@ -170,7 +170,7 @@ def test_beyond_its_reach_a_crank_has_no_state():
 
 
 class Planted:
-    """The default but for what is planted from a time on."""
+    """The default integrator with an error injected from a time on."""
 
     def __init__(self, problem, since, fault):
         self.right = INTEGRATORS[1].solve(problem, {})
@@ -267,7 +267,7 @@ NAMED = {
     ('multipliers, unstabilised', 'change point under a torque'): DIVERGED,
     ('multipliers, unstabilised', 'loop after a long run'): DIVERGED,
     ('multipliers, unstabilised', 'stretched dyad'): RIGHT,
-    # A loop that is held closed stays so, but the rest is as it was.
+    # A loop that is held closed stays closed, but other errors remain.
     ('multipliers, Baumgarte', 'loop after a long run'): RIGHT,
     ('multipliers, Baumgarte', 'change point under a torque'): DIVERGED,
     ('multipliers, projected', 'loop after a long run'): RIGHT,

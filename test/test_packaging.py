@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Builds the package as users do, with colcon and with pip, and looks at what arrives."""
+"""Builds the package as users do, with colcon and pip, and inspects the installation."""
 
 import json
 import os
@@ -41,8 +41,8 @@ print(json.dumps([linkage_ros.__file__, names, str(path), path.read_text()]))
 
 
 def copy_tree(folder: Path) -> Path:
-    """Copy the checkout, without what builds and tools left in it."""
-    # At the top alone: linkage_ros/log and benchmarks/reliability belong to the source.
+    """Copies the checkout, without files left by builds and tools."""
+    # Only at the top level: linkage_ros/log and benchmarks/reliability are source folders.
     made = ('api', 'build', 'controller', 'demo', 'dist', 'install', 'log', 'reliability')
 
     def ignored(path: str, names: list[str]) -> set[str]:
@@ -53,7 +53,7 @@ def copy_tree(folder: Path) -> Path:
 
 
 def run(*command: str | Path, cwd: Path, **variables: str) -> str:
-    """Run a command apart from any sourced workspace and give what it prints."""
+    """Runs a command without any sourced workspace; returns its output."""
     environment = {
         key: value
         for key, value in os.environ.items()
@@ -67,14 +67,14 @@ def run(*command: str | Path, cwd: Path, **variables: str) -> str:
 
 
 def colcon_build(tree: Path, workspace: Path, *options: str) -> None:
-    """Build as a user does in a workspace."""
+    """Builds as a user does in a workspace."""
     command = (sys.executable, '-m', 'colcon', 'build', '--base-paths', str(tree), *options)
     run(*command, cwd=workspace, COLCON_HOME=str(workspace))
 
 
 def run_sourced(workspace: Path, *command: str) -> str:
-    """Run a command as in a shell that sourced the built package."""
-    # Not the workspace's local_setup.bash, which a space in the path of this Python breaks.
+    """Runs a command as in a shell that has sourced the built package."""
+    # Not with the workspace's local_setup.bash, which fails if Python's path has a space.
     sourced = '. install/linkage_ros/share/linkage_ros/package.bash && exec "$@"'
     return run('bash', '-c', sourced, 'bash', *command, cwd=workspace)
 
@@ -87,7 +87,7 @@ def build_wheel(tree: Path, folder: Path) -> Path:
 
 
 def missing(prefix: Path, tree: Path, executables: str) -> list[str]:
-    """List what an installation owes: executables, the ament index, every shared file."""
+    """Returns what is missing in an installation: executables, the ament index, shared files."""
     owed = [f'{executables}/{name}' for name in EXECUTABLES]
     owed += SHARED
     for kind in ('config/*.yaml', 'launch/*.launch.py', 'rviz/*.rviz'):
@@ -102,7 +102,7 @@ def check_executables(folder: Path) -> None:
 
 
 def check_found(printed: str, *, module_in: Path, preset_in: Path) -> None:
-    """Check which module and which preset FIND found."""
+    """Checks the module and the preset that FIND found."""
     module, names, preset, text = json.loads(printed)
     assert Path(module).resolve().is_relative_to(module_in.resolve())
     assert Path(preset) == preset_in / 'quadrilateral.yaml'
@@ -122,7 +122,7 @@ def wheel(tree: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope='module')
 def metadata(wheel: Path) -> Message:
-    """The metadata that setup.py gives, as pip reads them."""
+    """Returns the metadata from setup.py, as pip reads them."""
     with ZipFile(wheel) as archive:
         (name,) = (name for name in archive.namelist() if name.endswith('.dist-info/METADATA'))
         return Parser().parsestr(archive.read(name).decode())
@@ -134,7 +134,7 @@ def test_colcon_build_gives_a_package_that_ros2_run_finds(
 ) -> None:
     tree = copy_tree(tmp_path / 'source')
     old = tree / 'config' / 'old.yaml'
-    if options:  # a linked build survives that a preset is deleted
+    if options:  # a build with symlinks must survive the deletion of a preset
         old.touch()
         colcon_build(tree, tmp_path, *options)
         assert (tmp_path / 'install' / 'linkage_ros' / ROS_SHARE / 'config' / old.name).is_file()
@@ -150,7 +150,7 @@ def test_colcon_build_gives_a_package_that_ros2_run_finds(
     printed = run_sourced(tmp_path, sys.executable, '-c', FIND)
     code, config = tree if linked else prefix, prefix / ROS_SHARE / 'config'
     check_found(printed, module_in=code, preset_in=config)
-    # Not sourced, the code still finds the presets of its own installation.
+    # Without sourcing, the code still finds the presets of its own installation.
     lib = tmp_path / 'build' / 'linkage_ros' if linked else site_packages(prefix)
     printed = run(sys.executable, '-c', FIND, cwd=tmp_path, PYTHONPATH=str(lib))
     check_found(printed, module_in=code, preset_in=tree / 'config' if linked else config)
@@ -169,13 +169,13 @@ def test_pip_install_gives_executables_and_presets(
     printed = run(sys.executable, '-c', FIND, cwd=tmp_path, PYTHONPATH=str(lib))
     check_found(printed, module_in=lib, preset_in=prefix / ROS_SHARE / 'config')
 
-    first = prefix / SHARED[-1]  # a missing preset is noticed
+    first = prefix / SHARED[-1]  # the check detects a missing preset
     first.unlink()
     assert missing(prefix, tree, 'bin') == [SHARED[-1]]
 
 
 def site_packages(prefix: Path) -> Path:
-    """Find the folder that an installation prefix adds to the module search path."""
+    """Returns the folder that an installation prefix adds to the module search path."""
     (module,) = prefix.glob('**/linkage_ros/parameters/presets.py')
     return module.parents[2]
 
@@ -211,8 +211,8 @@ def test_package_xml_depends_on_all_that_the_ros_extra_brings(metadata: Message)
             assert name.removeprefix('jazzy-').replace('-', '_') in packages
 
 
-# Of ros/rosdistro, 2026-08-22: keys of rosdep/python.yaml that are Debian packages on Ubuntu, and
-# packages of jazzy/distribution.yaml. `rosdep install -s --os=ubuntu:noble` gave apt alone.
+# From ros/rosdistro, 2026-08-22: keys of rosdep/python.yaml that are Debian packages on Ubuntu,
+# and packages of jazzy/distribution.yaml. `rosdep install -s --os=ubuntu:noble` used only apt.
 DEBIAN_KEYS = {
     *('builtin_interfaces', 'diagnostic_msgs', 'geometry_msgs', 'rcl_interfaces', 'rclpy'),
     *('ros2launch', 'rosgraph_msgs', 'sensor_msgs', 'std_msgs', 'trajectory_msgs'),
@@ -225,7 +225,7 @@ def test_package_xml_has_only_keys_with_debian_packages_on_ubuntu() -> None:
     manifest = ET.parse(ROOT / 'package.xml').getroot()
     keys = {element.text for element in manifest.iter() if element.tag.endswith('_depend')}
     assert keys <= DEBIAN_KEYS
-    assert 'rclpy' in keys  # they were found
+    assert 'rclpy' in keys  # the keys were found
 
 
 def test_constraints_pin_what_the_metadata_ask_for(metadata: Message) -> None:
@@ -243,7 +243,7 @@ def test_constraints_pin_what_the_metadata_ask_for(metadata: Message) -> None:
 
 
 def preset(folder: Path, name: str = 'quadrilateral') -> Path:
-    """Write a preset into a folder, which is made."""
+    """Writes a preset into a new folder."""
     folder.mkdir(parents=True)
     path = folder / f'{name}.yaml'
     path.touch()

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The parameter file reader, against the real rcl where rclpy is installed."""
+"""The parameter file reader, compared with the real rcl if rclpy is installed."""
 
 import itertools
 import json
@@ -21,8 +21,8 @@ from linkage_ros.parameters.parameter_file import read_parameter_file
 
 LOADERS = sorted({parameter_file._LOADER, yaml.SafeLoader}, key=lambda loader: loader.__name__)
 
-# Reads every file as a node does. One line of JSON each, so that a crash shows where it was;
-# into a file, because the middleware writes to stdout when it likes.
+# Reads every file as a node does. Each result is a line of JSON, so that a crash shows its case;
+# the lines go to a file, because the middleware may write to stdout.
 RCL = """
 import json, sys
 import rclpy
@@ -74,7 +74,7 @@ NAMESPACED = """
 """
 NAMESPACES = ('/ns', '/ns/a')
 
-# What rcl and the reader have to agree about: the same values of the same types, or a refusal.
+# Files on which rcl and the reader must agree: the same values and types, or a refusal.
 AGREED = {
     **{f'scalar {text}': own(f'a: {text}') for text in SCALARS.split()},
     **{
@@ -259,7 +259,7 @@ AGREED = {
     'NUL byte': own('a: \0'),
 }
 
-# Where the reader refuses what rcl takes, and why.
+# Files that rcl accepts and the reader refuses, with the reason.
 STRICTER = {
     'empty list': (own('a: []'), 'rcl makes a parameter without type or value of it'),
     'empty list after a value': (own('a: [1]\na: []'), 'rcl keeps the value before'),
@@ -301,12 +301,12 @@ STRICTER = {
     'document of one word': (own('a: 1') + '--- hello\n', 'likewise'),
 }
 
-# Where PyYAML without libyaml refuses a little more yet.
+# Files that PyYAML without libyaml also refuses.
 PURE = {'tab before a value'}
 
 
 def outcome(path, node='linkage_node'):
-    """The values and their types, as text; or the error message."""
+    """Returns the values and their types as text, or the error message."""
     try:
         return {name: repr(value) for name, value in read_parameter_file(path, node).items()}
     except ConfigurationError as error:
@@ -315,7 +315,7 @@ def outcome(path, node='linkage_node'):
 
 @pytest.fixture(scope='module')
 def files(tmp_path_factory):
-    """Each case's file; those of a namespace have the namespace in their name."""
+    """Writes each case to a file, with its namespace, if any, in the name."""
     folder = tmp_path_factory.mktemp('parameters')
     texts = AGREED | {case: text for case, (text, _) in STRICTER.items()}
     for section, namespace in itertools.product((NODES + NAMESPACED).split(), NAMESPACES):
@@ -329,11 +329,11 @@ def files(tmp_path_factory):
 
 @pytest.fixture(scope='module')
 def answers(files, tmp_path_factory):
-    """What rcl makes of each file: its values, or why it refuses them."""
+    """Returns rcl's result for each file: its values, or the reason of the refusal."""
     folder = tmp_path_factory.mktemp('rcl')
     script = folder / 'read.py'
     script.write_text(RCL)
-    # No shared memory: a test beside this one may hold its locks.
+    # Without shared memory, whose locks a concurrent test may hold.
     variables = {'ROS_LOG_DIR': str(folder), 'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4'}
     todo, answers = list(files), {}
     while todo:
@@ -353,7 +353,7 @@ def answers(files, tmp_path_factory):
 
 @pytest.fixture(params=LOADERS, ids=lambda loader: loader.__name__)
 def loader(request, monkeypatch):
-    """Each of the two parsers that PyYAML may have."""
+    """Runs a test with each of PyYAML's two parsers."""
     monkeypatch.setattr(parameter_file, '_LOADER', request.param)
     return request.param
 
@@ -398,7 +398,7 @@ def test_reads_for_another_node(write):
 def test_agrees_with_rcl_in_a_namespace(namespace, files, answers):
     chosen = {case: path for case, path in files.items() if case[1] == namespace}
     read = {answers[case].get('a', '') for case in chosen if isinstance(answers[case], dict)}
-    assert read == {'1', ''}  # some sections are the node's, others are not
+    assert read == {'1', ''}  # only some sections belong to the node
     for case, path in chosen.items():
         answer, mine = answers[case], outcome(path, f'{namespace}/linkage_node')
         assert isinstance(mine, str) if isinstance(answer, str) else mine == answer, case
@@ -488,7 +488,7 @@ def test_names_the_line_of_a_wrong_byte(wrong, write, loader):
     ids=lambda text: text[-20:],
 )
 def test_time_and_answer_are_bounded(text, write, loader):
-    start = time.process_time()  # of this process: others may have the machine
+    start = time.process_time()  # of this process, because the machine may be busy
     assert len(outcome(write(text))) < 50_001
     assert time.process_time() - start < 5
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the view shows of every mechanism: the drawing and the curves."""
+"""The view of every mechanism: its drawing and curves."""
 
 import itertools
 import math
@@ -35,12 +35,12 @@ HANGING = {
 
 
 def changed(preset, **parameters):
-    """A preset with other parameters; __ in place of a dot."""
+    """Returns a preset with other parameters; __ stands for a dot."""
     given = {name.replace('__', '.'): value for name, value in parameters.items()}
     return configure({**load(preset).parameters(), **given})
 
 
-DRAG_LINK = changed(  # coupler and rocker turn fully, with the crank
+DRAG_LINK = changed(  # coupler and rocker turn fully with the crank
     'quadrilateral', frame__length=0.1, crank__length=0.4, coupler__length=0.35,
     rocker__length=0.42, crank_angle=40.0,
 )  # fmt: skip
@@ -60,7 +60,7 @@ MECHANISMS = {
 
 
 def rows_of(configuration, messages, batch):
-    """All rows of a picture: {entity: (stamps, rows of the first component)}."""
+    """Returns all rows of a picture: {entity: (stamps, rows of the first component)}."""
     picture, found = Picture(configuration), {}
     template = Simulator(configuration).joint_states
     numbers = [template.read(b''.join(messages[n : n + batch]))
@@ -78,13 +78,13 @@ def rows_of(configuration, messages, batch):
 
 @pytest.fixture(scope='module', params=MECHANISMS)
 def drawn(request, tmp_path_factory):
-    """A run of 2 s in a file: configuration, solved states and what Rerun reads."""
+    """Writes a run of 2 s to a file; returns configuration, solved states and what Rerun reads."""
     configuration = MECHANISMS[request.param]
     stamps, messages, states = run_of(configuration, 400)
     path = tmp_path_factory.mktemp('drawn') / 'run.rrd'
     assert show(path, messages, configuration).dropped == 0
     found = read(path)
-    # 200 states a second, 50 drawings.
+    # 200 states and 50 drawings per second.
     assert found[MOVING]['ros2_timestamp'] == stamps[::4]
     return configuration, states[::4], found, read(path, blueprint=True)
 
@@ -93,14 +93,14 @@ MOVING, FIXED = '/linkage/moving', '/linkage/fixed'
 
 
 def points_of(entity):
-    """Positions of names and of pins, as complex numbers."""
+    """Returns positions of labels and of pins, as complex numbers."""
     points = np.array(entity['Points2D:positions']) @ (1, 1j)
     count = len(entity['Points2D:labels'][0])
     return points[:, :count], points[:, count:]
 
 
 def lines_of(configuration, found):
-    """Lines of the links and arrows of the loads, as complex numbers, by link."""
+    """Returns lines of the links and arrows of the loads by link, as complex numbers."""
     drawing = Drawing(configuration.mechanism)
     lines = [np.array(line) @ (1, 1j)
              for line in zip(*found[MOVING]['LineStrips2D:strips'], strict=True)]  # fmt: skip
@@ -111,7 +111,7 @@ def lines_of(configuration, found):
 
 
 def test_components_have_the_types_that_rerun_draws(drawn):
-    """It draws nothing of another one, not even where only the nullability differs."""
+    """Rerun draws no other types, even if only nullability differs."""
     columns = (*rr.Points2D.columns(positions=[[0.0, 0.0]]),
                *rr.LineStrips2D.columns(strips=[np.zeros((2, 2))]))  # fmt: skip
     for column in columns:
@@ -157,7 +157,7 @@ def test_links_have_their_lengths_and_end_at_pins(drawn):
 
 def test_drawing_fits_its_window_and_fills_it(drawn):
     configuration, _, found, blueprint = drawn
-    assert found['/linkage']['Transform3D:scale'] == [[[1.0, -1.0, 1.0]]]  # y is up
+    assert found['/linkage']['Transform3D:scale'] == [[[1.0, -1.0, 1.0]]]  # y points up
     drawing = Drawing(configuration.mechanism, configuration.drive.crank_angle)
     (left, low), (right, high) = drawing.bounds
     shown = [
@@ -198,7 +198,7 @@ def test_arrows_are_as_long_as_the_loads_and_point_their_way(drawn):
         else:
             arc = lines[:, :-3] - moving.origin
             shown = np.angle(arc[:, 1:] / arc[:, :-1]).sum(axis=1)
-        # The scale is that of the largest load so far; it may be known from the start.
+        # The scale is that of the largest load so far, which may be known from the start.
         scales = np.abs(shown[exerted != 0] / exerted[exerted != 0])
         largest = np.maximum(
             np.maximum.accumulate(abs(exerted)), longest / scales.max(initial=1e-300)
@@ -211,7 +211,7 @@ def test_moving_points_stay_on_their_paths(drawn):
     configuration, _, found, _ = drawn
     pins = points_of(found[MOVING])[1].T
     ground = Drawing(configuration.mechanism).ground
-    paths = found[FIXED]['LineStrips2D:strips'][0][len(ground) + 1 :]  # behind the scale
+    paths = found[FIXED]['LineStrips2D:strips'][0][len(ground) + 1 :]  # after the scale bar
     solver = Solver(configuration.mechanism)
     assert len(paths) == (len(pins) - 1 if len(solver.coordinates) == 1 else 0)
     step = 0.05 * configuration.mechanism.crank.length
@@ -225,7 +225,7 @@ def test_names_are_beside_their_pins_and_off_their_links(drawn):
     configuration, _, found, _ = drawn
     drawing = Drawing(configuration.mechanism)
     places, pins = points_of(found[MOVING])
-    away = places - 0.7j * drawing._mark - pins  # a name hangs down from its place
+    away = places - 0.7j * drawing._mark - pins  # a label hangs below its position
     width = np.ptp(drawing.bounds, axis=0).max()
     assert 0.03 * width < abs(away).min() < abs(away).max() < 0.08 * width
     lines, _ = lines_of(configuration, found)
@@ -269,7 +269,7 @@ def test_rail_is_as_long_as_the_slider_can_travel(lengths, start, low, high):
     )  # fmt: skip
     drawing = Drawing(configuration.mechanism)
     rail = max(drawing.ground, key=lambda line: np.ptp(line[:, 0]))[:, 0]
-    # It reaches beyond the last places by a little more than the slider's block.
+    # The rail extends beyond the extreme positions by little more than the slider's block.
     assert [rail.min(), rail.max()] == pytest.approx([low, high], abs=0.2)
     assert rail.min() < low
     assert high < rail.max()
@@ -282,7 +282,7 @@ def test_only_the_reachable_arc_is_drawn():
     mechanism = configuration.mechanism
     arcs = Solver(mechanism).mobility.arcs
     assert len(arcs) == 2
-    # A crank that is measured is expected within the first, an angle of 0 in the other.
+    # A measured crank is expected in the first arc; an angle of 0 is in the other.
     measured = Picture(replace(configuration, drive=FollowDrive())).drawing.paths['rocker']
     assert np.array_equal(measured, Drawing(mechanism, sum(arcs[0]) / 2).paths['rocker'])
     for start, end in arcs:
@@ -318,6 +318,6 @@ def test_curves_are_those_of_the_states_without_jumps(configuration):
     assert rates == pytest.approx(velocity[:, :count], rel=1e-12, abs=1e-12)
     assert abs(np.exp(1j * directions) - np.exp(1j * position[:, 1:count])).max() < 1e-12
     assert abs(directions[0]).max() <= math.pi
-    # Rates are derivatives of directions: nothing jumps anywhere.
+    # Rates are derivatives of directions, so nothing jumps.
     middle = (rates[1:, 1:] + rates[:-1, 1:]) / 2
     assert np.diff(directions, axis=0) * 500 == pytest.approx(middle, abs=0.02 * abs(rates).max())

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a replay plays of a log, and its pace on a clock that the tests turn by hand."""
+"""The messages that a replay plays, and its pace on a clock controlled by the tests."""
 
 import itertools
 import math
@@ -59,7 +59,7 @@ def test_rounds_of_a_loop_join_at_one_period(log):
     first = [item.message for item in items[:50]]
     assert [item.message for item in items] == (4 * first)[:170]
     assert len({message.data for message in first}) == 50
-    # To the end of the log as well: the last message has its period.
+    # Also to the end of the log: the last message has its period.
     end = taken(log, excerpt_of(log, 1.9, None, STATES), loop=True, count=45)
     assert [item.time for item in end] == [(380 + n) * PERIOD for n in range(45)]
 
@@ -141,7 +141,7 @@ def test_deadlines_are_absolute(rate):
     begin = clock.time
     for n in range(1, 1000):
         due = 50 + n * 5 * MS
-        clock.time += round(pace.seconds_until(due) * S) + MS  # each wait wakes 1 ms late
+        clock.time += round(pace.seconds_until(due) * S) + MS  # each wait ends 1 ms late
         assert pace.seconds_until(due) <= 0
         assert clock.time - begin == pytest.approx(n * 5 * MS / rate + MS, abs=2)
 
@@ -170,7 +170,7 @@ def test_pausing_keeps_the_position_and_splits_no_log_time():
 
 
 class HeldKey:
-    """A keyboard whose right arrow is held; reading it takes as long as it may."""
+    """A keyboard whose right arrow is held down; each read takes its full timeout."""
 
     clock = 0
 
@@ -202,7 +202,7 @@ def test_rate_changes_by_tenths_and_back():
     pace.toggle()
     for _ in range(20):
         pace.change_rate(-0.1)
-    assert (pace.rate, pace.paused) == (0.1, True)  # not 0, and it stands as before
+    assert (pace.rate, pace.paused) == (0.1, True)  # not 0, and it is still paused
     fast, _ = running(MAX_RATE)
     fast.change_rate(0.1)
     assert fast.rate == MAX_RATE

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The eight rules of programs: traced formulas keep their bits, and the program can be read."""
+"""The eight rules of programs: traced formulas keep their bits, and programs are readable."""
 
 import ast
 import functools
@@ -40,11 +40,11 @@ from linkage_ros.dynamics.tape import Constants, leaves
 from linkage_ros.formulas import Opaque, cos, is_finite, require, sin, sqrt, total, where
 from linkage_ros.parameters.configuration import load
 
-STRICT = np.errstate  # the real one: a test replaces the package's
+STRICT = np.errstate  # the original: a test replaces the package's
 
 
 def massless(linkage):
-    """The linkage without any mass."""
+    """Returns the linkage without any mass."""
     bodies = {name: Body(getattr(linkage, name).length) for name in ('crank', 'rocker')}
     return replace(linkage, coupler=Coupler(linkage.coupler.length), **bodies)
 
@@ -71,7 +71,7 @@ each = pytest.mark.parametrize('name', MECHANISMS)
 
 @functools.cache
 def programs_of(name):
-    """Every program of a solver, by its formula."""
+    """Returns every program of a solver, by its formula."""
     solver = Solver(MECHANISMS[name])
     q, program = inside(solver.mechanism), solver.program
     solver.point(solver.state(q), 'A')
@@ -87,7 +87,7 @@ def programs_of(name):
 
 
 def inside(mechanism):
-    """Coordinates that the mechanism reaches, away from special places."""
+    """Returns coordinates within reach, away from singular positions."""
     if isinstance(mechanism, WindPump):
         return 0.4, 1.9
     start, end = mechanism.reach().arcs[0]
@@ -95,12 +95,12 @@ def inside(mechanism):
 
 
 def inputs(program):
-    """The names of a program's arguments."""
+    """Returns the names of a program's arguments."""
     return [*inspect.signature(program.scalar).parameters]
 
 
 def columns(mechanism, program, count, seed=5):
-    """Arguments of a program for many states, all inside the reach."""
+    """Returns arguments of a program for many states, all within reach."""
     random = np.random.default_rng(seed)
     sizes = {'angle': 13.0, 'position': 13.0, 'speed': 30.0, 'velocity': 30.0,
              'acceleration': 200.0, 'torque': 90.0}  # fmt: skip
@@ -117,12 +117,12 @@ def columns(mechanism, program, count, seed=5):
 
 
 def bits(tree):
-    """Numbers of nested tuples, to the bit; of arrays their first."""
+    """Returns the bits of numbers in nested tuples; of an array, those of its first element."""
     return b''.join(struct.pack('<d', np.ravel(x)[0]) for x in leaves(tree))
 
 
 def outcome(call, *values):
-    """The bits of what a call returns; of a refusal its kind and words."""
+    """Returns the bits of a call's result; after a refusal, its type and message."""
     try:
         return bits(call(*values))
     except LinkageError as error:
@@ -130,7 +130,7 @@ def outcome(call, *values):
 
 
 def forms_of(program):
-    """The program on floats, the formula itself, and the program on arrays of one element."""
+    """Returns the program for floats, the formula, and the program for arrays of one element."""
 
     def by_math(*values):
         return program.arrays(*map(np.atleast_1d, values), by_math=True)
@@ -139,7 +139,7 @@ def forms_of(program):
 
 
 def operations(program):
-    """All that a program computes, as text."""
+    """Returns all operations of a program, as text."""
     kinds = ast.BinOp, ast.Call, ast.Compare, ast.IfExp
     found = [ast.unparse(x) for x in ast.walk(ast.parse(program.source)) if isinstance(x, kinds)]
     return [x for x in found if x != 'locals()']
@@ -150,7 +150,7 @@ def operations(program):
 
 @each
 def test_all_forms_have_the_bytes_of_the_formula(name):
-    """Anywhere, at rest, and with zeros of either sign; refusals have the same words."""
+    """Includes zero speeds and zeros of either sign; refusals have the same message."""
     mechanism = MECHANISMS[name]
     random = np.random.default_rng(11)
     for kind, program in programs_of(name).items():
@@ -189,7 +189,7 @@ def test_identities_that_hold_for_every_double_fold_and_no_others():
     for x in SPECIAL:
         assert bits(folded.scalar(x)) == bits((x,) * 6) == bits(folded.untraced(x))
         assert bits(others.scalar(x)) == bits(others.untraced(x))
-    # Two of them differ from their folded form.
+    # Two of the results differ from the folded form.
     assert bits(others.scalar(-0.0)[2]) == bits(0.0)
     assert bits(others.scalar(-1.5)[0]) == bits(-0.0)
 
@@ -202,7 +202,7 @@ def test_negation_in_a_sum_becomes_subtraction():
     program = Program(negated, Constants(()), ('x', 'y'))
     assert operations(program).count('x - y') == 1
     assert {*operations(program)} == {'x - y', 'y - x', 'x + y', '-x - y'}
-    for x, y in itertools.product(SPECIAL[:-1], repeat=2):  # a NaN has no sign to keep
+    for x, y in itertools.product(SPECIAL[:-1], repeat=2):  # the sign of a NaN is irrelevant
         assert bits(program.scalar(x, y)) == bits(program.untraced(x, y))
 
 
@@ -233,7 +233,7 @@ def test_absent_terms_fall_out_and_numbers_that_are_zero_stay():
 
 
 def test_a_quadrilateral_without_loads_computes_nothing_for_them():
-    """The operations for each state, as many as there were before loads and friction existed."""
+    """The number of operations per state is the same as before loads and friction were added."""
     kinds = ast.BinOp, ast.Call, ast.Compare, ast.IfExp
 
     def counts(mechanism):
@@ -262,7 +262,7 @@ def test_a_quadrilateral_without_loads_computes_nothing_for_them():
      hash, float, math.sin, np.sin],
 )  # fmt: skip
 def test_a_recording_number_has_no_value_yet(used):
-    used(0.5)  # a float has one
+    used(0.5)  # a float has a value
 
     def formula(_, x):
         return used(x)
@@ -288,7 +288,7 @@ def guarded_late(refusal, x):
 
 @pytest.fixture
 def strict(monkeypatch):
-    """Makes the state of floating-point errors strict where the package relaxes it."""
+    """Makes floating-point errors strict where the package relaxes them."""
     monkeypatch.setattr(np, 'errstate', lambda **_: STRICT(all='raise', under='ignore'))
 
 
@@ -331,13 +331,13 @@ def test_late_guard_is_detected():
 
 
 def near(x):
-    """A number, its neighbours, and numbers a little farther off."""
+    """Returns a number, its neighbours, and numbers a little farther away."""
     gaps = (1e-12, -1e-7, 1e-3)
     return [x, math.nextafter(x, math.inf), math.nextafter(x, -math.inf), *(x + y for y in gaps)]
 
 
 def singular_places(mechanism):
-    """Coordinates at and next to the ends of the reach, change points, and dead centres."""
+    """Returns coordinates at and next to ends of the reach, change points, and dead centres."""
     if isinstance(mechanism, WindPump):
         r, b, c = (getattr(mechanism, part).length for part in ('crank', 'coupler', 'rod'))
         ends = [r + sign * span for span in (b + c, abs(b - c)) for sign in (-1, 1)]
@@ -349,7 +349,7 @@ def singular_places(mechanism):
 
 
 def refusal_of(form, *values):
-    """The words with which a form of a program refuses; empty: its results are finite."""
+    """Returns the error message of a program; empty if its results are finite."""
     try:
         found = form(*values)
     except LinkageError as error:
@@ -365,7 +365,7 @@ def test_singular_places_raise_no_warning_and_give_no_nan(name):
     places = singular_places(mechanism)
     for kind, program in programs_of(name).items():
         if kind.startswith('_point'):
-            continue  # of a state: it has no singular place
+            continue  # this state has no singular position
         names = inputs(program)[len(places[0]) :]
         motion = [
             {'speed': 1.5, 'acceleration': -3.0, 'torque': 2.0}[n.rpartition('_')[2]]
@@ -384,7 +384,7 @@ def test_singular_places_raise_no_warning_and_give_no_nan(name):
 
 
 def differing(program, given, *, by_math):
-    """How many states of arrays differ in a bit from those of the scalar program."""
+    """Counts the states for which arrays differ in a bit from the scalar program."""
     arrays = np.array(leaves(program.arrays(*given, by_math=by_math))).T.copy()
     rows = zip(*(x.tolist() for x in given), strict=True)
     scalars = np.array([leaves(program.scalar(*row)) for row in rows])
@@ -407,7 +407,7 @@ def test_arrays_by_math_have_the_bits_of_the_scalar_program(name, count):
 
 
 def frames(error):
-    """The frames of an error's traceback that lie in programs."""
+    """Returns the frames of a traceback that are in programs."""
     found = traceback.extract_tb(error.__traceback__)
     return [frame for frame in found if frame.filename.startswith('<')]
 
@@ -500,7 +500,7 @@ def halved(_, x, target):
 
 
 def test_a_sum_may_be_long_and_a_program_called_in_a_loop():
-    """Python nests 200 parentheses at most; rounds, as of friction, keep their bits."""
+    """Python allows at most 200 nested parentheses; loops, as for friction, keep their bits."""
     program = Program(series, Constants(tuple(1.0 / n for n in range(1, 401))), ('x',))
     assert len({bits(form(0.7)) for form in forms_of(program)}) == 1
     program, targets = Program(halved, Constants(()), ('x', 'target')), np.linspace(1, 9, 50)
@@ -582,6 +582,6 @@ def test_function_that_numba_cannot_compile_runs_without_it():
 def test_missing_numba_is_reported(monkeypatch):
     monkeypatch.setitem(sys.modules, 'numba', None)
     solver = Solver(load('coupler_point').mechanism, compiled=True)
-    assert solver.state(0.5, 1.0).position[0] == 0.5  # floats do without
+    assert solver.state(0.5, 1.0).position[0] == 0.5  # floats do not need Numba
     with pytest.raises(ConfigurationError, match=r'compiled=True needs numba.*pip install numba'):
         solver.matrix(np.zeros(2))

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What is waited for is said on a terminal alone, and leaves nothing behind."""
+"""Progress is shown only on a terminal, and erased at the end."""
 
 import io
 import sys
@@ -11,7 +11,7 @@ from linkage_ros.progress import waiting
 
 
 class Output(io.StringIO):
-    """What is written to stderr; `lines` are as a terminal shows them in the end."""
+    """Captures stderr; `lines` are the lines that a terminal finally shows."""
 
     def __init__(self, is_terminal):
         super().__init__()
@@ -35,4 +35,4 @@ def test_waiting_line_is_shown_on_a_terminal_and_erased(monkeypatch, is_terminal
     with waiting('waiting for subscribers'):
         assert output.lines() == [words]
         print('no subscribers yet; --delay S', file=sys.stderr)
-    assert output.lines() == ['no subscribers yet; --delay S', '']  # it stands alone
+    assert output.lines() == ['no subscribers yet; --delay S', '']  # on a line of its own

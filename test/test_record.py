@@ -1,8 +1,8 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""linkage_record: what it writes, how much of it, and what it says to what it cannot use.
+"""linkage_record: contents and length of records, and errors for invalid input.
 
-Which values and linkages are refused is in test_configuration.py and test_refusals.py.
+test_configuration.py and test_refusals.py test which values and linkages are refused.
 """
 
 import math
@@ -30,7 +30,7 @@ STATES = '/joint_states'
 
 
 def preset(**changes):
-    """The quadrilateral with other values."""
+    """Returns the quadrilateral with other values."""
     return configure({**load('quadrilateral').parameters(), **changes})
 
 
@@ -40,7 +40,7 @@ def out(tmp_path):
 
 
 def states_of(path):
-    """(stamp, numbers) of every joint state."""
+    """Returns (stamp, numbers) of every joint state."""
     return decoded(message.data for message in logged(path)[1][STATES])
 
 
@@ -121,7 +121,7 @@ def states_below(simulator, duration, revolutions=None):
 
 
 def brute_count(rate, seconds):
-    """Stamps below a time, one by one; floats are the decimals that were typed."""
+    """Counts the stamps below a time one by one; floats stand for the decimals typed."""
     exact = [Fraction(repr(x)) if isinstance(x, float) else x for x in (rate, seconds)]
     tick = 0
     while math.floor(tick * 10**9 / exact[0]) < exact[1] * 10**9:
@@ -139,7 +139,7 @@ def test_a_duration_holds_the_stamps_below_it(rate, duration):
 
 @pytest.mark.parametrize('rate', [200.0, 1000.0])
 def test_a_duration_typed_as_whole_ticks_holds_so_many_states(rate):
-    """At 1 kHz, 0.067 s are 67 states: the one at 0.067 s is not in [0, 0.067)."""
+    """At 1 kHz, 0.067 s contain 67 states: the state at 0.067 s is not in [0, 0.067)."""
     simulator = Simulator(preset(rate_hz=rate))
     durations = {ticks: float(Fraction(ticks) / Fraction(rate)) for ticks in range(1, 1_001)}
     found = {ticks: states_below(simulator, duration) for ticks, duration in durations.items()}
@@ -172,8 +172,8 @@ def test_revolutions_hold_the_stamps_before_the_last_turn_ends(changes, revoluti
 @pytest.mark.parametrize(
     ('changes', 'revolutions'),
     [
-        ({'rpm': 0.1}, 10**9),  # 19 000 years: beyond what 64 bits of nanoseconds hold
-        ({'rpm': 1e-9, 'rate_hz': 0.01}, 1),  # 1900 years: beyond ROS's 32 bits of seconds
+        ({'rpm': 0.1}, 10**9),  # 19 000 years, beyond 64 bits of nanoseconds
+        ({'rpm': 1e-9, 'rate_hz': 0.01}, 1),  # 1900 years, beyond ROS's 32 bits of seconds
         ({'rpm': 1e-9, 'start_rpm': 0.0, 'crank_acceleration': 1e-40}, 1),
         ({'rpm': 0.0}, 1),
     ],
@@ -197,7 +197,7 @@ GOOD = {
 
 
 def layout(**changes):
-    """A parameter file in which some values are others."""
+    """Returns a parameter file in which some values differ from the defaults."""
     lines = [f'    {name}: {text}' for name, text in {**GOOD, **changes}.items()]
     return '\n'.join(['/**:', '  ros__parameters:', *lines, ''])
 
@@ -223,11 +223,11 @@ def test_the_command_says_what_it_wrote(called, out):
 
 
 def test_a_parameter_file_is_recorded_with_its_own_values(called, out, params):
-    """Without a mechanism they change the preset, which the command says."""
+    """Without a mechanism, the values change the preset, which the command reports."""
     alone = '/**:\n  ros__parameters: {rpm: 60, rate_hz: 20, log_overwrite: true}\n'
     for text in (layout(rpm='60', rate_hz='20', log_overwrite='true'), alone):
         params.write_text(text)
-        out.write_bytes(b'')  # to be replaced, as the file says
+        out.write_bytes(b'')  # replaced, because the file sets log_overwrite
         code, said, errors = called(record_module, params, out, '--duration', 1)
         assert (code, errors, 'no mechanism given' in said) == (0, '', text == alone)
         configuration = logged(out)[0].configuration
@@ -263,7 +263,7 @@ BAD_FILES = {
         '/**: {ros__parameters: {drive: follow}}',
         'run linkage_node, or give drive: speed',
     ),
-    # Or a slip in the node's name would record another linkage.
+    # Otherwise a typing error in the node's name would record another linkage.
     'another node': (
         layout().replace('/**', 'linkage_mode'),
         r'has no parameters of linkage_node: above ros__parameters write /\*\*',
@@ -278,7 +278,7 @@ def test_a_bad_file_is_refused_in_one_line_and_leaves_no_log(called, out, params
     assert not out.exists()
 
 
-# The guards do not refuse too much.
+# These valid files must not be refused.
 GOOD_FILES = {
     'whole numbers': layout(rpm='150', crank='{length: 1}', coupler='{length: 3}',
                             rocker='{length: 3}', frame='{length: 2}', gravity='[0, -10]'),
@@ -344,7 +344,7 @@ def test_ctrl_c_leaves_a_complete_log(out):
     words = command('record', 'quadrilateral', out, '--duration', 1e6, '--rate', 1000)
     with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as run:
         try:
-            # The configuration makes less than 4000 bytes, every chunk more than 80 000.
+            # The configuration takes less than 4000 bytes, every chunk more than 80 000.
             wait_for(lambda: out.exists() and out.stat().st_size > 80_000)
             run.send_signal(signal.SIGINT)
             said, errors = run.communicate(timeout=60)

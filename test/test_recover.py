@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Broken logs made whole: nothing that is there is lost, nothing that is wrong is kept."""
+"""Recovery of damaged logs: keeps all valid data, and discards everything invalid."""
 
 import random
 import re
@@ -27,7 +27,7 @@ from linkage_ros.record import record
 
 
 class Good(NamedTuple):
-    """An undamaged log: what is in it, and how many messages its first n chunks have."""
+    """An undamaged log: its contents, and the number of messages in its first n chunks."""
 
     path: Path
     data: bytes
@@ -47,14 +47,14 @@ def described(path):
 
 @pytest.fixture(scope='module')
 def whole(tmp_path_factory):
-    """A live log of seven chunks with seven pieces of motion."""
+    """Returns a live log of seven chunks with seven segments of motion."""
     path = tmp_path_factory.mktemp('whole') / 'run.mcap'
     return described(live(path, load('quadrilateral'), CHANGES))
 
 
 @pytest.fixture(scope='module')
 def several(tmp_path_factory):
-    """A record of several chunks, larger than a live run's."""
+    """Returns a record of several chunks, larger than those of a live run."""
     path = tmp_path_factory.mktemp('several') / 'run.mcap'
     record(load('compressor'), path, duration=12.0)
     return described(path)
@@ -67,7 +67,7 @@ def messages(path):
 
 @pytest.fixture
 def recovered(tmp_path):
-    """Recovers bytes: what came of it, the messages that were saved, and their verification."""
+    """Recovers bytes; returns the result, the saved messages, and their verification."""
     path, out = tmp_path / 'broken.mcap', tmp_path / 'out.mcap'
 
     def save(data):
@@ -126,13 +126,13 @@ def test_a_tail_that_never_reached_the_disk_is_left_out(whole, recovered, tail):
 
 
 def without(log, *lost):
-    """The messages of a log but for those of some chunks."""
+    """Returns the messages of a log, except those of some chunks."""
     kept = [span for n, span in enumerate(pairwise(log.counts)) if n not in lost]
     return [message for first, end in kept for message in log.messages[first:end]]
 
 
 def in_chunk(number, where):
-    """Finds a byte of a chunk: an offset, or a share of its length."""
+    """Finds a byte of a chunk, by offset or by fraction of its length."""
 
     def place(log):
         start, end = log.chunks[number]
@@ -146,14 +146,14 @@ def in_record(kind, number, offset):
 
 
 OPCODE, LENGTH, CHECKSUM, COMPRESSION, LAST = 0, 2, 33, 42, 5
-# Where one byte is damaged, its bits, the chunks that are lost, and whether a motion is.
+# Position of a damaged byte, its flipped bits, the lost chunks, and whether a motion is lost.
 DAMAGE = {
     **{f'chunk {n}, {where}': (in_chunk(n, where), 0x40, [n], False)
        for n in (0, 2, LAST) for where in (0.5, OPCODE, LENGTH, CHECKSUM, COMPRESSION)},
-    # An end of the data, a schema, an index: one wrong bit makes a chunk look like these.
+    # An end of the data, a schema, an index: with one wrong bit, a chunk looks like these.
     **{f'chunk as {opcode}': (in_chunk(2, OPCODE), 6 ^ opcode, [2], False)
        for opcode in (0x02, 0x03, 0x07, 0x0E, 0x0F)},
-    # An index that looks like a message, and lengths that swallow what lies behind.
+    # An index that looks like a message, and lengths that include the following records.
     **{f'index {n}': (in_record('message index', n, 0), 7 ^ 5, [], False) for n in (0, 9, 20)},
     **{f'length, bit {bit}': (in_record('metadata', 3, 1 + bit // 8), 1 << bit % 8, [], True)
        for bit in (12, 16, 21)},
@@ -187,7 +187,7 @@ def test_damaged_chunks_of_a_cut_file(whole, recovered):
 
 
 def test_a_flipped_byte_anywhere_never_ends_in_another_error_or_other_values(tmp_path, whole):
-    """Whatever is recovered was there, and in that order."""
+    """Every recovered message was in the log, in the same order."""
     numbers = {message: number for number, message in enumerate(whole.messages)}
     path, out, rng, refusals = tmp_path / 'broken', tmp_path / 'out', random.Random(5), set()
     for place in [*range(8, 60, 4), *(rng.randrange(8, len(whole.data)) for _ in range(60))]:
@@ -228,8 +228,8 @@ def test_existing_files_are_kept(tmp_path, whole):
     assert whole.path.read_bytes() == whole.data
 
 
-# Logs that are refused after their first messages: where they unpack to too much, or after a
-# record without which no command reads them.
+# Logs that are refused after their first messages: they unpack to too much data, or a required
+# record is missing.
 LATE = {
     'bomb': (hostile_logs.clocks(4, 400_000), 'unpack to more than is read'),
     'no configuration': (b'', 'has no configuration record'),
@@ -275,7 +275,7 @@ def test_target_that_is_written_or_no_file_is_kept(tmp_path, whole):
 
 
 def test_full_disk_ends_a_recovery(tmp_path, whole):
-    """As a full disk would: no file may grow beyond this."""
+    """Limits the file size, which has the effect of a full disk."""
     most = resource.getrlimit(resource.RLIMIT_FSIZE)
     for size in (100, 5000, len(whole.data) - 100):
         resource.setrlimit(resource.RLIMIT_FSIZE, (size, most[1]))

@@ -1,8 +1,8 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What is refused, and in which words: one line that names the value and what would be valid.
+"""Invalid input is refused with one line that names the value and valid input.
 
-In the expected lines, an ellipsis stands for any further text.
+In the expected lines, an ellipsis stands for any text.
 """
 
 import math
@@ -87,7 +87,7 @@ NO_PAIRS = [
     *([True, False], ['0', '0'], [[0.0, 1.0], [0.0, 1.0]], [None, None], [10**400, 0]),
     *(np.array(1.0), np.array([0.1 + 1j, 0.2]), [np.complex128(0.1 + 1j), 0.2]),
 ]
-# One parameter of a good configuration is changed, added or left out.
+# One parameter of a valid configuration is changed, added or omitted.
 BAD_VALUES = [
     *((FOUR, 'rpm', value, f'rpm = …: {AN_RPM}') for value in NO_NUMBERS),
     pytest.param(FOUR, 'rpm', 10**5_000, f'rpm = …: {AN_RPM}', id='10**5000'),
@@ -101,7 +101,7 @@ BAD_VALUES = [
     (SLIDER, 'crank.length', 10**400, f'crank.length = 10000000…: {A_LENGTH}'),
     (SLIDER, 'crank.length', 'a\nb', rf"crank.length = 'a\nb': {A_LENGTH}"),
     (SLIDER, 'slider.offset', NAN, f'slider.offset = nan: {AN_OFFSET}'),
-    # Masses, forces, centres, the traced point, gravity.
+    # Masses, forces, centres, coupler point, gravity.
     (FOUR, 'crank.mass', -1, f'crank.mass = -1: {A_MASS}'),
     (FOUR, 'rocker.inertia', -1e-9, f'rocker.inertia = -1e-09: {AN_INERTIA}'),
     (SLIDER, 'slider.damping', -0.1, 'slider.damping = -0.1: must be a number from 0 … N s/m'),
@@ -132,7 +132,7 @@ BAD_VALUES = [
             ' ',
         )
     ),
-    # Words and switches.
+    # Strings and switches.
     (FOUR, 'mechanism', 'five_bar', "mechanism = 'five_bar': must be one of four_bar, slider_…"),
     (FOUR, 'drive', 'hand', "drive = 'hand': must be one of speed…"),
     (FOUR, 'assembly', 'Open', "assembly = 'Open': must be one of open, crossed"),
@@ -145,7 +145,7 @@ BAD_VALUES = [
     (FOUR, 'joint_prefix', 'a-', f"joint_prefix = 'a-': {A_TEXT}"),
     *((FOUR, 'joint_prefix', x, f'joint_prefix = …: {A_TEXT}') for x in ('a\n', 'é', 'a/', 7)),
     *((FOUR, 'frame_id', x, 'frame_id = …: must be text of …') for x in ('', '/map', 'tool 0')),
-    # Names: misspelt, another mechanism's, of no mechanism.
+    # Names: misspelt, of another mechanism, of no mechanism.
     (FOUR, 'crank.lenght', 1, f"'crank.lenght' is … did you mean crank.length (m)? {LISTED}"),
     (FOUR, 'coupler.point.x', 1, "'coupler.point.x' is … mean coupler.point (m)? …"),
     (SLIDER, 'rmp', 1, "'rmp' is not a parameter of a slider_crank; did you mean rpm? …"),
@@ -159,7 +159,7 @@ BAD_VALUES = [
     (FOUR, 'frame.mass', 1, f"'frame.mass' is … of a four_bar…{LISTED}"),
     (SLIDER, 'wheel.radius', 1, f"'wheel.radius' is … of a slider_crank…{LISTED}"),
     (SLIDER, 'a\nb', 1, rf"'a\nb' is not a parameter of a slider_crank…{LISTED}"),
-    # Words that are spelt differently, and groups.
+    # Other spellings of words, and groups.
     (FOUR, 'rocker.density', 1, "'rocker.density' is … rocker has length, mass, … lists all"),
     (FOUR, 'crank_length', 1, "'crank_length' is … did you mean crank.length (m)? …"),
     (
@@ -191,10 +191,10 @@ BAD_VALUES = [
         "'rpm' … a torque-driven four_bar: leave it out, or set drive: speed (…",
     ),
     (FOUR, 'drive', 'follow', "'rpm' … a measured four_bar: leave it out, or set drive: speed (…"),
-    # Of every node, and similar ones; rclpy ignores what it did not declare.
+    # Parameters of every node, and similar names; rclpy ignores undeclared ones.
     *((FOUR, x, True, f'{x!r} is … of a four_bar…') for x in ('use_sim_times', 'x.use_sim_time')),
     *((FOUR, x, 1, '… of a four_bar…') for x in ('use_sim_time.x', 'qos_overrides./a.depth')),
-    # Another word for the same: the nearest in meaning.
+    # A synonym: the suggestion is the nearest in meaning.
     *(
         (kind, name, 1, f'… of a {kind}; did you mean {near}? {LISTED}')
         for kind, name, near in (
@@ -208,7 +208,7 @@ BAD_VALUES = [
             (SLIDER, 'offset', 'slider.offset (m)'),
         )
     ),
-    # What is required.
+    # Required parameters.
     *(
         (FOUR, f'{link}.length', LEFT_OUT, f'{link}.length is missing: {A_LENGTH}')
         for link in ('crank', 'coupler', 'rocker')
@@ -217,7 +217,7 @@ BAD_VALUES = [
     (FOUR, 'rpm', LEFT_OUT, f'rpm is missing: {AN_RPM}'),
 ]
 
-# Crank, coupler, rocker and frame, or crank, coupler and offset: no position at all.
+# Crank, coupler, rocker and frame, or crank, coupler and offset: the loop closes nowhere.
 NO_ASSEMBLY = [
     (FOUR, (9, 1, 1, 1), f'the longest link, 9 m, … by 6 {NO_LOOP}'),
     (FOUR, (1, 9, 1, 1), f'the longest link, 9 m, … by 6 {NO_LOOP}'),
@@ -236,8 +236,8 @@ FAR = 'coupler + rocker - frame - crank'
 NEAR, OTHER = 'frame + rocker - crank - coupler', 'frame + coupler - crank - rocker'
 TRIPLE, CHANGE, NEITHER = 'triple-rocker', 'change-point', 'non-Grashof'
 COUPLER = 'rotating-coupler'
-# Crank, coupler, rocker and frame, or crank, coupler and offset; what stops the crank, and by how
-# much; what the cures say (test_mobility follows them).
+# Crank, coupler, rocker and frame, or crank, coupler and offset; the links that stop the crank,
+# and by how much; the suggested cures (test_mobility.py applies them).
 LIMITED = [
     (FOUR, TRIPLE, (4, 2.1, 2.2, 2), {FAR: 1.7}, 'shorten the crank to at most 1.9 m or …'),
     (FOUR, TRIPLE, (2, 2.1, 2.2, 4), {FAR: 1.7}, 'shorten the crank to at most 0.3 m or …'),
@@ -275,14 +275,14 @@ DIRECTION = 0.3  # of frame or guide, rad
 
 
 def parameters(kind, lengths):
-    """A configuration that is good but perhaps for its lengths."""
+    """Returns parameters that are valid, except perhaps the lengths."""
     named = ['crank.length', 'coupler.length']
     named += ['rocker.length', 'frame.length'] if kind == FOUR else ['slider.offset']
     return {**GOOD[kind], 'frame.angle': DIRECTION, **dict(zip(named, lengths, strict=True))}
 
 
 def described(kind, lengths):
-    """The same mechanism from dataclasses, which do not ask for a full turn."""
+    """Makes the same mechanism from dataclasses, which do not require a full turn."""
     if kind == FOUR:
         r, b, c, d = lengths
         return FourBar(Frame(d, DIRECTION), Body(r), Coupler(b), Body(c))
@@ -352,7 +352,7 @@ BAD_CALLS = [
     # Points and reactions.
     (lambda: point(CRANK_ROCKER, 'C'), "point 'C': must be one of A0, A, B, B0"),
     (lambda: point(CENTRIC, 'a0'), "point 'a0': must be one of A0, A, B"),
-    # Of the wind pump, and without masses.
+    # Wind pump, and mechanisms without masses.
     (
         lambda: Solver(PUMP).accelerations((0.0, 1.5), (1e200, 0.0), 1.0),
         '… overflows at …, crank speed = 1e+200, slider speed = 0, torque = 1: lower them…',
@@ -409,12 +409,12 @@ def forces(mechanism, crank):
 
 
 def refused(call, expected, error=LinkageError):
-    """The one line with which a call is refused, which has to read as expected."""
+    """Checks that a call is refused with the expected line, and returns the error."""
     with pytest.raises(error) as caught:
         call()
     words = str(caught.value)
     parts = map(re.escape, re.split(' ?… ?', expected))
-    assert re.fullmatch('.*'.join(parts), words), words  # a dot is no line break
+    assert re.fullmatch('.*'.join(parts), words), words  # a dot does not match a line break
     assert words.splitlines() == [words]
     assert words.isprintable()
     assert len(words) < 600
@@ -445,7 +445,7 @@ def test_loop_that_cannot_close_is_refused(kind, lengths, expected):
 
 
 def limits(words):
-    """What stops a crank according to a message, and by how much, m; and the cures."""
+    """Parses a message: the links that stop the crank, by how much, m, and the cures."""
     *clauses, cures = words.partition(': ')[2].rpartition('; it reaches ')[0].split('; ')
     pairs = (re.fullmatch(r'(.*) = -(\S+) m is negative', clause).groups() for clause in clauses)
     found = {words: float(lack) for words, lack in pairs}
@@ -456,7 +456,7 @@ def limits(words):
 def test_crank_that_cannot_turn_is_refused_with_class_limits_and_cure(
     kind, grashof, lengths, stops, cure
 ):
-    """A state out of reach has the same words; test_mobility.py follows reach and cures."""
+    """A state out of reach has the same message; test_mobility.py tests reach and cures."""
     words = refused(
         lambda: configure(parameters(kind, lengths)),
         f'the crank of this {grashof} linkage cannot turn fully: … it reaches … deg',
@@ -551,7 +551,7 @@ def test_solver_refuses_what_is_no_state_of_its_mechanism(mechanism):
 
 
 def test_reactions_of_a_state_out_of_reach_are_refused():
-    """The state of a linkage whose crank turns fully, given to one whose crank does not."""
+    """The state of a linkage whose crank turns fully, passed to one whose crank does not."""
     for cranks in (3.0, np.array([0.1, 3.0])):
         state = Solver(FOUR_BAR).state(cranks, 1.0)
         refused(lambda state=state: Solver(STRETCHED).reactions(state), f'{CANNOT_MOVE} 171.8…')
@@ -568,7 +568,7 @@ def test_wrong_numbers_of_coordinates_are_refused(bad):
         ('a', 'crank acceleration, slider acceleration', lambda: solver.state(q, q, bad)),
     ):
         refused(call, f'{name} = …must be a tuple ({expected})…', ConfigurationError)
-    # Two values in all, as there should be, but not one coordinate and one speed.
+    # Two values in total, as required, but not one coordinate and one speed.
     for wrong, rates in (((0.3, 1.5), (2.0,)), ((), (2.0, 1.0))):
         call = partial(Solver(FOUR_BAR).accelerations, wrong, rates, 1.0)
         refused(call, f'q = {wrong}: must be a tuple (crank angle,)…', ConfigurationError)

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The real linkage_replay as a process; a subscriber in this one compares bytes and times."""
+"""The real linkage_replay as a process; a subscriber in this process compares bytes and times."""
 
 import os
 import re
@@ -64,7 +64,7 @@ def stored(path, topic, start=0, end=None):
 
 
 def played(log, *options):
-    """Plays to a listener; again, where a busy machine did not let it be found in time."""
+    """Plays to a listener, again if a busy machine did not discover it in time."""
     for delay in (0.2, 2.0, 8.0):
         with watched(TYPES, log, '--delay', delay, *options, module='replay') as (
             listener,
@@ -81,13 +81,13 @@ def played(log, *options):
 
 
 def period(times, together=20):
-    """Median time between messages, s; a busy machine lets some come together."""
+    """Returns the median time between messages, s; on a busy machine some arrive together."""
     spans = [late - early for early, late in zip(times, times[together:], strict=False)]
     return statistics.median(spans) / together
 
 
 def clock_times(listener):
-    """ns"""
+    """Returns the received clock times, ns."""
     stamps = [struct.unpack('<4xiI', data) for data in listener.received['/clock']]
     return [seconds * 10**9 + nanoseconds for seconds, nanoseconds in stamps]
 
@@ -104,11 +104,11 @@ def test_messages_are_replayed_byte_for_byte_at_their_times_with_a_clock(log):
     assert period(times) == pytest.approx(0.005 / 0.5, rel=0.3)
     clock = clock_times(listener)
     assert clock == sorted(clock)
-    assert clock[0] == 0  # it stands before the start
-    assert clock[-1] == 595_000_000  # and where the log ends
+    assert clock[0] == 0  # published before the start
+    assert clock[-1] == 595_000_000  # the end of the log
     steps = [later - earlier for earlier, later in pairwise(clock) if earlier > 0]
     assert statistics.median(steps) == pytest.approx(10_000_000, rel=0.5)
-    # It has the time of the messages that came last before it.
+    # The clock has the time of the preceding messages.
     heard = [bisect(times, moment) for moment in listener.arrived['/clock']]
     ahead = [stamp - 5_000_000 * count for stamp, count in zip(clock, heard, strict=True)]
     assert abs(statistics.median(ahead)) < 20_000_000
@@ -133,7 +133,7 @@ def test_loop_repeats_the_bytes_and_its_clock_never_goes_back(log):
         process.send_signal(signal.SIGINT)
         out, err = process.communicate(timeout=20)
     assert process.returncode == 0
-    assert not err or 'no subscribers yet' in err  # where discovery takes its time
+    assert not err or 'no subscribers yet' in err  # if discovery is slow
     heard = listener.received[STATES]
     assert unbroken(heard, 400 * stored(log, STATES, 10**9, 1_250_000_000))
     assert len(listener.received[DESCRIPTION]) == 1
@@ -150,7 +150,7 @@ def test_loop_repeats_the_bytes_and_its_clock_never_goes_back(log):
 
 @pytest.fixture
 def player(log):
-    """Starts a replay in a terminal: (terminal, listener)."""
+    """Starts replays in a terminal; returns terminal and listener."""
     domain = fresh_domain()
 
     def start(*options):
@@ -165,7 +165,7 @@ def player(log):
 
 
 def quiet(listener, seconds=0.3):
-    """The number of states, once no more have come for a while."""
+    """Waits until no states have arrived for some time; returns their number."""
     before = -1
     while before != (before := len(listener.received[STATES])):
         time.sleep(seconds)
@@ -182,19 +182,19 @@ def test_keys_pause_step_change_the_rate_and_resume(log, player):
         assert not held(shell.terminal)
         wait_for(lambda: len(clock_times(listener)) > 10)
         assert not listener.received[STATES]
-        assert set(clock_times(listener)) == {0}  # published, and standing
+        assert set(clock_times(listener)) == {0}  # published while paused
         for count in (1, 2, 3):
             shell.send(b'\x1b[C')
             wait_for(lambda count=count: len(listener.received[STATES]) == count)
         assert quiet(listener) == 3
-        assert len(listener.received[TORQUE]) == 3  # all of one log time at a step
+        assert len(listener.received[TORQUE]) == 3  # a step plays all messages of one log time
         wait_for(lambda: clock_times(listener)[-1] == 10_000_000)
         shell.sees(rb'0\.010/1\.000 s, rate 0\.5, paused')
         shell.send(3 * b'\x1b[B' + b'\x1b[A')
         shell.sees(rb'rate 0\.3, paused')
         shell.send(b' ')
         wait_for(lambda: len(listener.received[STATES]) > 60)
-        shell.send(b'\x1b[C')  # while it runs, that key does nothing
+        shell.send(b'\x1b[C')  # no effect while not paused
         shell.send(b' ')
         shell.sees(rb'0\.\d+/1\.000 s, rate 0\.3, paused')
         assert 60 < quiet(listener) < 200
@@ -214,7 +214,7 @@ def test_keys_pause_step_change_the_rate_and_resume(log, player):
 
 
 class View:
-    """Takes what a view is given, or fails."""
+    """Replaces the view: stores its input, or fails."""
 
     dropped, period, trouble, page = 0, 0.03, '', ''
 
@@ -297,7 +297,7 @@ def test_commands_in_a_log_are_not_shown(called, tmp_path):
 def test_memory_does_not_grow_with_the_log(tmp_path):
     path = tmp_path / 'long.mcap'
     record(configure({'rate_hz': 1000.0}), path, duration=20.0)  # in Python more than 7 MB
-    # A chunk of 1 MB, and what was read of it.
+    # A chunk of 1 MB, and its decoded messages.
     with little_memory(5.5e6), LogReader(path) as log:
         excerpt = excerpt_of(log, 0, None, [STATES])
         with feed(log, excerpt, loop=False) as items:

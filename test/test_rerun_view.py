@@ -1,9 +1,9 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The live view: what a reader finds in it, who can read it, and viewers that do not behave.
+"""The live view: its data in a file, access to its page, and viewers that fail.
 
-No window is opened. Where one is asked for, RERUN_CLI_PATH names a script that takes its place,
-as Rerun's own command allows.
+No window is opened. Instead, RERUN_CLI_PATH names a script that replaces the viewer, which Rerun's
+own command also supports.
 """
 
 import os
@@ -31,13 +31,13 @@ from linkage_ros.view.rerun_view import View
 rerun_chunk = pytest.importorskip('rerun.chunk')
 
 PROGRAM = Path(rerun_view.rr.__file__).parents[1] / 'rerun_cli' / 'rerun'
-PATIENCE = 20.0  # s, until a wait that must end counts as a hang
+PATIENCE = 20.0  # s, time after which a wait counts as a hang
 WALL = 1_795_000_000_000_000_000
 CONFIGURATION = load('quadrilateral')
 
 
 def run_of(configuration, count, rate=200, start=0):
-    """Stamps, messages of joint states and solved states of a run from its beginning."""
+    """Returns stamps, messages of joint states and solved states of a run from its start."""
     simulator = Simulator(configuration)
     motion, stamps = simulator.begin(start), [start + n * 10**9 // rate for n in range(count)]
     snapshots = [simulator.snapshot_at(motion, stamp) for stamp in stamps]
@@ -57,7 +57,7 @@ def show(path, messages, configuration=CONFIGURATION, batch=37, **options):
 
 
 def read(path, *, blueprint=False):
-    """What Rerun's reader finds, as Arrow gives it: {entity: {column: values in order}}."""
+    """Reads a file with Rerun's reader: {entity: {column: values in order}} from Arrow."""
     with warnings.catch_warnings():
         warnings.filterwarnings('ignore', 'RRD file has no footer')
         reader = rerun_chunk.RrdReader(path)
@@ -74,7 +74,7 @@ def read(path, *, blueprint=False):
 
 
 def stamps_in(path):
-    """The stamps of the curves in a file; () where there are none yet."""
+    """Returns the stamps of the curves in a file; () if there are none yet."""
     try:
         return read(path)['/values']['ros2_timestamp']
     except (ValueError, OSError, KeyError, RuntimeError):
@@ -97,7 +97,7 @@ def test_file_holds_every_sample(tmp_path, start, kind):
     assert curves['ros2_timestamp'] == stamps
     assert [row[0] for row in curves['Scalars:scalars']] == [state.torque for state in states]
     assert (view.dropped, view.page) == (0, '')
-    with pytest.warns(match='RRD file has no footer'):  # which would grow in memory
+    with pytest.warns(match='RRD file has no footer'):  # a footer would grow in memory
         rerun_chunk.RrdReader(tmp_path / 'run.rrd')
 
 
@@ -119,7 +119,7 @@ def test_large_batches_and_later_rounds_are_all_shown(tmp_path, monkeypatch):
     assert stamps_in(tmp_path / 'run.rrd') == STAMPS + [stamp + 10**10 for stamp in STAMPS]
 
 
-# What the programs below begin with.
+# Common first lines of the programs below.
 PROLOGUE = """
 import os, resource, signal, socket, sys, threading, time
 from linkage_ros import ViewerError
@@ -166,7 +166,7 @@ view.close()
 """
     done = run_program(code, tmp_path / 'run.rrd')
     assert done.stdout == f'{tmp_path}/run.rrd takes no more: is the disk full?\n'
-    assert done.stderr == ''  # and none of Rerun's own
+    assert done.stderr == ''  # without Rerun's own messages
 
 
 # ---------------------------------------------------------------- targets that are none
@@ -207,7 +207,7 @@ def test_wrong_target_is_refused_and_left_alone(tmp_path, monkeypatch, target, o
 
 @pytest.fixture
 def window(tmp_path, monkeypatch):
-    """Installs what is run in place of a window; returns how."""
+    """Installs a script in place of the viewer window; returns the function that does so."""
 
     def install(script, answers=False):
         path = tmp_path / 'window'
@@ -238,7 +238,7 @@ def test_window_gets_everything_and_outlives_the_run(tmp_path, window):
     saved = tmp_path / 'saved.rrd'
     window(f'sleep 0.5\nexec {PROGRAM} --save {saved} "$@"', answers=True)
     with opened('spawn') as (view, process):
-        assert os.getpgid(process.pid) != os.getpgrp()  # Ctrl-C in the terminal is not for it
+        assert os.getpgid(process.pid) != os.getpgrp()  # not in the process group that gets Ctrl-C
         for start in range(0, 300, 10):
             feed(view, MESSAGES[start : start + 10])
         assert view.dropped == 0
@@ -307,7 +307,7 @@ def reached(page):
 
 
 def served(url):
-    """Addresses at which somebody takes connections at a URL's port, as the kernel writes them."""
+    """Returns the addresses that listen at a URL's port, as the kernel formats them."""
     port = urllib.parse.urlsplit(url).port
     tables = ''.join(Path(f'/proc/net/{name}').read_text() for name in ('tcp', 'tcp6'))
     sockets = [line.split() for line in tables.splitlines()]
@@ -335,7 +335,7 @@ def test_page_is_served_on_viewer_bind_alone_and_ends_with_the_run(
         assert (served(page), served(data)) == ([address], [address])
         feed(view, MESSAGES)
         assert view.dropped == 0
-        process.send_signal(signal.SIGSTOP)  # even if it is stuck, it ends with the run
+        process.send_signal(signal.SIGSTOP)  # even a stopped server ends with the run
         wait_for(lambda: ') T ' in Path(f'/proc/{process.pid}/stat').read_text())
         view.close()
         assert process.poll() == -signal.SIGKILL
@@ -377,7 +377,7 @@ def free_port():
 
 @contextmanager
 def running(*arguments, port=None):
-    """A viewer without a window, and its URL."""
+    """Starts a viewer without a window; returns it and its URL."""
     port = port or free_port()
     command = [PROGRAM, *arguments, '--bind', '127.0.0.1', '--port', str(port)]
     with subprocess.Popen(
@@ -409,7 +409,7 @@ def test_viewer_may_come_late_end_and_come_again(tmp_path, monkeypatch):
             assert view.trouble == ''
             feed(view, MESSAGES[100:])
             wait_for(lambda saved=saved: feed(view, []) or len(stamps_in(saved)) == 201)
-        # What never changes came again as well.
+        # The constant components were sent again.
         assert read(saved)['/linkage/moving']['Points2D:labels'] == [['A', 'B', 'C']]
         assert stamps_in(saved) == [STAMPS[0], *STAMPS[100:]]
         wait_for(lambda: not is_taken() and 'no viewer answers' in view.trouble)

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What every executable does alike with rclpy."""
+"""Behaviour that all executables with rclpy share."""
 
 import os
 import signal
@@ -69,7 +69,7 @@ sys.exit(cli.leave({code}))
 
 @contextmanager
 def running_node(path, words=(), **options):
-    """A node with a log, and a listener to its states, when 20 of them were heard."""
+    """Starts a node with a log, and a listener that has received 20 of its states."""
     domain = fresh_domain()
     with Listener(domain, {STATES: 'sensor_msgs/msg/JointState'}) as listener:
         node = [*command('node', *node_arguments(log=path)), *words]
@@ -90,7 +90,7 @@ def running_node(path, words=(), **options):
 
 @contextmanager
 def filled_pipe():
-    """Both ends of a pipe that takes no byte more."""
+    """Returns both ends of a full pipe."""
     outlet, inlet = os.pipe()
     os.set_blocking(inlet, False)
     with suppress(BlockingIOError):
@@ -102,7 +102,7 @@ def filled_pipe():
 
 
 def read_from_now_on(outlet):
-    """Reads a pipe to its end; what was found after what filled it."""
+    """Reads a pipe to its end; returns the data after the initial filling."""
     with os.fdopen(outlet, 'rb') as file:
         return file.read().lstrip(b'.').decode()
 
@@ -147,7 +147,7 @@ print(stop.wait())
 
 
 def test_a_signal_that_another_thread_receives_ends_the_wait():
-    """As Linux may deliver it while a process is being stopped."""
+    """Linux may deliver the signal in this way while a process is being stopped."""
     done = subprocess.run(
         [sys.executable, '-c', ELSEWHERE], capture_output=True, text=True, timeout=20, check=False
     )

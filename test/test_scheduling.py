@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A thread with deadlines gets what the system grants, and its children do not."""
+"""A thread with deadlines gets the available priority, and its children do not inherit it."""
 
 import ctypes
 import gc
@@ -26,7 +26,7 @@ def policy():
 def test_a_thread_wakes_when_it_asked_for():
     def work():
         prctl = ctypes.CDLL(None).prctl
-        prctl(29, 50_000, 0, 0, 0)  # PR_SET_TIMERSLACK; other tests may have changed it
+        prctl(29, 50_000, 0, 0, 0)  # PR_SET_TIMERSLACK, which other tests may have changed
         before = prctl(30)
         scheduling.minimize_timer_slack()
         return before, prctl(30)
@@ -103,7 +103,7 @@ print(latest)
 
 
 def latest(change=''):
-    """The largest lateness, s, of three such threads on two processors."""
+    """Returns the largest lateness, s, of three such threads on two processors."""
     done = subprocess.run(
         [sys.executable, '-c', WAITERS.format(change=change)], capture_output=True, text=True
     )
@@ -111,7 +111,7 @@ def latest(change=''):
 
 
 def test_threads_with_real_time_priority_leave_time_to_the_thread_they_wait_for():
-    """Linux would stop them only after 0.95 s."""
+    """Without this, Linux would stop them only after 0.95 s."""
     assert latest() < 0.5
     if in_thread(scheduling.take_real_time_priority):
-        assert latest('sys.setswitchinterval(1e-5)') > 0.5  # each waits for 10 us only
+        assert latest('sys.setswitchinterval(1e-5)') > 0.5  # each waits only 10 us

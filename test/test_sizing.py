@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a drive needs: linkage_chart economy, and motion --fluctuation."""
+"""Sizing of drives: linkage_chart economy, and motion --fluctuation."""
 
 import json
 import math
@@ -44,7 +44,7 @@ from linkage_ros.units import radians_per_second
 
 ANGLES = np.linspace(0, 2 * math.pi, 721)
 SPEED = 5 * math.pi  # 150 rpm
-# All numbers differ from 0; centres of mass lie beside the links.
+# All numbers are nonzero; the centres of mass are off the links' axes.
 FULL = FourBar(
     Frame(0.42, 0.3),
     Body(0.1, 0.4, 0.002, (0.03, -0.02)),
@@ -70,7 +70,7 @@ def run(program, speed=SPEED):
 
 @pytest.fixture(scope='module')
 def savings():
-    """Savings of the quadrilateral, at three speeds."""
+    """Returns the savings of the quadrilateral at three speeds."""
     return Economy(load('quadrilateral').mechanism, 'quadrilateral').measure(
         [75.0, 150.0, 300.0], 1
     )
@@ -99,7 +99,7 @@ def test_loads_and_friction_are_terms(preset, loads):
 
 
 def test_friction_remains_without_inertia():
-    """At 1 rpm the torque of the press for inertia is negligible beside that for the load."""
+    """At 1 rpm, the inertia torque of the press is negligible compared with the load torque."""
     mechanism = load('press').mechanism
     static = run(torque_program(mechanism, static=True))
     slow = torque(mechanism, math.pi / 30)
@@ -136,7 +136,7 @@ def test_each_term_is_left_out_alone(mechanism):
         assert of(found, name)['error'] == pytest.approx(
             np.abs(torque(other) - full).max() / peak, rel=1e-9
         ), name
-    assert of(found, 'crank.inertia')['error'] < 1e-15  # at a constant speed
+    assert of(found, 'crank.inertia')['error'] < 1e-15  # no effect at a constant speed
     assert set(terms(mechanism)) - set(changed) <= {
         'inertia', 'crank.inertia', 'rocker.inertia'
     }  # fmt: skip
@@ -178,7 +178,7 @@ def test_a_table_is_linear_between_its_nodes():
     nodes = [table(math.pi * i, 0.0)[0] for i in range(-1, 5)]
     assert nodes == pytest.approx([0.0, 1.0, 5.0, -2.0, 0.0, 1.0], abs=1e-12)
     assert table(0.25 * math.pi, 0.0)[0] == pytest.approx(2.0)
-    assert table(3.5 * math.pi, 0.0)[0] == pytest.approx(0.5)  # towards the first again
+    assert table(3.5 * math.pi, 0.0)[0] == pytest.approx(0.5)  # halfway to the next period
 
 
 def test_operations_are_counted():
@@ -195,7 +195,7 @@ def test_costs_belong_to_their_models(savings):
         assert of(savings, name)['parameters'] == parameters
     assert of(savings, '3 harmonics')['parameters'] == 8 - 7
     assert of(savings, 'table of 64 nodes')['parameters'] == 8 - 64
-    # Sums of constants are made before: an inertia is no operation, a whole coupler many.
+    # Sums of constants are precomputed: an inertia saves no operation, a whole coupler many.
     assert of(savings, 'coupler.inertia')['operations'] == 0
     assert of(savings, 'coupler')['operations'] > 20
     ways = [of(savings, f'{n} harmonics')['operations'] for n in (2, 3, 4)]
@@ -214,7 +214,7 @@ def test_inertia_dominates_above_the_handover_speed(savings):
     ('rpm', 'tolerance', 'words'),
     [
         (150.0, 0.07, 'needs gravity, coupler and rocker; it can leave out crank.inertia;'),
-        # Each inertia alone is within 14 %, 0.074 and 0.136, both together are not.
+        # Each inertia alone is within 14 %, 0.074 and 0.136, but not both together.
         (150.0, 0.14, 'it can leave out crank.inertia and coupler.inertia;'),
         (
             150.0,
@@ -307,7 +307,7 @@ def test_sizing_quotes_the_figures(savings):
 
 # ---------------------------------------------------------------- flywheel and motor
 
-_STEP = math.pi / 1000  # rad at the first speed, between two looks at a run
+_STEP = math.pi / 1000  # rad at the first speed, between two samples of a run
 
 
 def with_crank_inertia(mechanism, added):
@@ -316,7 +316,7 @@ def with_crank_inertia(mechanism, added):
 
 
 def driven(mechanism, law, start, turns=1):
-    """Crank angles and speeds of a torque-driven run from angle 0, at even times."""
+    """Returns crank angles and speeds of a torque-driven run from angle 0, at regular times."""
     steps = AdaptiveSteps(DrivenMechanism(Solver(mechanism), law), (0.0, start))
     angles, speeds = [0.0], [start]
     while angles[-1] < 2 * math.pi * turns:
@@ -333,7 +333,7 @@ def check_balance(mechanism, cycle):
     size = np.abs(state.torque).max()
     away = np.abs(state.torque - cycle.demand)
     assert np.median(away) < 1e-6 * size
-    assert (away < 1e-3 * size).mean() > 0.97  # the slope of a speed leaps where a load does
+    assert (away < 1e-3 * size).mean() > 0.97  # acceleration jumps where a load does
     assert cycle.velocity[-1] == pytest.approx(cycle.velocity[0], rel=1e-8)
 
 
@@ -341,7 +341,7 @@ def check_balance(mechanism, cycle):
     'preset', ['quadrilateral', 'compressor', 'wiper', 'press', 'coupler_point']
 )
 def test_torque_drives_mechanism_and_flywheel_at_every_angle(preset):
-    """The test does not use energies; it includes friction if there is any."""
+    """The test does not use energies; it includes friction where the preset has it."""
     configuration = load(preset)
     crank, speed = Crank(configuration.mechanism), radians_per_second(configuration.drive.rpm)
     cycle = crank.cycle(speed, crank.inertia_for(0.02, speed))
@@ -353,7 +353,7 @@ def test_torque_drives_mechanism_and_flywheel_at_every_angle(preset):
 
 @pytest.mark.parametrize('fluctuation', [0.02, 0.5, 2.0])
 def test_strong_damping_has_a_cycle_with_any_flywheel(fluctuation):
-    """Damping takes all energy within a turn; iteration by substituted speeds would diverge."""
+    """Damping dissipates all energy in a turn; fixed-point iteration of speeds would diverge."""
     mechanism = load('quadrilateral').mechanism
     mechanism = replace(mechanism, rocker=replace(mechanism.rocker, damping=80.0))
     crank = Crank(mechanism)
@@ -400,7 +400,7 @@ def test_a_torque_driven_run_settles_at_the_cycle_of_its_motor():
 
 
 def test_motor_too_weak_to_start_drives_a_fast_cycle():
-    """At 0.5 rad/s the weights, of up to 1.45 N m, stop a crank that gets 0.3 N m."""
+    """At 0.5 rad/s, weights of up to 1.45 N m stop a crank driven by 0.3 N m."""
     crank, motor = Crank(load('quadrilateral').mechanism), Motor(0.3, 0.02)
     assert crank.under(motor, 0.5, 0.5).speed == pytest.approx(15.0, rel=0.01)
 

@@ -1,9 +1,9 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The crank's motion against rational arithmetic and 60 digits of pi.
+"""Compares the crank's motion with rational arithmetic and 60 digits of pi.
 
-The expected phases are fractions of turns, worked out here from rpm and nanoseconds alone; pi
-comes from mpmath. A double is right where no other double is nearer to the exact value.
+The expected phases are fractions of turns, computed here from rpm and nanoseconds alone; pi comes
+from mpmath. A double is correct if no other double is nearer to the exact value.
 """
 
 import math
@@ -20,9 +20,9 @@ from linkage_ros.motion.drives import SpeedDrive
 from linkage_ros.motion.speed_driven import SpeedMotion
 
 MINUTE = 60 * 10**9
-# A live stamp: 21 November 2026.
+# Stamp of a live run: 21 November 2026.
 NOW = 1_795_000_000_123_456_789
-# Phases and speeds are kept to this, turns and rpm.
+# Resolution of phases, turns, and speeds, rpm.
 GRID = Fraction(1, 2**128)
 
 with mp.workdps(120):
@@ -41,7 +41,7 @@ def begin(rpm, stamp=0, **settings_):
 
 
 def is_nearest(value, exact):
-    """Whether no double is nearer to a fraction than this one."""
+    """Returns whether no double is nearer to a fraction than this one."""
     error = abs(Fraction(value) - exact)
     return all(
         error <= abs(Fraction(math.nextafter(value, side)) - exact)
@@ -50,13 +50,13 @@ def is_nearest(value, exact):
 
 
 def seam_distance(angle, other):
-    """How far apart two angles are on the circle of two turns, rad."""
+    """Returns the distance of two angles on the circle of two turns, rad."""
     difference = abs(angle - other)
     return min(difference, abs(4 * math.pi - difference))
 
 
 class Ramp:
-    """The closed form in mpf: a uniformly accelerated crank that settles; rad, s."""
+    """The closed form, in mpf, of a uniformly accelerated crank that reaches its speed; rad, s."""
 
     def __init__(self, rpm, start_rpm, acceleration, angle=0.0):
         self.start, self.end = (mp.mpf(x) * mp.pi / 30 for x in (start_rpm, rpm))
@@ -118,7 +118,7 @@ RAMPS = {
 
 
 def ramp_stamps(ramp):
-    """Stamps on the ramp, at both sides of its end to the nanosecond, and behind it."""
+    """Returns stamps on the ramp, a nanosecond before and after its end, and later."""
     end = int(mp.floor(ramp.time * 10**9))
     spread = [end * i // 37 for i in range(37)]
     return sorted({*spread, max(0, end - 1), end, end + 1, end + 2, end + 10**9, 3 * end + 17})
@@ -136,7 +136,7 @@ def test_a_ramp_follows_its_closed_form(values):
             crank, (angle, speed, rate) = motion.at(NOW + elapsed), ramp.at(elapsed)
             assert ulps(crank.unwrapped, angle) <= 0.5
             assert abs(crank.unwrapped - angle) <= 1e-12 * max(1, abs(angle))
-            # At a reversal the speed has no digits of its own: half an ulp of what is left.
+            # At a reversal the speed cancels: half an ulp of its terms remains.
             assert ulps(crank.u[0], speed) <= 0.5
             assert crank.a[0] == rate
             two_turns = 4 * mp.pi
@@ -159,7 +159,7 @@ def test_without_acceleration_the_speed_moves_at_once_and_start_rpm_counts_for_n
         assert other.at(elapsed) == plain.at(elapsed)
     assert other.speed(0) == 150
     assert other.time_to_turn(1) == 4 * 10**8
-    # With an acceleration it does count.
+    # With an acceleration it matters.
     assert begin(150.0, start_rpm=-40.0, crank_acceleration=1.0).speed(0) == -40
 
 
@@ -176,7 +176,7 @@ def test_an_acceleration_next_to_nothing_keeps_the_start_speed(acceleration):
 
 def test_a_change_continues_phase_and_speed():
     motion = begin(150.0, NOW, start_rpm=-20.0, crank_acceleration=7.0, crank_angle=1.0)
-    # On the ramp, near its end, and behind it.
+    # On the ramp, near its end, and after it.
     for elapsed in (0, 1, 777_777_777, 2_500_000_001, 10**12 + 1):
         stamp = NOW + elapsed
         changed = motion.change(stamp, -60.0)
@@ -239,11 +239,11 @@ def test_crank_that_comes_to_rest_never_completes_the_turns(rpm, start_rpm, acce
 
 @pytest.mark.parametrize('sense', [1, -1])
 def test_time_to_turn_sees_a_peak_between_two_nanoseconds(sense):
-    """Back by a turn and a little, then forward: the turn is reached near the reversal or late."""
+    """Back by a little over a turn, then forward: a turn is reached near the reversal or late."""
     rng, peaks = random.Random(1), 0
     for _ in range(150):
         acceleration = rng.uniform(1e8, 5e8)
-        # In a nanosecond beside the reversal the crank moves by 4e-11 turns at most.
+        # Within a nanosecond of the reversal, the crank moves by at most 4e-11 turns.
         speed = math.sqrt(4 * math.pi * acceleration) * (1 + 2e-11 * rng.random()) * 30 / math.pi
         motion = begin(sense * 1e6, start_rpm=-sense * speed, crank_acceleration=acceleration)
         peak_ns = int(Fraction(speed) * TWO_PI / 60 / Fraction(acceleration) * 10**9)

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Sweeps: designs in arrays have the bits of their solvers, and nothing is lost on the way."""
+"""Sweeps: designs in arrays have the bits of single solvers, and no results are lost."""
 
 import collections
 import io
@@ -46,7 +46,7 @@ LENGTHS = {
 
 
 def drawn(preset, count, seed=0):
-    """A mechanism, and wide random values of some of its parameters."""
+    """Returns a mechanism, and random values in wide ranges for some of its parameters."""
     mechanism = load(preset).mechanism
     base = {leaf.name: leaf.default or 0.1 for leaf in parameters(mechanism, None)}
     shares = np.random.default_rng(seed).uniform(0.5, 1.6, (count, len(LENGTHS[preset])))
@@ -54,7 +54,7 @@ def drawn(preset, count, seed=0):
 
 
 def solver_of(mechanism, names, row):
-    """A solver of one design, checked like any other mechanism; None if it cannot turn."""
+    """Makes the solver of one design with all checks; None if its crank cannot turn."""
     for name, value in zip(names, row.tolist(), strict=True):
         mechanism = with_value(mechanism, name, value)
     try:
@@ -87,7 +87,7 @@ def test_designs_equal_their_solvers_to_the_bit(preset):
 
 
 def expected_measures(solver, angles, points):
-    """The measures of a solver, by name."""
+    """Computes the measures of a solver, by name."""
     turns = solver.reach.period_turns
     crank = (np.arange(turns * angles) + 0.5) * (2 * math.pi / angles)
     state = solver.state(crank, radians_per_second(RPM))
@@ -129,7 +129,7 @@ def test_measures_match_the_solver(preset):
 
 
 def test_designs_with_change_points_have_torques_but_no_forces():
-    """Designs of several structures, one of which repeats after two turns only."""
+    """The designs have several structures; the motion of one repeats only after two turns."""
     mechanism = load('quadrilateral').mechanism
     names = ('crank.length', 'coupler.length', 'rocker.length', 'frame.length')
     table = np.array([[0.1, 0.2, 0.3, 0.4], [0.1, 0.3, 0.1, 0.3], [0.1, 0.3, 0.25, 0.3]])
@@ -144,7 +144,7 @@ def test_designs_with_change_points_have_torques_but_no_forces():
 
 
 def test_springs_on_rockers_are_computed_design_by_design():
-    """The middle of a swing is a function of floats alone."""
+    """The middle of a swing can be computed only for floats."""
     mechanism = load('quadrilateral').mechanism
     mechanism = replace(mechanism, rocker=replace(mechanism.rocker, rest_angle=1.0))
     names, table = ('coupler.length', 'rocker.stiffness'), np.array([[0.3, 4.0], [0.31, 5.0]])
@@ -155,7 +155,7 @@ def test_springs_on_rockers_are_computed_design_by_design():
 
 
 def test_torque_of_a_design_costs_as_much_as_a_state():
-    """At least 20 000 designs of 360 angles a second, where a state takes 51 ns."""
+    """Requires at least 20 000 designs of 360 angles per second; a single state takes 51 ns."""
     mechanism = load('quadrilateral').mechanism
     solver, angles = Solver(mechanism), np.linspace(0, 2 * math.pi, 360 * 256)
     task = Task(mechanism, RPM, ('crank.length',), ('peak_torque', 'rms_torque'), 360)
@@ -203,7 +203,7 @@ goals: {peak_torque: least, swing: most}
 
 @pytest.fixture
 def run(called, tmp_path, monkeypatch):
-    """Runs a study with options: exit code, stdout, stderr."""
+    """Runs a study with options; returns exit code, stdout and stderr."""
     monkeypatch.setattr(command, '_BLOCK', 64)
     (tmp_path / 'base.yaml').write_text('/**: {ros__parameters: {mechanism: wind_pump}}')
     monkeypatch.chdir(tmp_path)
@@ -217,7 +217,7 @@ def run(called, tmp_path, monkeypatch):
 
 @contextmanager
 def dask(folder):
-    """A scheduler and two workers, processes of their own: the address and the workers."""
+    """Starts a scheduler and two workers as processes; returns the address and the workers."""
     file, path = folder / 'scheduler.json', Path(sys.executable).parent / 'dask'
     variables = os.environ | {'PYTHONPATH': str(Path(__file__).parent)}
     begin = partial(
@@ -256,7 +256,7 @@ def test_processes_and_a_cluster_give_the_same_bytes_and_lose_nothing(run, tmp_p
 
 
 def _cascade_future():
-    """Fails as the function of this name in Dask does if a worker dies at a certain moment.
+    """Fails like the function of this name in Dask if a worker dies at a certain moment.
 
     Raises:
         TypeError: Always.
@@ -265,7 +265,7 @@ def _cascade_future():
 
 
 def check_that_a_death_loses_nothing(connect, path):
-    """One of two workers is killed over the fourth of ten blocks, and none by Ctrl-C."""
+    """Kills a worker during the fourth of ten blocks, and sends SIGINT during the others."""
     blocks = [(i, str(path) if i == 3 else '') for i in range(10)]
     assert dict(spread(mortal.die_once, blocks, connect)) == {i: i * i for i in range(10)}
     assert path.exists()

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Ticks on real time and on a simulated clock that runs, stands, hastens and jumps."""
+"""Ticks in real time and on a simulated clock that runs, stops, speeds up and jumps."""
 
 import threading
 from fractions import Fraction
@@ -19,7 +19,7 @@ MS = 1_000_000
 
 
 class Clock:
-    """Both clocks of a machine; sleeping moves them, and so may a tick that takes long."""
+    """Simulates both clocks of a machine; sleeping advances them, and so may a slow tick."""
 
     def __init__(self):
         self.mono, self.wall = 5_000, 1_700_000_000 * 10**9
@@ -46,7 +46,7 @@ def clock(monkeypatch):
 
 
 class Run:
-    """What a ticker called for: stamps, t0 at the first of them, steps of the clock, errors."""
+    """Records what a ticker does: stamps, t0 at the first, steps of the clock, errors."""
 
     def __init__(self, kind, simulator, last=None, act=lambda tick: None, receive=tuple):
         self.stamps, self.begun, self.moved, self.failed = [], [], [], []
@@ -80,7 +80,7 @@ def test_stamps_are_the_start_plus_whole_periods_whatever_the_lateness(clock):
 
 def test_ticks_that_a_late_thread_cannot_keep_are_skipped_and_counted(clock):
     run = real(1000.0, 50, lambda tick: clock.advance(7_300_000 if tick == 10 else 0))
-    # Tick 9 is carried out at 9 ms and lasts until 16.3 ms: 10 to 15 are lost.
+    # Tick 9 starts at 9 ms and lasts until 16.3 ms, so ticks 10 to 15 are lost.
     assert run.stamps == [run.begun[0] + n * MS for n in (*range(10), *range(16, 56))]
     assert run.counts.missed == 6
     assert run.counts.max_lateness == max(run.counts.lateness) == 6_300_000
@@ -88,7 +88,7 @@ def test_ticks_that_a_late_thread_cannot_keep_are_skipped_and_counted(clock):
 
 @pytest.mark.parametrize('jump', [-3_600 * 10**9, CLOCK_STEP + 1, CLOCK_STEP])
 def test_a_step_of_the_wall_clock_moves_the_stamps_once_and_is_counted(clock, jump):
-    """A smaller one, a difference of the clocks, moves nothing."""
+    """A smaller step, such as drift between the clocks, changes nothing."""
 
     def act(tick):
         clock.wall += jump if tick == 20 else 0
@@ -140,7 +140,7 @@ class Every:
 
 
 def simulated(*times, period=5 * MS, **options):
-    """The run of a clock that told some times before it was stopped."""
+    """Runs a ticker on a clock that published some times before it was stopped."""
     times = list(times)
 
     def receive(ticker):
@@ -155,10 +155,10 @@ def simulated(*times, period=5 * MS, **options):
 @pytest.mark.parametrize(
     ('times', 'stamps'),
     [
-        ((100, 104, 105, 122), [100, 105, 110, 115, 120]),  # every tick up to now is made
-        ((7, *[10] * 100), [7]),  # the clock stands
+        ((100, 104, 105, 122), [100, 105, 110, 115, 120]),  # all ticks up to the current time
+        ((7, *[10] * 100), [7]),  # the clock stops
         ((0, 10**6, 10**6 + 5), [0, 10**6, 10**6 + 5]),  # a long jump forward
-        # 1015 ms was due next: it is 300 ms now, and the grid goes on from there.
+        # 1015 ms was due next; the clock is now at 300 ms, from which the grid continues.
         ((1000, 1012, 300, 306), [1000, 1005, 1010, 300, 305]),
     ],
 )

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Torque-driven runs: configuration, commands, record, log and its verification."""
+"""Torque-driven runs: configuration, commands, records, logs and their verification."""
 
 import math
 from dataclasses import replace
@@ -28,20 +28,20 @@ from linkage_ros.wire.codecs import trajectory
 
 PUMP = load('wind_pump')
 QUADRILATERAL = configure({'drive': 'torque', 'motor.torque': 2.0, 'motor.damping': 0.05})
-# 150 rpm from rest, within time constants of 5 ns and 6 ms.
+# 150 rpm from rest, with time constants of 5 ns and 6 ms.
 STEEP = configure({'drive': 'torque', 'motor.torque': 5e7 * math.pi, 'motor.damping': 1e7})
 STUCK = configure({**PUMP.parameters(), 'slider.damping': 1e9, 'slider.velocity': 1.0})
 HELD = configure({**QUADRILATERAL.parameters(), 'start_rpm': 150.0, 'rocker.damping': 1e12})
 
 
 def changed(configuration=PUMP, **parts):
-    """A configuration with other fields, by the name of the part that has them."""
+    """Returns a configuration with other fields, grouped by the part that contains them."""
     new = {name: replace(getattr(configuration, name), **f) for name, f in parts.items()}
     return replace(configuration, **new)
 
 
 def cranks(path):
-    """The crank angles of the states in the log of a four-bar, rad."""
+    """Returns the crank angles of the states in the log of a four-bar, rad."""
     states = decoded(message.data for message in logged(path)[1]['/joint_states'])
     return np.array([numbers[0] for _, numbers in states])
 
@@ -113,7 +113,7 @@ def test_warning_about_command_gaps_stays_until_gaps_end():
     clock = Clock()
     commands = TorqueCommands(LIMITED, 'crank', clock)
     commands.torque()
-    assert not commands.troubles('')  # none was ever sent
+    assert not commands.troubles('')  # no command was ever sent
     for gap in [0.6] * 8 + [0.5] * 19:
         commands.receive(['crank'], [1.5], 0.0)
         clock.now += gap
@@ -147,7 +147,7 @@ def test_a_bad_command_is_refused_and_the_good_one_before_goes_on(names, efforts
 # ---------------------------------------------------------------- record
 
 
-# A crank without a mass stands at its dead centre, where no description has an acceleration.
+# A massless crank at its dead centre, where no coordinates determine the acceleration.
 MASSLESS = """/**:
   ros__parameters:
     mechanism: slider_crank
@@ -238,7 +238,7 @@ def test_a_live_run_verifies_through_commands_and_clock_steps(tmp_path, configur
 
 @pytest.mark.parametrize(('rpm', 'torques'), [(19_000.0, [-2e3]), (9_000.0, [-3e3, 3e3])])
 def test_long_gaps_at_extreme_speeds_verify(tmp_path, rpm, torques):
-    """A tick 74 ms late leaves a violent command in force; its errors grow with the way."""
+    """A tick 74 ms late keeps a large command in force; errors grow with the distance covered."""
     plan = ticks(5)
     for torque in torques:
         plan += [('command', torque), *ticks(2), ('skip', 74), *ticks(2)]
@@ -268,7 +268,7 @@ def test_another_motor_torque_leaves_the_command_in_force():
 
 
 def forge(path, claimed, real):
-    """A record of one run under the configuration of another."""
+    """Records one run with the configuration of another."""
     simulator, motion = Simulator(real), Simulator(real).begin(0, AdaptiveSteps)
     with LogWriter(path, claimed, overwrite=False) as log:
         channels = [log.add_topic(topic, f'/{topic.name}') for topic in simulator.topics]
@@ -317,7 +317,7 @@ def test_after_many_turns_the_state_is_that_of_the_angle_as_it_is_published(tmp_
 
 
 def moved(joint, row, by):
-    """Changes one number of joint_states and mechanism_state alike."""
+    """Changes a number in joint_states and mechanism_state."""
 
     def alter(simulator, snapshot):
         codec = JointStateCodec(simulator.joints, parts=trajectory)
@@ -335,7 +335,7 @@ def moved(joint, row, by):
 
 
 def elsewhere(shift, simulator, snapshot):
-    """A state that is right in itself, at another place."""
+    """Returns a consistent state at another position."""
     q, u, a = ((row[0], row[3]) for row in snapshot.state[:3])  # of crank and slider
     moved_to = snapshot.numbers[0] + shift
     state = Coordinates((within_two_turns(moved_to)[0], *q[1:]), u, a, moved_to)
@@ -372,7 +372,7 @@ def test_a_changed_state_is_found(tmp_path, alter, words):
 
 
 def test_a_record_with_a_torque_that_no_motor_gives_is_found(tmp_path):
-    """Commands come live; a record has none."""
+    """Commands occur only in live runs, so a record has none."""
     verified(live(tmp_path / 'a.mcap', PUMP, [*ticks(9), ('command', 1.0), *ticks(9)]))
     other = changed(drive={'motor': replace(PUMP.drive.motor, torque=8.5)})
     forge(tmp_path / 'b.mcap', PUMP, other)

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Torque in, motion out: orders, energy, other formulations, ends; the integrators."""
+"""Torque-driven motion: orders, energy, other formulations, ends of motion, integrators."""
 
 import itertools
 import math
@@ -57,7 +57,7 @@ from linkage_ros.parameters.configuration import load
 PUMP = load('wind_pump').mechanism
 QUADRILATERAL = load('quadrilateral').mechanism
 TWO_TURNS = 4 * math.pi
-# Of even inertia, without weight.
+# Constant inertia, no weight.
 WHEEL = FourBar(Frame(0.4), Body(0.1, inertia=2.0), Coupler(0.35), Body(0.3), gravity=(0.0, 0.0))
 both = pytest.mark.parametrize('integrate', [FixedSteps, AdaptiveSteps])
 
@@ -95,7 +95,7 @@ def test_too_long_steps_are_halved():
 
 
 def test_without_gravity_a_lone_flywheel_turns_evenly():
-    """A closed answer: constant torque, damping, constant inertia."""
+    """The exact solution for constant torque, damping and inertia is known."""
     for integrate in (FixedSteps, AdaptiveSteps):
         steps = begun(integrate, WHEEL, (0.5, 0.0), lambda speed: 3.0 - 0.8 * speed)
         steps.advance(4.0)
@@ -107,7 +107,7 @@ def test_without_gravity_a_lone_flywheel_turns_evenly():
 
 
 def test_corners_of_a_load_cost_a_record_no_accuracy():
-    """The time to each place follows from the work of a narrow peak of a load on a wheel."""
+    """The time to each position follows from the work of a narrow load peak on a flywheel."""
     at, value, turn = (1.0, 1.03, 1.06), (0.0, 9.0, 0.0), 2 * math.pi
     mechanism = with_loads(WHEEL, LoadCurve('crank', 'crank_angle', at, value))
     corners = np.array([k * turn + place for k in range(4) for place in (0.0, *at)])
@@ -118,7 +118,7 @@ def test_corners_of_a_load_cost_a_record_no_accuracy():
         i = np.searchsorted(corners, angle, side='right') - 1
         torque = np.interp(angle, at, value, period=turn)
         done = work[i] + (angle - corners[i]) * (torques[i] + torque) / 2
-        return 1 / math.sqrt(6.0**2 + done)  # of 2 kg m^2, from 6 rad/s
+        return 1 / math.sqrt(6.0**2 + done)  # 2 kg m^2, from 6 rad/s
 
     def time(angle):
         inside = corners[corners < angle]
@@ -132,7 +132,7 @@ def test_corners_of_a_load_cost_a_record_no_accuracy():
         found = [with_turns(phase[0], pairs) for phase, pairs in steps.phases(times)]
         return np.abs(np.subtract(found, angles)).max()
 
-    assert error(record_steps) < 1e-10 < 1e-5 < error(AdaptiveSteps)  # which steps over the peak
+    assert error(record_steps) < 1e-10 < 1e-5 < error(AdaptiveSteps)  # steps over the peak
 
 
 @both
@@ -147,7 +147,7 @@ def test_a_command_acts_from_its_stamp_on(integrate):
 @pytest.mark.parametrize('integrate', [live_steps, record_steps])
 @pytest.mark.parametrize('damping', [1e3, 1e5, 1e7])
 def test_a_steep_motor_line_keeps_its_speed_with_bounded_work(integrate, damping):
-    """From rest; the motor gives what the crank needs at an even speed, but for O(1 / damping)."""
+    """From rest; up to O(1 / damping), the motor torque is that needed at a constant speed."""
     speed, calls = 5 * math.pi, []
 
     def law(u):
@@ -160,12 +160,12 @@ def test_a_steep_motor_line_keeps_its_speed_with_bounded_work(integrate, damping
     given = damping * (speed - found[1])
     assert np.abs(given).max() < 1.2 * np.abs(needed).max()
     assert given == pytest.approx(needed, abs=40 / damping)
-    # Explicit steps would need a call for each time constant, up to 1e8 of them.
+    # Explicit steps would need a call per time constant, up to 1e8 calls.
     assert len(calls) < {live_steps: 11_000, record_steps: 60_000}[integrate]
 
 
 def test_after_days_time_constants_shorter_than_the_clock_resolves_are_followed():
-    """In double precision, 300 days are known to 4 ns; here 2 ps count."""
+    """In double precision, 300 days are resolved to 4 ns; this motion needs 2 ps."""
     ends = []
     for time in (0.0, 300 * 86400.0):
         steps = begun(live_steps, QUADRILATERAL, (0.0, 0.0), lambda u: 1e10 * (3.0 - u), time=time)
@@ -190,7 +190,7 @@ MISSED_BY_A_HAIR = FourBar(
 @both
 @pytest.mark.parametrize('linkage', [PARALLELOGRAM, MISSED_BY_A_HAIR])
 def test_change_points_are_passed(integrate, linkage):
-    """The links turn on through the line in which they could change assembly."""
+    """The links continue to turn through the line in which they could change assembly."""
     steps = begun(integrate, linkage, (0.2, 9.0))
     start = energy(steps)
     for tick in range(1, 301):
@@ -254,7 +254,7 @@ each = pytest.mark.parametrize('method', registry.INTEGRATORS, ids=lambda method
 
 @pytest.fixture(scope='module')
 def cases():
-    """The driven pump, the free pump, and a four-bar."""
+    """Returns the driven pump, the free pump, and a four-bar."""
     return {
         'driven': MotionCase(DRIVEN, even(1.0)),
         'free': MotionCase(FREE_PUMP, even(2.0), (ENERGY,)),
@@ -281,7 +281,7 @@ def test_reference_is_the_same_with_shorter_steps(problem):
 
 
 def test_reference_agrees_with_the_energy_of_another_hand():
-    """The time that a free crank needs is an integral over its angle: no steps of time."""
+    """The time of a free crank is an integral over its angle, without time steps."""
     angle, speed = MotionReference(COASTING).at(0.1)
     oracle = Oracle(COASTING.mechanism)
     with mp.workdps(30):
@@ -299,7 +299,7 @@ def test_reference_agrees_with_the_energy_of_another_hand():
 
 @pytest.mark.parametrize(
     ('problem', 'end'),
-    # From an oracle of another hand, with the pump's other data as they are.
+    # From an independent reference, with the pump's other data unchanged.
     [(driven_pump(2.0, 5.0), 0.399465563600), (driven_pump(2.0, -6.0), 0.230043884145),
      (DRIVEN, None)],
 )  # fmt: skip
@@ -374,7 +374,8 @@ def test_energy_of_a_free_motion_stays_and_a_loop_closed_from_coordinates(cases,
     case = cases['free']
     limit = 1e-6 if method.name.startswith(('Radau', 'multipliers')) else 1e-10
     assert worst(case, method, method.steady, ENERGY) < limit
-    # As it is the loop opens; Baumgarte's equation holds it, a projection closes it.
+    # Without stabilisation the loop opens; Baumgarte's equation limits the gap, projection
+    # closes it.
     limits = {'multipliers, unstabilised': (1e-9, 1e-6), 'multipliers, Baumgarte': (1e-14, 1e-9)}
     least, most = limits.get(method.name, (0.0, 1e-14))
     assert least <= worst(case, method, method.steady, LOOP) < most

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Node and controller on two hosts whose link is cut: the quick form of the benchmark."""
+"""Node and controller on two hosts whose link is cut: a short version of the benchmark."""
 
 import json
 import sys
@@ -21,7 +21,7 @@ def test_node_and_log_outlast_a_cut_link(tmp_path):
     assert done.returncode == 0, done.stdout + done.stderr
     figures = json.loads((tmp_path / 'hosts.json').read_text())
     (cut,) = figures['cuts']
-    # All of them are in the log; of those of the cut the subscriber heard hardly any.
+    # The log contains all states; the subscriber received hardly any of those during the cut.
     assert figures['states_logged'] == figures['states_published'] > figures['heard']
     assert cut['unheard'] > cut['logged'] / 2
     assert cut['time_out_said']

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Commands from bytes: what rclpy packs is read, what is none is said."""
+"""Decodes commands: messages packed by rclpy are read, invalid messages are reported."""
 
 from contextlib import suppress
 

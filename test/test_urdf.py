@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The URDF, read by an XML parser, and the tf tree that robot_state_publisher makes of it.
 
-It reads robot_description and joint_states as subscribers get them: each joint of a URDF makes a
-transform from its parent link to its child link, at the position that joint_states names. Where
-the links have to be follows from the solver's angles and the mechanism's lengths alone.
+The tests use robot_description and joint_states as received by subscribers. Each joint of the URDF
+gives a transform from its parent link to its child link, at its position in joint_states. The
+expected poses come only from the solver's angles and the mechanism's lengths.
 """
 
 import cmath
@@ -35,7 +35,7 @@ DOCUMENTED = yaml.safe_load(block(read('docs/urdf.md'), 'ros__parameters'))
 
 
 def linkage(preset, stamp=STAMP, **values):
-    """A simulator and its messages at a stamp."""
+    """Returns a simulator and its messages at a stamp."""
     parameters = {k: v for k, v in load(preset).parameters().items() if v is not None}
     simulator = Simulator(configure({**parameters, **values}))
     return simulator, simulator.snapshot_at(simulator.begin(0), stamp)
@@ -50,9 +50,9 @@ def numbers(element, key):
 
 
 def posed(linkages):
-    """The linkages as one robot in MuJoCo, whose joints are where their messages say.
+    """Loads the linkages into MuJoCo as one robot, with the joints at their published positions.
 
-    One publisher of joint_states serves all; a link that is described in two places carries the
+    The linkages share one publisher of joint_states. A link that occurs in two URDFs carries the
     pivots in one of them.
     """
     robot, known, positions = ET.Element('robot', name='linkages'), {}, []
@@ -76,14 +76,14 @@ def posed(linkages):
 
 
 def pose(data, frame):
-    """Place, m, and axes of a frame; the root is fixed, so that MuJoCo has it as the world."""
+    """Returns position, m, and axes of a frame; MuJoCo merges the fixed root with its world."""
     names = {data.body(number).name for number in range(data.model.nbody)}
     body = data.body(frame if frame in names else 'world')
     return body.xpos, body.xmat.reshape(3, 3)
 
 
 def expected(simulator, snapshot):
-    """Each moving link's place, x + iy, and direction, in the link that carries the pivots."""
+    """Returns position, x + iy, and direction of each moving link, in the link with the pivots."""
     mechanism, angles = simulator.configuration.mechanism, snapshot.state.position
     pin = mechanism.crank.length * cmath.exp(1j * angles[0])
     end = pin + mechanism.coupler.length * cmath.exp(1j * angles[1])
@@ -128,7 +128,7 @@ def test_each_link_is_where_the_mechanism_has_it(preset, stamp):
     [
         ({'joint_prefix': 'left_'}, {'joint_prefix': 'right_'}),
         ({'frame_id': 'arm/tool0'}, {'joint_prefix': 'b_', 'frame_id': 'arm/tool0'}),
-        # Its pivots on a moving link of the other linkage.
+        # Its pivots are on a moving link of the other linkage.
         [node['ros__parameters'] for node in DOCUMENTED.values()],
     ],
     ids=['both prefixed', 'on a robot', 'of the docs'],
@@ -185,7 +185,7 @@ def test_a_slider_is_a_prismatic_joint_along_its_guide(preset):
     assert (limit['lower'], limit['upper']) == (-reach, reach)
     inertial = robot.find("link[@name='slider_link']/inertial")
     assert float(inertial.find('mass').get('value')) == mechanism.slider.mass
-    assert float(inertial.find('inertia').get('izz')) > 0  # simulators want some
+    assert float(inertial.find('inertia').get('izz')) > 0  # simulators require a mass
 
 
 def test_zero_mass_or_inertia_becomes_small_and_a_comment_says_so():

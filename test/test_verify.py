@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Logs recomputed: untouched ones are equal to the bit, and every kind of tampering is named."""
+"""Verification of logs: unmodified logs are equal to the bit, and every change is reported."""
 
 import math
 import re
@@ -85,7 +85,7 @@ def test_change_points_and_ramps_through_zero(tmp_path, values):
 
 
 def looped(rpm):
-    """As a looping bag does on simulated time: pieces overlap, tick for tick."""
+    """Writes a log as from a looping bag on simulated time: segments overlap, tick for tick."""
     loop = [*ticks(30), ('rpm', rpm), *ticks(30), ('step', -50 * 5_000_000), *ticks(10)]
     return [*loop, ('rpm', 33.0), *loop, *loop]
 
@@ -95,7 +95,7 @@ def stepped(there, back):
     return [*(item for part in parts for item in part), *ticks(9)]
 
 
-# As with /clock set back to 0: every run through begins at the very stamp of the first.
+# With /clock set back to 0, every loop begins at the stamp of the first.
 RESET = [('step', -100 * 5_000_000), *ticks(99)]
 SLIDER = {**load('slider_crank').parameters(), 'rate_hz': 123.4, 'crank_acceleration': 11.0}
 SLOW = {'rpm': 20.0, 'crank_acceleration': 11.0}
@@ -134,7 +134,7 @@ def test_live_runs_are_equal_to_the_bit(tmp_path, run):
 
 
 def without(name):
-    """An edit that leaves out the metadata records of a name."""
+    """Returns an edit that removes the metadata records of a name."""
     return lambda records: [record for record in records if getattr(record, 'name', '') != name]
 
 
@@ -153,7 +153,7 @@ def test_a_log_without_stamps_or_motions_cannot_be_verified_and_an_empty_one_can
 
 def test_a_state_that_was_cut_off_at_the_very_end_is_said(tmp_path):
     path = live(tmp_path / 'run.mcap', load('quadrilateral'), ticks(20), diagnostics=False)
-    rewrite(path, lambda records: records[:-3])  # the last one is the end record
+    rewrite(path, lambda records: records[:-3])  # the last is the end record
     report = report_of(path)
     assert report.difference == ''
     assert (report.states, report.cut) == (19, ('/mechanism_state', '/coupler_point'))
@@ -163,10 +163,10 @@ def test_a_state_that_was_cut_off_at_the_very_end_is_said(tmp_path):
 
 
 def rewrite(path, edit):
-    """Writes a log anew, its records changed by `edit`, all checksums of MCAP right.
+    """Rewrites a log after an edit of its records, with valid checksums.
 
     Args:
-        path: Of the log.
+        path: The log.
         edit: Changes a list of records, or returns another one.
     """
     header, *records = records_of(path)
@@ -175,12 +175,12 @@ def rewrite(path, edit):
 
 
 def named(records, name):
-    """The records of a kind that have names: schemas and metadata."""
+    """Returns the records with a name, schemas or metadata."""
     return [record for record in records if getattr(record, 'name', '') == name]
 
 
 def places_of(records, topic):
-    """Where the messages of a topic are."""
+    """Returns the indices of the messages of a topic."""
     (number,) = (r.id for r in records if isinstance(r, Channel) and r.topic == topic)
     return [
         place for place, r in enumerate(records)
@@ -189,7 +189,7 @@ def places_of(records, topic):
 
 
 def at(topic, number, change):
-    """An edit of a message: `change` takes the records, its place and that of the next one."""
+    """Returns an edit of a message: `change` takes the records, its index and that of the next."""
     return lambda records: change(records, *places_of(records, topic)[number : number + 2])
 
 
@@ -220,7 +220,7 @@ def flip(topic, number, byte, bit):
 
 
 def delayed(topic, number, *, log=0, publish=0):
-    """An edit of the times of a message, ns."""
+    """Returns an edit of the log and publish times of a message, ns."""
 
     def change(records, place, *_):
         records[place].log_time += log
@@ -234,7 +234,7 @@ QUADRILATERAL = ('/joint_states', '/driving_torque', '/mechanism_state', '/coupl
 
 @pytest.fixture(scope='module')
 def good(tmp_path_factory):
-    """The bytes of a record, and those of a live run with two segments of motion."""
+    """Returns the bytes of a record, and of a live run with two segments of motion."""
     path = tmp_path_factory.mktemp('good') / 'run.mcap'
     record(load('quadrilateral'), path, duration=0.5)
     recorded = path.read_bytes()
@@ -253,7 +253,7 @@ def path(request, tmp_path, good):
 
 
 def velocity(path, state):
-    """The coupler's velocity in a state, its place in joint_states, and the largest one."""
+    """Returns the coupler's velocity in a state, its index in joint_states, and the maximum."""
     codec = JointStateCodec(('crank', 'coupler', 'rocker'))
     with LogReader(path) as log:
         data = [message.data for message in log.messages(['/joint_states'])]
@@ -266,7 +266,7 @@ def velocity(path, state):
 
 
 def written_over(topic, number, place, value):
-    """An edit of a number of a message."""
+    """Returns an edit of a number in a message."""
 
     def change(records, at, *_):
         data = bytearray(records[at].data)
@@ -278,7 +278,7 @@ def written_over(topic, number, place, value):
 
 @pytest.mark.parametrize('ulp', [1, 4, 5, 1000, math.nan])
 def test_values_within_four_ulp_of_the_largest_are_equal_and_others_are_named(path, called, ulp):
-    """The sine of another machine may differ in its last bit."""
+    """On another machine, a sine may differ in its last bit."""
     value, place, largest = velocity(path, 40)
     other = value + ulp * math.ulp(largest)
     rewrite(path, written_over('/joint_states', 40, place, other))
@@ -309,7 +309,7 @@ def test_a_flipped_bit_is_found_in_every_byte(path, topic):
         path.write_bytes(before)
         rewrite(path, flip(topic, number, byte, 0x40))
         difference = report_of(path).difference
-        # A stamp may say that the message, or another of its state, is out of place.
+        # With another stamp, the message, or another one of its state, seems to be misplaced.
         assert topic in difference or 'has that stamp' in difference, (byte, difference)
         assert '\n' not in difference
         assert len(difference) < 400
@@ -325,14 +325,14 @@ def test_a_lost_doubled_or_swapped_message_is_found(path, topic, number, change)
 
 
 def test_a_lost_message_among_equal_ones_is_found(tmp_path):
-    """At rest all torques are equal."""
+    """At rest, all torques are equal."""
     path = live(tmp_path / 'run.mcap', configure({'rpm': 0.0}), ticks(60))
     rewrite(path, at('/driving_torque', 30, drop))
     assert 'is not the next one of state 31' in report_of(path).difference
 
 
 def edit_states(edit):
-    """Changes the list of states, each the list of its messages."""
+    """Returns an edit of the list of states, each the list of its messages."""
 
     def change(records):
         columns = [places_of(records, topic) for topic in QUADRILATERAL]
@@ -346,7 +346,7 @@ def edit_states(edit):
 
 
 def later(states):
-    """One state with all its log times off its stamp, which a record does not have."""
+    """Shifts all log times of a state from its stamp, which does not occur in a record."""
     for message in states[7]:
         message.log_time += 1
         message.publish_time += 1
@@ -381,14 +381,14 @@ def test_whole_states_lost_doubled_or_swapped(path, good, edit, in_record, in_li
 
 
 def test_stamps_off_the_ticks_are_found(tmp_path):
-    """Every value is right for its stamp, but no tick has that stamp."""
+    """Every value is correct for its stamp, but no tick has that stamp."""
     plan = [*ticks(9), ('tick', 1), *ticks(9)]
     path = live(tmp_path / 'run.mcap', load('quadrilateral'), plan)
     assert re.match('state 10, .*no tick .* has that stamp', report_of(path).difference)
 
 
 def forge(records):
-    """Makes a topic one of the type of another topic."""
+    """Gives a topic the type of another topic."""
     channels = {record.topic: record for record in records if isinstance(record, Channel)}
     channels['/diagnostics'].schema_id = channels['/driving_torque'].schema_id
 
@@ -399,7 +399,7 @@ def narrow(records):
 
 
 def resealed(name, change, number=0):
-    """An edit of the fields of a metadata record; its checksum is right."""
+    """Returns an edit of the fields of a metadata record, with a valid checksum."""
 
     def edit(records):
         item = named(records, name)[number]
@@ -489,8 +489,8 @@ def test_changes_with_valid_checksums_are_found(path, edit, words):
 
 # ---------------------------------------------------------------- of version 0.1.0
 
-# Recorded by that version, which knew neither joint_prefix nor frame_id. Its URDF gave links the
-# names of joints, so all but robot_description is compared.
+# Recorded by that version, which had neither joint_prefix nor frame_id. Its URDF named links like
+# joints, so all topics except robot_description are compared.
 LOGS = {
     preset: Path(__file__).parent / 'data' / f'version_0_1_0_{preset}.mcap'
     for preset in ('quadrilateral', 'wind_pump')

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The thread between the steps and whatever may be slow: gates stand for slowness, not sleeps."""
+"""The thread between ticks and slow consumers; gates simulate slowness, without sleeps."""
 
 import subprocess
 import sys
@@ -11,12 +11,12 @@ import pytest
 
 from linkage_ros.run.worker import Worker
 
-PATIENCE = 20.0  # s, until a wait that must end counts as a hang
+PATIENCE = 20.0  # s, time after which a wait counts as a hang
 QUICK = 0.001
 
 
 class Gated:
-    """A consumer that holds each call until it is let through, and may fail at one of them."""
+    """A consumer that blocks each call until its gate opens, and may fail at one call."""
 
     def __init__(self, *, is_open=True, fails=False, fails_to_close=False):
         self.gate, self.entered, self.called = (threading.Event() for _ in range(3))
@@ -130,7 +130,7 @@ def test_items_queued_at_or_after_a_failure_are_counted():
     for item in range(3):
         worker.offer(item)
     consumer.gate.set()
-    worker._thread.join(PATIENCE)  # it ends by itself
+    worker._thread.join(PATIENCE)  # ends without further calls
     for item in range(100):
         assert worker.dropped == 3 + item
         worker.offer(item)
@@ -144,7 +144,7 @@ def test_close_gives_up_on_a_hanging_consumer():
     assert consumer.entered.wait(PATIENCE)
     assert worker.close(0.05) is False
     assert consumer.closed == 0
-    consumer.gate.set()  # once it wakes, it is closed after all
+    consumer.gate.set()  # when it continues, it is still closed
     assert worker.close(PATIENCE)
     assert (consumer.closed, errors) == (1, [])
 
