@@ -117,7 +117,7 @@ def test_csv_equals_solver_to_the_last_bit(drawn, preset):
 
 
 @pytest.mark.parametrize('preset', ALL)
-def test_everything_lies_within_the_picture(drawn, preset):
+def test_nothing_is_cut_off_at_the_edges(drawn, preset):
     pixels = drawn[preset].pixels
     edges = pixels[:3], pixels[-3:], pixels[:, :3], pixels[:, -3:]
     assert all((edge == 1.0).all() for edge in edges)
@@ -126,7 +126,7 @@ def test_everything_lies_within_the_picture(drawn, preset):
 
 
 @pytest.mark.parametrize('preset', ALL)
-def test_peaks_are_written_beside_the_curve(drawn, preset):
+def test_peaks_are_written_next_to_the_curve(drawn, preset):
     columns = drawn[preset].columns
     found = extent(columns['crank_angle [rad]'], columns['driving_torque [N m]'])
     texts = [text.get_text().split() for text in drawn[preset].page.findobj(Text)]
@@ -242,7 +242,7 @@ def test_sharp_peaks_near_change_points_are_sampled(gap):
     assert period.mean_power == 0.0
 
 
-def test_a_period_of_two_turns_is_drawn_whole(tmp_path, called):
+def test_period_of_two_turns_is_drawn_completely(tmp_path, called):
     odd = tmp_path / 'cost_$5_$x{.yaml'  # matplotlib must not parse the file name as math
     odd.write_text(CHANGE_POINT)
     code, out, _ = called(chart_tool, 'motion', odd, '--rpm', '6', '--out', tmp_path)

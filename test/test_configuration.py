@@ -154,7 +154,7 @@ def test_every_preset_loads_by_name_and_by_path_and_turns(path):
 # ---------------------------------------------------------------- names
 
 
-def test_every_hint_is_a_parameter():
+def test_every_hint_names_a_parameter():
     kinds = [MechanismAndDrive(kind, drive) for kind in MECHANISMS for drive in DRIVES]
     names = {leaf.name for kind in kinds for leaf in parameter_leaves(kind)}
     parts = {part for name in names for part in (name, name.split('.')[0], name.split('.')[-1])}
@@ -190,7 +190,7 @@ def test_numbers_of_any_kind_become_floats(kind):
 
 
 @pytest.mark.parametrize('name', [*NUMBERS, *PAIRS])
-def test_limits_are_inclusive(name):
+def test_limits_of_ranges_are_inclusive(name):
     quantity = LIMITED[name].quantity
     is_pair = quantity.kind == 'pair'
     for limit, beyond in ((quantity.low, -math.inf), (quantity.high, math.inf)):
@@ -221,7 +221,7 @@ def test_crank_joint_must_not_be_another_joint_of_the_linkage():
         configure({'drive': 'follow', 'joint_prefix': 'l_', 'crank_joint': name})
 
 
-def test_minus_zero_becomes_zero():
+def test_negative_zero_becomes_zero():
     strings = to_strings(configure({**REQUIRED, 'rpm': -0.0, 'gravity': [-0.0, -0.0]}))
     assert (strings['rpm'], strings['gravity']) == ('0.0', '[0.0, 0.0]')
 
@@ -240,7 +240,7 @@ CONFIGURATIONS = [
 
 
 @pytest.mark.parametrize('values', CONFIGURATIONS)
-def test_text_loses_nothing(values):
+def test_configuration_survives_conversion_to_strings(values):
     configuration = configure(values)
     strings = to_strings(configuration)
     assert from_strings(strings) == configuration
@@ -252,7 +252,7 @@ def test_text_loses_nothing(values):
 
 
 @pytest.mark.parametrize('text', ['', '150 rpm', '{', "'open'", 'nan', '1' * 5_000])
-def test_text_that_is_not_json_is_refused(text):
+def test_strings_that_are_not_json_are_refused(text):
     strings = {**to_strings(configure({})), 'rpm': text}
     with pytest.raises(ConfigurationError, match='configuration is not JSON: ') as caught:
         from_strings(strings)
@@ -260,7 +260,7 @@ def test_text_that_is_not_json_is_refused(text):
 
 
 @pytest.mark.parametrize('name', ['mechanism', 'rpm', 'frame.length', 'rocker.length'])
-def test_text_that_lacks_a_required_setting_is_refused(name):
+def test_strings_without_a_required_parameter_are_refused(name):
     """A log is self-contained: none of its values may come from a current preset."""
     strings = to_strings(configure({'rpm': 60.0}))
     del strings[name]

@@ -169,19 +169,19 @@ def test_points_hold_the_exact_motion_and_torque_of_the_crank_alone(prefix):
 
 
 @pytest.mark.parametrize('horizon', [0.5, 0.1])
-def test_a_trajectory_is_renewed_at_half_of_its_horizon(horizon):
+def test_trajectory_is_renewed_after_half_its_horizon(horizon):
     stamps = [stamp - T0 for stamp, _ in made(machine(trajectory_horizon=horizon), 2)]
     assert stamps == list(range(0, 2 * NS_PER_S, round(horizon * NS_PER_S / 2)))
 
 
-def test_a_trajectory_begins_before_its_stamp_where_ticks_fall_between_points():
+def test_trajectory_begins_before_its_stamp_if_ticks_fall_between_points():
     for stamp, message in made(machine(rate_hz=333.0), 1, rate=333):
         assert 0 <= stamp - nanoseconds(message.header.stamp) < NS_PER_MS
         end = nanoseconds(message.header.stamp) + nanoseconds(message.points[-1].time_from_start)
         assert end >= stamp + 2 * HALF
 
 
-def test_a_new_speed_a_step_of_the_clock_and_a_pause_make_a_new_trajectory_at_once(monkeypatch):
+def test_speed_change_clock_step_and_pause_renew_the_trajectory_at_once(monkeypatch):
     one, solved = machine(), []
     at = SpeedMotion.at
     monkeypatch.setattr(SpeedMotion, 'at', lambda *stamp: solved.append(stamp) or at(*stamp))

@@ -64,7 +64,7 @@ def total(steps):
 
 
 @pytest.mark.parametrize('name', MECHANISMS)
-def test_a_state_is_the_same_in_all_descriptions(name):
+def test_state_is_equal_in_all_coordinates(name):
     """In the other coordinates, one of the two assemblies has the position of the links."""
     mechanism = MECHANISMS[name]
     own, y = Solver(mechanism), start(mechanism)
@@ -106,7 +106,7 @@ def test_energy_is_conserved_past_dead_centres(name, integrate):
 
 
 @every
-def test_the_motion_is_that_of_absolute_coordinates(name):
+def test_motion_agrees_with_absolute_coordinates(name):
     mechanism = MECHANISMS[name]
     follower = Multipliers(InitialValueProblem(mechanism, start(mechanism)), 1e-12)
     steps, due, crank = begun(record_steps, mechanism), None, 0.0
@@ -170,7 +170,7 @@ def test_states_next_to_the_jump_at_pi_close_the_loop_and_verify(name, tmp_path)
     verified(tmp_path / 'slow.mcap')
 
 
-def test_many_moments_have_the_bits_of_one_at_a_time():
+def test_batches_have_the_bits_of_single_states():
     simulator = Simulator(configuration(MECHANISMS['triple_rocker_far']))
     one, many = (simulator.begin(0, record_steps) for _ in range(2))
     stamps = [tick * 10 * NS_PER_MS for tick in range(300)]
@@ -193,7 +193,7 @@ def test_many_moments_have_the_bits_of_one_at_a_time():
         (Description(('rocker',), 'sideways'), "assembly = 'sideways': must be one of open"),
     ],
 )
-def test_a_false_description_is_found(forged, words, tmp_path, monkeypatch):
+def test_wrong_coordinates_in_a_segment_are_detected(forged, words, tmp_path, monkeypatch):
     """The segment has the wrong assembly, or coordinates that the mechanism does not have."""
     write = LogWriter.write_motion
 
@@ -205,7 +205,7 @@ def test_a_false_description_is_found(forged, words, tmp_path, monkeypatch):
     assert words in report_of(tmp_path / 'run.mcap').difference
 
 
-def test_a_live_run_has_compiled_what_its_dead_centres_need(monkeypatch):
+def test_live_run_compiles_the_programs_of_its_dead_centres_in_advance(monkeypatch):
     """Compiling during the run would delay hundreds of ticks."""
     simulator = Simulator(configuration(of((2.03, 1.5, 1.2, 2.2), 0.31)))
     simulator.prepare_live()
@@ -219,7 +219,7 @@ def test_a_live_run_has_compiled_what_its_dead_centres_need(monkeypatch):
     assert compiled == []
 
 
-def test_a_change_point_of_a_limited_crank_ends_the_motion_in_words():
+def test_change_point_of_a_limited_crank_ends_the_motion_with_an_error():
     for name in sorted(WITH_CHANGE_POINT):
         with pytest.raises(MotionError, match='all links are in line, and the motion can') as ends:
             begun(live_steps, free(MECHANISMS[name])).advance(5.0)
@@ -228,7 +228,7 @@ def test_a_change_point_of_a_limited_crank_ends_the_motion_in_words():
         assert low - 1e-9 < low + (crank - low) % (2 * math.pi) < high + 1e-9
 
 
-def test_without_other_coordinates_the_motion_ends_there(monkeypatch):
+def test_motion_ends_at_a_singularity_without_other_coordinates(monkeypatch):
     """The error names the position, and states that the mechanism itself could move on."""
     for kind in type(MECHANISMS['triple_rocker_far']), type(STRETCHED):
         monkeypatch.setattr(kind, 'other_coordinates', ())

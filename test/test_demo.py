@@ -17,7 +17,7 @@ PROGRAM = 'python -m linkage_ros.demo'
 SHORT = 'from linkage_ros import demo; demo._SECONDS = 3.0; demo._main()'
 
 
-def test_an_argument_does_not_start_it(tmp_path):
+def test_demo_refuses_arguments(tmp_path):
     done = subprocess.run(
         [sys.executable, '-m', 'linkage_ros.demo', '--rate'],
         capture_output=True, text=True, cwd=tmp_path, timeout=60,
@@ -32,7 +32,7 @@ def children(pid):
     return [int(child) for child in found]
 
 
-def test_a_shared_machine_makes_no_warning_and_few_lines(tmp_path):
+def test_busy_machine_causes_no_warning_and_few_lines(tmp_path):
     """Twice a second, the node loses half of a tenth of a second: 5 % of its ticks."""
     without_screen = {
         name: value

@@ -213,7 +213,7 @@ def test_every_script_has_help(path):
         ('. venv/bin/activate', 'venv'),
     ],
 )
-def test_a_wrong_command_is_found(line, found):
+def test_wrong_command_is_detected(line, found):
     ((words, is_block, near),) = commands(f'Type\n\n    {line}    # this\n\nand wait.\n')
     with pytest.raises((AssertionError, SyntaxError, ConfigurationError), match=found):
         check_command(words, is_block=is_block, near=near)

@@ -209,7 +209,7 @@ def test_every_number_of_a_page_is_measured_or_defined(figures, name):
     assert neither_measured_nor_defined(figures, name, page) == []
 
 
-def test_number_without_a_measurement_is_found(figures):
+def test_number_without_a_measurement_is_detected(figures):
     page = read('docs/methods.md')
     longer = f'{page}\nIt takes 3.7 of that, or 2e-8 s.\n'
     assert neither_measured_nor_defined(figures, 'methods', longer) == ['3.7', '2e-8']
@@ -277,7 +277,7 @@ def test_timing_picture_is_drawn_beside_its_page(monkeypatch, tmp_path):
     assert '](timing.png)' in read('docs/timing.md')
 
 
-def test_a_wrong_number_is_found():
+def test_wrong_number_is_detected():
     assert agrees('0.110', 0.11017)
     assert agrees('690', 693.5)
     assert not agrees('0.110', 0.1107)
@@ -306,7 +306,7 @@ def test_every_table_has_a_place_on_the_page(reference):
     assert PAGE.count('<!-- end -->') == len(places)
 
 
-def test_a_changed_row_is_found(reference):
+def test_changed_row_is_detected(reference):
     changed = PAGE.replace('| `rate_hz` | 0.01 to 100000 Hz | `200.0` |', '| `rate_hz` | Hz | - |')
     assert changed != PAGE
     assert reference.filled(changed) == PAGE

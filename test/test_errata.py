@@ -153,7 +153,7 @@ def test_velocities_close_the_loop_as_printed_and_accelerations_lack_the_squared
     assert np.abs(printed + lack).max() < 1e-13
 
 
-def test_coefficients_of_the_velocities_are_these():
+def test_velocity_coefficients_match_the_errata():
     pump, state = pump_motion()
     l1, l2, l3 = pump.crank.length, pump.coupler.length, pump.rod.length
     phi1, phi2, phi3, _ = state.position

@@ -235,7 +235,7 @@ def test_springs_and_torques_act_as_on_our_plant(preset, values):
         *('gravity', 'coupler.length', 'slider.offset'),
     ],
 )
-def test_a_slip_of_a_hundredth_in_any_number_is_seen(name):
+def test_error_of_one_percent_in_any_number_is_detected(name):
     """Negative control over 0.1 s; the crank is accelerated, so that its inertia matters."""
     configuration = pump(start_rpm=300.0, crank_acceleration=500.0)
     told = slipped(configuration.mechanism, name, 0.01)
@@ -244,7 +244,7 @@ def test_a_slip_of_a_hundredth_in_any_number_is_seen(name):
     assert wrong > 10 * right
 
 
-def test_the_urdf_is_that_of_the_node_and_the_tag_that_of_the_docs(tmp_path, called):
+def test_urdf_equals_that_of_the_node_and_tag_that_of_the_docs(tmp_path, called):
     out, configuration = tmp_path / 'linkage.urdf', load('slider_crank')
     assert called(export_tool, 'urdf', 'slider_crank', out)[0] == 0
     assert out.read_text() == make_urdf(configuration.mechanism)

@@ -63,7 +63,7 @@ def slipped(value):
     ['position', 'velocity', 'acceleration', 'torque', 'pins', 'guide_force', 'shaking_force',
      'shaking_moment'],
 )  # fmt: skip
-def test_comparison_catches_a_slip_in_any_quantity(field):
+def test_comparison_detects_an_error_in_any_quantity(field):
     """Negative control of worst_errors and force_errors."""
     solver, right = (Solver(ALL['offset_right']) for _ in range(2))
 
@@ -94,7 +94,7 @@ def test_states_points_and_forces_are_right_around_two_turns(name, motion):
     data=st.data(),
     angles=st.lists(st.floats(-TURN, TURN, allow_subnormal=False), min_size=3, max_size=3),
 )
-def test_any_mechanism_is_right(kind, data, angles):
+def test_random_mechanisms_are_right(kind, data, angles):
     solver = Solver(data.draw(ANY[kind]()))
     assert max(worst_errors(solver, angles)) < 1e-13
     if not (solver.mobility and solver.mobility.has_change_point):
@@ -110,14 +110,14 @@ def around(lengths, angle, exponents):
 
 @pytest.mark.parametrize(('angle', 'assembly'), [(0.3, 'open'), (-2.0, 'crossed')])
 @through_change_points
-def test_change_points_are_hit_neared_and_passed(name, angle, assembly):
+def test_states_at_and_near_change_points_are_right(name, angle, assembly):
     lengths = CHANGE_POINTS[name]
     solver = Solver(of(lengths, angle, assembly))
     assert max(worst_errors(solver, around(lengths, angle, (3, 8, 15)))) < 1e-13
 
 
 @pytest.mark.parametrize('name', CHANGE_POINTS)
-def test_change_points_are_neared_as_closely_as_doubles_can(name):
+def test_states_as_close_to_change_points_as_doubles_allow_are_right(name):
     """Down to 1e-300 rad; the guide's angle compensates the rounding of pi/2, 6.123e-17."""
     lengths, lack = CHANGE_POINTS[name], 6.123233995736766e-17
     near = [0.0, 1e-20, -1e-100, 1e-160, -1e-300]
@@ -138,7 +138,7 @@ def test_change_points_are_neared_as_closely_as_doubles_can(name):
     ['.1 .2 .3 .4', '.1 .4 .2 .3', '.3 .4 .2 .1', '.1 .7 .3 .5', '.2 .3 .2 .3', '.1 .25 .4 .25',
      '.0001 .0007 .0003 .0005', '.1 .3 .2', '.1 .3 -.2', '.7 .8 .1', '1.1 3.3 2.2', '.3 .3 0'],
 )  # fmt: skip
-def test_lengths_typed_in_decimals_meet_the_change_point_that_was_meant(text):
+def test_decimal_lengths_have_the_intended_change_point(text):
     meant = [Fraction(x) for x in text.split()]
     mechanism = of(meant, 0.3)
     assert Oracle(mechanism, meant).passes_change_point
@@ -151,7 +151,7 @@ def test_lengths_typed_in_decimals_meet_the_change_point_that_was_meant(text):
 @pytest.mark.parametrize(
     'name', ['rhombus', 'p0', 'p0_double_crank', 'q0_rocker_longest', 'kite_r_d', 'upper', 'lower']
 )
-def test_lengths_a_little_off_a_change_point_keep_all_digits(name, gap):
+def test_lengths_near_a_change_point_keep_all_digits(name, gap):
     tried = 0
     for link, sign in itertools.product(range(len(CHANGE_POINTS[name])), (1, -1)):
         lengths = [float(x) for x in CHANGE_POINTS[name]]
@@ -370,7 +370,7 @@ def test_change_points_are_refused_after_any_number_of_turns(name, turns):
 
 
 @passed
-def test_typed_angles_of_change_points_miss_them_by_rounding(name):
+def test_typed_angles_of_change_points_are_off_by_rounding(name):
     """Control of the previous test: an exact guard would not refuse forces at these angles."""
     mechanism, _ = PASSED[name]
     for crank in (x for turns in (1, 3, 101, 1000) for x in passing(name, turns)):

@@ -91,7 +91,7 @@ def test_a_steady_speed_and_a_steady_change_of_speed_are_followed(wrapped, has_v
     assert later.q[0] - last.q[0] == pytest.approx(last.u[0] * 0.01 + last.a[0] * 5e-5, rel=1e-12)
 
 
-def test_the_filter_begins_anew_at_the_start_after_a_gap_and_after_a_step_back():
+def test_filter_restarts_after_a_gap_and_after_a_step_back():
     start, gap = 11_000 * MS, 501 * MS  # 10 / bandwidth is 500 ms
     motion, found = followed(
         [(start, 0.1, 3.0), (start + 5 * MS, 0.2, 4.0), (start + gap + 5 * MS, 0.9, 5.0),
@@ -128,7 +128,7 @@ def measured_crank(simulator):
     return crank
 
 
-def test_messages_of_all_kinds_are_taken_or_left_out_by_their_cause():
+def test_messages_are_accepted_or_counted_by_cause_of_rejection():
     limited = four_bar(LIMITED['rocker_crank'])
     configuration = replace(configure({'drive': 'follow'}), mechanism=limited)
     crank = measured_crank(Simulator(configuration))
@@ -152,7 +152,7 @@ def test_messages_of_all_kinds_are_taken_or_left_out_by_their_cause():
     assert crank.left_out == {NO_JOINT_STATE: 3, NO_CRANK: 3, OUT_OF_REACH: 1}
 
 
-def test_a_robot_may_name_the_crank_otherwise():
+def test_robot_may_use_another_name_for_the_crank():
     crank = measured_crank(Simulator(configure({'drive': 'follow', 'crank_joint': 'arm/motor'})))
     stamp, found = crank.read(message(5, name=('base', 'arm/motor'), position=(0.0, 0.5)), 7)
     assert (stamp, found.unwrapped) == (5, 0.5)

@@ -119,7 +119,7 @@ def test_rosbags_reads_the_bare_file(log):
             assert channel.metadata['topic_type_hash'] == own
 
 
-def test_rosbags_turns_it_into_a_folder_of_the_same_bytes(log, tmp_path, monkeypatch):
+def test_rosbags_converts_the_log_to_a_folder_with_the_same_bytes(log, tmp_path, monkeypatch):
     words = ['rosbags-convert', '--src', str(log.path), '--dst', str(tmp_path / 'run')]
     monkeypatch.setattr(sys, 'argv', words)
     with pytest.raises(SystemExit, match='0'):
@@ -205,7 +205,7 @@ def test_rerun_reads_every_value(log):
 # ---------------------------------------------------------------- what the document shows
 
 
-def test_the_metadata_lines_tell_configuration_and_motion(log, capsys, monkeypatch):
+def test_metadata_example_prints_configuration_and_motion(log, capsys, monkeypatch):
     monkeypatch.chdir(log.path.parent)
     lines = block(DOCUMENT, 'iter_metadata')
     assert len(lines.splitlines()) <= 5
@@ -221,7 +221,7 @@ def test_the_metadata_lines_tell_configuration_and_motion(log, capsys, monkeypat
     assert expected in motion
 
 
-def test_the_pandas_lines_give_a_column_per_joint_and_quantity(log, monkeypatch):
+def test_pandas_example_makes_a_column_per_joint_and_quantity(log, monkeypatch):
     """Runs all lines except those with pandas, which need not be installed."""
     monkeypatch.chdir(log.path.parent)
     tree, names = ast.parse(block(DOCUMENT, 'pandas')), {}

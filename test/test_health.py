@@ -61,7 +61,7 @@ def bursts(share, seconds, seed=7):
     ],
     ids=['one each second', 'a pause now and then', 'at the start', '3 % in bursts'],
 )
-def test_a_few_missed_ticks_are_no_warning(missed):
+def test_few_missed_ticks_cause_no_warning(missed):
     assert motion(missed) == ([OK] * len(missed), [])
 
 
@@ -74,13 +74,13 @@ def test_overload_is_reported_once_and_its_end_once(is_torque_driven, words):
     assert changes == [WARN, OK]
 
 
-def test_the_warning_takes_some_seconds_to_begin():
+def test_warning_begins_after_some_seconds():
     levels, _ = motion([100] * 12)
     assert levels == [OK] * 9 + [WARN] * 3
 
 
 @pytest.mark.parametrize('share', [0.05, 0.10])
-def test_a_share_near_a_limit_does_not_switch_the_warning_every_second(share):
+def test_share_near_a_limit_does_not_toggle_the_warning_every_second(share):
     levels, lines = motion(bursts(share, 1800))
     lasting = [len(list(group)) for _, group in itertools.groupby(levels)]
     assert min(lasting[1:-1], default=3) >= 3
@@ -88,13 +88,13 @@ def test_a_share_near_a_limit_does_not_switch_the_warning_every_second(share):
 
 
 @pytest.mark.parametrize('every', [1, 2, 3, 5])
-def test_a_pause_every_few_seconds_never_alternates(every):
+def test_regular_pauses_do_not_toggle_the_warning(every):
     missed = [TICKS // 2 if second % every == 0 else 0 for second in range(60)]
     _, lines = motion(missed)
     assert len(lines) <= 1
 
 
-def test_a_clock_that_jumps_skips_ticks_on_a_machine_that_is_not_busy():
+def test_ticks_skipped_by_a_clock_jump_are_not_reported_as_overload():
     levels, lines = motion([0] * 12 + [190] * 2 + [0] * 12, [0] * 12 + [1])
     assert lines == [(WARN, STEPPED), (OK, '181.0 Hz kept')]
     assert levels == [OK] * 12 + [WARN] * 10 + [OK] * 4

@@ -188,7 +188,7 @@ def test_a_pipe_is_read_to_its_end_and_not_waited_for_without_a_writer(tmp_path)
 # ---------------------------------------------------------------- words
 
 
-def test_an_error_is_one_line_that_any_terminal_takes():
+def test_error_is_one_line_that_every_terminal_can_print():
     error = ConfigurationError(f'a\nb\r\n{STEERING}\udcff {"x" * 10_000} end')
     assert str(error).startswith('a b \\x1b]0;title\\x07\\x1b[31m\\u202e\\udcff xxx')
     assert str(error).endswith('xxx end')
@@ -231,7 +231,7 @@ def test_a_motion_that_takes_millions_of_steps_is_refused(out):
 CROWDED = 'unpack to more than is read'
 
 
-def test_more_true_messages_than_a_file_has_room_for_are_refused(stored, out, monkeypatch):
+def test_more_messages_than_fit_into_the_file_are_refused(stored, out, monkeypatch):
     """Without the limit, verifying such a file of 0.13 MB took 40 s; 1.3 MB would take 400 s."""
     monkeypatch.setattr(mcap_file, '_FREE', 1 << 22)
     path = stored(hostile_logs.clocks(2, 150))
@@ -452,7 +452,7 @@ def test_a_wrong_command_line_is_one_line(tmp_path, monkeypatch, called, module,
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_topic_of_no_name_is_not_published(stored, called):
+def test_topic_with_an_invalid_name_is_refused(stored, called):
     data = whole().replace(b'/joint_states', b'/joint/\x1b[2Jes')
     refusal = called(replay, stored(hostile_logs.resummed(data)))
     words = r"'/joint/\\x1b\[2Jes' cannot be published: Invalid topic name"
@@ -481,7 +481,7 @@ def nodes():
     context.shutdown()
 
 
-# Number of cases, and smallest number of different refusals.
+# Fraction of the cases to run, and smallest number of different refusals.
 SEEDED = {
     'parameter file': (0.4, 10), 'log': (0.35, 5), 'replay options': (0.15, 5),
     'live parameters': (0.1, 1),
@@ -512,7 +512,7 @@ def test_seeded_cases(put, logs, request, kind):
 # ---------------------------------------------------------------- what a case is measured by
 
 
-def test_good_files_are_no_cases(put, logs):
+def test_good_files_pass_all_checks_of_the_cases(put, logs):
     for data in logs:
         for log in (data, hostile_logs.bare(data)):
             path = put('good.mcap', log)
@@ -579,12 +579,12 @@ def limited(program, tmp_path):
     return subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
 
 
-def test_bombs_take_neither_long_nor_half_a_gigabyte(tmp_path):
+def test_bombs_take_little_time_and_memory(tmp_path):
     done = limited(BOMBS, tmp_path)
     assert done.stdout == 'all\n', done.stderr
 
 
-def test_they_are_bombs_to_the_mcap_library(tmp_path):
+def test_bombs_exhaust_the_memory_of_the_mcap_library(tmp_path):
     done = limited(UNLIMITED, tmp_path)
     assert done.returncode
     assert 'MemoryError' in done.stderr or 'resize buffer' in done.stderr, done.stderr

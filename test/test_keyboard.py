@@ -102,7 +102,7 @@ def shell(program):
     ],
     ids=['exception', 'interrupt', 'kill'],
 )  # fmt: skip
-def test_every_end_but_a_kill_restores_the_terminal(shell, key, code, back):
+def test_every_exit_except_a_kill_restores_the_terminal(shell, key, code, back):
     number = int(shell.sees(rb'ready (\d+)\s')[1])
     assert not held(shell.terminal)
     shell.send(key) if isinstance(key, bytes) else os.kill(number, key)

@@ -175,7 +175,7 @@ def test_wrong_values_are_refused_before_anything_is_started(launched, tmp_path,
         launched(DEMO, **given)
 
 
-def test_a_killed_launch_leaves_no_file(tmp_path):
+def test_killed_launch_leaves_no_files(tmp_path):
     """Parameter files are in memory, so no file remains in the temporary folder."""
     code = (
         'import time\n'
@@ -225,7 +225,7 @@ def test_the_launch_ends_with_each_node_and_fails_if_it_failed(file, launched):
             node.on_exit(SimpleNamespace(process_name=name, returncode=2), None)
 
 
-def test_controller_and_plant_take_what_their_launch_file_gives_them(launched):
+def test_controller_and_plant_accept_the_parameters_of_their_launch_file(launched):
     nodes, _ = launched(CONTROLLER, namespace='left', joint_prefix='l_', rpm='60', viewer='')
     plant, controller = (
         ros_arguments(nodes[name]) for name in ('linkage_node', 'linkage_controller')
@@ -242,7 +242,7 @@ def test_controller_and_plant_take_what_their_launch_file_gives_them(launched):
     assert b'l_crank\0' in heard.received[topic][0]
 
 
-def test_a_node_that_follows_takes_what_its_launch_file_gives_it(launched):
+def test_following_node_accepts_the_parameters_of_its_launch_file(launched):
     """A preset contains a speed; parameters that a measured crank does not have are omitted."""
     nodes, _ = launched(
         FOLLOW, 'robot_state_publisher', params='quadrilateral', namespace='left',

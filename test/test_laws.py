@@ -33,7 +33,7 @@ angles_of_two_turns = st.floats(-TURN, TURN, allow_subnormal=False)
 
 @pytest.mark.parametrize('name', ['crank_rocker', 'offset_right', 'pump'])
 @pytest.mark.parametrize('shape', [(0,), (3, 0), (1,), (2, 1, 4)])
-def test_the_shape_of_the_angles_is_kept(name, shape):
+def test_results_have_the_shape_of_the_angles(name, shape):
     mechanism = ALL[name]
     solver = Solver(mechanism)
     angles = np.arange(math.prod(shape), dtype=float).reshape(shape)
@@ -119,7 +119,7 @@ def test_torque_is_linear_in_accelerations_and_inverted_by_them(name):
 
 
 @every
-def test_energy_is_that_of_the_reference_but_for_a_constant(name):
+def test_energy_equals_the_reference_except_for_a_constant(name):
     mechanism = ALL[name]
     solver, oracle, levels = Solver(mechanism), Oracle(mechanism), []
     for crank in (0.5, 1.7, 3.1, -2.0):

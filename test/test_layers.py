@@ -19,7 +19,7 @@ WRONG = {
 }
 
 
-def test_import_linter_finds_imports_in_wrong_rooms(tmp_path):
+def test_import_linter_detects_forbidden_imports(tmp_path):
     shutil.copytree(ROOT / 'linkage_ros', tmp_path / 'linkage_ros')
     shutil.copy(ROOT / 'pyproject.toml', tmp_path)
     for file, (line, _) in WRONG.items():

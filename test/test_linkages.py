@@ -39,7 +39,7 @@ def test_document_torque_has_its_known_values(degrees, torque):
 @pytest.mark.parametrize(
     ('assembly', 'coupler', 'rocker'), [('open', 88.84, 117.29), ('crossed', -115.21, -143.66)]
 )
-def test_norton_example_is_met_to_its_printed_digits(assembly, coupler, rocker):
+def test_norton_example_agrees_to_its_printed_digits(assembly, coupler, rocker):
     linkage = FourBar(Frame(6), Body(2), Coupler(7), Body(9), assembly)
     angle = Solver(linkage).state(math.radians(30)).position
     assert math.degrees(angle[1]) == pytest.approx(coupler, abs=0.005)
@@ -71,7 +71,7 @@ def test_loop_closes_where_doubles_miss_an_equality_by_an_ulp_or_two(power, asse
 
 
 @pytest.mark.parametrize('ratio', [1e-2, 1e-6])
-def test_crank_far_longer_than_its_coupler_loses_its_angles_rounding_and_no_more(ratio):
+def test_crank_far_longer_than_its_coupler_loses_only_the_rounding_of_its_angle(ratio):
     """On an arc of 2 b/r rad, a rounding of the crank angle is amplified by r/b."""
     cranks = [0.3 + ratio * x for x in (-0.9, -0.5, -0.1, 0.3, 0.7, 0.95)]
     errors = worst_errors(Solver(slider_crank((1, ratio, 0))), cranks, period=0, floor=1)
@@ -116,7 +116,7 @@ def every_answer(solver, q, u):
         ((np.zeros((2, 3)), np.array([[1.5], [-9.0]])), 'at crank angle 0 deg .* -9 m'),
     ],
 )
-def test_where_the_dyad_does_not_close_there_is_one_clear_error(q, words):
+def test_dyad_that_does_not_close_is_one_clear_error(q, words):
     solver = Solver(PUMP)
     for call in every_answer(solver, q, (1.0, 0.0)):
         with pytest.raises(UnreachableError, match=words):
@@ -124,7 +124,7 @@ def test_where_the_dyad_does_not_close_there_is_one_clear_error(q, words):
 
 
 @pytest.mark.parametrize('slide', [2.52, 0.92, -2.28, -0.68])
-def test_at_the_stretched_and_the_folded_point_itself_all_is_refused(slide):
+def test_exactly_stretched_and_folded_dyads_are_refused(slide):
     """No double is exactly this point; the margins are 1e-16 m^2, of either sign."""
     solver = Solver(PUMP)
     words = 'or are in line, at crank angle 0 deg'
@@ -152,7 +152,7 @@ def edges(pump, crank):
     st.integers(-300, 300), st.floats(0.01, 0.4), st.floats(0.5, 2), st.floats(0.5, 2),
     st.one_of(st.sampled_from([0.0, math.pi, math.pi / 2]), st.floats(-1000, 1000)),
 )  # fmt: skip
-def test_the_double_nearest_to_an_edge_is_refused_and_one_beside_it_answers(power, r, b, c, crank):
+def test_double_nearest_to_an_edge_is_refused_and_one_next_to_it_is_solved(power, r, b, c, crank):
     unit = 10.0 ** (power / 100)
     pump = WindPump(
         Body(r * unit, 1.0, unit**2), Coupler(b * unit, 2.0, unit**2),
@@ -172,7 +172,7 @@ def test_the_double_nearest_to_an_edge_is_refused_and_one_beside_it_answers(powe
             assert np.isfinite(found).all()
 
 
-def test_equal_links_answer_close_to_the_crank_pin():
+def test_equal_links_are_solved_close_to_the_crank_pin():
     """Coupler and rod fold back on each other there; nothing cancels, so nothing is refused."""
     pump = WindPump(
         Body(0.12, 20.0, 20.0), Coupler(0.8, 4.0, 1.2), Body(0.8, 4.0, 0.85),

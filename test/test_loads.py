@@ -175,7 +175,7 @@ def test_a_wrong_load_is_one_line_of_every_command(called, tmp_path, monkeypatch
     assert not (tmp_path / 'run.mcap').exists()
 
 
-def test_friction_that_locks_on_the_way_ends_a_record_in_one_line(called, tmp_path):
+def test_friction_that_locks_during_a_record_is_one_line(called, tmp_path):
     path = tmp_path / 'locks.yaml'
     back = SLIDER.replace('60.0', '-60.0')  # forwards, the weight relieves the guide
     text = f'{back}, slider: {{mass: 1.0}}, friction: {{guide: 50.0}}'
@@ -185,7 +185,7 @@ def test_friction_that_locks_on_the_way_ends_a_record_in_one_line(called, tmp_pa
     assert_refused(*called(chart_tool, 'motion', path, '--out', tmp_path), words)
 
 
-def test_a_spreadsheet_gives_the_curve_of_its_columns(tmp_path):
+def test_spreadsheet_gives_the_curve_in_its_columns(tmp_path):
     """The file has a byte order mark, Windows line ends, an empty row and quoted numbers."""
     path = tmp_path / 'sheet.csv'
     text = '\ufeffat, value,return_value\r\n"-1","5.5",0\r\n1.5,-7,2\r\n\r\n4e0,30,-4\r\n'
@@ -361,7 +361,7 @@ def test_curves_over_a_position_at_their_points():
 
 
 @pytest.mark.parametrize('turns', [-3, 0, 1])
-def test_places_on_a_rocker_count_without_whole_turns(turns):
+def test_positions_of_a_rocker_ignore_whole_turns(turns):
     mechanism = loaded('across_the_seam', 'over_position')
     (curve,) = mechanism.loads
     moved = replace(curve, at=tuple(x + turns * TURN for x in curve.at))

@@ -156,7 +156,7 @@ def test_mcap_reads_the_records_that_explain_the_log(path):
 # ---------------------------------------------------------------- our reader
 
 
-def test_the_log_explains_itself_and_the_very_bytes_come_back_in_order(path):
+def test_log_contains_its_definitions_and_returns_the_same_bytes_in_order(path):
     with LogReader(path) as log:
         assert (log.configuration, log.version) == (CONFIGURATION, __version__)
         assert (log.start, log.end) == (START, CONTENTS[-1][1])
@@ -171,7 +171,7 @@ def test_the_log_explains_itself_and_the_very_bytes_come_back_in_order(path):
 
 @pytest.mark.parametrize('topics', [None, [], [TORQUE], ['/nowhere']])
 @pytest.mark.parametrize('start', [None, START + 1, START + 8 * PERIOD])
-def test_topics_and_start_pick_what_a_filter_picks(path, topics, start):
+def test_topics_and_start_select_like_a_filter(path, topics, start):
     with LogReader(path) as log:
         expected = (
             message
@@ -195,7 +195,7 @@ def test_messages_come_by_log_time_whatever_the_order_of_writing(tmp_path):
     assert about[-2:] == (1, 9)
 
 
-def test_every_batch_is_in_the_file_at_once(tmp_path):
+def test_every_batch_is_written_to_the_file_at_once(tmp_path):
     path, saved = tmp_path / 'run.mcap', tmp_path / 'saved.mcap'
     with LogWriter(path, CONFIGURATION, overwrite=False) as log:
         channel = log.add_topic(DRIVING_TORQUE, TORQUE)
@@ -218,7 +218,7 @@ def test_the_same_record_has_the_same_bytes(tmp_path):
 
 
 @pytest.mark.parametrize('start', [0, START])
-def test_rows_are_the_very_bytes_that_the_library_would_write(tmp_path, start):
+def test_rows_have_the_bytes_that_the_library_would_write(tmp_path, start):
     """Includes chunks, indexes, counts and times, message by message, in several chunks."""
     simulator, path = Simulator(load('quadrilateral')), tmp_path / 'run.mcap'
     stamps = [start + simulator.elapsed(tick) for tick in range(6000)]
@@ -248,7 +248,7 @@ def refused(target, words, *, overwrite):
 
 
 @pytest.mark.parametrize('old', [b'', MCAP0_MAGIC, None], ids=['empty', 'begun', 'log'])
-def test_an_existing_file_is_kept_unless_it_is_to_be_replaced(path, tmp_path, old):
+def test_existing_file_is_kept_unless_overwriting(path, tmp_path, old):
     target, link = tmp_path / 'run.mcap', tmp_path / 'link.mcap'
     link.symlink_to(target)
     target.write_bytes(path.read_bytes() if old is None else old)
@@ -298,7 +298,7 @@ def test_a_log_that_another_run_writes_is_kept_until_that_run_ends(path, tmp_pat
     assert write(target, overwrite=True).read_bytes() == path.read_bytes()
 
 
-def test_a_file_system_without_locks_is_written_as_ever(path, tmp_path, monkeypatch):
+def test_file_system_without_locks_can_be_written(path, tmp_path, monkeypatch):
     def no_locks(*_):
         raise OSError(errno.ENOLCK, 'No locks available')
 
@@ -359,7 +359,7 @@ def answer(path, tmp_path):
 UNREAD = {'header', 'message index', 'summary offset', 'data end'}
 
 
-def test_a_flipped_byte_is_reported_or_does_no_harm(path, answer):
+def test_flipped_byte_is_reported_or_harmless(path, answer):
     """No other exception is raised, and no other states, settings or times are returned."""
     data = path.read_bytes()
     found = {kind: set() for kind in KINDS.values()}
@@ -389,7 +389,7 @@ def test_a_cut_file_and_a_tail_of_zeros_or_of_garbage_are_reported(path, answer)
 
 
 @pytest.mark.parametrize('arguments', [['info', ''], ['verify', ''], ['recover', 'run.mcap', '']])
-def test_an_empty_name_is_no_folder(called, arguments):
+def test_empty_name_is_refused(called, arguments):
     assert_refused(
         *called(log_tool, *arguments), ".mcap: '' is not a path: give one; see linkage_log"
     )

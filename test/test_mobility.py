@@ -84,7 +84,7 @@ def test_class_of_a_slider_crank_follows_from_its_lengths(lengths):
 )
 @settings(max_examples=15)
 @given(data=st.data(), angle=st.floats(-7, 7), assembly=st.sampled_from(ASSEMBLIES))
-def test_crank_reaches_just_where_the_loop_closes(every, data, angle, assembly):
+def test_crank_reaches_exactly_where_the_loop_closes(every, data, angle, assembly):
     """Compares 48 angles of the crank's circle with the closed form of the reach."""
     solver = Solver(made_of(data.draw(every), angle, assembly))
     oracle = Oracle(solver.mechanism)
@@ -131,7 +131,7 @@ MORE_LIMITED = (
 
 @pytest.mark.parametrize('angle', [0.3, 100.0])
 @pytest.mark.parametrize('lengths', [*LIMITED.values(), *MORE_LIMITED])
-def test_ends_of_the_reach_are_where_the_loop_just_closes(lengths, angle):
+def test_loop_just_closes_at_the_ends_of_the_reach(lengths, angle):
     solver = Solver(made_of(lengths, angle))
     oracle = Oracle(solver.mechanism)
     assert not solver.reach.turns_fully
@@ -196,7 +196,7 @@ CURES = {
 
 
 @pytest.mark.parametrize('lengths', [4, 3])
-def test_each_cure_by_itself_lets_the_crank_turn_and_nothing_less_does(lengths):
+def test_each_suggested_change_is_just_enough_for_a_full_turn(lengths):
     """Four-bars and slider-cranks with random lengths and with round ones."""
     rng, seen, count = random.Random(7), set(), lengths
     for number in range(200):
@@ -409,7 +409,7 @@ def test_assemblies_meet_at_a_change_point(name, at):
 
 
 @pytest.mark.parametrize('name', FULL)
-def test_a_crank_that_turns_fully_has_two_assemblies_everywhere(name):
+def test_fully_turning_crank_has_two_assemblies_everywhere(name):
     mechanism = of(FULL[name])
     cranks = np.linspace(-7.0, 7.0, 23).tolist()
     assert counts(mechanism, *cranks) == [2] * 23

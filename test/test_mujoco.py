@@ -160,7 +160,7 @@ OTHERS = {
 
 
 @pytest.mark.parametrize('name', OTHERS)
-def test_slips_in_any_number_are_seen(name):
+def test_errors_in_any_number_are_detected(name):
     """Negative control: 1e-9 of a load changes the torque, 1e-11 of a length opens the loop."""
     loads, lengths = OTHERS[name]
     for number in (*LOADS, 'gravity', *loads):

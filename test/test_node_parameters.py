@@ -62,7 +62,7 @@ def plain(value):
     return list(got) if value.type == 8 else got
 
 
-def test_each_is_described_with_its_range(listener):
+def test_each_parameter_is_described_with_its_range(listener):
     leaves = {leaf.name: leaf.quantity for leaf in parameter_leaves(MechanismAndDrive('four_bar'))}
     groups = {kind.group for kind in LOADS}
     unset = {name for name in leaves if name.split('.')[0] in groups}
@@ -97,7 +97,7 @@ def test_bad_values_are_refused_and_change_nothing(listener):
     assert list(speeds) == pytest.approx([RPM * math.pi / 30], rel=1e-15)
 
 
-def test_a_dump_gives_the_same_run_again(listener, tmp_path):
+def test_dump_reproduces_the_run(listener, tmp_path):
     tree = {}
     for name, value in dump(listener).items():
         *folders, leaf = name.split('.')
@@ -113,7 +113,7 @@ def test_a_dump_gives_the_same_run_again(listener, tmp_path):
 
 
 @pytest.mark.parametrize('kind', [SetParameters, SetParametersAtomically])
-def test_a_node_takes_its_own_dump_back_and_nothing_else_that_is_read_only(listener, kind):
+def test_node_accepts_its_own_dump_but_no_other_read_only_value(listener, kind):
     def load_values(**changes):
         parameters = [Parameter(name=n, value=v) for n, v in {**dumped, **changes}.items()]
         name = 'set_parameters' + '_atomically' * (kind is SetParametersAtomically)

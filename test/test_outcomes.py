@@ -104,7 +104,7 @@ def raised(error):
         (raised(ConfigurationError('no such state')), REFUSED, None),
     ],
 )
-def test_one_planted_failure_decides(value, expected, error):
+def test_one_injected_failure_decides(value, expected, error):
     found, worst = outcome(failing_once(value))
     assert found == expected
     assert error is None or worst == pytest.approx(error, rel=1e-3)
@@ -207,7 +207,7 @@ def moved(by):
         (raised(MotionError('the motion ends', time=1.0, coordinates=(0.0,))), REFUSED, 0),
     ],
 )
-def test_one_planted_fault_decides_the_outcome_of_a_motion(fault, expected, error):
+def test_one_injected_fault_decides_the_outcome_of_a_motion(fault, expected, error):
     found, worst = motion_outcome(fault)
     assert found == expected
     assert worst == pytest.approx(error, rel=1e-2, abs=1e-11)

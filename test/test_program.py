@@ -161,7 +161,7 @@ def test_all_forms_have_the_bytes_of_the_formula(name):
                 assert len(found) == 1, (kind, row)
 
 
-def test_bytes_tell_signed_zeros_last_bits_and_refusals_apart():
+def test_bits_distinguish_signed_zeros_last_bits_and_refusals():
     assert bits((0.0, (1.0,))) != bits((-0.0, (1.0,)))
     assert bits(1.0) != bits(math.nextafter(1.0, 2.0))
     beyond = Solver(MECHANISMS['limited twice'])
@@ -182,7 +182,7 @@ def kept(_, x):
     return x * 0, 0.0 * x, x + 0.0, 0.0 + x, 0.0 - x, x - -0.0, x - x, x * -1.0, 1.0 - x
 
 
-def test_identities_that_hold_for_every_double_fold_and_no_others():
+def test_only_identities_that_hold_for_every_double_are_folded():
     folded, others = Program(folding, Constants(()), ('x',)), Program(kept, Constants(()), ('x',))
     assert operations(folded) == []
     assert len(set(operations(others))) == 9
@@ -211,7 +211,7 @@ def with_a_zero(k, x):
     return k * x + above, abs(k) + sqrt(k) - sin(k), where(k >= x, -x, x / 2), (x - k) * 3
 
 
-def test_a_constant_of_zero_is_not_computed_and_gives_what_zero_gives():
+def test_constant_zero_is_folded_without_changing_the_result():
     zero, small = (Program(with_a_zero, Constants(k), ('x',)) for k in (0.0, 5e-324))
     assert len(operations(zero)) < len(operations(small)) - 4
     for x in (1.5, -2.5, 0.0, 1e300):
@@ -223,7 +223,7 @@ def test_a_constant_of_zero_is_not_computed_and_gives_what_zero_gives():
             Program(divided, Constants(0.0), ('x',)).scalar(1.0)
 
 
-def test_absent_terms_fall_out_and_numbers_that_are_zero_stay():
+def test_absent_terms_are_removed_and_zero_values_kept():
     sources = [
         Solver(linkage).source
         for linkage in (massless(CRANK_ROCKER), MECHANISMS['without gravity'], CRANK_ROCKER)
@@ -261,7 +261,7 @@ def test_a_quadrilateral_without_loads_computes_nothing_for_them():
     [lambda x: x if x > 0 else -x, lambda x: x == 1.0, lambda x: 0 < x < 1, lambda x: max(x, 0.0),
      hash, float, math.sin, np.sin],
 )  # fmt: skip
-def test_a_recording_number_has_no_value_yet(used):
+def test_traced_number_cannot_be_used_as_a_value(used):
     used(0.5)  # a float has a value
 
     def formula(_, x):
@@ -306,7 +306,7 @@ def test_guard_runs_before_the_guarded_operation():
     [(lambda x, y: x - 3.0 * y, 0), (lambda x, y: abs(x - y) * (x / 2), 0),
      (lambda x, y: x / y, 1), (lambda x, y: where(x > y, x, y), 2)],
 )  # fmt: skip
-def test_a_guard_of_finite_values_reads_only_those_that_show_the_others(made, sums):
+def test_guard_of_finite_values_checks_only_as_many_as_necessary(made, sums):
     def formula(refusal, x, y):
         found = made(x, y)
         require(is_finite(found, x, y), refusal, x)
@@ -421,7 +421,7 @@ def test_tracebacks_show_the_line_of_the_program():
     assert frame.line.startswith('if not')
 
 
-def test_a_structure_is_compiled_once_and_numbers_are_bound():
+def test_each_structure_is_compiled_once_and_bound_to_its_numbers():
     other = four_bar((2, 7, 9, 6))
     solvers = [Solver(x) for x in (CRANK_ROCKER, other, massless(other))]
     assert solvers[0].source == solvers[1].source != solvers[2].source
@@ -436,7 +436,7 @@ def scaled(k, x):
     return where(k > 1.0, x, a * x + a)
 
 
-def test_a_head_keeps_its_names_from_the_program_and_constants_may_decide():
+def test_entry_code_does_not_clash_with_names_of_the_program():
     program = Program(scaled, Constants(0.7), ('x',))
     head = 'def scaled(given, a=0.0):', 'if a: return otherwise(given, a)', 'x = given'
     entry = program.entry(*head, otherwise=lambda *given: given)
@@ -533,7 +533,7 @@ def test_numba_is_not_imported_unless_requested():
     assert not {'numba', 'llvmlite'} & set(loaded)
 
 
-def test_compiled_programs_give_what_others_give():
+def test_compiled_programs_equal_interpreted_ones():
     mechanism = load('wind_pump').mechanism
     fast, plain = Solver(mechanism, compiled=True), Solver(mechanism)
     q, u = (np.linspace(-0.3, 0.4, 5), np.full(5, 1.6)), (np.linspace(1, 2, 5), 0.2)
@@ -549,7 +549,7 @@ def test_compiled_programs_give_what_others_give():
             np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-15 * np.abs(wanted).max())
 
 
-def test_compiled_programs_refuse_what_others_refuse():
+def test_compiled_programs_refuse_like_interpreted_ones():
     solver = Solver(load('wind_pump').mechanism, compiled=True)
     with pytest.raises(UnreachableError, match='slider position 5 m; there the slider can be'):
         solver.state((0.0, np.array([1.5, 5.0, 1.6])), (0.0, 0.0))

@@ -131,14 +131,14 @@ def brute_count(rate, seconds):
 
 @pytest.mark.parametrize('rate', [0.01, 0.3, 3.0, 7.7, 59.94, 200.0, 333.3, 1e5])
 @pytest.mark.parametrize('duration', [1e-9, 1e-5, 0.005, 1 / 3, 1.1, 4.35])
-def test_a_duration_holds_the_stamps_below_it(rate, duration):
+def test_duration_contains_the_stamps_below_it(rate, duration):
     simulator = Simulator(preset(rate_hz=rate))
     if rate * duration < 5_000:
         assert states_below(simulator, duration) == brute_count(rate, duration)
 
 
 @pytest.mark.parametrize('rate', [200.0, 1000.0])
-def test_a_duration_typed_as_whole_ticks_holds_so_many_states(rate):
+def test_duration_of_whole_ticks_contains_that_many_states(rate):
     """At 1 kHz, 0.067 s contain 67 states: the state at 0.067 s is not in [0, 0.067)."""
     simulator = Simulator(preset(rate_hz=rate))
     durations = {ticks: float(Fraction(ticks) / Fraction(rate)) for ticks in range(1, 1_001)}
@@ -212,7 +212,7 @@ def params(tmp_path):
     return tmp_path / 'params.yaml'
 
 
-def test_the_command_says_what_it_wrote(called, out):
+def test_command_prints_what_it_wrote(called, out):
     words = 'quadrilateral', out, '--revolutions', 2, '--rate', 50
     said = f'{out}: 40 states, 0.8 s; linkage_replay {out} --viewer web --no-ros shows it\n'
     assert called(record_module, *words) == (0, said, '')
@@ -235,7 +235,7 @@ def test_a_parameter_file_is_recorded_with_its_own_values(called, out, params):
     assert configuration.mechanism == load('quadrilateral').mechanism
 
 
-def test_an_existing_file_is_kept_unless_asked(called, out):
+def test_existing_file_is_kept_unless_overwrite_is_set(called, out):
     out.write_bytes(b'precious')
     refusal = called(record_module, 'quadrilateral', out)
     assert_refused(*refusal, r'exists already .* or give --overwrite')

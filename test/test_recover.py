@@ -115,7 +115,7 @@ def test_all_whole_chunks_before_a_cut_are_saved_and_verify(tmp_path, whole, rec
 
 
 @pytest.mark.parametrize('tail', [bytes, random.Random(4).randbytes], ids=['zeros', 'garbage'])
-def test_a_tail_that_never_reached_the_disk_is_left_out(whole, recovered, tail):
+def test_tail_that_was_not_written_to_disk_is_omitted(whole, recovered, tail):
     cut = whole.chunks[4][0] + 100
     done, saved, _ = recovered(whole.data[:cut] + tail(len(whole.data) - cut))
     assert saved == whole.messages[: whole.counts[4]]
@@ -163,7 +163,7 @@ DAMAGE = {
 
 
 @pytest.mark.parametrize(('place', 'bits', 'lost', 'moved'), DAMAGE.values(), ids=DAMAGE)
-def test_damage_is_passed_over_and_all_else_kept(whole, recovered, place, bits, lost, moved):
+def test_damage_is_skipped_and_all_other_data_kept(whole, recovered, place, bits, lost, moved):
     data = bytearray(whole.data)
     data[place(whole)] ^= bits
     done, saved, report = recovered(data)

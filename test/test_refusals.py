@@ -516,7 +516,7 @@ def test_non_real_arguments_are_refused(bad):
         refused(call, FINITE.format(name), ConfigurationError)
 
 
-def test_shapes_that_do_not_fit_are_refused():
+def test_incompatible_shapes_are_refused():
     solver, two, three = Solver(PUMP), np.array([0.1, 0.2]), np.array([1.5, 1.6, 1.7])
     for words, call in (
         ('speed (3,)', lambda: Solver(FOUR_BAR).state([0.1, 0.2], [1.0, 2.0, 3.0])),
@@ -528,7 +528,7 @@ def test_shapes_that_do_not_fit_are_refused():
 
 
 @linkages
-def test_solver_refuses_what_is_no_state_of_its_mechanism(mechanism):
+def test_solver_refuses_states_that_its_mechanism_does_not_have(mechanism):
     solver = Solver(mechanism)
     good = solver.state(0.7, 2.0, 1.5)
     pump = Solver(PUMP).state((0.3, 1.5), (2.0, 0.1), (0.0, 0.0))

@@ -389,7 +389,7 @@ def running(*arguments, port=None):
             process.kill()
 
 
-def test_viewer_may_come_late_end_and_come_again(tmp_path, monkeypatch):
+def test_viewer_may_start_late_end_and_restart(tmp_path, monkeypatch):
     monkeypatch.setattr(rerun_view, '_ANSWER_SECONDS', 0.0)
     port = free_port()
     url = f'rerun+http://127.0.0.1:{port}/proxy'
@@ -418,7 +418,7 @@ def test_viewer_may_come_late_end_and_come_again(tmp_path, monkeypatch):
     assert time.monotonic() - start < 6
 
 
-def test_process_ends_though_its_viewer_never_reads():
+def test_process_ends_even_if_its_viewer_never_reads():
     code = """
 server = socket.create_server(('127.0.0.1', 0))
 kept = []

@@ -23,7 +23,7 @@ def policy():
     return os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK
 
 
-def test_a_thread_wakes_when_it_asked_for():
+def test_thread_wakes_at_the_requested_time():
     def work():
         prctl = ctypes.CDLL(None).prctl
         prctl(29, 50_000, 0, 0, 0)  # PR_SET_TIMERSLACK, which other tests may have changed

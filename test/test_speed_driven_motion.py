@@ -95,7 +95,7 @@ def test_phase_is_exact_and_angles_are_correctly_rounded(rpm, crank_angle, start
         assert abs(motion.phase(start + elapsed) - turned / TWO_PI) < GRID
 
 
-def test_is_nearest_sees_a_last_place_and_a_naive_phase_fails_it():
+def test_is_nearest_detects_one_ulp_and_a_naive_phase_fails():
     exact = TWO_PI * Fraction(0.1) * (10**18 + 1) / MINUTE
     assert is_nearest(float(exact), exact)
     assert not is_nearest(math.nextafter(float(exact), 0), exact)
@@ -153,7 +153,7 @@ def test_comparison_detects_an_acceleration_off_by_an_ulp():
         )
 
 
-def test_without_acceleration_the_speed_moves_at_once_and_start_rpm_counts_for_nothing():
+def test_without_acceleration_the_speed_applies_at_once_and_start_rpm_is_ignored():
     plain, other = begin(150.0), begin(150.0, start_rpm=-40.0)
     for elapsed in ELAPSED:
         assert other.at(elapsed) == plain.at(elapsed)
@@ -164,7 +164,7 @@ def test_without_acceleration_the_speed_moves_at_once_and_start_rpm_counts_for_n
 
 
 @pytest.mark.parametrize('acceleration', [1e-30, 1e-39, 1e-41, 5e-324])
-def test_an_acceleration_next_to_nothing_keeps_the_start_speed(acceleration):
+def test_tiny_acceleration_keeps_the_start_speed(acceleration):
     motion = begin(100.0, start_rpm=50.0, crank_acceleration=acceleration)
     crank = motion.at(MINUTE)
     assert crank.u[0] == pytest.approx(50.0 * math.pi / 30, rel=1e-15)
@@ -188,7 +188,7 @@ def test_a_change_continues_phase_and_speed():
 
 
 @pytest.mark.parametrize('step', [-(10**15), -50_000_001, 0, 3_600 * 10**9, 10**18])
-def test_a_restamped_motion_is_the_same_motion_under_other_stamps(step):
+def test_restamped_motion_differs_only_in_its_stamps(step):
     motion = begin(150.0, NOW, start_rpm=10.0, crank_acceleration=2.0)
     for elapsed in (0, 10**9, 10**10 + 1):
         stamp = NOW + elapsed
@@ -238,7 +238,7 @@ def test_crank_that_comes_to_rest_never_completes_the_turns(rpm, start_rpm, acce
 
 
 @pytest.mark.parametrize('sense', [1, -1])
-def test_time_to_turn_sees_a_peak_between_two_nanoseconds(sense):
+def test_time_to_turn_detects_a_peak_between_two_nanoseconds(sense):
     """Back by a little over a turn, then forward: a turn is reached near the reversal or late."""
     rng, peaks = random.Random(1), 0
     for _ in range(150):

@@ -49,7 +49,7 @@ def cranks(path):
 # ---------------------------------------------------------------- configuration
 
 
-def test_a_wind_pump_is_driven_by_a_torque_whether_said_or_not():
+def test_wind_pump_always_has_drive_torque():
     values = PUMP.parameters()
     unsaid = {name: value for name, value in values.items() if name != 'drive'}
     assert configure(unsaid) == configure(values) == PUMP
@@ -89,7 +89,7 @@ class Clock:
         return self.now
 
 
-def test_a_command_within_the_limit_counts_from_when_it_came_until_it_is_too_old():
+def test_command_is_limited_and_applies_from_receipt_to_timeout():
     clock = Clock()
     commands = TorqueCommands(LIMITED, 'crank', clock)
     assert commands.torque() == 0.0
@@ -136,7 +136,7 @@ def test_warning_about_command_gaps_stays_until_gaps_end():
         (['x' * 500], [1.0], f'it names {"x" * 80}: must'),
     ],
 )
-def test_a_bad_command_is_refused_and_the_good_one_before_goes_on(names, efforts, words):
+def test_invalid_command_is_refused_and_the_previous_one_stays_in_force(names, efforts, words):
     commands = TorqueCommands(LIMITED, 'crank', Clock())
     commands.receive(['crank'], [1.5], 0.0)
     with pytest.raises(ValueError, match=words):
@@ -160,7 +160,7 @@ MASSLESS = """/**:
 """
 
 
-def test_a_record_that_ends_keeps_what_came_before(tmp_path):
+def test_record_that_ends_with_an_error_keeps_its_states(tmp_path):
     path = tmp_path / 'run.mcap'
     (tmp_path / 'massless.yaml').write_text(MASSLESS)
     start = load(str(tmp_path / 'massless.yaml'))
@@ -188,7 +188,7 @@ def test_revolutions_are_counted_from_the_start_either_way(tmp_path):
 @pytest.mark.parametrize(
     'configuration', [STEEP, STUCK, HELD], ids=['steep motor line', 'stiff guide', 'stiff rocker']
 )
-def test_a_record_against_strong_damping_is_made_again_to_the_bit(tmp_path, configuration):
+def test_record_with_strong_damping_is_reproduced_to_the_bit(tmp_path, configuration):
     paths = [tmp_path / f'{i}.mcap' for i in range(2)]
     assert [record(configuration, path, duration=0.5) for path in paths] == [100, 100]
     assert paths[0].read_bytes() == paths[1].read_bytes()
@@ -258,7 +258,7 @@ def test_paused_plant_continues_from_its_state():
     assert motion.at(later) == before
 
 
-def test_another_motor_torque_leaves_the_command_in_force():
+def test_change_of_motor_torque_keeps_the_command_in_force():
     simulator = Simulator(QUADRILATERAL)
     motion = simulator.begin(START)
     motion.command(START, 3.0)
@@ -281,7 +281,7 @@ def forge(path, claimed, real):
                 log.write(channel, stamp, message)
 
 
-def test_below_a_hertz_the_plant_moves_too():
+def test_plant_moves_at_less_than_one_hertz():
     configuration = changed(QUADRILATERAL, session={'rate_hz': 0.5})
     simulator = Simulator(configuration)
     motion = simulator.begin(START)
@@ -300,14 +300,14 @@ def test_below_a_hertz_the_plant_moves_too():
         {'mechanism': {'slider': replace(PUMP.mechanism.slider, velocity=1e-4)}},
     ],
 )  # fmt: skip
-def test_a_log_that_began_elsewhere_than_its_configuration_says_is_found(tmp_path, part):
+def test_log_with_another_start_than_configured_is_detected(tmp_path, part):
     forge(tmp_path / 'run.mcap', changed(**part), PUMP)
     words = 'state 1, stamp 0 ns: it does not follow from the one before'
     assert words in report_of(tmp_path / 'run.mcap').difference
 
 
 @pytest.mark.parametrize('turned', [-9.0, 654_321.0])
-def test_after_many_turns_the_state_is_that_of_the_angle_as_it_is_published(tmp_path, turned):
+def test_state_after_many_turns_belongs_to_the_published_angle(tmp_path, turned):
     drive = {'crank_angle': turned, 'start_rpm': -150.0}
     record(changed(QUADRILATERAL, drive=drive), tmp_path / 'run.mcap', duration=1)
     found = cranks(tmp_path / 'run.mcap')
@@ -359,7 +359,7 @@ def elsewhere(shift, simulator, snapshot):
         (moved(0, 2, np.inf), 'mechanism_state is not finite'),
     ],
 )
-def test_a_changed_state_is_found(tmp_path, alter, words):
+def test_changed_state_is_detected(tmp_path, alter, words):
     simulator = Simulator(PUMP)
 
     def change(number, snapshot):
@@ -371,7 +371,7 @@ def test_a_changed_state_is_found(tmp_path, alter, words):
     assert any(word in report.difference for word in words.split('|'))
 
 
-def test_a_record_with_a_torque_that_no_motor_gives_is_found(tmp_path):
+def test_record_with_a_torque_that_the_motor_cannot_give_is_detected(tmp_path):
     """Commands occur only in live runs, so a record has none."""
     verified(live(tmp_path / 'a.mcap', PUMP, [*ticks(9), ('command', 1.0), *ticks(9)]))
     other = changed(drive={'motor': replace(PUMP.drive.motor, torque=8.5)})

@@ -106,7 +106,7 @@ def test_without_gravity_a_lone_flywheel_turns_evenly():
         assert with_turns(steps.phase[0], steps.pairs) == pytest.approx(angle, rel=1e-12)
 
 
-def test_corners_of_a_load_cost_a_record_no_accuracy():
+def test_corners_of_a_load_do_not_reduce_the_accuracy_of_a_record():
     """The time to each position follows from the work of a narrow load peak on a flywheel."""
     at, value, turn = (1.0, 1.03, 1.06), (0.0, 9.0, 0.0), 2 * math.pi
     mechanism = with_loads(WHEEL, LoadCurve('crank', 'crank_angle', at, value))
@@ -225,7 +225,7 @@ def test_impossible_start_is_refused_at_once(integrate):
 
 
 @pytest.mark.parametrize('pairs', [0, 1, -1, 12, -3_000, 10**6])
-def test_turns_are_cut_and_added_exactly(pairs):
+def test_turns_are_split_off_and_added_exactly(pairs):
     for angle in np.linspace(-12.5, 12.5, 11).tolist():
         whole = with_turns(angle, pairs)
         cut, found = within_two_turns(whole)
@@ -280,7 +280,7 @@ def test_reference_is_the_same_with_shorter_steps(problem):
         assert abs(x - y) < Decimal('1e-17')
 
 
-def test_reference_agrees_with_the_energy_of_another_hand():
+def test_reference_agrees_with_an_integral_of_the_energy():
     """The time of a free crank is an integral over its angle, without time steps."""
     angle, speed = MotionReference(COASTING).at(0.1)
     oracle = Oracle(COASTING.mechanism)
@@ -355,7 +355,7 @@ def test_errors_fall_with_each_setting_down_to_a_floor(cases, method):
 @pytest.mark.parametrize(
     ('name', 'steps'), [(registry.LIVE, live_steps), (registry.RECORDS, record_steps)]
 )
-def test_the_defaults_are_right_and_what_live_runs_and_records_take(cases, name, steps):
+def test_defaults_are_right_and_equal_those_of_live_runs_and_records(cases, name, steps):
     method, case = BY_NAME[name], cases['driven']
     for judged in (case, cases['four-bar']):
         assert worst(judged, method, method.steady, TRAJECTORY) < 1e-10
@@ -370,7 +370,7 @@ def test_the_defaults_are_right_and_what_live_runs_and_records_take(cases, name,
 
 
 @each
-def test_energy_of_a_free_motion_stays_and_a_loop_closed_from_coordinates(cases, method):
+def test_free_motion_keeps_its_energy_and_a_closed_loop(cases, method):
     case = cases['free']
     limit = 1e-6 if method.name.startswith(('Radau', 'multipliers')) else 1e-10
     assert worst(case, method, method.steady, ENERGY) < limit

@@ -116,7 +116,7 @@ def assert_poses(data, simulator, snapshot):
 
 @pytest.mark.parametrize('preset', preset_names())
 @pytest.mark.parametrize('stamp', [0, STAMP, 777_777_777, 1_234_567_891])
-def test_each_link_is_where_the_mechanism_has_it(preset, stamp):
+def test_each_link_has_the_pose_of_the_mechanism(preset, stamp):
     simulator, snapshot = linkage(preset, stamp)
     data = posed([(simulator, snapshot)])
     assert data.model.njnt == len(simulator.joints)
@@ -150,7 +150,7 @@ def test_states_name_the_same_joints_and_frame_in_every_message():
     assert (found.header.frame_id, found.joint_names) == ('tool0', states.name)
 
 
-def test_equal_names_and_wrong_poses_are_noticed():
+def test_equal_names_and_wrong_poses_are_detected():
     with pytest.raises(ValueError, match='repeated'):
         posed([linkage('quadrilateral'), linkage('quadrilateral')])
     simulator, snapshot = linkage('quadrilateral', joint_prefix='left_')

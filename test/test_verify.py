@@ -151,7 +151,7 @@ def test_a_log_without_stamps_or_motions_cannot_be_verified_and_an_empty_one_can
     assert '/robot_description' in assert_equal(live(path, configuration, []), 0).compared
 
 
-def test_a_state_that_was_cut_off_at_the_very_end_is_said(tmp_path):
+def test_state_cut_off_at_the_end_is_reported(tmp_path):
     path = live(tmp_path / 'run.mcap', load('quadrilateral'), ticks(20), diagnostics=False)
     rewrite(path, lambda records: records[:-3])  # the last is the end record
     report = report_of(path)
@@ -277,7 +277,7 @@ def written_over(topic, number, place, value):
 
 
 @pytest.mark.parametrize('ulp', [1, 4, 5, 1000, math.nan])
-def test_values_within_four_ulp_of_the_largest_are_equal_and_others_are_named(path, called, ulp):
+def test_values_within_four_ulp_of_the_largest_are_equal_and_others_reported(path, called, ulp):
     """On another machine, a sine may differ in its last bit."""
     value, place, largest = velocity(path, 40)
     other = value + ulp * math.ulp(largest)
@@ -300,7 +300,7 @@ def test_values_within_four_ulp_of_the_largest_are_equal_and_others_are_named(pa
 
 @of_live_run
 @pytest.mark.parametrize('topic', [*QUADRILATERAL, '/robot_description'])
-def test_a_flipped_bit_is_found_in_every_byte(path, topic):
+def test_flipped_bit_in_any_byte_is_detected(path, topic):
     with LogReader(path) as log:
         size = len(next(log.messages([topic])).data)
     number = 0 if topic == '/robot_description' else 3
@@ -317,14 +317,14 @@ def test_a_flipped_bit_is_found_in_every_byte(path, topic):
 
 @pytest.mark.parametrize(('topic', 'number'), [('/joint_states', 0), ('/mechanism_state', 50)])
 @pytest.mark.parametrize('change', [drop, double, swap, swap_data])
-def test_a_lost_doubled_or_swapped_message_is_found(path, topic, number, change):
+def test_lost_doubled_or_swapped_message_is_detected(path, topic, number, change):
     rewrite(path, at(topic, number, change))
     report = report_of(path)
     assert report.difference
     assert number - 1 <= report.states <= number + 1
 
 
-def test_a_lost_message_among_equal_ones_is_found(tmp_path):
+def test_lost_message_among_equal_ones_is_detected(tmp_path):
     """At rest, all torques are equal."""
     path = live(tmp_path / 'run.mcap', configure({'rpm': 0.0}), ticks(60))
     rewrite(path, at('/driving_torque', 30, drop))
@@ -380,7 +380,7 @@ def test_whole_states_lost_doubled_or_swapped(path, good, edit, in_record, in_li
     assert not report_of(path).difference.startswith('12')
 
 
-def test_stamps_off_the_ticks_are_found(tmp_path):
+def test_stamps_off_the_ticks_are_detected(tmp_path):
     """Every value is correct for its stamp, but no tick has that stamp."""
     plan = [*ticks(9), ('tick', 1), *ticks(9)]
     path = live(tmp_path / 'run.mcap', load('quadrilateral'), plan)
@@ -478,7 +478,7 @@ TAMPERED = {
 
 @of_live_run
 @pytest.mark.parametrize(('edit', 'words'), TAMPERED.values(), ids=TAMPERED)
-def test_changes_with_valid_checksums_are_found(path, edit, words):
+def test_changes_with_valid_checksums_are_detected(path, edit, words):
     rewrite(path, edit)
     try:
         found = report_of(path).difference
@@ -500,7 +500,7 @@ each_log = pytest.mark.parametrize('preset', LOGS)
 
 
 @each_log
-def test_it_is_verified_except_for_the_description(preset):
+def test_old_log_is_verified_except_for_the_description(preset):
     with LogReader(LOGS[preset]) as log:
         assert log.configuration == load(preset)
         report = verify(log)
@@ -515,7 +515,7 @@ def test_it_is_verified_except_for_the_description(preset):
 
 @each_log
 @pytest.mark.parametrize('topic', ['/joint_states', '/driving_torque', '/mechanism_state'])
-def test_a_changed_state_in_it_is_found(tmp_path, preset, topic):
+def test_changed_state_in_an_old_log_is_detected(tmp_path, preset, topic):
     path = tmp_path / 'run.mcap'
     path.write_bytes(LOGS[preset].read_bytes())
     rewrite(path, flip(topic, 9, -1, 1))
@@ -531,7 +531,7 @@ def test_the_description_of_a_log_of_this_version_is_compared(tmp_path):
 
 
 @each_log
-def test_it_is_recovered(tmp_path, preset):
+def test_old_log_is_recovered(tmp_path, preset):
     data, cut, out = LOGS[preset].read_bytes(), tmp_path / 'cut.mcap', tmp_path / 'out.mcap'
     for kept in (data, data[:-100]):
         cut.write_bytes(kept)
@@ -540,7 +540,7 @@ def test_it_is_recovered(tmp_path, preset):
 
 
 @each_log
-def test_it_is_replayed_in_a_viewer(called, tmp_path, preset):
+def test_old_log_is_replayed_in_a_viewer(called, tmp_path, preset):
     words = '--no-ros', '--viewer', tmp_path / 'run.rrd', '--rate', 10
     code, out, err = called(replay, LOGS[preset], *words)
     assert (code, err) == (0, '')
@@ -550,7 +550,7 @@ def test_it_is_replayed_in_a_viewer(called, tmp_path, preset):
 # ---------------------------------------------------------------- command
 
 
-def test_the_command_tells_what_was_compared_and_by_what(tmp_path, called):
+def test_command_reports_what_was_compared(tmp_path, called):
     path = live(tmp_path / 'run.mcap', load('quadrilateral'), [*ticks(30), ('skip', 2), *ticks(9)])
     rewrite(path, resealed(CONFIGURATION_RECORD, lambda old: {**old, 'version': '0.0.7'}))
     code, out, err = called(log_tool, 'verify', path)

@@ -51,7 +51,7 @@ def start(consumer, capacity=1_000, period=QUICK):
     return worker, errors
 
 
-def test_close_hands_over_what_is_still_queued():
+def test_close_passes_on_all_queued_items():
     consumer = Gated()
     worker, errors = start(consumer, period=PATIENCE)
     for item in range(500):
@@ -63,7 +63,7 @@ def test_close_hands_over_what_is_still_queued():
     assert (worker.dropped, worker.error, errors) == (0, None, [])
 
 
-def test_a_consumer_without_items_is_still_called_so_that_it_may_flush():
+def test_consumer_is_called_without_items_so_that_it_can_flush():
     consumer = Gated()
     worker, _ = start(consumer)
     for _ in range(3):
@@ -73,7 +73,7 @@ def test_a_consumer_without_items_is_still_called_so_that_it_may_flush():
     assert consumer.items == []
 
 
-def test_the_oldest_are_dropped_and_counted_to_the_item():
+def test_oldest_items_are_dropped_and_counted_exactly():
     consumer = Gated(is_open=False)
     worker, errors = start(consumer, capacity=10)
     worker.offer(0)
@@ -86,7 +86,7 @@ def test_the_oldest_are_dropped_and_counted_to_the_item():
     assert (consumer.items, worker.dropped, errors) == ([0, *range(26, 36)], 25, [])
 
 
-def test_threads_that_offer_at_once_lose_nothing_uncounted_and_keep_their_order():
+def test_concurrent_offers_keep_their_order_and_count_every_loss():
     consumer = Gated()
     worker, _ = start(consumer, capacity=50, period=0.0001)
 
