@@ -2,9 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Measures how much torque feed-forward improves a speed controller.
 
-linkage_node simulates the quadrilateral under a torque at 1 kHz; linkage_controller controls it
-from another process, over DDS. Each case runs without and with feed-forward. The ripple of the
-crank speed is computed from the second half of each log. DIR receives logs, picture and JSON.
+linkage_node simulates the quadrilateral as a torque-driven plant at 1 kHz; linkage_controller
+controls it from another process over DDS. Each case runs without and with feed-forward. The ripple
+of the crank speed is computed from the second half of each log. DIR receives logs, figure and
+JSON.
 
     python benchmarks/controller.py --out DIR           all cases, in two minutes
     python benchmarks/controller.py --out DIR --quick   one speed and the case "as it is"
@@ -64,7 +65,7 @@ class Relay(threading.Thread):
     """Forwards commands after a delay, like a slow network."""
 
     def __init__(self, delay: float) -> None:
-        """Starts the thread.
+        """Starts the forwarding thread.
 
         Args:
             delay: Delay of each command, s.
@@ -97,7 +98,7 @@ class Relay(threading.Thread):
 
 
 def run(path: Path, rpm: float, plant: Path, delay: float, *, feed_forward: bool) -> None:
-    """Runs plant and controller once and writes the log to a path."""
+    """Runs plant and controller once; writes the log to a path."""
     given = words(
         {
             'plant': plant, 'rpm': rpm, 'feed_forward': str(feed_forward).lower(),
@@ -125,11 +126,11 @@ def measure(path: Path, rpm: float) -> tuple[dict[str, float], np.ndarray]:
 
     Args:
         path: The log.
-        rpm: Set speed.
+        rpm: Set speed, rpm.
 
     Returns:
         Figures of the second half of the log; and crank angle, deg, relative speed error and
-        torque, N m, over the last whole turn, of shape (3, states).
+        torque, N m, over the last whole turn, as an array of shape (3, states).
     """
     with LogReader(path) as log:
         difference = verify(log).difference
@@ -158,7 +159,7 @@ def measure(path: Path, rpm: float) -> tuple[dict[str, float], np.ndarray]:
 
 
 def respond(rows, commands) -> dict[str, float]:
-    """Measures the time from the stamp of a state to its command, and to its effect."""
+    """Measures the delay from the stamp of a state to its command, and to the command's effect."""
     answers, ages = {}, []
     for command in commands:
         heard = decode_joint_state(command.data)
@@ -180,7 +181,7 @@ def respond(rows, commands) -> dict[str, float]:
 
 
 def say(rpm: float, name: str, alone: dict[str, float], fed: dict[str, float]) -> str:
-    """Describes a case: the error that 99 % of the states do not exceed, peaks and delays."""
+    """Describes a case: p99 of the speed error, peaks and delays."""
     ratio = alone['p99_ripple'] / fed['p99_ripple']
     words = (
         f'{rpm:5g} rpm, {name:17}: 99 % of states within {100 * alone["p99_ripple"]:.3g} % of the '

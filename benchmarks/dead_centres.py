@@ -4,8 +4,8 @@
 
 Pumps move for 10 s from a crank speed of 3 rad/s; four-bars and slider-cranks whose cranks cannot
 turn fully move for 5 s under gravity. None has a motor. The reference integrates the coordinates
-of every body. A motion counts as chaotic from the time when two references whose starts differ by
-1e-12 rad differ by more than 1e-9 rad; from then on only its energy is checked.
+of every body. A motion counts as chaotic from the time at which two references whose starts differ
+by 1e-12 rad differ by more than 1e-9 rad; from then on, only its energy is checked.
 """
 
 import argparse
@@ -88,7 +88,7 @@ def run(problem, seconds, begin):
 
 
 def compare(problem, angles):
-    """Returns the largest difference to the reference while the motion is not chaotic, rad."""
+    """Returns the largest difference from the reference while the motion is not chaotic, rad."""
     near = replace(problem, start=(problem.start[0] + 1e-12, *problem.start[1:]))
     followers = Multipliers(problem, 1e-13), Multipliers(near, 1e-13)
     worst = 0.0

@@ -1,10 +1,10 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Measures the speed error that a delayed torque causes.
+"""Measures the speed error caused by a delayed torque.
 
 The driving torque of the quadrilateral at a constant 150 rpm is computed for one moment of each
-tick; it is constant over the tick and drives the simulated plant. A torque computed for the middle
-of the tick causes almost no error; each tick of delay adds an error of 2.5 % of the speed.
+tick, held over the tick, and applied to the simulated plant. A torque computed for the middle of
+the tick causes almost no error; each tick of delay adds an error of 2.5 % of the speed.
 
     python benchmarks/delay.py            prints the table
     python benchmarks/delay.py --out docs also writes docs/delay.png and docs/delay.json
@@ -27,14 +27,14 @@ DELAYS = tuple(quarter / 4 for quarter in range(17))  # ticks
 
 
 def wander(delay: float) -> float:
-    """The largest deviation of the crank's speed over ten turns.
+    """Computes the largest relative deviation of the crank speed over ten turns.
 
     Args:
         delay: Time from the moment for which the torque is computed to the middle of the tick,
             ticks.
 
     Returns:
-        The deviation divided by the speed.
+        The deviation, relative to the speed.
     """
     configuration = configure({'drive': 'torque', 'start_rpm': RPM})
     solver, speed = Solver(configuration.mechanism), radians_per_second(RPM)
@@ -49,7 +49,7 @@ def wander(delay: float) -> float:
 
 
 def draw(records: list[dict[str, float]], path: Path) -> None:
-    """Draws the deviation over the delay, with the delays that occur in controllers."""
+    """Draws the deviation against the delay, with the typical delays of controllers."""
     from linkage_ros.lab.output import chart
 
     percent = {record['delay_ticks']: 100 * record['largest_deviation'] for record in records}

@@ -26,7 +26,7 @@ sys.path.append(str(HERE.parent / 'test'))
 
 
 def read(folder, path):
-    """Reads a log with the packages; returns faults and metadata, and the messages by topic."""
+    """Reads a log with the packages; returns errors, metadata, and the messages by topic."""
     command = ['node', 'read.mjs', path.resolve()]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     if done.returncode:
@@ -41,7 +41,7 @@ def read(folder, path):
 
 
 def check(folder, log):
-    """Compares one log and prints a line per topic; returns the number of faults."""
+    """Compares one log, and prints a line per topic; returns the number of errors."""
     name = log.path.parent.name
     with LogReader(log.path) as reader:
         motions = len(reader.motions)
@@ -63,7 +63,7 @@ def check(folder, log):
 
 
 def main():
-    """Writes the logs and checks them; returns exit code 1 if there is any difference."""
+    """Writes and checks the logs; returns exit code 1 if there is any difference."""
     argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()
     install = ['npm', 'install', '--silent', '--ignore-scripts', '--no-package-lock', '--no-audit']
     with tempfile.TemporaryDirectory() as name:

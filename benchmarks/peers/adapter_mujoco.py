@@ -37,7 +37,7 @@ def inertial(body):
 
 
 class Adapter(NewtonPeer):
-    """One model; its arrays are bound once."""
+    """One model; references to its arrays are looked up only once."""
 
     name = 'MuJoCo'
     distribution = 'mujoco'

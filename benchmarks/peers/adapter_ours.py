@@ -11,7 +11,7 @@ from linkage_ros.dynamics.tape import Constants
 
 
 def pose(loop, crank):
-    """Returns positions and their first and second derivatives, of coupler and output."""
+    """Returns positions of coupler and output, with their first and second derivatives."""
     links = loop.pose((crank,)).links[1:]
     return tuple((link.position, link.jacobian[0], link.curvature[0]) for link in links)
 

@@ -45,7 +45,7 @@ def degrees(start, stop):
 
 
 def around(place, nearest, beyond):
-    """Returns angles that approach a place; each step divides the distance by about 3."""
+    """Returns angles that approach a limit; each step divides the distance by about 3."""
     count = round(-2 * math.log10(nearest)) + 1
     offsets = [10 ** (-i / 2) for i in range(count)]
     before = [place - x for x in offsets]
@@ -78,7 +78,7 @@ def cases():
         ),
         Case(
             'near a change point', 'The links of a crank-rocker miss a change point by '
-            '1e-14 m; the crank angles are down to 1e-8 rad from it on both sides.',
+            '1e-14 m; the crank angles approach it to 1e-8 rad from both sides.',
             four_bar(0.125, 0.375, 0.125 + 1e-14, 0.375),
             around(math.pi, 1e-8, beyond=True),
         ),

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The interface of all adapters: a peer that is made for any four-bar of linkage_ros."""
+"""The interface of all adapters, which make a peer from any four-bar of linkage_ros."""
 
 import math
 
@@ -12,18 +12,18 @@ from linkage_ros import Solver
 class Peer:
     """A four-bar in another library.
 
-    Each of the four methods takes crank angles, rad, which continue from those of the last call,
-    and returns the results of the peer in its own form: only this is timed. `table` converts the
-    results. A method that the peer does not offer is None.
+    Each of the four methods takes crank angles, rad, which continue those of the previous call,
+    and returns the peer's results in its own form; only these calls are timed. `table` converts
+    the results. A method that the peer does not offer is None.
 
     Attributes:
         name: Name on the page.
         distribution: Name of the Python package; None if there is none.
-        how: How the peer is called, in a few sentences for the page.
-        kinematics: Position, rate and acceleration of coupler and rocker, state by state.
-        torque: The same with the driving torque.
-        kinematics_array: As kinematics, for an array.
-        torque_array: As torque, for an array.
+        how: Description of the calls for the page, in a few sentences.
+        kinematics: Computes position, rate and acceleration of coupler and rocker, state by state.
+        torque: Like kinematics, with the driving torque.
+        kinematics_array: Like kinematics, for an array.
+        torque_array: Like torque, for an array.
     """
 
     name: str
@@ -37,8 +37,8 @@ class Peer:
         Args:
             mechanism: A FourBar.
             speed: Constant crank speed, rad/s.
-            first: Crank angle of the first state, rad. Peers that keep to one side of the diagonal
-                or follow the motion from a first guess need it to select the assembly.
+            first: Crank angle of the first state, rad. It selects the assembly in peers that keep
+                to one side of the diagonal or follow the motion.
         """
         self.mechanism, self.speed = mechanism, speed
         self._memory = np.empty((0, 0))
@@ -57,19 +57,19 @@ class Peer:
         return np.array(results, float).T
 
     def rows(self, count, size):
-        """Returns reused memory for results: allocation takes longer than the C function."""
+        """Returns reused memory for results: allocation would take longer than the C function."""
         if self._memory.shape != (count, size):
             self._memory = np.empty((count, size))
         return self._memory
 
 
 class NewtonPeer(Peer):
-    """Base of the peers without loop constraints: Newton's method closes the loop.
+    """Base of peers without loop constraints, in which Newton's method closes the loop.
 
     Each adapter contains its own iteration, because a call would add to the measured time.
 
     Attributes:
-        tolerance: Gap at the coupler-rocker pin below which the loop is closed, m.
+        tolerance: Gap at the coupler-rocker pin below which the loop counts as closed, m.
     """
 
     STEPS = 50
@@ -78,7 +78,7 @@ class NewtonPeer(Peer):
         'which shows the cost of a state without a known neighbour. This package solves every '
         'state without a neighbour.'
     )
-    # Whether each iteration starts from the first state, as if the angle had no neighbour.
+    # Whether each iteration starts from the first state, as if no neighbouring state were known.
     cold = False
 
     def __init__(self, mechanism, speed, first):
@@ -103,7 +103,7 @@ class NewtonPeer(Peer):
         return [self.state(angle) for angle in angles]
 
     def state(self, crank):
-        """Returns angles, rates and accelerations of coupler and rocker."""
+        """Computes angles, rates and accelerations of coupler and rocker."""
         raise NotImplementedError
 
     def give_up(self, crank):

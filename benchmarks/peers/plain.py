@@ -64,7 +64,7 @@ def make_plain(mechanism, side):
 
 
 def constants(mechanism, side):
-    """Returns the constants of a four-bar in the order of the C function."""
+    """Returns the constants of a four-bar in the order expected by the C function."""
     crank, coupler, rocker = mechanism.crank, mechanism.coupler, mechanism.rocker
     frame = mechanism.frame
     pivot = (frame.length * math.cos(frame.angle), frame.length * math.sin(frame.angle))
@@ -80,7 +80,7 @@ def compiled(folder, *flags):
     """Compiles the C function; returns the path of the library.
 
     Raises:
-        RuntimeError: cc fails; contains its output.
+        RuntimeError: cc fails; the message contains its output.
     """
     library = Path(folder, 'plain.so')
     command = ['cc', '-O3', *flags, '-shared', '-fPIC', SOURCE, '-o', library, '-lm']

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The adapters, and which of them can be used on this machine."""
+"""Lists the adapters, and finds those that can be used on this machine."""
 
 import importlib
 import importlib.metadata
@@ -31,13 +31,13 @@ def adapter(index):
 
 
 def usable(mechanism, speed, first, left_out):
-    """Yields the index and the adapter of each peer that is installed.
+    """Yields index and adapter of each peer that is installed.
 
     Args:
         mechanism: The four-bar.
         speed: Crank speed, rad/s.
         first: Crank angle of the first state, rad.
-        left_out: List to which the names of the missing peers are appended, with the reasons.
+        left_out: List to which the missing peers are appended, with the reasons.
     """
     for index, (module, _, _) in enumerate(ADAPTERS):
         try:

@@ -50,7 +50,7 @@ first state.
 
 
 def table(head, rows):
-    """Yields the lines of a table; the first column has words, the others numbers."""
+    """Yields the lines of a table; the first column is text, the others are numbers."""
     yield f'| {" | ".join(head)} |'
     yield f'|---{"|--:" * (len(head) - 1)}|'
     for row in rows:
@@ -79,14 +79,14 @@ def speeds(records, mode):
 
 
 def outcome(record):
-    """Returns a cell: the worst outcome and, unless all states have it, its share."""
+    """Formats a cell: the worst outcome and, unless all states have it, its share of states."""
     word, states = record['outcome'], record.get('states', {})
     total = sum(states.values())
     return word if states.get(word) == total or not total else f'{word} {states[word]}/{total}'
 
 
 def markdown(results):
-    """Returns the page."""
+    """Formats the page."""
     lines = [INTRODUCTION.format(**results)]
     for mode, title in MODES.items():
         lines += [f'## {title}', '', *speeds(results['records'], mode), '']

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compares other software with this package: speed, errors and difficult situations.
 
-Makes a virtual environment from requirements.txt, measures in it, and prints the page; --markdown
-writes the page docs/peers.md, and --json all figures. This takes a few minutes.
+It creates a virtual environment from requirements.txt, measures in it, and prints the page, in a
+few minutes. --markdown writes the page docs/peers.md, and --json writes all figures.
 Run: python benchmarks/peers/run.py
 """
 
@@ -27,7 +27,7 @@ REQUIREMENTS = HERE / 'requirements.txt'
 
 
 def environment(folder):
-    """Makes or completes the virtual environment; returns its Python."""
+    """Creates or completes the virtual environment; returns the path of its Python."""
     python = folder / 'bin' / 'python'
     if not python.exists():
         print(f'making {folder} ...', flush=True)
@@ -38,7 +38,7 @@ def environment(folder):
 
 
 def measured(python, script, folder, *options):
-    """Runs a script in the environment of the peers; returns what the script writes."""
+    """Runs a script in the environment of the peers; returns the data that the script writes."""
     out = Path(folder, f'{script}.json')
     paths = os.pathsep.join(map(str, (ROOT, ROOT / 'test')))
     # One thread each, because the peers are compared on one core.
@@ -60,7 +60,7 @@ def machine():
 
 
 def first_line(*command):
-    """Returns the first line that a program prints, or an empty text if the program is missing."""
+    """Returns the first line of a program's output, or '' if the program is missing."""
     try:
         done = subprocess.run(command, check=True, capture_output=True, text=True)
     except (OSError, subprocess.CalledProcessError):

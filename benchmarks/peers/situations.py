@@ -23,8 +23,8 @@ from oracle import Oracle
 
 SPEED = 1.0
 CLOSE = 1e-6
-PATIENCE = 120.0  # s for the situations of one peer.
-# From worst to best; the worst outcome of all states counts.
+PATIENCE = 120.0  # s, time limit for the situations of one peer
+# From worst to best; the worst outcome of all states is reported.
 OUTCOMES = ('NaN', 'wrong branch', 'diverged', 'rates wrong', 'refused', 'right')
 
 
@@ -43,13 +43,13 @@ def reference(case, mechanism):
 
 
 def apart(angles, others):
-    """Returns the largest difference of two sets of directions, rad."""
+    """Returns the largest difference between two sets of directions, rad."""
     difference = angles - others
     return np.abs(difference - 2 * math.pi * np.round(difference / (2 * math.pi))).max()
 
 
 def judge(state, right, other):
-    """Returns the outcome of one state."""
+    """Classifies the outcome of one state."""
     if not np.isfinite(state).all():
         return 'NaN'
     if right is None:
@@ -72,7 +72,7 @@ def arithmetic(error):
 
 
 def answer(peer, ask, angle):
-    """Returns a state, or the outcome of an exception and its message."""
+    """Returns a state, or the outcome and message of an exception."""
     try:
         return peer.table(ask(angle))[:6, 0], ''
     except Exception as error:  # noqa: BLE001 - any exception is an outcome
@@ -81,7 +81,7 @@ def answer(peer, ask, angle):
 
 
 def tried(make, case, right, other):
-    """Returns the worst outcome, the number of states of each outcome, and the first message."""
+    """Returns the worst outcome, the number of states per outcome, and the first message."""
     peer = make(case.mechanism, SPEED, case.angles[0])
     alone = peer.kinematics or peer.torque
     array = peer.torque_array
@@ -112,7 +112,7 @@ def references():
 
 
 def worker(index, known):
-    """Tests one peer; prints a line for each situation."""
+    """Tests one peer; prints a line per situation."""
     warnings.simplefilter('ignore')
     make = registry.adapter(index)
     known = json.loads(known.read_text())
@@ -126,7 +126,7 @@ def worker(index, known):
 
 
 def run_peer(index, names, known):
-    """Tests one peer in another process; situations after a crash count as crashed."""
+    """Tests one peer in another process; situations after a crash also count as crashed."""
     command = [sys.executable, __file__, known, '--worker', str(index)]
     try:
         done = subprocess.run(command, capture_output=True, timeout=PATIENCE, check=False)

@@ -23,9 +23,9 @@ from oracle import Oracle
 from linkage_ros.parameters.configuration import load
 
 SPEED = 5 * math.pi  # 150 rpm
-TURN = 360  # States of one turn.
+TURN = 360  # states per turn
 ARRAY = 200_000
-LEAST = 0.02  # s, intended time of one round.
+LEAST = 0.02  # s, intended duration of a round
 WAYS = (
     ('kinematics', 'one', 'kinematics'),
     ('torque', 'one', 'torque'),
@@ -35,12 +35,12 @@ WAYS = (
 
 
 def angles(start, count):
-    """Returns crank angles on a grid of one degree; consecutive pieces fit together."""
+    """Returns crank angles on a grid of one degree; consecutive calls continue each other."""
     return [2 * math.pi * i / TURN for i in range(start, start + count)]
 
 
 def reference(mechanism):
-    """Returns one turn in 50 digits, with the rows of the adapters' tables."""
+    """Computes one turn in 50 digits, in the format of `table`."""
     oracle = Oracle(mechanism)
     states = [oracle.state(angle, SPEED) for angle in angles(0, TURN)]
     return np.array(
@@ -68,7 +68,7 @@ def errors(table, right):
 
 
 def seconds(function, argument):
-    """Returns the time of one call, s."""
+    """Measures the duration of one call, s."""
     start = time.perf_counter()
     function(argument)
     return time.perf_counter() - start
@@ -92,7 +92,7 @@ def pieces(mode, start, count):
 
 
 def compare(peer, ours, way, rounds, right):
-    """Measures one method of a peer; returns the record."""
+    """Measures one method of a peer; returns its record."""
     work, mode, name = way
     ask, ask_ours = getattr(peer, name), getattr(ours, name)
     # A new peer, because peers that follow the motion must not start with a jump.

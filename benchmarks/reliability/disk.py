@@ -3,9 +3,9 @@
 """Tests faults of the log: full disk, file or folder removed, file replaced.
 
 linkage_node runs at 1 kHz and logs to a tmpfs of a few MB. A subscriber in another process counts
-the states. Promised are: the states continue, one error line, diagnostics at level ERROR, and
-the data written before the fault stays readable. The exit code is 1 if a promise is broken, and
-77 if the tmpfs cannot be mounted: that takes root, or `unshare -Urm` before the command.
+the states. The promises are that the states continue, that one error line and diagnostics at level
+ERROR report the fault, and that the data written before it stays readable. The exit code is 1 if a
+promise is broken, and 77 if the tmpfs cannot be mounted, which takes root or `unshare -Urm`.
 
     python benchmarks/reliability/disk.py --out DIR              one minute
     python benchmarks/reliability/disk.py --out DIR --after 0.5  half a minute
@@ -36,11 +36,11 @@ from linkage_ros.wire.cdr import ERROR
 RATE = 1000.0
 SIZE = '3m'
 SILENCE = 0.1  # s, longest allowed pause between two states
-LOG = 'linkage_node: log'  # name of its status in /diagnostics
+LOG = 'linkage_node: log'  # name of the log's status in /diagnostics
 
 
 def replace(path: Path) -> None:
-    """Replaces the log by another file."""
+    """Replaces the log by a file with other contents."""
     path.unlink()
     path.write_text('another file')
 
@@ -59,7 +59,7 @@ def errors(process: Process) -> list[str]:
 
 
 def run(path: Path, damage, heard: Path, after: float) -> dict:
-    """Runs the node, damages its log, and recovers the log."""
+    """Runs the node, damages its log, and recovers it."""
     with (
         listening(DOMAIN, heard) as listener,
         Diagnostics(DOMAIN) as diagnostics,
@@ -71,7 +71,7 @@ def run(path: Path, damage, heard: Path, after: float) -> dict:
         begin = time.time_ns()
         said = wait_for(lambda: diagnostics.parts[LOG][0] == ERROR)
         time.sleep(after)
-        # The error names the file descriptor of a removed log; it exists until the process ends.
+        # The error names the descriptor of a removed log, which exists until the process ends.
         unnamed = [word for word in process.output.split() if word.startswith('/proc/')]
         if unnamed:
             shutil.copyfile(unnamed[0], heard.with_suffix('.mcap'))
@@ -92,7 +92,7 @@ def run(path: Path, damage, heard: Path, after: float) -> dict:
 
 
 def promises(name: str, one: dict) -> dict[str, bool]:
-    """Whether each promise was kept."""
+    """Returns whether each promise was kept."""
     kept = {
         'one line of error': len(one['errors']) == 1,
         'states continue': one['longest_silence'] < SILENCE,

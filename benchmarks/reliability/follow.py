@@ -3,10 +3,10 @@
 """Measures a node that follows a measured crank.
 
 A speed-driven node acts as the robot and publishes joint states at 100, 500 and 1000 Hz; the
-measured node answers each of them from another process. Both write logs. Subscribers measure the
-age of the states of both nodes on arrival; the processor time of both nodes is measured as well.
-The log of the answers is verified, which compares each answer with its measurement; its joints
-and rates are compared with a reference of 100 digits.
+following node answers each of them from another process. Both write logs. Subscribers measure the
+age of both nodes' states on arrival; the processor time of both nodes is also measured. The log of
+the answers is verified, which compares each answer with its measurement; its joints and rates are
+compared with a reference of 100 digits.
 
     python benchmarks/reliability/follow.py --out docs    docs/follow.json, in four minutes
 
@@ -31,11 +31,11 @@ from linkage_ros.verification.verify import verify
 RATES = (100.0, 500.0, 1000.0)  # Hz
 MEASURED, ANSWERS = '/joint_states', '/linkage/joint_states'
 REMAPS = ('measured_joint_states', MEASURED), ('joint_states', ANSWERS)
-COMPARED = 200  # states that are compared with the reference
+COMPARED = 200  # number of states compared with the reference
 
 
 def heard(path: Path, rate: float, seconds: float) -> dict:
-    """Returns rate, missed ticks and ages of the states of the last seconds."""
+    """Returns rate, missed ticks and ages of the states in the last seconds."""
     times = np.load(path)
     times = times[times[:, 0] > times[-1, 0] - seconds * 1e9]
     stamps = times[:, 0]
@@ -48,7 +48,7 @@ def heard(path: Path, rate: float, seconds: float) -> dict:
 
 
 def compared(path: Path) -> dict:
-    """Verifies a log; compares joints, rad, and relative rates with a reference."""
+    """Verifies a log; returns the errors of joints, rad, and relative errors of rates."""
     errors = []
     with LogReader(path) as log:
         simulator, difference = Simulator(log.configuration), verify(log).difference

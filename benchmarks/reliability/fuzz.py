@@ -1,9 +1,9 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Tests hostile input with many random cases, in processes with limits, and in executables.
+"""Tests many random cases of hostile input, in processes with limits and in executables.
 
-Each case must end with success or with one line of error, within 5 s and 1 GB in addition to the
-memory of the imports. The cases come from test/hostile.py; failing ones are saved in DIR/fuzz.
+Each case must end with success or one line of error, within 5 s and 1 GB in addition to the memory
+of the imports. The cases come from test/hostile.py; failing ones are saved in DIR/fuzz.
 Run: python benchmarks/reliability/fuzz.py [--out DIR] [--cases N]
 """
 
@@ -26,9 +26,9 @@ sys.path.append(str(Path(__file__).resolve().parents[2] / 'test'))
 
 SHARES = {'parameter file': 0.4, 'log': 0.35, 'replay options': 0.15, 'live parameters': 0.1}
 BATCH = 500  # cases per process
-LONGEST, MEMORY = 5.0, 1 << 30  # processor time, s, and memory, bytes, of one case
-LIMIT = 30.0  # s for an executable, including its imports on a busy machine
-# Negative controls: faults that must be found.
+LONGEST, MEMORY = 5.0, 1 << 30  # limits of a case: processor time, s, and memory, bytes
+LIMIT = 30.0  # s, for an executable, including its imports on a busy machine
+# Negative controls: faults that must be detected.
 CONTROLS = {
     'hang': 'while True: pass', 'memory': 'bytearray(2**31)', 'error': '1 / 0',
     'two lines': 'hostile_outcomes.one_line("two\\nlines of words")',
@@ -36,7 +36,7 @@ CONTROLS = {
 
 
 def cases_of(kind, folder):
-    """Returns a function that tries a random case and returns the error lines."""
+    """Returns a function that runs a random case and returns the error lines."""
     import hostile
     import hostile_logs
     import hostile_outcomes
@@ -114,7 +114,7 @@ def out_of_time(*_):
 
 
 def work(kind, seeds, out):
-    """Tries cases in this process, with limits of time and memory.
+    """Runs cases in this process, with limits of time and memory.
 
     Args:
         kind: Kind of the cases.
@@ -122,8 +122,8 @@ def work(kind, seeds, out):
         out: Folder for the files of failing cases.
 
     Returns:
-        Seed, processor time, s, memory, MB, whether the input was accepted, and the failure, of
-        each case.
+        For each case: seed, processor time, s, memory, MB, whether the input was accepted, and the
+        failure.
     """
     signal.signal(signal.SIGPROF, out_of_time)
     rows = []
@@ -157,7 +157,7 @@ def keep(folder, target):
 
 
 def run(kind, seeds, out):
-    """Tries cases in child processes; a crash of one ends the benchmark with BrokenProcessPool.
+    """Runs cases in child processes; if one crashes, the benchmark ends with BrokenProcessPool.
 
     Args:
         kind: Kind of the cases.
@@ -182,7 +182,7 @@ def run(kind, seeds, out):
 
 
 def main():
-    """Tries all kinds of cases and writes DIR/fuzz.json."""
+    """Runs all kinds of cases, and writes DIR/fuzz.json."""
     options = harness.options(
         __doc__,
         cases=(10_000, 'random cases'), processes=(120, 'runs of executables'),

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Starts ROS processes for the benchmarks and measures them from outside."""
+"""Starts ROS processes for the benchmarks, and measures them from outside."""
 
 import argparse
 import functools
@@ -17,22 +17,22 @@ from typing import NoReturn
 
 import numpy as np
 
-# The tests use lower domains; two benchmarks at the same time rarely get the same one.
+# The tests use lower domains; two concurrent benchmarks rarely get the same one.
 DOMAIN = 90 + os.getpid() % 10
 LISTENER = Path(__file__).with_name('listener.py')
-NOT_HERE = 77  # exit code if this system or this user cannot run the benchmark
+NOT_HERE = 77  # exit code if this system or user cannot run the benchmark
 
 
 @functools.cache
 def clear_ports(domain: int) -> None:
-    """Removes the shared-memory ports that killed processes left in a domain, once."""
+    """Removes, once, the shared-memory ports that killed processes left in a domain."""
     first = 7400 + 250 * domain
     for port in range(first, first + 250):
         Path(f'/dev/shm/fastrtps_port{port}').unlink(missing_ok=True)
 
 
 def environment(domain: int) -> dict[str, str]:
-    """Environment of a process in a domain that is limited to this machine."""
+    """Returns environment variables for a process in a domain limited to this machine."""
     clear_ports(domain)
     own = {'ROS_DOMAIN_ID': str(domain), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
     return {**os.environ, **own, 'PYTHONUNBUFFERED': '1'}
@@ -45,7 +45,7 @@ def words(parameters: dict[str, object]) -> list[str]:
 
 
 class Process:
-    """A process; keeps its output with times, and measures its memory and processor time.
+    """A process whose output is kept with times, and whose memory and processor time are measured.
 
     Attributes:
         pid: Process ID.
@@ -56,7 +56,7 @@ class Process:
         """Starts Python with arguments.
 
         Args:
-            *arguments: Such as '-m', 'linkage_ros.node'.
+            *arguments: Arguments of Python, such as '-m', 'linkage_ros.node'.
             domain: ROS domain.
             prefix: Command before the interpreter, such as 'nsenter' and its options.
         """
@@ -77,12 +77,12 @@ class Process:
 
     @property
     def output(self) -> str:
-        """All output so far."""
+        """Output so far."""
         return '\n'.join(text for _, text in self.lines)
 
     @property
     def alive(self) -> bool:
-        """Whether the process runs."""
+        """Whether the process is running."""
         return self._process.poll() is None
 
     def send(self, number: int) -> None:
@@ -91,19 +91,19 @@ class Process:
             self._process.send_signal(number)
 
     def end(self, number: int = signal.SIGINT, patience: float = 60.0) -> int:
-        """Sends a signal and waits for the end of the process; returns the exit code."""
+        """Sends a signal and waits for the process to end; returns the exit code."""
         self.send(number)
         code = self._process.wait(patience)
         self._reader.join(5.0)
         return code
 
     def memory(self) -> float:
-        """Memory of the process, MiB, with its share of the memory that several processes use."""
+        """Memory of the process, MiB, including its share of shared memory."""
         text = Path(f'/proc/{self.pid}/smaps_rollup').read_text()
         return int(text.partition('\nPss:')[2].split()[0]) / 1024
 
     def computed(self) -> float:
-        """Processor time of all threads, s; counted by the scheduler, not sampled."""
+        """Processor time of all threads, s, from the scheduler's counters, not from samples."""
         total = 0
         for thread in Path(f'/proc/{self.pid}/task').iterdir():
             with suppress(FileNotFoundError):
@@ -113,7 +113,7 @@ class Process:
 
 @contextmanager
 def running(*arguments: object, domain: int, prefix: tuple[str, ...] = ()):
-    """Runs a process, which is killed on leaving the context if it still runs."""
+    """Runs a process, which is killed at the end of the context if it still runs."""
     process = Process(*arguments, domain=domain, prefix=prefix)
     try:
         yield process
@@ -136,7 +136,7 @@ def node(
 
 @contextmanager
 def listening(domain: int, path: Path, prefix: tuple[str, ...] = (), topic: str = 'joint_states'):
-    """Runs listener.py, which writes stamps and times of arrival to a path at the end."""
+    """Runs listener.py, which at the end writes stamps and times of arrival to a path."""
     with running(LISTENER, path, topic, domain=domain, prefix=prefix) as process:
         wait_for(lambda: 'listening' in process.output)
         yield process
@@ -153,7 +153,7 @@ class Diagnostics:
     """Subscribes to /diagnostics in this process.
 
     Attributes:
-        parts: Level, message and values last heard for each part of each node, such as
+        parts: Last level, message and values of each part of each node, by a name such as
             'linkage_node: log'.
     """
 
@@ -190,14 +190,14 @@ class Diagnostics:
 
 
 def unavailable(reason: str) -> NoReturn:
-    """Ends a benchmark that this system, or this user, cannot run."""
+    """Ends a benchmark that this system or user cannot run."""
     print(f'cannot be tried here: {reason}', file=sys.stderr)
     sys.exit(NOT_HERE)
 
 
 def system(*words: object) -> str:
-    """Runs a command of the system and returns its output; ends the benchmark if it fails."""
-    command = ['env', *map(str, words)]  # env reports a missing command like one that fails
+    """Runs a system command and returns its output; ends the benchmark if the command fails."""
+    command = ['env', *map(str, words)]  # env reports a missing command as a failure
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
         unavailable(f'{" ".join(command[1:])}: {done.stderr.strip()}')
@@ -206,10 +206,10 @@ def system(*words: object) -> str:
 
 @contextmanager
 def mounted(folder: Path, *words: object):
-    """Mounts a file system on a folder, which takes root.
+    """Mounts a file system on a folder, which requires root.
 
     Args:
-        folder: The folder; made if it does not exist.
+        folder: The folder, created if it does not exist.
         *words: Options of `mount`, and the device.
     """
     folder.mkdir(exist_ok=True)
@@ -237,10 +237,10 @@ def wait_for(condition, seconds: float = 30.0) -> float:
 
 
 def missed(stamps: np.ndarray, rate: float) -> int:
-    """Number of ticks without a state between the first and the last stamp.
+    """Counts the ticks without a state between the first and the last stamp.
 
     Args:
-        stamps: Rising stamps, ns.
+        stamps: Stamps in increasing order, ns.
         rate: Rate of the ticks, Hz.
     """
     return int((np.rint(np.diff(stamps) * 1e-9 * rate) - 1).sum())
@@ -254,16 +254,16 @@ def quantiles(values) -> dict[str, float]:
 
 
 def finish(name: str, out: Path, figures: object, promises: dict[str, bool] | None = None) -> int:
-    """Writes the figures of a benchmark to DIR/NAME.json and prints the broken promises.
+    """Writes the figures of a benchmark to DIR/NAME.json, and prints the broken promises.
 
     Args:
         name: Name of the benchmark.
-        out: The folder.
-        figures: The figures.
-        promises: Whether each promise is kept.
+        out: Output folder.
+        figures: Figures to write.
+        promises: Whether each promise is kept, by name.
 
     Returns:
-        The exit code: 1 if a promise is broken.
+        The exit code: 1 if a promise is broken, else 0.
     """
     out.mkdir(parents=True, exist_ok=True)
     (out / f'{name}.json').write_text(json.dumps(figures, indent=1) + '\n')

@@ -5,8 +5,8 @@
 The hosts are network namespaces on this machine, connected by a virtual cable (`network.py`). A
 torque-driven linkage_node with a log runs on one host; a subscriber and linkage_controller, which
 answers each state with a command, run on the other. The cable is pulled for a short time, and for
-a time longer than the 20 s after which DDS forgets a host; then one host leaves the network while
-the link stays up. The exit code is 1 if a promise is broken, and 77 if the hosts cannot be made.
+longer than the 20 s after which DDS forgets a host; then one host leaves the network while the
+link stays up. The exit code is 1 if a promise is broken, and 77 if the hosts cannot be created.
 
     python benchmarks/reliability/hosts.py --out DIR             two minutes
     python benchmarks/reliability/hosts.py --out DIR --long 0    only the short cut
@@ -44,7 +44,7 @@ TIMED_OUT = b'no command within command_timeout'
 
 
 def heard(listener: Process) -> int:
-    """Returns how often states began to arrive."""
+    """Returns how many times states have started to arrive."""
     return sum(text == 'heard' for _, text in listener.lines)
 
 
@@ -54,7 +54,7 @@ def on(host: Host, reach: str = 'SUBNET') -> tuple[str, ...]:
 
 
 def cut(kind: str, host: Host, seconds: float, listener: Process) -> dict:
-    """Cuts and restores the link; returns the times of both, ns on the wall clock."""
+    """Cuts and restores the link; returns the time of each, ns on the wall clock."""
     time.sleep(SETTLED)
     count = heard(listener)
     begin = time.time_ns()
@@ -62,7 +62,7 @@ def cut(kind: str, host: Host, seconds: float, listener: Process) -> dict:
     time.sleep(seconds)
     restored = time.time_ns()
     host.plug()
-    with contextlib.suppress(TimeoutError):  # the figures show it
+    with contextlib.suppress(TimeoutError):  # reported in the figures
         wait_for(lambda: heard(listener) > count, PATIENCE)
     return {'kind': kind, 'seconds': seconds, 'begin': begin, 'restored': restored}
 
@@ -70,7 +70,7 @@ def cut(kind: str, host: Host, seconds: float, listener: Process) -> dict:
 def run(there: Host, here: Host, kinds: list[tuple[str, float]], folder: Path) -> dict:
     """Runs node, subscriber and controller with some cuts; returns the recorded data."""
     log, times = folder / 'run.mcap', folder / 'times.npy'
-    # Low torque and bandwidth: if a busy machine delays the controller, the speed stays bounded.
+    # Low torque and bandwidth keep the speed bounded if a busy machine delays the controller.
     driven = {'drive': 'torque', 'torque_limit': 5.0, 'motor.damping': 0.3}
     tame = words({'feed_forward': 'false', 'bandwidth': 0.5, 'rpm': 60.0})
     with (
@@ -100,14 +100,14 @@ def run(there: Host, here: Host, kinds: list[tuple[str, float]], folder: Path) -
 
 
 def reaches(there: Host, here: Host, reach: str, folder: Path, *, late: bool = False) -> bool:
-    """Returns whether a node with a discovery range is heard on the other host.
+    """Returns whether a node with a discovery range is discovered on the other host.
 
     Args:
         there: Host of the node.
         here: Host of the subscriber.
-        reach: The range.
+        reach: The discovery range.
         folder: Folder for the output of the subscriber.
-        late: Whether the node's end of the cable is plugged in only after the node has started.
+        late: Whether to plug in the node's end of the cable only after the node has started.
     """
     if late:
         there.unplug()
@@ -122,7 +122,7 @@ def reaches(there: Host, here: Host, reach: str, folder: Path, *, late: bool = F
 
 
 def read(path: Path) -> dict:
-    """Verifies a log; reads stamps of states, and times of commands and of reported timeouts."""
+    """Verifies a log; returns stamps of states, and times of commands and of reported timeouts."""
     found: dict[str, list[int]] = {'/joint_states': [], '/joint_commands': [], '/diagnostics': []}
     try:
         with LogReader(path) as log:
@@ -141,7 +141,7 @@ def read(path: Path) -> dict:
 
 
 def after(times, begin: int) -> float:
-    """Returns the seconds from a time to the next of some times; infinite if none follows."""
+    """Returns the time, s, from a moment to the next of some times; infinite if there is none."""
     later = times[times > begin]
     return float(later.min() - begin) * 1e-9 if later.size else float('inf')
 
@@ -196,8 +196,8 @@ def promises(figures: dict) -> dict[str, bool]:
         kept[name + 'states resume'] = one['states_back'] < PATIENCE
         kept[name + 'commands resume'] = one['commands_back'] < PATIENCE
         kept[name + 'the timeout of commands is reported'] = one['time_out_said']
-        # Only a long cut shows whether missing receivers delay the node: a busy machine may also
-        # miss ticks for a moment.
+        # Only a long cut shows whether missing receivers delay the node, because a busy machine
+        # may also miss ticks for a moment.
         little = one['seconds'] < 20 or one['ticks_missed'] < one['logged'] / 10
         kept[name + 'the node keeps its rate'] = little
     return kept

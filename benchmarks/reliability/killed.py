@@ -1,10 +1,10 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Measures the loss of a killed run: SIGKILL at random moments at 1 kHz.
+"""Measures the data lost by a kill: SIGKILL at random moments at 1 kHz.
 
 linkage_log recovers and verifies each log. The loss is the time from the last state in the
 recovered log to the last state that a subscriber in another process received. The exit code is 1
-if a run lost more than 0.3 s, or if a recovered log does not verify.
+if a run lost more than 0.3 s, or if a recovered log fails verification.
 
     python benchmarks/reliability/killed.py --out DIR             20 kills in five minutes
     python benchmarks/reliability/killed.py --out DIR --number 3  less than a minute
@@ -26,7 +26,7 @@ from linkage_ros.wire.cdr import stamp_of
 
 RATE = 1000.0
 EARLIEST, LATEST = 1.0, 5.0  # s from the first state to the kill
-PROMISED = 0.3  # s, longest loss
+PROMISED = 0.3  # s, promised limit of the loss
 
 
 def last_state(path: Path) -> int:
@@ -45,7 +45,7 @@ def recovered(path: Path, saved: Path, last: int) -> dict:
         last: Stamp of the last state before the fault, ns.
 
     Returns:
-        Whether the log verifies, the output of both commands, and the loss, s.
+        Whether the log passes verification, the output of both commands, and the loss, s.
     """
     done = [tool('recover', path, saved), tool('verify', saved)]
     verified = done[1].returncode == 0
@@ -81,7 +81,7 @@ def survey(
         given: Options: out, seed and number.
         interrupt: Runs the node in a folder and interrupts the run after a time, s.
         span: Shortest and longest of these times, s.
-        promised: Longest loss that is promised, s.
+        promised: Promised limit of the loss, s.
 
     Returns:
         The exit code.

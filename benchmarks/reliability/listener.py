@@ -1,10 +1,10 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Subscribes to joint states and records stamps and times of arrival.
+"""Subscribes to joint states, and records stamps and times of arrival.
 
-Usage: python listener.py OUT.npy TOPIC. SIGINT ends the program, which then writes OUT.npy; each
-row holds stamp and time of arrival, ns on the wall clock. It prints 'heard' at the first message
-and at the first one after each pause of more than a second.
+Usage: python listener.py OUT.npy TOPIC. On SIGINT the program writes OUT.npy and ends; each row
+holds stamp and time of arrival, ns on the wall clock. It prints 'heard' at the first message, and
+at the first message after each pause of more than a second.
 """
 
 import array

@@ -1,10 +1,10 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Measures how many nodes one machine can run: more and more at 100 Hz, until ticks are missed.
+"""Measures how many nodes one machine can run at 100 Hz before ticks are missed.
 
-Each node is a process with its own namespace; all are in one ROS domain and start together. Once
-all are discovered, missed ticks, processor time and memory are measured for some seconds. A
-subscriber measures the delay of the states of the first node.
+Each node is a process in its own namespace; all are in one ROS domain and start together. Once all
+are discovered, missed ticks, processor time and memory are measured for some seconds. A subscriber
+measures the delay of the first node's states.
 
     python benchmarks/reliability/many.py --out DIR    six minutes, on an idle machine
 """
@@ -34,14 +34,14 @@ from harness import (
 
 NUMBERS = (1, 10, 20, 40, 60, 100)
 RATE, SETTLED, PATIENCE = 100.0, 4.0, 90.0
-# The largest acceptable share of missed ticks; the share, and the total memory, MiB, at which the
+# Largest acceptable share of missed ticks; the share, and the total memory, MiB, at which the
 # benchmark ends.
 ACCEPTABLE, ENOUGH, MEMORY = 1e-3, 0.05, 10_000.0
 FIGURES = ('states', 'ticks missed', 'lateness p99, ms', 'lateness max, ms')
 
 
 def listen(health: Diagnostics, seconds: float) -> np.ndarray:
-    """Waits some seconds; returns the last FIGURES of each node, of shape (nodes, 4)."""
+    """Waits some seconds; returns the latest FIGURES of each node, shape (nodes, 4)."""
     time.sleep(seconds)
     parts = list(health.parts.values())
     heard = [values for *_, values in parts if 'ticks missed' in values]
@@ -50,7 +50,7 @@ def listen(health: Diagnostics, seconds: float) -> np.ndarray:
 
 
 def start(stack: ExitStack, number: int) -> list[Process]:
-    """Starts nodes."""
+    """Starts a number of nodes."""
     command = ('-m', 'linkage_ros.node', *words({'rate_hz': RATE}), '-r')
     return [
         stack.enter_context(running(*command, f'__ns:=/m{index}', domain=DOMAIN))
@@ -64,7 +64,7 @@ def total(nodes: list[Process]) -> float:
 
 
 def end(nodes: list[Process]) -> int:
-    """Stops all nodes; returns the number of those that do not end within 20 s."""
+    """Stops all nodes; returns how many do not end within 20 s."""
     for one in nodes:
         one.send(signal.SIGINT)
     with suppress(TimeoutError):

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Simulates two hosts by kernel namespaces, connected by a virtual cable that can be cut.
 
-Each host has its own network and its own /dev/shm, so that messages cross the cable as they do
-between two machines; the hosts have no other connection. They can be made by root, or by a user
-who may make user namespaces. They end with this process, even if it is killed.
+Each host has its own network and its own /dev/shm, so that messages must cross the cable as they
+do between two machines. Creating hosts requires root or the right to create user namespaces. They
+end with this process, even if it is killed.
 """
 
 import os
@@ -30,7 +30,7 @@ class Host:
     """
 
     def __init__(self, address: str, owner: 'Host | None' = None) -> None:
-        """Makes a host.
+        """Creates a host.
 
         Args:
             address: IPv4 address on the cable.
@@ -56,7 +56,7 @@ class Host:
         return ('nsenter', f'--target={self.pid}', *rights, *inside, *_BOUND)
 
     def prefix(self, **variables: str) -> tuple[str, ...]:
-        """Returns the same prefix with environment variables."""
+        """Returns the prefix of `enter`, with environment variables."""
         return (*self.enter(), 'env', *(f'{name}={value}' for name, value in variables.items()))
 
     def run(self, *words: str) -> str:
@@ -64,7 +64,7 @@ class Host:
         return system(*self.enter(), *words)
 
     def plug(self) -> None:
-        """Gives the host's end of the cable its address, and brings it up."""
+        """Assigns the address to the host's end of the cable, and brings it up."""
         self.run('ip', 'address', 'replace', f'{self.address}/24', 'dev', _CABLE)
         self.run('ip', 'link', 'set', _CABLE, 'up')
 
@@ -84,19 +84,19 @@ class Host:
         self.run('ip', 'address', 'flush', 'dev', _CABLE)
 
     def received(self) -> int:
-        """Number of bytes received over the cable."""
+        """Returns the number of bytes received over the cable."""
         text = Path(f'/proc/{self.pid}/net/dev').read_text()
         return int(text.partition(f'{_CABLE}:')[2].split()[0])
 
     def close(self) -> None:
-        """Ends the host; processes that still run there keep its network until they end."""
+        """Ends the host; processes still running on it keep its network until they end."""
         self._holder.kill()
         self._holder.communicate()
 
 
 @contextmanager
 def two_hosts():
-    """Makes two hosts with a cable between them that is not plugged in yet."""
+    """Creates two hosts connected by a cable that is not plugged in yet."""
     net = f'10.77.{os.getpid() % 250 + 1}'
     with closing(Host(f'{net}.1')) as first, closing(Host(f'{net}.2', first)) as second:
         ends = f'{_CABLE} type veth peer name {_CABLE} netns {second.pid}'

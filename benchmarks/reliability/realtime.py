@@ -2,20 +2,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """Measures lateness and processor time of linkage_node at 1 kHz, and processor time of logs.
 
-Contenders take turns in slices: a bare Python loop that sleeps until each deadline, a node whose
-rclpy timer publishes the same JointState, with the default executor and with the EventsExecutor,
+Contenders take turns in slices: a bare Python loop that sleeps until each deadline; a node whose
+rclpy timer publishes the same JointState, with the default executor and with the EventsExecutor;
 and linkage_node without log, with log, and with log and viewer. A subscriber in another process
-receives the messages of each node. Then record, verify and recover take turns with the compression
-of the same bytes.
+receives the messages of each node. Then record, verify and recover take turns with compression of
+the same bytes.
 
     python benchmarks/reliability/realtime.py --out docs                         in eight minutes
-    python benchmarks/reliability/realtime.py --slices 1 --seconds 3 --rounds 1  a short try
+    python benchmarks/reliability/realtime.py --slices 1 --seconds 3 --rounds 1  a short trial
 
-After every round the figures go to DIR/realtime.json and DIR/log_speed.json, and page and picture
-to DIR/timing.md and DIR/timing.png, so that Ctrl-C keeps what was measured. For each contender:
-median and 99 % of the lateness, us (medians over the slices), and the largest; the numbers of
-missed ticks and of all ticks; the processor time, s, from the median slice. The exit code is 1 if
-a limit does not hold.
+After every round, the figures are written to DIR/realtime.json and DIR/log_speed.json, and page
+and figure to DIR/timing.md and DIR/timing.png, so that Ctrl-C keeps what was measured. Each
+contender has median and p99 of the lateness, us (medians over the slices), its maximum, the
+numbers of missed ticks and of all ticks, and the processor time of the median slice, s. The exit
+code is 1 if a limit is exceeded.
 """
 
 import json
@@ -52,8 +52,8 @@ from linkage_ros.verification.verify import verify
 
 TIMER_NODE = Path(__file__).with_name('timer_node.py')
 RATE = 1000.0  # Hz
-SETTLE = 1.5  # s after the first state: discovery, and the first second of a run
-STATES = 20_000  # of a log
+SETTLE = 1.5  # s after the first state, for discovery and start-up
+STATES = 20_000  # per log
 CASES = {
     'speed-driven': configure({'rate_hz': RATE}),
     'torque-driven': configure({**load('wind_pump').parameters(), 'rate_hz': RATE}),
@@ -75,14 +75,14 @@ def bare_loop(seconds: float) -> dict[str, float]:
 
 
 def figures(late, ticks: int, missed: int, computed: float) -> dict[str, float]:
-    """The figures of one slice: lateness, us, as median, 99 % and largest; processor time, s."""
+    """Summarises a slice: lateness, us, as median, p99 and maximum; processor time, s."""
     p50, p99, most = map(float, late)
     words = {'p50_us': p50, 'p99_us': p99, 'max_us': most}
     return {**words, 'missed': missed, 'ticks': ticks, 'cpu_seconds': computed}
 
 
 def contender(name: str, folder: Path):
-    """Returns a context in which the node of a contender runs; a log goes to the folder."""
+    """Returns a context in which the node of a contender runs; its log goes to the folder."""
     if not name.startswith('linkage_node'):
         return running(TIMER_NODE, RATE, name, domain=DOMAIN)
     parameters: dict[str, object] = {'rate_hz': RATE}
@@ -120,7 +120,7 @@ def slice_of(name: str, seconds: float, health: Diagnostics) -> dict[str, float]
 
 
 def summary(name: str, slices: list[dict[str, float]]) -> dict[str, object]:
-    """The record of a contender."""
+    """Summarises the slices of a contender in a record."""
     ticks = sum(one['ticks'] for one in slices)
     return {
         'contender': name, 'rate': RATE,
@@ -132,7 +132,7 @@ def summary(name: str, slices: list[dict[str, float]]) -> dict[str, object]:
 
 
 def log_speed(rounds: int) -> list[dict[str, object]]:
-    """Processor time per state of record, verify and recover, relative to compression alone."""
+    """Measures processor time per state of record, verify and recover, relative to compression."""
     found = []
     with tempfile.TemporaryDirectory() as folder:
         log, other = Path(folder, 'log.mcap'), Path(folder, 'other.mcap')
@@ -160,7 +160,7 @@ def log_speed(rounds: int) -> list[dict[str, object]]:
 
 
 def chunks(path: Path) -> list[bytes]:
-    """The decompressed contents of all chunks of a log."""
+    """Returns the uncompressed contents of all chunks of a log."""
     with path.open('rb') as stream:
         records = list(StreamReader(stream, emit_chunks=True).records)
     packed = [record.data for record in records if isinstance(record, Chunk)]
@@ -168,7 +168,7 @@ def chunks(path: Path) -> list[bytes]:
 
 
 def compress(packed: list[bytes]) -> None:
-    """Compresses chunks: the least work that writing a log takes."""
+    """Compresses chunks, which is the minimum work of writing a log."""
     for data in packed:
         zstandard.compress(data)
         zlib.crc32(data)
@@ -186,7 +186,7 @@ def check(path: Path) -> None:
 
 
 def timed(run) -> float:
-    """Processor time of a call, s."""
+    """Measures the processor time of a call, s."""
     begin = time.process_time()
     run()
     return time.process_time() - begin

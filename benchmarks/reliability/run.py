@@ -5,8 +5,8 @@
     python benchmarks/reliability/run.py --out DIR          all: 2.25 hours, as root
     python benchmarks/reliability/run.py soak many          only these two
 
-Each benchmark writes DIR/NAME.json; DIR/reliability.json contains the figures of all of them. The
-exit code is 1 if a promise is broken. Benchmarks that cannot run on this machine are listed.
+Each benchmark writes DIR/NAME.json; DIR/reliability.json contains the figures of all. The exit
+code is 1 if a promise is broken. Benchmarks that cannot run on this machine are listed.
 """
 
 import argparse
@@ -20,7 +20,7 @@ from pathlib import Path
 from harness import NOT_HERE
 
 HERE = Path(__file__).parent
-# The benchmarks that need an idle machine come first.
+# Benchmarks that need an idle machine come first.
 SCRIPTS = {
     name: HERE / f'{name}.py'
     for name in ('many', 'killed', 'power', 'disk', 'hosts', 'soak', 'fuzz')
@@ -37,7 +37,7 @@ def gather(folder: Path) -> None:
 
 
 def main() -> int:
-    """Runs the benchmarks that were asked for."""
+    """Runs the selected benchmarks."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('names', nargs='*', metavar='NAME', help=', '.join(SCRIPTS))
     parser.add_argument(

@@ -4,11 +4,11 @@
 
     python benchmarks/reliability/soak.py --out DIR [--minutes 20]
 
-The server of Rerun runs as another process, so that its memory is not counted. A subscriber runs
-in a third process; the crank speed is changed every 10 s. Afterwards published, logged and
-received messages are counted, the log is verified, and states of the first and the last second
-are compared with the 50-digit reference of the test suite at the exact crank angle. The exit code
-is 1 if a promise is broken.
+Rerun's server runs as another process, so that its memory is not counted. A subscriber runs in a
+third process; the crank speed is changed every 10 s. Afterwards, published, logged and received
+messages are counted, the log is verified, and states of the first and the last second are compared
+with the 50-digit reference of the test suite at the exact crank angle. The exit code is 1 if a
+promise is broken.
 """
 
 import os
@@ -47,7 +47,7 @@ ULPS = 4.0  # largest error, in units in the last place of 1 rad
 
 
 class Speeds:
-    """Sets rpm as `ros2 param set` does."""
+    """Sets rpm like `ros2 param set`."""
 
     def __init__(self) -> None:
         rclpy.init()
@@ -65,9 +65,9 @@ class Speeds:
 
 
 def watch(process: Process, speeds: Speeds, minutes: float) -> list[tuple[float, float]]:
-    """Changes the speed for some minutes; returns times, s, and memory at these times, MiB."""
+    """Changes the speed for some minutes; returns times, s, and the memory at each, MiB."""
     begin, samples = time.monotonic(), []
-    wait_for(lambda: process.lines or not process.alive)  # its first line
+    wait_for(lambda: process.lines or not process.alive)  # wait for its first line
     assert process.alive, process.output
     while (passed := time.monotonic() - begin) < 60 * minutes:
         speeds.change()
@@ -80,7 +80,7 @@ def watch(process: Process, speeds: Speeds, minutes: float) -> list[tuple[float,
 
 @contextmanager
 def server():
-    """Runs the server of Rerun without a window; yields its URL."""
+    """Runs Rerun's server without a window; yields its URL."""
     _, port = free_address('127.0.0.1')
     words = ['--serve-grpc', '--bind', '127.0.0.1', '--port', str(port)]
     process = subprocess.Popen(
@@ -95,7 +95,7 @@ def server():
 
 
 def errors(log: LogReader, simulator: Simulator, stamps: set[int]) -> dict[int, float]:
-    """Returns the error of the rocker's logged angle at some stamps, rad."""
+    """Returns the errors of the rocker's logged angle at some stamps, rad."""
     mp.dps = 50
     oracle = Oracle(simulator.configuration.mechanism)
     found = {}

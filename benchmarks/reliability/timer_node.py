@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Publishes the joint states of linkage_node from an rclpy timer, for comparison.
 
-Usage: python timer_node.py HZ NAME. At SIGINT it prints its lateness, us: p50, p99, max. If NAME
-contains 'events', the EventsExecutor of rclpy runs the timer instead of the default executor.
+Usage: python timer_node.py HZ NAME. On SIGINT it prints its lateness, us: p50, p99, maximum. If
+NAME contains 'events', the timer runs in rclpy's EventsExecutor instead of the default executor.
 """
 
 import sys

@@ -1,8 +1,8 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The timing page and its picture, made from the JSON of the benchmarks.
+"""Generates the timing page and its figure from the JSON files of the benchmarks.
 
-python benchmarks/reliability/timing_page.py    renews docs/timing.md and docs/timing.png
+python benchmarks/reliability/timing_page.py    updates docs/timing.md and docs/timing.png
 """
 
 import argparse
@@ -14,7 +14,7 @@ from linkage_ros.lab.methods.registry import LIVE, RECORDS
 from linkage_ros.palette import FIRST, fractions
 
 DOCS = Path(__file__).parents[2] / 'docs'
-# The figures of the page, in the order of the arguments of `page` and `draw`.
+# Figures of the page, in the order of the arguments of `page` and `draw`.
 SOURCES = 'realtime', 'log_speed', 'accuracy', 'peers'
 
 CONTENDERS = {
@@ -54,7 +54,7 @@ A separate recorder process, fed through shared memory, was compared with the th
 the log, in a loop of ticks without ROS on a busy machine. The process took 9 to 12 us of
 processor time per tick; the thread takes about 10 us in the node. 99 % of the ticks were at most
 106 us late with the process, 99 us with the thread at its real-time priority, 177 us with the
-thread without that priority, and 111 us without a log. So the log is written by a thread.
+thread without that priority, and 111 us without a log. This is why a thread writes the log.
 
 ## Logs
 
@@ -89,25 +89,25 @@ and in C and other software. [peers.md](peers.md) has all peers, and their error
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A table; its first column holds words, the others numbers."""
+    """Formats a table; the first column is text, the others are numbers."""
     lines = [f'| {" | ".join(cells)} |' for cells in (head, *rows)]
     return '\n'.join([lines[0], f'|---{"|--:" * (len(head) - 1)}|', *lines[1:]])
 
 
 def per_tick(record: dict) -> float:
-    """Processor time of a tick, us."""
+    """Returns the processor time per tick, us."""
     return float(1e6 * record['cpu_seconds'] / record['ticks'])
 
 
 def _limits(ticks: Sequence[dict], logs: Sequence[dict]) -> Iterator[tuple[str, float, float]]:
-    """Each limited quantity with its measured value and its limit."""
+    """Returns the measured value and the limit of each limited quantity."""
     found = {record['contender']: record for record in ticks}
     cost = {name: per_tick(record) for name, record in found.items()}
     log, viewer = 'linkage_node, log', 'linkage_node, log, viewer'
     yield 'the log adds to a tick, us', cost[log] - cost['linkage_node'], 15
     yield 'the viewer adds to a tick, us', cost[viewer] - cost[log], 40
     yield 'node with log, relative to the rclpy timer', cost[log] / cost['rclpy timer'], 0.55
-    # Twice the bare loop's, or 300 us.
+    # twice that of the bare loop, or 300 us
     late = max(2 * found['bare loop']['p99_us'], 300.0)
     yield 'p99 lateness with log, us', found[log]['p99_us'], late
     most = {('speed-driven', 'record'): 6, ('torque-driven', 'record'): 20,
@@ -120,12 +120,12 @@ def _limits(ticks: Sequence[dict], logs: Sequence[dict]) -> Iterator[tuple[str, 
 
 
 def limits(ticks: Sequence[dict], logs: Sequence[dict]) -> dict[str, bool]:
-    """Whether each limit holds."""
+    """Returns whether each limit is met."""
     return {words: value <= most for words, value, most in _limits(ticks, logs)}
 
 
 def _steps(accuracy: dict) -> Iterator[tuple[str, float, float]]:
-    """Each integrator and mechanism, with the mean and the longest time of a ms of motion, us."""
+    """Yields the mean and the longest time per ms of motion, us, per integrator and mechanism."""
     settings = {LIVE: 'step 0.001, tolerance 1e-09', RECORDS: ''}
     found = {
         (one['method'], one['mechanism'], one['mode']): one['us_per_state']
@@ -141,7 +141,7 @@ def _steps(accuracy: dict) -> Iterator[tuple[str, float, float]]:
 
 
 def _states(peers: dict) -> Iterator[tuple[str, float, float]]:
-    """Peers that compute the torque: time per state, us, and relative to this package."""
+    """Yields time per state, us, and ratio to this package, of peers that compute the torque."""
     modes = {'one': 'one at a time', 'array': 'arrays'}
     for one in peers['records']:
         if one['work'] == 'torque':
@@ -151,7 +151,7 @@ def _states(peers: dict) -> Iterator[tuple[str, float, float]]:
 def draw(
     ticks: Sequence[dict], logs: Sequence[dict], accuracy: dict, peers: dict, path: Path
 ) -> None:
-    """Draws the figures of the page."""
+    """Draws the figures of the page as bar charts."""
     from linkage_ros.lab.output import chart
 
     def bars(axes, title: str, values: dict[str, float]) -> None:
@@ -177,7 +177,7 @@ def draw(
 
 
 def page(ticks: Sequence[dict], logs: Sequence[dict], accuracy: dict, peers: dict) -> str:
-    """Returns the page."""
+    """Formats the page."""
     late = 'late, us: median', '99 %', 'largest'
     keys = 'p50_us', 'p99_us', 'max_us'
     return PAGE.format(
@@ -222,10 +222,10 @@ def page(ticks: Sequence[dict], logs: Sequence[dict], accuracy: dict, peers: dic
 
 
 def write(folder: Path) -> str:
-    """Writes the page and its picture; returns the page.
+    """Writes the page and its figure; returns the page.
 
     Args:
-        folder: Holds the figures of realtime.py; the others are those of docs.
+        folder: Folder with the figures of realtime.py; the other figures are read from docs.
     """
     files = {name: folder / f'{name}.json' for name in SOURCES}
     found = [
