@@ -36,7 +36,7 @@ def _body(chance, length, kind=Body):
 
 
 def pump(chance):
-    """Makes a random pump and a start at which its dyad is bent."""
+    """Makes a random pump, and initial coordinates and rates with a bent dyad."""
     r, b, c = (x * chance.uniform(0.5, 2.0) for x in (0.5 * chance.uniform(0.5, 3.0), 1.5, 2.0))
     coupler = _body(chance, b, Coupler)
     while True:
@@ -50,7 +50,7 @@ def pump(chance):
 
 
 def limited(chance):
-    """Makes a random linkage whose crank cannot turn fully, and a start at rest."""
+    """Makes a random linkage whose crank cannot turn fully, and initial coordinates at rest."""
     while True:
         r, b, c, d = (chance.uniform(0.2, 1.0) for _ in range(4))
         last, coupler = (chance.choice(('open', 'crossed')), _GRAVITY), _body(chance, b, Coupler)

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Starts programs fast, by forking a process that has already imported everything."""
+"""Starts programs quickly, by forking a process that has already imported everything."""
 
 import multiprocessing
 import os

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Encodes and decodes single messages, for which the package has only rows of numbers."""
+"""Encodes and decodes single messages; the package itself works on arrays of numbers."""
 
 from linkage_ros.wire.codecs import float64, joint_state
 from linkage_ros.wire.rows import Template

@@ -23,7 +23,7 @@ def moments(simulator, plan):
     """Carries out a plan; see `live`.
 
     Yields:
-        The motion, and number and stamp of a tick; two times None for a clock step.
+        The motion, and number and stamp of a tick, both None for a clock step.
     """
     motion, drive, command, t0, tick = (
         simulator.begin(START), simulator.configuration.drive, None, START, 0,

@@ -226,7 +226,7 @@ def test_negative_zero_becomes_zero():
     assert (strings['rpm'], strings['gravity']) == ('0.0', '[0.0, 0.0]')
 
 
-# ---------------------------------------------------------------- as text
+# ---------------------------------------------------------------- conversion to text
 
 
 CONFIGURATIONS = [

@@ -203,7 +203,7 @@ def test_speed_change_clock_step_and_pause_renew_the_trajectory_at_once(monkeypa
     assert len(solved) == 501  # the pause is not made up for
 
 
-# ---------------------------------------------------------------- the controller takes them
+# ---------------------------------------------------------------- the controller follows them
 
 
 @pytest.mark.parametrize('changed', ['joints', 'end', 'past'])

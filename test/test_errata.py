@@ -186,7 +186,7 @@ def test_eq_3_lacks_a_factor_c_and_the_angle_at_b_is_2_pi_less_beta():
 
 
 def test_command_of_the_page_reproduces_the_figures():
-    """Eq. 4, 6 and 8 at every angle, with the speed and acceleration of the command."""
+    """Checks eq. 4, 6 and 8 at every angle, with the command's speed and acceleration."""
     command = 'linkage_chart motion slider_crank --rpm 4.774648 --acceleration 1'
     assert command in read('docs/mechanisms.md')
     rpm, acceleration = (float(command.split()[i]) for i in (-3, -1))

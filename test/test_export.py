@@ -77,7 +77,7 @@ def gap(model, data):
     return math.dist(data.site_xpos[model.eq_obj1id[0]], data.site_xpos[model.eq_obj2id[0]])
 
 
-# ---------------------------------------------------------------- what the file holds
+# ---------------------------------------------------------------- contents of the file
 
 
 @each
@@ -135,7 +135,7 @@ def test_friction_and_a_load_on_a_link_that_hangs_on_another_are_refused():
             exported(*given)
 
 
-# ---------------------------------------------------------------- MuJoCo turns as our plant does
+# ---------------------------------------------------------------- comparison of MuJoCo with our plant
 
 
 def value_of(curve, data, ahead):

@@ -60,7 +60,7 @@ def states_of(path):
     return [message.data for message in logged(path)[1][STATES]]
 
 
-# ---------------------------------------------------------------- killed
+# ---------------------------------------------------------------- killed runs
 
 
 def test_killed_run_is_recovered_up_to_the_last_flush(tmp_path):

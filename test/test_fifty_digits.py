@@ -384,7 +384,7 @@ def test_typed_angles_of_change_points_are_off_by_rounding(name):
 @passed
 @at_turns
 def test_forces_beside_change_points_are_large_and_right(name, turns):
-    """Eight roundings away, forces are computed: the guard is no wider than necessary."""
+    """At a distance of eight rounding errors, forces are computed: the guard is narrow enough."""
     solver = Solver(PASSED[name][0])
     for crank in passing(name, turns):
         for distance in (1e-2, -1e-4, 1e-6):

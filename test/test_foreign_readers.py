@@ -202,7 +202,7 @@ def test_rerun_reads_every_value(log):
     assert_same(found, {**log.messages, '/joint_states': joints})
 
 
-# ---------------------------------------------------------------- what the document shows
+# ---------------------------------------------------------------- examples of docs/mcap.md
 
 
 def test_metadata_example_prints_configuration_and_motion(log, capsys, monkeypatch):

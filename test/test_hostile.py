@@ -121,7 +121,7 @@ def little_memory(most):
         tracemalloc.stop()
 
 
-# ---------------------------------------------------------------- names of files
+# ---------------------------------------------------------------- file names
 
 
 NAMES = {
@@ -185,7 +185,7 @@ def test_a_pipe_is_read_to_its_end_and_not_waited_for_without_a_writer(tmp_path)
         pipe.open('rb').close()  # unblocks the writer
 
 
-# ---------------------------------------------------------------- words
+# ---------------------------------------------------------------- messages
 
 
 def test_error_is_one_line_that_every_terminal_can_print():
@@ -509,7 +509,7 @@ def test_seeded_cases(put, logs, request, kind):
     assert kind == 'replay options' or not all(map(any, answers))
 
 
-# ---------------------------------------------------------------- what a case is measured by
+# ---------------------------------------------------------------- checks of the cases
 
 
 def test_good_files_pass_all_checks_of_the_cases(put, logs):
@@ -522,7 +522,7 @@ def test_good_files_pass_all_checks_of_the_cases(put, logs):
             assert (report.states, report.difference) == (30, '')
 
 
-# ---------------------------------------------------------------- any text, any bytes
+# ---------------------------------------------------------------- arbitrary text and bytes
 
 ANY = st.text(max_size=30)
 SCALAR = st.none() | st.booleans() | st.integers() | st.floats() | ANY | st.dates() | st.binary()

@@ -290,7 +290,7 @@ def loaded(name, *kinds):
 
 
 def error(mechanism, cranks, speed=2.0, acceleration=1.5, meant=None):
-    """Computes the largest error of any quantity, relative to the reference for `meant`."""
+    """Computes the largest error of any quantity; the reference solves the mechanism `meant`."""
     solver = Solver(mechanism)
     solver.mechanism = meant or mechanism
     motion = cranks, speed, acceleration

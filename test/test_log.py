@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The MCAP log: read by the mcap library, rosbags and our reader; damaged files.
+"""Reads the MCAP log, undamaged and damaged, with the mcap library, rosbags and our reader.
 
 test_foreign_readers.py compares the decoded messages of other readers.
 """

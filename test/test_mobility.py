@@ -239,7 +239,7 @@ def corner(a, b, c):
 
 @st.composite
 def crank_rockers(draw):
-    """Draws crank, coupler, rocker and frame with a margin from every change point."""
+    """Generates crank, coupler, rocker and frame with a margin from every change point."""
     middle = sorted(draw(st.tuples(*[st.floats(1.6, 3)] * 3)))
     r = draw(st.floats(0.1, 0.95)) * (middle[0] + middle[1] - middle[2])
     others = draw(st.permutations(middle))

@@ -139,7 +139,7 @@ def slipped(mechanism, name, part):
     return build(type(mechanism), {**values, name: number})
 
 
-# ---------------------------------------------------------------- the proof
+# ---------------------------------------------------------------- comparison
 
 
 @each
@@ -172,7 +172,7 @@ def test_errors_in_any_number_are_detected(name):
         assert gap[0] > CLOSED, number
 
 
-# ---------------------------------------------------------------- the presets' URDF as it is
+# ---------------------------------------------------------------- unmodified URDF of the presets
 
 
 @pytest.mark.parametrize('preset', [name for name in preset_names() if name != 'wind_pump'])

@@ -286,7 +286,7 @@ def test_invalid_clock_messages_do_not_end_the_node(simulated):
     assert verified(path).states == len(got)
 
 
-# ---------------------------------------------------------------- under a torque
+# ---------------------------------------------------------------- torque-driven runs
 
 PUMP_CODEC = JointStateCodec(('crank', 'coupler', 'rod', 'slider'))
 

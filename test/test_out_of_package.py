@@ -251,7 +251,7 @@ def key(point):
     return point['method'], point['quantity']
 
 
-# ---------------------------------------------------------------- the limits
+# ---------------------------------------------------------------- missing import
 
 
 def test_without_the_import_the_name_is_refused_in_one_line(folder):

@@ -166,7 +166,7 @@ def test_beyond_its_reach_a_crank_has_no_state():
                 case.reference.state(crank)
 
 
-# ---------------------------------------------------------------- motions: the rule
+# ---------------------------------------------------------------- outcomes of motions
 
 
 class Planted:

@@ -169,7 +169,7 @@ def test_bits_distinguish_signed_zeros_last_bits_and_refusals():
     assert outcome(beyond.state, outside)[0] is UnreachableError
 
 
-# ------------------------------------------ 2: exact identities alone
+# ------------------------------------------ 2: only exact identities
 
 SPECIAL = (0.0, -0.0, 1.5, -2.5, 5e-324, 1.7e308, math.inf, -math.inf, math.nan)
 
@@ -253,7 +253,7 @@ def test_a_quadrilateral_without_loads_computes_nothing_for_them():
     assert all(count > least for count, least in zip(braked[:3], bare[:3], strict=True))
 
 
-# ------------------------------------------ 4: no branches; guards stand first
+# ------------------------------------------ 4: no branches; guards come first
 
 
 @pytest.mark.parametrize(
@@ -512,7 +512,7 @@ def test_a_sum_may_be_long_and_a_program_called_in_a_loop():
     assert np.allclose(xs, np.sqrt(targets), rtol=1e-15)
 
 
-# ------------------------------------------ 8: a compiler only where asked
+# ------------------------------------------ 8: compilation only on request
 
 NO_COMPILER = """
 import sys

@@ -44,7 +44,7 @@ def states_of(path):
     return decoded(message.data for message in logged(path)[1][STATES])
 
 
-# ---------------------------------------------------------------- what it writes
+# ---------------------------------------------------------------- contents
 
 DRIVES = {
     'constant': {},
@@ -113,7 +113,7 @@ def test_many_states_at_once_have_the_bits_of_each_alone(name, changes, start):
     assert rows == b''.join(simulator.snapshot_at(alone, s).row(s) for s in stamps)
 
 
-# ---------------------------------------------------------------- how much
+# ---------------------------------------------------------------- length
 
 
 def states_below(simulator, duration, revolutions=None):

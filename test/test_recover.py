@@ -95,7 +95,7 @@ def test_complete_logs_come_back_byte_for_byte(tmp_path, whole, several):
     assert {item.name for item in tmp_path.iterdir()} == {'empty.mcap', 'out.mcap'}
 
 
-# ---------------------------------------------------------------- cut off
+# ---------------------------------------------------------------- truncated logs
 
 
 def test_all_whole_chunks_before_a_cut_are_saved_and_verify(tmp_path, whole, recovered):
@@ -122,7 +122,7 @@ def test_tail_that_was_not_written_to_disk_is_omitted(whole, recovered, tail):
     assert done.places > 0
 
 
-# ---------------------------------------------------------------- damaged
+# ---------------------------------------------------------------- damaged logs
 
 
 def without(log, *lost):

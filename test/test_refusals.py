@@ -290,7 +290,7 @@ def described(kind, lengths):
     return SliderCrank(Body(r), Coupler(b), Slider(e), Guide(DIRECTION))
 
 
-# ---------------------------------------------------------------- asked of a mechanism in Python
+# ---------------------------------------------------------------- calls in Python
 
 CRANK_ROCKER = FourBar(Frame(2.0), Body(1.0), Coupler(3.0), Body(2.5))
 TRACED = replace(CRANK_ROCKER, coupler=Coupler(3.0, mass=1.0, point=(1.5, 0.2)))

@@ -81,7 +81,7 @@ def played(log, *options):
 
 
 def period(times, together=20):
-    """Returns the median time between messages, s; on a busy machine some arrive together."""
+    """Returns the median time between messages, s, because some may arrive together."""
     spans = [late - early for early, late in zip(times, times[together:], strict=False)]
     return statistics.median(spans) / together
 

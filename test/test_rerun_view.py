@@ -85,7 +85,7 @@ MESSAGES = run_of(CONFIGURATION, 300)[1]
 STAMPS = [n * 5_000_000 for n in range(300)]
 
 
-# ---------------------------------------------------------------- what a file holds
+# ---------------------------------------------------------------- contents of a file
 
 
 @pytest.mark.parametrize(('start', 'kind'), [(0, 'duration[ns]'), (WALL, 'timestamp[ns]')])
@@ -169,7 +169,7 @@ view.close()
     assert done.stderr == ''  # without Rerun's own messages
 
 
-# ---------------------------------------------------------------- targets that are none
+# ---------------------------------------------------------------- invalid targets
 
 
 VALID = re.escape('is not one of: spawn, web, rerun+http://HOST:PORT/proxy or a .rrd path')
@@ -202,7 +202,7 @@ def test_wrong_target_is_refused_and_left_alone(tmp_path, monkeypatch, target, o
     assert stamps_in('busy.rrd') == STAMPS[:5]
 
 
-# ---------------------------------------------------------------- a window of one's own
+# ---------------------------------------------------------------- viewer window
 
 
 @pytest.fixture
@@ -297,7 +297,7 @@ def test_window_that_cannot_be_opened_is_refused(window, monkeypatch, settings, 
         View(CONFIGURATION, 'spawn', bind)
 
 
-# ---------------------------------------------------------------- a page for a browser
+# ---------------------------------------------------------------- browser page
 
 
 def reached(page):
@@ -366,7 +366,7 @@ time.sleep(60)
     wait_for(lambda: not Path(f'/proc/{pid}/exe').exists())
 
 
-# ---------------------------------------------------------------- a viewer elsewhere
+# ---------------------------------------------------------------- remote viewer
 
 
 def free_port():

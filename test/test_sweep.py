@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Sweeps: designs in arrays have the bits of single solvers, and no results are lost."""
+"""Sweeps: designs in arrays equal single solvers to the bit, and no results are lost."""
 
 import collections
 import io

@@ -211,7 +211,7 @@ def test_the_first_tick_of_a_live_run_compiles_nothing(monkeypatch):
     assert simulator.begin(START).at(START + NS_PER_MS).u[0] == pytest.approx(5 * math.pi)
 
 
-# ---------------------------------------------------------------- live, and verified
+# ---------------------------------------------------------------- live runs and verification
 
 
 PLAN = [

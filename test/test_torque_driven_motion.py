@@ -80,7 +80,7 @@ def energy(steps):
     return sum(solver.energy(steps.phase[:count], steps.phase[count:]))
 
 
-# ---------------------------------------------------------------- right
+# ---------------------------------------------------------------- accuracy
 
 
 def test_too_long_steps_are_halved():
@@ -174,7 +174,7 @@ def test_after_days_time_constants_shorter_than_the_clock_resolves_are_followed(
     assert ends[1] == pytest.approx(ends[0], abs=1e-7)
 
 
-# ---------------------------------------------------------------- everywhere
+# ---------------------------------------------------------------- change points
 
 
 BODY = {'mass': 1.0, 'inertia': 0.02}
@@ -207,7 +207,7 @@ LIMITED = FourBar(
 )  # fmt: skip
 
 
-# ---------------------------------------------------------------- the edge
+# ---------------------------------------------------------------- impossible starts
 
 
 @both

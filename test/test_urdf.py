@@ -159,7 +159,7 @@ def test_equal_names_and_wrong_poses_are_detected():
         assert_poses(posed([(simulator, snapshot)]), simulator, later)
 
 
-# ---------------------------------------------------------------- the text
+# ---------------------------------------------------------------- text of the URDF
 
 JOINTS = ('crank', 'coupler', 'rocker')
 

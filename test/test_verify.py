@@ -56,7 +56,7 @@ CHANGES = [
 CHANGED = sum(kind in {'tick', 'step'} for kind, _ in CHANGES)
 
 
-# ---------------------------------------------------------------- untouched
+# ---------------------------------------------------------------- unmodified logs
 
 
 @pytest.mark.parametrize('preset', PRESETS)
@@ -85,7 +85,7 @@ def test_change_points_and_ramps_through_zero(tmp_path, values):
 
 
 def looped(rpm):
-    """Writes a log as from a looping bag on simulated time: segments overlap, tick for tick."""
+    """Writes the log of a run on the clock of a looping bag: segments overlap, tick for tick."""
     loop = [*ticks(30), ('rpm', rpm), *ticks(30), ('step', -50 * 5_000_000), *ticks(10)]
     return [*loop, ('rpm', 33.0), *loop, *loop]
 
@@ -159,7 +159,7 @@ def test_state_cut_off_at_the_end_is_reported(tmp_path):
     assert (report.states, report.cut) == (19, ('/mechanism_state', '/coupler_point'))
 
 
-# ---------------------------------------------------------------- tampered, checksums right
+# ---------------------------------------------------------------- modified logs with valid checksums
 
 
 def rewrite(path, edit):
@@ -346,7 +346,7 @@ def edit_states(edit):
 
 
 def later(states):
-    """Shifts all log times of a state from its stamp, which does not occur in a record."""
+    """Shifts all log times of a state; in a record they always equal its stamp."""
     for message in states[7]:
         message.log_time += 1
         message.publish_time += 1
@@ -487,7 +487,7 @@ def test_changes_with_valid_checksums_are_detected(path, edit, words):
     assert re.search(words, found), found
 
 
-# ---------------------------------------------------------------- of version 0.1.0
+# ---------------------------------------------------------------- logs of version 0.1.0
 
 # Recorded by that version, which had neither joint_prefix nor frame_id. Its URDF named links like
 # joints, so all topics except robot_description are compared.

@@ -68,7 +68,7 @@ def cut(kind: str, host: Host, seconds: float, listener: Process) -> dict:
 
 
 def run(there: Host, here: Host, kinds: list[tuple[str, float]], folder: Path) -> dict:
-    """Runs node, subscriber and controller with some cuts; returns the recorded data."""
+    """Runs node, subscriber and controller while the link is cut; returns the recorded data."""
     log, times = folder / 'run.mcap', folder / 'times.npy'
     # Low torque and bandwidth keep the speed bounded if a busy machine delays the controller.
     driven = {'drive': 'torque', 'torque_limit': 5.0, 'motor.damping': 0.3}

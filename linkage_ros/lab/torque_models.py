@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Simpler models of the driving torque at a constant crank speed, as programs.
+"""Programs for simpler models of the driving torque at a constant crank speed.
 
 A term is omitted by setting its parameters to 0. Reduced models replace the coupler by two point
 masses, or the torque by a series or a table.
@@ -161,7 +161,7 @@ def torque_program(mechanism: Mechanism, *, static: bool = False) -> TorqueProgr
 
 
 def driving_torque(model: Model, angle: Real, speed: Real) -> tuple[Real]:
-    """Computes the driving torque, N m, in a tuple, at a crank angle and constant speed."""
+    """Computes the driving torque at a crank angle and constant speed; returns (torque,), N m."""
     pose = model.loop.pose((angle,))
     rates = velocities(pose, (speed,))
     return (balance(model, pose, rates, accelerations(pose, (speed,), ()))[0],)

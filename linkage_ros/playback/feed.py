@@ -21,7 +21,7 @@ _BATCH, _BATCHES = 16, 256
 
 
 class Excerpt(NamedTuple):
-    """An excerpt of a log.
+    """Time range and topics of a replay.
 
     Attributes:
         start: First log time, ns.

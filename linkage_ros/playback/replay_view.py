@@ -22,7 +22,7 @@ _CLOSE_SECONDS = 10.0
 
 @contextmanager
 def showing(name: str, log: LogReader, target: str, *, alone: bool) -> Iterator[Sink]:
-    """Opens a view of a replay, which is served to this machine alone.
+    """Opens a view of a replay that only this machine can access.
 
     Args:
         name: Name of the program, for its messages to the user.

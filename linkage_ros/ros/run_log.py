@@ -40,7 +40,7 @@ class RunLog:
         Args:
             node: Node whose logger reports errors.
             simulator: Simulator that makes the states.
-            others: Further topics, published or received.
+            others: Additional topics, published or received.
 
         Raises:
             LogError: The file cannot be created.

@@ -105,7 +105,7 @@ def wait_for_subscribers(
     patience: float = _DISCOVERY_SECONDS,
     settle: float = _MATCH_SECONDS,
 ) -> bool:
-    """Waits until existing subscribers have found a node, so that they miss no message.
+    """Waits until existing subscribers have discovered a node, so that they miss no message.
 
     Args:
         publishers: Publishers of the node.
@@ -153,7 +153,7 @@ class PolledSubscription:
         read: Callable[[bytes, int], Any],
         log: Callable[[int, Topic, bytes], None],
     ) -> None:
-        """Subscribes.
+        """Creates the subscription.
 
         Args:
             node: Node of the subscription.

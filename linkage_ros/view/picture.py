@@ -154,7 +154,7 @@ class Picture:
         }  # fmt: skip
 
     def layout(self) -> rrb.Blueprint:
-        """Lays out the linkage and two columns of plots, which are tabs.
+        """Lays out the linkage and two columns of tabbed plots.
 
         The plots have the height of the window, because Rerun labels the y axis of a low plot only
         once.

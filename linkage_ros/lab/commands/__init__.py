@@ -1,3 +1,3 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The commands of linkage_chart: they read, compute, draw and write."""
+"""The commands of linkage_chart."""

@@ -192,7 +192,7 @@ def settled_turn(motion: PeriodicMotion) -> Period:
 
 
 def _measures(period: Period) -> dict[str, float | None]:
-    """Computes the measures of a design by name and unit; None if one does not apply."""
+    """Computes the measures of a design by name and unit; None if a measure does not apply."""
     solver, columns = period.solver, period.columns
     link, found = solver.structure.links[-1], travel(solver) if solver.mobility else None
     way, torque = (

@@ -186,7 +186,7 @@ class Multipliers(OfScipy):
             steps.f = self._slope(steps.y)
 
     def _projected(self, values: Array) -> Array:
-        """Projects values onto the closed loop, or returns them unchanged without projection."""
+        """Projects values onto the closed loop, unless projection is disabled."""
         for _ in range(2 * self._projects):  # the second step corrects the first's nonlinearity
             places, rates = self._split(values.tolist())
             half, (matrix, _) = len(rates), self._bodies.system(places, rates)

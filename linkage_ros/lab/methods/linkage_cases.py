@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Cases for methods: a linkage with its reference states.
+"""Test cases for methods: linkages with their reference states.
 
 Errors are relative to the largest value of a quantity at evenly spaced angles. Near a change
 point, a value may be larger by many powers of ten; its error is then relative to the value itself.
@@ -135,7 +135,7 @@ class LinkageCase(Case):
         return itertools.product(stages.OWN[method.stage], method.modes)
 
     def function(self, method: Method, setting: Setting, quantity: str, mode: str) -> Function:
-        """Makes a function that computes a quantity from the crank angle, with all prior stages.
+        """Makes a function from the crank angle to a quantity, including all prior stages.
 
         Args:
             method: A method for linkages.

@@ -62,7 +62,7 @@ class NumberCase(Case):
 
 
 def _lines(at: list[float], value: list[float], crank: float) -> float:
-    """Interpolates linearly, N m, between points at increasing angles within a turn, rad."""
+    """Interpolates a torque linearly, N m, between points at increasing angles of a turn, rad."""
     places = [*map(Fraction, at), Fraction(at[0]) + TURN]
     place = places[0] + (Fraction(crank) - places[0]) % TURN
     i = bisect.bisect_right(places, place) - 1
@@ -126,7 +126,7 @@ CURVE_SITUATIONS = (
 
 
 def _guide(mechanism: SliderCrank, crank: float) -> tuple[float, float]:
-    """Returns the guide force, positive to the left, N, and the slider's velocity, m/s."""
+    """Returns the guide force on the slider, positive to the left, N, and its velocity, m/s."""
     solver = Solver(mechanism)
     state = solver.state(crank, SPEED, ACCELERATION)
     return float(solver.reactions(state).guide_force or 0.0), float(state.velocity[-1])

@@ -86,7 +86,7 @@ class MotionCase(Case):
         return [*self.own(method), *[(TRAJECTORY, SLOWEST)] * has_ticks]
 
     def rows(self, method: Method, setting: Setting, *_: str) -> Sequence[Row]:
-        """See `Case`; a row is a phase and the loop gap, m; a failure ends the rows."""
+        """See `Case`; a row is a phase and the loop gap, m. A failed row is the last one."""
         return followed(self.problem, self.times, method.solve, tuple(setting.items()))
 
     def error(self, quantity: str, place: int, row: Sequence[float]) -> float:

@@ -161,7 +161,7 @@ def _no_assembly(random: Random, _: int) -> LinkageCase:
 
 
 def _denominator(random: Random, i: int) -> LinkageCase:
-    """Makes a linkage at crank angles where one assembly's rocker points against the frame.
+    """Makes a linkage at crank angles where one assembly's rocker is antiparallel to the frame.
 
     There, the tangent of half the rocker's angle is infinite. The quadratic term vanishes, and the
     formula for the other assembly is 0/0.

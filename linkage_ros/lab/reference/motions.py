@@ -46,7 +46,7 @@ Phase: TypeAlias = tuple[float, ...]
 
 @dataclass(frozen=True)
 class InitialValueProblem:
-    """A motion in the crank angle and, for a wind pump, the slider position, with its start.
+    """An initial value problem in the crank angle and, for a wind pump, the slider position.
 
     Attributes:
         mechanism: A four-bar or a wind pump.
@@ -74,7 +74,7 @@ class InitialValueProblem:
 
 
 def driven_pump(speed: float, velocity: float = 0.0) -> InitialValueProblem:
-    """Makes the problem of document 3's wind pump with its motor and load.
+    """Makes the initial value problem of document 3's wind pump with its motor and load.
 
     Args:
         speed: Speed of the crank at t = 0, rad/s.
@@ -89,14 +89,14 @@ def driven_pump(speed: float, velocity: float = 0.0) -> InitialValueProblem:
 
 
 def free_pump(speed: float) -> InitialValueProblem:
-    """Makes the problem of the pump without motor and load, which conserves energy."""
+    """Makes the initial value problem of the pump without motor and load: energy is constant."""
     driven = driven_pump(speed)
     slider = replace(driven.mechanism.slider, damping=0.0)
     return InitialValueProblem(replace(driven.mechanism, slider=slider), driven.start)
 
 
 def coasting() -> InitialValueProblem:
-    """Makes the problem of document 1's quadrilateral coasting from 150 rpm."""
+    """Makes the initial value problem of document 1's quadrilateral coasting from 150 rpm."""
     return InitialValueProblem(load('quadrilateral').mechanism, (0.0, 5 * math.pi))
 
 
@@ -199,7 +199,7 @@ class MotionReference:
         return state
 
     def _extrapolated(self, start: _State, span: Decimal) -> tuple[_State | None, int]:
-        """Returns the state after a step, None if it does not converge, and the rows used."""
+        """Returns the state after a step, or None if it diverges, and the number of rows."""
         above: list[_State] = []
         with suppress(ArithmeticError):  # of a diverging step
             slope = self._slope(start)

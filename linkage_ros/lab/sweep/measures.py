@@ -35,7 +35,7 @@ _STEPS = 8  # Newton steps; four usually reach full precision
 
 
 class Task(NamedTuple):
-    """What to compute for every design.
+    """Specifies the computation for every design.
 
     Attributes:
         mechanism: The base mechanism of all designs.
@@ -179,7 +179,7 @@ def torque_of(constants: Any, angle: Real, speed: Real) -> Real:
 
 
 def _output_of(constants: Any, angle: Real, _: Real) -> tuple[Real, Real, Real]:
-    """Computes the output link's position and its first two derivatives by the crank angle."""
+    """Computes the output position and its first two derivatives with respect to the angle."""
     link = constants[0].loop.pose((angle,)).links[-1]
     return link.position, link.jacobian[0], link.curvature[0]
 
