@@ -5,13 +5,16 @@
 import random
 import re
 import resource
+import struct
 from itertools import accumulate, pairwise
 from pathlib import Path
 from typing import NamedTuple
 
 import hostile_logs
 import pytest
-from mcap.records import Chunk, Message
+from hostile_logs import packed, record_bytes, tight
+from hostile_logs import whole as whole_log
+from mcap.records import Channel, Chunk, Message, Metadata
 from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import MCAP0_MAGIC
 from ros_harness import assert_refused, report_of
@@ -19,6 +22,7 @@ from test_log import spans, written
 from test_verify import CHANGES, live
 
 from linkage_ros import LogError, log_tool
+from linkage_ros.log.metadata import encode_configuration
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.recover import recover
 from linkage_ros.log.writer import LogWriter
@@ -203,6 +207,32 @@ def test_a_flipped_byte_anywhere_never_ends_in_another_error_or_other_values(tmp
         assert order == sorted(order), place
         assert len(order) > 0.5 * len(numbers), place
     assert refusals == {'no configuration record'}
+
+
+TOPIC = Channel(9, '/other', 'cdr', {}, 7)
+LATE_TIME = record_bytes(5, struct.pack('<HIQQ', 0, 0, 2**63, 0))
+# With correct checksums, but a log that has it cannot be read.
+UNREADABLE = {
+    'time beyond those of ROS': (lambda: tight(LATE_TIME), 1, 0),
+    'channel without its schema': (
+        lambda: tight(packed(TOPIC) + record_bytes(5, struct.pack('<HIQQ', 9, 0, 0, 0))), 0, 1,
+    ),
+    'second configuration': (
+        lambda: packed(Metadata('linkage_ros', encode_configuration(load('wiper')))), 1, 0,
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(('part', 'places', 'unknown'), UNREADABLE.values(), ids=UNREADABLE)
+def test_what_would_make_the_log_unreadable_is_left_out(tmp_path, part, places, unknown):
+    path, out = tmp_path / 'broken.mcap', tmp_path / 'out.mcap'
+    good = tight(record_bytes(5, struct.pack('<HIQQ', 0, 0, 5, 5)))
+    path.write_bytes(whole_log(good, part(), good))
+    done = recover(path, out)
+    assert (done.messages, done.places, done.unknown) == (2, places, unknown)
+    with LogReader(out) as log:
+        assert [message.time for message in log.messages()] == [5, 5]
+        assert log.configuration == load('quadrilateral')
 
 
 # ---------------------------------------------------------------- refusals

@@ -24,7 +24,7 @@ from linkage_ros.log.metadata import (
     unseal,
 )
 from linkage_ros.log.writer import LogWriter
-from linkage_ros.units import NS_PER_S
+from linkage_ros.units import NS_PER_S, TIME_END
 from linkage_ros.wire.rows import message_heads
 
 
@@ -137,7 +137,7 @@ class _Copy:
 
         Raises:
             LogError: The record is damaged. Damaged data may raise other exceptions.
-            ValueError: The name of a metadata record is damaged.
+            ValueError: The name of a metadata record is damaged, or it is a second configuration.
         """
         library = self._new.library
         if isinstance(content, bytes):
@@ -151,6 +151,8 @@ class _Copy:
                 unseal(content.metadata)
                 if not is_named:
                     raise ValueError('the name of a record is damaged')
+            if self._is_configured and content.name == CONFIGURATION_RECORD:
+                raise ValueError('a second configuration')
             self._is_configured |= content.name == CONFIGURATION_RECORD
             library.add_metadata(content.name, content.metadata)
 
@@ -158,6 +160,8 @@ class _Copy:
         new, starts = self._new, [0, *(end for _, end in self._file.records(data))]
         heads, sizes = message_heads(data, starts[:-1]), np.diff(starts)
         channels, is_message = heads['channel'], heads['opcode'] == Opcode.MESSAGE
+        if (heads['time'][is_message] >= TIME_END).any():  # no reader takes a log with it
+            raise ValueError('a time is too large')
         for i in np.flatnonzero(~is_message):
             new.declare(parsed(data[starts[i]], data[starts[i] + HEAD.size : starts[i + 1]]))
         numbers = dict.fromkeys(channels[is_message].tolist())

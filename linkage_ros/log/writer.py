@@ -165,9 +165,10 @@ class LogWriter(AbstractContextManager['LogWriter']):
             self.add_records(some, dict(zip(layout.channels, index, strict=True)))
 
     def declare(self, record: Schema | Channel) -> None:
-        """Appends a schema or channel, unless its number is already in use."""
+        """Appends a schema or channel, unless its number is in use or its schema is unknown."""
         known: dict[int, Any] = self.channels if isinstance(record, Channel) else self._schemas
-        if record.id not in known:
+        schema = getattr(record, 'schema_id', 0)  # 0: it has none
+        if record.id not in known and schema in {0, *self._schemas}:
             known[record.id] = record
             record.write(self._builder.record_writer)
         self.statistics.schema_count = len(self._schemas)
