@@ -32,6 +32,7 @@ class LogFile:
 
     Attributes:
         path: Path of the file, for error messages.
+        advice: End of the error message if the file cannot be written.
         stream: The open file.
     """
 
@@ -46,7 +47,7 @@ class LogFile:
             LogError: The file exists and must not be replaced, is not an MCAP file, is being
                 written by another run, or cannot be created.
         """
-        self.path = path
+        self.path, self.advice = path, '; linkage_log recover saves what it holds'
         if overwrite:
             keep_other_files(path)
         self.stream: Any = create_file(
@@ -81,8 +82,7 @@ class LogFile:
         except OSError as error:
             self.close()
             raise LogError(
-                f'{self.path} cannot be written: {error.strerror or error}; linkage_log recover '
-                'saves what it holds'
+                f'{self.path} cannot be written: {error.strerror or error}{self.advice}'
             ) from error
 
     def _check(self) -> None:

@@ -77,7 +77,7 @@ def recover(
             replacement(target, LogError, overwrite=overwrite, cure='give --overwrite') as path,
             LogWriter(path, None, overwrite=True) as new,
         ):
-            new.file.path = target  # for error messages
+            new.file.path, new.file.advice = target, ''
             try:
                 return _Copy(McapFile(stream), new).run(progress)
             except LogError as error:

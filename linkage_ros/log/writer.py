@@ -100,7 +100,7 @@ class LogWriter(AbstractContextManager['LogWriter']):
         if configuration is not None:
             record = encode_configuration(configuration)
             self.library.add_metadata(CONFIGURATION_RECORD, record)
-        self.flush()
+            self.flush()
 
     def add_topic(self, topic: Topic, name: str) -> int:
         """Declares a channel.
