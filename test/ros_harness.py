@@ -144,9 +144,10 @@ def finished(module, *arguments, **options):
 
 
 def assert_refused(code, out, err, words):
-    """Asserts exit code 2 and a single matching line on stderr."""
+    """Asserts exit code 2 and one short, printable line on stderr, which matches."""
     assert (code, out) == (2, ''), err
-    assert re.fullmatch(r'linkage_\w+( \w+)?: [^\n]+\n', err), err
+    assert re.fullmatch(r'linkage_\w+( \w+)?: [^\n]{,690}\n', err), err
+    assert err[:-1].isprintable(), ascii(err)
     assert re.search(words, err), err
 
 

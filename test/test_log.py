@@ -388,8 +388,15 @@ def test_a_cut_file_and_a_tail_of_zeros_or_of_garbage_are_reported(path, answer)
     assert answer(data + b'\0') == 'refused'
 
 
-@pytest.mark.parametrize('arguments', [['info', ''], ['verify', ''], ['recover', 'run.mcap', '']])
-def test_empty_name_is_refused(called, arguments):
-    assert_refused(
-        *called(log_tool, *arguments), ".mcap: '' is not a path: give one; see linkage_log"
-    )
+@pytest.mark.parametrize(
+    ('arguments', 'words'),
+    [
+        *(
+            (names, ".mcap: '' is not a path: give one; see linkage_log")
+            for names in (['info', ''], ['verify', ''], ['recover', 'run.mcap', ''])
+        ),
+        (['info', '\x1b[31m'], r'.x1b\[31m cannot be read: No such file'),
+    ],
+)
+def test_an_empty_name_is_no_folder(called, arguments, words):
+    assert_refused(*called(log_tool, *arguments), words)

@@ -320,6 +320,9 @@ def test_a_degenerate_but_possible_file_is_recorded(called, out, params, text):
         (['quadrilateral', 'run.mcap', '--duration', 'nan'], r"'nan': .* from 1e-09 to 1e\+09 s"),
         (['quadrilateral', 'run.mcap', '--revolutions', '1.5'], "'1.5': must be a whole number"),
         (['quadrilateral', 'run.mcap', '--duration', '1', '--revolutions', '1'], 'not allowed w'),
+        (['quadrilateral', 'run.mcap', '--revolutions', '1' * 5000], "'111.*111': must be a who"),
+        (['quadrilateral', 'run.mcap', '--duration', '1e18'], "'1e18': must be a number from"),
+        (['x' * 5000, 'run.mcap'], 'no preset .x{9}.*x{9}.: choose one of'),
     ],
 )
 def test_a_wrong_command_line_is_one_line(called, tmp_path, monkeypatch, words, reason):

@@ -323,6 +323,10 @@ def test_memory_does_not_grow_with_the_log(tmp_path):
         (['--no-ros', '--viewer', 'nonsense'], 'nonsense'),
         (['--start-paused'], '--start-paused needs a terminal'),
         (['another.mcap'], 'unrecognized arguments: another'),
+        (
+            ['\x1b[31m\u202e', 'a\nb', '\udcff' * 3000],
+            r'unrecognized arguments: .x1b\[31m.u202e a',
+        ),
         (['--ros-args', '-p', 'x'], 'override rule'),
         (['--ros-args', '-p', 'rate:=2.0'], "'rate' is not a parameter of linkage_replay"),
     ],
