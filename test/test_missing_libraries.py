@@ -3,11 +3,10 @@
 """Runs real processes with hidden libraries, as on a machine that lacks them."""
 
 import os
-import subprocess
 import sys
 
 import pytest
-from ros_harness import assert_refused, environment, fresh_domain, node_arguments, stop, watched
+from ros_harness import assert_refused, finished, stop, watched
 
 from linkage_ros.errors import missing_library
 from linkage_ros.parameters.configuration import load
@@ -45,10 +44,7 @@ def hide(tmp_path, monkeypatch):
 def run(entry, *arguments):
     """Runs an entry point of setup.py as its console script does."""
     code = f'import sys; from linkage_ros.executables import {entry} as run; sys.exit(run())'
-    return subprocess.run(
-        [sys.executable, '-c', code, *map(str, arguments)], env=environment(fresh_domain()),
-        capture_output=True, text=True, timeout=60, check=False,
-    )  # fmt: skip
+    return finished([sys.executable, '-c', code], *arguments)
 
 
 def test_solver_needs_numpy_alone(hide):
@@ -57,7 +53,7 @@ def test_solver_needs_numpy_alone(hide):
         'from linkage_ros import Body, Coupler, FourBar, Frame, Solver\n'
         'assert Solver(FourBar(Frame(6), Body(2), Coupler(7), Body(9))).state(0.5).torque == 0.0'
     )
-    subprocess.run([sys.executable, '-c', code], check=True, timeout=60)
+    assert finished([sys.executable, '-c', code]).stderr == ''
 
 
 def test_node_without_log_and_viewer_runs_on_debian_packages_alone(hide):
@@ -75,39 +71,30 @@ def test_record_needs_no_ros_no_viewer_and_no_charts(hide, tmp_path):
     assert (tmp_path / 'run.mcap').read_bytes() == (tmp_path / 'here.mcap').read_bytes()
 
 
-@pytest.mark.parametrize(
-    ('hidden', 'viewer', 'words'),
-    [
-        (['mcap'], 'run.rrd', 'node: logs need mcap, which .*: pip install mcap lz4 zstandard;'),
-        (['rerun', 'rerun_cli'], 'web', 'node: the viewer needs rerun-sdk, which is missing'),
-    ],
-)
-def test_node_refuses_log_and_viewer_and_leaves_no_file_behind(
-    hide, tmp_path, monkeypatch, hidden, viewer, words
-):
-    monkeypatch.chdir(tmp_path)
-    hide(*hidden)
-    done = run('node', *node_arguments(viewer=viewer, log='run.mcap'))
-    assert_refused(done.returncode, done.stdout, done.stderr, words)
-    assert [path.name for path in tmp_path.iterdir()] == ['site']
+NODE = 'node', '--ros-args', '-p', 'log:=run.mcap', '-p'
 
 
 @pytest.mark.parametrize(
-    ('hidden', 'entry', 'arguments', 'words'),
+    ('hidden', 'words', 'said'),
     [
-        ('rclpy', 'node', (), 'linkage_node: ROS 2 topics need rclpy, .*: source ROS 2 Jazzy'),
-        ('mcap', 'replay', ('x.mcap',), 'linkage_replay: logs need mcap, '),
-        ('scipy', 'record', ('wind_pump', 'x.mcap'), 'records of a motion under a torque, need'),
-        ('matplotlib', 'chart', ('motion', 'quadrilateral'), 'linkage_chart: charts need matplot'),
+        (['mcap'], (*NODE, 'viewer:=run.rrd'),
+         'node: logs need mcap, which .*: pip install mcap lz4 zstandard;'),
+        (['rerun', 'rerun_cli'], (*NODE, 'viewer:=web'),
+         'node: the viewer needs rerun-sdk, which is missing'),
+        (['rclpy'], ['node'], 'linkage_node: ROS 2 topics need rclpy, .*: source ROS 2 Jazzy'),
+        (['mcap'], ('replay', 'x.mcap'), 'linkage_replay: logs need mcap, '),
+        (['scipy'], ('record', 'wind_pump', 'x.mcap'),
+         'records of a motion under a torque, need'),
+        (['matplotlib'], ('chart', 'motion', 'quadrilateral'),
+         'linkage_chart: charts need matplot'),
     ],
 )  # fmt: skip
-def test_a_tool_names_the_library_that_it_lacks(
-    hide, tmp_path, monkeypatch, hidden, entry, arguments, words
-):
+def test_a_tool_names_the_library_that_it_lacks(hide, tmp_path, monkeypatch, hidden, words, said):
+    """And leaves no file behind."""
     monkeypatch.chdir(tmp_path)
-    hide(hidden)
-    done = run(entry, *arguments)
-    assert_refused(done.returncode, done.stdout, done.stderr, words)
+    hide(*hidden)
+    done = run(*words)
+    assert_refused(done.returncode, done.stdout, done.stderr, said)
     assert [path.name for path in tmp_path.iterdir()] == ['site']
 
 
