@@ -19,6 +19,14 @@ from pages import block, read, run_python
 from rosbags import rosbag2
 from rosbags.convert import cli
 from rosbags.highlevel import AnyReader
+from rosbags.interfaces import (
+    Qos,
+    QosDurability,
+    QosHistory,
+    QosLiveliness,
+    QosReliability,
+    QosTime,
+)
 from solved_messages import TYPES, plain, solved_messages, time_of
 
 from linkage_ros.log.reader import LogReader
@@ -95,6 +103,15 @@ def assert_same(found, expected):
 
 # ---------------------------------------------------------------- rosbags
 
+FOR_EVER = QosTime(9223372036, 854775807)
+VOLATILE, LATCHED = (
+    Qos(
+        QosHistory.KEEP_LAST, depth, QosReliability.RELIABLE, durability, FOR_EVER, FOR_EVER,
+        QosLiveliness.AUTOMATIC, FOR_EVER, avoid_ros_namespace_conventions=False,
+    )
+    for depth, durability in ((10, QosDurability.VOLATILE), (1, QosDurability.TRANSIENT_LOCAL))
+)  # fmt: skip
+
 
 def read_bag(bag):
     found = {connection.topic: [] for connection in bag.connections}
@@ -117,6 +134,9 @@ def test_rosbags_reads_the_bare_file(log):
                 channels = make_reader(stream).get_summary().channels.values()
             [channel] = [channel for channel in channels if channel.topic == connection.topic]
             assert channel.metadata['topic_type_hash'] == own
+            assert connection.ext.serialization_format == 'cdr'
+            latched = connection.topic == '/robot_description'
+            assert connection.ext.offered_qos_profiles == [LATCHED if latched else VOLATILE]
 
 
 def test_rosbags_converts_the_log_to_a_folder_with_the_same_bytes(log, tmp_path, monkeypatch):

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Reads the MCAP log, undamaged and damaged, with the mcap library, rosbags and our reader.
+"""The MCAP log: what the mcap library finds in it, our reader, and damaged files.
 
 test_foreign_readers.py compares the decoded messages of other readers.
 """
@@ -22,15 +22,6 @@ from mcap.reader import make_reader
 from mcap.writer import MCAP0_MAGIC
 from mcap_records import records_of, write_records
 from ros_harness import CODEC, assert_refused
-from rosbags.highlevel import AnyReader
-from rosbags.interfaces import (
-    Qos,
-    QosDurability,
-    QosHistory,
-    QosLiveliness,
-    QosReliability,
-    QosTime,
-)
 
 from linkage_ros import LogError, __version__, log_tool
 from linkage_ros.log.metadata import CONFIGURATION_RECORD, END_RECORD, MOTION_RECORD
@@ -110,25 +101,6 @@ def written(log):
 
 
 # ---------------------------------------------------------------- other readers
-
-
-def test_rosbags_parses_the_quality_of_service(path):
-    with AnyReader([path]) as bag:
-        assert bag.connections
-        for connection in bag.connections:
-            depth, durability = (
-                (1, QosDurability.TRANSIENT_LOCAL)
-                if connection.topic == ROBOT
-                else (10, QosDurability.VOLATILE)
-            )
-            [qos] = connection.ext.offered_qos_profiles
-            assert connection.ext.serialization_format == 'cdr'
-            for_ever = QosTime(9223372036, 854775807)
-            assert qos == Qos(
-                QosHistory.KEEP_LAST, depth, QosReliability.RELIABLE, durability, for_ever,
-                for_ever, QosLiveliness.AUTOMATIC, for_ever,
-                avoid_ros_namespace_conventions=False,
-            )  # fmt: skip
 
 
 def test_mcap_reads_the_records_that_explain_the_log(path):
