@@ -170,21 +170,6 @@ def test_states_next_to_the_jump_at_pi_close_the_loop_and_verify(name, tmp_path)
     verified(tmp_path / 'slow.mcap')
 
 
-def test_batches_have_the_bits_of_single_states():
-    simulator = Simulator(configuration(MECHANISMS['triple_rocker_far']))
-    one, many = (simulator.begin(0, record_steps) for _ in range(2))
-    stamps = [tick * 10 * NS_PER_MS for tick in range(300)]
-    rows, segments = bytearray(), []
-    while len(rows) < len(stamps) * simulator.layout.size:
-        done = len(rows) // simulator.layout.size
-        found = many.at_all(stamps[done:])
-        rows += simulator.rows(stamps[done : done + len(found.unwrapped)], found)
-        segments.append(many.segment)
-    single = b''.join(simulator.snapshot_at(one, stamp).row(stamp) for stamp in stamps)
-    assert single == rows
-    assert len({segment.description for segment in segments}) > 2
-
-
 @pytest.mark.parametrize(
     ('forged', 'words'),
     [
