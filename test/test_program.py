@@ -549,20 +549,27 @@ def test_compiled_programs_equal_interpreted_ones():
             np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-15 * np.abs(wanted).max())
 
 
-def test_compiled_programs_refuse_like_interpreted_ones():
-    solver = Solver(load('wind_pump').mechanism, compiled=True)
-    with pytest.raises(UnreachableError, match='slider position 5 m; there the slider can be'):
-        solver.state((0.0, np.array([1.5, 5.0, 1.6])), (0.0, 0.0))
-    with pytest.raises(ConfigurationError, match='crank speed = nan'):
-        solver.state((0.0, np.array([1.5, 1.6])), (np.nan, 0.0))
+PUMP, WHEEL = load('wind_pump').mechanism, SliderCrank(Body(0.3, 1.0, 0.1), Coupler(0.9))
 
 
-def test_mass_matrix_of_constants_alone_is_guarded_too():
-    wheel = SliderCrank(Body(0.3, 1.0, 0.1), Coupler(0.9))
-    assert Solver(wheel, compiled=True).accelerations(np.ones(3), 2.0, 0.5) == pytest.approx(5.0)
-    massless = Solver(SliderCrank(Body(0.3), Coupler(0.9)), compiled=True)
-    with pytest.raises(MechanismError, match='something moves without a mass'):
-        massless.accelerations(np.ones(3), 2.0, 0.5)
+@pytest.mark.parametrize(
+    ('mechanism', 'asked', 'error', 'words'),
+    [
+        (PUMP, lambda solver: solver.state((0.0, np.array([1.5, 5.0, 1.6])), (0.0, 0.0)),
+         UnreachableError, 'slider position 5 m; there the slider can be'),
+        (PUMP, lambda solver: solver.state((0.0, np.array([1.5, 1.6])), (np.nan, 0.0)),
+         ConfigurationError, 'crank speed = nan'),
+        # A matrix of constants alone.
+        (replace(WHEEL, crank=Body(0.3)),
+         lambda solver: solver.accelerations(np.ones(3), 2.0, 0.5),
+         MechanismError, 'something moves without a mass'),
+    ],
+)  # fmt: skip
+def test_compiled_programs_refuse_what_others_refuse(mechanism, asked, error, words):
+    with pytest.raises(error, match=words):
+        asked(Solver(mechanism, compiled=True))
+    wheel = Solver(WHEEL, compiled=True)
+    assert wheel.accelerations(np.ones(3), 2.0, 0.5) == pytest.approx(5.0)
 
 
 def test_pickled_solver_stays_compiled(monkeypatch):

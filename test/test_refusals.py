@@ -298,6 +298,8 @@ PARALLELOGRAM = FourBar(Frame(2.0, 0.25), Body(1.0), Coupler(2.0, 1.0), Body(1.0
 STRETCHED = FourBar(Frame(2.0), Body(4.0, 1.0, 0.1), Coupler(2.1), Body(2.2))
 CENTRIC = SliderCrank(Body(1.0), Coupler(2.5), Slider(mass=1.0))
 PUMP = ALL['document_3']
+FOUR_BAR, SLIDER_CRANK = ALL['crank_rocker'], ALL['offset_right']
+TWO, THREE = np.array([0.1, 0.2]), np.array([1.5, 1.6, 1.7])
 EQUAL_ROD = SliderCrank(Body(1.0), Coupler(1.0), Slider(mass=1.0))
 
 CANNOT_MOVE = 'the crank of this triple-rocker linkage cannot move at'
@@ -390,6 +392,29 @@ BAD_CALLS = [
     ),
     (lambda: forces(PARALLELOGRAM, 0.25), 'at 14.3239449 deg … change point; choose angles …'),
     (lambda: forces(EQUAL_ROD, math.pi / 2), 'at 90 deg … change point; choose angles near it'),
+    # The state of a linkage whose crank turns fully, given to one whose crank does not.
+    *(
+        (
+            lambda cranks=cranks: Solver(STRETCHED).reactions(state(FOUR_BAR, cranks, 1.0)),
+            f'{CANNOT_MOVE} 171.8…',
+        )
+        for cranks in (3.0, np.array([0.1, 3.0]))
+    ),
+]
+TOO_MUCH = '…overflows at crank angle = 0.3…crank speed = 1e+160…'
+BAD_ARGUMENTS = [
+    # Shapes.
+    *(
+        (call, f'the shapes of crank angle (2,), …{words} do not fit: give one shape…')
+        for words, call in (
+            ('speed (3,)', lambda: state(FOUR_BAR, TWO, [1.0, 2.0, 3.0])),
+            ('slider position (3,)', lambda: Solver(PUMP).matrix((TWO, THREE))),
+            ('torque (3,)', lambda: Solver(PUMP).accelerations((TWO, 1.5), (1.0, 0.0), THREE)),
+        )
+    ),
+    (lambda: Solver(FOUR_BAR).energy(0.3, 1e160), TOO_MUCH),
+    (lambda: Solver(SLIDER_CRANK).energy(0.3, 1e160), TOO_MUCH),
+    (lambda: Solver(PUMP).energy((0.3, 1.5), (1e160, 0.0)), TOO_MUCH),
 ]
 
 
@@ -472,15 +497,19 @@ def test_crank_that_cannot_turn_is_refused_with_class_limits_and_cure(
     assert np.isfinite(solver.state(crank - 0.04, 1.0).torque)
 
 
-@pytest.mark.parametrize(('call', 'expected'), BAD_CALLS)
-def test_bad_call_is_refused(call, expected):
-    refused(call, expected)
+@pytest.mark.parametrize(
+    ('call', 'expected', 'error'),
+    [
+        *((*row, LinkageError) for row in BAD_CALLS),
+        *((*row, ConfigurationError) for row in BAD_ARGUMENTS),
+    ],
+)
+def test_bad_call_is_refused(call, expected, error):
+    refused(call, expected, error)
 
 
 # ---------------------------------------------------------------- arguments of the solver
 
-FOUR_BAR, SLIDER_CRANK = ALL['crank_rocker'], ALL['offset_right']
-linkages = pytest.mark.parametrize('mechanism', [FOUR_BAR, SLIDER_CRANK])
 NO_REAL = [
     'fast', '1.0', '', b'1', 1j, 1 + 0j, None, True, {}, {1.0}, {0: 1.0}, object(), min, 10**400,
     [None, 1.0], ['a', 1.0], [[1.0], [1.0, 2.0]], [1.0, 2j], np.array([1j, 2.0]),
@@ -516,19 +545,8 @@ def test_non_real_arguments_are_refused(bad):
         refused(call, FINITE.format(name), ConfigurationError)
 
 
-def test_incompatible_shapes_are_refused():
-    solver, two, three = Solver(PUMP), np.array([0.1, 0.2]), np.array([1.5, 1.6, 1.7])
-    for words, call in (
-        ('speed (3,)', lambda: Solver(FOUR_BAR).state([0.1, 0.2], [1.0, 2.0, 3.0])),
-        ('slider position (3,)', lambda: solver.matrix((two, three))),
-        ('torque (3,)', lambda: solver.accelerations((two, 1.5), (1.0, 0.0), three)),
-    ):
-        expected = f'the shapes of crank angle (2,), …{words} do not fit: give one shape…'
-        refused(call, expected, ConfigurationError)
-
-
-@linkages
-def test_solver_refuses_states_that_its_mechanism_does_not_have(mechanism):
+@pytest.mark.parametrize('mechanism', [FOUR_BAR, SLIDER_CRANK])
+def test_solver_refuses_what_is_no_state_of_its_mechanism(mechanism):
     solver = Solver(mechanism)
     good = solver.state(0.7, 2.0, 1.5)
     pump = Solver(PUMP).state((0.3, 1.5), (2.0, 0.1), (0.0, 0.0))
@@ -548,13 +566,6 @@ def test_solver_refuses_states_that_its_mechanism_does_not_have(mechanism):
         refused(lambda state=state: solver.reactions(state), '…must be a State…')
     uneven = good._replace(position=(np.zeros(2), *good.position[1:]), velocity=(np.zeros(3),) * 3)
     refused(lambda: solver.reactions(uneven), '…crank angle (2,), crank speed (3,)…')
-
-
-def test_reactions_of_a_state_out_of_reach_are_refused():
-    """The state of a linkage whose crank turns fully, passed to one whose crank does not."""
-    for cranks in (3.0, np.array([0.1, 3.0])):
-        state = Solver(FOUR_BAR).state(cranks, 1.0)
-        refused(lambda state=state: Solver(STRETCHED).reactions(state), f'{CANNOT_MOVE} 171.8…')
 
 
 @pytest.mark.parametrize('bad', WRONG_ROWS, ids=range(len(WRONG_ROWS)))
@@ -606,10 +617,3 @@ def test_nested_sequences_are_arrays():
         ),
     ):
         assert np.array_equal(nested, arrays)
-
-
-@pytest.mark.parametrize('mechanism', [FOUR_BAR, SLIDER_CRANK, PUMP])
-def test_energy_that_overflows_is_refused(mechanism):
-    q, u = ((0.3, 1.5), (1e160, 0.0)) if mechanism is PUMP else (0.3, 1e160)
-    words = 'overflows at crank angle = 0.3…crank speed = 1e+160…'
-    refused(lambda: Solver(mechanism).energy(q, u), f'…{words}', ConfigurationError)
