@@ -21,7 +21,7 @@ from linkage_ros.playback.keyboard import Keyboard
 with Keyboard() as keyboard:
     print('ready', os.getpid(), flush=True)
     while True:
-        key = keyboard.read(5)
+        key = keyboard.read(0.2)
         if key:
             print('got', key, flush=True)
         if key == b' ':
