@@ -16,7 +16,7 @@ from linkage_ros.dynamics import program, tape
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.motion.adaptive_integrator import AdaptiveSteps
 from linkage_ros.motion.coordinates import Coordinates, stacked
-from linkage_ros.motion.drives import TorqueDrive
+from linkage_ros.motion.drives import Motor, TorqueDrive
 from linkage_ros.numeric import within_two_turns
 from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.parameters.descriptions import summary
@@ -180,9 +180,12 @@ def test_revolutions_are_counted_from_the_start_either_way(tmp_path):
         turned = abs(cranks(tmp_path / f'{sign}.mcap') - 1.0) / (2 * math.pi)
         assert len(turned) == count
         assert turned[-1] < 3 < turned[-1] + 0.2
-    resting = changed(QUADRILATERAL, drive={'motor': replace(motor, torque=0.0)})
+    resting = changed(
+        QUADRILATERAL, drive={'motor': Motor()}, mechanism={'gravity': (0.0, 0.0)},
+        session={'rate_hz': 0.05},
+    )  # fmt: skip
     with pytest.raises(ConfigurationError, match='has not made 1 revolutions within 3600 s'):
-        record(changed(resting, session={'rate_hz': 0.05}), tmp_path / 'rest.mcap', revolutions=1)
+        record(resting, tmp_path / 'rest.mcap', revolutions=1)
 
 
 @pytest.mark.parametrize(
