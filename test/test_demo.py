@@ -14,7 +14,7 @@ from pathlib import Path
 from ros_harness import environment, fresh_domain
 
 PROGRAM = 'python -m linkage_ros.demo'
-SHORT = 'from linkage_ros import demo; demo._SECONDS = 3.0; demo._main()'
+SHORT = 'from linkage_ros import demo; demo._SECONDS = 2.0; demo._main()'
 
 
 def test_demo_refuses_arguments(tmp_path):

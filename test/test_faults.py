@@ -184,7 +184,7 @@ def test_log_is_synced_to_the_disk_and_a_failure_reported(tmp_path, monkeypatch)
 def test_each_viewer_change_is_reported_once():
     port = free_port()
     url = f'rerun+http://127.0.0.1:{port}/proxy'
-    arguments = node_arguments(viewer=url, rate_hz=1000.0)  # fills its buffers sooner
+    arguments = node_arguments(viewer=url, rate_hz=3000.0)  # which fills its buffers sooner
     absent = f'no viewer answers at {url}: states are left out until one does'
     stopped = f'the viewer at {url} does not read: states are left out until it does'
 

@@ -78,7 +78,7 @@ from linkage_ros.run import scheduling
 os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[:2])
 
 latest = 0.0
-end = time.monotonic() + 2.0
+end = time.monotonic() + 1.5
 
 def tick(take_priority):
     global latest
