@@ -158,7 +158,7 @@ def test_states_next_to_the_jump_at_pi_close_the_loop_and_verify(name, tmp_path)
         settings = replace(settings, drive=TorqueDrive(Motor(4.0, 0.2), -200.0, 0.7))
     simulator = Simulator(settings)
     motion = simulator.begin(0, record_steps)
-    for tick in range(600):
+    for tick in range(600 if name in SEAMS else 200):
         state = simulator.snapshot_at(motion, simulator.elapsed(tick)).state
         assert simulator.solver.structure.loop_residual(state) < 1e-13
         turning = state.position[2:3] if name in SEAMS else ()

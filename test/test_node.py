@@ -112,8 +112,7 @@ def test_memory_stays_below_130_mb_and_the_start_line_names_the_preset(run):
     assert 'no mechanism given, so the quadrilateral: four_bar, open, crank-rocker' in output
 
 
-@pytest.mark.parametrize('number', [signal.SIGTERM, signal.SIGHUP])
-def test_rpm_is_set_live_in_a_namespace_and_a_signal_ends_with_a_complete_log(tmp_path, number):
+def test_rpm_is_set_live_in_a_namespace_and_a_signal_ends_with_a_complete_log(tmp_path):
     path, states = tmp_path / 'run.mcap', '/left/joint_states'
     arguments = node_arguments(log=path, crank_acceleration='40.0', rate_hz='1000.0')
     arguments += ['-r', '__ns:=/left', '-r', 'driving_torque:=torque']
@@ -124,7 +123,7 @@ def test_rpm_is_set_live_in_a_namespace_and_a_signal_ends_with_a_complete_log(tm
             if 'integer_value' in value:
                 wait_for(lambda: decoded(listener.received[states][-1:])[0][1][3] < -6.28)
         listener.await_more(100, states)
-        stop(process, number)
+        stop(process, signal.SIGHUP)
     told = deserialize_message(listener.received['/diagnostics'][0], DiagnosticArray)
     assert told.status[0].name == 'left/linkage_node: motion'
     log, messages = logged(path)
@@ -307,7 +306,7 @@ def test_the_pump_runs_live_and_its_log_verifies(tmp_path):
             result = set_parameter(listener, name, type=3, double_value=value)  # a double
             assert result.successful == is_taken
         listener.await_more(100)
-        output = stop(node)
+        output = stop(node, signal.SIGTERM)
     assert 'wind_pump, crossed, motor 8.4 N m - 1.2 N m s x speed' in output
     log, messages = logged(path)
     assert [segment.torque for segment in log.motions] == [8.4, 20.0]
@@ -377,19 +376,19 @@ def test_a_flood_of_commands_costs_neither_memory_nor_ticks(tmp_path):
         publisher = listener.node.create_publisher(JointState, 'joint_commands', 10)
         wait_for(publisher.get_subscription_count)
         listener.await_more(1)
-        sent, used = 25_000, {}  # the first reports allocate memory once
+        sent, used = 21_000, {}  # the first reports take memory once
         for number in range(sent):
             publisher.publish(bad if number % 7 == 0 else good)
             if number % 10 == 0:
-                time.sleep(1e-3)  # at most 10 000 per second
-            if number in (10_000, sent - 1):
+                time.sleep(1e-3)  # at most 10 000 a second
+            if number in (6_000, sent - 1):
                 used[number] = int(Path(f'/proc/{node.pid}/statm').read_text().split()[1])
-        time.sleep(2.0)  # refusals are reported at most once a second
-        publisher.publish(b'\0\1\0\0' + b'\xff' * 40)  # not a valid message
+        time.sleep(1.5)  # it says at most once a second what it refuses
+        publisher.publish(b'\0\1\0\0' + b'\xff' * 40)  # no message at all
         listener.await_more(100)
         output = stop(node)
-    # In pages of 4096 bytes; a leak of 300 bytes per command would be visible.
-    assert used[sent - 1] - used[10_000] < 3 * 2**20 / 4096
+    # In pages of 4096 bytes: 300 bytes of each command would be seen.
+    assert used[sent - 1] - used[6_000] < 3 * 2**20 / 4096
     assert 'is left out: effort nan: must be' in output
     assert 'is left out: its bytes are no JointState' in output
     assert 'sequence size' not in output  # printed by Fast CDR for each

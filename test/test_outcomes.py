@@ -270,7 +270,6 @@ NAMED = {
     # A loop that is held closed stays closed, but other errors remain.
     ('multipliers, Baumgarte', 'loop after a long run'): RIGHT,
     ('multipliers, Baumgarte', 'change point under a torque'): DIVERGED,
-    ('multipliers, projected', 'loop after a long run'): RIGHT,
     ('multipliers, projected', 'steep motor line'): NAN,
 }
 

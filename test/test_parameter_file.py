@@ -34,7 +34,8 @@ for path, namespace in zip(sys.argv[2::2], sys.argv[3::2]):
     context = Context()
     try:
         rclpy.init(args=['--ros-args', '--params-file', path], context=context)
-        node = Node('linkage_node', namespace=namespace, context=context, enable_rosout=False)
+        node = Node('linkage_node', namespace=namespace, context=context, enable_rosout=False,
+                    start_parameter_services=False)
         answer = {name: repr(p.value) for name, p in node._parameter_overrides.items()}
         node.destroy_node()
     except Exception as error:
