@@ -110,8 +110,10 @@ MS, S = 10**6, 10**9
 
 
 class Clock:
-    def __init__(self):
-        self.time = 123 * S
+    """Stands still until its time is changed."""
+
+    def __init__(self, time=123 * S):
+        self.time = time
 
     def __call__(self):
         return self.time

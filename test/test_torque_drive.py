@@ -10,6 +10,7 @@ import pytest
 from joint_codec import JointStateCodec
 from live_logs import START, live, ticks
 from ros_harness import decoded, logged, report_of, verified
+from test_playback import Clock
 
 from linkage_ros import ConfigurationError, LogError, MotionError, Solver
 from linkage_ros.dynamics import program, tape
@@ -82,15 +83,8 @@ def test_a_limited_crank_may_be_driven_by_a_torque_but_not_at_a_speed():
 LIMITED = TorqueDrive(torque_limit=5.0, command_timeout=0.5)
 
 
-class Clock:
-    now = 100.0
-
-    def __call__(self):
-        return self.now
-
-
-def test_command_is_limited_and_applies_from_receipt_to_timeout():
-    clock = Clock()
+def test_a_command_within_the_limit_counts_from_when_it_came_until_it_is_too_old():
+    clock = Clock(100.0)
     commands = TorqueCommands(LIMITED, 'crank', clock)
     assert commands.torque() == 0.0
     # Time since the last step, command and its age, and the torque in force.
@@ -100,7 +94,7 @@ def test_command_is_limited_and_applies_from_receipt_to_timeout():
         *((0.0, 1.5, 0.6, 0.0), (0.0, 1.5, 0.4, 1.5), (0.2, None, 0.0, 0.0)),
         (0.1, None, 0.0, 0.0),  # still the same timeout
     ):
-        clock.now += wait
+        clock.time += wait
         if command is not None:
             commands.receive(['rocker', 'crank'], [9.0, command], age)
         assert commands.torque() == torque
@@ -110,16 +104,16 @@ def test_command_is_limited_and_applies_from_receipt_to_timeout():
 
 
 def test_warning_about_command_gaps_stays_until_gaps_end():
-    clock = Clock()
+    clock = Clock(100.0)
     commands = TorqueCommands(LIMITED, 'crank', clock)
     commands.torque()
     assert not commands.troubles('')  # no command was ever sent
     for gap in [0.6] * 8 + [0.5] * 19:
         commands.receive(['crank'], [1.5], 0.0)
-        clock.now += gap
+        clock.time += gap
         commands.torque()
         assert commands.troubles('')
-    clock.now += 0.5
+    clock.time += 0.5
     assert not commands.troubles('')
 
 
@@ -136,8 +130,8 @@ def test_warning_about_command_gaps_stays_until_gaps_end():
         (['x' * 500], [1.0], f'it names {"x" * 80}: must'),
     ],
 )
-def test_invalid_command_is_refused_and_the_previous_one_stays_in_force(names, efforts, words):
-    commands = TorqueCommands(LIMITED, 'crank', Clock())
+def test_a_bad_command_is_refused_and_the_good_one_before_goes_on(names, efforts, words):
+    commands = TorqueCommands(LIMITED, 'crank', Clock(100.0))
     commands.receive(['crank'], [1.5], 0.0)
     with pytest.raises(ValueError, match=words):
         commands.receive(names, efforts, 0.0)
