@@ -74,7 +74,7 @@ EXAMPLES = {
     LoadCurve: lambda link: LoadCurve(
         link, 'position', (-1.0, 1.5, 4.0), (5.0, -7.0, 30.0), (0.0, 2.0, -4.0)
     ),
-    Friction: lambda link: Friction(0.1, 0.05, 0.2 if link == 'slider' else 0.0),
+    Friction: lambda link: Friction(1.0, 0.05, 0.55) if link == 'slider' else Friction(0.1, 0.05),
 }
 
 WRONG = {
@@ -250,8 +250,8 @@ def test_the_middle_of_the_swing_is_between_its_ends(lengths, angle, assembly):
     assert middle - math.pi < low - turns < high - turns < middle + math.pi
 
 
-CLOSE, SLIP = 1e-11, 1 + 1e-10
-# Rockers that swing across the jump of angles at pi, and across the line of the frame.
+CLOSE = 1e-11
+# Rockers that swing across the jump of angles at pi, and through the line of the frame.
 ROCKERS = {
     'across_the_seam': four_bar(FULL['crank_rocker'], 1.3),
     'through_the_line': four_bar(CHANGE_POINTS['p0'], 0.2, 'crossed'),
@@ -395,11 +395,3 @@ def test_friction_is_solved_until_it_locks(friction, crank, locks):
         Solver(rubs(1 + 1e-9)).state(crank, 2.0, 1.5)
     with pytest.raises(ArithmeticError, match='no friction'):
         Oracle(rubs(1 + 1e-6)).state(crank, 2.0, 1.5)
-
-
-def test_an_array_near_locking_has_the_bits_of_its_states():
-    mechanism = with_loads(SLIDERS['offset_right'], Friction(1.0, 0.05, 0.55))
-    solver, cranks = Solver(mechanism), np.linspace(0.0, TURN, 60)
-    together = solver.state(cranks, 2.0, 1.5, by_math=True)
-    alone = [solver.state(crank, 2.0, 1.5).torque for crank in cranks.tolist()]
-    assert together.torque.tolist() == alone
