@@ -3,6 +3,7 @@
 """Laws that hold for all mechanisms, regardless of links and number of coordinates."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,12 +19,11 @@ from mechanisms import (
     motion,
     moving,
     rows,
-    turning_parts,
 )
 from mpmath import mp
 from oracle import Oracle
 
-from linkage_ros import SliderCrank, Solver, WindPump
+from linkage_ros import Solver
 
 every = pytest.mark.parametrize('name', ALL)
 any_of = pytest.mark.parametrize('kind', ANY)
@@ -67,19 +67,12 @@ def test_angles_stay_in_range_and_coordinates_are_returned_as_asked(kind, data, 
 
 
 def gap(mechanism, position):
-    """Computes the gap of the loop, m, in the caller's precision."""
-    links = [
-        mp.mpf(getattr(mechanism, part).length) * mp.expj(mp.mpf(float(angle)))
-        for part, angle in zip(turning_parts(mechanism), position, strict=False)
-    ]
-    if isinstance(mechanism, WindPump):
-        return abs(sum(links) - mp.mpf(float(position[3])))
-    frame = mp.expj(mp.mpf(mechanism.frame.angle))
-    if isinstance(mechanism, SliderCrank):
-        place = mp.mpc(mp.mpf(float(position[2])), mp.mpf(mechanism.slider.offset))
-        return abs(links[0] + links[1] - place * frame)
-    end = mp.mpf(mechanism.frame.length) * frame
-    return abs(links[0] + links[1] - links[2] - end)
+    """By how much the links fail to close the loop, m; in the caller's precision."""
+    oracle, rest = Oracle(mechanism), [0.0] * len(position)
+    vectors = oracle.vectors(SimpleNamespace(position=position))
+    output = oracle.points(vectors)['D' if oracle.is_free else 'B']
+    end, *_ = oracle.follow(output, vectors, rest, rest)
+    return abs(sum(vectors[: 2 + oracle.is_free]) - end)
 
 
 @any_of
