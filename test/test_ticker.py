@@ -126,22 +126,9 @@ def test_the_tick_at_a_time_is_the_last_one_that_has_come(rate, tick):
 # ---------------------------------------------------------------- simulated time
 
 
-class Every:
-    """Ticks a whole period apart."""
-
-    def __init__(self, period):
-        self.period = period
-
-    def elapsed(self, tick):
-        return tick * self.period
-
-    def tick_at(self, elapsed):
-        return elapsed // self.period
-
-
-def simulated(*times, period=5 * MS, **options):
-    """Runs a ticker on a clock that published some times before it was stopped."""
-    times = list(times)
+def simulated(*times, rate_hz=200.0, **options):
+    """The run of a clock that told some times before it was stopped."""
+    times, simulator = list(times), Simulator(configure({'rate_hz': rate_hz}))
 
     def receive(ticker):
         if not times:
@@ -149,7 +136,7 @@ def simulated(*times, period=5 * MS, **options):
         while times:
             yield times.pop(0)
 
-    return Run(SimTimeTicker, Every(period), receive=receive, **options)
+    return Run(SimTimeTicker, simulator, receive=receive, **options)
 
 
 @pytest.mark.parametrize(
@@ -180,8 +167,8 @@ def test_clock_rate_does_not_change_the_ticks(gaps):
     assert run.counts.clock_steps == 0
 
 
-def test_stopped_ticker_skips_the_ticks_that_are_due():
-    run = simulated(0, 10**9, period=2 * MS, last=3)
+def test_a_stopped_ticker_makes_no_more_of_the_ticks_that_are_due():
+    run = simulated(0, 10**9, rate_hz=500.0, last=3)
     assert run.stamps == [0, 2 * MS, 4 * MS]
 
 
