@@ -15,13 +15,13 @@ from rcl_interfaces.srv import (
     SetParameters,
     SetParametersAtomically,
 )
+from rclpy.parameter import parameter_value_to_python
 from ros_harness import decoded, node_arguments, stop, wait_for, watched
 
 from linkage_ros.model.parts import LOADS
 from linkage_ros.parameters.configuration import MechanismAndDrive, load, parameter_leaves
 
 RPM = -42.5
-FIELDS = {1: 'bool', 2: 'integer', 3: 'double', 4: 'string', 8: 'double_array'}
 
 
 def call(listener, kind, name, request, namespace=''):
@@ -56,13 +56,7 @@ def dump(listener):
     return dict(zip(names, got.values, strict=True))
 
 
-def plain(value):
-    """Converts a ParameterValue as `ros2 param dump` does."""
-    got = getattr(value, f'{FIELDS[value.type]}_value')
-    return list(got) if value.type == 8 else got
-
-
-def test_each_parameter_is_described_with_its_range(listener):
+def test_each_is_described_with_its_range(listener):
     leaves = {leaf.name: leaf.quantity for leaf in parameter_leaves(MechanismAndDrive('four_bar'))}
     groups = {kind.group for kind in LOADS}
     unset = {name for name in leaves if name.split('.')[0] in groups}
@@ -104,7 +98,7 @@ def test_dump_reproduces_the_run(listener, tmp_path):
         place = tree
         for folder in folders:
             place = place.setdefault(folder, {})
-        place[leaf] = plain(value)
+        place[leaf] = parameter_value_to_python(value)
     dumped = tmp_path / 'linkage_node.yaml'
     dumped.write_text(yaml.dump({'/linkage_node': {'ros__parameters': tree}}))
     original = load('quadrilateral')
