@@ -133,8 +133,7 @@ def begun(path):
 
 
 def values(path):
-    with LogReader(path) as log:
-        return [(message.time, message.data) for message in log.messages()]
+    return [(message.time, message.data) for message in logged(path)[1]['/driving_torque']]
 
 
 @pytest.mark.parametrize('end', [LogWriter.flush, LogWriter.close])
