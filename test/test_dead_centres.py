@@ -33,7 +33,6 @@ MECHANISMS = {**{name: of(lengths) for name, lengths in LIMITED.items()}, 'pump'
 # Their arcs contain a change point, where all links are in line and all coordinates are singular.
 WITH_CHANGE_POINT = {'p0_and_near_limit', 'upper_change_point', 'lower_change_point'}
 every = pytest.mark.parametrize('name', [x for x in MECHANISMS if x not in WITH_CHANGE_POINT])
-both = pytest.mark.parametrize('integrate', [live_steps, record_steps])
 
 
 def free(mechanism):
@@ -92,7 +91,7 @@ def test_state_is_equal_in_all_coordinates(name):
 
 
 @every
-@both
+@pytest.mark.parametrize('integrate', [live_steps, record_steps])
 def test_energy_is_conserved_past_dead_centres(name, integrate):
     steps = begun(integrate, free(MECHANISMS[name]))
     before, largest, described = sum(total(steps)), 0.0, set()

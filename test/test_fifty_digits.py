@@ -41,8 +41,6 @@ from linkage_ros import (
 )
 
 each_assembly = pytest.mark.parametrize('assembly', ASSEMBLIES)
-every = pytest.mark.parametrize('name', ALL)
-through_change_points = pytest.mark.parametrize('name', CHANGE_POINTS)
 limited = pytest.mark.parametrize('name', LIMITED)
 
 
@@ -80,7 +78,7 @@ def test_comparison_detects_an_error_in_any_quantity(field):
 # Cranks that turn fully, and wind pumps.
 
 
-@every
+@pytest.mark.parametrize('name', ALL)
 @pytest.mark.parametrize('motion', [(2.0, 1.5), (-150.0, 1e3)])
 def test_states_points_and_forces_are_right_around_two_turns(name, motion):
     solver, angles = Solver(ALL[name]), np.linspace(-6.0, 6.5, 5).tolist()
@@ -109,8 +107,8 @@ def around(lengths, angle, exponents):
 
 
 @pytest.mark.parametrize(('angle', 'assembly'), [(0.3, 'open'), (-2.0, 'crossed')])
-@through_change_points
-def test_states_at_and_near_change_points_are_right(name, angle, assembly):
+@pytest.mark.parametrize('name', CHANGE_POINTS)
+def test_change_points_are_hit_neared_and_passed(name, angle, assembly):
     lengths = CHANGE_POINTS[name]
     solver = Solver(of(lengths, angle, assembly))
     assert max(worst_errors(solver, around(lengths, angle, (3, 8, 15)))) < 1e-13

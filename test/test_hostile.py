@@ -440,7 +440,6 @@ def test_a_topic_of_no_name_is_not_published(stored, called):
 # ---------------------------------------------------------------- seeded cases
 
 CASES = int(os.environ.get('LINKAGE_ROS_CASES', '100'))
-MORE = settings(max_examples=max(15, CASES // 20))
 ROOT = Path(__file__).resolve().parents[1]
 
 
@@ -507,7 +506,7 @@ TREE = st.recursive(
 )
 
 
-@MORE
+@settings(max_examples=max(15, CASES // 20))
 @given(TREE, st.dictionaries(st.sampled_from(hostile.NAMES) | ANY, TREE))
 def test_any_tree_as_a_parameter_file(tmp_path_factory, tree, own):
     path = tmp_path_factory.getbasetemp() / 'tree.yaml'

@@ -87,14 +87,6 @@ def program(tmp_path):
     return f'PYTHONPATH={Path(__file__).resolve().parents[1]} {sys.executable} {path}'
 
 
-@pytest.fixture
-def shell(program):
-    """Starts a shell that runs PROGRAM and prints how it ended."""
-    run = f'trap : INT QUIT HUP; {program}; echo ended $?; sleep 60'
-    with Shell('-c', run) as shell:
-        yield shell
-
-
 @pytest.mark.parametrize(
     ('key', 'code', 'back'),
     [
@@ -102,12 +94,14 @@ def shell(program):
     ],
     ids=['exception', 'interrupt', 'kill'],
 )  # fmt: skip
-def test_every_exit_except_a_kill_restores_the_terminal(shell, key, code, back):
-    number = int(shell.sees(rb'ready (\d+)\s')[1])
-    assert not held(shell.terminal)
-    shell.send(key) if isinstance(key, bytes) else os.kill(number, key)
-    assert int(shell.sees(rb'ended (\d+)')[1]) == code
-    assert held(shell.terminal) == back
+def test_every_end_but_a_kill_restores_the_terminal(program, key, code, back):
+    run = f'trap : INT QUIT HUP; {program}; echo ended $?; sleep 60'
+    with Shell('-c', run) as shell:
+        number = int(shell.sees(rb'ready (\d+)\s')[1])
+        assert not held(shell.terminal)
+        shell.send(key) if isinstance(key, bytes) else os.kill(number, key)
+        assert int(shell.sees(rb'ended (\d+)')[1]) == code
+        assert held(shell.terminal) == back
 
 
 def test_restored_terminal_is_taken_again_without_a_signal(terminal, monkeypatch):

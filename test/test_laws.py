@@ -28,7 +28,6 @@ from linkage_ros import Solver
 every = pytest.mark.parametrize('name', ALL)
 any_of = pytest.mark.parametrize('kind', ANY)
 few = settings(max_examples=15)
-angles_of_two_turns = st.floats(-TURN, TURN, allow_subnormal=False)
 
 
 @pytest.mark.parametrize('name', ['crank_rocker', 'offset_right', 'pump'])
@@ -77,7 +76,7 @@ def gap(mechanism, position):
 
 @any_of
 @few
-@given(data=st.data(), crank=angles_of_two_turns)
+@given(data=st.data(), crank=st.floats(-TURN, TURN, allow_subnormal=False))
 def test_loop_closes_within_8_ulp_of_the_longest_link(kind, data, crank):
     mechanism = data.draw(ANY[kind]())
     solver, q = Solver(mechanism), coordinates(mechanism, crank)

@@ -4,11 +4,11 @@
 
 import ast
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 
 from pages import PACKAGE_FILES, ROOT
+from ros_harness import finished
 
 DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef)
 WRONG = {
@@ -25,17 +25,16 @@ def test_import_linter_detects_forbidden_imports(tmp_path):
     for file, (line, _) in WRONG.items():
         with (tmp_path / 'linkage_ros' / file).open('a') as source:
             source.write(f'\n{line}\n')
-    command = [Path(sys.executable).parent / 'lint-imports', '--no-cache', '--no-logo']
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    linter = Path(sys.executable).parent / 'lint-imports'
+    done = finished([linter], '--no-cache', '--no-logo', cwd=tmp_path)
     assert done.returncode == 1
     for _, broken in WRONG.values():
         assert broken in done.stdout
 
 
 def test_ruff_sees_every_file():
-    """A source folder may have the name of a build folder, which ruff ignores."""
-    command = [sys.executable, '-m', 'ruff', 'check', '--show-files']
-    seen = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    """A folder may have the name of one that builds leave behind."""
+    seen = finished([sys.executable, '-m', 'ruff', 'check', '--show-files'], cwd=ROOT).stdout
     assert {str(path) for path in PACKAGE_FILES} <= set(seen.splitlines())
 
 

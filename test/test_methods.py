@@ -35,7 +35,6 @@ from linkage_ros.parameters.configuration import load
 EPSILON = 2.0**-52
 BY_NAME = {method.name: method for method in METHODS}
 PRESETS = {name: load(name).mechanism for name in ('quadrilateral', 'slider_crank')}
-each_preset = pytest.mark.parametrize('name', PRESETS)
 
 
 @pytest.fixture(scope='module')
@@ -130,7 +129,7 @@ def slope(x, y):
     return np.polyfit(np.log(x), np.log(y), 1)[0]
 
 
-@each_preset
+@pytest.mark.parametrize('name', PRESETS)
 def test_cubic_hermite_is_of_order_4(turns, name):
     nodes = [32, 64, 128, 256, 512]
     settings = [{'nodes': n} for n in nodes]
@@ -221,7 +220,6 @@ def test_deliberate_errors_are_detected(turns):
 EVERY = {method.name for method in (*METHODS, *INTEGRATORS)}
 EASY = 'quadrilateral', 'slider_crank'
 LISTING = "document 1's listing"
-each_easy = pytest.mark.parametrize('mechanism', EASY)
 
 
 def committed(name):
@@ -295,7 +293,7 @@ def test_errors_of_a_measured_crank_equal_those_of_the_docs(accuracy, folder):
     assert found == pytest.approx({key: known[key] for key in found}, rel=1e-6)
 
 
-@each_easy
+@pytest.mark.parametrize('mechanism', EASY)
 def test_every_method_is_right_on_an_easy_mechanism(errors, mechanism):
     limits = {'factored, float32': 1e-5, 'central differences': 2e-6}
     if mechanism == 'slider_crank':

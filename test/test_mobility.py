@@ -21,7 +21,6 @@ from mechanisms import (
     of,
     slider_crank,
 )
-from mechanisms import of as made_of
 from mpmath import mp
 from oracle import Oracle
 
@@ -35,7 +34,7 @@ from linkage_ros import (
 
 
 def mobility(lengths, angle=0.0):
-    return Solver(made_of(lengths, angle)).reach
+    return Solver(of(lengths, angle)).reach
 
 
 any_lengths = st.tuples(*[st.integers(1, 40)] * 4).filter(lambda x: 2 * max(x) < sum(x))
@@ -84,9 +83,9 @@ def test_class_of_a_slider_crank_follows_from_its_lengths(lengths):
 )
 @settings(max_examples=15)
 @given(data=st.data(), angle=st.floats(-7, 7), assembly=st.sampled_from(ASSEMBLIES))
-def test_crank_reaches_exactly_where_the_loop_closes(every, data, angle, assembly):
-    """Compares 48 angles of the crank's circle with the closed form of the reach."""
-    solver = Solver(made_of(data.draw(every), angle, assembly))
+def test_crank_reaches_just_where_the_loop_closes(every, data, angle, assembly):
+    """The crank's circle, 48 angles of it, against the reach in closed form."""
+    solver = Solver(of(data.draw(every), angle, assembly))
     oracle = Oracle(solver.mechanism)
     for i in range(24):
         crank = i * TURN / 24 + 0.01
@@ -131,8 +130,8 @@ MORE_LIMITED = (
 
 @pytest.mark.parametrize('angle', [0.3, 100.0])
 @pytest.mark.parametrize('lengths', [*LIMITED.values(), *MORE_LIMITED])
-def test_loop_just_closes_at_the_ends_of_the_reach(lengths, angle):
-    solver = Solver(made_of(lengths, angle))
+def test_ends_of_the_reach_are_where_the_loop_just_closes(lengths, angle):
+    solver = Solver(of(lengths, angle))
     oracle = Oracle(solver.mechanism)
     assert not solver.reach.turns_fully
     for start, end in solver.reach.arcs:
@@ -163,7 +162,7 @@ TURNS = dict.fromkeys(CHANGE_POINTS, 2) | dict.fromkeys(
 @pytest.mark.parametrize('assembly', ASSEMBLIES)
 @pytest.mark.parametrize('name', [*FULL, *CHANGE_POINTS])
 def test_period_is_the_fewest_turns_after_which_the_motion_repeats(name, assembly):
-    mechanism = made_of({**FULL, **CHANGE_POINTS}[name], 5.5, assembly)
+    mechanism = of({**FULL, **CHANGE_POINTS}[name], 5.5, assembly)
     reach = Solver(mechanism).reach
     assert reach.period_turns == TURNS.get(name, 1)
     assert reach.has_change_point == (name in CHANGE_POINTS)

@@ -40,7 +40,6 @@ NAMES = (
     'centric',
     'document_4',
 )
-each = pytest.mark.parametrize('name', NAMES)
 MOTION = -11.0, 90.0
 
 
@@ -142,7 +141,7 @@ def slipped(mechanism, name, part):
 # ---------------------------------------------------------------- comparison
 
 
-@each
+@pytest.mark.parametrize('name', NAMES)
 def test_torque_agrees_with_mujoco(name):
     error, gap = compare(ALL[name], ALL[name], *MOTION)
     assert np.all(gap < CLOSED)

@@ -229,7 +229,11 @@ def test_the_charts_find_the_method_and_measure_its_speed_and_errors(folder):
     for picture in ('accuracy.png', 'stability.png'):
         assert (folder / picture).stat().st_size > 50_000
     default, cosines = (
-        {(p['mechanism'], p['mode']): p for p in points if key(p) == (name, 'position')}
+        {
+            (p['mechanism'], p['mode']): p
+            for p in points
+            if (p['method'], p['quantity']) == (name, 'position')
+        }
         for name in ('factored closed form', 'inverse cosine')
     )
     assert len(default) == len(cosines) == 4
@@ -247,11 +251,7 @@ def test_the_charts_find_the_method_and_measure_its_speed_and_errors(folder):
     }
 
 
-def key(point):
-    return point['method'], point['quantity']
-
-
-# ---------------------------------------------------------------- missing import
+# ---------------------------------------------------------------- the limits
 
 
 def test_without_the_import_the_name_is_refused_in_one_line(folder):

@@ -20,8 +20,6 @@ from linkage_ros.run.simulator import Simulator
 from linkage_ros.view.drawing import Drawing
 from linkage_ros.view.picture import Picture
 
-PUMP = load('wind_pump')
-TURN = 2 * math.pi
 # A crank that hangs, and swings within 157 deg about the line to the rocker's pivot.
 HANGING = {
     'mechanism': 'four_bar', 'drive': 'torque', 'crank_angle': -2.0,
@@ -287,7 +285,7 @@ def test_only_the_reachable_arc_is_drawn():
     assert np.array_equal(measured, Drawing(mechanism, sum(arcs[0]) / 2).paths['rocker'])
     for start, end in arcs:
         for turns in (-2, 0, 1):
-            drawing = Drawing(mechanism, 0.3 * start + 0.7 * end + turns * TURN)
+            drawing = Drawing(mechanism, 0.3 * start + 0.7 * end + turns * 2 * math.pi)
             inner = np.linspace(start + 1e-6, end - 1e-6, 50)
             solver = Solver(mechanism)
             b = solver.point(solver.state(inner), 'B').position
@@ -301,7 +299,7 @@ def test_only_the_reachable_arc_is_drawn():
 
 @pytest.mark.parametrize(
     'configuration',
-    [PUMP, configure(HANGING), DRAG_LINK, MECHANISMS['backwards']],
+    [load('wind_pump'), configure(HANGING), DRAG_LINK, MECHANISMS['backwards']],
     ids=['pump', 'hanging', 'drag_link', 'backwards'],
 )  # fmt: skip
 def test_curves_are_those_of_the_states_without_jumps(configuration):

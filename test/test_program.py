@@ -9,7 +9,6 @@ import itertools
 import math
 import pickle
 import struct
-import subprocess
 import sys
 import traceback
 from dataclasses import replace
@@ -17,6 +16,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from mechanisms import DOCUMENT_1, PUMPS, four_bar, slider_crank
+from ros_harness import finished
 
 from linkage_ros import (
     Body,
@@ -525,10 +525,7 @@ print(*sys.modules)
 
 
 def test_numba_is_not_imported_unless_requested():
-    done = subprocess.run(
-        [sys.executable, '-c', NO_COMPILER], capture_output=True, text=True, check=True
-    )
-    loaded = done.stdout.split()
+    loaded = finished([sys.executable, '-c', NO_COMPILER]).stdout.split()
     assert 'numpy' in loaded
     assert not {'numba', 'llvmlite'} & set(loaded)
 

@@ -5,9 +5,10 @@
 import ctypes
 import gc
 import os
-import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
+
+from ros_harness import finished
 
 from linkage_ros.run import scheduling
 
@@ -94,11 +95,8 @@ print(latest)
 
 
 def latest(change=''):
-    """Returns the largest lateness, s, of three such threads on two processors."""
-    done = subprocess.run(
-        [sys.executable, '-c', WAITERS.format(change=change)], capture_output=True, text=True
-    )
-    return float(done.stdout)
+    """The largest lateness, s, of three such threads on two processors."""
+    return float(finished([sys.executable, '-c', WAITERS.format(change=change)]).stdout)
 
 
 def test_threads_with_real_time_priority_leave_time_to_the_thread_they_wait_for():

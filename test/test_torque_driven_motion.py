@@ -14,6 +14,7 @@ from mechanisms import with_loads
 from mpmath import mp
 from oracle import Oracle
 from scipy.integrate import quad
+from test_methods import slope
 
 from linkage_ros import (
     Body,
@@ -66,11 +67,7 @@ def motor(speed):
     return 8.4 - 1.2 * speed
 
 
-def idle(_):
-    return 0.0
-
-
-def begun(integrate, mechanism, phase, law=idle, **options):
+def begun(integrate, mechanism, phase, law=lambda _: 0.0, **options):
     return integrate(DrivenMechanism(Solver(mechanism), law), phase, **options)
 
 
@@ -264,10 +261,6 @@ def cases():
 
 def worst(case, method, setting, quantity):
     return max(error for _, error in case.outcomes(method, setting, quantity, MEAN))
-
-
-def slope(x, y):
-    return np.polyfit(np.log(x), np.log(y), 1)[0]
 
 
 # ---------------------------------------------------------------- the reference

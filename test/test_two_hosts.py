@@ -4,12 +4,11 @@
 
 import json
 import sys
-from pathlib import Path
 
 import pytest
+from pages import ROOT
 from ros_harness import finished
 
-ROOT = Path(__file__).parents[1]
 SCRIPT = ROOT / 'benchmarks' / 'reliability' / 'hosts.py'
 
 

@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The thread between ticks and slow consumers; gates simulate slowness, without sleeps."""
 
-import subprocess
 import sys
 import threading
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
+from ros_harness import finished
 
 from linkage_ros.run.worker import Worker
 
@@ -172,7 +172,5 @@ sys.exit(7)
 
 
 def test_the_process_ends_although_a_consumer_hangs():
-    done = subprocess.run(
-        [sys.executable, '-c', HANGING], stdout=subprocess.PIPE, text=True, timeout=PATIENCE
-    )
+    done = finished([sys.executable, '-c', HANGING], timeout=PATIENCE)
     assert (done.returncode, done.stdout) == (7, 'False\n')
