@@ -135,7 +135,7 @@ def test_friction_and_a_load_on_a_link_that_hangs_on_another_are_refused():
             exported(*given)
 
 
-# ---------------------------------------------------------------- comparison of MuJoCo with our plant
+# --------------------------------------------------- comparison of MuJoCo with our plant
 
 
 def value_of(curve, data, ahead):

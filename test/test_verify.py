@@ -157,7 +157,7 @@ def test_state_cut_off_at_the_end_is_reported(tmp_path):
     assert (report.states, report.cut) == (19, ('/mechanism_state', '/coupler_point'))
 
 
-# ---------------------------------------------------------------- modified logs with valid checksums
+# -------------------------------------------------------------- modified logs with valid checksums
 
 
 def rewrite(path, edit):

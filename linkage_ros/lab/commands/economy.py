@@ -147,7 +147,7 @@ class Economy:
         return found
 
     def sentence(self, rpm: float, tolerance: float, savings: Sequence[Saving]) -> str:
-        """Summarises which terms the torque needs at one speed, and which can be left out together.
+        """Says which terms the torque needs at one speed, and which can be left out together.
 
         Args:
             rpm: One of the measured speeds.
