@@ -210,6 +210,7 @@ def run(name: str, command: Callable[[], int | None]) -> int:
     if isinstance(sys.stdout, io.TextIOWrapper):
         # The terminal's encoding may lack characters that occur in paths and logs.
         sys.stdout.reconfigure(errors='backslashreplace')
+    code = 0
     try:
         code = command() or 0
         if sys.stdout is not None:  # None if the process was started with stdout closed
@@ -219,7 +220,6 @@ def run(name: str, command: Callable[[], int | None]) -> int:
         return STOPPED_BY_USER
     except BrokenPipeError:  # the reader of stdout has closed the pipe
         _discard_stdout()
-        return 0
     except (LinkageError, ImportError, OSError) as error:  # stdout may be a file on a full disk
         words = missing_library(error.name or '') if isinstance(error, ImportError) else error
         print_error(name, words)

@@ -8,6 +8,7 @@ import argparse
 import math
 import sys
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from datetime import datetime, timezone
 from pathlib import Path
 
@@ -147,7 +148,8 @@ def _recover(options: argparse.Namespace) -> int:
 
 
 def _print(lines: Iterable[str]) -> None:
-    print('\n'.join(map(printable, lines)))
+    with suppress(BrokenPipeError):  # without a reader, the exit code still tells the outcome
+        print('\n'.join(map(printable, lines)))
 
 
 _LOG: cli.Option = (

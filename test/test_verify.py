@@ -3,8 +3,10 @@
 """Verification of logs: unmodified logs are equal to the bit, and every change is reported."""
 
 import math
+import os
 import re
 import struct
+import subprocess
 from fractions import Fraction
 from pathlib import Path
 
@@ -551,3 +553,18 @@ def test_command_reports_what_was_compared(tmp_path, called):
     assert 'written by linkage_ros 0.0.7, recomputed by' in last
     for bad in (tmp_path / 'missing.mcap', __file__):
         assert_refused(*called(log_tool, 'verify', bad), '')
+
+
+@pytest.mark.parametrize('unbuffered', ['', '1'])
+def test_exit_code_tells_the_difference_to_a_closed_pipe(tmp_path, unbuffered):
+    path = tmp_path / 'run.mcap'
+    record(load('quadrilateral'), path, duration=0.1)
+    rewrite(path, at('/joint_states', 3, drop))
+    reading, writing = os.pipe()
+    os.close(reading)
+    done = subprocess.run(
+        command('log_tool', 'verify', path), stdout=writing, stderr=subprocess.PIPE, timeout=60,
+        env={**os.environ, 'PYTHONUNBUFFERED': unbuffered},
+    )  # fmt: skip
+    os.close(writing)
+    assert (done.returncode, done.stderr) == (1, b'')
