@@ -348,6 +348,14 @@ def test_flipped_byte_is_reported_or_harmless(path, answer):
         assert 'refused' in answers or kind in UNREAD, kind
 
 
+def test_a_copy_whose_summary_lacks_the_channels_is_refused(path, tmp_path):
+    records = records_of(path)
+    copy = write_records(tmp_path / 'copy.mcap', records, repeat_channels=False)
+    with pytest.raises(LogError, match='its index leaves out parts of it'):
+        LogReader(copy)
+    assert LogReader(write_records(copy, records)).topics
+
+
 def test_a_cut_file_and_a_tail_of_zeros_or_of_garbage_are_reported(path, answer):
     """A crash of the machine can leave a file whose length was written before its data."""
     data = path.read_bytes()
