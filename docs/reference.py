@@ -35,6 +35,7 @@ from linkage_ros.parameters.presets import preset_names, preset_path
 from linkage_ros.quantities import Leaf, leaves
 from linkage_ros.wire.topics import (
     JOINT_COMMANDS,
+    MEASURED_JOINT_STATES,
     SIMULATED_CLOCK,
     TOPICS,
     effort_commands,
@@ -110,8 +111,9 @@ def _topics() -> str:
         trajectory_commands('trajectory_command_topic'),
     )
     rows = []
-    for topic in (*TOPICS, *commands, JOINT_COMMANDS, SIMULATED_CLOCK):
-        direction = ' (subscribed)' if topic in (JOINT_COMMANDS, SIMULATED_CLOCK) else ''
+    subscribed = JOINT_COMMANDS, MEASURED_JOINT_STATES, SIMULATED_CLOCK
+    for topic in (*TOPICS, *commands, *subscribed):
+        direction = ' (subscribed)' if topic in subscribed else ''
         latched = '; transient local' * topic.latched
         kind = topic.interface.name.replace('/msg/', '/')
         rows.append((f'`{topic.name}`{direction}', kind, topic.meaning + latched))

@@ -20,7 +20,7 @@ from linkage_ros.model.registry import MECHANISMS
 from linkage_ros.motion.drives import FollowDrive
 from linkage_ros.parameters.configuration import MechanismAndDrive, parameter_leaves
 from linkage_ros.parameters.drives import DRIVES
-from linkage_ros.wire.topics import JOINT_COMMANDS, TOPICS, qualified
+from linkage_ros.wire.topics import JOINT_COMMANDS, MEASURED_JOINT_STATES, TOPICS, qualified
 
 DOCS = ROOT / 'docs'
 
@@ -241,7 +241,7 @@ def test_conclusions_of_methods_follow_from_its_numbers(figures):
 
 def test_mcap_page_matches_channels_and_sizes_of_the_code():
     page = read('docs/mcap.md')
-    for topic in (*TOPICS, JOINT_COMMANDS):
+    for topic in (*TOPICS, JOINT_COMMANDS, MEASURED_JOINT_STATES):
         assert f'| `{qualified(topic)}` | ' in page
     sizes = [str(size >> 20) for size in (LARGEST, writer.CHUNK_SIZE)]
     words = (

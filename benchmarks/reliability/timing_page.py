@@ -58,9 +58,10 @@ thread without that priority, and 111 us without a log. This is why a thread wri
 
 ## Logs
 
-This table shows the processor time per state (four messages), for the quadrilateral at a given
-speed and for the wind pump under its torque. Compression of the same bytes (zstd and crc32) is the
-minimum for writing a log.
+This table shows the processor time per state, for the quadrilateral at a given speed (four
+messages) and for the wind pump under its torque (three). Compression of the same bytes (zstd and
+crc32) is the minimum for writing a log. Each figure is a median over several rounds, so the last
+column is not exactly the ratio of the first.
 
 {logs}
 
