@@ -139,9 +139,8 @@ class LogReader(AbstractContextManager['LogReader']):
         ]  # fmt: skip
         self._count, self.start = statistics.message_count, statistics.message_start_time
         self.end = statistics.message_end_time
-        counts = len(self._chunks), len(self.topics)
-        told = statistics.chunk_count, statistics.channel_count
-        if counts != told or (self._count and not self._chunks):
+        counts = statistics.chunk_count, statistics.channel_count
+        if counts != (len(self._chunks), len(self.topics)) or (self._count and not self._chunks):
             raise LogError('it is damaged: its index leaves out parts of it')
         if not self.start <= self.end < TIME_END:
             raise LogError(f'its times, {self.start} to {self.end} ns, are none of ROS')

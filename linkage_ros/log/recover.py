@@ -149,10 +149,9 @@ class _Copy:
             is_named = content.name in {CONFIGURATION_RECORD, MOTION_RECORD}
             if is_named or CHECKSUM in content.metadata:
                 unseal(content.metadata)
-                if not is_named:
+                is_second = self._is_configured and content.name == CONFIGURATION_RECORD
+                if is_second or not is_named:
                     raise ValueError('the name of a record is damaged')
-            if self._is_configured and content.name == CONFIGURATION_RECORD:
-                raise ValueError('a second configuration')
             self._is_configured |= content.name == CONFIGURATION_RECORD
             library.add_metadata(content.name, content.metadata)
 

@@ -167,8 +167,8 @@ class LogWriter(AbstractContextManager['LogWriter']):
     def declare(self, record: Schema | Channel) -> None:
         """Appends a schema or channel, unless its number is in use or its schema is unknown."""
         known: dict[int, Any] = self.channels if isinstance(record, Channel) else self._schemas
-        schema = getattr(record, 'schema_id', 0)  # 0: it has none
-        if record.id not in known and schema in {0, *self._schemas}:
+        # Number 0: no schema.
+        if record.id not in known and getattr(record, 'schema_id', 0) in {0, *self._schemas}:
             known[record.id] = record
             record.write(self._builder.record_writer)
         self.statistics.schema_count = len(self._schemas)
