@@ -23,7 +23,7 @@ from mcap.writer import MCAP0_MAGIC
 from mcap_records import records_of, write_records
 from ros_harness import CODEC, assert_refused
 
-from linkage_ros import LogError, __version__, log_tool
+from linkage_ros import LogError, __version__, log_tool, replay
 from linkage_ros.log.metadata import CONFIGURATION_RECORD, END_RECORD, MOTION_RECORD
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.recover import recover
@@ -371,14 +371,16 @@ def test_a_cut_file_and_a_tail_of_zeros_or_of_garbage_are_reported(path, answer)
 
 
 @pytest.mark.parametrize(
-    ('arguments', 'words'),
+    ('module', 'arguments', 'words'),
     [
         *(
-            (names, ".mcap: '' is not a path: give one; see linkage_log")
+            (log_tool, names, ".mcap: '' is not a path: give one; see linkage_log")
             for names in (['info', ''], ['verify', ''], ['recover', 'run.mcap', ''])
         ),
-        (['info', '\x1b[31m'], r'.x1b\[31m cannot be read: No such file'),
+        (replay, [''], "'' is not a path: give one; see linkage_replay"),
+        (replay, [__file__], "is no MCAP file on a disk: it begins with b'# Copyri'"),
+        (log_tool, ['info', '\x1b[31m'], r'.x1b\[31m cannot be read: No such file'),
     ],
 )
-def test_an_empty_name_is_no_folder(called, arguments, words):
-    assert_refused(*called(log_tool, *arguments), words)
+def test_an_empty_name_is_no_folder(called, module, arguments, words):
+    assert_refused(*called(module, *arguments), words)

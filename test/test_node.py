@@ -297,7 +297,8 @@ def pump(**parameters):
 
 def test_the_pump_runs_live_and_its_log_verifies(tmp_path):
     path, view = tmp_path / 'run.mcap', tmp_path / 'run.rrd'
-    with watched([STATES], *pump(log=path, viewer=view)) as (listener, node):
+    arguments = [*node_arguments(log=path, viewer=view), *PUMP]
+    with watched([STATES], *arguments) as (listener, node):
         listener.await_more(100)
         for name, value, is_taken in (
             *(('motor.torque', 20.0, True), ('motor.torque', math.inf, False)),

@@ -354,9 +354,3 @@ def test_message_that_cannot_be_published_is_one_line(called, monkeypatch, tmp_p
     assert code == 2
     assert 'a message on /driving_torque does not match the type of the topic' in err
     assert 'Traceback' not in err
-
-
-def test_file_that_is_not_a_log_is_one_line(called, tmp_path):
-    (tmp_path / 'text.mcap').write_text('no log')
-    for name, words in (('text.mcap', "it begins with b'no log'"), ('', "'' is not a path")):
-        assert_refused(*called(replay, name and tmp_path / name), words)
