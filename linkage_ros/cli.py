@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Shared code of the command-line programs, which report an error in one line of stderr."""
+"""Shared code of the command-line programs, which report errors in one line on stderr."""
 
 from __future__ import annotations
 
@@ -123,7 +123,7 @@ class Command(NamedTuple):
 
 
 def add_commands(parser: argparse.ArgumentParser, commands: Mapping[str, Command]) -> None:
-    """Adds commands to a parser; parsed options have the function of the command as `run`."""
+    """Adds commands to a parser; `run` of the parsed options is the command's function."""
     parsers = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
     for name, (run, purpose, examples, options, usage) in commands.items():
         words = _described(f'{parser.prog} {name}', purpose, examples)
@@ -230,7 +230,7 @@ def run(name: str, command: Callable[[], int | None]) -> int:
 
 
 def leave(code: int) -> int:
-    """Exits a process that uses rclpy immediately, without Python's clean-up.
+    """Exits immediately, without Python's clean-up, if the process uses rclpy.
 
     During the clean-up, Fast DDS may hang or crash (Fast-DDS#6513), and a second Ctrl-C would
     cause an error.

@@ -84,7 +84,7 @@ def _loop(source: str) -> Callable[..., int]:
 
 
 def _statement_source(column: str, statement: ast.stmt) -> str:
-    """Returns the source of a statement, in which guards return the index of the column."""
+    """Returns the source of a statement; a guard becomes a return of the rejected column."""
     return re.sub(r'\n +.*', f' return {column}', ast.unparse(statement))
 
 

@@ -88,7 +88,7 @@ class Evaluator:
         return Constants(self.model)
 
     def program(self, formula: Callable[..., Any], *letters: str) -> Program:
-        """Returns the program of a formula; `letters` are its arguments' keys in `names`."""
+        """Returns the program of a formula whose arguments have the keys `letters` in `names`."""
         key = formula, letters
         if key not in self._programs:
             arguments = tuple(self.names[letter] for letter in letters)

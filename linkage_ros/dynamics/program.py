@@ -61,7 +61,7 @@ class Writer:
     """
 
     def __init__(self, tape: Tape, arrays: frozenset[str], head: tuple[str, ...]) -> None:
-        """Finds the operations that the result needs.
+        """Finds the operations required for the result.
 
         Args:
             tape: The recorded operations.
@@ -264,7 +264,7 @@ class Program:
             **others: Functions and programs used by these statements, by name.
 
         Returns:
-            The function.
+            The function defined by `head`, which returns the result of the program.
         """
         return self.code(head=head).bound(self.constants.numbers, **others)
 

@@ -17,8 +17,8 @@ from linkage_ros.model.kinematics import Pose
 from linkage_ros.model.structure import Dyad, Pin
 from linkage_ros.numeric import Real
 
-# Relative to the coordinate. Doubles only approximate a change point: k * math.pi is up to 2 ulp
-# off.
+# Relative to the coordinate, because a double can only approximate a change point: k * math.pi is
+# up to 2 ulp from it.
 _ROUNDING = 2.0**-51
 _ORIGIN = Vector(ZERO, ZERO)
 _FRAME = -1  # index of the last body
@@ -151,7 +151,7 @@ class _Balance:
         self._add_pin_force(self._pins[dyad.pin], force)
 
     def solve_last_pin(self, j: int) -> None:
-        """Computes the last unknown pin force, if any, of a turning link: a force balance."""
+        """Computes a turning link's last unknown pin force, if any, from its force balance."""
         unknown = [
             pin
             for name, pin in self._pins.items()

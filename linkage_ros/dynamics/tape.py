@@ -220,7 +220,7 @@ class Constants:
 
     Attributes:
         numbers: The numbers and opaque functions among the constants, in order.
-        known: Cache of what was compiled for this structure of constants, whatever their values.
+        known: Cache of tapes and compiled code for this structure of constants.
     """
 
     def __init__(self, tree: Any) -> None:

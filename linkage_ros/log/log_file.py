@@ -15,7 +15,7 @@ from linkage_ros.files import create_file, open_file
 
 
 def keep_other_files(path: Path | str) -> None:
-    """Checks that a file may be replaced with a log, if it exists.
+    """Checks that an existing file may be replaced with a log.
 
     Raises:
         LogError: The file is neither empty nor an MCAP file.

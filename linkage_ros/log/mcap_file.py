@@ -253,7 +253,7 @@ def unpack(chunk: records.Chunk) -> bytes:
         The uncompressed records.
 
     Raises:
-        LogError: The records are too large, or are compressed by another method than zstd.
+        LogError: The records are too large, or are compressed with a method other than zstd.
         ValueError: The size or the checksum of the records is wrong.
     """
     size, data = chunk.uncompressed_size, chunk.data

@@ -21,7 +21,7 @@ from linkage_ros.numeric import Real, without_turns
 from linkage_ros.quantities import quantity, shown
 
 _TURN = 2 * math.pi
-_ROUNDING = 8 * math.ulp(_TURN)  # rad; points this close to one turn apart are one turn apart
+_ROUNDING = 8 * math.ulp(_TURN)  # rad; tolerance for points that are one turn apart
 _POSITIONS = (-1e9, 1e9)
 _FORCES = (-1e12, 1e12)
 _COLUMNS = 'at', 'value', 'return_value'

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Loads on the links of a mechanism: generalised forces.
+"""Loads on the links of a mechanism, given as generalised forces.
 
 The power of a load is the sum of its forces times the links' rates. A generalised force is
 therefore a torque on a turning link and a force along the guide on a sliding link. Viscous
@@ -36,7 +36,7 @@ class Load(Protocol):
     def forces(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> dict[int, Real]:
         """Computes the generalised forces.
 
-        For the joint forces, a torque on a turning link is a pure couple.
+        A torque on a turning link acts as a pure couple, which affects the joint forces.
 
         Args:
             links: Poses of the links.

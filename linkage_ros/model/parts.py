@@ -173,7 +173,7 @@ class Slider(Checked):
 
 @dataclass(frozen=True)
 class Piston(Checked):
-    """A slider on the x axis of base_link that moves independently of the crank angle.
+    """A slider on the x axis of base_link, whose position is an independent coordinate.
 
     Attributes:
         position: Position at t = 0, m.

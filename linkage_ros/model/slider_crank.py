@@ -192,7 +192,7 @@ class SliderCrank(Mechanism):
         return longest
 
     def _sums(self) -> dict[str, tuple[float, ...]]:
-        """Returns the terms of each sum of lengths that is 0 at a change point, by its formula."""
+        """Returns the terms of the sums of lengths that vanish at change points, by formula."""
         r, b, e = self._lengths()
         return {
             'coupler + offset - crank': (b, e, -r),

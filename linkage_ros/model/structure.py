@@ -275,7 +275,7 @@ class Mechanism(Checked):
         return tuple(load for load in found if load is not None)
 
     def _own_load(self, name: str, part: Any) -> Load | None:
-        """Returns the load defined by a part on its link, or None if all its values are 0."""
+        """Returns the load that a part defines on its link; None if there is none."""
         force, damping, stiffness, rest = (getattr(part, field) for field in part.load_fields)
         if not (force or damping or stiffness):
             return None

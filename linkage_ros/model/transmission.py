@@ -34,8 +34,8 @@ class Square(NamedTuple):
         least: Smallest value, p or q; ZERO if it is treated as 0, so that the root is signed.
         most: Largest value, 1 - q or 1 - p, without the rounding error of this difference.
         limits: Whether the function is negative at some crank angles, which are unreachable.
-        from_most: Whether to subtract the other product squared from `most`, because this loses
-            fewer digits.
+        from_most: Whether to compute the function as `most` minus the square of the other
+            product, which then loses fewer digits.
     """
 
     least: Real
@@ -138,7 +138,7 @@ class Transmission(NamedTuple):
         return not (self.cos.limits or self.sin.limits)
 
     def arcs(self) -> tuple[Arc, ...]:
-        """Computes the reachable crank angles: neither cos^2 m nor sin^2 m is negative there.
+        """Computes the arcs of crank angles where neither cos^2 m nor sin^2 m is negative.
 
         Returns:
             Arcs (start, end) with start in [0, 2 pi), rad; one turn if the crank turns fully.
@@ -182,8 +182,8 @@ class Transmission(NamedTuple):
 
         Args:
             grashof: Grashof class of the linkage.
-            sums: Terms of the sums of lengths that are 0 at a change point, by their formulas. If
-                the first sum is negative, cos m limits the crank; if another one is, sin m does.
+            sums: Terms of the sums of lengths that vanish at change points, by formula. If the
+                first sum is negative, cos m limits the crank; if another one is, sin m does.
             cures: Changes that would let the crank turn fully; used only if it is limited.
             pass_by: Largest h at which the crank pin is close to the rocker pivot, rad; 0 if there
                 is no rocker pivot, or if the pin passes through it.

@@ -128,7 +128,7 @@ class AdaptiveSteps:
             self._pairs_ahead += pairs
 
     def _try(self) -> LinkageError | None:
-        """Performs one step; if the slope rejects a value, returns the error instead."""
+        """Performs one step; returns the error if the slope rejects a value, otherwise None."""
         try:
             with np.errstate(all='ignore'):  # the slope rejects non-finite values
                 self._steps.step()

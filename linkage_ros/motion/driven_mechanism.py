@@ -35,7 +35,7 @@ _NUDGE = 1e-7  # relative step of a value, or of its unit, for derivatives
 _PLACES = 12  # number of crank angles per arc at which eigenvalues are computed
 _SLOW = 1e-3  # rad/s or m/s, treated as rest
 _SOON = 1e-3  # s, within which an end is reported at its extrapolated time
-_NEAR = 0.05  # sine of the dyad angle below which the dyad counts as stretched or folded
+_NEAR = 0.05  # sine of the dyad angle below which the dyad is considered in line
 # Sines of the dyad angle at which the motion leaves its own coordinates and returns to them.
 _LEAVE, _RETURN = 0.1, 0.2
 
@@ -345,5 +345,5 @@ def jacobian(
 
 
 def turns_between(angle: float, middle: float) -> Fraction:
-    """Returns the pairs of turns to add to `angle` so that it is within pi of `middle`."""
+    """Returns the number of pairs of turns that bring `angle` to within pi of `middle`."""
     return Fraction(round((middle - angle) / (2 * math.pi)), 2)

@@ -181,9 +181,9 @@ class SpeedMotion:
         late = max(reversal, self._ramp_ns) + 1
         while self._target and not reached(late):
             late *= 2
-        # Bisection needs intervals at whose ends the distance from the start is largest. It grows
-        # until the reversal, where it is largest at the ns before or after, and again once the
-        # crank has passed its start.
+        # `_first` requires intervals in which the condition, once true, remains true. The distance
+        # from the start grows until the reversal; its maximum is at the ns before or after it. If
+        # the goal is not reached there, it is reached only after the crank has passed its start.
         for low, high in ((0, reversal), (0, reversal + 1), (reversal, late)):
             if reached(high):
                 return _first(reached, low, high)

@@ -118,7 +118,7 @@ def _solved(
 
 
 def _eliminated(rows: Sequence[Sequence[Real]], right: Sequence[Real]) -> list[Real]:
-    """Solves equations by elimination without pivoting, as the identity dominates the matrix."""
+    """Solves equations by elimination, without pivoting because the identity dominates."""
     (pivot, *row), *others = rows
     if not others:
         return [right[0] / pivot]

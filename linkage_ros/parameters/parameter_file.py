@@ -160,7 +160,7 @@ class _Reader:
         return read_scalar(event.value)
 
     def key(self, path: tuple[str, ...]) -> str:
-        """Reads the next key of the mapping at a path of names; empty at its end."""
+        """Reads the next key of the mapping at a path of names; returns '' at its end."""
         event = self.next()
         if isinstance(event, yaml.MappingEndEvent):
             return ''

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Simulates a configured mechanism: computes the message bytes at a stamp.
+"""Simulates a configured mechanism: computes states and encoded messages at given stamps.
 
 The node and the recorder share this code, so equal configurations and elapsed times give
 bit-identical messages.
@@ -266,14 +266,14 @@ class Simulator:
         return (layout or self.layout).fill(len(stamps), (logged, logged, *stamped, *numbers))
 
     def ahead(self, motion: Motion, stamps: Sequence[int]) -> Coordinates | None:
-        """Returns the coordinates `lead_time` after stamps; None without feed-forward."""
+        """Returns the coordinates `lead_time` after the stamps; None without feed-forward."""
         lead = self._lead
         return None if lead is None else motion.at_all([stamp + lead for stamp in stamps])
 
     def _solved(
         self, coordinates: Coordinates, ahead: Coordinates | None, *, by_math: bool = False
     ) -> tuple[State, Sequence[Real]]:
-        """Returns the state at coordinates, and the numbers in its messages."""
+        """Returns the state at the given coordinates and the numbers in its messages."""
         state = self._state(coordinates, by_math=by_math)
         (*rows, torque), program = state, self._numbers
         values = *itertools.chain(*rows), torque, coordinates.unwrapped

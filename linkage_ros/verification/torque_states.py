@@ -31,7 +31,7 @@ from linkage_ros.wire.codecs import joint_numbers
 from linkage_ros.wire.rows import RowLayout
 
 # Tolerance between a state and its prediction from the previous state: rad and crank lengths; for
-# rates, the same per second or relative. It allows for the different integrators of runs.
+# rates, the same per second or relative. It covers the errors of different integrators.
 _APART = 1e-7
 # Longest time between two states, s. States farther apart are not predicted.
 _LONGEST = 10.0

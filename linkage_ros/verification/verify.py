@@ -148,7 +148,7 @@ class Verification:
         self.missed, self.ulp = self._timeline.missed, self._comparison.ulp
 
     def _handle(self, message: LoggedMessage) -> None:
-        """Handles a message that is not part of a state, in the order of writing."""
+        """Handles a message that is not part of a state; called in the order of writing."""
         if isinstance(self._timeline, Measurements):
             self._timeline.handle(message)
         if message.topic in self.compared and message.data != self._simulator.description:
@@ -166,7 +166,7 @@ class Verification:
             progress(count)
 
     def _check_rest(self) -> None:
-        """Checks the messages after the last complete row: an incomplete state, or an error."""
+        """Checks whether the messages after the last complete row are an incomplete state."""
         layout, end = self._layout, self._layout.fitting(self._rows)
         if end < len(self._rows):
             _, _, channel, _, time, _ = MESSAGE_HEAD.unpack_from(self._rows, end)
@@ -210,7 +210,7 @@ class Verification:
         return count, wrong
 
     def _again(self, number: int, stamps: list[int], rows: bytes) -> bytearray:
-        """Recomputes rows at stamps in a segment.
+        """Recomputes the rows at the given stamps of a segment.
 
         Raises:
             LinkageError: A logged row does not describe a valid state.

@@ -40,7 +40,7 @@ class Field(NamedTuple):
         name: Name of the number, such as 'velocity[coupler]'; fields with the same name hold the
             same number.
         code: Type of the number, as in `struct`.
-        offset: First byte of the number in the template.
+        offset: Offset of the number in the template, bytes.
     """
 
     name: str
@@ -84,7 +84,7 @@ class Template:
         self._blank = self.pack(*[0] * len(names))
 
     def pack(self, *numbers: float) -> bytes:
-        """Fills the template once."""
+        """Returns the template filled with numbers."""
         return self._struct.pack(*self._arrange((*numbers, *self._constants)))
 
     def fill(self, count: int, numbers: Sequence[Real]) -> bytearray:
@@ -163,7 +163,7 @@ def message_heads(data: bytes, starts: Sequence[int]) -> npt.NDArray[Any]:
 
     Args:
         data: Bytes with the records.
-        starts: First byte of each record.
+        starts: Offset of each record.
 
     Returns:
         A structured array with the fields opcode, channel and time (log time, ns). If a record is
@@ -213,7 +213,7 @@ class RowLayout(Template):
         return tuple(row[body] for body in self.bodies)
 
     def fitting(self, records: bytes | bytearray) -> int:
-        """Returns the number of leading bytes that are complete messages from a row's start."""
+        """Returns the length of the leading messages that match the start of a row, in bytes."""
         rows = ((end, records[:end] + self._blank[end:]) for end in self._ends)
         return max(end for end, row in rows if self.count(row, 0))
 

@@ -28,7 +28,7 @@ def joint_names(joints: Iterable[Link], joint_prefix: str) -> tuple[str, ...]:
 
 
 def link_of(joint: str) -> str:
-    """Returns the name of a joint's child link, which many tools require to be different."""
+    """Returns the name of a joint's child link; many tools require it to differ from `joint`."""
     return f'{joint}_link'
 
 
