@@ -122,7 +122,7 @@ def shown(value: object) -> str:
     except ValueError:  # Python refuses to print an integer with thousands of digits
         return 'a number of thousands of digits'
     except RecursionError:
-        return 'lists nested deeper than Python goes'
+        return 'lists nested too deeply for Python'
 
 
 def quantity(

@@ -141,8 +141,8 @@ def _rows(
                 return
             if stamps[-1] > _LONGEST_WAIT * NS_PER_S:
                 raise ConfigurationError(
-                    f'the crank has not made {turns} revolutions within {_LONGEST_WAIT} s, but '
-                    f'{turned[-1]:.3g}: give a --duration'
+                    f'the crank has made only {turned[-1]:.3g} of {turns} revolutions within '
+                    f'{_LONGEST_WAIT} s: give a --duration'
                 )
         yield rows
         tick += len(stamps)

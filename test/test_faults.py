@@ -76,7 +76,7 @@ def test_killed_run_is_recovered_up_to_the_last_flush(tmp_path):
         due = flushed(listener, path)
         process.kill()
         process.wait()
-    with pytest.raises(LogError, match='not complete'):
+    with pytest.raises(LogError, match='incomplete'):
         LogReader(path)
     recover(path, saved, overwrite=True)
     states = states_of(saved)
@@ -203,7 +203,7 @@ def test_each_viewer_change_is_reported_once():
         output = stop(process)
     said = re.findall(r'\[WARN\].*\]: (.*viewer.*)', output)
     assert said == [absent, stopped, absent]
-    assert len(re.findall(r'\[INFO\].*well, but items were left out: \d+', output)) == 2
+    assert len(re.findall(r'\[INFO\].*ok, but items were lost: \d+', output)) == 2
     assert re.search(r' states.*, \d+ lost to the viewer$', output, re.MULTILINE)
     # Only the node reports it: the SDK is silenced.
     assert all(re.match(r'\[(INFO|WARN)\] \[', line) for line in output.splitlines())

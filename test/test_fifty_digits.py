@@ -360,7 +360,7 @@ def test_change_points_are_refused_after_any_number_of_turns(name, turns):
         together = solver.state(np.array([crank + 1, crank, crank - 1]), 2.0, 1.5)
         assert all(np.isfinite(x).all() for state in (alone, together) for x in state[:3])
         for state in (alone, together):
-            with pytest.raises(UnreachableError, match='all links lie in one line') as error:
+            with pytest.raises(UnreachableError, match='all links are in line') as error:
                 solver.reactions(state)
             assert error.value.crank_angle == crank
             assert error.value.arcs == solver.mobility.arcs

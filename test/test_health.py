@@ -113,7 +113,7 @@ def test_the_rate_is_that_of_the_last_seconds():
 # ---------------------------------------------------------------- log and viewer
 
 
-LAGS = 'the viewer lags: items were left out in the last 10 s'
+LAGS = 'the viewer is too slow: items were lost in the last 10 s'
 
 
 def viewer(*parts):
@@ -127,12 +127,12 @@ def viewer(*parts):
 
 def test_lagging_part_is_reported_once_and_recovers_after_seconds():
     found = viewer(Health('x'), Health('x', 3), Health('x', 3), *[Health('x', 7)] * 12)
-    assert found == [[], [LAGS], *[[]] * 11, ['well, but items were left out: 7'], []]
+    assert found == [[], [LAGS], *[[]] * 11, ['ok, but items were lost: 7'], []]
 
 
 def test_losses_while_a_viewer_is_absent_are_not_reported_as_lag():
     gone, back = Health('x', 3, trouble='gone'), Health('x', 7)
-    well = 'well, but items were left out: 7'
+    well = 'ok, but items were lost: 7'
     assert viewer(gone, *[back] * 12) == [['gone'], [well], *[[]] * 11]
     assert viewer(gone, *[back] * 12, Health('x', 9))[-1] == [LAGS]
 

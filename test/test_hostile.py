@@ -159,9 +159,9 @@ def test_special_files_neither_block_nor_are_removed(tmp_path, out, name):
     os.mkfifo(tmp_path / 'pipe')
     (link := tmp_path / 'link.mcap').symlink_to(tmp_path / name)
     with at_most(5):
-        with pytest.raises(LogError, match=r'link.mcap is no MCAP file|link.mcap is dam'):
+        with pytest.raises(LogError, match=r'link.mcap is not an MCAP file|link.mcap is dam'):
             LogReader(link)
-        with pytest.raises(LogError, match=r'no MCAP file|No such device'):
+        with pytest.raises(LogError, match=r'not an MCAP file|No such device'):
             recover(link, out)
         if name in {'pipe', '/dev/full'}:
             with pytest.raises(LogError, match=r'No such device|is not a log'):
@@ -226,7 +226,7 @@ def test_a_motion_that_takes_millions_of_steps_is_refused(out):
 # ---------------------------------------------------------------- chunks and records
 
 
-CROWDED = 'unpack to more than is read'
+CROWDED = 'decompress to more than the limit'
 
 
 def test_more_messages_than_fit_into_the_file_are_refused(stored, out, monkeypatch):
@@ -307,21 +307,21 @@ def explained(fields):
 
 
 SETTINGS = to_strings(load('quadrilateral'))
-CURE = '; name a log of linkage_ros'
-BEGINS = 'is no MCAP file on a disk: it begins with'
+CURE = '; give a log of linkage_ros'
+BEGINS = 'is not an MCAP file on a disk: it starts with'
 FORGED = {
-    'foreign': (foreign(), 'is no log of linkage_ros'),
-    'foreign, no chunks': (foreign(use_chunking=False), 'is no log of linkage_ros'),
+    'foreign': (foreign(), 'is not a log of linkage_ros'),
+    'foreign, no chunks': (foreign(use_chunking=False), 'is not a log of linkage_ros'),
     'foreign, no statistics': (
         foreign(use_statistics=False, use_summary_offsets=False),
-        'no log|not complete',
+        'not a log|incomplete',
     ),
     'version alone': (explained(seal({'version': '0.1.0'})), '.'),
     # With valid checksums, so the contents were written on purpose.
     'setting of the future': (explained(seal({**SETTINGS, 'crank.colour': '"red"'})), 'colour'),
     'setting without JSON': (explained(seal({**SETTINGS, 'rpm': '150 rpm'})), 'is not JSON'),
     'impossible linkage': (explained(seal({**SETTINGS, 'crank.length': '9.0'})), 'longest link'),
-    'nested deeper than Python goes': (
+    'nested too deeply for Python': (
         explained(seal({**SETTINGS, 'rpm': '[' * 10**5})),
         'not JSON',
     ),
@@ -330,7 +330,7 @@ FORGED = {
             (CONFIGURATION_RECORD, seal(SETTINGS)),
             (MOTION_RECORD, seal({'stamp': '0', 'phase': '1/0', 'speed': '0', 'rpm': '1'})),
         ),
-        'is damaged or not complete: .*ZeroDivisionError',
+        'is damaged or incomplete: .*ZeroDivisionError',
     ),
     'settings without a checksum': (explained(SETTINGS), 'checksum is wrong'),
     'settings with another checksum': (
@@ -338,17 +338,17 @@ FORGED = {
         'checksum is wrong',
     ),
     'empty': (b'', f"{BEGINS} b''{CURE}"),
-    'magic alone': (MCAP0_MAGIC, 'is damaged or not complete: linkage_log recover'),
+    'magic alone': (MCAP0_MAGIC, 'is damaged or incomplete: linkage_log recover'),
     'text': (b'/**:\n  ros__parameters:\n', rf"{BEGINS} b'/..:\\n r'{CURE}"),
     'bytes': (b'\xff\0' * 4_096, rf"{BEGINS} b'(\\xff\\x00){{4}}'{CURE}"),
-    'misplaced': (misplaced(), 'at most 16777216 are read'),
-    'times': (whole(times=(0, 2**31 * 10**9)), 'none of ROS'),
-    'nested': (whole(tight(tight(INNER) * 10)), 'other than messages'),
-    'counts': (whole(MANY), 'not as many'),
-    'waiting': (whole(*[MANY] * 3), 'same times'),
+    'misplaced': (misplaced(), 'must be at most 16777216'),
+    'times': (whole(times=(0, 2**31 * 10**9)), 'not valid ROS times'),
+    'nested': (whole(tight(tight(INNER) * 10)), 'an invalid record'),
+    'counts': (whole(MANY), 'does not match its summary'),
+    'waiting': (whole(*[MANY] * 3), 'overlap in time'),
     'fields': (whole(tight(hostile_logs.fields(16_000_000))), CROWDED),
-    'more': (merged(0), 'not as many'),
-    'fewer': (merged(2), 'not as many'),
+    'more': (merged(0), 'does not match its summary'),
+    'fewer': (merged(2), 'does not match its summary'),
     'configurations': (
         whole(metadata=[(CONFIGURATION_RECORD, encode_configuration(load('quadrilateral')))]),
         '2 configuration records instead of one',
@@ -356,7 +356,7 @@ FORGED = {
     'short chunk': (whole(chunk(b'', INNER, len(INNER) + 1)), 'size or checksum'),
     'large chunk': (whole(chunk(b'', INNER, LARGEST + 1)), 'at most 16777216'),
     'zstd': (whole(chunk(b'zstd', hostile_logs.zeros(1, 1 << 20), 1 << 19)), 'size of a chunk'),
-    'lz4': (whole(chunk(b'lz4', INNER, len(INNER))), "compressed by 'lz4': only zstd"),
+    'lz4': (whole(chunk(b'lz4', INNER, len(INNER))), "compressed with 'lz4': only zstd"),
     **{str(fields)[:40]: (moved(fields), 'damaged') for fields in FIELDS},
 }
 

@@ -180,7 +180,7 @@ def test_friction_that_locks_during_a_record_is_one_line(called, tmp_path):
     back = SLIDER.replace('60.0', '-60.0')  # forwards, the weight relieves the guide
     text = f'{back}, slider: {{mass: 1.0}}, friction: {{guide: 50.0}}'
     path.write_text(f'/**: {{ros__parameters: {{{text}}}}}\n')
-    words = r'at [\d.]+ deg friction locks the mechanism: no forces .* balance; lower the coeff'
+    words = r'at [\d.]+ deg friction locks the mechanism: no joint forces .* equilibrium; lower'
     assert_refused(*called(record_module, path, tmp_path / 'run.mcap', '--duration', 0.1), words)
     assert_refused(*called(chart_tool, 'motion', path, '--out', tmp_path), words)
 
@@ -391,7 +391,7 @@ def test_friction_is_solved_until_it_locks(friction, crank, locks):
     for share in (0.8, 0.99, 0.999):
         assert error(rubs(share), [crank]) < CLOSE
     Solver(rubs(1 - 1e-9)).state(crank, 2.0, 1.5)
-    with pytest.raises(UnreachableError, match='friction locks the mechanism: no forces'):
+    with pytest.raises(UnreachableError, match='friction locks the mechanism: no joint forces'):
         Solver(rubs(1 + 1e-9)).state(crank, 2.0, 1.5)
     with pytest.raises(ArithmeticError, match='no friction'):
         Oracle(rubs(1 + 1e-6)).state(crank, 2.0, 1.5)

@@ -100,7 +100,7 @@ def test_diagnostics_come_once_a_second_with_figures(run):
     assert 20 < float(values['rate kept, Hz']) < 250
     assert float(values['loop residual, m']) < 1e-15
     assert float(values['crank speed, rad/s']) == pytest.approx(15.708)
-    assert (log_part.level, log_part.message, viewer.message) == (b'\0', 'well', 'off')
+    assert (log_part.level, log_part.message, viewer.message) == (b'\0', 'ok', 'off')
     assert {status.hardware_id for status in told[2].status} == {'four_bar'}
     values = {pair.key: pair.value for pair in log_part.values}
     assert values == {'target': str(log.path), 'lost': '0'}

@@ -114,7 +114,7 @@ def test_all_whole_chunks_before_a_cut_are_saved_and_verify(tmp_path, whole, rec
         assert done.places <= 1
         assert done.damaged < max(end - start for start, end in chunks)
         assert report.difference == ''
-        with pytest.raises(LogError, match='its run was killed, or goes on; linkage_log recover'):
+        with pytest.raises(LogError, match='its run was killed or is still running; linkage_log'):
             LogReader(tmp_path / 'broken.mcap')
 
 
@@ -248,13 +248,13 @@ def test_existing_files_are_kept(tmp_path, whole):
     text.write_bytes(b'text')
     target.write_bytes(MCAP0_MAGIC)
     refused(whole.path, target, r'out\.mcap exists already and is kept')
-    refused(text, target, 'is no MCAP file', overwrite=True)
+    refused(text, target, 'is not an MCAP file', overwrite=True)
     refused(whole.path, text, 'is not a log and is kept', overwrite=True)
     assert (target.read_bytes(), text.read_bytes()) == (MCAP0_MAGIC, b'text')
     (tmp_path / 'link').symlink_to(whole.path)
     (tmp_path / 'hard link').hardlink_to(whole.path)
     for itself in (whole.path, tmp_path / 'link', tmp_path / 'hard link'):
-        refused(whole.path, itself, 'is the broken log itself', overwrite=True)
+        refused(whole.path, itself, 'is the damaged log itself', overwrite=True)
     assert whole.path.read_bytes() == whole.data
 
 

@@ -324,7 +324,7 @@ def test_lost_message_among_equal_ones_is_detected(tmp_path):
     """At rest, all torques are equal."""
     path = live(tmp_path / 'run.mcap', configure({'rpm': 0.0}), ticks(60))
     rewrite(path, at('/driving_torque', 30, drop))
-    assert 'is not the next one of state 31' in report_of(path).difference
+    assert 'is not the next message of state 31' in report_of(path).difference
 
 
 def edit_states(edit):
@@ -352,13 +352,13 @@ def later(states):
 STATE_EDITS = {
     'later': (later, 'state 8, stamp 35000000 ns: /joint_states: log time = ', '$'),
     'kept': (lambda s: s, '$', '$'),
-    'doubled': (lambda s: [*s[:50], s[49], *s[50:]], 'state 51, .* has that stamp', None),
+    'doubled': (lambda s: [*s[:50], s[49], *s[50:]], 'state 51, .* has this stamp', None),
     'swapped': (
         lambda s: [*s[:50], s[51], s[50], *s[52:]], 'state 51, stamp 255000000 ns: no tick',
-        'state 52, .* has that stamp',
+        'state 52, .* has this stamp',
     ),
-    'lost': (lambda s: s[:50] + s[53:], 'state 51, ', '12 logged messages are not there'),
-    'cut off': (lambda s: s[:-3], '12 logged messages are not there: the end', None),
+    'lost': (lambda s: s[:50] + s[53:], 'state 51, ', '12 logged messages are missing'),
+    'cut off': (lambda s: s[:-3], '12 logged messages are missing: the end', None),
 }  # fmt: skip
 
 
@@ -380,7 +380,7 @@ def test_stamps_off_the_ticks_are_detected(tmp_path):
     """Every value is correct for its stamp, but no tick has that stamp."""
     plan = [*ticks(9), ('tick', 1), *ticks(9)]
     path = live(tmp_path / 'run.mcap', load('quadrilateral'), plan)
-    assert re.match('state 10, .*no tick .* has that stamp', report_of(path).difference)
+    assert re.match('state 10, .*no tick .* has this stamp', report_of(path).difference)
 
 
 def forge(records):
@@ -443,7 +443,7 @@ TAMPERED = {
             ('frame.angle', 5.4977871437821, '.'),
             ('coupler.point', (0.16, 0.05), '/coupler_point: point.x|point.y'),
             ('coupler.point', 'none', '/coupler_point: no run of this'),
-            ('rate_hz', 199.0, 'state 2, .* has that stamp'),
+            ('rate_hz', 199.0, 'state 2, .* has this stamp'),
             ('joint_prefix', 'left_', 'robot_description: data'),
             ('frame_id', 'tool0', 'robot_description: data'),
         )
@@ -465,7 +465,7 @@ TAMPERED = {
             (1, {'phase': '1/1024'}, 'record 2 has phase = 1/1024, recomputed 3/4'),
             (1, {'stamp': str(START + 59 * 5_000_000)}, 'record 2 has phase'),
             (1, {'stamp': str(START + 61 * 5_000_000)}, 'record 2 has phase'),
-            (1, {'stamp': str(START - 1)}, 'record 2 begins before'),
+            (1, {'stamp': str(START - 1)}, 'record 2 starts before'),
             (1, {'before': str(START)}, 'record 2 has phase'),
         )
     },

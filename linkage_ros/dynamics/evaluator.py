@@ -24,8 +24,7 @@ from linkage_ros.quantities import shown
 ROUND = 'q', 'u', 'a', 'search'  # arguments of `joint_load_round`
 _ROUNDS = 1000
 _IN_LINE = (
-    'all links lie in one line: the forces in the joints have no finite value at a change point; '
-    'choose angles near it'
+    'all links are in line: the joint forces are infinite at a change point; choose another angle'
 )
 
 
@@ -151,7 +150,7 @@ class Evaluator:
         crank, locked = np.broadcast_arrays(motion[0], np.not_equal(found.left, 0))
         if locked.any():
             self.refuse_angle(
-                'friction locks the mechanism: no forces in its joints balance; lower the '
+                'friction locks the mechanism: no joint forces are in equilibrium; lower the '
                 'coefficients or the pin radius',
                 crank[locked].item(0),
             )
@@ -228,6 +227,6 @@ def _refuse_massless() -> NoReturn:
         MechanismError: Always.
     """
     raise MechanismError(
-        'something moves without a mass: its acceleration under a torque has no finite value; '
-        'give the links a mass or an inertia'
+        'links without mass have no finite acceleration under a torque: give them a mass or an '
+        'inertia'
     )

@@ -298,7 +298,7 @@ class Solver(Evaluator):
         pins = [pin.name for pin in self.structure.pins]
         if not pins:
             raise MechanismError(
-                f'joint forces of a {type(self.mechanism).__name__} are not known'
+                f'joint forces of a {type(self.mechanism).__name__} are not supported'
             )
         given = self.motion(state)
         if self.model.joint_loads:

@@ -101,7 +101,7 @@ class LogFile:
         elif status.st_size != written:
             problem = (
                 f'has {status.st_size} bytes instead of {written}: another program '
-                'truncates it or writes to it; give each run a log of its own'
+                'truncates it or writes to it; give each run its own log'
             )
         if problem:
             self.stream.raw.close()  # without flushing, which would write after a gap

@@ -81,8 +81,8 @@ def open_mcap(path: Path) -> BinaryIO:
     if begin != MCAP0_MAGIC:
         stream.close()
         raise LogError(
-            f'{path} is no MCAP file on a disk: it begins with {begin!r}; name a log of '
-            'linkage_ros, as linkage_record writes them'
+            f'{path} is not an MCAP file on a disk: it starts with {begin!r}; give a log of '
+            'linkage_ros, such as one written by linkage_record'
         )
     return stream
 
@@ -117,8 +117,8 @@ class McapFile:
         self.left -= size + count * _MESSAGE_COST
         if self.left < 0:
             raise LogError(
-                f'its {self.size} bytes unpack to more than is read, {_COST_PER_BYTE} times as '
-                'many or a message for every five; if that is right, unpack it with "mcap '
+                f'its {self.size} bytes decompress to more than the limit, {_COST_PER_BYTE} times '
+                'as many bytes or a message for every five bytes; if this is intended, run "mcap '
                 'decompress" first'
             )
 
@@ -204,7 +204,7 @@ class McapFile:
             opcode, length = HEAD.unpack_from(data, at)
             start, at = at, at + HEAD.size + length
             if at > len(data) or length < _IN_CHUNKS.get(opcode, LARGEST):
-                raise ValueError('a chunk has something other than messages')
+                raise ValueError('a chunk contains an invalid record')
             self.spend(0 if opcode == Opcode.MESSAGE else length * _PARSING_COST, 1)
             yield start, at
 
@@ -265,8 +265,8 @@ def unpack(chunk: records.Chunk) -> bytes:
         data = zstandard.decompress(data, size)
     elif chunk.compression:
         raise LogError(
-            f'it is compressed by {chunk.compression!r:.40}: only zstd is read; "mcap compress" '
-            'writes it anew'
+            f'it is compressed with {chunk.compression!r:.40}: only zstd is supported; rewrite it '
+            'with "mcap compress"'
         )
     if len(data) != size or chunk.uncompressed_crc not in {0, zlib.crc32(data)}:
         raise ValueError('the size or checksum of a chunk is wrong')
@@ -276,6 +276,6 @@ def unpack(chunk: records.Chunk) -> bytes:
 def _check_size(size: int) -> None:
     if size > LARGEST:
         raise LogError(
-            f'it has a record of {size} bytes, packed or unpacked: at most {LARGEST} are read; '
+            f'it has a record of {size} bytes, compressed or not: must be at most {LARGEST}; '
             'write it with smaller chunks'
         )

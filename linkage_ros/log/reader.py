@@ -103,20 +103,20 @@ class LogReader(AbstractContextManager['LogReader']):
         summary = file.summary()
         if summary is None:
             raise LogError(
-                'it is not complete: its run was killed, or goes on; linkage_log recover saves '
-                'what is there'
+                'it is incomplete: its run was killed or is still running; linkage_log recover '
+                'saves the readable data'
             )
         statistics = summary[Statistics][-1]
         indexes = summary[MetadataIndex]
         records = [file.part(index.offset)[1] for index in indexes]
         # The summary's checksum protects the index, but not the names of the records.
         if [record.name for record in records] != [index.name for index in indexes]:
-            raise LogError('it is damaged: its metadata records are not those of its index')
+            raise LogError('it is damaged: its metadata records do not match its index')
         about = [r.metadata for r in records if r.name == CONFIGURATION_RECORD]
         if len(about) != 1:
             raise LogError(
-                f'it is no log of linkage_ros: it has {len(about)} configuration records instead '
-                'of one'
+                f'it is not a log of linkage_ros: it has {len(about)} configuration records '
+                'instead of one'
             )
         self.version, self.configuration = decode_configuration(about[0])
         # Versions that name links in the present way also log frame_id.
@@ -143,7 +143,7 @@ class LogReader(AbstractContextManager['LogReader']):
         if counts != (len(self._chunks), len(self.topics)) or (self._count and not self._chunks):
             raise LogError('it is damaged: its index leaves out parts of it')
         if not self.start <= self.end < TIME_END:
-            raise LogError(f'its times, {self.start} to {self.end} ns, are none of ROS')
+            raise LogError(f'its times, {self.start} to {self.end} ns, are not valid ROS times')
 
     def messages(
         self,
@@ -186,7 +186,7 @@ class LogReader(AbstractContextManager['LogReader']):
                             heapq.heappush(queue, (message.time, place, start, message))
                             waiting += len(message.data) + _OVERHEAD
                     if waiting > _MOST_WAITING:
-                        raise LogError('too much of it is of the same times to be sorted')
+                        raise LogError('too many of its chunks overlap in time to be sorted')
                 while queue and queue[0][0] < due:
                     *_, message = heapq.heappop(queue)
                     waiting -= len(message.data) + _OVERHEAD
@@ -229,7 +229,7 @@ class LogReader(AbstractContextManager['LogReader']):
                         else:
                             other(message)
             if found != self._count:  # a damaged opcode, which no checksum protects, hides records
-                raise LogError('it is damaged: its messages are not as many as its summary says')
+                raise LogError('it is damaged: its number of messages does not match its summary')
 
     def _message(self, data: bytes, start: int, end: int) -> LoggedMessage:
         """Parses a message record of a chunk.
@@ -255,8 +255,8 @@ class LogReader(AbstractContextManager['LogReader']):
                 raise LogError(f'{self.path} cannot be used: {error}') from error
             except Exception as error:  # on damaged data the parser may raise any exception
                 raise LogError(
-                    f'{self.path} is damaged or not complete: linkage_log recover saves what can '
-                    f'be read of it ({type(error).__name__}: {error})'
+                    f'{self.path} is damaged or incomplete: linkage_log recover saves the '
+                    f'readable data ({type(error).__name__}: {error})'
                 ) from error
 
     def __exit__(self, *error: object) -> None:

@@ -70,7 +70,7 @@ def recover(
     """
     with open_mcap(Path(source)) as stream:
         if is_same_file(str(source), str(target)):
-            raise LogError(f'{target} is the broken log itself: choose another name')
+            raise LogError(f'{target} is the damaged log itself: choose another name')
         if overwrite:
             keep_other_files(target)
         with (

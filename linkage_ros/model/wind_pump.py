@@ -261,11 +261,11 @@ class WindPump(Mechanism):
         ax, ay = r * math.cos(crank), r * math.sin(crank)
         far = (b + c) ** 2 - ay * ay
         if far <= 0:
-            return 'the loop closes nowhere at this crank angle: lengthen coupler or rod'
+            return 'the loop cannot close at this crank angle: lengthen coupler or rod'
         outer, inner = math.sqrt(far), math.sqrt(max((b - c) ** 2 - ay * ay, 0.0))
         spans = [(ax - outer, ax - inner), (ax + inner, ax + outer)]
         words = ' or '.join(f'{low:.6g} to {high:.6g}' for low, high in spans)
-        return f'there the slider can be within {words} m'
+        return f'at this crank angle, the slider can be at {words} m'
 
     def structure(self) -> Structure:
         """Returns the links, points and joints; the loop is cut at D."""

@@ -285,10 +285,10 @@ class DrivenMechanism:
             for value, link in zip(y, self.links, strict=False)
         )
         if sine < _NEAR and self.is_limited:
-            way = 'the motion goes on in another assembly, which these coordinates do not describe'
+            way = 'the motion continues in another assembly, not described by these coordinates'
             if other_sine < _NEAR:
-                way = 'all links are in line, and the motion can go on in more than one way'
-            cure = 'start slower or from elsewhere, or change torque, masses or lengths'
+                way = 'all links are in line, and the motion can continue in more than one way'
+            cure = 'start more slowly or at another position, or change torque, masses or lengths'
             reason = f'{words}: {way}; {cure}'
         else:
             reason = (
@@ -296,7 +296,7 @@ class DrivenMechanism:
                 'commands (torque_limit) or a stiffness, or add mass'
             )
             if sine < _NEAR:
-                reason += '; the links are in line but for a hair: make it a change point, or no'
+                reason += '; the links are almost in line: change a length to avoid this'
         message = f'the motion ends at t = {time:.6g} s, {places}: {reason}'
         raise MotionError(message, time=time, coordinates=q) from cause
 

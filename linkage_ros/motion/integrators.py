@@ -83,14 +83,14 @@ def require_live(driven: DrivenMechanism, begin: Coordinates, period: float) -> 
         tried = steps.tried / ms
     if tried > most:
         words = (
-            f'it takes {tried:.0f} steps in each ms, where {most} fit: lower a stiffness, '
-            'the slope of a load or the speed, or add mass; linkage_record follows it'
+            f'it requires {tried:.0f} steps per ms, but only {most} fit; lower a stiffness, '
+            'the slope of a load or the speed, add mass, or use linkage_record'
         )
     if words:
         fastest = max(driven.rates[1], abs(steps.driven.speed(steps.phase)))
         raise ConfigurationError(
-            'a live run cannot follow this motion, where a swing, or a radian of the crank, takes '
-            f'{1e3 / fastest:.3g} ms and a tick {1e3 * period:.3g} ms: {words}'
+            'a live run cannot follow this motion, in which a radian of the crank or of an '
+            f'oscillation takes {1e3 / fastest:.3g} ms and a tick {1e3 * period:.3g} ms: {words}'
         )
 
 

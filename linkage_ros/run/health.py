@@ -136,15 +136,15 @@ class HealthMonitor:
     def _output(self, part: str) -> Status:
         past = [parts.get(part, Health('')) for _, _, parts in self._past]
         target, dropped, error, trouble = past[-1]
-        level, words = OK, 'well' if target else 'off'
+        level, words = OK, 'ok' if target else 'off'
         if error is not None:
             level, words = ERROR, f'failed: {error}'
         elif trouble:
             level, words = WARN, trouble
         # Losses during a problem that is reported anyway need no separate warning.
         elif dropped > past[0].dropped and not any(one.trouble for one in past):
-            level, words = WARN, f'the {part} lags: items were left out in the last {WINDOW} s'
+            level, words = WARN, f'the {part} is too slow: items were lost in the last {WINDOW} s'
         elif dropped:
-            words = f'well, but items were left out: {dropped}'
+            words = f'ok, but items were lost: {dropped}'
         values = {'target': target, 'lost': str(dropped)}
         return Status(level, f'{self._node}: {part}', words, values)

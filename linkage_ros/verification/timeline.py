@@ -48,7 +48,7 @@ def check_motions(simulator: Simulator, motions: tuple[Segment, ...]) -> str:
             restamp = None if logged.old_stamp is None else logged.stamp
             due = SpeedMotion(past).change(_moment(logged), logged.rpm, restamp).segment
         if past and (type(past) is not type(logged) or _moment(logged) < past.stamp):
-            return f'motion record {number} begins before the one before it, or has another drive'
+            return f'motion record {number} starts before the previous one or has another drive'
         for name, value in reversed(vars(due).items()):  # compare values set by users first
             if (found := vars(logged).get(name)) != value:
                 return f'motion record {number} has {name} = {found}, recomputed {value}'

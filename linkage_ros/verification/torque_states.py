@@ -105,7 +105,7 @@ class TorqueStates(Timeline):
         description = segment.description or mechanism.description
         if description.coordinates not in {mechanism.coordinates, mechanism.other_coordinates}:
             raise LogError(
-                f'described by {", ".join(description.coordinates)}: the mechanism is not'
+                f'the mechanism has no description by {", ".join(description.coordinates)}'
             )
         return self._own.described(description)
 
@@ -149,7 +149,7 @@ class TorqueStates(Timeline):
         for i in map(int, np.flatnonzero(~follows)):
             before = driven if i else self._last
             if wrong := self._difference(before, origin[:, i], found[:, i], float(spans[i])):
-                return i, f'it does not follow from the one before: {wrong}'
+                return i, f'it does not follow from the previous state: {wrong}'
         self._before, self._last = found[:, -1:], driven
         return super().take(number, ticks)
 
@@ -206,7 +206,7 @@ class TorqueStates(Timeline):
             wrong &= ~(abs(values - due) <= spread)
         names = [f'{link.name} {word}' for word in ('position', 'speed') for link in self._links]
         i = int(wrong.argmax())
-        return f'{names[i]} {values[i]:.9g}, that one leads to {due[i]:.9g}' if wrong[i] else ''
+        return f'{names[i]} {values[i]:.9g}, expected {due[i]:.9g}' if wrong[i] else ''
 
     def _predicted(
         self, before: DrivenMechanism, origin: Array, values: Array, span: float

@@ -57,7 +57,7 @@ def verify(log: LogReader, progress: Callable[[int], object] = lambda _: None) -
     done = Verification(log)
     done.run(progress)
     if log.lost > 0 and not done.difference:
-        done.difference = f'{log.lost} logged messages are not there: the end is cut off'
+        done.difference = f'{log.lost} logged messages are missing: the end of the log is cut off'
     return done
 
 
@@ -172,7 +172,7 @@ class Verification:
             _, _, channel, _, time, _ = MESSAGE_HEAD.unpack_from(self._rows, end)
             self.difference = (
                 f'{self._names[layout.channels.index(channel)]}: the message logged at {time} ns '
-                f'is not the next one of state {self.states + 1}'
+                f'is not the next message of state {self.states + 1}'
             )
         else:
             starts = zip(layout.starts, self._names, strict=True)
@@ -202,8 +202,8 @@ class Verification:
                 break
         else:
             wrong = wrong or (
-                'no tick or measurement that may come next has that stamp; states before it may '
-                'be lost, since a record has one at every tick'
+                'no tick or measurement that can come next has this stamp; earlier states may be '
+                'lost, because a record has one at every tick'
             )
         if wrong:
             wrong = f'state {self.states + count + 1}, stamp {stamps[count]} ns: {wrong}'

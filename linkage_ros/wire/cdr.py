@@ -141,7 +141,7 @@ def decode_joint_state(data: bytes) -> JointStateData:
     if len(data) > LARGEST_COMMAND:
         raise ValueError(f'it has {len(data)} bytes: must be at most {LARGEST_COMMAND}')
     if data[:4] != ENCAPSULATION:
-        raise ValueError('its bytes are no JointState')
+        raise ValueError('its bytes are not a JointState')
     body, names, rows = data[len(ENCAPSULATION) :], list[str](), list[tuple[float, ...]]()
     try:
         _, at = _sequence(body, STAMP.size, 's')  # the frame
@@ -153,7 +153,7 @@ def decode_joint_state(data: bytes) -> JointStateData:
             row, at = _sequence(body, at, 'd')
             rows.append(row)
     except (struct.error, ValueError) as error:
-        raise ValueError('its bytes are no JointState') from error
+        raise ValueError('its bytes are not a JointState') from error
     return JointStateData(stamp_of(data), names, *rows)
 
 
