@@ -25,7 +25,7 @@ Array: TypeAlias = npt.NDArray[np.float64]
 def by_element(function: Callable[..., float]) -> Callable[..., Real]:
     """Extends a function of floats to arrays by calling it for each element.
 
-    Unlike with NumPy's functions, the results for arrays are bit-identical to those for floats.
+    Results for arrays are bit-identical to those for floats, which NumPy does not guarantee.
     """
     floats = {float}
 

@@ -26,11 +26,9 @@ class Load(Protocol):
     """Interface of a load: generalised forces on links, computed from their motion.
 
     A load on a single link may have an attribute `link`, the index of that link. The MJCF export
-    then writes a motor on the link's joint.
-
-    Two methods are optional. `resistance(links, rates)` returns the forces exerted by the frame,
-    such as those of dampers and springs, which `forces` includes. `potential(links)` returns the
-    potential energy up to a constant, J.
+    then writes a motor on the link's joint. Two methods are optional. `resistance(links, rates)`
+    returns the part of the forces exerted by the frame, such as dampers and springs.
+    `potential(links)` returns the potential energy up to a constant, J.
     """
 
     def forces(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> dict[int, Real]:

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Transmission angle as a function of crank angle, for four-bar and slider-crank; rocker swings.
+"""Transmission angle of four-bar and slider-crank as a function of crank angle; rocker swing.
 
 Let h be half the crank angle, measured from the line of the fixed pivots. Let m be half the
 transmission angle, between coupler and rocker. The factored closed form (docs/mechanisms.md) is
@@ -10,11 +10,12 @@ transmission angle, between coupler and rocker. The factored closed form (docs/m
 where the constants depend only on the lengths. The crank turns fully if and only if p >= 0 and
 q >= 0. All terms of these sums are then non-negative, so there is no cancellation. If p = 0 or
 q = 0, the linkage has change points. The root is then kappa cos h or kappa sin h, with its sign,
-so that the motion is smooth there. With u = kappa cos h / cos m and v = kappa sin h / sin m,
+so that the motion is smooth there. With u = kappa cos h / cos m and v = kappa sin h / sin m, the
+derivatives
 
     d(2m)/d(2h) = u v        d^2(2m)/d(2h)^2 = [u^2 (1 - v^2) cot m - v^2 (1 - u^2) tan m] / 2
 
-avoids dividing by the sine of the transmission angle. These formulas were derived for this
+require no division by the sine of the transmission angle. These formulas were derived for this
 project.
 """
 
