@@ -100,7 +100,7 @@ class Multibody:
         return [[column.x for column in found], [column.y for column in found]], list(bias)
 
     def closed(self, places: Sequence[Vector], rates: Row, opening: Row) -> Row:
-        """Solves for the rates at which the gap of the loop changes at a given velocity, m/s."""
+        """Solves for the rates of coupler and third link at a given velocity of the gap, m/s."""
         free = [*rates[:1], self._zero, self._zero, *rates[3:]]
         closure, _ = self.closure(places, free)
         moved = [sum(map(operator.mul, row, free)) for row in closure]
