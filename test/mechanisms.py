@@ -372,8 +372,8 @@ def force_errors(solver, angles, speed=2.0, acceleration=1.5):
     """Computes errors of pin forces, guide force, shaking force and moment, torque and loads.
 
     Errors of forces are relative to the largest joint force at the same crank angle, errors of
-    moments to this force times the largest length, errors of loads to the largest load at any
-    angle. The angles are solved one by one and as an array.
+    moments to this force times the largest length. Errors of loads are relative to the largest
+    load at any angle. The angles are solved one by one and as an array.
     """
     mechanism = solver.mechanism
     oracle, worst = oracle_of(mechanism), [0.0] * 6

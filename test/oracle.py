@@ -3,11 +3,10 @@
 """Reference for all mechanisms in 50 digits, by methods other than the package's.
 
 Positions are intersections of circles, or of a circle and the guide; enough digits compensate the
-cancellation of this textbook method. Rates solve the 2x2 system of the differentiated loop. For
-everything else, Newton's and Euler's equations of all bodies about their centres of mass, together
-with the second derivative of the loop, are one linear system for accelerations, joint forces and
-torque. Friction adds an unknown moment for each pin and a force for the guide, which Newton's
-method determines.
+cancellation of this textbook method. Rates solve the 2x2 system of the differentiated loop. The
+Newton-Euler equations of all bodies about their centres of mass, together with the second
+derivative of the loop, form one linear system for accelerations, joint forces and torque. Friction
+adds an unknown moment for each pin and a force for the guide, which Newton's method determines.
 
 These systems are singular at a change point, but the motion is analytic there: the state is the
 mean of the states 1e-60 rad on either side.

@@ -189,7 +189,7 @@ def test_mean_power_of_a_settled_pump_equals_the_loss_at_its_slider():
     assert turn.mean_power == pytest.approx((taken * steps).sum() / steps.sum(), rel=1e-4)
 
 
-def test_transmission_ratios_are_those_of_document_2_at_rest_too():
+def test_transmission_ratios_match_document_2_even_at_rest():
     """Document 2, eq. (32) and (33)."""
     mechanism = load('quadrilateral').mechanism
     columns = SpeedDrivenPeriod(mechanism, 0.0).columns

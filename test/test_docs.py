@@ -288,7 +288,7 @@ def test_cheap_commands_work_as_they_are_written(page, run_page):
 
 
 @pytest.mark.parametrize('page', PAGES)
-def test_python_runs(page):
+def test_python_examples_run(page):
     found = [one for one in blocks(read(page)) if is_python(one)]
     if page in PYTHON_ELSEWHERE:
         assert found

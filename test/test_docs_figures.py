@@ -263,7 +263,7 @@ def test_generated_pages_match_their_json(monkeypatch):
     assert import_module('report').markdown(content('peers')) == read('docs/peers.md')
 
 
-def test_timing_picture_is_drawn_beside_its_page(monkeypatch, tmp_path):
+def test_timing_picture_is_drawn_next_to_its_page(monkeypatch, tmp_path):
     monkeypatch.syspath_prepend(ROOT / 'benchmarks' / 'reliability')
     assert import_module('timing_page').write(tmp_path) == read('docs/timing.md')
     assert sorted(path.name for path in tmp_path.iterdir()) == ['timing.md', 'timing.png']

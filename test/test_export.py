@@ -82,7 +82,7 @@ def gap(model, data):
 
 @each
 @pytest.mark.parametrize('assembly', ['open', 'crossed'])
-def test_model_begins_closed_in_its_assembly(preset, assembly):
+def test_model_starts_with_a_closed_loop_in_its_assembly(preset, assembly):
     configuration = changed(preset, assembly=assembly)
     state, mechanism = start_of(configuration), configuration.mechanism
     model, data = exported(configuration)
@@ -123,7 +123,7 @@ def test_coupler_point_is_a_sensor():
     assert data.sensor('coupler_point').data == pytest.approx((*place, 0.0), abs=1e-15)
 
 
-def test_friction_and_a_load_on_a_link_that_hangs_on_another_are_refused():
+def test_friction_and_a_load_on_a_link_carried_by_another_are_refused():
     class Loaded(SliderCrank):
         def link_loads(self):
             return (LinkForce(1, force=2.0),)

@@ -296,7 +296,7 @@ def test_out_of_reach_is_an_error_with_the_reach(name, assembly):
 # Calculated by hand.
 
 
-def test_rod_without_mass_pushes_along_itself():
+def test_massless_rod_carries_only_an_axial_force():
     """A force F on the slider gives a rod force F/cos(beta) and a guide force F tan(beta)."""
     mechanism = SliderCrank(
         Body(1.0), Coupler(math.sqrt(2)), Slider(force=100.0), Guide(), gravity=(0.0, 0.0)
@@ -314,7 +314,7 @@ def test_rod_without_mass_pushes_along_itself():
     assert found.shaking_moment == pytest.approx(0, abs=1e-12)
 
 
-def test_weights_of_a_square_hang_on_the_pivots():
+def test_pivots_carry_the_weights_of_a_square():
     """With unit links, half of the coupler's weight acts on each upright link; the torque is 0."""
     square = FourBar(
         Frame(1.0), Body(1.0, 3.0, 0.0, (0.5, 0.0)), Coupler(1.0, 4.0, 0.0, (0.5, 0.0)),
@@ -381,7 +381,7 @@ def test_typed_angles_of_change_points_are_off_by_rounding(name):
 
 @passed
 @at_turns
-def test_forces_beside_change_points_are_large_and_right(name, turns):
+def test_forces_next_to_change_points_are_large_and_right(name, turns):
     """At a distance of eight rounding errors, forces are computed: the guard is narrow enough."""
     solver = Solver(PASSED[name][0])
     for crank in passing(name, turns):

@@ -249,7 +249,7 @@ def test_more_messages_than_fit_into_the_file_are_refused(stored, out, monkeypat
         recover(path, out)
 
 
-def test_a_log_of_a_linkage_at_rest_stays_far_below_what_may_unpack(tmp_path, out, monkeypatch):
+def test_log_of_a_linkage_at_rest_stays_far_below_the_unpacking_limit(tmp_path, out, monkeypatch):
     path = tmp_path / 'run.mcap'
     record(configure({'rpm': 0.0, 'rate_hz': 1000.0}), path, duration=6.0)
     monkeypatch.setattr(mcap_file, '_FREE', 0)
@@ -392,7 +392,7 @@ def test_attempts_at_false_chunk_starts_are_bounded(stored, out):
     ('opcode', 'claimed'), [(5, 1), (6, 1), (0x0C, 1), (6, 2)],
     ids=['message', 'chunk', 'metadata', 'chunk cut off'],
 )  # fmt: skip
-def test_a_huge_record_is_not_taken_into_memory(stored, out, opcode, claimed):
+def test_huge_record_is_not_loaded_into_memory(stored, out, opcode, claimed):
     data, size = whole(), 1 << 26
     end = data.rindex(packed(DataEnd(0)))
     head = struct.pack('<QQQII', 0, 0, LARGEST, 0, 4) + b'zstd' + struct.pack('<Q', claimed * size)

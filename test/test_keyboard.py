@@ -104,7 +104,7 @@ def test_every_end_but_a_kill_restores_the_terminal(program, key, code, back):
         assert held(shell.terminal) == back
 
 
-def test_restored_terminal_is_taken_again_without_a_signal(terminal, monkeypatch):
+def test_restored_terminal_is_prepared_again_without_a_signal(terminal, monkeypatch):
     """As after `fg` of a background job in a shell, once the shell has read that line."""
     master, slave = terminal
     with Keyboard(slave) as keyboard:

@@ -336,7 +336,7 @@ def test_outputs_that_turn_fully_rest_or_take_two_turns(mechanism, span, ratio):
     st.integers(0, 3), st.floats(-14, -1), st.sampled_from([-1, 1]), ANGLES,
     st.sampled_from(ASSEMBLIES),
 )  # fmt: skip
-def test_swing_is_right_however_near_a_change_point_is(
+def test_swing_is_right_arbitrarily_near_a_change_point(
     lengths, link, power, sign, angle, assembly
 ):
     """Next to a kite, the rocker turns by 180 deg within a thousandth of a degree of the crank."""

@@ -175,7 +175,7 @@ def test_errors_in_any_number_are_detected(name):
 
 
 @pytest.mark.parametrize('preset', [name for name in preset_names() if name != 'wind_pump'])
-def test_small_masses_for_zeros_change_torques_by_less_than_a_millionth(preset):
+def test_small_masses_in_place_of_zero_change_torques_by_less_than_a_millionth(preset):
     configuration = load(preset)
     mechanism, drive = replace(configuration.mechanism, loads=()), configuration.drive
     if isinstance(mechanism, FourBar):  # the engine has no loads

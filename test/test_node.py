@@ -266,7 +266,7 @@ def simulated(tmp_path_factory):
     return stamps(listener), path, output
 
 
-def test_states_follow_a_clock_that_runs_at_half_rate_stands_and_goes_back(simulated):
+def test_states_follow_a_clock_that_runs_at_half_rate_stops_and_goes_back(simulated):
     got, path, output = simulated
     assert 'the clock was stepped by -1.505 s' in output
     assert got[:101] == [START + 5 * MS * i for i in range(101)]

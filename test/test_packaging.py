@@ -250,7 +250,7 @@ def preset(folder: Path, name: str = 'quadrilateral') -> Path:
     return path
 
 
-def test_a_sourced_workspace_then_the_installation_then_the_source_has_the_preset(
+def test_presets_are_searched_in_workspace_installation_and_source(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     overlay, underlay = tmp_path / 'overlay', tmp_path / 'underlay'

@@ -219,7 +219,7 @@ def test_moving_points_stay_on_their_paths(drawn):
         assert abs(np.diff(path)).max() < 3 * step
 
 
-def test_names_are_beside_their_pins_and_off_their_links(drawn):
+def test_names_are_next_to_their_pins_and_clear_of_links(drawn):
     configuration, _, found, _ = drawn
     drawing = Drawing(configuration.mechanism)
     places, pins = points_of(found[MOVING])

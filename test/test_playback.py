@@ -126,7 +126,7 @@ def running(rate=1.0, start=0):
     return pace, clock
 
 
-def test_starts_paused():
+def test_replay_starts_paused():
     clock = Clock()
     pace = Pace(7, 1.0, clock)
     clock.time += 5 * S
@@ -158,7 +158,7 @@ def test_position_waits_for_the_message_and_only_a_small_lag_is_caught_up(late, 
     assert pace.seconds_until(10 * MS) == pytest.approx(left)
 
 
-def test_pausing_keeps_the_position_and_splits_no_log_time():
+def test_pausing_keeps_the_position_and_does_not_split_a_log_time():
     pace, clock = running(2.0)
     clock.time += 100 * MS
     assert pace.seconds_until(200 * MS) <= 0

@@ -499,7 +499,7 @@ def halved(_, x, target):
     return x - (x * x - target) / (2 * x)
 
 
-def test_a_sum_may_be_long_and_a_program_called_in_a_loop():
+def test_sums_may_be_long_and_programs_may_contain_loops():
     """Python allows at most 200 nested parentheses; loops, as for friction, keep their bits."""
     program = Program(series, Constants(tuple(1.0 / n for n in range(1, 401))), ('x',))
     assert len({bits(form(0.7)) for form in forms_of(program)}) == 1

@@ -164,7 +164,7 @@ def test_duration_of_whole_ticks_contains_that_many_states(rate):
 
 
 @pytest.mark.parametrize('duration', [1, 1.0, np.float64(1.0), np.float32(1.0), None], ids=repr)
-def test_record_writes_as_many_states_as_it_says(out, duration):
+def test_record_writes_the_number_of_states_that_it_reports(out, duration):
     seconds = 10.0 if duration is None else 1.0
     count = record(preset(rate_hz=7.7), out, duration=duration)
     assert count == len(states_of(out)) == brute_count(7.7, seconds)

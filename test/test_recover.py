@@ -296,7 +296,7 @@ def test_target_appears_only_when_complete(tmp_path, whole):
     assert link.is_symlink()
 
 
-def test_target_that_is_written_or_no_file_is_kept(tmp_path, whole):
+def test_target_in_use_or_not_a_file_is_kept(tmp_path, whole):
     target, folder, missing = tmp_path / 'out.mcap', tmp_path / 'folder', tmp_path / 'no' / 'out'
     with LogWriter(target, load('quadrilateral'), overwrite=False):
         size = target.stat().st_size

@@ -272,7 +272,7 @@ def test_closing_the_window_does_not_disturb_the_run(window, end):
       r'^the viewer could not be opened: winit: no X server$'),
      ('kill -SEGV $$', r'^the viewer has ended \(signal 11, Segmentation')],
 )  # fmt: skip
-def test_window_that_fails_says_why(window, script, words):
+def test_failing_window_reports_the_reason(window, script, words):
     window(script)
     with opened('spawn') as (view, process):
         process.wait(PATIENCE)

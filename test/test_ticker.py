@@ -115,7 +115,7 @@ def test_ticker_at_a_low_rate_stops_at_once():
     rate=st.one_of(st.floats(0.01, 1e5), st.sampled_from([30.0, 1 / 3, 99999.0, 0.1])),
     tick=st.integers(0, 10**12),
 )
-def test_the_tick_at_a_time_is_the_last_one_that_has_come(rate, tick):
+def test_tick_at_a_time_is_the_last_one_due(rate, tick):
     simulator = Simulator(configure({'rate_hz': rate}))
     exact = Fraction(10**9) / Fraction(repr(rate))
     assert simulator.elapsed(tick) == int(tick * exact)

@@ -91,7 +91,7 @@ def test_too_long_steps_are_halved():
     assert apart < 1e-7 < 1e-5 < np.abs(np.subtract(careless.phase, fine.phase)).max()
 
 
-def test_without_gravity_a_lone_flywheel_turns_evenly():
+def test_flywheel_without_gravity_follows_its_exact_solution():
     """The exact solution for constant torque, damping and inertia is known."""
     for integrate in (FixedSteps, AdaptiveSteps):
         steps = begun(integrate, WHEEL, (0.5, 0.0), lambda speed: 3.0 - 0.8 * speed)
@@ -161,7 +161,7 @@ def test_a_steep_motor_line_keeps_its_speed_with_bounded_work(integrate, damping
     assert len(calls) < {live_steps: 11_000, record_steps: 60_000}[integrate]
 
 
-def test_after_days_time_constants_shorter_than_the_clock_resolves_are_followed():
+def test_time_constants_below_the_resolution_of_time_are_followed_after_days():
     """In double precision, 300 days are resolved to 4 ns; this motion needs 2 ps."""
     ends = []
     for time in (0.0, 300 * 86400.0):
@@ -296,7 +296,7 @@ def test_reference_agrees_with_an_integral_of_the_energy():
     [(driven_pump(2.0, 5.0), 0.399465563600), (driven_pump(2.0, -6.0), 0.230043884145),
      (DRIVEN, None)],
 )  # fmt: skip
-def test_the_end_of_the_coordinates_is_found(problem, end):
+def test_singularity_of_the_coordinates_is_found(problem, end):
     assert MotionReference(problem).end(0.42) == pytest.approx(end, abs=1e-11)
 
 

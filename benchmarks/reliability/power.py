@@ -6,8 +6,8 @@ linkage_node logs to an ext4 file system in an image file. EXT4_IOC_SHUTDOWN, wi
 developers of ext4 simulate power cuts, shuts the file system down: data in memory is not written.
 The file system is mounted again, and the log is recovered and verified. The loss is the time from
 the last state in the recovered log to the last state that a subscriber received before the cut.
-The exit code is 1 if a run lost more than 2 s, or if a log fails verification, and 77 if the file
-system cannot be created or mounted, which takes root, mkfs.ext4 and a loop device.
+The exit code is 1 if a run lost more than 2 s, or if a log fails verification. It is 77 if the
+file system cannot be created or mounted, which takes root, mkfs.ext4 and a loop device.
 
     python benchmarks/reliability/power.py --out DIR --number 10     two minutes
 """

@@ -6,7 +6,7 @@
 
 Rerun's server runs as another process, so that its memory is not counted. A subscriber runs in a
 third process; the crank speed is changed every 10 s. Afterwards, published, logged and received
-messages are counted, the log is verified, and states of the first and the last second are compared
+messages are counted, and the log is verified. States of the first and the last second are compared
 with the 50-digit reference of the test suite at the exact crank angle. The exit code is 1 if a
 promise is broken.
 """

@@ -8,10 +8,10 @@ kinetic energy E = (M + J) u^2 / 2 changes with the crank angle:
     dE/dtheta = c + motor(u) - R,
 
 where R is the torque of weights, loads and friction, and c is a constant torque. Each iteration
-linearises R and the motor's torque in E, solves the linear equation for one period, and chooses
-the energy at the start of the period so that the mean speed has its given value. c follows from
-the condition that the energy is periodic. At the mean speed for which c = 0, the motor alone
-drives the cycle.
+linearises R and the motor's torque in E, and solves the linear equation for one period. The energy
+at the start of the period is chosen so that the mean speed has its given value. c follows from the
+condition that the energy is periodic. At the mean speed for which c = 0, the motor alone drives
+the cycle.
 """
 
 import math

@@ -242,8 +242,8 @@ def measure_accuracy(
 def with_fronts(points: list[Point]) -> list[Point]:
     """Marks the Pareto front of each panel.
 
-    A point is on the front if its answer is right and no other right point is at least as good in
-    both speed and accuracy and better in one of them.
+    A right point is on the front unless another right point is at least as good in both speed and
+    accuracy and better in one of them.
     """
     right = [
         point for point in points
