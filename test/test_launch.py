@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The launch files.
 
-There is no wheel of launch. The tests therefore run the files with stubs of the few names that
-they import, and start the nodes as launch_ros would.
+launch is not available as a wheel. The tests therefore run the files with stubs of the few names
+that they import, and start the nodes as launch_ros would.
 """
 
 import os

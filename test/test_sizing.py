@@ -144,7 +144,7 @@ def test_each_term_is_left_out_alone(mechanism):
 
 @pytest.mark.parametrize('mechanism', [FULL, PRESS])
 def test_two_point_masses_keep_mass_and_centre_along_the_coupler(mechanism):
-    """Their moment of inertia about the centre is m s (b - s)."""
+    """The moment of inertia of the two masses about the centre is m s (b - s)."""
     coupler = replace(mechanism.coupler, center=(0.14, 0.0), inertia=2.0 * 0.14 * (0.32 - 0.14))
     expected = torque(replace(mechanism, coupler=coupler))
     lumped = with_point_masses(mechanism)

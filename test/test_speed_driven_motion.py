@@ -56,7 +56,7 @@ def seam_distance(angle, other):
 
 
 class Ramp:
-    """The closed form, in mpf, of a uniformly accelerated crank that reaches its speed; rad, s."""
+    """Closed-form motion, in mpf, of a crank that accelerates uniformly to its speed; rad, s."""
 
     def __init__(self, rpm, start_rpm, acceleration, angle=0.0):
         self.start, self.end = (mp.mpf(x) * mp.pi / 30 for x in (start_rpm, rpm))

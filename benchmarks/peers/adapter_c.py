@@ -13,7 +13,7 @@ from plain import compiled, constants
 
 
 class Adapter(Peer):
-    """plain.c through ctypes."""
+    """Calls plain.c through ctypes."""
 
     name = 'C, scalar libm'
     flags = ()
@@ -49,7 +49,7 @@ class Adapter(Peer):
 
 
 class VectorAdapter(Adapter):
-    """The same source, compiled to use vector functions."""
+    """Calls the same source, compiled to use vector functions."""
 
     name = 'C, vector math'
     # Otherwise GCC fuses sine and cosine into sincos, which has no vector function.

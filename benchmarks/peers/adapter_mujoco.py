@@ -37,7 +37,7 @@ def inertial(body):
 
 
 class Adapter(NewtonPeer):
-    """One model; references to its arrays are looked up only once."""
+    """Wraps MuJoCo's model and data of a four-bar; looks up their arrays only once."""
 
     name = 'MuJoCo'
     distribution = 'mujoco'

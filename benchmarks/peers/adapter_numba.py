@@ -9,7 +9,7 @@ from plain import make_plain
 
 
 class Adapter(Peer):
-    """The Python function of plain.py, compiled."""
+    """Calls the Python function of plain.py, compiled by Numba."""
 
     name = 'Numba'
     distribution = 'numba'

@@ -17,7 +17,7 @@ def pose(loop, crank):
 
 
 class Adapter(Peer):
-    """Solver.state, and the kinematics without torque."""
+    """Calls Solver.state, or the kinematics without torque."""
 
     name = 'linkage_ros'
     how = (

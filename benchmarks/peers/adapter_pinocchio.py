@@ -20,7 +20,7 @@ def shifted(x, y):
 
 
 class Adapter(NewtonPeer):
-    """One model and its data."""
+    """Wraps Pinocchio's model and data of a four-bar."""
 
     name = 'Pinocchio'
     distribution = 'pin'

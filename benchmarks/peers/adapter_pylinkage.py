@@ -14,7 +14,7 @@ from pylinkage.simulation import Linkage
 
 
 class Adapter(Peer):
-    """A four-bar of Ground, Crank and RRRDyad, as in the README of pylinkage."""
+    """Wraps a four-bar of Ground, Crank and RRRDyad, as in the README of pylinkage."""
 
     name = 'pylinkage'
     distribution = 'pylinkage'

@@ -49,7 +49,7 @@ def expressions():
 
 
 class Adapter(Peer):
-    """Functions of lambdify with cse=True; constants are inserted beforehand."""
+    """Wraps functions from lambdify with cse=True, in which the constants are substituted."""
 
     name = 'SymPy lambdify'
     distribution = 'sympy'

@@ -13,7 +13,7 @@ DEGREE = math.pi / 180
 
 @dataclass(frozen=True)
 class Case:
-    """One situation.
+    """A situation for all peers.
 
     Attributes:
         name: Short name.

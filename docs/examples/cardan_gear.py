@@ -1,13 +1,14 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A mechanism and a load of your own: a Cardan gear with a spring on its slider.
+"""Defines a mechanism and a load of your own: a Cardan gear with a spring on its slider.
 
-A pinion on the crank rolls in a fixed ring of twice its size. It turns back as fast as the crank
-turns, so that a pin on its rim runs along a diameter of the ring, the guide of direction delta:
+A pinion on the crank rolls inside a fixed ring of twice its diameter. It rotates backwards at the
+crank's speed, so that a pin on its rim moves along a diameter of the ring, the guide of direction
+delta:
 
     beta = 2 delta - alpha        x = 2 r cos(alpha - delta)
 
-Importing this file makes `mechanism: cardan_gear` known to every program of the package.
+Importing this file registers `mechanism: cardan_gear` in every program of the package.
 """
 
 from __future__ import annotations
@@ -47,12 +48,12 @@ class Spring(Checked):
 
 
 class SpringLoad(NamedTuple):
-    """The spring as a load: see `linkage_ros.model.loads.Load`.
+    """The spring as a load; see `linkage_ros.model.loads.Load`.
 
     Attributes:
-        link: Index of the link that it pushes.
-        stiffness: N/m.
-        rest_position: m.
+        link: Index of the link on which it acts.
+        stiffness: Spring stiffness, N/m.
+        rest_position: Position at which the spring is relaxed, m.
     """
 
     link: int
@@ -60,23 +61,23 @@ class SpringLoad(NamedTuple):
     rest_position: float
 
     def forces(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> dict[int, Real]:
-        """The force along the guide, N."""
+        """Returns the force along the guide, N."""
         del rates
         stretch = links[self.link].position - self.rest_position
         return {self.link: -(self.stiffness * stretch)}
 
     def resistance(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> dict[int, Real]:
-        """The part that the frame exerts: all of it."""
+        """Returns the share of the force that the frame exerts, which is all of it."""
         return self.forces(links, rates)
 
     def potential(self, links: Sequence[LinkPose]) -> Real:
-        """The energy in the spring, J."""
+        """Returns the energy of the spring, J."""
         stretch = links[self.link].position - self.rest_position
         return 0.5 * self.stiffness * (stretch * stretch)
 
 
 class CardanLoop(NamedTuple):
-    """The constants of the kinematics.
+    """Constants of the kinematics.
 
     Attributes:
         radius: Length r of crank and coupler, m.
@@ -89,11 +90,11 @@ class CardanLoop(NamedTuple):
     guide: Vector
 
     def pose(self, q: tuple[Real, ...]) -> Pose:
-        """Where the links are at a crank angle, with the first and second derivatives."""
+        """Computes the positions of the links at a crank angle, with their first two derivatives."""
         (crank,) = q
         angle, error = two_sum(crank, -self.angle)
         sine, cosine = sin(angle), cos(angle)
-        # Near a quarter turn the rounding of the difference is as large as the cosine's digits.
+        # Near a quarter turn, the cosine is as small as the rounding error of the difference.
         sine, cosine = sine + error * cosine, cosine - error * sine
         x, y = 2 * self.radius * cosine, 2 * self.radius * sine
         along, across = self.guide * cosine, self.guide.left() * sine
@@ -110,15 +111,15 @@ class CardanLoop(NamedTuple):
 
 @dataclass(frozen=True)
 class CardanGear(Mechanism):
-    """Crank A0-A, coupler A-B on the pinion and as long as the crank, slider at B.
+    """Crank A0-A; coupler A-B, fixed to the pinion and as long as the crank; slider at B.
 
     Attributes:
-        crank: Driven link, from A0, the origin.
-        coupler: From the crank pin A to B; the pinion is a part of it.
-        slider: At B; its position counts along the guide from A0.
-        spring: Between the frame and the slider.
+        crank: Driven link, from the origin A0 to A.
+        coupler: Link from the crank pin A to B, which includes the pinion.
+        slider: Slider at B; its position is measured along the guide from A0.
+        spring: Spring between the frame and the slider.
         frame: Direction of the guide.
-        assembly: There is one only.
+        assembly: Assembly; there is only one.
         gravity: Acceleration of gravity [x, y], m/s^2.
     """
 
@@ -140,16 +141,16 @@ class CardanGear(Mechanism):
             )
 
     def loop(self) -> CardanLoop:
-        """The constants of the pose."""
+        """Returns the constants of the kinematics."""
         angle = self.frame.angle
         return CardanLoop(self.crank.length, angle, Vector(math.cos(angle), math.sin(angle)))
 
     def reach(self) -> Reach:
-        """Reach of the crank: it turns fully, and motion is fast nowhere."""
+        """Returns the reach: the crank turns fully, and no crank angle has a fast motion."""
         return Reach('crank-slider')
 
     def link_loads(self) -> tuple[Load, ...]:
-        """What the slider says, and the spring."""
+        """Returns the loads of the slider, and the spring."""
         spring = self.spring
         springs = (
             (SpringLoad(2, spring.stiffness, spring.rest_position),) if spring.stiffness else ()
@@ -157,7 +158,7 @@ class CardanGear(Mechanism):
         return (*super().link_loads(), *springs)
 
     def structure(self) -> Structure:
-        """How the links hang together: the loop is cut at B."""
+        """Returns the open tree of links; the loop is cut at B."""
         crank, coupler, slider = self.crank, self.coupler, self.slider
         A0 = Point.at(0j, 3)
         A = A0.along(0, crank.length)
@@ -169,8 +170,8 @@ class CardanGear(Mechanism):
                 Link('slider', slider.mass, 0.0, B, angle=self.frame.angle, slides=True),
             ),
             {'A0': A0, 'A': A, 'B': B, **coupler_point(coupler, A)},
-            # No pins: how the teeth of ring and pinion share the load is not modelled, so that
-            # joint forces are refused.
+            # There are no pins: the sharing of forces between the teeth of ring and pinion is not
+            # modelled, so joint forces are refused.
             closure=B,
         )
 

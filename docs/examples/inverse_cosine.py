@@ -1,10 +1,10 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A method of solving of your own: the law of cosines, as many textbooks place a linkage.
+"""Defines a method of your own: the law of cosines, with which many textbooks solve a linkage.
 
-The angles of the triangle of coupler, rocker and the diagonal from A to B0 have cosines that are
-nearly 1 where links come into line. There their last digit is worth half of the angle's digits;
-`linkage_chart accuracy` and `linkage_chart stability` show what that costs.
+The angles of the triangle of coupler, rocker and the diagonal from A to B0 have cosines of nearly
+1 where links come into line. Half of the angle's digits are lost there; `linkage_chart accuracy`
+and `linkage_chart stability` show the effect.
 
 Importing this file adds the method to these charts.
 """
@@ -21,14 +21,14 @@ from linkage_ros.numeric import Real
 
 
 def inverse_cosine(links: Links, crank: Real) -> tuple[Real, Real]:
-    """From the crank angle to the coupler's direction and the output.
+    """Computes the coupler's direction and the output position from the crank angle.
 
     Args:
-        links: The constants of a four-bar, or of a slider-crank, where c is None.
-        crank: rad.
+        links: The constants of a four-bar, or of a slider-crank, for which c is None.
+        crank: Crank angle, rad.
 
     Returns:
-        Coupler, rad, and rocker, rad, or slider, m.
+        Direction of the coupler, rad, and position of the rocker, rad, or of the slider, m.
     """
     r, b, c, d, angle, side, *_ = links
     if c is None:

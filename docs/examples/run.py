@@ -5,7 +5,7 @@
     python docs/examples/run.py record docs/examples/cardan_gear.yaml gear.mcap
     python docs/examples/run.py chart motion docs/examples/cardan_gear.yaml
 
-What follows the name of the program goes to the program.
+The arguments after the name of the program are passed to the program.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def main() -> int:
     program = parser.parse_args(sys.argv[1:2]).program
     del sys.argv[1]
     import_module('cardan_gear')
-    if program == 'chart':  # no other program solves by methods
+    if program == 'chart':  # only this program uses methods of solving
         import_module('inverse_cosine')
     code: int = getattr(executables, program)()
     return code

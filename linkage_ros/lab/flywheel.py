@@ -186,7 +186,7 @@ class Crank:
         """Solves dE/dtheta = c - resistance - slope (E - energy) over a period for E and c.
 
         Raises:
-            MechanismError: No solution has the mean speed.
+            MechanismError: No solution has the given mean speed.
         """
         way = 1 if speed > 0 else -1  # disturbances decay in the direction of motion
         slope, rest = way * slope[::way], way * (slope * energy - resistance)[::way]
