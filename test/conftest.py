@@ -50,7 +50,7 @@ def called(monkeypatch, capfd):
         signal.signal(number, handler)
 
 
-# First, so that no process is left alone with one of them at the end.
+# The longest files run first, so that no process runs one of them alone at the end.
 LONGEST = ('test_docs', 'test_pump_chart', 'test_outcomes', 'test_faults', 'test_hostile',
            'test_methods', 'test_export', 'test_fifty_digits', 'test_replay',
            'test_rerun_view', 'test_two_hosts', 'test_out_of_package',

@@ -90,11 +90,11 @@ class CardanLoop(NamedTuple):
     guide: Vector
 
     def pose(self, q: tuple[Real, ...]) -> Pose:
-        """Computes the positions of the links at a crank angle, with their first two derivatives."""
+        """Computes the link positions at a crank angle, with their first two derivatives."""
         (crank,) = q
         angle, error = two_sum(crank, -self.angle)
         sine, cosine = sin(angle), cos(angle)
-        # Near a quarter turn, the cosine is as small as the rounding error of the difference.
+        # Near a quarter turn, the cosine is as small as the rounding error of `angle`.
         sine, cosine = sine + error * cosine, cosine - error * sine
         x, y = 2 * self.radius * cosine, 2 * self.radius * sine
         along, across = self.guide * cosine, self.guide.left() * sine

@@ -31,7 +31,7 @@ _TYPES = {
 
 def given_values(node: Node) -> dict[str, object]:
     """Returns the parameters set by the command line and parameter files of a node, by name."""
-    return {name: p.value for name, p in node._parameter_overrides.items()}  # noqa: SLF001, no other tells
+    return {name: p.value for name, p in node._parameter_overrides.items()}  # noqa: SLF001, no public API
 
 
 class ParameterNode(Node):  # type: ignore[misc]  # rclpy has no types

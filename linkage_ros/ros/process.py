@@ -221,7 +221,7 @@ def nonblocking_stderr() -> Iterator[None]:
     try:
         yield
     finally:
-        _redirect(os.open(os.devnull, os.O_WRONLY))  # which closes the pipe
+        _redirect(os.open(os.devnull, os.O_WRONLY))  # closes the pipe
         thread.join(_FLUSH_SECONDS)
         if not thread.is_alive():
             _redirect(original)

@@ -201,7 +201,7 @@ class MotionReference:
     def _extrapolated(self, start: _State, span: Decimal) -> tuple[_State | None, int]:
         """Returns the state after a step, or None if it diverges, and the number of rows."""
         above: list[_State] = []
-        with suppress(ArithmeticError):  # of a diverging step
+        with suppress(ArithmeticError):  # the step may diverge
             slope = self._slope(start)
             for i in range(1, _ROWS + 1):
                 row = [self._midpoint(start, slope, span / (2 * i), 2 * i)]

@@ -122,7 +122,7 @@ def cluster(address: str) -> Iterator[Executor]:
     with client:
         try:
             client.wait_for_workers(1, timeout=_PATIENCE)
-            client.run(version, 'linkage_ros')  # a worker without it would die, its work wait
+            client.run(version, 'linkage_ros')  # a worker without it dies, and its tasks wait
             yield client.get_executor()
         except (TimeoutError, KilledWorker, ImportError, CancelledError) as error:
             raise ConfigurationError(
