@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Steady states of the wind pump: numbers of other programs, laws, pumps of other kinds."""
+"""Steady states of the wind pump, compared with other programs, with laws, and for other pumps."""
 
 import json
 import math
@@ -68,7 +68,7 @@ def slid(**changes):
 
 
 def branch(mechanism, low, high):
-    """The load curve between two speeds."""
+    """Returns the load curve between two speeds."""
     balance = HarmonicBalance(mechanism, MOTOR.damping)
     seed = next(balance.resting_sliders((low + high) / 2, low))
     return balance, follow(balance, seed, (low, high))
@@ -86,7 +86,7 @@ def motions(analysis):
 
 @pytest.fixture(scope='module')
 def doubled():
-    """The pump with a weak resistance, under which one of its states repeats after two turns."""
+    """Returns the pump with weak damping, with which one of its states repeats after two turns."""
     return analyse(slid(damping=15.0), MOTOR, speeds=(2.0, 6.0), progress=plain)
 
 

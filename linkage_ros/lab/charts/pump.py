@@ -59,7 +59,7 @@ _Colors: TypeAlias = dict[Piece, tuple[float, float, float]]
 
 
 def draw_pump(analysis: Analysis, title: str, path: Path, dpi: float) -> None:
-    """Draws steady states, how they are reached, and how they depend on the motor's torque.
+    """Draws steady states, motions that reach them, and their dependence on the motor's torque.
 
     Args:
         analysis: Analysis of a pump.

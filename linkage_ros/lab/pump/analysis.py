@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Steady states of a wind pump under its motor: document 3's figure 3, computed."""
+"""Computes the steady states of a wind pump under its motor, as in document 3's figure 3."""
 
 from __future__ import annotations
 
@@ -46,8 +46,8 @@ class Start(NamedTuple):
         name: Name of the start.
         times: Times, s.
         speeds: Crank speeds at these times, rad/s.
-        state: Number of the steady state that the motion reaches; None: it reaches none.
-        ended: Reason why the motion ended; None: it did not end.
+        state: Number of the steady state that the motion reaches; None if it reaches none.
+        ended: Reason why the motion ended; None if it did not end.
     """
 
     name: str
@@ -93,7 +93,7 @@ class Analysis(NamedTuple):
     spread: float
 
     def record(self) -> dict[str, Any]:
-        """The analysis as a JSON record, in SI units."""
+        """Returns the analysis as a JSON record, in SI units."""
         return {
             'motor': asdict(self.motor),
             'states': [

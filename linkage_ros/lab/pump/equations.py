@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The equations of motion of a wind pump for arrays of phases, some of which are out of reach.
+"""The equations of motion of a wind pump for arrays of phases, which need not all be reachable.
 
 The force of a load curve with a return_value jumps where the slider reverses. A Fourier series
 cannot represent this jump, so the force is smoothed: between slider speeds of -width and width, it
@@ -97,14 +97,14 @@ class PumpSolver(Solver):
         return program.code(frozenset(program.names)).bound(constants.numbers)
 
     def terms(self, *phases: Array) -> list[Array]:
-        """The terms of the equations of motion M q'' + h = torque on the crank.
+        """Computes the terms of the equations of motion M q'' + h = torque on the crank.
 
         Args:
             phases: Crank angles, rad, slider positions, m, and their rates. For a solver in the
                 other coordinates, crank and coupler angles and their rates.
 
         Returns:
-            M11, M12, M22, h1 and h2; h2 is nan where the dyad cannot close.
+            M11, M12, M22, h1 and h2; h2 is NaN where the dyad cannot close.
         """
         with np.errstate(all='ignore'):
             *found, h2, inside = self._terms(*phases)
@@ -128,7 +128,7 @@ class PumpSolver(Solver):
 
 
 def _terms(constants: tuple[Any, ...], *phase: Real) -> tuple[Real, ...]:
-    """M11, M12, M22, h1, h2, and a number that is positive if the dyad can close."""
+    """Computes M11, M12, M22, h1, h2, and a number that is positive if the dyad can close."""
     model, limits = constants
     q, u = phase[:2], phase[2:]
     inside, reached = _reach(model.loop, limits, *q)
@@ -144,7 +144,7 @@ def _terms(constants: tuple[Any, ...], *phase: Real) -> tuple[Real, ...]:
 def _reach(
     loop: WindPumpLoop, limits: tuple[Real, Real], angle: Real, other: Real
 ) -> tuple[Real, tuple[Real, Real]]:
-    """A number that is positive if the dyad can close; and other coordinates, at which it can.
+    """Returns a number that is positive if the dyad can close, and coordinates at which it can.
 
     A rod that is longer than crank and coupler together reaches the guide at all their angles.
     """

@@ -81,11 +81,11 @@ class HarmonicBalance:
             self._waves[3 + order, :, second:] = waves(self.angles, crank, turns, order)
 
     def over(self, turns: int, harmonics: int = 0) -> HarmonicBalance:
-        """The equations for another number of turns; 0 harmonics: as many as here."""
+        """Returns the equations for another number of turns; 0 harmonics: as many as here."""
         return _balance(self._mechanism, self.damping, harmonics or self._harmonics, turns)
 
     def unknowns(self, motion: PeriodicMotion) -> Array:
-        """The unknowns of a motion with the same number of turns as these equations.
+        """Returns the unknowns of a motion with the same number of turns as these equations.
 
         The unknowns are the coefficients of both series, and the torque.
         """
@@ -103,14 +103,14 @@ class HarmonicBalance:
         return np.repeat((unit, speed, motion.torque), (*self.sizes, 1))
 
     def tangent(self, motion: PeriodicMotion) -> Array:
-        """Derivatives of the unknowns with respect to mean crank speed, along the load curve."""
+        """Differentiates the unknowns by the mean crank speed, along the load curve."""
         jacobian, _ = self.equations(self.unknowns(motion))
         row = jacobian[-1] = self.axis(of_speed=True)
         solved: Array = np.linalg.solve(jacobian, np.eye(len(row))[-1])
         return solved
 
     def axis(self, *, of_speed: bool) -> Array:
-        """The unit vector of one unknown: the angular mean of the crank speed, or the torque."""
+        """Unit vector of an unknown: the angular mean of the crank speed, or the torque."""
         row = np.zeros(sum(self.sizes) + 1)
         row[self.sizes[0] if of_speed else -1] = 1.0
         return row
@@ -177,11 +177,11 @@ class HarmonicBalance:
 
         Args:
             guess: Initial unknowns of Newton's method.
-            fixed: Direction in which the unknowns are not changed; None: the torque is kept.
+            fixed: Direction in which the unknowns are not changed; None keeps the torque.
             tolerance: Relative size of the last step; the error is about the square of this size.
 
         Returns:
-            The motion; None: none was found.
+            The motion; None if none was found.
         """
         unknowns, row = guess, self.axis(of_speed=False) if fixed is None else fixed
         try:
@@ -204,7 +204,7 @@ class HarmonicBalance:
         """Makes a motion from unknowns, with more harmonics if needed.
 
         Returns:
-            The motion; None: the crank stops, or the motion needs too many harmonics.
+            The motion; None if the crank stops or the motion needs too many harmonics.
         """
         cuts = np.cumsum(self.sizes)
         second, crank, (torque,) = np.split(unknowns, cuts)
@@ -224,7 +224,7 @@ class HarmonicBalance:
         return finer.find(finer.unknowns(motion), finer.sized(*np.split(row, cuts)))
 
     def _slow_multipliers(self, unknowns: Array) -> tuple[complex, ...]:
-        """Floquet multipliers of an averaged motion over a turn, the largest first.
+        """Computes the Floquet multipliers of an averaged motion over a turn, the largest first.
 
         If a1, b1 and w0 vary slowly, xD'' gains 2 w0 (b1' cos phi1 - a1' sin phi1) +
         w0' dxD/dphi1. The equations become B (X0, a1, b1, w0)' = -J (X0, a1, b1, w0), where J is
@@ -245,7 +245,7 @@ class HarmonicBalance:
         return by_size(np.exp(growth * (2 * math.pi / speed)))
 
     def equations(self, unknowns: Array) -> tuple[Array, Array]:
-        """The Jacobian and the residuals of the equations; `find` adds the last equation."""
+        """Computes Jacobian and residuals of the equations; `find` adds the last equation."""
         jacobian, residuals = np.zeros((len(unknowns), len(unknowns))), np.zeros(len(unknowns))
         values = self._waves @ unknowns[:-1]
         steps = _DIFFERENCE * np.array((*[self.solver.unit] * 2, values[3].max()))

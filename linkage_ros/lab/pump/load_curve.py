@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The load curve of a pump: its periodic motions by mean crank speed, and their stability.
 
-The motor's torque M0 - m phi1' has the time average M0 - m w, where w is the mean speed. So the
-load curve M0(w) - m w is the mean load of the motion with the mean speed w. The steady states are
-the intersections of the load curve with the torque-speed line of the motor. Each curve is followed
-along its length, past its folds.
+The motor's torque M0 - m phi1' has the time average M0 - m w, where w is the mean speed. The load
+curve M0(w) - m w is therefore the mean load of the motion with the mean speed w. The steady states
+are the intersections of the load curve with the torque-speed line of the motor. Each curve is
+followed along its length, past its folds.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ class SteadyState(NamedTuple):
 
     @property
     def name(self) -> str:
-        """The mean speed; also the number of turns if above 1, and 'unstable' if so."""
+        """Mean speed as text; also the number of turns if above 1, and 'unstable' if so."""
         motion = self.motion
         turns = f', {motion.turns} turns' if motion.turns > 1 else ''
         return f'{motion.speed:.4g} rad/s{turns}{"" if motion.stable else ", unstable"}'
@@ -109,17 +109,17 @@ def steady_states(
 
 
 def stability_lost(pieces: Sequence[Piece]) -> list[tuple[str, PeriodicMotion]]:
-    """Type and motion of each junction between two pieces of a curve."""
+    """Returns type and motion of each junction between two pieces of a curve."""
     pairs = itertools.pairwise(pieces)
     return [(a.ends_at, a.motions[-1]) for a, b in pairs if a.motions[-1] is b.motions[0]]
 
 
 def bistable_ranges(pieces: Sequence[Piece]) -> list[dict[str, Any]]:
-    """The torques of the motor at rest for which two or more stable states exist.
+    """Finds the torques of the motor at rest for which two or more stable states exist.
 
     Args:
-        pieces: The pieces of the load curve. Along a stable piece, the torque either grows or
-            falls, so that each torque belongs to one state of the piece.
+        pieces: The pieces of the load curve. Along a stable piece, the torque is monotonic, so
+            that each torque belongs to one state of the piece.
 
     Returns:
         For each range: its ends low and high, N m, and their types low_is and high_is.
@@ -254,7 +254,7 @@ def _continued(
 
 
 def _is_doubled(one: PeriodicMotion, other: PeriodicMotion) -> bool:
-    """Whether the curve passes a period doubling between two motions.
+    """Returns whether the curve passes a period doubling between two motions.
 
     Beyond it, the turns of a motion are in the opposite order.
     """

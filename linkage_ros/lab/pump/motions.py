@@ -111,10 +111,10 @@ class Motions:
         return self._solver.slopes(self._motor.at(there[2]), *there)
 
     def _carry(self, number: int) -> None:
-        """Follows one motion in other coordinates until the first coordinates suit again.
+        """Follows one motion in other coordinates until the first coordinates are suitable again.
 
-        If they do not suit in time, the motion is followed no further: its crank rests or rocks,
-        or the motion has gone over to the other assembly.
+        If this takes too long, the motion is no longer followed: its crank rests or rocks, or the
+        motion has moved to the other assembly.
         """
         there, calm = self._there[:, number], 0
         cranks, owns = [self._there[0, number]], [True]
@@ -141,7 +141,7 @@ class Motions:
         self._slope[:, number] = self._slopes(there[:, None])[:, 0]
 
     def last_turns(self, number: int, turns: int) -> Array | None:
-        """The last turns of a motion.
+        """Returns the last turns of a motion.
 
         Args:
             number: Number of the motion.
@@ -158,7 +158,7 @@ class Motions:
         return rows[inside].T if forwards else None
 
     def speeds(self, number: int) -> Array:
-        """Mean speeds of the last turns of a motion, rad/s; none if it turned backwards."""
+        """Returns the mean speed of each of the last turns, rad/s; empty if one was backwards."""
         kept = self.phases[-_KEPT:], self.times[-_KEPT:]
         crank, speed, times = np.array([
             (phase[0, number], phase[2, number], time[number])

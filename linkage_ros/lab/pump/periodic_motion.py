@@ -31,7 +31,7 @@ _TINY = 1e-5  # amplitude below which a harmonic counts as absent, in crank leng
 
 
 def parts_of(turns: int, harmonics: int) -> Array:
-    """Evenly spaced crank angles, rad, that give the exact mean of a product of two series.
+    """Returns evenly spaced crank angles, rad, at which products of two series have an exact mean.
 
     Args:
         turns: Number of turns of the crank.
@@ -45,7 +45,7 @@ def parts_of(turns: int, harmonics: int) -> Array:
 
 
 def waves(angles: Array, count: int, turns: int, derivative: int = 0) -> Array:
-    """The functions 1, cos phi/n, sin phi/n, cos 2 phi/n, ... of n turns, or their derivatives.
+    """Evaluates 1, cos phi/n, sin phi/n, cos 2 phi/n, ... for n turns, or their derivatives.
 
     Args:
         angles: phi, of shape (m), rad.
@@ -105,7 +105,7 @@ class PeriodicMotion:
         return np.array((unit, self.speed, unit * self.speed))
 
     def at(self, angles: Array) -> Array:
-        """The motion at crank angles.
+        """Evaluates the motion at crank angles.
 
         Args:
             angles: Crank angles, of shape (n), rad.
@@ -160,7 +160,7 @@ class PeriodicMotion:
         return OPEN if is_open.all() else BOTH if is_open.any() else CROSSED
 
     def distance(self, phases: Array) -> Array:
-        """Mean distances of other motions from this one, in the `units` of the values.
+        """Computes mean distances of other motions from this one, in the `units` of the values.
 
         Args:
             phases: Both coordinates and their rates, of shape (4, rows, motions).
@@ -186,7 +186,7 @@ class PeriodicMotion:
         return self.turns == other.turns and bool(np.allclose(ours, theirs, rtol=_SAME, atol=0))
 
     def subharmonics(self, part: int) -> Array:
-        """Coefficients that vanish if the motion repeats after a fraction of its turns.
+        """Returns coefficients that vanish if the motion repeats after a fraction of its turns.
 
         Args:
             part: Number of repetitions within the turns of the motion.
@@ -250,7 +250,7 @@ class PeriodicMotion:
 
     @functools.cached_property
     def efficiency(self) -> float | None:
-        """Fraction of the crank's power that reaches the lift load; None: there is no such load.
+        """Fraction of the crank's power that reaches the lift load; None if there is no lift load.
 
         The lift load is the force and the load curve of the slider; a constant force takes no
         power in a period.
@@ -292,7 +292,7 @@ class PeriodicMotion:
         return product
 
     def _jacobians(self, angles: Array) -> Array:
-        """Jacobian matrices of d(values)/d(crank angle) at crank angles; of shape (n, 3, 3)."""
+        """Computes the Jacobian matrices of d(values)/d(crank angle), of shape (n, 3, 3)."""
         steps = _DIFFERENCE * self.units
         moves = np.concatenate((np.diag(steps), np.diag(-steps)))
         second, w, rate = self.phase(angles)[:, None] + moves.T[..., None]
@@ -309,7 +309,7 @@ class PeriodicMotion:
 
     @property
     def numbers(self) -> dict[str, Any]:
-        """The main numbers of the motion, for JSON, in SI units."""
+        """Main numbers of the motion, for JSON, in SI units."""
         return {
             **{
                 name: getattr(self, name) for name in ('torque', 'load', 'speed', 'stroke', 'flow')
@@ -318,7 +318,7 @@ class PeriodicMotion:
         }
 
     def record(self) -> dict[str, Any]:
-        """The motion as a JSON record, in SI units; period in turns."""
+        """Returns the motion as a JSON record, in SI units; period in turns."""
         start = self.at(np.zeros(1))[:, 0].tolist()
         names = 'slider_position', 'crank_speed', 'slider_velocity'
         return {
@@ -335,7 +335,7 @@ class PeriodicMotion:
 
 
 def by_size(values: Any) -> tuple[complex, ...]:
-    """Sorts multipliers by size, the largest first.
+    """Sorts multipliers by magnitude, the largest first.
 
     Of a complex pair, the multiplier with the positive imaginary part comes first.
     """

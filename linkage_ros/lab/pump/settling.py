@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Finds the states at which motions settle, and counts the motions that settle at none."""
+"""Finds the states at which motions settle, and counts the motions that do not settle."""
 
 from __future__ import annotations
 
@@ -52,13 +52,13 @@ _CHECKS = 80  # of a single motion
 class Search:
     """Motions from many starts, and the stable states at which they settle.
 
-    Two more motions start near each unstable state, one below and one above its speed.
+    Two additional motions start near each unstable state, one below and one above its speed.
 
     Attributes:
         motions: All motions; the last of them start near unstable states.
         states: The known states, stable or not.
         unstable: The unstable states known at the start, if a motion can start near them.
-        belongs: Number of the state at which each motion settles; -1: none is known.
+        belongs: Number of the state at which each motion settles; -1 if none is known.
         stopped: Whether the crank of each motion has stopped, or rocks to and fro.
     """
 
@@ -111,7 +111,7 @@ class Search:
                 return
 
     def _assign(self) -> None:
-        """Assigns motions to the states that they have reached or that they approach."""
+        """Assigns motions to the states that they have reached or are approaching."""
         phases = self.motions.phases
         turned = np.abs(phases[-1][0] - phases[-_STEPS][0]) > np.pi
         self.stopped = (self.belongs < 0) & ~self.ended & ~turned
@@ -138,16 +138,16 @@ class Search:
 
     @property
     def _sides(self) -> list[list[int]]:
-        """Numbers of the states to which the motions on both sides of each unstable state go."""
+        """States at which the motions on both sides of each unstable state settle."""
         last: list[list[int]] = (
             self.belongs[len(self.belongs) - 2 * len(self.unstable) :].reshape(-1, 2).tolist()
         )
         return last
 
     def _inside(self, state: PeriodicMotion, number: int) -> float:
-        """The distance from a state below which motions surely settle at the state `number`.
+        """Returns the distance from a state below which motions surely settle at state `number`.
 
-        Unstable states of which both sides settle at that state do not limit it.
+        An unstable state does not limit it if the motions on both of its sides settle there.
         """
         among = [
             one
@@ -190,7 +190,7 @@ class Search:
 
 
 def _falls(state: PeriodicMotion, before: Array, now: Array) -> Array:
-    """Factors by which the distance of motions from a state must have fallen."""
+    """Returns the factors by which the distance of motions from a state must have decreased."""
     periods = (now[0, -1] - before[0, -1]) / (2 * np.pi * state.turns)
     factors: Array = np.clip(abs(state.multipliers[0]) ** (periods / 2), _HALF, 1.0)
     return factors
@@ -198,14 +198,14 @@ def _falls(state: PeriodicMotion, before: Array, now: Array) -> Array:
 
 @functools.cache  # it is asked for at every check
 def _apart(state: PeriodicMotion, other: PeriodicMotion) -> float:
-    """The distance of a state from another, over enough turns to compare different periods."""
+    """Computes the distance of two states, over enough turns to compare different periods."""
     angles = np.linspace(0, 2 * np.pi * _COMPARED, _POINTS, endpoint=False)
     course = np.concatenate((angles[None], other.phase(angles)))[..., None]
     return float(state.distance(course).item())
 
 
 def _starts_near(state: PeriodicMotion) -> Array:
-    """Two starts near an unstable state, along its most unstable direction, the slower first."""
+    """Returns two starts near an unstable state in its most unstable direction, slower first."""
     values, vectors = np.linalg.eig(state.monodromy)
     way = vectors[:, np.abs(values).argmax()].real / state.units
     way *= _ASIDE / np.linalg.norm(way) * np.copysign(state.units, way[1])
@@ -243,7 +243,7 @@ def prepared(
 
 
 def require_slow(mechanism: WindPump, motor: Motor, pace: float) -> None:
-    """Refuses a damping that is so strong that a turn takes too many steps.
+    """Raises an error if strong damping would require too many steps per turn.
 
     Args:
         mechanism: Description of the pump.

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The steady states of a wind pump as lines of text."""
+"""Describes the steady states of a wind pump as lines of text."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _NOTE = (
 
 
 def states_table(analysis: Analysis) -> list[str]:
-    """Tables of the states, of their sensitivity to the torque, and of unexplained starts.
+    """Formats tables of states, of their sensitivity to the torque, and of unexplained starts.
 
     Args:
         analysis: Analysis of a pump.
@@ -71,7 +71,7 @@ def _assembly_lines(analysis: Analysis) -> Iterator[str]:
 
 
 def _cells(analysis: Analysis, number: int) -> tuple[str, ...]:
-    """Table cells of a state and of the averaged state near it."""
+    """Returns the table cells of a state and of the averaged state near it."""
     state, averaged = analysis.states[number].motion, analysis.averaged[number]
     share = state.efficiency
     return (
@@ -96,7 +96,7 @@ def _fixed(value: float, form: str = '.4f') -> str:
 
 
 def _changes_lines(analysis: Analysis) -> list[str]:
-    """Makes a table: relative changes of each stable state if the motor torque changes."""
+    """Makes a table of the relative changes of each stable state if the motor torque changes."""
     head = 'changes of the stable states with the torque', *CHANGED
     lines = ['{:<46}{:>10}{:>10}{:>10}'.format(*head)]
     for one in sorted(analysis.sensitivities, key=itemgetter('state')):

@@ -62,7 +62,7 @@ def unresolved_lines(motions: Iterable[dict[str, Any]], count: int) -> Iterator[
 
 
 def _period(speeds: Array) -> list[float]:
-    """The speeds of the turns of one period, the slowest first; empty if there is no period."""
+    """Returns the speeds of the turns of a period, the slowest first; empty without a period."""
     for period in _PERIODS:
         last, before = speeds[-2 * period :], speeds[-3 * period : -period]
         if len(speeds) >= 3 * period and np.abs(last / before - 1).max() < _REPEATS:
