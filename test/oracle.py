@@ -398,13 +398,13 @@ class Oracle:
 
     @property
     def needs_middle(self):
-        """Returns whether any load depends on the position of the rocker."""
+        """Whether any load depends on the position of the rocker."""
         curves = [x for x in self.mechanism.loads if getattr(x, 'over', '') == 'position']
         return not self.slides and bool(self.mechanism.rocker.stiffness or curves)
 
     @functools.cached_property
     def middle(self):
-        """Returns the middle of the rocker's swing from the package; test_loads.py checks it."""
+        """Middle of the rocker's swing, from the package; test_loads.py checks it."""
         return mp.mpf(self.mechanism.swing_middle(''))
 
     def reduced(self, at):
