@@ -110,7 +110,7 @@ class HarmonicBalance:
         return solved
 
     def axis(self, *, of_speed: bool) -> Array:
-        """Unit vector of an unknown: the angular mean of the crank speed, or the torque."""
+        """Returns the unit vector of an unknown: the mean of the crank speed, or the torque."""
         row = np.zeros(sum(self.sizes) + 1)
         row[self.sizes[0] if of_speed else -1] = 1.0
         return row
