@@ -81,7 +81,7 @@ def run(*words, cwd, program=RUN):
 
 
 def check_textbook(joints):
-    """Compares within the rounding of the crank angle in messages, which includes whole turns."""
+    """Allows for the rounding of the crank angle in messages, which includes whole turns."""
     assert list(joints.name) == ['crank', 'coupler', 'slider']
     crank, coupler, slider = joints.position
     ulp, (x, torque) = math.ulp(crank), textbook(crank, SPEED, 0)
