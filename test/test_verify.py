@@ -14,7 +14,7 @@ import pytest
 from live_logs import START, live, ticks
 from mcap.records import Channel, Message, Metadata, Schema
 from mcap_records import records_of, write_records
-from ros_harness import assert_refused, decoded, logged, report_of, verified
+from ros_harness import assert_refused, command, decoded, logged, report_of, verified
 
 from linkage_ros import LogError, log_tool, replay
 from linkage_ros.log.metadata import (
