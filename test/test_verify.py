@@ -306,7 +306,7 @@ def test_a_flipped_bit_is_found_in_every_byte(path, topic):
         rewrite(path, flip(topic, number, byte, 0x40))
         difference = report_of(path).difference
         # With another stamp, the message, or another one of its state, seems to be misplaced.
-        assert topic in difference or 'has that stamp' in difference, (byte, difference)
+        assert topic in difference or 'has this stamp' in difference, (byte, difference)
         assert '\n' not in difference
         assert len(difference) < 400
 
