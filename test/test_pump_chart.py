@@ -15,8 +15,9 @@ from scipy.integrate import solve_ivp
 from linkage_ros import ConfigurationError, Solver, UnreachableError
 from linkage_ros.lab.charts.pump import draw_pump
 from linkage_ros.lab.output import DPI
+from linkage_ros.lab.pump.alternating import alternating_motions
 from linkage_ros.lab.pump.analysis import analyse
-from linkage_ros.lab.pump.equations import PumpSolver
+from linkage_ros.lab.pump.equations import BOTH, PumpSolver
 from linkage_ros.lab.pump.harmonic_balance import HarmonicBalance
 from linkage_ros.lab.pump.load_curve import (
     FOLD,
@@ -30,10 +31,8 @@ from linkage_ros.lab.pump.load_curve import (
     with_curves,
 )
 from linkage_ros.lab.pump.motions import Motions
-from linkage_ros.lab.pump.periodic_motion import BOTH
 from linkage_ros.lab.pump.settling import Search, prepared, settle
 from linkage_ros.lab.pump.table import states_table
-from linkage_ros.lab.pump.unresolved import unresolved_motions
 from linkage_ros.lab.reference.motions import InitialValueProblem, MotionReference
 from linkage_ros.model.load_curve import LoadCurve
 from linkage_ros.model.parts import Body, Coupler, Piston
@@ -426,26 +425,26 @@ def test_a_motion_whose_crank_nearly_stops_in_each_period_is_named_with_its_turn
     for _ in range(36):
         found.advance(50)
     assert found.ends == {}
-    (motion,) = unresolved_motions([found.speeds(0)], [9.8], 4)
+    (motion,) = alternating_motions([found.speeds(0)], [9.8], 4)
     # By another program, which integrates the angles of all links.
     assert motion['speed'] == pytest.approx(4.7473, rel=0.01)
     assert motion['speeds'] == pytest.approx([3.65, 4.88, 6.39, 4.83], rel=0.02)
     assert motion['share_of_starts'] == 1 / 4
-    named = analysis._replace(unresolved=[motion])
-    assert json.loads(json.dumps(named.record()))['unresolved_motions'] == [motion]
+    named = analysis._replace(alternating=[motion])
+    assert json.loads(json.dumps(named.record()))['alternating_motions'] == [motion]
     *_, line = states_table(named)
-    assert line.startswith('25.0% of 256 starts settle at 4.7')
+    assert line.startswith('25.0% of 256 starts alternate between the assemblies at 4.7')
     assert '(period 4, turns of 3.6' in line
 
 
-def test_unresolved_motions_without_a_period_are_not_named():
+def test_alternating_motions_without_a_period_are_not_named():
     rising, regular = np.geomspace(3.0, 9.0, 20), np.tile([3.0, 5.0], 10)
     courses = [rising, regular, np.zeros(0), np.roll(regular, 1)]
-    (motion,) = unresolved_motions(courses, [4.0], 4)
+    (motion,) = alternating_motions(courses, [4.0], 4)
     assert (motion['period'], motion['speeds']) == (2, [3.0, 5.0])
     assert motion['speed'] == pytest.approx(3.75)
     assert motion['share_of_starts'] == 0.5
-    assert unresolved_motions(courses, [3.7], 4) == []  # it may be on its way to this state
+    assert alternating_motions(courses, [3.7], 4) == []  # it may be on its way to this state
 
 
 # ---------------------------------------------------------------- pumps of other kinds

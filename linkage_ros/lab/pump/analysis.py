@@ -11,6 +11,8 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 
+from linkage_ros.lab.pump.alternating import alternating_motions
+from linkage_ros.lab.pump.equations import BOTH
 from linkage_ros.lab.pump.harmonic_balance import AVERAGED, HarmonicBalance
 from linkage_ros.lab.pump.load_curve import (
     ALONE,
@@ -23,7 +25,6 @@ from linkage_ros.lab.pump.load_curve import (
 )
 from linkage_ros.lab.pump.periodic_motion import PeriodicMotion
 from linkage_ros.lab.pump.settling import Search, prepared, require_slow
-from linkage_ros.lab.pump.unresolved import unresolved_motions
 from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.motion.drives import Motor
 from linkage_ros.numeric import Array
@@ -74,7 +75,8 @@ class Analysis(NamedTuple):
         ended: Fraction of the starts whose motion cannot be continued.
         stopped: Fraction of the starts from which the crank comes to rest, or rocks to and fro.
         unidentified: Fraction of the starts with another or an unknown outcome.
-        unresolved: Records of motions that repeat, but were not found as Fourier series.
+        alternating: Records of motions that alternate between the assemblies and repeat, but were
+            not found as Fourier series.
         spread: Slider speed below which loads that jump are smoothed, m/s; 0: no load jumps.
     """
 
@@ -89,7 +91,7 @@ class Analysis(NamedTuple):
     ended: float
     stopped: float
     unidentified: float
-    unresolved: list[dict[str, Any]]
+    alternating: list[dict[str, Any]]
     spread: float
 
     def record(self) -> dict[str, Any]:
@@ -105,7 +107,7 @@ class Analysis(NamedTuple):
                 'count': COUNT, 'ended': self.ended, 'stopped': self.stopped,
                 'unidentified': self.unidentified,
             },
-            'unresolved_motions': self.unresolved,
+            'alternating_motions': self.alternating,
             'jump_spread_over_slider_speed': self.spread,
             'torques_with_two_stable_states': bistable_ranges(self.pieces),
             'stability_lost': [
@@ -180,11 +182,12 @@ def analyse(
     for state in search.unstable:
         names += [f'beside {state.speed:.4g} rad/s, {word}' for word in ('slower', 'faster')]
     of_box = slice(len(speeds), len(speeds) + COUNT)
-    unresolved = np.flatnonzero(search.unidentified[of_box]) + of_box.start
-    repeating = unresolved_motions(
-        map(motions.speeds, unresolved.tolist()), [state.motion.speed for state in states], COUNT
-    )
-    named = sum(one['share_of_starts'] for one in repeating)
+    unidentified = (np.flatnonzero(search.unidentified[of_box]) + of_box.start).tolist()
+    alternating = alternating_motions(
+        (motions.speeds(number) for number in unidentified if motions.assembly(number) == BOTH),
+        [state.motion.speed for state in states], COUNT,
+    )  # fmt: skip
+    named = sum(one['share_of_starts'] for one in alternating)
     others = [*range(len(speeds)), *range(of_box.stop, len(settled))]
     return Analysis(
         motor,
@@ -207,8 +210,8 @@ def analyse(
         [float(np.mean(settled[of_box] == number)) for number in range(len(states))],
         float(np.mean(search.ended[of_box])),
         float(np.mean(search.stopped[of_box])),
-        max(0.0, len(unresolved) / COUNT - named),
-        repeating,
+        max(0.0, len(unidentified) / COUNT - named),
+        alternating,
         max((getattr(load, 'width', 0.0) for load in pump.loads), default=0.0),
     )  # fmt: skip
 

@@ -27,13 +27,14 @@ from linkage_ros.dynamics.program import Program
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.dynamics.tape import Constants
 from linkage_ros.formulas import Opaque, cos, sqrt, where
-from linkage_ros.model.kinematics import LinkPose
+from linkage_ros.model.kinematics import LinkPose, State
 from linkage_ros.model.load_curve import CurveForce, LoadCurve
 from linkage_ros.model.parts import CROSSED, OPEN
 from linkage_ros.model.structure import Description, Mechanism
 from linkage_ros.model.wind_pump import ByCoupler, WindPump, WindPumpLoop
 from linkage_ros.numeric import Array, Real
 
+BOTH = 'both'  # the assembly of a motion that stretches the dyad
 _EDGE = 1e-9  # relative, of the square of the dyad's length
 _LARGEST = 1e9  # angles, rad
 _WIDTH = 0.03  # relative to crank length x the motor's largest speed
@@ -125,6 +126,13 @@ class PumpSolver(Solver):
         push, whole = torque - h1, m11 * m22 - m12 * m12
         spin, change = (m22 * push + m12 * h2) / whole, -(m12 * push + m11 * h2) / whole
         return np.array((*phases[2:], spin, change))
+
+
+def assembly(state: State) -> str:
+    """Returns the assembly of a pump in states of a motion: open, crossed, or both in turn."""
+    _, coupler, rod, *_ = state.position
+    is_open = np.sin(coupler - rod) > 0
+    return OPEN if is_open.all() else BOTH if is_open.any() else CROSSED
 
 
 def _terms(constants: tuple[Any, ...], *phase: Real) -> tuple[Real, ...]:

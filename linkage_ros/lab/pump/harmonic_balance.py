@@ -41,7 +41,7 @@ from linkage_ros.numeric import Array
 
 AVERAGED, EXACT, _FINEST = 1, 16, 64  # harmonics
 _SPEEDS, _PLACES = 12, 7  # harmonics of guesses with a slider at rest
-_ROUGH = 8  # harmonics of a guess
+_ROUGH = 0.6  # harmonics of a guess, relative to the samples per turn
 _WILD = 100.0  # larger multipliers of averaged motions, near a stretched dyad, are meaningless
 _TAIL = 1e-4  # largest coefficient of the last harmonic, in crank lengths
 # Largest steps of Newton's method, relative; from a neighbouring motion, 4 or 5 steps suffice.
@@ -116,10 +116,10 @@ class HarmonicBalance:
         return row
 
     def guess(self, phases: Array, torque: float) -> tuple[Array, float]:
-        """Estimates the unknowns of a motion from samples.
+        """Estimates the unknowns of a motion from samples and their slopes over the crank angle.
 
         Args:
-            phases: Both coordinates and their rates at several moments of each turn, of shape
+            phases: Both coordinates and their rates at two or more moments of each turn, of shape
                 (4, n).
             torque: Torque of the motor at rest, N m.
 
@@ -127,13 +127,17 @@ class HarmonicBalance:
             The unknowns, in which the coefficients of high harmonics are 0; and the residual of
             the series, relative to the range of the samples.
         """
-        slopes = self.solver.slopes(torque - self.damping * phases[2], *phases) / phases[2]
-        known = np.concatenate((phases[1:3].T, slopes[[1, 2]].T))
-        count = 2 * _ROUGH * self.turns + 1
-        some = np.concatenate([waves(phases[0], count, self.turns, order) for order in (0, 1)])
-        second, crank = rows = np.linalg.lstsq(some, known, rcond=None)[0].T
-        missed = np.abs(some @ rows.T - known)[: len(phases[0])].max(axis=0)
-        missed /= np.maximum(np.ptp(phases[1:3], axis=1), _TINY)
+        angles, known, speed = phases[0], phases[1:3].T, phases[2]
+        slopes = self.solver.slopes(torque - self.damping * speed, *phases)[1:3] / speed
+        harmonics = int(_ROUGH * len(angles) * 2 * math.pi / np.ptp(angles))
+        size = 2 * harmonics * self.turns + 1
+        some, steep = (waves(angles, size, self.turns, order) for order in (0, 1))
+        second, crank = rows = np.linalg.lstsq(
+            np.concatenate((some, steep / harmonics)),
+            np.concatenate((known, slopes.T / harmonics)),
+            rcond=None,
+        )[0].T
+        missed = np.abs(some @ rows.T - known) / np.maximum(np.ptp(known, axis=0), _TINY)
         return self.sized(second, crank, np.array([torque])), float(missed.max())
 
     def doubled(self, motion: PeriodicMotion) -> PeriodicMotion | None:

@@ -15,7 +15,7 @@ from typing import Any, cast
 import numpy as np
 
 from linkage_ros.errors import LinkageError
-from linkage_ros.lab.pump.equations import PumpSolver
+from linkage_ros.lab.pump.equations import PumpSolver, assembly
 from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.drives import Motor
@@ -156,6 +156,11 @@ class Motions:
         inside = rows[:, 0] > rows[-1, 0] - 2 * math.pi * turns
         forwards = not inside[0] and rows[inside, 2].min() > 0
         return rows[inside].T if forwards else None
+
+    def assembly(self, number: int) -> str:
+        """Returns the assembly of a motion in its last turns."""
+        phases = np.array([phase[:, number] for phase in self.phases[-_KEPT:]]).T
+        return assembly(self._solver.state(tuple(phases[:2]), tuple(phases[2:])))
 
     def speeds(self, number: int) -> Array:
         """Returns the mean speed of each of the last turns, rad/s; empty if one was backwards."""

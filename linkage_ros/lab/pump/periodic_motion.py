@@ -15,13 +15,10 @@ from typing import Any, cast
 
 import numpy as np
 
-from linkage_ros.lab.pump.equations import PumpSolver
+from linkage_ros.lab.pump.equations import PumpSolver, assembly
 from linkage_ros.model.kinematics import State
-from linkage_ros.model.parts import CROSSED, OPEN
 from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.numeric import Array, wrap
-
-BOTH = 'both'  # assemblies of a motion that stretches the dyad
 
 _DIFFERENCE = 1e-5  # relative, for derivatives by central differences
 _FINE, _STEPS = 256, 4  # parts of a turn searched for reversals, and Newton steps per reversal
@@ -153,11 +150,7 @@ class PeriodicMotion:
     @functools.cached_property
     def assembly(self) -> str:
         """Assembly of the dyad: open, crossed, or both in turn."""
-        if not self.solver.by_coupler:
-            return self.solver.description.assembly
-        _, coupler, rod, *_ = self._state.position
-        is_open = np.sin(coupler - rod) > 0
-        return OPEN if is_open.all() else BOTH if is_open.any() else CROSSED
+        return assembly(self._state)
 
     def distance(self, phases: Array) -> Array:
         """Computes mean distances of other motions from this one, in the `units` of the values.

@@ -7,9 +7,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from operator import itemgetter
 
+from linkage_ros.lab.pump.alternating import alternating_lines
 from linkage_ros.lab.pump.analysis import CHANGED, COUNT, Analysis
-from linkage_ros.lab.pump.periodic_motion import BOTH
-from linkage_ros.lab.pump.unresolved import unresolved_lines
+from linkage_ros.lab.pump.equations import BOTH
 
 _LARGE = 1e4  # multiplier of which only the magnitude is shown
 _NOTE = (
@@ -35,7 +35,7 @@ def states_table(analysis: Analysis) -> list[str]:
         'slider.damping is small); draw such motions with --speeds': analysis.unidentified,
     }  # fmt: skip
     lines = [*_states_lines(analysis), *_changes_lines(analysis)]
-    lines += [*_assembly_lines(analysis), *unresolved_lines(analysis.unresolved, COUNT)]
+    lines += [*_assembly_lines(analysis), *alternating_lines(analysis.alternating, COUNT)]
     lines += [
         words.format(f'{share:.1%} of {COUNT} starts') for words, share in ends.items() if share
     ]

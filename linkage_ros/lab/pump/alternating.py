@@ -1,9 +1,8 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Motions that repeat, but that Newton's method does not find as Fourier series.
+"""Motions that alternate between the assemblies, but are not found as Fourier series.
 
-Examples are a crank that nearly stops in each period, and a dyad that stretches if the rod is not
-longer than crank and coupler together.
+The crank nearly stops in each period.
 """
 
 from __future__ import annotations
@@ -16,17 +15,19 @@ import numpy as np
 from linkage_ros.numeric import Array
 
 _PERIODS = 1, 2, 4  # turns
+_TURNS = 16  # last turns, all of which must repeat: a slowing motion repeats for a few turns
 _REPEATS = 0.03  # largest relative difference of the speeds of two turns that count as equal
 _SAME = 0.02  # largest relative difference of the mean speeds of two equal motions
 
 
-def unresolved_motions(
+def alternating_motions(
     courses: Iterable[Array], known: Iterable[float], starts: int
 ) -> list[dict[str, Any]]:
     """Groups the motions that repeat after 1, 2 or 4 turns.
 
     Args:
-        courses: For each motion without a known state, the mean speeds of its last turns, rad/s.
+        courses: For each alternating motion without a known state, the mean speeds of its last
+            turns, rad/s.
         known: Mean speeds of the known states, rad/s; a motion near one of them may be on its way.
         starts: Number of all starts.
 
@@ -50,23 +51,23 @@ def unresolved_motions(
     return found
 
 
-def unresolved_lines(motions: Iterable[dict[str, Any]], count: int) -> Iterator[str]:
-    """Lines of text about the records of `unresolved_motions`; count: number of starts."""
+def alternating_lines(motions: Iterable[dict[str, Any]], count: int) -> Iterator[str]:
+    """Lines of text about the records of `alternating_motions`; count: number of starts."""
     for motion in motions:
         turns = ', '.join(f'{speed:.2f}' for speed in motion['speeds'])
         yield (
-            f'{motion["share_of_starts"]:.1%} of {count} starts settle at {motion["speed"]:.4g} '
-            f'rad/s (period {motion["period"]}, turns of {turns} rad/s): Fourier series do not '
-            'represent this motion, so its curve and multipliers are not known'
+            f'{motion["share_of_starts"]:.1%} of {count} starts alternate between the assemblies '
+            f'at {motion["speed"]:.4g} rad/s (period {motion["period"]}, turns of {turns} rad/s): '
+            'no Fourier series was found for it, so its curve and multipliers are not known'
         )
 
 
 def _period(speeds: Array) -> list[float]:
     """Returns the speeds of the turns of a period, the slowest first; empty without a period."""
+    last = speeds[-_TURNS:]
     for period in _PERIODS:
-        last, before = speeds[-2 * period :], speeds[-3 * period : -period]
-        if len(speeds) >= 3 * period and np.abs(last / before - 1).max() < _REPEATS:
-            turns = speeds[-period:]
+        turns = last[-period:]
+        if len(last) == _TURNS and np.abs(last.reshape(-1, period) / turns - 1).max() < _REPEATS:
             found: list[float] = np.roll(turns, -int(turns.argmin())).tolist()
             return found
     return []
