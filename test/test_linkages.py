@@ -108,7 +108,7 @@ def every_answer(solver, q, u):
     [
         (
             (0.0, 2.6),
-            'in line, at crank angle 0 deg and slider position 2.6 m; there',
+            'in line, at crank angle 0 deg and slider position 2.6 m; at this',
         ),
         ((0.0, 0.5), 'do not close the loop, or .* within -2.28 to -0.68 or 0.92 to 2.52 m'),
         ((0.0, -3.0), 'do not close'),

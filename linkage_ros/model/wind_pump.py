@@ -265,7 +265,7 @@ class WindPump(Mechanism):
         outer, inner = math.sqrt(far), math.sqrt(max((b - c) ** 2 - ay * ay, 0.0))
         spans = [(ax - outer, ax - inner), (ax + inner, ax + outer)]
         words = ' or '.join(f'{low:.6g} to {high:.6g}' for low, high in spans)
-        return f'at this crank angle, the slider can be at {words} m'
+        return f'at this crank angle, the slider must be within {words} m'
 
     def structure(self) -> Structure:
         """Returns the links, points and joints; the loop is cut at D."""

@@ -26,11 +26,12 @@ _STAGES = *map(np.array, DORMAND_PRINCE.stages), np.array(DORMAND_PRINCE.end)
 _ERROR = np.array(DORMAND_PRINCE.error)
 # Tolerance of a step: rad and crank lengths; for rates, relative to the motor's speed.
 _TOLERANCE = 5e-4
+_FINE, _SAMPLES = 1e-7, 128  # tolerance of further turns, and samples of each
 _SHORTEST = 1e-5  # shortest step, relative to the time in which the crank turns by 1 rad
 _PAUSE = 10  # steps between two searches for motions to continue in other coordinates
 _KEPT = 400  # steps that are searched for the last turns
 _LONGEST, _ROUGH = 0.04, 1e-3  # step, s, and tolerance in other coordinates
-_NEAREST = 0.1  # sine of the dyad angle below which a motion is continued in other coordinates
+_NEAREST = 0.03  # sine of the dyad angle below which a motion is continued in other coordinates
 _GONE = 150.0  # longest time in other coordinates, relative to the time for 1 rad
 _CALM = 10  # steps in which the first coordinates must be suitable before they are used again
 _ACROSS = 'it goes over to the other assembly'
@@ -156,6 +157,39 @@ class Motions:
         inside = rows[:, 0] > rows[-1, 0] - 2 * math.pi * turns
         forwards = not inside[0] and rows[inside, 2].min() > 0
         return rows[inside].T if forwards else None
+
+    def next_turns(self, number: int, turns: int) -> Array | None:
+        """Integrates further turns of a motion with small errors, without advancing it.
+
+        Args:
+            number: Number of the motion.
+            turns: Number of turns of the crank.
+
+        Returns:
+            Phases at equal times, of shape (4, n); None if the crank does not turn so far.
+        """
+        from scipy.integrate import solve_ivp
+
+        start = self.phases[-1][:, number]
+        end = start[0] + 2 * math.pi * turns
+
+        def slopes(_: float, phase: Array) -> Array:
+            return self._slopes(phase)
+
+        def is_left(_: float, phase: Array) -> float:
+            return float(min(end - phase[0], phase[2]))
+
+        is_left.terminal = True  # type: ignore[attr-defined]  # as SciPy requires
+        span = 0.0, _GONE / self._pace
+        with np.errstate(all='ignore'):
+            course = solve_ivp(
+                slopes, span, start, 'DOP853', dense_output=True, events=is_left, rtol=_FINE,
+                atol=_FINE,
+            )  # fmt: skip
+        if course.status != 1 or course.y[0, -1] < end - math.pi:
+            return None
+        found: Array = course.sol(np.linspace(0, course.t[-1], _SAMPLES * turns, endpoint=False))
+        return found
 
     def assembly(self, number: int) -> str:
         """Returns the assembly of a motion in its last turns."""

@@ -44,7 +44,7 @@ _LATE, _RARE, _AGAIN = 10, 0.005, 3
 _MOST_FAILURES = 6  # failed attempts to identify a state at one check
 _PERIODS = range(1, 9)  # turns after which a motion may repeat
 _REPEATS = 0.02  # allowed residual of a series over a period, relative to the motion's spread
-_GUESSES = 1, 2, 4  # turns of a motion that has not yet settled
+_GUESSES, _FINER = (1, 2, 4), 32  # turns and harmonics of the last attempt
 _ASIDE = 0.1  # distance of starts from an unstable state, in the units of `_NEAR`
 _CHECKS = 80  # of a single motion
 
@@ -173,6 +173,11 @@ class Search:
             if last is None:
                 break
             equations = self._balance.over(turns)
+            if turns in guesses:  # the last attempt: errors of the steps may hide the period
+                equations = self._balance.over(turns, _FINER)
+                last = self.motions.next_turns(number, 2 * turns)
+                if last is None:
+                    break
             guess, missed = equations.guess(last, self._motor.torque)
             if missed > _REPEATS and turns not in guesses:
                 continue
