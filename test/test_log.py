@@ -378,9 +378,9 @@ def test_a_cut_file_and_a_tail_of_zeros_or_of_garbage_are_reported(path, answer)
             for names in (['info', ''], ['verify', ''], ['recover', 'run.mcap', ''])
         ),
         (replay, [''], "'' is not a path: give one; see linkage_replay"),
-        (replay, [__file__], "is no MCAP file on a disk: it begins with b'# Copyri'"),
+        (replay, [__file__], "is not an MCAP file on a disk: it starts with b'# Copyri'"),
         (log_tool, ['info', '\x1b[31m'], r'.x1b\[31m cannot be read: No such file'),
     ],
 )
-def test_an_empty_name_is_no_folder(called, module, arguments, words):
+def test_empty_name_or_foreign_file_is_refused(called, module, arguments, words):
     assert_refused(*called(module, *arguments), words)
