@@ -391,7 +391,7 @@ def test_a_flood_of_commands_costs_neither_memory_nor_ticks(tmp_path):
     # In pages of 4096 bytes: 300 bytes of each command would be seen.
     assert used[sent - 1] - used[6_000] < 3 * 2**20 / 4096
     assert 'is left out: effort nan: must be' in output
-    assert 'is left out: its bytes are no JointState' in output
+    assert 'is left out: its bytes are not a JointState' in output
     assert 'sequence size' not in output  # printed by Fast CDR for each
     log, messages = logged(path)
     assert sent / 4 < len(messages['/joint_commands']) <= sent + 1

@@ -262,11 +262,11 @@ LACKS = 'has no configuration record'
 # The last two are refused after their first messages: what they unpack to is too much, or they
 # lack the record without which no command reads them.
 REFUSED = {
-    'empty': (lambda *_: b'', 'is no MCAP file'),
-    'another format': (lambda *_: b'SQLite format 3\0' + bytes(4096), 'is no MCAP file'),
+    'empty': (lambda *_: b'', 'is not an MCAP file'),
+    'another format': (lambda *_: b'SQLite format 3\0' + bytes(4096), 'is not an MCAP file'),
     'begun': (lambda *_: MCAP0_MAGIC, LACKS),
     'cut in its configuration': (lambda data, _, end: data[: end - 1], LACKS),
-    'bomb': (lambda *_: hostile_logs.clocks(4, 400_000), 'unpack to more than is read'),
+    'bomb': (lambda *_: hostile_logs.clocks(4, 400_000), 'decompress to more than the limit'),
     'no configuration': (lambda data, start, end: data[:start] + data[end:], LACKS),
 }
 

@@ -390,8 +390,11 @@ BAD_CALLS = [
         lambda: configure({'drive': 'follow', 'rate_hz': 3.0}),
         "'rate_hz' is not … four_bar: measurements set the rate; leave it…",
     ),
-    (lambda: forces(PARALLELOGRAM, 0.25), 'at 14.3239449 deg … change point; choose angles …'),
-    (lambda: forces(EQUAL_ROD, math.pi / 2), 'at 90 deg … change point; choose angles near it'),
+    (
+        lambda: forces(PARALLELOGRAM, 0.25),
+        'at 14.3239449 deg … change point; choose another angle',
+    ),
+    (lambda: forces(EQUAL_ROD, math.pi / 2), 'at 90 deg … change point; choose another angle'),
     # The state of a linkage whose crank turns fully, given to one whose crank does not.
     *(
         (

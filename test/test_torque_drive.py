@@ -178,7 +178,7 @@ def test_revolutions_are_counted_from_the_start_either_way(tmp_path):
         QUADRILATERAL, drive={'motor': Motor()}, mechanism={'gravity': (0.0, 0.0)},
         session={'rate_hz': 0.05},
     )  # fmt: skip
-    with pytest.raises(ConfigurationError, match='has not made 1 revolutions within 3600 s'):
+    with pytest.raises(ConfigurationError, match='has made only 0 of 1 revolutions within 3600 s'):
         record(resting, tmp_path / 'rest.mcap', revolutions=1)
 
 

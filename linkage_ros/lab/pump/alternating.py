@@ -17,6 +17,7 @@ from linkage_ros.numeric import Array
 _PERIODS = 1, 2, 4  # turns
 _TURNS = 16  # last turns, all of which must repeat: a slowing motion repeats for a few turns
 _REPEATS = 0.03  # largest relative difference of the speeds of two turns that count as equal
+_LEAST = 0.02  # smallest share of the starts; fewer starts may only seem to repeat
 _SAME = 0.02  # largest relative difference of the mean speeds of two equal motions
 
 
@@ -48,7 +49,7 @@ def alternating_motions(
             found.append({
                 'period': period, 'speed': mean, 'speeds': speeds, 'share_of_starts': 1 / starts,
             })  # fmt: skip
-    return found
+    return [one for one in found if one['share_of_starts'] >= _LEAST]
 
 
 def alternating_lines(motions: Iterable[dict[str, Any]], count: int) -> Iterator[str]:
