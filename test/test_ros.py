@@ -164,7 +164,7 @@ def test_unread_error_line_does_not_block_exit():
     assert done.returncode == 2
 
 
-@pytest.mark.parametrize('closed', ['2>&-', '>&-'])
+@pytest.mark.parametrize('closed', ['2>&-', '>&-', '>&- 2>&-'])
 def test_a_program_without_stderr_or_stdout_does_its_work(tmp_path, closed):
     with running_node(tmp_path / 'run.mcap', [closed]):
         pass

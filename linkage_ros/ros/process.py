@@ -37,6 +37,7 @@ from linkage_ros.parameters.presets import preset_names, preset_path
 from linkage_ros.run.scheduling import accompany_ticker
 
 _PIPE_SIZE = 65536  # bytes, the size of a pipe
+_STDERR = 2  # its file descriptor
 _FLUSH_SECONDS = 1.0  # time limit for writing the program's last lines
 _DESTROY_SECONDS = 10.0  # a process whose node takes longer to end is killed
 
@@ -208,9 +209,11 @@ def nonblocking_stderr() -> Iterator[None]:
     Log lines pass through a pipe of this process. Lines beyond the pipe's 64 KiB are lost, as are
     the last lines if they are not read within a second after the end.
     """
-    if sys.stderr is None:  # closed by `2>&-`: the log file must not become descriptor 2
-        os.open(os.devnull, os.O_WRONLY)
-    original = os.dup(2)
+    # Files opened later must not get the number of a standard stream closed by `2>&-`.
+    while (unused := os.open(os.devnull, os.O_RDWR)) <= _STDERR:
+        pass
+    os.close(unused)
+    original = os.dup(_STDERR)
     if os.isatty(original):  # rcutils would check the pipe instead
         os.environ.setdefault('RCUTILS_COLORIZED_OUTPUT', '1')
     outlet, inlet = os.pipe()
