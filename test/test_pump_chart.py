@@ -399,11 +399,8 @@ def test_the_states_of_a_pump_do_not_depend_on_the_assembly_at_the_start(doubled
     other = analyse(
         replace(slid(damping=15.0), assembly='open'), MOTOR, speeds=(2.0, 6.0), progress=plain
     )
-    states = [(one.motion.speed, one.motion.assembly) for one in doubled.states]
-    for speed, assembly in states:
-        assert (pytest.approx(speed, rel=1e-6), assembly) in [
-            (one.motion.speed, one.motion.assembly) for one in other.states
-        ]
+    found = {(round(one.motion.speed, 6), one.motion.assembly) for one in other.states}
+    assert found >= {(round(one.motion.speed, 6), one.motion.assembly) for one in doubled.states}
 
 
 def test_unsettled_starts_give_a_warning_with_their_share(analysis):
