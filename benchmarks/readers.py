@@ -41,7 +41,7 @@ def read(folder, path):
 
 
 def check(folder, log):
-    """Compares one log, and prints a line per topic; returns the number of errors."""
+    """Compares the messages of a log with the expected ones; returns the number of errors."""
     name = log.path.parent.name
     with LogReader(log.path) as reader:
         motions = len(reader.motions)

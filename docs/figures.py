@@ -149,7 +149,7 @@ FIGURES = {'methods': methods_figures, 'dynamics': dynamics_figures}
 
 
 def shown(value: float) -> str:
-    """Formats a number with two digits; very small or large ones as one digit and an exponent."""
+    """Formats a number with two digits; a very small or large number with one and an exponent."""
     if 0.001 < value < 1000:
         return f'{float(f"{value:.2g}"):g}'
     digits, exponent = f'{value:.0e}'.split('e')

@@ -174,7 +174,7 @@ TYPES = ('bool', 'integer', 'double', 'string', *(f'{kind}_array' for kind in (
 def live_parameters(rng):
     """Generates a request to set parameters: names, types, and values of all fields.
 
-    Few type numbers are invalid; about one type in ten is that of the parameter.
+    Few type numbers are invalid; about one in ten requests has the type of the parameter.
     """
     return [_parameter(rng) for _ in range(rng.choice((1, 1, 1, 2, 5)))]
 

@@ -65,7 +65,7 @@ def is_python(text):
 
 
 def run_python(text, page, names=None):
-    """Runs a block as a program, unchanged or edited."""
+    """Executes a Python block of a page; `names` is its namespace."""
     exec(compile(text, page, 'exec'), {} if names is None else names)
 
 

@@ -158,7 +158,7 @@ def report_of(path):
 
 
 def verified(path):
-    """Verifies a log; returns the report after a check that all bits are equal."""
+    """Verifies a log, asserts that all bits are equal, and returns the report."""
     report = report_of(path)
     assert (report.difference, report.ulp) == ('', 0.0)
     return report

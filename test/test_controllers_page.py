@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""docs/controllers.md: runs the examples of ways 1 and 2; test_docs.py runs those of way 3."""
+"""Runs the examples of ways 1 and 2 in docs/controllers.md; test_docs.py runs those of way 3."""
 
 import itertools
 import re

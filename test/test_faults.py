@@ -33,7 +33,7 @@ STATES, HEARD = '/joint_states', ('/joint_states', '/diagnostics')
 
 
 def health(listener, number):
-    """Returns level and words last published for the log (1) or the viewer (2)."""
+    """Returns the last published level and message of the log (1) or the viewer (2)."""
     if not listener.received['/diagnostics']:
         return None, ''
     message = deserialize_message(listener.received['/diagnostics'][-1], DiagnosticArray)

@@ -66,7 +66,7 @@ def test_angles_stay_in_range_and_coordinates_are_returned_as_asked(kind, data, 
 
 
 def gap(mechanism, position):
-    """By how much the links fail to close the loop, m; in the caller's precision."""
+    """Returns the closure error of the loop, m, in the precision that the caller has set."""
     oracle, rest = Oracle(mechanism), [0.0] * len(position)
     vectors = oracle.vectors(SimpleNamespace(position=position))
     output = oracle.points(vectors)['D' if oracle.is_free else 'B']

@@ -160,7 +160,7 @@ OTHERS = {
 
 @pytest.mark.parametrize('name', OTHERS)
 def test_errors_in_any_number_are_detected(name):
-    """Negative control: 1e-9 of a load changes the torque, 1e-11 of a length opens the loop."""
+    """Negative control: a relative error of 1e-9 in a mass or load, or 1e-11 in a length."""
     loads, lengths = OTHERS[name]
     for number in (*LOADS, 'gravity', *loads):
         error, gap = compare(ALL[name], slipped(ALL[name], number, 1e-9), *MOTION)

@@ -102,7 +102,7 @@ def filled_pipe():
 
 
 def read_from_now_on(outlet):
-    """Reads a pipe to its end; returns the data after the initial filling."""
+    """Reads a pipe to its end; returns the data without the leading filler bytes."""
     with os.fdopen(outlet, 'rb') as file:
         return file.read().lstrip(b'.').decode()
 

@@ -264,7 +264,7 @@ def velocity(path, state):
 
 
 def written_over(topic, number, place, value):
-    """Returns an edit of a number in a message."""
+    """Returns a function that overwrites a double in one message."""
 
     def change(records, at, *_):
         data = bytearray(records[at].data)

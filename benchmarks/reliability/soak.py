@@ -65,7 +65,7 @@ class Speeds:
 
 
 def watch(process: Process, speeds: Speeds, minutes: float) -> list[tuple[float, float]]:
-    """Changes the speed for some minutes; returns times, s, and the memory at each, MiB."""
+    """Changes the speed again and again; returns times, s, and the memory used then, MiB."""
     begin, samples = time.monotonic(), []
     wait_for(lambda: process.lines or not process.alive)  # wait for its first line
     assert process.alive, process.output

@@ -36,7 +36,7 @@ _FOREVER = '{sec: 9223372036, nsec: 854775807}'
 
 
 class _Index(MessageIndex):
-    """Message index of a channel in a chunk, which stores the entries as bytes."""
+    """Message index of one channel in a chunk; its entries are stored as bytes."""
 
     records: Any
 

@@ -70,7 +70,7 @@ class WindPumpLoop(NamedTuple):
     refuse: Opaque
 
     def squares(self, q: tuple[Real, ...]) -> tuple[Real, Real, Real]:
-        """Computes P, Q and L^2, m^2; rejects a dyad that does not close or is in line.
+        """Computes P, Q and L^2, m^2; rejects a dyad that cannot close or is collinear.
 
         Args:
             q: Crank angle, rad, and slider position, m.

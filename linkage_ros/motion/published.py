@@ -83,7 +83,7 @@ def legible(driven: DrivenMechanism, y: tuple[float, ...]) -> tuple[float, ...]:
 
 
 def own_coordinates(solver: Solver, state: State, unwrapped: Real) -> Coordinates:
-    """Returns coordinates that include the state, because they do not determine it.
+    """Converts a state to own coordinates; the state is kept, because these leave it open.
 
     Args:
         solver: Solver of the mechanism.

@@ -229,7 +229,7 @@ class Simulator:
         return self._snapshot(stamp, coordinates, self.later(coordinates))
 
     def later(self, coordinates: Coordinates) -> Coordinates | None:
-        """Extrapolates a measured crank by `lead_time`; returns None without feed-forward."""
+        """Extrapolates a measured motion by `lead_time`; returns None without feed-forward."""
         return None if self._lead is None else later(coordinates, self._lead / NS_PER_S)
 
     def _snapshot(

@@ -34,7 +34,7 @@ class ViewerProcess:
 
         Args:
             command: The binary and its arguments.
-            outlives: Whether the viewer survives this process, even a signal from the terminal.
+            outlives: Whether the viewer keeps running after this process exits.
 
         Raises:
             ViewerError: The program cannot be run.

@@ -3,8 +3,8 @@
 """Rows: the MCAP records of all messages of one state.
 
 The messages of a topic differ only in numbers at fixed offsets. Filling a template, once or
-thousands of times, is several times faster than serialising each message. Padding bytes are zero;
-Fast DDS leaves them uninitialised, so that files of equal states would differ.
+thousands of times, is several times faster than serialising each message. Padding bytes are zero.
+Fast DDS leaves them uninitialised, which would make files of equal states differ.
 
 The messages of a state are adjacent in a log, so that a state is written, found and compared as
 one block of bytes.

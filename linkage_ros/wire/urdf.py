@@ -73,7 +73,7 @@ def make_urdf(
 
 
 def element(tag: str, *children: Any, text: str | None = None, **rest: str) -> ET.Element:
-    """Creates an XML element with children, text and, in `rest`, attributes."""
+    """Creates an XML element with children and text; keyword arguments are its attributes."""
     made = ET.Element(tag, rest)
     made.text = text
     made.extend(children)

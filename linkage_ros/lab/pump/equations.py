@@ -152,9 +152,10 @@ def _terms(constants: tuple[Any, ...], *phase: Real) -> tuple[Real, ...]:
 def _reach(
     loop: WindPumpLoop, limits: tuple[Real, Real], angle: Real, other: Real
 ) -> tuple[Real, tuple[Real, Real]]:
-    """Returns a number that is positive if the dyad can close, and coordinates at which it can.
+    """Returns a number that is positive where the dyad can close, and coordinates at which it can.
 
-    A rod that is longer than crank and coupler together reaches the guide at all their angles.
+    In crank and coupler angle, the dyad closes at all finite angles: the coordinates are used only
+    if the rod is longer than crank and coupler together.
     """
     if isinstance(loop, ByCoupler):
         return _LARGEST - abs(angle) - abs(other), (0.0, 0.0)

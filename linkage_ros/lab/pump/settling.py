@@ -92,7 +92,7 @@ class Search:
         return (self.belongs < 0) & ~self.ended & ~self.stopped
 
     def run(self, progress: Callable[[Iterable[Any], str], Any], checks: int) -> None:
-        """Follows the motions until all have settled or ended, or up to a number of checks."""
+        """Advances the motions until all have settled or ended, at most for `checks` checks."""
         rare = 0
         for check in progress(range(1, checks + 1), 'motions'):
             self.motions.advance(_STEPS)
