@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -171,7 +171,6 @@ def analyse(
             pieces.append(Piece([found], ALONE, ALONE))
             states.append(SteadyState(found, pieces[-1]))
     states.sort(key=lambda state: state.motion.speed)
-    averaging = HarmonicBalance(pump, motor.damping, AVERAGED)
     numbers = [
         next(number for number, state in enumerate(states) if state.motion.is_same(found))
         for found in search.states
@@ -193,7 +192,7 @@ def analyse(
         motor,
         mechanism.assembly,
         states,
-        [_averaged(averaging, state.motion) for state in states],
+        [_averaged(pump, state.motion) for state in states],
         pieces,
         [
             one
@@ -216,10 +215,12 @@ def analyse(
     )  # fmt: skip
 
 
-def _averaged(averaging: HarmonicBalance, motion: PeriodicMotion) -> PeriodicMotion | None:
-    """Finds the averaged motion near a motion; None: none was found."""
-    unknowns = averaging.sized(motion.slider, motion.crank, np.array([motion.torque]))
-    found = averaging.find(unknowns) if motion.turns == 1 else None
+def _averaged(pump: WindPump, motion: PeriodicMotion) -> PeriodicMotion | None:
+    """Finds the averaged motion near a motion of one turn in one assembly; None if none exists."""
+    if motion.turns > 1 or motion.assembly == BOTH:
+        return None
+    averaging = HarmonicBalance(replace(pump, assembly=motion.assembly), motion.damping, AVERAGED)
+    found = averaging.find(averaging.sized(motion.slider, motion.crank, np.array([motion.torque])))
     return found if found and abs(found.speed / motion.speed - 1) < _ALIKE else None
 
 
