@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Motions that alternate between the assemblies, but are not found as Fourier series.
 
-The crank nearly stops in each period.
+An example is a motion whose crank nearly stops in each period.
 """
 
 from __future__ import annotations

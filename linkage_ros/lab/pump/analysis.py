@@ -255,7 +255,7 @@ def _changed(
             end, kind = piece.ends[1 if torque > state.torque else 0]
             reason = f'its curve ends at {end:.4g} N m: {kind}'
             if kind == ALONE:
-                reason = f'curves of motions of {state.turns} turns are not followed'
+                reason = 'its curve was not followed'
             yield {
                 'state': number, 'speed': state.speed, 'period': state.turns, 'torque': torque,
                 'motion': record, 'changes': changes, 'reason': None if motion else reason,
