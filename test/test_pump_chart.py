@@ -227,16 +227,16 @@ def test_runs_end_at_the_states(analysis):
 def test_a_motion_is_followed_past_the_stretched_dyad(rod, position):
     pump = replace(PUMP, rod=replace(PUMP.rod, length=rod, center=(rod / 2, 0.0)))
     start = 0.0, position, 2.0, 6.0
-    solver = PumpSolver.of(pump)
+    solver = PumpSolver(pump)
     found = Motions(solver, MOTOR, solver.converted(np.array([start]).T))
     found.advance(60)
-    assert not found.ends
+    assert not found.ended
     steps, ways = FixedSteps(DrivenMechanism(Solver(pump), MOTOR.at), start), set()
     for time in np.linspace(0, found.times[-1][0], 500)[1:]:
         steps.advance(time)
         ways.add(steps.driven.solver.description)
     assert len(ways) > 1  # the pump's own coordinates do not describe the motion
-    crank, _, w, _ = found.phases[-1][:, 0]
+    crank, _, _, w, _ = found.phases[-1][:, 0]
     assert crank == pytest.approx(steps.driven.crank(steps.phase, steps.pairs), abs=0.01)
     assert w == pytest.approx(steps.phase[2], abs=0.01)
 
@@ -254,14 +254,15 @@ def test_a_crank_that_comes_to_rest_near_the_stretched_dyad_does_not_turn():
     motor = Motor(4.725, 0.947)
     # The last start comes to rest in the other assembly.
     starts = (0.0, 0.466997, 3.482, -0.4108), (0.0, 0.568, 3.086, 0.849)
-    found = Motions(PumpSolver(pump), motor, np.array(starts).T)
+    solver = PumpSolver(pump)
+    found = Motions(solver, motor, solver.converted(np.array(starts).T))
     found.advance(350)
-    assert found.ends == {}
+    assert not found.ended.any()
     for number, start in enumerate(starts):
         steps = FixedSteps(DrivenMechanism(Solver(pump), motor.at), start, 0.02, 1e-6)
         steps.advance(float(found.times[-1][number]))
         rest = steps.driven.crank(steps.phase, steps.pairs)
-        cranks, speeds = np.array([phase[[0, 2], number] for phase in found.phases]).T
+        cranks, speeds = np.array([phase[[0, 3], number] for phase in found.phases]).T
         assert cranks.max() < 2 * math.pi
         assert cranks[-1] == pytest.approx(rest, abs=0.1)
         assert speeds.max() < motor.torque / motor.damping + 0.1
@@ -330,7 +331,7 @@ def test_a_state_of_two_turns_is_found_beside_one_of_one_turn(doubled):
 
 def test_the_table_names_the_turns_of_a_state_and_lists_its_changes_by_torque(doubled):
     lines = states_table(doubled)
-    rows = lines[next(i for i, line in enumerate(lines) if line.startswith('changes')) + 1 :]
+    rows = [line for line in lines if ', torque ' in line]
     names = [row[:46].rstrip() for row in rows]
     slow, fast = '2.845 rad/s', '5.751 rad/s, 2 turns'
     assert names == [f'{one}, torque {change}%' for one in (slow, fast) for change in ('-5', '+5')]
@@ -391,8 +392,8 @@ def test_a_state_that_stretches_the_dyad_returns_where_every_body_moves_by_itsel
     end = np.array(followed.at(2 * math.pi / motion.speed), float)
     assert end == pytest.approx((2 * math.pi, x, w, v), abs=1e-6)
     state = SteadyState(motion, doubled.pieces[0])
-    *_, line = states_table(doubled._replace(states=[state], averaged=[None], sensitivities=[]))
-    assert line == f'{state.name}: stretches the dyad, and so alternates between the assemblies'
+    lines = states_table(doubled._replace(states=[state], averaged=[None], sensitivities=[]))
+    assert f'{state.name}: stretches the dyad, and so alternates between the assemblies' in lines
 
 
 def test_the_states_of_a_pump_do_not_depend_on_the_assembly_at_the_start(doubled):
@@ -423,12 +424,12 @@ def test_a_motion_whose_crank_nearly_stops_in_each_period_is_named_with_its_turn
         rod=Body(1.52515, 4.0, 0.85, (0.8, 0.0)),
         slider=Piston(1.2, mass=6.0, damping=6.0),
     )
-    solver = PumpSolver.of(pump)
+    solver = PumpSolver(pump)
     starts = solver.converted(np.array([(0.0, 1.2297, 0.6945, -3.049)]).T)
     found = Motions(solver, Motor(13.54445, 1.360195), starts)
     for _ in range(36):
         found.advance(50)
-    assert found.ends == {}
+    assert not found.ended.any()
     (motion,) = alternating_motions([found.speeds(0)], [9.8], 4)
     # By another program, which integrates the angles of all links.
     assert motion['speed'] == pytest.approx(4.7473, rel=0.01)

@@ -17,7 +17,6 @@ from linkage_ros.lab.output import folder, progress, save_csv
 from linkage_ros.lab.period import Period, SpeedDrivenPeriod, extent, mean
 from linkage_ros.lab.pump.periodic_motion import PeriodicMotion
 from linkage_ros.lab.pump.settling import settle
-from linkage_ros.motion.drives import Motor
 from linkage_ros.parameters.configuration import Configuration, load
 from linkage_ros.parameters.descriptions import motor_line
 from linkage_ros.parameters.presets import find_file
@@ -183,11 +182,8 @@ def _settled(
 def settled_turn(motion: PeriodicMotion) -> Period:
     """Samples one period of a wind pump's steady state in steps of 0.5 deg."""
     crank = np.linspace(0, 2 * math.pi * motion.turns, 720 * motion.turns + 1)
-    second, speed, rate = motion.phase(crank)
-    torque = Motor(motion.torque, motion.damping).at(speed)
-    q, u = (crank, second), (speed, rate)
-    state = motion.solver.state(q, u, motion.solver.accelerations(q, u, torque))
-    power = mean(crank, torque) * motion.speed
+    state = motion.states(crank)
+    power = mean(crank, state.torque) * motion.speed
     return Period(motion.solver, crank, state, speed=motion.speed, mean_power=power)
 
 

@@ -23,6 +23,7 @@ from linkage_ros.lab.pump.load_curve import (
     steady_states,
     with_curves,
 )
+from linkage_ros.lab.pump.motions import ENDED
 from linkage_ros.lab.pump.periodic_motion import PeriodicMotion
 from linkage_ros.lab.pump.settling import Search, prepared, require_slow
 from linkage_ros.model.wind_pump import WindPump
@@ -201,8 +202,9 @@ def analyse(
         ],
         [
             Start(
-                name, times[:, number], phases[:, 2, number],
-                None if settled[number] < 0 else int(settled[number]), motions.ends.get(number),
+                name, times[:, number], phases[:, -2, number],
+                None if settled[number] < 0 else int(settled[number]),
+                ENDED if motions.ended[number] else None,
             )
             for number, name in zip(others, names, strict=True)
         ],
@@ -220,7 +222,9 @@ def _averaged(pump: WindPump, motion: PeriodicMotion) -> PeriodicMotion | None:
     if motion.turns > 1 or motion.assembly == BOTH:
         return None
     averaging = HarmonicBalance(replace(pump, assembly=motion.assembly), motion.damping, AVERAGED)
-    found = averaging.find(averaging.sized(motion.slider, motion.crank, np.array([motion.torque])))
+    found = averaging.find(
+        averaging.sized(np.append(0.0, motion.slider), motion.crank, np.array([motion.torque]))
+    )
     return found if found and abs(found.speed / motion.speed - 1) < _ALIKE else None
 
 

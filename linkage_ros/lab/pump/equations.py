@@ -1,6 +1,20 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The equations of motion of a wind pump for arrays of phases, which need not all be reachable.
+"""The equations of motion of a wind pump in the angles of its links, for arrays of phases.
+
+Crank angle and slider position do not determine a motion where coupler and rod are in line, and
+crank and coupler angle do not where the rod is perpendicular to the guide. The angles of all three
+links determine both. They satisfy
+
+    G = l1 sin phi1 + l2 sin phi2 + l3 sin phi3 = 0.
+
+The velocities are that of the crank, phi1', and that of the dyad, s'. With n2 = l2 cos phi2,
+n3 = l3 cos phi3 and N^2 = n2^2 + n3^2,
+
+    phi2' = -(n2 / N^2) l1 cos phi1 phi1' - (n3 / N) s'
+    phi3' = -(n3 / N^2) l1 cos phi1 phi1' + (n2 / N) s',
+
+so that G' = 0. N is 0 only where coupler and rod are both perpendicular to the guide.
 
 The force of a load curve with a return_value jumps where the slider reverses. A Fourier series
 cannot represent this jump, so the force is smoothed: between slider speeds of -width and width, it
@@ -10,6 +24,8 @@ changes from one curve to the other as a cubic polynomial of the speed.
 from __future__ import annotations
 
 import functools
+import math
+import operator
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, cast
@@ -20,148 +36,247 @@ from linkage_ros.dynamics.equations import (
     Model,
     accelerations,
     balance,
-    mass_matrix,
+    driven_state,
+    forward,
     velocities,
 )
 from linkage_ros.dynamics.program import Program
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.dynamics.tape import Constants
-from linkage_ros.formulas import Opaque, cos, sqrt, where
-from linkage_ros.model.kinematics import LinkPose, State
+from linkage_ros.formulas import ZERO, Opaque, Vector, sqrt, total, where
+from linkage_ros.model.kinematics import LinkPose, Pose, State
 from linkage_ros.model.load_curve import CurveForce, LoadCurve
 from linkage_ros.model.parts import CROSSED, OPEN
-from linkage_ros.model.structure import Description, Mechanism
-from linkage_ros.model.wind_pump import ByCoupler, WindPump, WindPumpLoop
+from linkage_ros.model.structure import Mechanism
+from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.numeric import Array, Real
 
 BOTH = 'both'  # the assembly of a motion that stretches the dyad
-_EDGE = 1e-9  # relative, of the square of the dyad's length
-_LARGEST = 1e9  # angles, rad
 _WIDTH = 0.03  # relative to crank length x the motor's largest speed
 
 
-class PumpSolver(Solver):
-    """A solver with equations of motion for arrays; they check nothing, to be fast.
+class ByAngles(NamedTuple):
+    """The kinematic constants of a wind pump that is described by the angles of its links.
 
-    The first coordinate is the crank angle, the second the slider position or the coupler angle.
+    Attributes:
+        crank: Length of the crank, m.
+        coupler: Length of the coupler, m.
+        rod: Length of the rod, m.
     """
 
-    @classmethod
-    def of(cls, mechanism: WindPump) -> PumpSolver:
-        """Returns the solver in the coordinates that describe most motions.
+    crank: float
+    coupler: float
+    rod: float
 
-        Crank and coupler angle describe every motion if the rod is longer than crank and coupler
-        together. If not, the coordinates are crank angle and slider position.
+    def pose(self, q: tuple[Real, ...]) -> Pose:
+        """Computes the pose at the angles of crank, coupler and rod, rad.
+
+        Its derivatives belong to the velocities of crank and dyad.
         """
-        if mechanism.crank.length + mechanism.coupler.length >= mechanism.rod.length:
-            return cls(mechanism)
-        side = OPEN if mechanism.slider.position > 0 else CROSSED
-        return cls(mechanism, description=Description(mechanism.other_coordinates, side))
+        sides = [Vector.at(angle) for angle in q]
+        crank, *arms = (side * length for side, length in zip(sides, self, strict=True))
+        coupler, rod = arms
+        size = sqrt(coupler.x * coupler.x + rod.x * rod.x)
+        normal, lever = Vector(coupler.x / size, rod.x / size), crank.x / size
+        pairs = list(zip(normal, normal.left(), strict=True))
+        slopes = [(-lever * along, across) for along, across in pairs]
+        # G'' = 0 gives the part of (phi2'', phi3'') along the normal, the normal's turn the other.
+        low, mixed, high = (
+            total(arm.y * (one[i] * one[j]) for arm, one in zip(arms, pairs, strict=True))
+            for i, j in ((0, 0), (0, 1), (1, 1))
+        )
+        bend = crank.y + lever * lever * low, -2 * lever * mixed, high
+        turn = -lever * lever * mixed, lever * high, ZERO
+        bends = [
+            tuple((along * x + across * y) / size for x, y in zip(bend, turn, strict=True))
+            for along, across in pairs
+        ]
+        slide = [-crank.y, ZERO]
+        slide_bends = [-crank.x, ZERO, ZERO]
+        for arm, (one, other), changes in zip(arms, slopes, bends, strict=True):
+            squares = one * one, 2 * one * other, other * other
+            slide = [slide[0] - arm.y * one, slide[1] - arm.y * other]
+            slide_bends = [
+                x - arm.x * square - arm.y * change
+                for x, square, change in zip(slide_bends, squares, changes, strict=True)
+            ]
+        all_slopes, all_bends = ((1.0, ZERO), *slopes), ((ZERO, ZERO, ZERO), *bends)
+        turning = map(LinkPose, q, sides, all_slopes, all_bends)
+        place = crank.x + coupler.x + rod.x
+        slider = LinkPose(place, Vector(1.0, ZERO), tuple(slide), tuple(slide_bends))
+        return Pose((*turning, slider), ())
 
-    @property
-    def by_coupler(self) -> bool:
-        """Whether the second coordinate is the coupler angle, not the slider position."""
-        return self.description.coordinates != self.mechanism.coordinates
+    def closure(self, q: tuple[Real, ...]) -> Real:
+        """Computes G, m, at the angles of crank, coupler and rod, rad."""
+        return total(Vector.at(angle).y * size for angle, size in zip(q, self, strict=True))
 
-    @property
-    def unit(self) -> float:
-        """Unit of the second coordinate, m or rad: as large as the crank makes its range."""
-        pump = cast('WindPump', self.mechanism)
-        return pump.crank.length / (pump.coupler.length if self.by_coupler else 1.0)
+
+class PumpSolver(Solver):
+    """A solver with equations of motion for arrays of phases; they check nothing, to be fast.
+
+    A phase holds the crank angle, the positions of the `places`, the velocity of the crank, and
+    that of the dyad. If the slider is the only place, its velocity replaces the dyad's.
+
+    Attributes:
+        by_slider: Whether the slider replaces coupler and rod.
+        places: Numbers of the links whose positions describe the motion, besides the crank.
+        units: Units of the places and of the last velocity, rad or m and per second: as large as
+            a crank at 1 rad/s makes their ranges.
+    """
+
+    def __init__(self, mechanism: WindPump, by_slider: bool = False) -> None:
+        """Prepares the equations; see the attributes for the parameters."""
+        super().__init__(mechanism)
+        links = mechanism.crank, mechanism.coupler, mechanism.rod
+        self._loop = ByAngles(*(link.length for link in links))
+        r, b, c = self._loop
+        self.by_slider, self.places = by_slider, (3,) if by_slider else (1, 2)
+        self.units = np.array((r, r) if by_slider else (r / b, r / c, math.hypot(r / b, r / c)))
+
+    def __reduce__(self) -> tuple[Any, tuple[Any, ...]]:
+        return type(self), (self.mechanism, self.by_slider)
 
     def converted(self, phases: Array) -> Array:
-        """Converts phases to the coordinates of this solver.
+        """Converts phases from crank angle, slider position and their rates.
 
         Args:
-            phases: Crank angle, slider position and their rates, of shape (4, n), in the assembly
-                of the mechanism.
+            phases: Phases in the assembly of the mechanism, of shape (4, n).
 
         Returns:
-            Both coordinates and their rates, of shape (4, n).
+            The phases for this solver, of shape (k, n).
 
         Raises:
             UnreachableError: The dyad cannot close.
         """
-        if not self.by_coupler:
-            return phases
         state = Solver(self.mechanism).state(tuple(phases[:2]), tuple(phases[2:]))
-        return np.array([row[link] for row in (state.position, state.velocity) for link in (0, 1)])
+        places, rates = (
+            np.array([row[i] for i in self.places]) for row in (state.position, state.velocity)
+        )
+        return self.phases(phases[0], places, phases[2], rates)
 
-    @functools.cached_property
-    def _terms(self) -> Callable[..., tuple[Array, ...]]:
-        pump = cast('WindPump', self.mechanism)
-        b, c = pump.coupler.length, pump.rod.length
-        limits = (b - c) ** 2 + _EDGE * (b + c) ** 2, (b + c) ** 2 * (1 - _EDGE)
-        model = Model.of(pump, self.structure, pump.loop_of(self.description))
-        constants = Constants((model, limits))
-        program = Program(_terms, constants, ('q0', 'q1', 'u0', 'u1'))
-        return program.code(frozenset(program.names)).bound(constants.numbers)
+    def phases(self, crank: Array, places: Array, speed: Array, rates: Array) -> Array:
+        """Returns phases, given the rates of the places."""
+        return np.array((crank, *places, speed, (self.ways(places) * rates).sum(axis=0)))
 
-    def terms(self, *phases: Array) -> list[Array]:
-        """Computes the terms of the equations of motion M q'' + h = torque on the crank.
+    def ways(self, places: Array) -> Array:
+        """Computes the rates of the places while the crank rests and the last velocity is 1."""
+        if self.by_slider:
+            return np.ones_like(places)
+        coupler, rod = self._levers(places)
+        found: Array = np.array((-rod, coupler)) / np.hypot(coupler, rod)
+        return found
 
-        Args:
-            phases: Crank angles, rad, slider positions, m, and their rates. For a solver in the
-                other coordinates, crank and coupler angles and their rates.
+    def _levers(self, places: Array) -> Array:
+        """Computes n2 and n3, m, of shape (2, n)."""
+        return np.array(
+            [x * np.cos(place) for x, place in zip(self._loop[1:], places, strict=True)]
+        )
 
-        Returns:
-            M11, M12, M22, h1 and h2; h2 is NaN where the dyad cannot close.
-        """
-        with np.errstate(all='ignore'):
-            *found, h2, inside = self._terms(*phases)
-        return [*found, np.where(inside > 0, h2, np.nan)]
+    def close(self, phases: Array) -> None:
+        """Corrects small errors of G, in place."""
+        levers, gap = self._levers(phases[1:3]), self._loop.closure(tuple(phases[:3]))
+        phases[1:3] -= gap / (levers * levers).sum(axis=0) * levers
 
-    def slopes(self, torque: Real, *phases: Array) -> Array:
-        """Computes the rates and accelerations of both coordinates.
+    def slopes(self, torque: Real, *phase: Array) -> Array:
+        """Computes the derivatives of phases with respect to time.
 
         Args:
             torque: Torque on the crank, N m.
-            phases: The arguments of `terms`, in arrays of one shape.
+            phase: The rows of the phases, in arrays of one shape.
 
         Returns:
-            Two rates and two accelerations, of shape (4, ...); the accelerations are nan where the
-            dyad cannot close.
+            The derivatives, of shape (k, ...).
         """
-        m11, m12, m22, h1, h2 = self.terms(*phases)
-        push, whole = torque - h1, m11 * m22 - m12 * m12
-        spin, change = (m22 * push + m12 * h2) / whole, -(m12 * push + m11 * h2) / whole
-        return np.array((*phases[2:], spin, change))
+        with np.errstate(all='ignore'):
+            return np.array((phase[-2], *self._slopes(*phase, torque)))
+
+    def states(self, torque: Array, *phase: Array) -> State:
+        """Computes the motion of all links for the arguments of `slopes`."""
+        return cast('State', self._motion(*phase, torque))
+
+    def residuals(self, crank: Array, places: Array, rates: Array, changes: Array) -> Array:
+        """Computes the forces that a motion lacks, without the motor's torque.
+
+        Args:
+            crank: Crank angles, rad.
+            places: Positions of the places, rad or m.
+            rates: Velocity of the crank, then the rates of the places.
+            changes: Acceleration of the crank, then those of the places.
+
+        Returns:
+            The force on dyad or slider; G, m, if there are two places; the torque on the crank.
+        """
+        return np.array(self._residuals(crank, *places, *rates, *changes))
+
+    @functools.cached_property
+    def _slopes(self) -> Callable[..., Any]:
+        return self._program(_slopes, *self._arguments, 'torque')
+
+    @functools.cached_property
+    def _motion(self) -> Callable[..., Any]:
+        return self._program(_motion, *self._arguments, 'torque')
+
+    @functools.cached_property
+    def _residuals(self) -> Callable[..., Any]:
+        moving = (0, *self.places)
+        names = (tuple(f'{letter}{i}' for i in moving) for letter in ('q', 'rate', 'change'))
+        return self._program(_residuals, *names)
+
+    @property
+    def _arguments(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        return tuple(f'q{i}' for i in (0, *self.places)), ('u0', 'u1')
+
+    def _program(self, formula: Callable[..., Any], *arguments: Any) -> Callable[..., Any]:
+        """Compiles a formula for arrays."""
+        pump = cast('WindPump', self.mechanism)
+        loop = pump.loop() if self.by_slider else self._loop
+        constants = Constants((Model.of(pump, self.structure, loop), self.places))
+        program = Program(formula, constants, arguments)
+        return program.code(frozenset(program.names)).bound(constants.numbers)
 
 
-def assembly(state: State) -> str:
-    """Returns the assembly of a pump in states of a motion: open, crossed, or both in turn."""
-    _, coupler, rod, *_ = state.position
+def assembly(coupler: Array, rod: Array) -> str:
+    """Returns the assembly of a pump in a motion: open, crossed, or both in turn."""
     is_open = np.sin(coupler - rod) > 0
     return OPEN if is_open.all() else BOTH if is_open.any() else CROSSED
 
 
-def _terms(constants: tuple[Any, ...], *phase: Real) -> tuple[Real, ...]:
-    """Computes M11, M12, M22, h1, h2, and a number that is positive if the dyad can close."""
-    model, limits = constants
-    q, u = phase[:2], phase[2:]
-    inside, reached = _reach(model.loop, limits, *q)
-    # If the dyad cannot close, the terms are computed at other coordinates.
-    pose = model.loop.pose(
-        tuple(where(inside > 0, *both) for both in zip(q, reached, strict=True))
-    )
-    (m11, m12), (_, m22) = mass_matrix(model, pose)
-    held = balance(model, pose, velocities(pose, u), accelerations(pose, u, ()))
-    return m11, m12, m22, *held, inside
+def _slopes(
+    constants: tuple[Model, tuple[int, ...]],
+    q: tuple[Real, ...],
+    u: tuple[Real, ...],
+    torque: Real,
+) -> tuple[Real, ...]:
+    model, places = constants
+    rates = velocities(model.loop.pose(q), u)
+    return (*(rates[i] for i in places), *forward(model, q, u, torque))
 
 
-def _reach(
-    loop: WindPumpLoop, limits: tuple[Real, Real], angle: Real, other: Real
-) -> tuple[Real, tuple[Real, Real]]:
-    """Returns a number that is positive where the dyad can close, and coordinates at which it can.
+def _motion(
+    constants: tuple[Model, tuple[int, ...]],
+    q: tuple[Real, ...],
+    u: tuple[Real, ...],
+    torque: Real,
+) -> State:
+    return driven_state(constants[0], q, u, torque)
 
-    In crank and coupler angle, the dyad closes at all finite angles: the coordinates are used only
-    if the rod is longer than crank and coupler together.
-    """
-    if isinstance(loop, ByCoupler):
-        return _LARGEST - abs(angle) - abs(other), (0.0, 0.0)
-    r, (low, high) = loop.crank, limits
-    square = other * other - 2 * r * other * cos(angle) + r * r
-    return (square - low) * (high - square), (0.0, r + sqrt(0.5 * (low + high)))
+
+def _residuals(
+    constants: tuple[Model, tuple[int, ...]],
+    q: tuple[Real, ...],
+    rates: tuple[Real, ...],
+    changes: tuple[Real, ...],
+) -> tuple[Real, ...]:
+    model, places = constants
+    pose = model.loop.pose(q)
+    ways = [pose.links[i].jacobian[1] for i in places]  # a unit vector, across the crank's share
+    u = rates[0], total(map(operator.mul, ways, rates[1:]))
+    held = accelerations(pose, u, ())
+    gains = (change - held[i] for change, i in zip(changes[1:], places, strict=True))
+    a = changes[0], total(map(operator.mul, ways, gains))
+    torque, force = balance(model, pose, velocities(pose, u), accelerations(pose, u, a))
+    closures = (model.loop.closure(q),) if isinstance(model.loop, ByAngles) else ()
+    return force, *closures, torque
 
 
 class _SmoothForce(NamedTuple):

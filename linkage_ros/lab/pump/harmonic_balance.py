@@ -2,26 +2,29 @@
 # SPDX-License-Identifier: Apache-2.0
 """The periodic motions of a wind pump by harmonic balance (Galerkin's method).
 
-In a period of n turns, the second coordinate, xD or phi2, and the crank speed are Fourier series
-in the crank angle, with H n and H n - 1 harmonics:
+In a period of n turns, the angles of coupler and rod and the crank speed are Fourier series in the
+crank angle, with H n, H n and H n - 1 harmonics:
 
-    xD    = X0 + a1 cos phi1/n + b1 sin phi1/n + ...
+    phi2  = k2 phi1 + X0 + a1 cos phi1/n + b1 sin phi1/n + ...
+    phi3  = k3 phi1 + Y0 + ...
     phi1' = w0 + c1 cos phi1/n + d1 sin phi1/n + ...
 
-The residuals of the equations of motion are the force or torque R2 of the second coordinate and
-the torque R1 on the crank. On average over the n turns, R2 times each function of the first series
-vanishes, and so does R1 times each function of the second series. This gives as many equations as
-coefficients.
+where k2 and k3 are the turns of coupler and rod per turn of the crank, mostly 0. The residuals are
+the torque R2 on the dyad, the closure G, and the torque R1 on the crank, see `equations`. On
+average over the n turns, R2 times each function of the first series vanishes, and so does G times
+each function of the second and R1 times each function of the third. This gives as many equations
+as coefficients.
 
-With one harmonic the crank speed is constant. The equations are then the averaged equations of
-document 3, after Van der Pol. If a1, b1 and w0 vary slowly in time, these equations also determine
-the stability of the averaged motion. With 16 harmonics, the motions of the preset are exact to 12
-digits.
+With one harmonic, the slider's position xD replaces both angles, and the crank speed is constant.
+The equations are then the averaged equations of document 3, after Van der Pol. If a1, b1 and w0
+vary slowly in time, these equations also determine the stability of the averaged motion. With 16
+harmonics, the motions of the preset are exact to 12 digits.
 """
 
 from __future__ import annotations
 
 import functools
+import itertools
 import math
 from collections.abc import Iterator
 from contextlib import suppress
@@ -39,7 +42,8 @@ from linkage_ros.lab.pump.periodic_motion import (
 from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.numeric import Array
 
-AVERAGED, EXACT, _FINEST = 1, 16, 64  # harmonics
+AVERAGED, EXACT = 1, 16  # harmonics
+_FINEST, _MOST = 128, 256  # most harmonics per turn and per period
 _SPEEDS, _PLACES = 12, 7  # harmonics of guesses with a slider at rest
 _ROUGH = 0.6  # harmonics of a guess, relative to the samples per turn
 _WILD = 100.0  # larger multipliers of averaged motions, near a stretched dyad, are meaningless
@@ -59,26 +63,30 @@ class HarmonicBalance:
         damping: Decrease of the motor torque per unit of crank speed, N m s.
         turns: Number of turns after which the motions repeat.
         angles: Evenly spaced crank angles in these turns, rad.
-        sizes: Numbers of coefficients of the two series.
+        sizes: Numbers of coefficients of the series.
     """
 
     def __init__(
         self, mechanism: WindPump, damping: float, harmonics: int = EXACT, turns: int = 1
     ) -> None:
         self._mechanism, self.damping = mechanism, damping
-        # The averaged equations of document 3 are those of the slider's motion.
-        self.solver = PumpSolver(mechanism) if harmonics == AVERAGED else PumpSolver.of(mechanism)
+        self.solver = PumpSolver(mechanism, by_slider=harmonics == AVERAGED)
         self._harmonics, self.turns = harmonics, turns
-        count = harmonics * turns
-        self.sizes = second, crank = 2 * count + 1, 2 * count - 1
+        count, places = harmonics * turns, len(self.solver.places)
+        self.sizes = (*[2 * count + 2] * places, 2 * count - 1)
         self.angles = parts_of(turns, harmonics)
-        # For each coefficient: the second coordinate and its first two derivatives with respect to
-        # phi1; phi1' and its first derivative with respect to phi1.
-        self._waves = np.zeros((5, len(self.angles), second + crank))
-        for order in range(3):
-            self._waves[order, :, :second] = waves(self.angles, second, turns, order)
-        for order in range(2):
-            self._waves[3 + order, :, second:] = waves(self.angles, crank, turns, order)
+        # The functions of each series and their derivatives with respect to phi1: two for a place,
+        # one for phi1'.
+        self._waves = [
+            np.array([waves(self.angles, size, turns, order) for order in range(orders)])
+            for size, orders in zip(self.sizes, (*[3] * places, 2), strict=True)
+        ]
+        # Weights of the residuals; the turns of a place are no unknowns.
+        self._weights = [functions[0].T / len(self.angles) for functions in self._waves]
+        for weights in self._weights[:-1]:
+            weights[0] = 0.0
+        ends = np.cumsum((0, *self.sizes)).tolist()
+        self._parts = [slice(*pair) for pair in itertools.pairwise(ends)]
 
     def over(self, turns: int, harmonics: int = 0) -> HarmonicBalance:
         """Returns the equations for another number of turns; 0 harmonics: as many as here."""
@@ -87,20 +95,23 @@ class HarmonicBalance:
     def unknowns(self, motion: PeriodicMotion) -> Array:
         """Returns the unknowns of a motion with the same number of turns as these equations.
 
-        The unknowns are the coefficients of both series, and the torque.
+        The unknowns are the coefficients of the series, and the torque.
         """
-        return self.sized(motion.second, motion.crank, np.array([motion.torque]))
+        return self.sized(*motion.places, motion.crank, np.array([motion.torque]))
 
-    def sized(self, second: Array, crank: Array, torque: Array) -> Array:
-        """Makes unknowns from coefficients, cut or padded with 0 to the `sizes`."""
-        rows = zip((second, crank), self.sizes, strict=True)
-        padded = (np.append(row, np.zeros(size))[:size] for row, size in rows)
-        return np.concatenate((*padded, torque))
+    def sized(self, *rows: Array) -> Array:
+        """Makes unknowns from coefficients, cut or padded to the `sizes`, and the torque."""
+        sizes = zip(rows, (*self.sizes, 1), strict=True)
+        return np.concatenate([np.append(row, np.zeros(size))[:size] for row, size in sizes])
+
+    def _split(self, unknowns: Array) -> list[Array]:
+        """Returns the coefficients of each series, and the torque."""
+        return np.split(unknowns, [part.stop for part in self._parts])
 
     def units(self, motion: PeriodicMotion) -> Array:
-        """Units of the unknowns: unit of the second coordinate, speed and torque of a motion."""
-        unit, speed, _ = motion.units
-        return np.repeat((unit, speed, motion.torque), (*self.sizes, 1))
+        """Units of the unknowns: units of the places, speed and torque of a motion."""
+        units = *self.solver.units[:-1], motion.speed, motion.torque
+        return np.repeat(units, (*self.sizes, 1))
 
     def tangent(self, motion: PeriodicMotion) -> Array:
         """Differentiates the unknowns by the mean crank speed, along the load curve."""
@@ -112,45 +123,52 @@ class HarmonicBalance:
     def axis(self, *, of_speed: bool) -> Array:
         """Returns the unit vector of an unknown: the mean of the crank speed, or the torque."""
         row = np.zeros(sum(self.sizes) + 1)
-        row[self.sizes[0] if of_speed else -1] = 1.0
+        row[self._parts[-1].start if of_speed else -1] = 1.0
         return row
 
     def guess(self, phases: Array, torque: float) -> tuple[Array, float]:
         """Estimates the unknowns of a motion from samples and their slopes over the crank angle.
 
         Args:
-            phases: Both coordinates and their rates at two or more moments of each turn, of shape
-                (4, n).
+            phases: Phases of the solver at two or more moments of each turn, of shape (k, n), over
+                more than one period.
             torque: Torque of the motor at rest, N m.
 
         Returns:
             The unknowns, in which the coefficients of high harmonics are 0; and the residual of
             the series, relative to the range of the samples.
         """
-        angles, known, speed = phases[0], phases[1:3].T, phases[2]
-        slopes = self.solver.slopes(torque - self.damping * speed, *phases)[1:3] / speed
+        angles, known, speed = phases[0], phases[1:-1].copy(), phases[-2]
+        slopes = self.solver.slopes(torque - self.damping * speed, *phases)[1:-1] / speed
+        period = 2 * math.pi * self.turns
+        early = angles[angles <= angles[-1] - period]
+        turning = []
+        for row, slope in zip(known[:-1], slopes, strict=False):
+            gain = np.mean(np.interp(early + period, angles, row) - row[: len(early)])
+            turning.append(np.rint(gain / (2 * math.pi)) / self.turns)
+            row -= turning[-1] * angles
+            slope -= turning[-1]
         harmonics = int(_ROUGH * len(angles) * 2 * math.pi / np.ptp(angles))
         size = 2 * harmonics * self.turns + 1
         some, steep = (waves(angles, size, self.turns, order) for order in (0, 1))
-        second, crank = rows = np.linalg.lstsq(
+        rows = np.linalg.lstsq(
             np.concatenate((some, steep / harmonics)),
-            np.concatenate((known, slopes.T / harmonics)),
+            np.concatenate((known.T, slopes.T / harmonics)),
             rcond=None,
         )[0].T
-        missed = np.abs(some @ rows.T - known) / np.maximum(np.ptp(known, axis=0), _TINY)
-        return self.sized(second, crank, np.array([torque])), float(missed.max())
+        missed = np.abs(some @ rows.T - known.T) / np.maximum(np.ptp(known, axis=1), _TINY)
+        places = (np.append(turn, row) for turn, row in zip(turning, rows, strict=False))
+        return self.sized(*places, rows[-1], np.array([torque])), float(missed.max())
 
     def doubled(self, motion: PeriodicMotion) -> PeriodicMotion | None:
         """Finds a motion of twice the period near a period-doubling point."""
         twice = self.over(2 * self.turns)
-        second, crank = (np.zeros(2 * len(row) - 1) for row in (motion.second, motion.crank))
-        for wide, row in ((second, motion.second), (crank, motion.crank)):
-            wide[0], wide[3::4], wide[4::4] = row[0], row[1::2], row[2::2]
-        unknowns = twice.sized(second, crank, np.array([motion.torque]))
+        rows = (_over_twice(row) for row in (*motion.places, motion.crank))
+        unknowns = twice.sized(*rows, np.array([motion.torque]))
         units = twice.units(motion)
         # The waves that twice the period adds. Along one direction of their coefficients, the
         # equations are singular.
-        new = np.concatenate([(np.arange(size) + 1) // 2 % 2 for size in (*twice.sizes, 1)]) > 0
+        new = np.concatenate([_orders(size) % 2 for size in (*twice.sizes, 1)]) > 0
         jacobian = twice.equations(unknowns)[0][:-1] * units
         way = np.zeros(len(unknowns))
         way[new] = np.linalg.svd(jacobian[:, new])[2][-1]
@@ -166,11 +184,12 @@ class HarmonicBalance:
         pump = self._mechanism
         r, b, c = pump.crank.length, pump.coupler.length, pump.rod.length
         places = pump.slider.position, *np.linspace(abs(b - c) + r, b + c - r, _PLACES + 2)[1:-1]
+        two_turns = np.append(self.angles, self.angles + 2 * math.pi)
         for speed in np.geomspace(first, last, _SPEEDS):
             for x in places:
                 with suppress(LinkageError):  # at some crank angle, the dyad cannot close
-                    resting = np.broadcast_arrays(self.angles, x, speed, 0.0)
-                    guess, _ = self.guess(self.solver.converted(np.array(resting)), 0.0)
+                    resting = np.array(np.broadcast_arrays(two_turns, x, speed, 0.0))
+                    guess, _ = self.guess(np.unwrap(self.solver.converted(resting)), 0.0)
                     if motion := self.find(guess, self.axis(of_speed=True)):
                         yield motion
 
@@ -210,22 +229,25 @@ class HarmonicBalance:
         Returns:
             The motion; None if the crank stops or the motion needs too many harmonics.
         """
-        cuts = np.cumsum(self.sizes)
-        second, crank, (torque,) = np.split(unknowns, cuts)
-        given = self.solver, self.damping, second, crank, float(torque), self.turns
+        *places, crank, (torque,) = self._split(unknowns)
+        given = self.solver, self.damping, tuple(places), crank, float(torque), self.turns
         motion = PeriodicMotion(*given)
-        if not motion.phase(self.angles)[1].min() > 0:
+        if not motion.phase(self.angles)[-2].min() > 0:
             return None
         if self._harmonics == AVERAGED:
             averaged = PeriodicMotion(*given, self._slow_multipliers(unknowns))
             return averaged if abs(averaged.multipliers[0]) < _WILD else None
-        tail = np.abs(second[-2:]).max() / self.solver.unit
+        tail = max(
+            np.abs(row[-2:]).max() / unit
+            for row, unit in zip(places, self.solver.units, strict=False)
+        )
         if tail < _TAIL:  # next to a stretched dyad, multipliers may not be finite
             return motion if np.isfinite(motion.multipliers).all() else None
-        if self._harmonics == _FINEST:
+        harmonics = 2 * self._harmonics
+        if harmonics > _FINEST or harmonics * self.turns > _MOST:
             return None
-        finer = self.over(self.turns, 2 * self._harmonics)
-        return finer.find(finer.unknowns(motion), finer.sized(*np.split(row, cuts)))
+        finer = self.over(self.turns, harmonics)
+        return finer.find(finer.unknowns(motion), finer.sized(*self._split(row)))
 
     def _slow_multipliers(self, unknowns: Array) -> tuple[complex, ...]:
         """Computes the Floquet multipliers of an averaged motion over a turn, the largest first.
@@ -234,42 +256,67 @@ class HarmonicBalance:
         w0' dxD/dphi1. The equations become B (X0, a1, b1, w0)' = -J (X0, a1, b1, w0), where J is
         their Jacobian. The rate of X0 does not occur, so X0 follows from the other unknowns.
         """
-        values, functions = self._waves @ unknowns[:-1], self._waves
-        m11, m12, m22, *_ = self.solver.terms(self.angles, values[0], values[3], values[3])
-        speed = unknowns[3]
-        push = 2 * speed * functions[1]
-        push[:, 0], push[:, 3] = 0.0, values[1]
-        spin = functions[3]
-        weights = functions[[3, 0]] / len(self.angles)
-        inertia = weights[0].T @ (m11[:, None] * spin + m12[:, None] * push)
-        inertia += weights[1].T @ (m12[:, None] * spin + m22[:, None] * push)
-        jacobian = self.equations(unknowns)[0][:-1, :-1]
+        functions, weights = self._waves[0][..., 1:], self._weights[0][1:]
+        places, slopes, _ = functions @ unknowns[1:4]
+        (m11, m12), (_, m22) = self.solver.matrix((self.angles, places))
+        speed = unknowns[4]
+        # The forces by the rates of X0, a1, b1 and w0.
+        push = np.column_stack((2 * speed * functions[1], slopes))
+        push[:, 0], spin = 0.0, np.eye(1, 4, 3)
+        inertia = np.vstack(
+            (
+                weights @ (m12[:, None] * spin + m22[:, None] * push),
+                np.mean(m11[:, None] * spin + m12[:, None] * push, axis=0),
+            )
+        )
+        jacobian = self.equations(unknowns)[0][1:-1, 1:-1]
         times = np.linalg.eigvals(np.linalg.solve(-jacobian, inertia))
         growth = 1 / times[np.argsort(-np.abs(times))][:3]  # X0 has no rate: the fourth time is 0
         return by_size(np.exp(growth * (2 * math.pi / speed)))
 
     def equations(self, unknowns: Array) -> tuple[Array, Array]:
         """Computes Jacobian and residuals of the equations; `find` adds the last equation."""
+        rows = zip(self._waves, self._split(unknowns), strict=False)
+        values = np.concatenate([functions @ row for functions, row in rows])
+        units = [*np.repeat(self.solver.units[:-1], 3), *[values[-2].max()] * 2]
+        steps = _DIFFERENCE * np.array(units)
+        moves = np.vstack((np.zeros(len(units)), np.diag(steps)))
+        moved = (values + moves[..., None]).swapaxes(0, 1)
+        places, slopes, bends = moved[:-2].reshape(-1, 3, *moved.shape[1:]).swapaxes(0, 1)
+        w, slope = moved[-2:]
+        rates = np.array((w, *w * slopes))
+        changes = np.array((w * slope, *w * w * bends + w * slope * slopes))
+        lacks = self.solver.residuals(self.angles, places, rates, changes)
+        lacks[-1] -= unknowns[-1] - self.damping * w
+        by_value = (lacks[:, 1:] - lacks[:, :1]) / steps[:, None]
         jacobian, residuals = np.zeros((len(unknowns), len(unknowns))), np.zeros(len(unknowns))
-        values = self._waves @ unknowns[:-1]
-        steps = _DIFFERENCE * np.array((*[self.solver.unit] * 2, values[3].max()))
-        moves = np.zeros((4, 5))
-        moves[[1, 2, 3], [0, 1, 3]] = steps
-        second, slope, bend, w, rate = (values + moves[..., None]).swapaxes(0, 1)
-        m11, m12, m22, h1, h2 = self.solver.terms(self.angles, second, w, w * slope)
-        spin, push = w * rate, w * w * bend + w * rate * slope
-        torque = unknowns[-1] - self.damping * w
-        lacks = np.array((m11 * spin + m12 * push + h1 - torque, m12 * spin + m22 * push + h2))
-        by_second, by_slope, by_w = ((lacks[:, 1:] - lacks[:, :1]) / steps[:, None]).swapaxes(0, 1)
-        by_spin, by_push = np.array((m11[0], m12[0])), np.array((m12[0], m22[0]))
-        by_bend, by_rate = w[0] ** 2 * by_push, w[0] * (by_spin + slope[0] * by_push)
-        weights = self._waves[[3, 0]] / len(self.angles)
-        residuals[:-1] = np.einsum('enk,en->k', weights, lacks[:, 0])
-        by_value = np.array((by_second, by_slope, by_bend, by_w, by_rate))
-        for weight, rows in zip(weights, by_value.swapaxes(0, 1), strict=True):
-            jacobian[:-1, :-1] += weight.T @ np.einsum('vn,vnk->nk', rows, self._waves)
-        jacobian[:-1, -1] = -weights[0].sum(axis=0)
+        for part, weights, lack, by in zip(
+            self._parts, self._weights, lacks, by_value, strict=True
+        ):
+            residuals[part] = weights @ lack[0]
+            for i, (other, functions) in enumerate(zip(self._parts, self._waves, strict=True)):
+                some = by[3 * i : 3 * i + len(functions), :, None] * functions
+                jacobian[part, other] = weights @ some.sum(axis=0)
+        jacobian[self._parts[-1], -1] = -self._weights[-1].sum(axis=1)
+        for part in self._parts[:-1]:
+            jacobian[part.start, part.start] = 1.0
         return jacobian, residuals
+
+
+def _orders(size: int) -> Array:
+    """Returns the number of waves per period for each coefficient of a series."""
+    found: Array = np.maximum(0, np.arange(size) + size % 2) // 2
+    return found
+
+
+def _over_twice(row: Array) -> Array:
+    """Returns the coefficients of a series for twice as many turns."""
+    first = 2 - len(row) % 2
+    wide = np.zeros(2 * len(row) - first)
+    wide[:first], wide[first + 2 :: 4], wide[first + 3 :: 4] = (
+        row[:first], row[first::2], row[first + 1 :: 2],
+    )  # fmt: skip
+    return wide
 
 
 @functools.lru_cache(64)

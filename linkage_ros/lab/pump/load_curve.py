@@ -242,7 +242,7 @@ def _continued(
             continue
         if one.repeats_sooner or _is_doubled(motions[-1], one):
             return motions[1:], PERIOD_DOUBLING
-        if len(one.second) > _MOST_WAVES * balance.sizes[0]:  # a step would take too long
+        if len(one.crank) > _MOST_WAVES * balance.sizes[-1]:  # a step would take too long
             return motions[1:], LOST
         motions.append(one)
         if not (speeds[0] <= one.speed <= speeds[1] and one.torque > 0):

@@ -3,23 +3,19 @@
 """Integrates motions of a wind pump from many starts at once.
 
 Each motion is integrated by Dormand and Prince's method of order 5, with its own step lengths. A
-step of many motions takes little longer than a step of one motion. If the coordinates are crank
-angle and slider position, a motion that stretches the dyad is continued separately.
+step of many motions takes little longer than a step of one motion.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
-from linkage_ros.errors import LinkageError
 from linkage_ros.lab.pump.equations import PumpSolver, assembly
-from linkage_ros.model.wind_pump import WindPump
-from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.drives import Motor
-from linkage_ros.motion.fixed_step_integrator import DORMAND_PRINCE, FixedSteps
+from linkage_ros.motion.fixed_step_integrator import DORMAND_PRINCE
 from linkage_ros.numeric import Array
 
 _STAGES = *map(np.array, DORMAND_PRINCE.stages), np.array(DORMAND_PRINCE.end)
@@ -28,14 +24,9 @@ _ERROR = np.array(DORMAND_PRINCE.error)
 _TOLERANCE = 5e-4
 _FINE, _SAMPLES = 1e-7, 128  # tolerance of further turns, and samples of each
 _SHORTEST = 1e-5  # shortest step, relative to the time in which the crank turns by 1 rad
-_PAUSE = 10  # steps between two searches for motions to continue in other coordinates
+ENDED = 'coupler and rod become perpendicular to the guide at the same time'
 _KEPT = 400  # steps that are searched for the last turns
-_LONGEST, _ROUGH = 0.04, 1e-3  # step, s, and tolerance in other coordinates
-_NEAREST = 0.03  # sine of the dyad angle below which a motion is continued in other coordinates
-_GONE = 150.0  # longest time in other coordinates, relative to the time for 1 rad
-_CALM = 10  # steps in which the first coordinates must be suitable before they are used again
-_ACROSS = 'it goes over to the other assembly'
-_BOTH = 'it alternates between the assemblies'
+_GONE = 150.0  # longest time for further turns, relative to the time for 1 rad
 
 
 class Motions:
@@ -44,8 +35,8 @@ class Motions:
     Attributes:
         active: Numbers of the motions that are still integrated.
         times: Times, s, of all motions after each step; arrays of shape (n).
-        phases: Both coordinates and their rates after each step; arrays of shape (4, n).
-        ends: The reason why a motion is not followed further, by the number of the motion.
+        phases: Phases of the solver after each step; arrays of shape (k, n).
+        ended: Whether each motion needs too short steps; shape (n).
     """
 
     def __init__(self, solver: PumpSolver, motor: Motor, starts: Array) -> None:
@@ -54,92 +45,48 @@ class Motions:
         Args:
             solver: Solver of the pump.
             motor: Motor of the pump.
-            starts: Both coordinates and their rates, of shape (4, n).
+            starts: Phases of the solver, of shape (k, n).
         """
-        pump = cast('WindPump', solver.mechanism)
-        self._lengths = [link.length for link in (pump.crank, pump.coupler, pump.rod)]
-        self._solver, self._there, unit = solver, starts.copy(), solver.unit
-        self._motor, self._driven = motor, DrivenMechanism(self._solver, motor.at)
-        self._pace = max(starts[2].max(), motor.torque / motor.damping if motor.damping else 0.0)
-        self._units = np.array((1.0, unit, self._pace, self._pace * unit))[:, None]
+        self._solver, self._there, self._motor = solver, starts.copy(), motor
+        still = motor.torque / motor.damping if motor.damping else 0.0
+        self._pace = max(starts[-2].max(), still)
+        *places, rate = solver.units
+        self._units = np.array((1.0, *places, self._pace, self._pace * rate))[:, None]
         self._slope = self._slopes(self._there)
         self._step = np.full(starts.shape[1], 0.1 / self._pace)
-        self._leaves: Any = np.isnan(self._slope).any(axis=0)
         self.active: Any = np.arange(starts.shape[1])
-        self._left: Any = False & self._leaves  # no longer followed
-        self.ends: dict[int, str] = {}
+        self.ended: Any = np.isnan(self._slope).any(axis=0)
         self.times, self.phases = [np.zeros(starts.shape[1])], [starts.copy()]
 
     def advance(self, steps: int) -> None:
         """Advances all motions by a number of steps; rejected steps count, too."""
         with np.errstate(all='ignore'):  # non-finite values have no slope
-            for step in range(steps):
+            for _ in range(steps):
                 self._try()
-                if step % _PAUSE == 0:
-                    for number in np.flatnonzero(self._leaves & ~self._left).tolist():
-                        self._carry(number)
-                self.phases.append(self._there)
 
     def _try(self) -> None:
         on, there, times = self.active, self._there.copy(), self.times[-1].copy()
-        h, start, slopes = self._step[on], there[:, on], np.empty((7, 4 * len(on)))
+        h, start = self._step[on], there[:, on]
+        slopes = np.empty((7, start.size))
         slopes[0] = self._slope[:, on].ravel()
         for stage, row in enumerate(_STAGES, 1):
             end = start + h * (row @ slopes[:stage]).reshape(start.shape)
             slopes[stage] = self._slopes(end).ravel()
         error = h * (_ERROR @ slopes).reshape(start.shape) / self._units
         worst = np.nan_to_num(np.abs(error).max(axis=0) / _TOLERANCE, nan=np.inf)
-        self._leaves[on] |= (worst <= 1) & self._is_near_end(end)
-        good = (worst <= 1) & ~self._leaves[on]
+        self._solver.close(end)
+        good = (worst <= 1) & ~self.ended[on]
         times[on] += np.where(good, h, 0.0)
         there[:, on] = np.where(good, end, start)
-        self.times.append(times)
         self._there = there
+        self.times.append(times)
+        self.phases.append(there)
         self._slope[:, on] = np.where(good, slopes[-1].reshape(start.shape), self._slope[:, on])
         self._step[on] = h * np.clip(0.9 * np.maximum(worst, 1e-9) ** -0.2, 0.2, 4.0)
-        self._leaves |= self._step < _SHORTEST / self._pace
-
-    def _is_near_end(self, there: Array) -> Any:
-        """Whether the dyad of each motion is nearly stretched or folded."""
-        if self._solver.by_coupler:
-            return False
-        r, b, c = self._lengths
-        square = there[1] ** 2 - 2 * r * there[1] * np.cos(there[0]) + r * r
-        cosine = (b * b + c * c - square) / (2 * b * c)
-        return 1 - cosine**2 < _NEAREST**2
+        self.ended |= self._step < _SHORTEST / self._pace
 
     def _slopes(self, there: Array) -> Array:
-        return self._solver.slopes(self._motor.at(there[2]), *there)
-
-    def _carry(self, number: int) -> None:
-        """Follows one motion in other coordinates until the first coordinates are suitable again.
-
-        If this takes too long, the motion is no longer followed: its crank rests or rocks, or the
-        motion has moved to the other assembly.
-        """
-        there, calm = self._there[:, number], 0
-        cranks, owns = [self._there[0, number]], [True]
-        try:
-            steps = FixedSteps(self._driven, tuple(there.tolist()), _LONGEST, _ROUGH)
-            while calm < _CALM and steps.time < _GONE / self._pace:
-                steps.advance(steps.time + _LONGEST)
-                is_own = steps.driven.solver.description == self._solver.description
-                calm = calm + 1 if is_own else 0
-                cranks.append(steps.driven.crank(steps.phase, steps.pairs))
-                owns.append(is_own)
-        except LinkageError as error:
-            self.ends[number], self._left[number] = str(error), True
-            return
-        self.times[-1][number] += steps.time
-        if calm < _CALM:
-            self._left[number] = True
-            late = len(cranks) // 2
-            if np.ptp(cranks[late:]) > np.pi:
-                self.ends[number] = _BOTH if any(owns[late:]) else _ACROSS
-            return
-        there[:] = cranks[-1], *steps.phase[1:]
-        self._step[number], self._leaves[number] = 0.1 / self._pace, False
-        self._slope[:, number] = self._slopes(there[:, None])[:, 0]
+        return self._solver.slopes(self._motor.at(there[-2]), *there)
 
     def last_turns(self, number: int, turns: int) -> Array | None:
         """Returns the last turns of a motion.
@@ -149,13 +96,13 @@ class Motions:
             turns: Number of forward turns of the crank.
 
         Returns:
-            Phases, of shape (4, steps); None if the motion has ended or has turned backwards.
+            Phases, of shape (k, steps); None if the motion has ended or has turned backwards.
         """
-        if number in self.ends:
+        if self.ended[number]:
             return None
         rows = np.array([phase[:, number] for phase in self.phases[-_KEPT:]])
         inside = rows[:, 0] > rows[-1, 0] - 2 * math.pi * turns
-        forwards = not inside[0] and rows[inside, 2].min() > 0
+        forwards = not inside[0] and rows[inside, -2].min() > 0
         return rows[inside].T if forwards else None
 
     def next_turns(self, number: int, turns: int) -> Array | None:
@@ -166,7 +113,7 @@ class Motions:
             turns: Number of turns of the crank.
 
         Returns:
-            Phases at equal times, of shape (4, n); None if the crank does not turn so far.
+            Phases at equal times, of shape (k, n); None if the crank does not turn so far.
         """
         from scipy.integrate import solve_ivp
 
@@ -177,7 +124,7 @@ class Motions:
             return self._slopes(phase)
 
         def is_left(_: float, phase: Array) -> float:
-            return float(min(end - phase[0], phase[2]))
+            return float(min(end - phase[0], phase[-2]))
 
         is_left.terminal = True  # type: ignore[attr-defined]  # as SciPy requires
         span = 0.0, _GONE / self._pace
@@ -194,13 +141,13 @@ class Motions:
     def assembly(self, number: int) -> str:
         """Returns the assembly of a motion in its last turns."""
         phases = np.array([phase[:, number] for phase in self.phases[-_KEPT:]]).T
-        return assembly(self._solver.state(tuple(phases[:2]), tuple(phases[2:])))
+        return assembly(phases[1], phases[2])
 
     def speeds(self, number: int) -> Array:
         """Returns the mean speed of each of the last turns, rad/s; empty if one was backwards."""
         kept = self.phases[-_KEPT:], self.times[-_KEPT:]
         crank, speed, times = np.array([
-            (phase[0, number], phase[2, number], time[number])
+            (phase[0, number], phase[-2, number], time[number])
             for phase, time in zip(*kept, strict=True)
         ]).T  # fmt: skip
         moved = np.insert(np.diff(crank) != 0, 0, values=True)

@@ -22,7 +22,7 @@ from linkage_ros.numeric import Array, wrap
 
 _DIFFERENCE = 1e-5  # relative, for derivatives by central differences
 _FINE, _STEPS = 256, 4  # parts of a turn searched for reversals, and Newton steps per reversal
-_SAME = 1e-6  # relative difference below which numbers of two motions count as equal
+_SAME = 1e-5  # relative difference below which numbers of two motions count as equal
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(96)  # of Gauss's quadrature over a turn
 _TINY = 1e-5  # amplitude below which a harmonic counts as absent, in crank lengths
 
@@ -42,11 +42,11 @@ def parts_of(turns: int, harmonics: int) -> Array:
 
 
 def waves(angles: Array, count: int, turns: int, derivative: int = 0) -> Array:
-    """Evaluates 1, cos phi/n, sin phi/n, cos 2 phi/n, ... for n turns, or their derivatives.
+    """Evaluates [phi], 1, cos phi/n, sin phi/n, cos 2 phi/n, ... for n turns, or derivatives.
 
     Args:
         angles: phi, of shape (m), rad.
-        count: Number of functions, odd.
+        count: Number of functions; the first is phi if the number is even.
         turns: Number of turns n.
         derivative: Order of the derivative.
 
@@ -59,10 +59,13 @@ def waves(angles: Array, count: int, turns: int, derivative: int = 0) -> Array:
 @functools.lru_cache(256)  # most are used repeatedly, at equal angles
 def _waves(angles: bytes, count: int, turns: int, derivative: int) -> Array:
     first = np.exp(1j / turns * np.frombuffer(angles))
-    orders = np.arange(1, count // 2 + 1) / turns
+    orders = np.arange(1, (count + 1) // 2) / turns
     powers = np.cumprod(np.broadcast_to(first[:, None], (len(first), len(orders))), axis=1)
     pairs = (powers * (1j * orders) ** derivative).view(float)  # cosines and sines in turn
     found: Array = np.insert(pairs, 0, float(derivative == 0), axis=1)
+    if count % 2 == 0:
+        turning = np.frombuffer(angles) if derivative == 0 else float(derivative == 1)
+        found = np.insert(found, 0, turning, axis=1)
     found.flags.writeable = False
     return found
 
@@ -74,7 +77,8 @@ class PeriodicMotion:
     Attributes:
         solver: Solver of the pump.
         damping: Decrease of the motor torque per unit of crank speed, N m s.
-        second: Coefficients of the solver's second coordinate, m or rad.
+        places: Coefficients of the positions of the solver's places, m or rad: the turns of the
+            place per turn of the crank, its mean, and those of the waves.
         crank: Coefficients of the crank's speed, rad/s.
         torque: Torque of the motor at rest, N m.
         turns: Number of turns after which the motion repeats.
@@ -84,7 +88,7 @@ class PeriodicMotion:
 
     solver: PumpSolver
     damping: float
-    second: Array
+    places: tuple[Array, ...]
     crank: Array
     torque: float
     turns: int = 1
@@ -93,13 +97,13 @@ class PeriodicMotion:
     @functools.cached_property
     def angles(self) -> Array:
         """Evenly spaced crank angles over one period, rad."""
-        return parts_of(self.turns, len(self.second) // 2 // self.turns)
+        return parts_of(self.turns, (len(self.places[0]) - 2) // 2 // self.turns)
 
     @property
     def units(self) -> Array:
-        """Units of second coordinate, crank speed and rate of the former; of shape (3)."""
-        unit = self.solver.unit
-        return np.array((unit, self.speed, unit * self.speed))
+        """Units of the values of `phase`."""
+        *places, rate = self.solver.units
+        return np.array((*places, self.speed, rate * self.speed))
 
     def at(self, angles: Array) -> Array:
         """Evaluates the motion at crank angles.
@@ -110,39 +114,41 @@ class PeriodicMotion:
         Returns:
             Slider position, m, crank speed, rad/s, and slider velocity, m/s; of shape (3, n).
         """
-        return self._series(self.slider, angles)
-
-    def phase(self, angles: Array) -> Array:
-        """The motion at crank angles in the solver's coordinates.
-
-        Args:
-            angles: Crank angles, of shape (n), rad.
-
-        Returns:
-            Second coordinate, crank speed and rate of the former; of shape (3, n).
-        """
-        return self._series(self.second, angles)
-
-    def _series(self, coefficients: Array, angles: Array) -> Array:
         position, slope = (
-            waves(angles, len(coefficients), self.turns, d) @ coefficients for d in (0, 1)
+            waves(angles, len(self.slider), self.turns, d) @ self.slider for d in (0, 1)
         )
         speed = waves(angles, len(self.crank), self.turns) @ self.crank
         return np.array((position, speed, speed * slope))
 
+    def phase(self, angles: Array) -> Array:
+        """Returns the motion at crank angles as phases of the solver, without the crank angle.
+
+        Args:
+            angles: Crank angles, of shape (n), rad.
+        """
+        places, slopes = (
+            np.array([waves(angles, len(row), self.turns, d) @ row for row in self.places])
+            for d in (0, 1)
+        )
+        speed = waves(angles, len(self.crank), self.turns) @ self.crank
+        return self.solver.phases(angles, places, speed, slopes * speed)[1:]
+
+    def states(self, angles: Array) -> State:
+        """Computes the motion of all links at crank angles, of shape (n), rad."""
+        phase = self.phase(angles)
+        return self.solver.states(self.torque - self.damping * phase[-2], angles, *phase)
+
     @functools.cached_property
     def _state(self) -> State:
-        """The state of all links at the `angles`."""
-        second, speed, rate = self.phase(self.angles)
-        return self.solver.state((self.angles, second), (speed, rate))
+        return self.states(self.angles)
 
     @functools.cached_property
     def slider(self) -> Array:
         """Coefficients of the slider's position, m."""
-        if not self.solver.by_coupler:
-            return self.second
+        if self.solver.by_slider:
+            return self.places[0][1:]
         count = len(self.angles)
-        slider = self._state.position[self.solver.links.index('slider')]
+        *_, slider = self._state.position
         found: Array = waves(self.angles, count - 1, self.turns).T @ slider * (2 / count)
         found[0] /= 2
         return found
@@ -150,25 +156,25 @@ class PeriodicMotion:
     @functools.cached_property
     def assembly(self) -> str:
         """Assembly of the dyad: open, crossed, or both in turn."""
-        return assembly(self._state)
+        _, coupler, rod, _ = self._state.position
+        return assembly(coupler, rod)
 
     def distance(self, phases: Array) -> Array:
         """Computes mean distances of other motions from this one, in the `units` of the values.
 
         Args:
-            phases: Both coordinates and their rates, of shape (4, rows, motions).
+            phases: Phases of the solver, of shape (k, rows, motions).
 
         Returns:
             The mean distance over the rows, of shape (motions). Each motion is first shifted by
             the whole number of turns for which this distance is smallest.
         """
-        _, rows, motions = phases.shape
         apart = []
         for turn in range(self.turns):
             angles = (phases[0] + 2 * math.pi * turn).ravel()
-            away = self.phase(angles).reshape(3, rows, motions) - phases[1:]
-            if self.solver.by_coupler:
-                away[0] = wrap(away[0], np.rint)
+            away = self.phase(angles).reshape(phases[1:].shape) - phases[1:]
+            if not self.solver.by_slider:
+                away[:2] = wrap(away[:2], np.rint)
             apart.append((np.abs(away) / self.units[:, None, None]).max(axis=0).mean(axis=0))
         nearest: Array = np.min(apart, axis=0)
         return nearest
@@ -185,11 +191,12 @@ class PeriodicMotion:
             part: Number of repetitions within the turns of the motion.
 
         Returns:
-            Coefficients of the second coordinate, in its unit.
+            Coefficients of the first place, in its unit.
         """
-        orders = np.arange(1, len(self.second) // 2 + 1)
-        chosen = np.repeat(orders % part > 0, 2)
-        return self.second[1:][chosen] / self.solver.unit
+        found = self.places[0][2:]
+        chosen = np.repeat(np.arange(1, len(found) // 2 + 1) % part > 0, 2)
+        parts: Array = found[chosen] / self.solver.units[0]
+        return parts
 
     @property
     def repeats_sooner(self) -> bool:
@@ -200,13 +207,14 @@ class PeriodicMotion:
     @functools.cached_property
     def speed(self) -> float:
         """Mean crank speed over time, rad/s."""
-        return float(1 / np.mean(1 / self.phase(self.angles)[1]))
+        speed = waves(self.angles, len(self.crank), self.turns) @ self.crank
+        return float(1 / np.mean(1 / speed))
 
     @functools.cached_property
     def speeds(self) -> list[float]:
         """Mean crank speed over time in each turn, rad/s."""
         angles = math.pi * (_NODES + 1)
-        turns = (self.phase(angles + 2 * math.pi * turn)[1] for turn in range(self.turns))
+        turns = (self.phase(angles + 2 * math.pi * turn)[-2] for turn in range(self.turns))
         return [float(2 / (_WEIGHTS @ (1 / speed))) for speed in turns]
 
     @property
@@ -265,33 +273,45 @@ class PeriodicMotion:
 
     @functools.cached_property
     def monodromy(self) -> Array:
-        """Derivatives of the `phase` after a period with respect to that before it.
+        """Derivatives of the `ways` after a period with respect to those before it.
 
         They are computed by Magnus' method of order 4 (S. Blanes and others, Physics Reports 470
         (2009), 151-238).
         """
-        angles = self.angles
-        step = angles[1]
-        aside = step * math.sqrt(3) / 6
-        jacobians = self._jacobians(np.concatenate((angles - aside, angles + aside)))
-        one, other = step * jacobians.reshape(2, -1, 3, 3)
+        step = self.angles[1]
+        middles, aside = self.angles + step / 2, step * math.sqrt(3) / 6
+        jacobians = self._jacobians(np.concatenate((middles - aside, middles + aside)))
+        size = jacobians.shape[1]
+        one, other = step * jacobians.reshape(2, -1, size, size)
         exponents = (one + other) / 2 - math.sqrt(3) / 12 * (one @ other - other @ one)
         # Matrix exponentials by Pade approximation; SciPy's function is five times slower for such
         # small matrices.
         squares = exponents @ exponents
-        even, odd = np.eye(3) + squares / 10, exponents / 2 + exponents @ squares / 120
+        even, odd = np.eye(size) + squares / 10, exponents / 2 + exponents @ squares / 120
         factors = np.linalg.solve(even - odd, even + odd)
         product: Array = functools.reduce(lambda before, factor: factor @ before, factors)
-        return product
+        among: Array = self.ways.T @ product @ self.ways
+        return among
+
+    @functools.cached_property
+    def ways(self) -> Array:
+        """Directions of deviations from the phase at crank angle 0, orthonormal; shape (k, 3).
+
+        The first moves dyad or slider, the others change the two velocities.
+        """
+        places = self.phase(np.zeros(1))[:-2]
+        found = np.eye(len(places) + 2, 3, 1 - len(places))
+        found[:-2, :1] = self.solver.ways(places)
+        return found
 
     def _jacobians(self, angles: Array) -> Array:
-        """Computes the Jacobian matrices of d(values)/d(crank angle), of shape (n, 3, 3)."""
+        """Computes the Jacobian matrices of d(phase)/d(crank angle), of shape (n, k, k)."""
         steps = _DIFFERENCE * self.units
         moves = np.concatenate((np.diag(steps), np.diag(-steps)))
-        second, w, rate = self.phase(angles)[:, None] + moves.T[..., None]
-        torque = self.torque - self.damping * w
-        slopes = self.solver.slopes(torque, angles, second, w, rate)[1:] / w
-        derivatives = (slopes[:, :3] - slopes[:, 3:]) / (2 * steps[:, None])
+        phase = self.phase(angles)[:, None] + moves.T[..., None]
+        speed, size = phase[-2], len(steps)
+        slopes = self.solver.slopes(self.torque - self.damping * speed, angles, *phase)[1:] / speed
+        derivatives = (slopes[:, :size] - slopes[:, size:]) / (2 * steps[:, None])
         jacobians: Array = derivatives.transpose(2, 0, 1)
         return jacobians
 

@@ -15,7 +15,7 @@ from linkage_ros.dynamics.solver import Solver
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.lab.pump.equations import smoothed
 from linkage_ros.lab.pump.harmonic_balance import EXACT, HarmonicBalance
-from linkage_ros.lab.pump.motions import Motions
+from linkage_ros.lab.pump.motions import ENDED, Motions
 from linkage_ros.lab.pump.periodic_motion import PeriodicMotion
 from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
@@ -27,6 +27,7 @@ _FORWARDS = Quantity('number', 'motor torque at rest that turns the crank', 'N m
 
 _FASTEST_SETTLING = 25.0  # relative to the pace; if faster, a turn takes too many explicit steps
 _STEPS = 50  # steps between two checks of the motions; a turn takes about 8
+_LONG = 200  # steps, in which a crank that has not stopped makes half a turn
 _ROWS = 10  # steps, about a turn
 _BACK = 50  # steps between two compared distances of a motion from a state
 # A motion has settled if its distance from a state, relative to crank length and speed, is below
@@ -41,8 +42,10 @@ _COMPARED, _POINTS = 8, 256  # turns and points for the distance between two sta
 _WAIT = 4  # checks before states are identified from motions
 # After so many checks, the search ends if fewer motions are unidentified at _AGAIN checks.
 _LATE, _RARE, _AGAIN = 10, 0.005, 3
-_MOST_FAILURES = 6  # failed attempts to identify a state at one check
+_TRIES = 4  # periods that are tried with one motion, at most
+_MOST_FAILURES = 12  # failed attempts to identify a state at one check
 _PERIODS = range(1, 9)  # turns after which a motion may repeat
+_ALIKE = 0.01  # largest relative difference of the mean speeds of turns that may repeat
 _REPEATS = 0.02  # allowed residual of a series over a period, relative to the motion's spread
 _GUESSES, _FINER = (1, 2, 4), 32  # turns and harmonics of the last attempt
 _ASIDE = 0.1  # distance of starts from an unstable state, in the units of `_NEAR`
@@ -84,7 +87,7 @@ class Search:
     @property
     def ended(self) -> Any:
         """Whether each motion cannot be continued."""
-        return (self.belongs < 0) & np.isin(np.arange(len(self.belongs)), list(self.motions.ends))
+        return (self.belongs < 0) & self.motions.ended
 
     @property
     def unidentified(self) -> Any:
@@ -102,36 +105,39 @@ class Search:
             is_late = check >= _LATE and rare >= _AGAIN
             is_last = is_late or check == checks
             is_due = check % _WAIT == 0 or is_last
-            failures, guesses = 0, _GUESSES if is_last else ()
+            failures, guesses = 0, _GUESSES if check == checks else ()
             due = self.unidentified & is_due
             for number in np.flatnonzero(due).tolist():
                 if self.unidentified[number] and failures < _MOST_FAILURES:
-                    failures += not self._identify(number, guesses)
+                    failures += self._identify(number, guesses)
             if is_late or self.belongs.min() >= 0:
                 return
 
     def _assign(self) -> None:
         """Assigns motions to the states that they have reached or are approaching."""
         phases = self.motions.phases
-        turned = np.abs(phases[-1][0] - phases[-_STEPS][0]) > np.pi
+        turned = np.abs(phases[-1][0] - phases[-_LONG:][0][0]) > np.pi
         self.stopped = (self.belongs < 0) & ~self.ended & ~turned
         left = np.flatnonzero(self.unidentified)
-        now, before, first = (
-            np.array(phases[-_ROWS - back :][:_ROWS:3])[..., left].swapaxes(0, 1)
-            for back in (0, _BACK, 2 * _BACK)
-        )
+
+        def rows(back: int, turns: int = 1) -> Array:
+            count = _ROWS * turns
+            found: Array = np.array(phases[-count - back :][:count:3])[..., left].swapaxes(0, 1)
+            return found
+
         for number, state in enumerate(self.states):
             if state.stable:
-                away, was, began = (state.distance(rows) for rows in (now, before, first))
+                courses = [rows(back, state.turns) for back in (0, _BACK, 2 * _BACK)]
+                away, was, began = (state.distance(course) for course in courses)
                 inside = self._inside(state, number)
-                nearer = (away < was) & (away < _falls(state, first, now) * began)
+                nearer = (away < was) & (away < _falls(state, courses[2], courses[0]) * began)
                 near = (away < _NEAR) | (nearer & (was < _BEFORE * inside))
                 self.belongs[left[near & (away < inside)]] = number
         # If the motions from both sides of an unstable state settle at one state, the motions near
         # the unstable state are assigned to it, too.
         for (below, above), state in zip(self._sides, self.unstable, strict=True):
             if below == above >= 0:
-                near = (state.distance(now) < self._inside(state, below)) & (
+                near = (state.distance(rows(0)) < self._inside(state, below)) & (
                     self.belongs[left] < 0
                 )
                 self.belongs[left[near]] = below
@@ -156,9 +162,9 @@ class Search:
         ]
         others = [one for one in self.states if not (one.stable or one in among)]
         apart = min((_apart(state, one) for one in others), default=math.inf)
-        return min(_APPROACHING, _INSIDE * apart)
+        return min(_APPROACHING / state.turns, _INSIDE * apart)
 
-    def _identify(self, number: int, guesses: Iterable[int]) -> bool:
+    def _identify(self, number: int, guesses: Iterable[int]) -> int:
         """Finds the limit state of a motion by Newton's method, and adds it if it is new.
 
         Args:
@@ -166,12 +172,17 @@ class Search:
             guesses: Periods, in turns, to try in addition to those that fit the motion.
 
         Returns:
-            Whether a state was found.
+            The number of failed attempts; 0 if a state was found.
         """
+        speeds, tries = self.motions.speeds(number), 0
         for turns in _PERIODS:
             last = self.motions.last_turns(number, 2 * turns)
-            if last is None:
+            if last is None or len(speeds) < 2 * turns or tries == _TRIES:
                 break
+            changes = speeds[-turns:] / speeds[-2 * turns : -turns] - 1
+            if np.abs(changes).max() > _ALIKE and turns not in guesses:
+                continue
+            tries += 1
             equations = self._balance.over(turns)
             if turns in guesses:  # the last attempt: errors of the steps may hide the period
                 equations = self._balance.over(turns, _FINER)
@@ -190,8 +201,8 @@ class Search:
                 place = same[0] if same else len(self.states) - 1
                 if state.distance(last[:, -_ROWS:, None]) < self._inside(state, place):
                     self.belongs[number] = place
-                return True
-        return False
+                return 0
+        return tries
 
 
 def _falls(state: PeriodicMotion, before: Array, now: Array) -> Array:
@@ -212,9 +223,10 @@ def _apart(state: PeriodicMotion, other: PeriodicMotion) -> float:
 def _starts_near(state: PeriodicMotion) -> Array:
     """Returns two starts near an unstable state in its most unstable direction, slower first."""
     values, vectors = np.linalg.eig(state.monodromy)
-    way = vectors[:, np.abs(values).argmax()].real / state.units
-    way *= _ASIDE / np.linalg.norm(way) * np.copysign(state.units, way[1])
-    there = state.phase(np.zeros(1)) + np.outer(way, (-1, 1))
+    unit, units = state.solver.units[-1], state.units[-2:]
+    way = vectors[:, np.abs(values).argmax()].real / (unit, *units)
+    way *= _ASIDE / np.linalg.norm(way) * np.copysign((unit, *units), way[1])
+    there = state.phase(np.zeros(1)) + np.outer(state.ways @ way, (-1, 1))
     return np.concatenate((np.zeros((1, 2)), there))
 
 
@@ -229,7 +241,7 @@ def prepared(
         speeds: Speeds of the crank at angle 0, above 0, rad/s.
 
     Returns:
-        The equations; the starts in their coordinates, with rates, of shape (4, n); and the
+        The equations; the starts as phases of their solver, of shape (k, n); and the
         motor's no-load speed or, without damping, the speed of the fastest start, rad/s.
 
     Raises:
@@ -291,8 +303,8 @@ def settle(
     balance, start, _ = prepared(mechanism, motor, [speed])
     search = Search(balance, motor, start)
     search.run(progress, _CHECKS)
-    if 0 in search.motions.ends:
-        raise ConfigurationError(f'from {speed:g} rad/s {search.motions.ends[0]}')
+    if search.motions.ended[0]:
+        raise ConfigurationError(f'from {speed:g} rad/s the motion ends: {ENDED}')
     if search.belongs[0] < 0:
         turns = search.motions.phases[-1][0, 0] / (2 * np.pi)
         raise ConfigurationError(
