@@ -45,9 +45,10 @@ _LATE, _RARE, _AGAIN = 10, 0.005, 3
 _TRIES = 4  # periods that are tried with one motion, at most
 _MOST_FAILURES = 12  # failed attempts to identify a state at one check
 _PERIODS = range(1, 9)  # turns after which a motion may repeat
-_ALIKE = 0.01  # largest relative difference of the mean speeds of turns that may repeat
+# Largest relative difference of the mean speeds of turns that may repeat; at the last attempt.
+_ALIKE, _ROUGHLY = 0.01, 0.05
 _REPEATS = 0.02  # allowed residual of a series over a period, relative to the motion's spread
-_GUESSES, _FINER = (1, 2, 4), 32  # turns and harmonics of the last attempt
+_FINER, _FINEST = 64, 256  # harmonics per turn and per period at the last attempt, at most
 _ASIDE = 0.1  # distance of starts from an unstable state, in the units of `_NEAR`
 _CHECKS = 80  # of a single motion
 
@@ -105,11 +106,10 @@ class Search:
             is_late = check >= _LATE and rare >= _AGAIN
             is_last = is_late or check == checks
             is_due = check % _WAIT == 0 or is_last
-            failures, guesses = 0, _GUESSES if check == checks else ()
-            due = self.unidentified & is_due
+            failures, due = 0, self.unidentified & is_due
             for number in np.flatnonzero(due).tolist():
                 if self.unidentified[number] and failures < _MOST_FAILURES:
-                    failures += self._identify(number, guesses)
+                    failures += self._identify(number, is_last=check == checks)
             if is_late or self.belongs.min() >= 0:
                 return
 
@@ -164,12 +164,12 @@ class Search:
         apart = min((_apart(state, one) for one in others), default=math.inf)
         return min(_APPROACHING / state.turns, _INSIDE * apart)
 
-    def _identify(self, number: int, guesses: Iterable[int]) -> int:
+    def _identify(self, number: int, *, is_last: bool) -> int:
         """Finds the limit state of a motion by Newton's method, and adds it if it is new.
 
         Args:
             number: Number of the motion.
-            guesses: Periods, in turns, to try in addition to those that fit the motion.
+            is_last: Whether to integrate the last turns anew, because errors may hide the period.
 
         Returns:
             The number of failed attempts; 0 if a state was found.
@@ -180,17 +180,21 @@ class Search:
             if last is None or len(speeds) < 2 * turns or tries == _TRIES:
                 break
             changes = speeds[-turns:] / speeds[-2 * turns : -turns] - 1
-            if np.abs(changes).max() > _ALIKE and turns not in guesses:
+            if np.abs(changes).max() > (_ROUGHLY if is_last else _ALIKE):
                 continue
             tries += 1
             equations = self._balance.over(turns)
-            if turns in guesses:  # the last attempt: errors of the steps may hide the period
-                equations = self._balance.over(turns, _FINER)
+            if is_last:
+                same = self._with_speeds(speeds[-turns:])
+                if same >= 0:
+                    self.belongs[number] = same
+                    return 0
+                equations = self._balance.over(turns, min(_FINER, _FINEST // turns))
                 last = self.motions.next_turns(number, 2 * turns)
                 if last is None:
                     break
             guess, missed = equations.guess(last, self._motor.torque)
-            if missed > _REPEATS and turns not in guesses:
+            if missed > _REPEATS:
                 continue
             state = equations.find(guess)
             if state and state.stable and not state.repeats_sooner:
@@ -203,6 +207,15 @@ class Search:
                     self.belongs[number] = place
                 return 0
         return tries
+
+    def _with_speeds(self, speeds: Array) -> int:
+        """Returns the number of the stable state with these speeds of its turns, or -1."""
+        for number, state in enumerate(self.states):
+            if state.stable and state.turns == len(speeds):
+                change = np.sort(speeds) / np.sort(state.speeds) - 1
+                if np.abs(change).max() < _ALIKE:
+                    return number
+        return -1
 
 
 def _falls(state: PeriodicMotion, before: Array, now: Array) -> Array:
