@@ -174,39 +174,44 @@ class Search:
         Returns:
             The number of failed attempts; 0 if a state was found.
         """
-        speeds, tries = self.motions.speeds(number), 0
-        for turns in _PERIODS:
-            last = self.motions.last_turns(number, 2 * turns)
-            if last is None or len(speeds) < 2 * turns or tries == _TRIES:
-                break
-            changes = speeds[-turns:] / speeds[-2 * turns : -turns] - 1
-            if np.abs(changes).max() > (_ROUGHLY if is_last else _ALIKE):
-                continue
-            tries += 1
-            equations = self._balance.over(turns)
+        periods = self._periods(number, _ROUGHLY if is_last else _ALIKE)
+        for turns in periods:
+            equations, course = self._balance.over(turns), self.motions.last_turns
             if is_last:
-                same = self._with_speeds(speeds[-turns:])
+                same = self._with_speeds(self.motions.speeds(number)[-turns:])
                 if same >= 0:
                     self.belongs[number] = same
                     return 0
                 equations = self._balance.over(turns, min(_FINER, _FINEST // turns))
-                last = self.motions.next_turns(number, 2 * turns)
-                if last is None:
-                    break
+                course = self.motions.next_turns
+            last = course(number, 2 * turns)
+            if last is None:
+                break
             guess, missed = equations.guess(last, self._motor.torque)
-            if missed > _REPEATS:
-                continue
-            state = equations.find(guess)
+            state = equations.find(guess) if missed < _REPEATS else None
             if state and state.stable and not state.repeats_sooner:
-                same = [i for i, known in enumerate(self.states) if state.is_same(known)]
-                if not same:
-                    self.states.append(state)
-                    self._assign()
-                place = same[0] if same else len(self.states) - 1
+                self._add(state)
+                place = next(i for i, known in enumerate(self.states) if state.is_same(known))
                 if state.distance(last[:, -_ROWS:, None]) < self._inside(state, place):
                     self.belongs[number] = place
                 return 0
-        return tries
+        return len(periods)
+
+    def _periods(self, number: int, limit: float) -> list[int]:
+        """Returns periods, in turns, after which the speeds of the last turns nearly repeat."""
+        speeds = self.motions.speeds(number)
+        found = [
+            turns
+            for turns in _PERIODS
+            if len(speeds) >= 2 * turns
+            and np.abs(speeds[-turns:] / speeds[-2 * turns : -turns] - 1).max() < limit
+        ]
+        return found[:_TRIES]
+
+    def _add(self, state: PeriodicMotion) -> None:
+        if not any(state.is_same(known) for known in self.states):
+            self.states.append(state)
+            self._assign()
 
     def _with_speeds(self, speeds: Array) -> int:
         """Returns the number of the stable state with these speeds of its turns, or -1."""
