@@ -38,7 +38,7 @@ _ALIKE = 0.1  # largest relative difference in speed of a motion and its average
 _SLOW, _SLIDING = 0.03, 2.0
 # Number of starts, of which a state that attracts 2 % is missed in one run of 170; and largest
 # number of checks of the motions.
-COUNT, _CHECKS = 256, 32
+COUNT, _CHECKS = 256, 64
 
 
 class Start(NamedTuple):

@@ -23,7 +23,8 @@ from linkage_ros.numeric import Array, wrap
 _DIFFERENCE = 1e-5  # relative, for derivatives by central differences
 _FINE, _STEPS = 256, 4  # parts of a turn searched for reversals, and Newton steps per reversal
 _SAME = 1e-5  # relative difference below which numbers of two motions count as equal
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(96)  # of Gauss's quadrature over a turn
+# Parts of a turn, and nodes in each, of Gauss's quadrature over a turn.
+_PARTS, (_NODES, _WEIGHTS) = 8, np.polynomial.legendre.leggauss(48)
 _TINY = 1e-5  # amplitude below which a harmonic counts as absent, in crank lengths
 
 
@@ -213,9 +214,11 @@ class PeriodicMotion:
     @functools.cached_property
     def speeds(self) -> list[float]:
         """Mean crank speed over time in each turn, rad/s."""
-        angles = math.pi * (_NODES + 1)
-        turns = (self.phase(angles + 2 * math.pi * turn)[-2] for turn in range(self.turns))
-        return [float(2 / (_WEIGHTS @ (1 / speed))) for speed in turns]
+        parts = np.arange(self.turns * _PARTS)[:, None] + (_NODES + 1) / 2
+        angles = 2 * math.pi / _PARTS * parts.ravel()
+        speed = waves(angles, len(self.crank), self.turns) @ self.crank
+        times = (1 / speed).reshape(self.turns, _PARTS, -1) @ _WEIGHTS
+        return (2 * _PARTS / times.sum(axis=1)).tolist()  # type: ignore[no-any-return]
 
     @property
     def load(self) -> float:
