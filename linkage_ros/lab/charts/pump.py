@@ -34,11 +34,12 @@ _STABLE = tuple(
     map(fractions, (FIRST, SECOND, mixed(FIRST, BLACK, 0.6), mixed(SECOND, BLACK, 0.6)))
 )
 _UNSTABLE, _MOTOR, _REST = map(fractions, (DARK, BLACK, GREY))
-_PARTS = 256  # of a turn
+_PARTS = 512  # of a turn
 _WIDEST = 138  # characters in a line below the panels
 _FEW, _BETWEEN = 3, 12  # fewest points of a smooth curve, and points drawn between two
 _APART = 1e-6  # smallest distance of two points of a curve, relative to its size
-_TORQUES = 2.0  # largest torque drawn, times the motor's
+# Largest torque drawn, times the motor's: at least, and at most to show where ranges end.
+_TORQUES, _FARTHEST = 2.0, 4.0
 # Heights of a panel, the room below it, the room above all, and a line of text; widths of the left
 # edge, a panel and the room to its right; inches.
 _ROW, _GAP, _HEAD, _LINE, _LEFT, _PANEL, _BESIDE = 2.95, 0.9, 0.65, 0.185, 0.65, 4.1, 0.95
@@ -75,8 +76,11 @@ def draw_pump(analysis: Analysis, title: str, path: Path, dpi: float) -> None:
     lines = [
         part for line in states_table(analysis) for part in textwrap.wrap(line, _WIDEST) or ['']
     ]
-    legend = _LINE * (len(analysis.states) // 2 + 1)
-    height = _HEAD + 3 * (_ROW + _GAP) + legend + _LINE * (len(lines) + 1)
+    # Legends below the first two rows of panels, in two columns.
+    entries = len(analysis.states) + 1, len(_motor_lines(analysis))
+    first, second = (_LINE * ((count + 1) // 2) for count in entries)
+    above = 0.0, first, first + second
+    height = _HEAD + 3 * (_ROW + _GAP) + above[-1] + _LINE * len(lines)
     figure = Figure(figsize=(WIDTH, height), dpi=dpi)
     figure.text(0.5, 1 - 0.3 / height, title, ha='center', fontsize=TITLE)
     with rc_context(_STYLE):
@@ -84,7 +88,7 @@ def draw_pump(analysis: Analysis, title: str, path: Path, dpi: float) -> None:
         plane, runs, load, *others = (
             figure.add_axes((
                 (_LEFT + column * (_PANEL + _BESIDE)) / WIDTH,
-                1 - (_HEAD + row * (_ROW + _GAP) + _ROW + (row > 0) * legend) / height,
+                1 - (_HEAD + row * (_ROW + _GAP) + _ROW + above[row]) / height,
                 _PANEL / WIDTH, _ROW / height,
             ))
             for row, column in places
@@ -116,7 +120,11 @@ def _draw_phase_plane(axes: Axes, analysis: Analysis, colors: _Colors) -> None:
     axes.set(title='Settled motions')
     axes.set_xlabel('Slider position xD, m', labelpad=1)
     axes.set_ylabel("Slider velocity xD', m/s")
-    # Below the panel, the legend does not cover the curves.
+    _put_legend_below(axes)
+
+
+def _put_legend_below(axes: Axes) -> None:
+    """Draws the legend below the panel, where it does not cover the curves."""
     axes.legend(
         *axes.get_legend_handles_labels(), ncols=2, frameon=False, columnspacing=1.2,
         loc='upper center', bbox_to_anchor=(0.5, -0.13), borderpad=0, labelspacing=0.2,
@@ -147,16 +155,29 @@ def _draw_runs(axes: Axes, analysis: Analysis, colors: _Colors) -> None:
 
 def _draw_load_curve(axes: Axes, analysis: Analysis, colors: _Colors) -> None:
     """Plots the mean torque of the motions against their mean speed, and the motor's torque."""
+    for label, (torque, style) in _motor_lines(analysis).items():
+        axes.axline((0.0, torque), slope=-analysis.motor.damping, label=label, **style)
+    _draw_branch(axes, analysis, colors, 'speed', 'load')
+    axes.set(title='Load curve and motor line')
+    _put_legend_below(axes)
+
+
+def _motor_lines(analysis: Analysis) -> dict[str, tuple[float, dict[str, Any]]]:
+    """Returns torque and style of the motor's line and of those at which stability is lost."""
     motor, grey = analysis.motor, {'color': _REST, 'linewidth': 1, 'linestyle': '-.'}
     lines: dict[str, Any] = {_at('motor', motor.torque): (motor.torque, {'color': _MOTOR})}
     for kind, motion in stability_lost(analysis.pieces):
-        if motion.torque < _TORQUES * motor.torque:
+        if motion.torque < _largest_torque(analysis):
             lines[_at(kind, motion.torque)] = motion.torque, grey
-    for label, (torque, style) in lines.items():
-        axes.axline((0.0, torque), slope=-motor.damping, label=label, **style)
-    _draw_branch(axes, analysis, colors, 'speed', 'load')
-    axes.set(title='Load curve and motor line')
-    axes.legend()
+    return lines
+
+
+def _largest_torque(analysis: Analysis) -> float:
+    """Returns the largest torque to draw, N m."""
+    motor = analysis.motor.torque
+    ends = [1.1 * one['high'] for one in bistable_ranges(analysis.pieces)]
+    largest: float = max([_TORQUES * motor, *(x for x in ends if x < _FARTHEST * motor)])
+    return largest
 
 
 def _at(name: str, torque: float) -> str:
@@ -182,9 +203,9 @@ def _draw_over_torque(axes: Axes, analysis: Analysis, colors: _Colors, quantity:
 
 def _draw_branch(axes: Axes, analysis: Analysis, colors: _Colors, x: str, y: str) -> None:
     """Plots one quantity of all motions against another quantity, and marks the states."""
-    largest = [0.0, 0.0]
+    largest, most = [0.0, 0.0], _largest_torque(analysis)
     for piece in analysis.pieces:
-        inside = [one for one in piece.motions if one.torque < _TORQUES * analysis.motor.torque]
+        inside = [one for one in piece.motions if one.torque < most]
         rows = np.array([(getattr(one, x), getattr(one, y)) for one in inside]).reshape(-1, 2)
         axes.plot(*_smooth(rows).T, linewidth=2.2, **_line(colors, piece))
         largest = np.maximum(largest, rows.max(axis=0, initial=0.0))

@@ -16,9 +16,10 @@ from linkage_ros.numeric import Array
 
 _PERIODS = 1, 2, 4  # turns
 _TURNS = 16  # last turns, all of which must repeat: a slowing motion repeats for a few turns
-_REPEATS = 0.03  # largest relative difference of the speeds of two turns that count as equal
+_REPEATS = 0.01  # largest relative difference of the speeds of two turns that count as equal
 _LEAST = 0.02  # smallest share of the starts; fewer starts may only seem to repeat
-_SAME = 0.02  # largest relative difference of the mean speeds of two equal motions
+# Largest relative differences in mean speed: of two equal motions, of one on its way to a state.
+_SAME, _ON_ITS_WAY = 0.005, 0.02
 
 
 def alternating_motions(
@@ -45,7 +46,7 @@ def alternating_motions(
         ]  # fmt: skip
         if same:
             same[0]['share_of_starts'] += 1 / starts
-        elif all(abs(mean / speed - 1) > _SAME for speed in known):
+        elif all(abs(mean / speed - 1) > _ON_ITS_WAY for speed in known):
             found.append({
                 'period': period, 'speed': mean, 'speeds': speeds, 'share_of_starts': 1 / starts,
             })  # fmt: skip

@@ -162,7 +162,7 @@ def with_curves(
         states = steady_states(balance, found, seed.torque)
         if any(seed.is_same(state.motion) for state in states) or _is_end(found, seed):
             continue
-        curve = follow(balance.over(seed.turns), seed, speeds)
+        curve = follow(balance.over(seed.turns, seed.harmonics), seed, speeds)
         found += curve
         waiting += [
             balance.doubled(piece.motions[-1])

@@ -98,7 +98,12 @@ class PeriodicMotion:
     @functools.cached_property
     def angles(self) -> Array:
         """Evenly spaced crank angles over one period, rad."""
-        return parts_of(self.turns, (len(self.places[0]) - 2) // 2 // self.turns)
+        return parts_of(self.turns, self.harmonics)
+
+    @property
+    def harmonics(self) -> int:
+        """Number of periods per turn of the shortest wave."""
+        return (len(self.places[0]) - 2) // 2 // self.turns
 
     @property
     def units(self) -> Array:
