@@ -16,7 +16,8 @@ from linkage_ros.numeric import Array
 
 _PERIODS = 1, 2, 4  # turns
 _TURNS = 16  # last turns, all of which must repeat: a slowing motion repeats for a few turns
-_REPEATS = 0.01  # largest relative difference of the speeds of two turns that count as equal
+# Largest relative differences of the speeds of turns that repeat, and of the means of two halves.
+_REPEATS, _DRIFT = 0.015, 0.001
 _LEAST = 0.02  # smallest share of the starts; fewer starts may only seem to repeat
 # Largest relative differences in mean speed: of two equal motions, of one on its way to a state.
 _SAME, _ON_ITS_WAY = 0.005, 0.02
@@ -69,7 +70,11 @@ def _period(speeds: Array) -> list[float]:
     last = speeds[-_TURNS:]
     for period in _PERIODS:
         turns = last[-period:]
-        if len(last) == _TURNS and np.abs(last.reshape(-1, period) / turns - 1).max() < _REPEATS:
+        if len(last) < _TURNS:
+            break
+        early, late = last.reshape(2, -1).mean(axis=1)
+        repeats = np.abs(last.reshape(-1, period) / turns - 1).max() < _REPEATS
+        if repeats and abs(early / late - 1) < _DRIFT:
             found: list[float] = np.roll(turns, -int(turns.argmin())).tolist()
             return found
     return []
