@@ -2,8 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Settings for all tests: floating-point warnings are errors, seeds are fixed, signals work."""
 
+import os
 import signal
 import sys
+
+# With several threads, small matrices take many times as long on a busy machine. BLAS reads this
+# variable when NumPy is imported.
+os.environ['OPENBLAS_NUM_THREADS'] = '1'
 
 import numpy as np
 import pytest

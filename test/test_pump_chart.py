@@ -396,6 +396,32 @@ def test_a_state_that_stretches_the_dyad_returns_where_every_body_moves_by_itsel
     assert f'{state.name}: stretches the dyad, and so alternates between the assemblies' in lines
 
 
+@pytest.mark.parametrize(
+    ('assembly', 'start', 'speed', 'stroke'),
+    [
+        ('open', (-0.10, 1.5, 0.06), 1.2189, 0.5509),
+        ('crossed', (0.43, 2.53, -0.04), 2.5424, 0.3776),
+    ],
+)
+def test_a_state_is_found_if_the_rod_becomes_perpendicular_to_the_guide(
+    assembly, start, speed, stroke
+):
+    x, w, v = start
+    rod = Body(0.85, 4.0, 0.25, (0.42, 0.0))
+    pump = replace(slid(position=x, velocity=v), rod=rod, assembly=assembly)
+    found = settle(pump, MOTOR, w, plain)
+    # By another program, which integrates the angles of all links.
+    assert (found.speed, found.stroke) == pytest.approx((speed, stroke), abs=1e-4)
+    rods = found.states(np.linspace(0, 2 * math.pi, 360)).position[2]
+    assert np.cos(rods).min() < 0 < np.cos(rods).max()
+    # A motion through the state returns to it.
+    x, w, v = found.at(np.zeros(1))[:, 0]
+    steps = FixedSteps(DrivenMechanism(Solver(pump), MOTOR.at), (0.0, x, w, v), 1e-3, 1e-10)
+    steps.advance(2 * math.pi / found.speed)
+    there = steps.driven.crank(steps.phase, steps.pairs), steps.driven.speed(steps.phase)
+    assert there == pytest.approx((2 * math.pi, w), abs=1e-3)
+
+
 def test_the_states_of_a_pump_do_not_depend_on_the_assembly_at_the_start(doubled):
     other = analyse(
         replace(slid(damping=15.0), assembly='open'), MOTOR, speeds=(2.0, 6.0), progress=plain

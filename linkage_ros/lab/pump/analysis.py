@@ -222,9 +222,7 @@ def _averaged(pump: WindPump, motion: PeriodicMotion) -> PeriodicMotion | None:
     if motion.turns > 1 or motion.assembly == BOTH:
         return None
     averaging = HarmonicBalance(replace(pump, assembly=motion.assembly), motion.damping, AVERAGED)
-    found = averaging.find(
-        averaging.sized(np.append(0.0, motion.slider), motion.crank, np.array([motion.torque]))
-    )
+    found = averaging.find(averaging.sized(motion.slider, motion.crank, np.array([motion.torque])))
     return found if found and abs(found.speed / motion.speed - 1) < _ALIKE else None
 
 

@@ -5,15 +5,14 @@
 In a period of n turns, the angles of coupler and rod and the crank speed are Fourier series in the
 crank angle, with H n, H n and H n - 1 harmonics:
 
-    phi2  = k2 phi1 + X0 + a1 cos phi1/n + b1 sin phi1/n + ...
-    phi3  = k3 phi1 + Y0 + ...
+    phi2  = X0 + a1 cos phi1/n + b1 sin phi1/n + ...
+    phi3  = Y0 + ...
     phi1' = w0 + c1 cos phi1/n + d1 sin phi1/n + ...
 
-where k2 and k3 are the turns of coupler and rod per turn of the crank, mostly 0. The residuals are
-the torque R2 on the dyad, the closure G, and the torque R1 on the crank, see `equations`. On
-average over the n turns, R2 times each function of the first series vanishes, and so does G times
-each function of the second and R1 times each function of the third. This gives as many equations
-as coefficients.
+The residuals are the torque R2 on the dyad, the closure G, and the torque R1 on the crank (see
+`equations`). On average over the n turns, R2 times each function of the first series vanishes, and
+so do G times each function of the second and R1 times each function of the third. This gives as
+many equations as coefficients.
 
 With one harmonic, the slider's position xD replaces both angles, and the crank speed is constant.
 The equations are then the averaged equations of document 3, after Van der Pol. If a1, b1 and w0
@@ -73,7 +72,7 @@ class HarmonicBalance:
         self.solver = PumpSolver(mechanism, by_slider=harmonics == AVERAGED)
         self._harmonics, self.turns = harmonics, turns
         count, places = harmonics * turns, len(self.solver.places)
-        self.sizes = (*[2 * count + 2] * places, 2 * count - 1)
+        self.sizes = (*[2 * count + 1] * places, 2 * count - 1)
         self.angles = parts_of(turns, harmonics)
         # The functions of each series and their derivatives with respect to phi1: two for a place,
         # one for phi1'.
@@ -81,10 +80,7 @@ class HarmonicBalance:
             np.array([waves(self.angles, size, turns, order) for order in range(orders)])
             for size, orders in zip(self.sizes, (*[3] * places, 2), strict=True)
         ]
-        # Weights of the residuals; the turns of a place are no unknowns.
         self._weights = [functions[0].T / len(self.angles) for functions in self._waves]
-        for weights in self._weights[:-1]:
-            weights[0] = 0.0
         ends = np.cumsum((0, *self.sizes)).tolist()
         self._parts = [slice(*pair) for pair in itertools.pairwise(ends)]
 
@@ -130,24 +126,15 @@ class HarmonicBalance:
         """Estimates the unknowns of a motion from samples and their slopes over the crank angle.
 
         Args:
-            phases: Phases of the solver at two or more moments of each turn, of shape (k, n), over
-                more than one period.
+            phases: Phases of the solver at two or more moments of each turn, of shape (k, n).
             torque: Torque of the motor at rest, N m.
 
         Returns:
             The unknowns, in which the coefficients of high harmonics are 0; and the residual of
             the series, relative to the range of the samples.
         """
-        angles, known, speed = phases[0], phases[1:-1].copy(), phases[-2]
+        angles, known, speed = phases[0], phases[1:-1], phases[-2]
         slopes = self.solver.slopes(torque - self.damping * speed, *phases)[1:-1] / speed
-        period = 2 * math.pi * self.turns
-        early = angles[angles <= angles[-1] - period]
-        turning = []
-        for row, slope in zip(known[:-1], slopes, strict=False):
-            gain = np.mean(np.interp(early + period, angles, row) - row[: len(early)])
-            turning.append(np.rint(gain / (2 * math.pi)) / self.turns)
-            row -= turning[-1] * angles
-            slope -= turning[-1]
         harmonics = int(_ROUGH * len(angles) * 2 * math.pi / np.ptp(angles))
         size = 2 * harmonics * self.turns + 1
         some, steep = (waves(angles, size, self.turns, order) for order in (0, 1))
@@ -157,8 +144,7 @@ class HarmonicBalance:
             rcond=None,
         )[0].T
         missed = np.abs(some @ rows.T - known.T) / np.maximum(np.ptp(known, axis=1), _TINY)
-        places = (np.append(turn, row) for turn, row in zip(turning, rows, strict=False))
-        return self.sized(*places, rows[-1], np.array([torque])), float(missed.max())
+        return self.sized(*rows, np.array([torque])), float(missed.max())
 
     def doubled(self, motion: PeriodicMotion) -> PeriodicMotion | None:
         """Finds a motion of twice the period near a period-doubling point."""
@@ -168,7 +154,7 @@ class HarmonicBalance:
         units = twice.units(motion)
         # The waves that twice the period adds. Along one direction of their coefficients, the
         # equations are singular.
-        new = np.concatenate([_orders(size) % 2 for size in (*twice.sizes, 1)]) > 0
+        new = np.concatenate([(np.arange(size) + 1) // 2 % 2 for size in (*twice.sizes, 1)]) > 0
         jacobian = twice.equations(unknowns)[0][:-1] * units
         way = np.zeros(len(unknowns))
         way[new] = np.linalg.svd(jacobian[:, new])[2][-1]
@@ -184,11 +170,10 @@ class HarmonicBalance:
         pump = self._mechanism
         r, b, c = pump.crank.length, pump.coupler.length, pump.rod.length
         places = pump.slider.position, *np.linspace(abs(b - c) + r, b + c - r, _PLACES + 2)[1:-1]
-        two_turns = np.append(self.angles, self.angles + 2 * math.pi)
         for speed in np.geomspace(first, last, _SPEEDS):
             for x in places:
                 with suppress(LinkageError):  # at some crank angle, the dyad cannot close
-                    resting = np.array(np.broadcast_arrays(two_turns, x, speed, 0.0))
+                    resting = np.array(np.broadcast_arrays(self.angles, x, speed, 0.0))
                     guess, _ = self.guess(np.unwrap(self.solver.converted(resting)), 0.0)
                     if motion := self.find(guess, self.axis(of_speed=True)):
                         yield motion
@@ -256,10 +241,10 @@ class HarmonicBalance:
         w0' dxD/dphi1. The equations become B (X0, a1, b1, w0)' = -J (X0, a1, b1, w0), where J is
         their Jacobian. The rate of X0 does not occur, so X0 follows from the other unknowns.
         """
-        functions, weights = self._waves[0][..., 1:], self._weights[0][1:]
-        places, slopes, _ = functions @ unknowns[1:4]
+        functions, weights = self._waves[0], self._weights[0]
+        places, slopes, _ = functions @ unknowns[:3]
         (m11, m12), (_, m22) = self.solver.matrix((self.angles, places))
-        speed = unknowns[4]
+        speed = unknowns[3]
         # The forces by the rates of X0, a1, b1 and w0.
         push = np.column_stack((2 * speed * functions[1], slopes))
         push[:, 0], spin = 0.0, np.eye(1, 4, 3)
@@ -269,7 +254,7 @@ class HarmonicBalance:
                 np.mean(m11[:, None] * spin + m12[:, None] * push, axis=0),
             )
         )
-        jacobian = self.equations(unknowns)[0][1:-1, 1:-1]
+        jacobian = self.equations(unknowns)[0][:-1, :-1]
         times = np.linalg.eigvals(np.linalg.solve(-jacobian, inertia))
         growth = 1 / times[np.argsort(-np.abs(times))][:3]  # X0 has no rate: the fourth time is 0
         return by_size(np.exp(growth * (2 * math.pi / speed)))
@@ -298,24 +283,13 @@ class HarmonicBalance:
                 some = by[3 * i : 3 * i + len(functions), :, None] * functions
                 jacobian[part, other] = weights @ some.sum(axis=0)
         jacobian[self._parts[-1], -1] = -self._weights[-1].sum(axis=1)
-        for part in self._parts[:-1]:
-            jacobian[part.start, part.start] = 1.0
         return jacobian, residuals
-
-
-def _orders(size: int) -> Array:
-    """Returns the number of waves per period for each coefficient of a series."""
-    found: Array = np.maximum(0, np.arange(size) + size % 2) // 2
-    return found
 
 
 def _over_twice(row: Array) -> Array:
     """Returns the coefficients of a series for twice as many turns."""
-    first = 2 - len(row) % 2
-    wide = np.zeros(2 * len(row) - first)
-    wide[:first], wide[first + 2 :: 4], wide[first + 3 :: 4] = (
-        row[:first], row[first::2], row[first + 1 :: 2],
-    )  # fmt: skip
+    wide = np.zeros(2 * len(row) - 1)
+    wide[0], wide[3::4], wide[4::4] = row[0], row[1::2], row[2::2]
     return wide
 
 

@@ -43,11 +43,11 @@ def parts_of(turns: int, harmonics: int) -> Array:
 
 
 def waves(angles: Array, count: int, turns: int, derivative: int = 0) -> Array:
-    """Evaluates [phi], 1, cos phi/n, sin phi/n, cos 2 phi/n, ... for n turns, or derivatives.
+    """Evaluates 1, cos phi/n, sin phi/n, cos 2 phi/n, ... for n turns, or their derivatives.
 
     Args:
         angles: phi, of shape (m), rad.
-        count: Number of functions; the first is phi if the number is even.
+        count: Number of functions, odd.
         turns: Number of turns n.
         derivative: Order of the derivative.
 
@@ -60,13 +60,10 @@ def waves(angles: Array, count: int, turns: int, derivative: int = 0) -> Array:
 @functools.lru_cache(256)  # most are used repeatedly, at equal angles
 def _waves(angles: bytes, count: int, turns: int, derivative: int) -> Array:
     first = np.exp(1j / turns * np.frombuffer(angles))
-    orders = np.arange(1, (count + 1) // 2) / turns
+    orders = np.arange(1, count // 2 + 1) / turns
     powers = np.cumprod(np.broadcast_to(first[:, None], (len(first), len(orders))), axis=1)
     pairs = (powers * (1j * orders) ** derivative).view(float)  # cosines and sines in turn
     found: Array = np.insert(pairs, 0, float(derivative == 0), axis=1)
-    if count % 2 == 0:
-        turning = np.frombuffer(angles) if derivative == 0 else float(derivative == 1)
-        found = np.insert(found, 0, turning, axis=1)
     found.flags.writeable = False
     return found
 
@@ -78,8 +75,7 @@ class PeriodicMotion:
     Attributes:
         solver: Solver of the pump.
         damping: Decrease of the motor torque per unit of crank speed, N m s.
-        places: Coefficients of the positions of the solver's places, m or rad: the turns of the
-            place per turn of the crank, its mean, and those of the waves.
+        places: Coefficients of the positions of the solver's places, m or rad.
         crank: Coefficients of the crank's speed, rad/s.
         torque: Torque of the motor at rest, N m.
         turns: Number of turns after which the motion repeats.
@@ -103,7 +99,7 @@ class PeriodicMotion:
     @property
     def harmonics(self) -> int:
         """Number of periods per turn of the shortest wave."""
-        return (len(self.places[0]) - 2) // 2 // self.turns
+        return len(self.crank) // 2 // self.turns + 1
 
     @property
     def units(self) -> Array:
@@ -152,7 +148,7 @@ class PeriodicMotion:
     def slider(self) -> Array:
         """Coefficients of the slider's position, m."""
         if self.solver.by_slider:
-            return self.places[0][1:]
+            return self.places[0]
         count = len(self.angles)
         *_, slider = self._state.position
         found: Array = waves(self.angles, count - 1, self.turns).T @ slider * (2 / count)
@@ -199,7 +195,7 @@ class PeriodicMotion:
         Returns:
             Coefficients of the first place, in its unit.
         """
-        found = self.places[0][2:]
+        found = self.places[0][1:]
         chosen = np.repeat(np.arange(1, len(found) // 2 + 1) % part > 0, 2)
         parts: Array = found[chosen] / self.solver.units[0]
         return parts
