@@ -241,33 +241,6 @@ def test_a_motion_is_followed_past_the_stretched_dyad(rod, position):
     assert w == pytest.approx(steps.phase[2], abs=0.01)
 
 
-def test_a_crank_that_comes_to_rest_near_the_stretched_dyad_does_not_turn():
-    pump = replace(
-        PUMP,
-        crank=Body(0.185, 20.0, 1.075, (-0.121, 0.0)),
-        coupler=Coupler(0.409, 18.42, 0.789, (0.404, 0.079)),
-        rod=Body(0.378, 4.973, 0.283, (0.247, 0.0)),
-        slider=Piston(
-            0.458, mass=14.82, damping=8.737, force=-27.16, stiffness=101.5, rest_position=0.409
-        ),
-    )
-    motor = Motor(4.725, 0.947)
-    # The last start comes to rest in the other assembly.
-    starts = (0.0, 0.466997, 3.482, -0.4108), (0.0, 0.568, 3.086, 0.849)
-    solver = PumpSolver(pump)
-    found = Motions(solver, motor, solver.converted(np.array(starts).T))
-    found.advance(350)
-    assert not found.ended.any()
-    for number, start in enumerate(starts):
-        steps = FixedSteps(DrivenMechanism(Solver(pump), motor.at), start, 0.02, 1e-6)
-        steps.advance(float(found.times[-1][number]))
-        rest = steps.driven.crank(steps.phase, steps.pairs)
-        cranks, speeds = np.array([phase[[0, 3], number] for phase in found.phases]).T
-        assert cranks.max() < 2 * math.pi
-        assert cranks[-1] == pytest.approx(rest, abs=0.1)
-        assert speeds.max() < motor.torque / motor.damping + 0.1
-
-
 def test_a_pump_that_does_not_settle_in_time_says_so(motions):
     # For the first turns it stays beside the unstable state.
     x, w, v = motions[1].at(np.zeros(1))[:, 0].tolist()
