@@ -178,7 +178,7 @@ DEFINED = {
         'from 1e3 to 1e7 N m s', 'the first 0.1 s', 'more than 20 steps', '(10 in two',
         'over 30 s', 'tolerance is 1e-7', 'below 0.1 and', 'exceeds 0.2', 'change point by 1e-9 m',
         'keeps 150 rpm', 'ticks of 1 ms', '16 or more', '256 motions',
-        '3 % of the crank', '1, 2 or 4 turns', 'up to 8 turns', 'changes by 5 %', 'crank angle 0',
+        '3 % of the crank', '1, 2 or 4 turns', 'turns, at most 8', 'changes by 5 %', 'crank angle 0',
         'at 3 to 100 %',
         'documents 1 and 3', 'figure 3',
         'document 3',
