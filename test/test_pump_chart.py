@@ -230,7 +230,6 @@ def test_a_motion_is_followed_past_the_stretched_dyad(rod, position):
     solver = PumpSolver(pump)
     found = Motions(solver, MOTOR, solver.converted(np.array([start]).T))
     found.advance(60)
-    assert not found.ended
     steps, ways = FixedSteps(DrivenMechanism(Solver(pump), MOTOR.at), start), set()
     for time in np.linspace(0, found.times[-1][0], 500)[1:]:
         steps.advance(time)
@@ -296,7 +295,7 @@ def test_a_state_of_two_turns_is_found_beside_one_of_one_turn(doubled):
     # The slider goes forth and back once in the two turns.
     assert twice.flow == pytest.approx(twice.stroke * twice.speed / 2, rel=1e-9)
     assert doubled.unidentified < 0.02
-    assert doubled.shares[0] > 0.4 < doubled.shares[2] + doubled.ended
+    assert doubled.shares[0] > 0.4 < doubled.shares[2]
     record = json.loads(json.dumps(doubled.record(), allow_nan=False))
     assert [state['period'] for state in record['states']] == [1, 1, 2, 1]
     assert len(record['states'][2]['speeds']) == 2
@@ -410,7 +409,7 @@ def test_the_states_of_a_pump_do_not_depend_on_the_assembly_at_the_start(doubled
 
 
 def test_unsettled_starts_give_a_warning_with_their_share(analysis):
-    assert (analysis.unidentified, analysis.ended, analysis.stopped) == (0, 0, 0)
+    assert (analysis.unidentified, analysis.stopped) == (0, 0)
     assert not any('warning' in line for line in states_table(analysis))
     *_, last = states_table(analysis._replace(unidentified=0.25))
     assert last.startswith('warning: 25.0% of 256 starts settle at no state')
@@ -428,7 +427,6 @@ def test_a_motion_whose_crank_nearly_stops_in_each_period_is_named_with_its_turn
     found = Motions(solver, Motor(13.54445, 1.360195), starts)
     for _ in range(36):
         found.advance(50)
-    assert not found.ended.any()
     (motion,) = alternating_motions([found.speeds(0)], [9.8], 4)
     # By another program, which integrates the angles of all links.
     assert motion['speed'] == pytest.approx(4.7473, rel=0.01)
@@ -493,9 +491,7 @@ def test_a_pump_does_not_settle_at_a_saddle(motions):
 
 def test_a_pump_without_a_state_is_drawn_and_recorded(analysis, tmp_path):
     runs = [run._replace(state=None) for run in analysis.runs]
-    none = analysis._replace(
-        states=[], averaged=[], sensitivities=[], runs=runs, shares=[], ended=0.0
-    )
+    none = analysis._replace(states=[], averaged=[], sensitivities=[], runs=runs, shares=[])
     assert states_table(none) == ['no settled motion found']
     draw_pump(none._replace(pieces=[]), 'no state', tmp_path / 'none.png', DPI)
     record = json.loads(json.dumps(none.record(), allow_nan=False))

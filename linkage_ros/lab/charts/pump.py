@@ -136,8 +136,6 @@ def _draw_runs(axes: Axes, analysis: Analysis, colors: _Colors) -> None:
     for run in analysis.runs:
         color = _REST if run.state is None else colors[analysis.states[run.state].piece]
         axes.plot(run.times, run.speeds, '-', color=color, linewidth=0.7)
-        if run.ended:
-            axes.plot(run.times[-1], run.speeds[-1], 'X', color='black', markersize=9)
     for state in analysis.states:
         line, place = ('-', 0.98) if state.motion.stable else ('--', 0.6)
         axes.axhline(state.motion.speed, color='black', linewidth=1, linestyle=line)

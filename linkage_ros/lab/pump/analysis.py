@@ -23,7 +23,6 @@ from linkage_ros.lab.pump.load_curve import (
     steady_states,
     with_curves,
 )
-from linkage_ros.lab.pump.motions import ENDED
 from linkage_ros.lab.pump.periodic_motion import PeriodicMotion
 from linkage_ros.lab.pump.settling import Search, prepared, require_slow
 from linkage_ros.model.wind_pump import WindPump
@@ -49,14 +48,12 @@ class Start(NamedTuple):
         times: Times, s.
         speeds: Crank speeds at these times, rad/s.
         state: Number of the steady state that the motion reaches; None if it reaches none.
-        ended: Reason why the motion ended; None if it did not end.
     """
 
     name: str
     times: Array
     speeds: Array
     state: int | None
-    ended: str | None
 
 
 class Analysis(NamedTuple):
@@ -73,7 +70,6 @@ class Analysis(NamedTuple):
             its relative changes, or the reason why that state is unknown.
         runs: Motions from named starts.
         shares: Fraction of the starts that settle at each state, by its number.
-        ended: Fraction of the starts whose motion cannot be continued.
         stopped: Fraction of the starts from which the crank comes to rest, or rocks to and fro.
         unidentified: Fraction of the starts with another or an unknown outcome.
         alternating: Records of motions that alternate between the assemblies and repeat, but were
@@ -89,7 +85,6 @@ class Analysis(NamedTuple):
     sensitivities: list[dict[str, Any]]
     runs: list[Start]
     shares: list[float]
-    ended: float
     stopped: float
     unidentified: float
     alternating: list[dict[str, Any]]
@@ -105,8 +100,7 @@ class Analysis(NamedTuple):
             ],
             'averaged_states': [motion and motion.numbers for motion in self.averaged],
             'starts': {
-                'count': COUNT, 'ended': self.ended, 'stopped': self.stopped,
-                'unidentified': self.unidentified,
+                'count': COUNT, 'stopped': self.stopped, 'unidentified': self.unidentified,
             },
             'alternating_motions': self.alternating,
             'jump_spread_over_slider_speed': self.spread,
@@ -123,7 +117,7 @@ class Analysis(NamedTuple):
             ],
             'runs': [
                 {
-                    'start': run.name, 'settles_at_state': run.state, 'ended': run.ended,
+                    'start': run.name, 'settles_at_state': run.state,
                     'duration': float(run.times[-1]),
                 }
                 for run in self.runs
@@ -204,12 +198,10 @@ def analyse(
             Start(
                 name, times[:, number], phases[:, -2, number],
                 None if settled[number] < 0 else int(settled[number]),
-                ENDED if motions.ended[number] else None,
             )
             for number, name in zip(others, names, strict=True)
         ],
         [float(np.mean(settled[of_box] == number)) for number in range(len(states))],
-        float(np.mean(search.ended[of_box])),
         float(np.mean(search.stopped[of_box])),
         max(0.0, len(unidentified) / COUNT - named),
         alternating,

@@ -23,8 +23,6 @@ _ERROR = np.array(DORMAND_PRINCE.error)
 # Tolerance of a step: rad and crank lengths; for rates, relative to the motor's speed.
 _TOLERANCE = 5e-4
 _FINE, _SAMPLES = 1e-7, 128  # tolerance of further turns, and samples of each
-_SHORTEST = 1e-5  # shortest step, relative to the time in which the crank turns by 1 rad
-ENDED = 'coupler and rod become perpendicular to the guide at the same time'
 _KEPT = 400  # steps that are searched for the last turns
 _GONE = 150.0  # longest time for further turns, relative to the time for 1 rad
 
@@ -34,9 +32,9 @@ class Motions:
 
     Attributes:
         active: Numbers of the motions that are still integrated.
+        pace: Largest speed of the motor and of the cranks at the start, rad/s.
         times: Times, s, of all motions after each step; arrays of shape (n).
         phases: Phases of the solver after each step; arrays of shape (k, n).
-        ended: Whether each motion needs too short steps; shape (n).
     """
 
     def __init__(self, solver: PumpSolver, motor: Motor, starts: Array) -> None:
@@ -49,13 +47,12 @@ class Motions:
         """
         self._solver, self._there, self._motor = solver, starts.copy(), motor
         still = motor.torque / motor.damping if motor.damping else 0.0
-        self._pace = max(starts[-2].max(), still)
+        self.pace = max(starts[-2].max(), still)
         *places, rate = solver.units
-        self._units = np.array((1.0, *places, self._pace, self._pace * rate))[:, None]
+        self._units = np.array((1.0, *places, self.pace, self.pace * rate))[:, None]
         self._slope = self._slopes(self._there)
-        self._step = np.full(starts.shape[1], 0.1 / self._pace)
+        self._step = np.full(starts.shape[1], 0.1 / self.pace)
         self.active: Any = np.arange(starts.shape[1])
-        self.ended: Any = np.isnan(self._slope).any(axis=0)
         self.times, self.phases = [np.zeros(starts.shape[1])], [starts.copy()]
 
     def advance(self, steps: int) -> None:
@@ -75,7 +72,7 @@ class Motions:
         error = h * (_ERROR @ slopes).reshape(start.shape) / self._units
         worst = np.nan_to_num(np.abs(error).max(axis=0) / _TOLERANCE, nan=np.inf)
         self._solver.close(end)
-        good = (worst <= 1) & ~self.ended[on]
+        good = worst <= 1
         times[on] += np.where(good, h, 0.0)
         there[:, on] = np.where(good, end, start)
         self._there = there
@@ -83,7 +80,6 @@ class Motions:
         self.phases.append(there)
         self._slope[:, on] = np.where(good, slopes[-1].reshape(start.shape), self._slope[:, on])
         self._step[on] = h * np.clip(0.9 * np.maximum(worst, 1e-9) ** -0.2, 0.2, 4.0)
-        self.ended |= self._step < _SHORTEST / self._pace
 
     def _slopes(self, there: Array) -> Array:
         return self._solver.slopes(self._motor.at(there[-2]), *there)
@@ -96,10 +92,8 @@ class Motions:
             turns: Number of forward turns of the crank.
 
         Returns:
-            Phases, of shape (k, steps); None if the motion has ended or has turned backwards.
+            Phases, of shape (k, steps); None if the crank has turned backwards.
         """
-        if self.ended[number]:
-            return None
         rows = np.array([phase[:, number] for phase in self.phases[-_KEPT:]])
         inside = rows[:, 0] > rows[-1, 0] - 2 * math.pi * turns
         forwards = not inside[0] and rows[inside, -2].min() > 0
@@ -127,7 +121,7 @@ class Motions:
             return float(min(end - phase[0], phase[-2]))
 
         is_left.terminal = True  # type: ignore[attr-defined]  # as SciPy requires
-        span = 0.0, _GONE / self._pace
+        span = 0.0, _GONE / self.pace
         with np.errstate(all='ignore'):
             course = solve_ivp(
                 slopes, span, start, 'DOP853', dense_output=True, events=is_left, rtol=_FINE,

@@ -15,7 +15,7 @@ from linkage_ros.dynamics.solver import Solver
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.lab.pump.equations import smoothed
 from linkage_ros.lab.pump.harmonic_balance import EXACT, HarmonicBalance
-from linkage_ros.lab.pump.motions import ENDED, Motions
+from linkage_ros.lab.pump.motions import Motions
 from linkage_ros.lab.pump.periodic_motion import PeriodicMotion
 from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
@@ -61,7 +61,7 @@ class Search:
     Attributes:
         motions: All motions; the last of them start near unstable states.
         states: The known states, stable or not.
-        unstable: The unstable states known at the start, if a motion can start near them.
+        unstable: The unstable states known at the start.
         belongs: Number of the state at which each motion settles; -1 if none is known.
         stopped: Whether the crank of each motion has stopped, or rocks to and fro.
     """
@@ -72,11 +72,7 @@ class Search:
     ) -> None:  # fmt: skip
         """Starts the search with the known states; the first `drawn` motions are for the chart."""
         self._balance, self._motor, self.states = balance, motor, list(states)
-        unstable = [state for state in self.states if not state.stable]
-        slopes = balance.solver.slopes
-        self.unstable = [
-            one for one in unstable if np.isfinite(slopes(0.0, *_starts_near(one))).all()
-        ]
+        self.unstable = [state for state in self.states if not state.stable]
         starts = np.hstack((starts, *map(_starts_near, self.unstable)))
         # Motions for the chart are integrated further after they have settled.
         self._drawn: Any = np.full(starts.shape[1], fill_value=True)
@@ -86,17 +82,12 @@ class Search:
         self.stopped: Any = self.belongs > 0
 
     @property
-    def ended(self) -> Any:
-        """Whether each motion cannot be continued."""
-        return (self.belongs < 0) & self.motions.ended
-
-    @property
     def unidentified(self) -> Any:
-        """Whether each motion has neither ended nor stopped nor settled at a known state."""
-        return (self.belongs < 0) & ~self.ended & ~self.stopped
+        """Whether each motion has neither stopped nor settled at a known state."""
+        return (self.belongs < 0) & ~self.stopped
 
     def run(self, progress: Callable[[Iterable[Any], str], Any], checks: int) -> None:
-        """Advances the motions until all have settled or ended, at most for `checks` checks."""
+        """Advances the motions until all have settled, at most for `checks` checks."""
         rare = 0
         for check in progress(range(1, checks + 1), 'motions'):
             self.motions.advance(_STEPS)
@@ -115,9 +106,11 @@ class Search:
 
     def _assign(self) -> None:
         """Assigns motions to the states that they have reached or are approaching."""
-        phases = self.motions.phases
+        phases, times = self.motions.phases, self.motions.times
         turned = np.abs(phases[-1][0] - phases[-_LONG:][0][0]) > np.pi
-        self.stopped = (self.belongs < 0) & ~self.ended & ~turned
+        # A motion with extremely short steps has not stopped.
+        is_long = (times[-1] - times[-_LONG:][0]) * self.motions.pace > np.pi
+        self.stopped = (self.belongs < 0) & ~turned & is_long
         left = np.flatnonzero(self.unidentified)
 
         def rows(back: int, turns: int = 1) -> Array:
@@ -321,8 +314,6 @@ def settle(
     balance, start, _ = prepared(mechanism, motor, [speed])
     search = Search(balance, motor, start)
     search.run(progress, _CHECKS)
-    if search.motions.ended[0]:
-        raise ConfigurationError(f'from {speed:g} rad/s the motion ends: {ENDED}')
     if search.belongs[0] < 0:
         turns = search.motions.phases[-1][0, 0] / (2 * np.pi)
         raise ConfigurationError(

@@ -28,8 +28,6 @@ def states_table(analysis: Analysis) -> list[str]:
         Lines for a monospaced font.
     """
     ends = {
-        'warning: {} cannot be followed to their end, where coupler and rod are perpendicular to '
-        'the guide at once; states that they may reach are not listed': analysis.ended,
         '{} come to rest, or rock to and fro': analysis.stopped,
         'warning: {} settle at no state that is listed: their motion is quasi-periodic, chaotic, '
         'of a long period, or had not settled when its time ran out (slow where motor.damping or '
