@@ -24,7 +24,7 @@ _ERROR = np.array(DORMAND_PRINCE.error)
 _TOLERANCE = 5e-4
 _FINE, _SAMPLES = 1e-7, 128  # tolerance of further turns, and samples of each
 _KEPT = 400  # steps that are searched for the last turns
-_GONE = 150.0  # longest time for further turns, relative to the time for 1 rad
+_LONGEST = 75.0  # longest time for a further turn, relative to that for 1 rad at no load
 
 
 class Motions:
@@ -45,12 +45,12 @@ class Motions:
             motor: Motor of the pump.
             starts: Phases of the solver, of shape (k, n).
         """
-        self._solver, self._there, self._motor = solver, starts.copy(), motor
+        self._solver, self._motor = solver, motor
         still = motor.torque / motor.damping if motor.damping else 0.0
         self.pace = max(starts[-2].max(), still)
         *places, rate = solver.units
         self._units = np.array((1.0, *places, self.pace, self.pace * rate))[:, None]
-        self._slope = self._slopes(self._there)
+        self._slope = self._slopes(starts)
         self._step = np.full(starts.shape[1], 0.1 / self.pace)
         self.active: Any = np.arange(starts.shape[1])
         self.times, self.phases = [np.zeros(starts.shape[1])], [starts.copy()]
@@ -62,7 +62,7 @@ class Motions:
                 self._try()
 
     def _try(self) -> None:
-        on, there, times = self.active, self._there.copy(), self.times[-1].copy()
+        on, there, times = self.active, self.phases[-1].copy(), self.times[-1].copy()
         h, start = self._step[on], there[:, on]
         slopes = np.empty((7, start.size))
         slopes[0] = self._slope[:, on].ravel()
@@ -75,7 +75,6 @@ class Motions:
         good = worst <= 1
         times[on] += np.where(good, h, 0.0)
         there[:, on] = np.where(good, end, start)
-        self._there = there
         self.times.append(times)
         self.phases.append(there)
         self._slope[:, on] = np.where(good, slopes[-1].reshape(start.shape), self._slope[:, on])
@@ -121,7 +120,7 @@ class Motions:
             return float(min(end - phase[0], phase[-2]))
 
         is_left.terminal = True  # type: ignore[attr-defined]  # as SciPy requires
-        span = 0.0, _GONE / self.pace
+        span = 0.0, _LONGEST * turns / self.pace
         with np.errstate(all='ignore'):
             course = solve_ivp(
                 slopes, span, start, 'DOP853', dense_output=True, events=is_left, rtol=_FINE,
