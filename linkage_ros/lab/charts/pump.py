@@ -193,10 +193,10 @@ def _draw_over_torque(axes: Axes, analysis: Analysis, colors: _Colors, quantity:
         # Where a curve was not followed further, the range may extend further.
         two = ', '.join(
             f'{"at most " * (one["low_is"] in {END, LOST})}{one["low"]:.4g} to '
-            f'{"at least " * (one["high_is"] in {END, LOST})}{one["high"]:.4g} N m'
+            f'{"at least " * (one["high_is"] in {END, LOST})}{one["high"]:.4g}'
             for one in ranges
         )
-        axes.set_title(f'Two or more stable states: {two or "nowhere here"}')
+        axes.set_title(f'Two or more stable states: {f"{two} N m" if two else "none found"}')
 
 
 def _draw_branch(axes: Axes, analysis: Analysis, colors: _Colors, x: str, y: str) -> None:

@@ -25,6 +25,7 @@ from linkage_ros.lab.pump.load_curve import (
 )
 from linkage_ros.lab.pump.periodic_motion import PeriodicMotion
 from linkage_ros.lab.pump.settling import Search, prepared, require_slow
+from linkage_ros.model.load_curve import LoadCurve
 from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.motion.drives import Motor
 from linkage_ros.numeric import Array
@@ -32,7 +33,7 @@ from linkage_ros.numeric import Array
 _CHANGES = (0.95, 1.05)  # of the motor's torque
 CHANGED = 'speed', 'stroke', 'flow'  # quantities of which changes are given
 _SLOWEST, _FASTEST = 1 / 3, 10.0  # ends of the load curve, relative to the extreme start speeds
-_ALIKE = 0.1  # largest relative difference in speed of a motion and its averaged motion
+_ALIKE = 0.1  # largest relative difference in speed and stroke of a motion and its average
 # Of the starts: smallest speed of the crank; largest of the slider, relative to the crank pin's.
 _SLOW, _SLIDING = 0.03, 2.0
 # Number of starts, of which a state that attracts 2 % is missed in one run of 170; and largest
@@ -74,6 +75,7 @@ class Analysis(NamedTuple):
         unidentified: Fraction of the starts with another or an unknown outcome.
         alternating: Records of motions that alternate between the assemblies and repeat, but were
             not found as Fourier series.
+        has_corners: Whether a load is a curve, which has corners.
         spread: Slider speed below which loads that jump are smoothed, m/s; 0: no load jumps.
     """
 
@@ -88,6 +90,7 @@ class Analysis(NamedTuple):
     stopped: float
     unidentified: float
     alternating: list[dict[str, Any]]
+    has_corners: bool
     spread: float
 
     def record(self) -> dict[str, Any]:
@@ -205,6 +208,7 @@ def analyse(
         float(np.mean(search.stopped[of_box])),
         max(0.0, len(unidentified) / COUNT - named),
         alternating,
+        any(isinstance(load, LoadCurve) for load in pump.loads),
         max((getattr(load, 'width', 0.0) for load in pump.loads), default=0.0),
     )  # fmt: skip
 
@@ -215,7 +219,8 @@ def _averaged(pump: WindPump, motion: PeriodicMotion) -> PeriodicMotion | None:
         return None
     averaging = HarmonicBalance(replace(pump, assembly=motion.assembly), motion.damping, AVERAGED)
     found = averaging.find(averaging.sized(motion.slider, motion.crank, np.array([motion.torque])))
-    return found if found and abs(found.speed / motion.speed - 1) < _ALIKE else None
+    changes = [getattr(found, x) / getattr(motion, x) - 1 for x in ('speed', 'stroke') if found]
+    return found if found and np.abs(changes).max() < _ALIKE else None
 
 
 def _box(mechanism: WindPump, pace: float) -> Array:

@@ -46,7 +46,8 @@ _FINEST, _MOST = 128, 256  # most harmonics per turn and per period
 _SPEEDS, _PLACES = 12, 7  # harmonics of guesses with a slider at rest
 _ROUGH = 0.6  # harmonics of a guess, relative to the samples per turn
 _WILD = 100.0  # larger multipliers of averaged motions, near a stretched dyad, are meaningless
-_TAIL = 1e-4  # largest coefficient of the last harmonic, in crank lengths
+# Largest coefficient of the last harmonic, in crank lengths; with the most harmonics.
+_TAIL, _ROUGHEST = 1e-6, 1e-4
 # Largest steps of Newton's method, relative; from a neighbouring motion, 4 or 5 steps suffice.
 _STEPS = (1.0,) * 4 + (0.1,) * 3 + (0.01,) * 5
 _DOUBLED = 0.1  # amplitude of the added waves in the guess of a doubled motion, in its units
@@ -222,14 +223,11 @@ class HarmonicBalance:
         if self._harmonics == AVERAGED:
             averaged = PeriodicMotion(*given, self._slow_multipliers(unknowns))
             return averaged if abs(averaged.multipliers[0]) < _WILD else None
-        tail = max(
-            np.abs(row[-2:]).max() / unit
-            for row, unit in zip(places, self.solver.units, strict=False)
-        )
-        if tail < _TAIL:  # next to a stretched dyad, multipliers may not be finite
-            return motion if np.isfinite(motion.multipliers).all() else None
         harmonics = 2 * self._harmonics
-        if harmonics > _FINEST or harmonics * self.turns > _MOST:
+        is_finest = harmonics > _FINEST or harmonics * self.turns > _MOST
+        if motion.tail < (_ROUGHEST if is_finest else _TAIL):
+            return motion if np.isfinite(motion.multipliers).all() else None
+        if is_finest:
             return None
         finer = self.over(self.turns, harmonics)
         return finer.find(finer.unknowns(motion), finer.sized(*self._split(row)))

@@ -23,14 +23,13 @@ from linkage_ros.lab.pump.periodic_motion import PeriodicMotion
 # Kinds of stability loss. The largest multiplier is 1 (two motions merge), -1, or a complex pair.
 FOLD, PERIOD_DOUBLING, TORUS = 'fold', 'period doubling', 'torus'
 # Ends of a curve: a limit of speed or torque; or no next motion, because the crank nearly stops or
-# the dyad is stretched.
-END, LOST = 'end of the scan', 'end of the description'
+# the motion needs too many harmonics.
+END, LOST = 'end of the scan', 'end of what was followed'
 ALONE = 'not followed further'  # ends of a piece with a single motion
 _GAP = 1e-2  # relative torque difference between a period doubling and the doubled motion
 # Longest step per turn and shortest step along a curve, in the units of the unknowns.
 _STEP, _SHORTEST = 0.3, 1e-2
 _SHARP, _STRAIGHT = 0.5, 0.9  # cosine of the angle between two steps: too small, and large
-_MOST_WAVES = 2  # most coefficients along a curve, relative to those of its equations
 _MOST = 400  # largest number of steps along a curve
 _ROUGH = 1e-4  # relative size of Newton's last step along a curve
 _FEW = 2  # most turns of states whose curves are followed: four turns take eight times as long
@@ -99,7 +98,7 @@ def steady_states(
     for piece in pieces:
         for one, other in itertools.pairwise(piece.motions):
             if (one.torque < torque) != (other.torque < torque):
-                equations = balance.over(one.turns)
+                equations = balance.over(one.turns, max(one.harmonics, other.harmonics))
                 start, end = equations.unknowns(one), equations.unknowns(other)
                 share = (torque - one.torque) / (other.torque - one.torque)
                 motion = equations.find(start + share * (end - start))
@@ -242,8 +241,6 @@ def _continued(
             continue
         if one.repeats_sooner or _is_doubled(motions[-1], one):
             return motions[1:], PERIOD_DOUBLING
-        if len(one.crank) > _MOST_WAVES * balance.sizes[-1]:  # a step would take too long
-            return motions[1:], LOST
         motions.append(one)
         if not (speeds[0] <= one.speed <= speeds[1] and one.torque > 0):
             return motions[1:], END

@@ -107,6 +107,12 @@ class PeriodicMotion:
         *places, rate = self.solver.units
         return np.array((*places, self.speed, rate * self.speed))
 
+    @property
+    def tail(self) -> float:
+        """Largest coefficient of the last harmonic, in crank lengths."""
+        rows = zip(self.places, self.solver.units, strict=False)
+        return max(float(np.abs(row[-2:]).max() / unit) for row, unit in rows)
+
     def at(self, angles: Array) -> Array:
         """Evaluates the motion at crank angles.
 

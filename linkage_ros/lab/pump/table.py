@@ -11,6 +11,7 @@ from linkage_ros.lab.pump.alternating import alternating_lines
 from linkage_ros.lab.pump.analysis import CHANGED, COUNT, Analysis
 from linkage_ros.lab.pump.equations import BOTH
 
+_FEW = 0.01  # share of the starts that is not worth a line
 _LARGE = 1e4  # multiplier of which only the magnitude is shown
 _NOTE = (
     'multiplier: growth of a small deviation over a period; Floquet: of the exact motion; '
@@ -36,8 +37,12 @@ def states_table(analysis: Analysis) -> list[str]:
     lines = [*_states_lines(analysis), *_changes_lines(analysis)]
     lines += [*_assembly_lines(analysis), *alternating_lines(analysis.alternating, COUNT)]
     lines += [
-        words.format(f'{share:.1%} of {COUNT} starts') for words, share in ends.items() if share
+        words.format(f'{share:.1%} of {COUNT} starts')
+        for words, share in ends.items()
+        if share > _FEW
     ]
+    if analysis.has_corners:
+        lines.append('the load curve has corners: speeds are right to about 0.005 %')
     if analysis.spread:
         lines.append(
             'the jump of load.return_value is spread over slider speeds of '
