@@ -135,15 +135,18 @@ def where(condition: Any, then: Real, otherwise: Real) -> Real:
     return then if condition else otherwise
 
 
-def require(condition: Any, refuse: Callable[..., object], *values: Real) -> None:
+def require(condition: Any, refuse: Callable[..., object] | None, *values: Real) -> None:
     """Guards the rest of a formula with a condition.
 
     Args:
         condition: Result of a comparison, which must be true for all elements of arrays.
-        refuse: Function that raises an error, called if the condition is false.
+        refuse: Function that raises an error, called if the condition is false; None: there is no
+            guard.
         *values: Arguments for `refuse`; from arrays, the first elements for which the condition
             is false.
     """
+    if refuse is None:
+        return
     recorded = next((x for x in (condition, refuse) if hasattr(x, 'tape')), None)
     if recorded is not None:
         recorded.tape.record('require', condition, refuse, *values)

@@ -38,9 +38,6 @@ from linkage_ros.model.loads import JointLoad, Load
 from linkage_ros.model.structure import Dyad, Link, Mechanism, Pin, Point, Structure
 from linkage_ros.numeric import Real
 
-# Replaces a function that rejects values; accepts all values.
-ACCEPT = Opaque(lambda *_: None)
-
 
 class Weight(NamedTuple):
     """The weights of all bodies, as a load; see `linkage_ros.model.loads.Load`.
@@ -105,10 +102,10 @@ class Model(NamedTuple):
     gravity: Vector
     loads: tuple[Load, ...]
     joint_loads: tuple[JointLoad, ...]
-    refuse: Opaque = ACCEPT
-    refuse_torque: Opaque = ACCEPT
-    refuse_forces: Opaque = ACCEPT
-    massless: Opaque = ACCEPT
+    refuse: Opaque | None = None
+    refuse_torque: Opaque | None = None
+    refuse_forces: Opaque | None = None
+    massless: Opaque | None = None
 
     @classmethod
     def of(

@@ -42,12 +42,13 @@ from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.numeric import Array
 
 AVERAGED, EXACT = 1, 16  # harmonics
-_FINEST, _MOST = 128, 256  # most harmonics per turn and per period
+_FINEST, _MOST = 128, 128  # most harmonics per turn and per period
 _SPEEDS, _PLACES = 12, 7  # harmonics of guesses with a slider at rest
 _ROUGH = 0.6  # harmonics of a guess, relative to the samples per turn
 _WILD = 100.0  # larger multipliers of averaged motions, near a stretched dyad, are meaningless
 # Largest coefficient of the last harmonic, in crank lengths; with the most harmonics.
 _TAIL, _ROUGHEST = 1e-6, 1e-4
+_SHARE = 0.1  # of that coefficient in the tolerance
 # Largest steps of Newton's method, relative; from a neighbouring motion, 4 or 5 steps suffice.
 _STEPS = (1.0,) * 4 + (0.1,) * 3 + (0.01,) * 5
 _DOUBLED = 0.1  # amplitude of the added waves in the guess of a doubled motion, in its units
@@ -202,14 +203,14 @@ class HarmonicBalance:
                     unknowns = unknowns - step
                     size = np.abs(step).max() / np.abs(unknowns).max()
                     if size < tolerance:
-                        return self._checked(unknowns, row)
+                        return self._checked(unknowns, row, tolerance)
                     if not size <= allowed:  # or nan
                         return None
         except (LinkageError, np.linalg.LinAlgError):
             pass
         return None
 
-    def _checked(self, unknowns: Array, row: Array) -> PeriodicMotion | None:
+    def _checked(self, unknowns: Array, row: Array, tolerance: float) -> PeriodicMotion | None:
         """Makes a motion from unknowns, with more harmonics if needed.
 
         Returns:
@@ -225,12 +226,12 @@ class HarmonicBalance:
             return averaged if abs(averaged.multipliers[0]) < _WILD else None
         harmonics = 2 * self._harmonics
         is_finest = harmonics > _FINEST or harmonics * self.turns > _MOST
-        if motion.tail < (_ROUGHEST if is_finest else _TAIL):
+        if motion.tail < (_ROUGHEST if is_finest else max(_TAIL, _SHARE * tolerance)):
             return motion if np.isfinite(motion.multipliers).all() else None
         if is_finest:
             return None
         finer = self.over(self.turns, harmonics)
-        return finer.find(finer.unknowns(motion), finer.sized(*self._split(row)))
+        return finer.find(finer.unknowns(motion), finer.sized(*self._split(row)), tolerance)
 
     def _slow_multipliers(self, unknowns: Array) -> tuple[complex, ...]:
         """Computes the Floquet multipliers of an averaged motion over a turn, the largest first.
@@ -278,8 +279,8 @@ class HarmonicBalance:
         ):
             residuals[part] = weights @ lack[0]
             for i, (other, functions) in enumerate(zip(self._parts, self._waves, strict=True)):
-                some = by[3 * i : 3 * i + len(functions), :, None] * functions
-                jacobian[part, other] = weights @ some.sum(axis=0)
+                some = by[3 * i : 3 * i + len(functions)]
+                jacobian[part, other] = weights @ np.einsum('vn,vnk->nk', some, functions)
         jacobian[self._parts[-1], -1] = -self._weights[-1].sum(axis=1)
         return jacobian, residuals
 
