@@ -42,12 +42,12 @@ from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.numeric import Array
 
 AVERAGED, EXACT = 1, 16  # harmonics
-_FINEST, _MOST = 128, 128  # most harmonics per turn and per period
+_FINEST, _MOST = 128, 256  # most harmonics per turn and per period
 _SPEEDS, _PLACES = 12, 7  # harmonics of guesses with a slider at rest
 _ROUGH = 0.6  # harmonics of a guess, relative to the samples per turn
 _WILD = 100.0  # larger multipliers of averaged motions, near a stretched dyad, are meaningless
 # Largest coefficient of the last harmonic, in crank lengths; with the most harmonics.
-_TAIL, _ROUGHEST = 1e-6, 1e-4
+TAIL, _ROUGHEST = 1e-6, 1e-4
 _SHARE = 0.1  # of that coefficient in the tolerance
 # Largest steps of Newton's method, relative; from a neighbouring motion, 4 or 5 steps suffice.
 _STEPS = (1.0,) * 4 + (0.1,) * 3 + (0.01,) * 5
@@ -226,7 +226,7 @@ class HarmonicBalance:
             return averaged if abs(averaged.multipliers[0]) < _WILD else None
         harmonics = 2 * self._harmonics
         is_finest = harmonics > _FINEST or harmonics * self.turns > _MOST
-        if motion.tail < (_ROUGHEST if is_finest else max(_TAIL, _SHARE * tolerance)):
+        if motion.tail < (_ROUGHEST if is_finest else max(TAIL, _SHARE * tolerance)):
             return motion if np.isfinite(motion.multipliers).all() else None
         if is_finest:
             return None

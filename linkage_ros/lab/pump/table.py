@@ -10,6 +10,7 @@ from operator import itemgetter
 from linkage_ros.lab.pump.alternating import alternating_lines
 from linkage_ros.lab.pump.analysis import CHANGED, COUNT, Analysis
 from linkage_ros.lab.pump.equations import BOTH
+from linkage_ros.lab.pump.harmonic_balance import TAIL
 
 _FEW = 0.01  # share of the starts that is not worth a line
 _LARGE = 1e4  # multiplier of which only the magnitude is shown
@@ -35,7 +36,7 @@ def states_table(analysis: Analysis) -> list[str]:
         'slider.damping is small); draw such motions with --speeds': analysis.unidentified,
     }  # fmt: skip
     lines = [*_states_lines(analysis), *_changes_lines(analysis)]
-    lines += [*_assembly_lines(analysis), *alternating_lines(analysis.alternating, COUNT)]
+    lines += [*_remarks(analysis), *alternating_lines(analysis.alternating, COUNT)]
     lines += [
         words.format(f'{share:.1%} of {COUNT} starts')
         for words, share in ends.items()
@@ -64,9 +65,12 @@ def _states_lines(analysis: Analysis) -> list[str]:
     return [*(widths.format(*row) for row in (*head, *rows)), _NOTE]
 
 
-def _assembly_lines(analysis: Analysis) -> Iterator[str]:
-    """Lines about states that are not in the assembly of the pump."""
+def _remarks(analysis: Analysis) -> Iterator[str]:
+    """Lines about states in another assembly, and about states with fewer correct digits."""
     for state in analysis.states:
+        if state.motion.tail > TAIL:
+            error = 10 * state.motion.tail
+            yield f'{state.name}: numbers are right to about {error:.0e} of their size'
         assembly = state.motion.assembly
         if assembly == BOTH:
             yield f'{state.name}: stretches the dyad, and so alternates between the assemblies'
