@@ -177,7 +177,7 @@ DEFINED = {
         'more than 0.25 s', 'a tolerance of 1e-13', 'below 0.5 ms', 'records use 1e-11',
         'from 1e3 to 1e7 N m s', 'the first 0.1 s', 'more than 20 steps', '(10 in two',
         'over 30 s', 'tolerance is 1e-7', 'below 0.1 and', 'exceeds 0.2', 'change point by 1e-9 m',
-        'keeps 150 rpm', 'ticks of 1 ms', '16 or more', '256 motions',
+        'keeps 150 rpm', 'ticks of 1 ms', '16 or more', '256 motions', '1 % of the starts',
         '3 % of the crank', '1, 2 or 4 turns', 'turns, at most 8', 'changes by 5 %',
         'crank angle 0', 'at 3 to 100 %',
         'documents 1 and 3', 'figure 3',
