@@ -22,7 +22,7 @@ from linkage_ros.numeric import Array, wrap
 
 _DIFFERENCE = 1e-5  # relative, for derivatives by central differences
 _FINE, _STEPS = 256, 4  # parts of a turn searched for reversals, and Newton steps per reversal
-_SAME = 1e-5  # relative difference below which numbers of two motions count as equal
+_SAME = 1e-4  # relative difference below which numbers of two motions count as equal
 # Parts of a turn, and nodes in each, of Gauss's quadrature over a turn.
 _PARTS, (_NODES, _WEIGHTS) = 8, np.polynomial.legendre.leggauss(48)
 _TINY = 1e-5  # amplitude below which a harmonic counts as absent, in crank lengths
