@@ -148,7 +148,7 @@ class PumpSolver(Solver):
         Raises:
             UnreachableError: The dyad cannot close.
         """
-        state = Solver(self.mechanism).state(tuple(phases[:2]), tuple(phases[2:]))
+        state = self.state(tuple(phases[:2]), tuple(phases[2:]))
         places, rates = (
             np.array([row[i] for i in self.places]) for row in (state.position, state.velocity)
         )

@@ -42,7 +42,7 @@ from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.numeric import Array
 
 AVERAGED, EXACT = 1, 16  # harmonics
-_FINEST, _MOST = 128, 256  # most harmonics per turn and per period
+_FINEST, MOST = 128, 256  # most harmonics per turn and per period
 _SPEEDS, _PLACES = 12, 7  # harmonics of guesses with a slider at rest
 _ROUGH = 0.6  # harmonics of a guess, relative to the samples per turn
 _WILD = 100.0  # larger multipliers of averaged motions, near a stretched dyad, are meaningless
@@ -225,7 +225,7 @@ class HarmonicBalance:
             averaged = PeriodicMotion(*given, self._slow_multipliers(unknowns))
             return averaged if abs(averaged.multipliers[0]) < _WILD else None
         harmonics = 2 * self._harmonics
-        is_finest = harmonics > _FINEST or harmonics * self.turns > _MOST
+        is_finest = harmonics > _FINEST or harmonics * self.turns > MOST
         if motion.tail < (_ROUGHEST if is_finest else max(TAIL, _SHARE * tolerance)):
             return motion if np.isfinite(motion.multipliers).all() else None
         if is_finest:

@@ -125,8 +125,12 @@ class PeriodicMotion:
         position, slope = (
             waves(angles, len(self.slider), self.turns, d) @ self.slider for d in (0, 1)
         )
-        speed = waves(angles, len(self.crank), self.turns) @ self.crank
+        speed = self._crank_speed(angles)
         return np.array((position, speed, speed * slope))
+
+    def _crank_speed(self, angles: Array) -> Array:
+        speed: Array = waves(angles, len(self.crank), self.turns) @ self.crank
+        return speed
 
     def phase(self, angles: Array) -> Array:
         """Returns the motion at crank angles as phases of the solver, without the crank angle.
@@ -138,7 +142,7 @@ class PeriodicMotion:
             np.array([waves(angles, len(row), self.turns, d) @ row for row in self.places])
             for d in (0, 1)
         )
-        speed = waves(angles, len(self.crank), self.turns) @ self.crank
+        speed = self._crank_speed(angles)
         return self.solver.phases(angles, places, speed, slopes * speed)[1:]
 
     def states(self, angles: Array) -> State:
@@ -215,7 +219,7 @@ class PeriodicMotion:
     @functools.cached_property
     def speed(self) -> float:
         """Mean crank speed over time, rad/s."""
-        speed = waves(self.angles, len(self.crank), self.turns) @ self.crank
+        speed = self._crank_speed(self.angles)
         return float(1 / np.mean(1 / speed))
 
     @functools.cached_property
@@ -223,7 +227,7 @@ class PeriodicMotion:
         """Mean crank speed over time in each turn, rad/s."""
         parts = np.arange(self.turns * _PARTS)[:, None] + (_NODES + 1) / 2
         angles = 2 * math.pi / _PARTS * parts.ravel()
-        speed = waves(angles, len(self.crank), self.turns) @ self.crank
+        speed = self._crank_speed(angles)
         times = (1 / speed).reshape(self.turns, _PARTS, -1) @ _WEIGHTS
         return (2 * _PARTS / times.sum(axis=1)).tolist()  # type: ignore[no-any-return]
 

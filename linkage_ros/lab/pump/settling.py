@@ -14,7 +14,7 @@ import numpy as np
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.lab.pump.equations import smoothed
-from linkage_ros.lab.pump.harmonic_balance import EXACT, HarmonicBalance
+from linkage_ros.lab.pump.harmonic_balance import EXACT, MOST, HarmonicBalance
 from linkage_ros.lab.pump.motions import Motions
 from linkage_ros.lab.pump.periodic_motion import PeriodicMotion
 from linkage_ros.model.wind_pump import WindPump
@@ -26,7 +26,7 @@ from linkage_ros.quantities import Quantity
 _FORWARDS = Quantity('number', 'motor torque at rest that turns the crank', 'N m', 1e-9, 1e12)
 
 _FASTEST_SETTLING = 25.0  # relative to the pace; if faster, a turn takes too many explicit steps
-_STEPS = 50  # steps between two checks of the motions; a turn takes about 8
+_STEPS = 50  # steps between two checks of the motions; a turn takes 8 to 20
 _LONG = 200  # steps, in which a crank that has not stopped makes half a turn
 _ROWS = 10  # steps, about a turn
 _BACK = 50  # steps between two compared distances of a motion from a state
@@ -48,7 +48,7 @@ _PERIODS = range(1, 9)  # turns after which a motion may repeat
 # Largest relative difference of the mean speeds of turns that may repeat; at the last attempt.
 _ALIKE, _ROUGHLY = 0.01, 0.05
 _REPEATS = 0.02  # allowed residual of a series over a period, relative to the motion's spread
-_FINER, _FINEST = 64, 256  # harmonics per turn and per period at the last attempt, at most
+_FINER = 64  # harmonics per turn at the last attempt, at most
 _ASIDE = 0.1  # distance of starts from an unstable state, in the units of `_NEAR`
 _CHECKS = 80  # of a single motion
 
@@ -94,13 +94,12 @@ class Search:
             self._assign()
             self.motions.active = np.flatnonzero((self.belongs < 0) | self._drawn)
             rare = rare + 1 if self.unidentified.mean() < _RARE else 0
-            is_late = check >= _LATE and rare >= _AGAIN
-            is_last = is_late or check == checks
-            is_due = check % _WAIT == 0 or is_last
+            is_late, is_last = check >= _LATE and rare >= _AGAIN, check == checks
+            is_due = check % _WAIT == 0 or is_late or is_last
             failures, due = 0, self.unidentified & is_due
             for number in np.flatnonzero(due).tolist():
                 if self.unidentified[number] and failures < _MOST_FAILURES:
-                    failures += self._identify(number, is_last=check == checks)
+                    failures += self._identify(number, is_last=is_last)
             if is_late or self.belongs.min() >= 0:
                 return
 
@@ -175,7 +174,7 @@ class Search:
                 if same >= 0:
                     self.belongs[number] = same
                     return 0
-                equations = self._balance.over(turns, min(_FINER, _FINEST // turns))
+                equations = self._balance.over(turns, min(_FINER, MOST // turns))
                 course = self.motions.next_turns
             last = course(number, 2 * turns)
             if last is None:
