@@ -27,8 +27,10 @@ import itertools
 import math
 from collections.abc import Iterator
 from contextlib import suppress
+from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import lu_factor, lu_solve
 
 from linkage_ros.errors import LinkageError
 from linkage_ros.lab.pump.equations import PumpSolver
@@ -42,18 +44,35 @@ from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.numeric import Array
 
 AVERAGED, EXACT = 1, 16  # harmonics
-_FINEST, MOST = 128, 256  # most harmonics per turn and per period
 _SPEEDS, _PLACES = 12, 7  # harmonics of guesses with a slider at rest
 _ROUGH = 0.6  # harmonics of a guess, relative to the samples per turn
 _WILD = 100.0  # larger multipliers of averaged motions, near a stretched dyad, are meaningless
-# Largest coefficient of the last harmonic, in crank lengths; with the most harmonics.
-TAIL, _ROUGHEST = 1e-6, 1e-4
-_SHARE = 0.1  # of that coefficient in the tolerance
+_ROUGHEST = 1e-4  # largest coefficient of the last of the most harmonics, in crank lengths
 # Largest steps of Newton's method, relative; from a neighbouring motion, 4 or 5 steps suffice.
 _STEPS = (1.0,) * 4 + (0.1,) * 3 + (0.01,) * 5
+# A Jacobian is used again after a step below _CLOSE if the steps decrease to _FALLS.
+_CLOSE, _FALLS = 0.1, 0.2
 _DOUBLED = 0.1  # amplitude of the added waves in the guess of a doubled motion, in its units
 _TINY = 1e-12  # smallest range of samples, m, rad or rad/s
 _DIFFERENCE = 1e-7  # relative change of the values of a motion, for derivatives
+
+
+class Accuracy(NamedTuple):
+    """How exactly a motion is computed.
+
+    Attributes:
+        error: Largest estimated error, relative.
+        tail: Largest coefficient of the last harmonic, in crank lengths. If the most harmonics do
+            not suffice, 1e-4 is allowed.
+        most: Largest number of harmonics per period.
+    """
+
+    error: float
+    tail: float
+    most: int
+
+
+STATE = Accuracy(1e-12, 1e-6, 256)  # of a steady state
 
 
 class HarmonicBalance:
@@ -90,6 +109,11 @@ class HarmonicBalance:
         """Returns the equations for another number of turns; 0 harmonics: as many as here."""
         return _balance(self._mechanism, self.damping, harmonics or self._harmonics, turns)
 
+    def finer(self, most: int) -> HarmonicBalance | None:
+        """Returns the equations with twice as many harmonics; None if a period has the most."""
+        harmonics = 2 * self._harmonics
+        return self.over(self.turns, harmonics) if harmonics * self.turns <= most else None
+
     def unknowns(self, motion: PeriodicMotion) -> Array:
         """Returns the unknowns of a motion with the same number of turns as these equations.
 
@@ -102,8 +126,8 @@ class HarmonicBalance:
         sizes = zip(rows, (*self.sizes, 1), strict=True)
         return np.concatenate([np.append(row, np.zeros(size))[:size] for row, size in sizes])
 
-    def _split(self, unknowns: Array) -> list[Array]:
-        """Returns the coefficients of each series, and the torque."""
+    def split(self, unknowns: Array) -> list[Array]:
+        """Splits unknowns into the coefficients of each series, and the torque."""
         return np.split(unknowns, [part.stop for part in self._parts])
 
     def units(self, motion: PeriodicMotion) -> Array:
@@ -113,7 +137,7 @@ class HarmonicBalance:
 
     def tangent(self, motion: PeriodicMotion) -> Array:
         """Differentiates the unknowns by the mean crank speed, along the load curve."""
-        jacobian, _ = self.equations(self.unknowns(motion))
+        jacobian = self.jacobian(self.unknowns(motion))
         row = jacobian[-1] = self.axis(of_speed=True)
         solved: Array = np.linalg.solve(jacobian, np.eye(len(row))[-1])
         return solved
@@ -157,7 +181,7 @@ class HarmonicBalance:
         # The waves that twice the period adds. Along one direction of their coefficients, the
         # equations are singular.
         new = np.concatenate([(np.arange(size) + 1) // 2 % 2 for size in (*twice.sizes, 1)]) > 0
-        jacobian = twice.equations(unknowns)[0][:-1] * units
+        jacobian = twice.jacobian(unknowns)[:-1] * units
         way = np.zeros(len(unknowns))
         way[new] = np.linalg.svd(jacobian[:, new])[2][-1]
         return twice.find(unknowns + _DOUBLED * way * units, way / units)
@@ -181,14 +205,14 @@ class HarmonicBalance:
                         yield motion
 
     def find(
-        self, guess: Array, fixed: Array | None = None, tolerance: float = 1e-6
+        self, guess: Array, fixed: Array | None = None, accuracy: Accuracy = STATE
     ) -> PeriodicMotion | None:
         """Finds a motion.
 
         Args:
             guess: Initial unknowns of Newton's method.
             fixed: Direction in which the unknowns are not changed; None keeps the torque.
-            tolerance: Relative size of the last step; the error is about the square of this size.
+            accuracy: How exactly the motion is computed.
 
         Returns:
             The motion; None if none was found.
@@ -196,27 +220,31 @@ class HarmonicBalance:
         unknowns, row = guess, self.axis(of_speed=False) if fixed is None else fixed
         try:
             with np.errstate(all='ignore'):  # an overflow ends the search below
+                size, is_new = math.inf, True
                 for allowed in _STEPS:
-                    jacobian, residuals = self.equations(unknowns)
-                    jacobian[-1] = row
-                    step = np.linalg.solve(jacobian, residuals)
+                    if is_new:
+                        jacobian = self.jacobian(unknowns)
+                        jacobian[-1] = row
+                        factors = lu_factor(jacobian, overwrite_a=True)
+                    step = lu_solve(factors, self.residuals(unknowns))
                     unknowns = unknowns - step
-                    size = np.abs(step).max() / np.abs(unknowns).max()
-                    if size < tolerance:
-                        return self._checked(unknowns, row, tolerance)
+                    before, size = size, np.abs(step).max() / np.abs(unknowns).max()
+                    if size * (size if is_new else size / before) < accuracy.error:
+                        return self._checked(unknowns, row, accuracy)
                     if not size <= allowed:  # or nan
                         return None
+                    is_new = size > min(_CLOSE, _FALLS * before)
         except (LinkageError, np.linalg.LinAlgError):
             pass
         return None
 
-    def _checked(self, unknowns: Array, row: Array, tolerance: float) -> PeriodicMotion | None:
+    def _checked(self, unknowns: Array, row: Array, accuracy: Accuracy) -> PeriodicMotion | None:
         """Makes a motion from unknowns, with more harmonics if needed.
 
         Returns:
             The motion; None if the crank stops or the motion needs too many harmonics.
         """
-        *places, crank, (torque,) = self._split(unknowns)
+        *places, crank, (torque,) = self.split(unknowns)
         given = self.solver, self.damping, tuple(places), crank, float(torque), self.turns
         motion = PeriodicMotion(*given)
         if not motion.phase(self.angles)[-2].min() > 0:
@@ -224,14 +252,14 @@ class HarmonicBalance:
         if self._harmonics == AVERAGED:
             averaged = PeriodicMotion(*given, self._slow_multipliers(unknowns))
             return averaged if abs(averaged.multipliers[0]) < _WILD else None
-        harmonics = 2 * self._harmonics
-        is_finest = harmonics > _FINEST or harmonics * self.turns > MOST
-        if motion.tail < (_ROUGHEST if is_finest else max(TAIL, _SHARE * tolerance)):
+        finer = self.finer(accuracy.most)
+        if motion.tail < (accuracy.tail if finer else _ROUGHEST):
             return motion if np.isfinite(motion.multipliers).all() else None
-        if is_finest:
+        if finer is None:
             return None
-        finer = self.over(self.turns, harmonics)
-        return finer.find(finer.unknowns(motion), finer.sized(*self._split(row)), tolerance)
+        return finer.find(
+            finer.sized(*self.split(unknowns)), finer.sized(*self.split(row)), accuracy
+        )
 
     def _slow_multipliers(self, unknowns: Array) -> tuple[complex, ...]:
         """Computes the Floquet multipliers of an averaged motion over a turn, the largest first.
@@ -253,36 +281,47 @@ class HarmonicBalance:
                 np.mean(m11[:, None] * spin + m12[:, None] * push, axis=0),
             )
         )
-        jacobian = self.equations(unknowns)[0][:-1, :-1]
+        jacobian = self.jacobian(unknowns)[:-1, :-1]
         times = np.linalg.eigvals(np.linalg.solve(-jacobian, inertia))
         growth = 1 / times[np.argsort(-np.abs(times))][:3]  # X0 has no rate: the fourth time is 0
         return by_size(np.exp(growth * (2 * math.pi / speed)))
 
-    def equations(self, unknowns: Array) -> tuple[Array, Array]:
-        """Computes Jacobian and residuals of the equations; `find` adds the last equation."""
-        rows = zip(self._waves, self._split(unknowns), strict=False)
-        values = np.concatenate([functions @ row for functions, row in rows])
+    def residuals(self, unknowns: Array) -> Array:
+        """Computes the residuals of the equations; the last, that of `find`, is 0."""
+        lacks = self._lacks(self._values(unknowns)[:, None], unknowns[-1])
+        means = (weights @ lack[0] for weights, lack in zip(self._weights, lacks, strict=True))
+        return np.concatenate((*means, np.zeros(1)))
+
+    def jacobian(self, unknowns: Array) -> Array:
+        """Computes the Jacobian of the equations; its last row, that of `find`, is 0."""
+        values = self._values(unknowns)
         units = [*np.repeat(self.solver.units[:-1], 3), *[values[-2].max()] * 2]
         steps = _DIFFERENCE * np.array(units)
         moves = np.vstack((np.zeros(len(units)), np.diag(steps)))
-        moved = (values + moves[..., None]).swapaxes(0, 1)
-        places, slopes, bends = moved[:-2].reshape(-1, 3, *moved.shape[1:]).swapaxes(0, 1)
-        w, slope = moved[-2:]
-        rates = np.array((w, *w * slopes))
-        changes = np.array((w * slope, *w * w * bends + w * slope * slopes))
-        lacks = self.solver.residuals(self.angles, places, rates, changes)
-        lacks[-1] -= unknowns[-1] - self.damping * w
+        lacks = self._lacks(values[:, None] + moves.T[..., None], unknowns[-1])
         by_value = (lacks[:, 1:] - lacks[:, :1]) / steps[:, None]
-        jacobian, residuals = np.zeros((len(unknowns), len(unknowns))), np.zeros(len(unknowns))
-        for part, weights, lack, by in zip(
-            self._parts, self._weights, lacks, by_value, strict=True
-        ):
-            residuals[part] = weights @ lack[0]
+        jacobian = np.zeros((len(unknowns), len(unknowns)))
+        for part, weights, by in zip(self._parts, self._weights, by_value, strict=True):
             for i, (other, functions) in enumerate(zip(self._parts, self._waves, strict=True)):
                 some = by[3 * i : 3 * i + len(functions)]
                 jacobian[part, other] = weights @ np.einsum('vn,vnk->nk', some, functions)
         jacobian[self._parts[-1], -1] = -self._weights[-1].sum(axis=1)
-        return jacobian, residuals
+        return jacobian
+
+    def _values(self, unknowns: Array) -> Array:
+        """Computes the places and the crank speed with their derivatives, one row each."""
+        rows = zip(self._waves, self.split(unknowns), strict=False)
+        return np.concatenate([functions @ row for functions, row in rows])
+
+    def _lacks(self, values: Array, torque: float) -> Array:
+        """Computes the residuals at all angles for rows of values, each of shape (m, angles)."""
+        places, slopes, bends = values[:-2].reshape(-1, 3, *values.shape[1:]).swapaxes(0, 1)
+        w, slope = values[-2:]
+        rates = np.array((w, *w * slopes))
+        changes = np.array((w * slope, *w * w * bends + w * slope * slopes))
+        lacks = self.solver.residuals(self.angles, places, rates, changes)
+        lacks[-1] -= torque - self.damping * w
+        return lacks
 
 
 def _over_twice(row: Array) -> Array:

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from linkage_ros.lab.pump.harmonic_balance import HarmonicBalance
+from linkage_ros.lab.pump.harmonic_balance import Accuracy, HarmonicBalance
 from linkage_ros.lab.pump.periodic_motion import PeriodicMotion
 
 # Kinds of stability loss. The largest multiplier is 1 (two motions merge), -1, or a complex pair.
@@ -31,9 +31,11 @@ _GAP = 1e-2  # relative torque difference between a period doubling and the doub
 _STEP, _SHORTEST = 0.3, 1e-2
 _SHARP, _STRAIGHT = 0.5, 0.9  # cosine of the angle between two steps: too small, and large
 _MOST = 400  # largest number of steps along a curve
-_ROUGH = 1e-4  # relative size of Newton's last step along a curve
+_CURVE = Accuracy(1e-6, 1e-4, 128)  # along a curve
+_BOUNDARY = Accuracy(1e-10, 1e-5, 128)  # where the stability changes
 _FEW = 2  # most turns of states whose curves are followed: four turns take eight times as long
-_MOST_SECANTS, _UNIT = 12, 1e-8  # steps to a multiplier of modulus 1, and tolerance
+_HALVINGS = 6  # of the way between two motions of a curve
+_MOST_SECANTS, _UNIT = 12, 1e-6  # steps to a multiplier of modulus 1, and tolerance
 
 
 @dataclass(eq=False)
@@ -98,13 +100,35 @@ def steady_states(
     for piece in pieces:
         for one, other in itertools.pairwise(piece.motions):
             if (one.torque < torque) != (other.torque < torque):
-                equations = balance.over(one.turns, max(one.harmonics, other.harmonics))
-                start, end = equations.unknowns(one), equations.unknowns(other)
-                share = (torque - one.torque) / (other.torque - one.torque)
-                motion = equations.find(start + share * (end - start))
+                motion = _between(balance, one, other, torque)
                 if motion and not any(motion.is_same(state.motion) for state in states):
                     states.append(SteadyState(motion, piece))
     return sorted(states, key=lambda state: state.motion.speed)
+
+
+def _between(
+    balance: HarmonicBalance, one: PeriodicMotion, other: PeriodicMotion, torque: float
+) -> PeriodicMotion | None:
+    """Finds the motion between two motions of a curve at a torque; None if there is none.
+
+    Near a fold, Newton's method may lead to a motion beyond the fold. The search then continues in
+    one half of the curve between the two motions.
+    """
+    equations = balance.over(one.turns, max(one.harmonics, other.harmonics))
+    start, end = equations.unknowns(one), equations.unknowns(other)
+    for _ in range(_HALVINGS):
+        way = end - start
+        plane = way / equations.units(one) ** 2
+        motion = equations.find(start + (torque - start[-1]) / way[-1] * way)
+        if motion and 0 <= plane @ (equations.unknowns(motion) - start) <= plane @ way:
+            return motion
+        middle = equations.find(start + way / 2, plane)
+        if middle is None:
+            break
+        half = equations.unknowns(middle)
+        is_before = (half[-1] < torque) == (start[-1] < torque)
+        start, end = (half, end) if is_before else (start, half)
+    return None
 
 
 def stability_lost(pieces: Sequence[Piece]) -> list[tuple[str, PeriodicMotion]]:
@@ -161,7 +185,7 @@ def with_curves(
         states = steady_states(balance, found, seed.torque)
         if any(seed.is_same(state.motion) for state in states) or _is_end(found, seed):
             continue
-        curve = follow(balance.over(seed.turns, seed.harmonics), seed, speeds)
+        curve = follow(balance.over(seed.turns), seed, speeds)
         found += curve
         waiting += [
             balance.doubled(piece.motions[-1])
@@ -232,12 +256,16 @@ def _continued(
     while step > _SHORTEST and len(motions) < _MOST:
         units, before = balance.units(motions[-1]), balance.unknowns(motions[-1])
         ahead = way + bend * (length + step) / 2
-        one = balance.find(before + step * ahead * units, ahead / units, _ROUGH)
+        one = balance.find(before + step * ahead * units, ahead / units, _CURVE)
         move = (balance.unknowns(one) - before) / units if one else -way
         size = float(np.linalg.norm(move))
         cosine = float(way @ move) / size
         if one is None or cosine < _SHARP:
             step /= 3
+            finer = balance.finer(_CURVE.most) if step <= _SHORTEST else None
+            if finer:
+                way, bend = (finer.sized(*balance.split(row)) for row in (way, bend))
+                balance, step = finer, longest / 4
             continue
         if one.repeats_sooner or _is_doubled(motions[-1], one):
             return motions[1:], PERIOD_DOUBLING
@@ -270,16 +298,17 @@ def _boundary(
     It uses the Illinois method (M. Dowell and P. Jarratt, BIT 11 (1971), 168-174) along the line
     between the two motions.
     """
-    start, way = balance.unknowns(one), balance.unknowns(other) - balance.unknowns(one)
+    balance = balance.over(one.turns, max(one.harmonics, other.harmonics))
+    known, way = balance.unknowns(other), balance.unknowns(other) - balance.unknowns(one)
     plane, found = way / balance.units(one) ** 2, other
     x, y = 0.0, 1.0
     at_x, at_y = abs(one.multipliers[0]) - 1, abs(other.multipliers[0]) - 1
     for _ in range(_MOST_SECANTS):
         z = y - at_y * (y - x) / (at_y - at_x)
-        motion = balance.find(start + z * way, plane)
+        motion = balance.find(known + (z - y) * way, plane, _BOUNDARY)
         if motion is None:
             break
-        found, at_z = motion, abs(motion.multipliers[0]) - 1
+        found, known, at_z = motion, balance.unknowns(motion), abs(motion.multipliers[0]) - 1
         x, at_x = (x, 0.5 * at_x) if at_z * at_y > 0 else (y, at_y)
         y, at_y = z, at_z
         if abs(at_y) < _UNIT:

@@ -14,7 +14,7 @@ import numpy as np
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.lab.pump.equations import smoothed
-from linkage_ros.lab.pump.harmonic_balance import EXACT, MOST, HarmonicBalance
+from linkage_ros.lab.pump.harmonic_balance import EXACT, STATE, HarmonicBalance
 from linkage_ros.lab.pump.motions import Motions
 from linkage_ros.lab.pump.periodic_motion import PeriodicMotion
 from linkage_ros.model.wind_pump import WindPump
@@ -174,7 +174,7 @@ class Search:
                 if same >= 0:
                     self.belongs[number] = same
                     return 0
-                equations = self._balance.over(turns, min(_FINER, MOST // turns))
+                equations = self._balance.over(turns, min(_FINER, STATE.most // turns))
                 course = self.motions.next_turns
             last = course(number, 2 * turns)
             if last is None:

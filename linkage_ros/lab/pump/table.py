@@ -10,7 +10,7 @@ from operator import itemgetter
 from linkage_ros.lab.pump.alternating import alternating_lines
 from linkage_ros.lab.pump.analysis import CHANGED, COUNT, Analysis
 from linkage_ros.lab.pump.equations import BOTH
-from linkage_ros.lab.pump.harmonic_balance import TAIL
+from linkage_ros.lab.pump.harmonic_balance import STATE
 
 _FEW = 0.01  # share of the starts that is not worth a line
 _LARGE = 1e4  # multiplier of which only the magnitude is shown
@@ -68,7 +68,7 @@ def _states_lines(analysis: Analysis) -> list[str]:
 def _remarks(analysis: Analysis) -> Iterator[str]:
     """Lines about states in another assembly, and about states with fewer correct digits."""
     for state in analysis.states:
-        if state.motion.tail > TAIL:
+        if state.motion.tail > STATE.tail:
             error = 10 * state.motion.tail
             yield f'{state.name}: numbers are right to about {error:.0e} of their size'
         assembly = state.motion.assembly
