@@ -15,10 +15,6 @@ n3 = l3 cos phi3 and N^2 = n2^2 + n3^2,
     phi3' = -(n3 / N^2) l1 cos phi1 phi1' + (n2 / N) s',
 
 so that G' = 0. N is 0 only where coupler and rod are both perpendicular to the guide.
-
-The force of a load curve with a return_value jumps where the slider reverses. A Fourier series
-cannot represent this jump, so the force is smoothed: between slider speeds of -width and width, it
-changes from one curve to the other as a cubic polynomial of the speed.
 """
 
 from __future__ import annotations
@@ -26,8 +22,7 @@ from __future__ import annotations
 import functools
 import math
 import operator
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -43,16 +38,13 @@ from linkage_ros.dynamics.equations import (
 from linkage_ros.dynamics.program import Program
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.dynamics.tape import Constants
-from linkage_ros.formulas import ZERO, Opaque, Vector, sqrt, total, where
+from linkage_ros.formulas import ZERO, Vector, sqrt, total
 from linkage_ros.model.kinematics import LinkPose, Pose, State
-from linkage_ros.model.load_curve import CurveForce, LoadCurve
 from linkage_ros.model.parts import CROSSED, OPEN
-from linkage_ros.model.structure import Mechanism
 from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.numeric import Array, Real
 
 BOTH = 'both'  # the assembly of a motion that stretches the dyad
-_WIDTH = 0.03  # relative to crank length x the motor's largest speed
 
 
 class ByAngles(NamedTuple):
@@ -277,52 +269,3 @@ def _residuals(
     torque, force = balance(model, pose, velocities(pose, u), accelerations(pose, u, a))
     closures = (model.loop.closure(q),) if isinstance(model.loop, ByAngles) else ()
     return force, *closures, torque
-
-
-class _SmoothForce(NamedTuple):
-    curve: CurveForce
-    back: Opaque
-    width: float
-
-    def forces(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> dict[int, Real]:
-        """See `Load`."""
-        place, rate = links[self.curve.link].position, rates[self.curve.link] / self.width
-        share = where(rate > 1, 1.0, where(rate < -1, -1.0, 0.5 * rate * (3 - rate * rate)))
-        ends = self.curve.value(place), self.back(place)
-        return {self.curve.link: 0.5 * (ends[0] + ends[1] + share * (ends[0] - ends[1]))}
-
-
-@dataclass(frozen=True)
-class SmoothLoad(LoadCurve):
-    """A load curve with a return_value, smoothed where the slider reverses.
-
-    Attributes:
-        width: Slider speed below which the force is between the two curves, m/s.
-    """
-
-    width: float = 0.0
-
-    def on(self, mechanism: Mechanism) -> Any:
-        """See `LoadCurve`."""
-        force = super().on(mechanism)
-        return _SmoothForce(force, force.return_value or force.value, self.width)
-
-
-def smoothed(mechanism: WindPump, pace: float) -> WindPump:
-    """Replaces the load curves of a pump whose force jumps where the slider reverses.
-
-    Args:
-        mechanism: Description of the pump.
-        pace: Largest crank speed, rad/s, to which the width of the transition is proportional.
-
-    Returns:
-        The pump with smooth loads; the given pump if none of its loads jumps.
-    """
-    width = _WIDTH * mechanism.crank.length * pace
-    loads = tuple(
-        SmoothLoad(load.link, load.over, load.at, load.value, load.return_value, width=width)
-        if isinstance(load, LoadCurve) and load.return_value
-        else load
-        for load in mechanism.loads
-    )
-    return mechanism if loads == mechanism.loads else replace(mechanism, loads=loads)

@@ -13,10 +13,10 @@ import numpy as np
 
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.errors import ConfigurationError
-from linkage_ros.lab.pump.equations import smoothed
 from linkage_ros.lab.pump.harmonic_balance import EXACT, STATE, HarmonicBalance
 from linkage_ros.lab.pump.motions import Motions
 from linkage_ros.lab.pump.periodic_motion import PeriodicMotion
+from linkage_ros.lab.pump.smooth_load import smoothed
 from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.drives import Motor
