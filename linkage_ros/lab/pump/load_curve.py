@@ -10,6 +10,7 @@ followed along its length, past its folds.
 
 from __future__ import annotations
 
+import functools
 import itertools
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -35,6 +36,7 @@ _CURVE = Accuracy(1e-6, 1e-4, 128)  # along a curve
 _BOUNDARY = Accuracy(1e-10, 1e-5, 128)  # where the stability changes
 _FEW = 2  # most turns of states whose curves are followed: four turns take eight times as long
 _HALVINGS = 6  # of the way between two motions of a curve
+_NEARLY_HALF = 0.51  # of that way, the distance of motions between them from its middle
 _MOST_SECANTS, _UNIT = 12, 1e-6  # steps to a multiplier of modulus 1, and tolerance
 
 
@@ -106,6 +108,7 @@ def steady_states(
     return sorted(states, key=lambda state: state.motion.speed)
 
 
+@functools.lru_cache(256)  # after each new curve, the same states are asked for
 def _between(
     balance: HarmonicBalance, one: PeriodicMotion, other: PeriodicMotion, torque: float
 ) -> PeriodicMotion | None:
@@ -120,7 +123,8 @@ def _between(
         way = end - start
         plane = way / equations.units(one) ** 2
         motion = equations.find(start + (torque - start[-1]) / way[-1] * way)
-        if motion and 0 <= plane @ (equations.unknowns(motion) - start) <= plane @ way:
+        move = equations.unknowns(motion) - start if motion else -way
+        if abs((plane @ move) / (plane @ way) - 0.5) < _NEARLY_HALF:
             return motion
         middle = equations.find(start + way / 2, plane)
         if middle is None:
