@@ -32,7 +32,7 @@ _GAP = 1e-2  # relative torque difference between a period doubling and the doub
 _STEP, _SHORTEST = 0.3, 1e-2
 _SHARP, _STRAIGHT = 0.5, 0.9  # cosine of the angle between two steps: too small, and large
 _MOST = 400  # largest number of steps along a curve
-_CURVE = Accuracy(1e-6, 1e-4, 128)  # along a curve
+_CURVE = Accuracy(1e-6, 1e-5, 128)  # along a curve
 _BOUNDARY = Accuracy(1e-10, 1e-5, 128)  # where the stability changes
 _FEW = 2  # most turns of states whose curves are followed: four turns take eight times as long
 _HALVINGS = 6  # of the way between two motions of a curve
@@ -190,13 +190,20 @@ def with_curves(
         if any(seed.is_same(state.motion) for state in states) or _is_end(found, seed):
             continue
         curve = follow(balance.over(seed.turns), seed, speeds)
-        found += curve
+        found = [piece for piece in found if not _is_on(balance, curve, piece)] + curve
         waiting += [
             balance.doubled(piece.motions[-1])
             for piece in curve
             if seed.turns == 1 and piece.ends_at == PERIOD_DOUBLING
         ]
     return found
+
+
+def _is_on(balance: HarmonicBalance, curve: Sequence[Piece], piece: Piece) -> bool:
+    """Whether a piece repeats a part of a curve, because its own curve was lost there."""
+    middle = piece.motions[len(piece.motions) // 2]
+    states = steady_states(balance, curve, middle.torque)
+    return any(middle.is_same(state.motion) for state in states)
 
 
 def _is_end(pieces: Iterable[Piece], motion: PeriodicMotion) -> bool:
@@ -271,7 +278,7 @@ def _continued(
                 way, bend = (finer.sized(*balance.split(row)) for row in (way, bend))
                 balance, step = finer, longest / 4
             continue
-        if one.repeats_sooner or _is_doubled(motions[-1], one):
+        if one.shortest.turns < one.turns or _is_doubled(motions[-1], one):
             return motions[1:], PERIOD_DOUBLING
         motions.append(one)
         if not (speeds[0] <= one.speed <= speeds[1] and one.torque > 0):

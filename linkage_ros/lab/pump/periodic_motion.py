@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import functools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, cast
 
 import numpy as np
@@ -211,10 +211,13 @@ class PeriodicMotion:
         return parts
 
     @property
-    def repeats_sooner(self) -> bool:
-        """Whether the motion already repeats after a fraction of its turns."""
-        parts = (part for part in range(2, self.turns + 1) if self.turns % part == 0)
-        return any(np.abs(self.subharmonics(part)).max() < _TINY for part in parts)
+    def shortest(self) -> PeriodicMotion:
+        """The same motion over the fewest turns after which it repeats."""
+        for part in range(self.turns, 1, -1):
+            if self.turns % part == 0 and np.abs(self.subharmonics(part)).max() < _TINY:
+                *places, crank = (_shared(row, part) for row in (*self.places, self.crank))
+                return replace(self, places=tuple(places), crank=crank, turns=self.turns // part)
+        return self
 
     @functools.cached_property
     def speed(self) -> float:
@@ -359,6 +362,12 @@ class PeriodicMotion:
             'slider_highest': float(self.turning_points.max()),
             'at_crank_angle_0': dict(zip(names, start, strict=True)),
         }
+
+
+def _shared(row: Array, part: int) -> Array:
+    """Returns the coefficients that a motion shares with its repetitions within its turns."""
+    waves_of_row = row[1:].reshape(-1, 2)
+    return np.append(row[:1], waves_of_row[part - 1 :: part])
 
 
 def by_size(values: Any) -> tuple[complex, ...]:

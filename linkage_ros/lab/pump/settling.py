@@ -181,7 +181,8 @@ class Search:
                 break
             guess, missed = equations.guess(last, self._motor.torque)
             state = equations.find(guess) if missed < _REPEATS else None
-            if state and state.stable and not state.repeats_sooner:
+            state = state and state.shortest
+            if state and state.stable:
                 self._add(state)
                 place = next(i for i, known in enumerate(self.states) if state.is_same(known))
                 if state.distance(last[:, -_ROWS:, None]) < self._inside(state, place):
