@@ -121,7 +121,7 @@ def test_failing_log_ends_without_stopping_the_node(tmp_path, breaks, words):
         output = stop(process, code=1)
     assert f'failed: {path} {words}' in report
     (error,) = re.findall(r'\[ERROR\].*', output)
-    assert f'the log ends here, the motion goes on: {path} {words}' in error
+    assert f'the run continues without a log: {path} {words}' in error
     assert last_stamp(states_of(saved)) >= due
 
 

@@ -269,7 +269,7 @@ def test_failed_view_ends_the_replay_only_without_topics(log, view, capfd, alone
             shown(log, alone, lambda count: count > 300)
     else:
         shown(log, alone, lambda count: count > 300)
-    words = 'linkage_replay: the view ends here, the topics go on: no window could be opened\n'
+    words = 'linkage_replay: the replay continues without a view: no window could be opened\n'
     assert capfd.readouterr().err == ('' if alone else words)
 
 

@@ -40,7 +40,7 @@ def showing(name: str, log: LogReader, target: str, *, alone: bool) -> Iterator[
 
     def report(error: Exception) -> None:
         if not alone:
-            cli.print_error(name, f'the view ends here, the topics go on: {error}')
+            cli.print_error(name, f'the replay continues without a view: {error}')
 
     def check() -> None:
         if alone and worker.error:

@@ -48,9 +48,7 @@ class LiveView(Worker[Sample]):
             view,
             capacity=_CAPACITY,
             period=view.period,
-            on_error=lambda error: logger.error(
-                f'the view ends here, the motion goes on: {error}'
-            ),
+            on_error=lambda error: logger.error(f'the run continues without a view: {error}'),
             on_start=accompany_ticker,
         )
 

@@ -100,9 +100,9 @@ class RunLog:
         return closed and self.health().error is None
 
     def _report_end(self, error: Exception) -> None:
-        self._node.get_logger().error(f'the log ends here, the motion goes on: {error}')
+        self._node.get_logger().error(f'the run continues without a log: {error}')
 
     def _report_no_sync(self, error: Exception) -> None:
         if self._workers[0].error is None:  # otherwise the end of the log was already reported
-            words = f'the log goes on, but may not outlive a power cut: {error}'
+            words = f'the log continues, but a power cut may lose part of it: {error}'
             self._node.get_logger().error(words)
