@@ -151,9 +151,13 @@ BAD = [
     (['-p', 'effort_command_topic:=joint_states'], 'joint_states'),
     (
         ['-p', 'trajectory_command_topic:=mechanism_state'],
-        'mechanism_state and mechanism_state are one topic, /mechanism_state: name another',
+        ' mechanism_state and trajectory_.* = mechanism_state .*: change trajectory_[a-z_]*$',
     ),
-    (['-p', 'effort_command_topic:=/rosout'], '/rosout: name another'),  # of another type
+    (
+        ['-p', 'effort_command_topic:=/cmd', '-p', 'trajectory_command_topic:=cmd'],
+        'effort_command_topic = /cmd and trajectory_command_topic = cmd .*: change eff.* or tr',
+    ),
+    (['-p', 'effort_command_topic:=/rosout'], '/rosout: change effort_'),  # of another type
     (
         ['-r', 'driving_torque:=joint_states'],
         'joint_states and driving_torque .*, -r driving_torque:=linkage/driving_torque',
@@ -171,7 +175,7 @@ BAD = [
     ),
     (  # a remapping would affect both
         ['-p', 'drive:=follow', '-p', 'effort_command_topic:=/measured_joint_states'],
-        'name another topic in the parameter that holds /measured_joint_states$',
+        ': change effort_command_topic$',
     ),
     (['-r', '__ns:=9x'], 'remap rule'),
     (['--params-file', '/nowhere.yaml'], '/nowhere.yaml: No such file .*; give the path of a p'),

@@ -87,17 +87,17 @@ def require_distinct(node: Node, topics: Iterable[Topic]) -> None:
     Raises:
         ConfigurationError: Two topics have the same name.
     """
-    found: dict[str, str] = {}
-    for name in (*_ROS_TOPICS, *(topic.name for topic in topics)):
-        resolved, own = node.resolve_topic_name(name), name.lstrip('/')
+    found = {node.resolve_topic_name(name): (name, '') for name in _ROS_TOPICS}
+    for topic in topics:
+        name, resolved = topic.name, node.resolve_topic_name(topic.name)
         if resolved in found:
-            cure = f'give {name} another name, -r {name}:=linkage/{own}'
-            if found[resolved].lstrip('/') == own:  # a remapping cannot distinguish the two
-                cure = f'name another topic in the parameter that holds {name}'
-            raise ConfigurationError(
-                f'{found[resolved]} and {name} are one topic, {resolved}: {cure}'
-            )
-        found[resolved] = name
+            pair = found[resolved], (name, topic.parameter)
+            both = ' and '.join(f'{holder} = {n}' if holder else n for n, holder in pair)
+            holders = ' or '.join(holder for _, holder in pair if holder)
+            remapping = f'give {name} another name, -r {name}:=linkage/{name.lstrip("/")}'
+            cure = f'change {holders}' if holders else remapping
+            raise ConfigurationError(f'{both} are one topic, {resolved}: {cure}')
+        found[resolved] = name, topic.parameter
 
 
 def wait_for_subscribers(

@@ -274,8 +274,10 @@ class RowComparison:
         for place in self._layout.places:
             if place.offset <= at < place.offset + struct.calcsize(place.code):
                 found, due = (self._layout.column(x, place).item() for x in (logged, recomputed))
-                words = f'{place.name} = {found!r} logged, {due!r} recomputed: off by '
-                words += f'{abs(found - due):.3g}'
+                words = (
+                    f'{place.name} = {found!r} logged, {due!r} recomputed: '
+                    f'off by {abs(found - due):.3g}'
+                )
                 if place in self._doubles:
                     (largest,) = self._largest[self._doubles.index(place)].tolist()
                     words += f', {abs(found - due) / math.ulp(largest):.6g} ulp'

@@ -117,6 +117,7 @@ class Topic(NamedTuple):
         latched: Whether late subscribers receive the last message (transient local durability).
         depth: QoS depth: number of messages queued for a slow subscriber.
         meaning: Contents of a message in one line, for docs/reference.md.
+        parameter: The parameter that sets the name, if any.
     """
 
     name: str
@@ -124,6 +125,7 @@ class Topic(NamedTuple):
     latched: bool = False
     depth: int = 10
     meaning: str = ''
+    parameter: str = ''
 
 
 JOINT_STATES = Topic(
@@ -176,7 +178,10 @@ SIMULATED_CLOCK = Topic('/clock', CLOCK, depth=1, meaning='with `use_sim_time`: 
 def effort_commands(name: str) -> Topic:
     """Returns the topic of the driving torque for a controller."""
     return Topic(
-        name, FLOAT64_MULTI_ARRAY, meaning='one number: the driving torque `lead_time` later'
+        name,
+        FLOAT64_MULTI_ARRAY,
+        meaning='one number: the driving torque `lead_time` later',
+        parameter='effort_command_topic',
     )
 
 
@@ -186,6 +191,7 @@ def trajectory_commands(name: str) -> Topic:
         name,
         JOINT_TRAJECTORY,
         meaning='motion and torque of the crank for `trajectory_horizon` from the stamp on',
+        parameter='trajectory_command_topic',
     )
 
 
