@@ -80,7 +80,8 @@ def draw_pump(analysis: Analysis, title: str, path: Path, dpi: float) -> None:
     entries = len(analysis.states) + 1, len(_motor_lines(analysis))
     first, second = (_LINE * ((count + 1) // 2) for count in entries)
     above = 0.0, first, first + second
-    height = _HEAD + 3 * (_ROW + _GAP) + above[-1] + _LINE * len(lines)
+    # No legend is below the last panels: the table begins two lines higher.
+    height = _HEAD + 3 * (_ROW + _GAP) + above[-1] + _LINE * (len(lines) - 2)
     figure = Figure(figsize=(WIDTH, height), dpi=dpi)
     figure.text(0.5, 1 - 0.3 / height, title, ha='center', fontsize=TITLE)
     with rc_context(_STYLE):
