@@ -134,7 +134,7 @@ def _run(options: argparse.Namespace) -> None:
 
 
 def main() -> int:
-    """Entry point."""
+    """Runs `linkage_chart`; returns the exit code."""
     options = _parser().parse_args()
     return cli.run(_NAME, lambda: options.run(options))
 

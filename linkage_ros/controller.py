@@ -193,7 +193,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def main() -> int:
-    """Entry point."""
+    """Runs `linkage_controller`; returns the exit code."""
     return cli.run(_NAME, lambda: run_program(sys.argv, _parser(), ControllerNode))
 
 

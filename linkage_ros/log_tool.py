@@ -188,7 +188,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def main() -> int:
-    """Entry point."""
+    """Runs `linkage_log`; returns the exit code."""
     options = _parser().parse_args()
     return cli.run(_NAME, lambda: options.run(options))
 

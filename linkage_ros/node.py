@@ -274,7 +274,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def main() -> int:
-    """Entry point."""
+    """Runs `linkage_node`; returns the exit code."""
     return cli.run(_NAME, lambda: run_program(sys.argv, _parser(), LinkageNode))
 
 

@@ -235,7 +235,7 @@ def _record(options: argparse.Namespace) -> int:
 
 
 def main() -> int:
-    """Entry point."""
+    """Runs `linkage_record`; returns the exit code."""
     options = _parser().parse_args()
     return cli.run(_NAME, lambda: _record(options))
 

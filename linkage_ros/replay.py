@@ -166,7 +166,7 @@ def _run(arguments: list[str]) -> int:
 
 
 def main() -> int:
-    """Entry point."""
+    """Runs `linkage_replay`; returns the exit code."""
     return cli.run(_NAME, lambda: _run(sys.argv))
 
 

@@ -149,7 +149,7 @@ class Model(NamedTuple):
         return (Weight(self.links, self.gravity), *self.loads)
 
     def coupling(self, j: int, k: int) -> Vector:
-        """Returns C_jk as real and imaginary part, kg m^2; ZERO if no body couples the links."""
+        """Returns C_jk as (real, imaginary), kg m^2; ZERO for both if no body couples the links."""
         result = Vector(ZERO, ZERO)
         for link in self.links:
             if not link.slides:
@@ -163,7 +163,7 @@ class Model(NamedTuple):
         return link.mass if link.slides else self.coupling(j, j).x + link.inertia
 
     def coupled(self, pose: Pose, j: int, k: int) -> tuple[Real, Real]:
-        """Returns A and B, the real and imaginary part of C_jk e^(i (phi_k - phi_j))."""
+        """Returns A and B, the real and imaginary parts of C_jk e^(i (phi_k - phi_j))."""
         coupling, first, second = (
             self.coupling(j, k), pose.links[j].direction, pose.links[k].direction,
         )  # fmt: skip

@@ -119,7 +119,7 @@ class Writer:
         return [self._words[i] for i in outer if self._tape.lines[i].operation not in others]
 
     def _statement(self, i: int) -> str:
-        """Returns a line as a statement; empty if the expression is inlined at its only use."""
+        """Returns the statement for a line of the tape; empty if it is inlined at its only use."""
         operation, operands, _ = self._tape.lines[i]
         read = [self._words[x] for x in operands]
         if operation == 'require':
@@ -190,8 +190,8 @@ class Code(NamedTuple):
 
     Attributes:
         text: Source code of the program.
-        bound: Function that binds the numbers of the constants and, by name, the functions added
-            by `Program.entry`; returns the program as a callable.
+        bound: Function that takes the numbers of the constants, and as keyword arguments the
+            functions added by `Program.entry`; it returns the program as a callable.
     """
 
     text: str

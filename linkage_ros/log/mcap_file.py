@@ -88,11 +88,12 @@ def open_mcap(path: Path) -> BinaryIO:
 
 
 class McapFile:
-    """One pass through an MCAP file, at limited cost.
+    """One pass through an MCAP file, with a limit on the work done.
 
     Attributes:
         size: Size of the file, bytes.
-        left: Remaining cost allowed for the pass; negative once the limit is exceeded.
+        left: Work still allowed, in units of decompressing one byte; negative once the limit is
+            exceeded.
     """
 
     def __init__(self, stream: BinaryIO) -> None:

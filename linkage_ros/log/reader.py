@@ -302,7 +302,11 @@ def paired(log: LogReader, topics: Iterable[Topic]) -> dict[Topic, LoggedTopic]:
 
 
 def measured_channel(log: LogReader) -> LoggedTopic | None:
-    """Returns the channel with measurements of the crank, or None; runs declare it last."""
+    """Returns the channel with measurements of the crank; None if there is none.
+
+    It has the same message type as `joint_states`. Runs declare it last, so it has the larger
+    number.
+    """
     kind = MEASURED_JOINT_STATES.interface.name
     channels = [channel for channel in log.topics if channel.type == kind]
     follows = isinstance(log.configuration.drive, FollowDrive) and len(channels) > 1

@@ -33,7 +33,7 @@ class Point(NamedTuple):
 
     @classmethod
     def at(cls, position: complex, links: int) -> 'Point':
-        """Creates a fixed point at x + iy, m; `links` is the number of moving links."""
+        """Creates a fixed point at x + iy, m, for a mechanism with this number of moving links."""
         return cls((0j,) * links, position)
 
     def along(self, link: int, along: Real, across: Real = 0.0) -> 'Point':

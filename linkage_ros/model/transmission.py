@@ -78,9 +78,9 @@ class Transmission(NamedTuple):
     Attributes:
         reference: Direction from which crank angles are measured, rad, as a sum of two doubles
             that has twice the digits of one.
-        kappa: kappa, negative if the reference, rounded to whole turns, is an odd number of
-            turns. With this sign, `assembly` refers to the branch in the half turn after the
-            reference.
+        kappa: Square root of kappa^2 in the formulas above, negative if the angle of the frame or
+            guide, rounded to whole turns, is an odd number of turns. With this sign, `assembly`
+            refers to the branch in the half turn after the reference.
         cos: cos^2 m as a function of h; limits a crank that cannot reach h = pi/2.
         sin: sin^2 m as a function of h; limits a crank that cannot reach h = 0.
         refuse: Function that rejects a crank angle.

@@ -95,7 +95,7 @@ def require_live(driven: DrivenMechanism, begin: Coordinates, period: float) -> 
 
 
 def record_steps(driven: DrivenMechanism, phase: Values) -> Steps:
-    """Creates the most accurate integrator; see `live_steps`."""
+    """Creates the most accurate integrator for the mechanism; arguments as in `live_steps`."""
     if driven.rates[0] > _STIFF:
         return live_steps(driven, phase, **_RECORD)
     # Corners of a load destroy the accuracy of long high-order steps.

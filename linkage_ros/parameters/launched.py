@@ -86,8 +86,8 @@ def demo(arguments: Mapping[str, str]) -> Linkage:
         arguments: All arguments of demo.launch.py.
 
     Returns:
-        The parameters. They are passed to the node instead of the file, because rcl lets the order
-        decide whether a section of the file or an argument takes precedence.
+        The parameters. They are passed to the node instead of the file, because in rcl the order
+        decides whether a section of the file or an argument takes precedence.
 
     Raises:
         ConfigurationError: The file or a value cannot be used.

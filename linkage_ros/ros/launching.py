@@ -38,7 +38,7 @@ def description(arguments: Arguments, start: Callable[[dict[str, str]], list[Any
 
     Args:
         arguments: Arguments of the launch file.
-        start: Returns the actions for the values of the arguments, by name.
+        start: Function that takes the values of the arguments by name and returns the actions.
 
     Returns:
         The launch description.

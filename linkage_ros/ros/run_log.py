@@ -77,7 +77,7 @@ class RunLog:
 
         Args:
             stamp: Time of publishing or receipt, ns.
-            topic: One of the other topics.
+            topic: One of the `others` given to the constructor.
             message: CDR bytes.
         """
         if self._workers:

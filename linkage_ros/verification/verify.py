@@ -166,7 +166,7 @@ class Verification:
             progress(count)
 
     def _check_rest(self) -> None:
-        """Checks whether the messages after the last complete row are an incomplete state."""
+        """Checks that the messages after the last complete row are the beginning of a state."""
         layout, end = self._layout, self._layout.fitting(self._rows)
         if end < len(self._rows):
             _, _, channel, _, time, _ = MESSAGE_HEAD.unpack_from(self._rows, end)
@@ -182,8 +182,8 @@ class Verification:
         """Compares the leading rows that belong to one segment.
 
         Returns:
-            The number of equal states, and the error of the next state, empty if it was not
-            compared.
+            The number of equal states, and a description of the error in the next state. The
+            description is empty if the next state was not compared.
         """
         stamps, count, wrong = self._layout.stamps(rows), 0, ''
         for number, ticks in self._timeline.fitting(stamps):

@@ -156,8 +156,8 @@ class Picture:
     def layout(self) -> rrb.Blueprint:
         """Lays out the linkage and two columns of tabbed plots.
 
-        The plots have the height of the window, because Rerun labels the y axis of a low plot only
-        once.
+        The plots are as high as the window, because on a low plot Rerun shows only one label on
+        the y axis.
 
         Returns:
             The blueprint.

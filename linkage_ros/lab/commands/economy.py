@@ -147,7 +147,7 @@ class Economy:
         return found
 
     def sentence(self, rpm: float, tolerance: float, savings: Sequence[Saving]) -> str:
-        """Says which terms the torque needs at one speed, and which can be left out together.
+        """Describes the terms that the torque needs at one speed, and those that can be omitted.
 
         Args:
             rpm: One of the measured speeds.
@@ -155,7 +155,7 @@ class Economy:
             savings: Result of `measure`.
 
         Returns:
-            One sentence, without a capital letter and a full stop.
+            One sentence, without an initial capital letter or a full stop.
         """
         errors = {x['left_out']: x['error'] for x in savings if x['rpm'] == rpm}
         out: list[str] = []
@@ -259,7 +259,7 @@ def handover(savings: Sequence[Saving]) -> float | None:
 
 
 def _listed(names: Sequence[str], word: str) -> str:
-    """Joins names to a phrase such as 'a, b and c'."""
+    """Joins names into a phrase such as 'a, b and c'."""
     *others, last = names or ['nothing']
     return f'{", ".join(others)} {word} {last}' if others else last
 

@@ -3,8 +3,8 @@
 """Test cases for methods: linkages with their reference states.
 
 Errors are relative to the largest value of a quantity at evenly spaced angles. Near a change
-point, a value may be larger by many powers of ten; its error is then relative to the value itself.
-Errors of directions are absolute, in rad.
+point, a value may be many orders of magnitude larger; its error is then relative to the value
+itself. Errors of directions are absolute, in rad.
 """
 
 import itertools

@@ -90,11 +90,11 @@ class MotionCase(Case):
         return followed(self.problem, self.times, method.solve, tuple(setting.items()))
 
     def error(self, quantity: str, place: int, row: Sequence[float]) -> float:
-        """See `Case`.
+        """Computes the error of a row; see `Case`.
 
-        TRAJECTORY: the largest error, in rad, crank lengths and, for rates, relative to the
-        largest rate. ENERGY: the change of energy without motor and damping, relative to the
-        initial kinetic energy. LOOP: the gap of the loop in crank lengths.
+        For TRAJECTORY, the largest error: of angles in rad, of lengths in crank lengths, and of
+        rates relative to the largest rate. For ENERGY, the change of energy without motor and
+        damping, relative to the initial kinetic energy. For LOOP, the loop gap in crank lengths.
         """
         *phase, gap = row
         if quantity == LOOP:
@@ -111,7 +111,7 @@ class MotionCase(Case):
         return [each for each in found if each[0] == DIVERGED] or found
 
     def timer(self, method: Method, setting: Setting, _: str, mode: str) -> Callable[[], float]:
-        """Returns a function that measures the mean or the largest time per simulated ms, us."""
+        """Returns a function that measures the mean or largest time, us, per simulated ms."""
         begin, times = partial(method.solve, self.problem, setting), self.times
         if mode == SLOWEST:
             return lambda: _slowest_time(times, begin)
@@ -143,7 +143,7 @@ def followed(
 
 
 def _slowest_time(times: Sequence[float], begin: Callable[[], Any]) -> float:
-    """Measures the largest time per simulated ms, us.
+    """Measures the largest time, us, per simulated ms.
 
     It times 300 ms for each second of the motion, at most 1000 ms, from the start on.
     """

@@ -115,7 +115,7 @@ def formula(quantity: str, stage: str, solve: Callable[..., Any]) -> Callable[..
 
 
 def factored(links: Links, crank: Real) -> Pair:
-    """Uses the package's own formula, sums of terms that are never negative (transmission.py)."""
+    """Uses the package's own formula: sums of non-negative terms (transmission.py)."""
     _, coupler, output = links.model.loop.pose((crank,)).links
     return coupler.direction, output.position if links.c is None else output.direction
 

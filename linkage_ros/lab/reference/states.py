@@ -122,7 +122,7 @@ class Reference:
         """Returns sqrt(p q) with the sign of the assembly, which alternates at change points.
 
         Raises:
-            UnreachableError: The root does not exist.
+            UnreachableError: p or q is negative, so the loop cannot close.
         """
         # At an exact change point rounding may make the product negative.
         rounding = mp.mpf(10) ** (10 - mp.dps) * (abs(p) + abs(q)) if any(folds) else 0

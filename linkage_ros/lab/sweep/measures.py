@@ -137,7 +137,7 @@ def groups(
 def _constants(
     mechanism: Mechanism, columns: Mapping[str, Array], rows: npt.NDArray[np.intp]
 ) -> tuple[Transmission, Constants]:
-    """Returns the transmission; then model, coupler point and extreme transmission angles."""
+    """Returns the transmission and the constants of the formulas below, for designs `rows`."""
     for name, column in columns.items():
         value = float(column[rows[0]]) if len(rows) == 1 else column[rows, None].view(_Designs)
         mechanism = with_value(mechanism, name, value)

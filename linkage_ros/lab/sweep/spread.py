@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Spreads work over processes of this machine, or over a Dask cluster."""
+"""Distributes work among processes of this machine or of a Dask cluster."""
 
 import logging
 import multiprocessing
