@@ -137,9 +137,9 @@ def dynamics_figures() -> list[Figure]:
             'pass such points with errors of at most {} in a record and {} live',
             [_cell(k, 'stretched dyad') for k in kinds],
         ),
-        ('within {} % if the torque belongs to the middle', [late[0.0]]),
+        ('within {} % if the torque is computed for the middle', [late[0.0]]),
         (
-            'The speed is {} % off if the torque belongs to the start of the tick, and {} % off',
+            '{} % off if the torque is computed for the start of the tick, and {} % off',
             [late[0.5], late[1.5]],
         ),
     ]

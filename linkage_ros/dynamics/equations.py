@@ -149,7 +149,7 @@ class Model(NamedTuple):
         return (Weight(self.links, self.gravity), *self.loads)
 
     def coupling(self, j: int, k: int) -> Vector:
-        """Returns C_jk as (real, imaginary), kg m^2; ZERO for both if no body couples the links."""
+        """Returns C_jk as (real, imaginary), kg m^2; both ZERO if no body couples the links."""
         result = Vector(ZERO, ZERO)
         for link in self.links:
             if not link.slides:
