@@ -31,7 +31,7 @@ from linkage_ros.motion.fixed_step_integrator import FixedSteps, Steps, Values
 from linkage_ros.motion.stiff_integrator import StiffSteps
 
 _STIFF = 2e3  # settling rate, 1/s, above which implicit steps cost less than explicit ones
-_MOST_STEPS, _TRIED = 50, 100  # limit of steps per ms, at 12 us each; ms of motion to check
+_MOST_STEPS, _TRIED = 20, 100  # limit of steps per ms, at 12 us each; ms of motion to check
 _RECORD: dict[str, Any] = {'tolerance': 1e-11, 'trials': 10_000}  # for implicit steps
 _RECORD_CORNERS: dict[str, Any] = {'tolerance': 1e-13, 'trials': 10_000}  # for explicit steps
 
