@@ -18,7 +18,7 @@ _NAME = 'linkage_chart'
 _RPM = Quantity('number', 'crank speed', 'rpm', -1e6, 1e6)
 _OUT: cli.Option = (('--out',), None, {
     'type': cli.path, 'default': Path(), 'metavar': 'DIR',
-    'help': 'folder for the results, which are replaced (default: this one)',
+    'help': 'folder for the results; existing ones are replaced (default: the current folder)',
 })  # fmt: skip
 _QUICK: cli.Option = (('--quick',), None, {
     'action': 'store_true', 'help': 'fewer settings and cases: seconds, or a minute for stability',

@@ -68,7 +68,7 @@ class LoadCurve(AppliedLoad):
         default=None,
     )  # fmt: skip
     return_value: tuple[float, ...] | None = quantity(
-        'list', 'the same while the position decreases; empty: as value', 'N or N m',
+        'list', 'the same while the position decreases; if empty, as `value`', 'N or N m',
         span=_FORCES, default=None,
     )  # fmt: skip
     file: str = quantity('text', 'CSV file with these lists as columns, given instead', default='')

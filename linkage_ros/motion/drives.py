@@ -92,7 +92,7 @@ class TorqueDrive(Checked):
         'number', 'crank angle at t = 0', 'rad', span=(-1e6, 1e6), default=0.0
     )
     torque_limit: float = quantity(
-        'number', 'largest torque of a command; larger ones are cut to it',
+        'number', 'largest torque of a command; a larger one is reduced to it',
         'N m', span=(0.0, 1e12), default=1e12,
     )  # fmt: skip
     command_timeout: float = quantity(

@@ -27,7 +27,7 @@ class FeedForward(Checked):
         pattern=_TOPIC, default='',
     )  # fmt: skip
     lead_time: float = quantity(
-        'number', 'time from the stamp to the moment of the computed torque', 's',
+        'number', 'time from the stamp to the moment for which the torque is computed', 's',
         span=(0.0, 10.0), default=0.0,
     )  # fmt: skip
 
@@ -46,7 +46,7 @@ class SpeedFeedForward(FeedForward, SpeedDrive):
         pattern=_TOPIC, default='',
     )  # fmt: skip
     trajectory_horizon: float = quantity(
-        'number', 'duration of that motion; it is published anew after half of it', 's',
+        'number', 'duration of that motion; a new message follows after half this time', 's',
         span=(0.01, 10.0), default=0.5,
     )  # fmt: skip
 

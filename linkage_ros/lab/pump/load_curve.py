@@ -136,7 +136,7 @@ def _between(
 
 
 def stability_lost(pieces: Sequence[Piece]) -> list[tuple[str, PeriodicMotion]]:
-    """Returns type and motion of each junction between two pieces of a curve."""
+    """Returns the type of each change of stability along the curves, and the motion there."""
     pairs = itertools.pairwise(pieces)
     return [(a.ends_at, a.motions[-1]) for a, b in pairs if a.motions[-1] is b.motions[0]]
 

@@ -87,7 +87,7 @@ class Search:
         return (self.belongs < 0) & ~self.stopped
 
     def run(self, progress: Callable[[Iterable[Any], str], Any], checks: int) -> None:
-        """Advances the motions until all have settled, at most for `checks` checks."""
+        """Advances the motions until all have settled, or `checks` checks are done."""
         rare = 0
         for check in progress(range(1, checks + 1), 'motions'):
             self.motions.advance(_STEPS)
