@@ -241,7 +241,8 @@ def _changed(
     torque: float,
 ) -> Iterator[dict[str, Any]]:
     """Makes records of the stable states at another motor torque, N m."""
-    others = {state.piece: state.motion for state in steady_states(balance, found, torque)}
+    pieces = [piece for piece in found if piece.stable]
+    others = {state.piece: state.motion for state in steady_states(balance, pieces, torque)}
     for number, (state, piece) in enumerate(states):
         if state.stable:
             motion = others.get(piece)

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from linkage_ros.lab.pump.harmonic_balance import Accuracy, HarmonicBalance
+from linkage_ros.lab.pump.harmonic_balance import STATE, Accuracy, HarmonicBalance
 from linkage_ros.lab.pump.periodic_motion import PeriodicMotion
 
 # Kinds of stability loss. The largest multiplier is 1 (two motions merge), -1, or a complex pair.
@@ -86,7 +86,10 @@ class SteadyState(NamedTuple):
 
 
 def steady_states(
-    balance: HarmonicBalance, pieces: Sequence[Piece], torque: float
+    balance: HarmonicBalance,
+    pieces: Iterable[Piece],
+    torque: float,
+    accuracy: Accuracy = STATE,
 ) -> list[SteadyState]:
     """Finds the steady states at a torque of the motor.
 
@@ -94,6 +97,7 @@ def steady_states(
         balance: Equations for the motor's damping.
         pieces: The pieces of the load curve.
         torque: Torque of the motor at rest, N m.
+        accuracy: How exactly the states are computed.
 
     Returns:
         The states in order of speed.
@@ -102,7 +106,7 @@ def steady_states(
     for piece in pieces:
         for one, other in itertools.pairwise(piece.motions):
             if (one.torque < torque) != (other.torque < torque):
-                motion = _between(balance, one, other, torque)
+                motion = _between(balance, one, other, torque, accuracy)
                 if motion and not any(motion.is_same(state.motion) for state in states):
                     states.append(SteadyState(motion, piece))
     return sorted(states, key=lambda state: state.motion.speed)
@@ -110,7 +114,11 @@ def steady_states(
 
 @functools.lru_cache(256)  # after each new curve, the same states are asked for
 def _between(
-    balance: HarmonicBalance, one: PeriodicMotion, other: PeriodicMotion, torque: float
+    balance: HarmonicBalance,
+    one: PeriodicMotion,
+    other: PeriodicMotion,
+    torque: float,
+    accuracy: Accuracy,
 ) -> PeriodicMotion | None:
     """Finds the motion between two motions of a curve at a torque; None if there is none.
 
@@ -122,11 +130,11 @@ def _between(
     for _ in range(_HALVINGS):
         way = end - start
         plane = way / equations.units(one) ** 2
-        motion = equations.find(start + (torque - start[-1]) / way[-1] * way)
+        motion = equations.find(start + (torque - start[-1]) / way[-1] * way, None, accuracy)
         move = equations.unknowns(motion) - start if motion else -way
         if abs((plane @ move) / (plane @ way) - 0.5) < _NEARLY_HALF:
             return motion
-        middle = equations.find(start + way / 2, plane)
+        middle = equations.find(start + way / 2, plane, accuracy)
         if middle is None:
             break
         half = equations.unknowns(middle)
@@ -202,7 +210,7 @@ def with_curves(
 def _is_on(balance: HarmonicBalance, curve: Sequence[Piece], piece: Piece) -> bool:
     """Whether a piece repeats a part of a curve, because its own curve was lost there."""
     middle = piece.motions[len(piece.motions) // 2]
-    states = steady_states(balance, curve, middle.torque)
+    states = steady_states(balance, curve, middle.torque, _CURVE)
     return any(middle.is_same(state.motion) for state in states)
 
 
