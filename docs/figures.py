@@ -129,12 +129,12 @@ def dynamics_figures() -> list[Figure]:
     return [
         ('takes {} % of a core for the quadrilateral at 150 rpm', [each / 10]),
         (
-            'errors of at most {} in a record and {} live, for motor lines and guides',
+            'errors of about {} in a record and {} live, for motor lines and guides',
             [max(_cell(k, 'steep motor line'), _cell(k, 'stiff guide')) for k in kinds],
         ),
-        ('changes by at most {} in a record and {} live', [_cell(k, _LONG) for k in kinds]),
+        ('changes by about {} in a record and {} live', [_cell(k, _LONG) for k in kinds]),
         (
-            'pass such points with errors of at most {} in a record and {} live',
+            'pass such points with errors of about {} in a record and {} live',
             [_cell(k, 'stretched dyad') for k in kinds],
         ),
         ('within {} % if the torque is computed for the middle', [late[0.0]]),

@@ -43,7 +43,9 @@ def states_table(analysis: Analysis) -> list[str]:
         if share > _FEW
     ]
     if analysis.has_corners:
-        lines.append('the load curve has corners: speeds are right to about 0.005 %')
+        lines.append(
+            'the load curve has corners: speeds are right to about 0.01 %, multipliers to 1 %'
+        )
     if analysis.spread:
         lines.append(
             'the jump of load.return_value is spread over slider speeds of '
