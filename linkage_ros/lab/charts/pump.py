@@ -128,7 +128,7 @@ def _put_legend_below(axes: Axes) -> None:
     """Draws the legend below the panel, where it does not cover the curves."""
     axes.legend(
         *axes.get_legend_handles_labels(), ncols=2, frameon=False, columnspacing=1.2,
-        loc='upper center', bbox_to_anchor=(0.5, -0.13), borderpad=0, labelspacing=0.2,
+        loc='upper center', bbox_to_anchor=(0.5, -0.16), borderpad=0, labelspacing=0.2,
     )  # fmt: skip
 
 
