@@ -11,7 +11,6 @@ import array
 import gc
 import sys
 import time
-from contextlib import suppress
 
 import numpy as np
 import rclpy
@@ -20,6 +19,7 @@ from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 
+from linkage_ros import cli
 from linkage_ros.wire.cdr import stamp_of
 
 
@@ -40,10 +40,10 @@ def main() -> None:
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     gc.freeze()
+    stop = cli.Stop()
     print('listening', flush=True)
-    with suppress(KeyboardInterrupt):
-        while True:
-            executor.spin_once(timeout_sec=0.1)
+    while not stop.is_set():
+        executor.spin_once(timeout_sec=0.1)
     np.save(path, np.array(times, dtype=np.int64).reshape(-1, 2))
 
 

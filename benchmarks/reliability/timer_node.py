@@ -7,7 +7,6 @@ NAME contains 'events', the timer runs in rclpy's EventsExecutor instead of the 
 """
 
 import sys
-from contextlib import suppress
 
 import numpy as np
 import rclpy
@@ -16,6 +15,7 @@ from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 
+from linkage_ros import cli
 from linkage_ros.parameters.configuration import load
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.wire.codecs import joint_rows
@@ -49,9 +49,10 @@ def main() -> None:
     motion = simulator.begin(origin)
     executor = EventsExecutor() if 'events' in sys.argv[-1] else SingleThreadedExecutor()
     executor.add_node(node)
-    with suppress(KeyboardInterrupt):
-        while True:  # spin() of the EventsExecutor does not call timers
-            executor.spin_once(timeout_sec=0.1)
+    # A KeyboardInterrupt might be raised in a finalizer, where Python ignores it.
+    stop = cli.Stop()
+    while not stop.is_set():  # spin() of the EventsExecutor does not call timers
+        executor.spin_once(timeout_sec=0.1)
     print(*(np.quantile(late, (0.5, 0.99, 1.0)) * 1e-3).round(1))
 
 
