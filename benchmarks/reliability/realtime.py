@@ -8,14 +8,14 @@ and linkage_node without log, with log, and with log and viewer. A subscriber in
 receives the messages of each node. Then record, verify and recover take turns with compression of
 the same bytes.
 
-    python benchmarks/reliability/realtime.py --out docs                         in eight minutes
+    python benchmarks/reliability/realtime.py --out docs                         in 13 minutes
     python benchmarks/reliability/realtime.py --slices 1 --seconds 3 --rounds 1  a short trial
 
 After every round, the figures are written to DIR/realtime.json and DIR/log_speed.json, and page
 and figure to DIR/timing.md and DIR/timing.png, so that Ctrl-C keeps what was measured. Each
 contender has median and p99 of the lateness, us (medians over the slices), its maximum, the
-numbers of missed ticks and of all ticks, and the processor time of the median slice, s. The exit
-code is 1 if a limit is exceeded.
+numbers of missed ticks and of all ticks, and the processor time, s, as if all ticks took as much
+as those of the median second. The exit code is 1 if a limit is exceeded.
 """
 
 import json
@@ -25,6 +25,7 @@ import time
 import zlib
 from pathlib import Path
 from statistics import median
+from typing import Any
 
 import numpy as np
 import zstandard
@@ -60,25 +61,33 @@ CASES = {
 }
 
 
-def bare_loop(seconds: float) -> dict[str, float]:
+def bare_loop(seconds: float) -> dict[str, Any]:
     """Sleeps until each deadline."""
-    period, tick, lateness = round(1e9 / RATE), 0, []
-    computed, origin = time.process_time(), time.monotonic_ns()
+    period, tick, lateness, computed = round(1e9 / RATE), 0, [], [time.process_time()]
+    origin = time.monotonic_ns()
     while tick < seconds * RATE:
         while (left := origin + tick * period - time.monotonic_ns()) > 0:
             time.sleep(left * 1e-9)
         lateness.append(-left)
+        if len(lateness) % RATE == 0:
+            computed.append(time.process_time())
         tick = 1 + (time.monotonic_ns() - origin) // period
-    took = time.process_time() - computed
     late = np.quantile(lateness, (0.5, 0.99, 1.0)) * 1e-3
-    return figures(late, len(lateness), tick - len(lateness), took)
+    return figures(late, len(lateness), tick - len(lateness), computed)
 
 
-def figures(late, ticks: int, missed: int, computed: float) -> dict[str, float]:
-    """Summarises a slice: lateness, us, as median, p99 and maximum; processor time, s."""
+def figures(late, ticks: int, missed: int, computed: list[float]) -> dict[str, Any]:
+    """Collects the figures of a slice.
+
+    Args:
+        late: Lateness, us: median, p99 and maximum.
+        ticks: Number of ticks.
+        missed: Number of missed ticks.
+        computed: Processor time of the process so far, s, at the start and after each second.
+    """
     p50, p99, most = map(float, late)
-    words = {'p50_us': p50, 'p99_us': p99, 'max_us': most}
-    return {**words, 'missed': missed, 'ticks': ticks, 'cpu_seconds': computed}
+    words = {'p50_us': p50, 'p99_us': p99, 'max_us': most, 'missed': missed, 'ticks': ticks}
+    return {**words, 'computed': np.diff(computed).round(4).tolist()}
 
 
 def contender(name: str, folder: Path):
@@ -93,7 +102,7 @@ def contender(name: str, folder: Path):
     return node(DOMAIN, **parameters)
 
 
-def slice_of(name: str, seconds: float, health: Diagnostics) -> dict[str, float]:
+def slice_of(name: str, seconds: float, health: Diagnostics) -> dict[str, Any]:
     """Measures one slice of a contender."""
     if name == 'bare loop':
         return bare_loop(seconds)
@@ -105,9 +114,10 @@ def slice_of(name: str, seconds: float, health: Diagnostics) -> dict[str, float]
         ):
             wait_for(lambda: 'heard' in listener.output)
             time.sleep(SETTLE)
-            before = process.computed()
-            time.sleep(seconds)
-            computed = process.computed() - before
+            computed = [process.computed()]
+            for _ in range(round(seconds)):
+                time.sleep(1.0)
+                computed.append(process.computed())
             assert process.end() == 0, process.output
         stamps = np.load(heard)[:, 0]
     if name.startswith('linkage_node'):
@@ -119,15 +129,20 @@ def slice_of(name: str, seconds: float, health: Diagnostics) -> dict[str, float]
     return figures(late, len(stamps), missed(stamps, RATE), computed)
 
 
-def summary(name: str, slices: list[dict[str, float]]) -> dict[str, object]:
-    """Summarises the slices of a contender in a record."""
+def summary(name: str, slices: list[dict[str, Any]]) -> dict[str, object]:
+    """Summarises the slices of a contender in a record.
+
+    The median second of all slices counts, because a virtual machine whose neighbours are busy may
+    need half as much processor time again for some seconds.
+    """
     ticks = sum(one['ticks'] for one in slices)
+    seconds = [second for one in slices for second in one['computed']]
     return {
         'contender': name, 'rate': RATE,
         **{key: round(median(one[key] for one in slices), 1) for key in ('p50_us', 'p99_us')},
         'max_us': round(max(one['max_us'] for one in slices), 1),
         'missed': sum(one['missed'] for one in slices), 'ticks': ticks,
-        'cpu_seconds': round(ticks * median(s['cpu_seconds'] / s['ticks'] for s in slices), 4),
+        'cpu_seconds': round(ticks / RATE * median(seconds), 4),
     }  # fmt: skip
 
 
@@ -195,10 +210,10 @@ def timed(run) -> float:
 def main() -> int:
     """Measures, writes and prints the figures."""
     given = options(
-        __doc__, slices=(5, 'slices of each contender'), seconds=(12.0, 's of each slice'),
+        __doc__, slices=(15, 'slices of each contender'), seconds=(4.0, 's of each slice'),
         rounds=(9, 'rounds of the logs'),
     )  # fmt: skip
-    slices: dict[str, list[dict[str, float]]] = {name: [] for name in CONTENDERS}
+    slices: dict[str, list[dict[str, Any]]] = {name: [] for name in CONTENDERS}
     logs = log_speed(given.rounds)
     finish('log_speed', given.out, logs)
     with Diagnostics(DOMAIN) as health:

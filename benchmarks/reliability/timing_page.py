@@ -46,7 +46,8 @@ On an idle machine, this command measures ticks and logs:
 The contenders take turns in slices. Each node has one subscriber in another process. The rclpy
 timers publish only joint states, without a log. Lateness is the time from a tick's deadline to
 its start: the table shows the medians over the slices of the median and the 99th percentile, and
-the largest value of all slices. Processor time is that of the node's process.
+the largest value of all slices. Processor time is that of the node's process in the median second,
+because other users of the computer may slow single seconds by half.
 
 {ticks}
 
