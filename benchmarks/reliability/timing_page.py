@@ -51,6 +51,9 @@ because other users of the computer may slow single seconds by half.
 
 {ticks}
 
+In 5 of 112 starts, one call of `publish` blocked for 0.33 s inside the middleware, Fast DDS, soon
+after the start; a trace of all threads showed this. It is the largest lateness above 300 000 us.
+
 A separate recorder process, fed through shared memory, was compared with the thread that writes
 the log, in a loop of ticks without ROS on a busy machine. The process took 9 to 12 us of
 processor time per tick; the thread takes about 10 us in the node. 99 % of the ticks were at most
