@@ -47,9 +47,10 @@ The contenders take turns in 15 slices of 4 s. Each node has one subscriber in a
 rclpy timers publish only joint states, without a log. Lateness is the time from a tick's deadline
 to its start: the table shows the medians over the slices of the median and the 99th percentile,
 and the largest value of all slices. For linkage_node, lateness includes the 1.5 s of start-up
-before each slice; ticks, missed ticks and processor time do not. Processor time is that of the node's
-process in the median second, because other users of the computer may slow single seconds by half.
-In five runs with 5 slices of 12 s, the log added 7 to 27 us to a tick, and the viewer 27 to 60 us.
+before each slice; ticks, missed ticks and processor time do not. Processor time is that of the
+node's process in the median second, because other users of the computer may slow single seconds by
+half. In five runs with 5 slices of 12 s, the log added 7 to 27 us to a tick, and the viewer 27 to
+60 us.
 
 {ticks}
 
