@@ -61,7 +61,7 @@ CASES = {
 }
 
 
-def bare_loop(seconds: float) -> dict[str, Any]:
+def bare_loop(seconds: int) -> dict[str, Any]:
     """Sleeps until each deadline."""
     period, tick, lateness, computed = round(1e9 / RATE), 0, [], [time.process_time()]
     origin = time.monotonic_ns()
@@ -69,9 +69,9 @@ def bare_loop(seconds: float) -> dict[str, Any]:
         while (left := origin + tick * period - time.monotonic_ns()) > 0:
             time.sleep(left * 1e-9)
         lateness.append(-left)
-        if len(lateness) % RATE == 0:
-            computed.append(time.process_time())
         tick = 1 + (time.monotonic_ns() - origin) // period
+        if tick >= RATE * len(computed):
+            computed.append(time.process_time())
     late = np.quantile(lateness, (0.5, 0.99, 1.0)) * 1e-3
     return figures(late, len(lateness), tick - len(lateness), computed)
 
@@ -102,7 +102,7 @@ def contender(name: str, folder: Path):
     return node(DOMAIN, **parameters)
 
 
-def slice_of(name: str, seconds: float, health: Diagnostics) -> dict[str, Any]:
+def slice_of(name: str, seconds: int, health: Diagnostics) -> dict[str, Any]:
     """Measures one slice of a contender."""
     if name == 'bare loop':
         return bare_loop(seconds)
@@ -115,7 +115,7 @@ def slice_of(name: str, seconds: float, health: Diagnostics) -> dict[str, Any]:
             wait_for(lambda: 'heard' in listener.output)
             time.sleep(SETTLE)
             computed = [process.computed()]
-            for _ in range(round(seconds)):
+            for _ in range(seconds):
                 time.sleep(1.0)
                 computed.append(process.computed())
             assert process.end() == 0, process.output
@@ -210,7 +210,7 @@ def timed(run) -> float:
 def main() -> int:
     """Measures, writes and prints the figures."""
     given = options(
-        __doc__, slices=(15, 'slices of each contender'), seconds=(4.0, 's of each slice'),
+        __doc__, slices=(15, 'slices of each contender'), seconds=(4, 's of each slice'),
         rounds=(9, 'rounds of the logs'),
     )  # fmt: skip
     slices: dict[str, list[dict[str, Any]]] = {name: [] for name in CONTENDERS}

@@ -43,20 +43,20 @@ On an idle machine, this command measures ticks and logs:
 
     python benchmarks/reliability/realtime.py --out docs
 
-The contenders take turns in 15 slices of 4 s. Each node has one subscriber in another process. The
-rclpy timers publish only joint states, without a log. Lateness is the time from a tick's deadline
-to its start: the table shows the medians over the slices of the median and the 99th percentile,
-and the largest value of all slices. For linkage_node, lateness includes the 1.5 s of start-up
-before each slice; ticks, missed ticks and processor time do not. Processor time is that of the
-node's process in the median second, because other users of the computer may slow single seconds by
-half. In five runs with 5 slices of 12 s, the log added 7 to 27 us to a tick, and the viewer 27 to
-60 us.
+The contenders take turns in slices, 15 of 4 s unless other numbers are given. Each node has one
+subscriber in another process. The rclpy timers publish only joint states, without a log. Lateness
+is the time from a tick's deadline to its start: the table shows the medians over the slices of the
+median and the 99th percentile, and the largest value of all slices. For linkage_node, lateness
+includes the start-up before each slice; ticks, missed ticks and processor time do not. Processor
+time is that of the node's process in the median second, because other users of the computer may
+slow single seconds by half. In five runs with 5 slices of 12 s, the log added 7 to 27 us to a
+tick, and the viewer 27 to 60 us.
 
 {ticks}
 
-In 5 of 112 starts, here and in trials by hand, one tick waited for 0.33 s soon after the start. A
-trace of all threads in one of them shows the tick in `publish`, so the middleware, Fast DDS, is
-the probable cause.
+In 7 of 142 starts of linkage_node, in three runs of this benchmark and in trials by hand, one tick
+waited for 0.33 s soon after the start. A trace of all threads in one of them shows the tick in
+`publish`, so the middleware, Fast DDS, is the probable cause.
 
 A separate recorder process, fed through shared memory, was compared with the thread that writes
 the log, in a loop of ticks without ROS on a busy machine. The process took 9 to 12 us of
