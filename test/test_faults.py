@@ -25,6 +25,7 @@ from linkage_ros.log.reader import LogReader
 from linkage_ros.log.recover import recover
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.parameters.configuration import configure, load
+from linkage_ros.run.disk_sync import DiskSync
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.wire.cdr import ERROR, OK, WARN
 from linkage_ros.wire.topics import DRIVING_TORQUE
@@ -161,7 +162,7 @@ def test_renamed_log_is_completed_under_its_new_name(tmp_path):
 
 def test_log_is_synced_to_the_disk_and_a_failure_reported(tmp_path, monkeypatch):
     log, synced = begun(tmp_path / 'run.mcap'), []
-    sync = log.disk_sync()
+    sync = DiskSync(log.file.path, log.file.stream.fileno())
     monkeypatch.setattr(os, 'fdatasync', lambda number: synced.append(os.fstat(number).st_ino))
     sync.consume([])
     log.close()

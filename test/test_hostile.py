@@ -337,7 +337,7 @@ FORGED = {
         explained({**seal(SETTINGS), 'rpm': '151.0'}),
         'checksum is wrong',
     ),
-    'empty': (b'', f"{BEGINS} b''{CURE}"),
+    'empty': (b'', f'is not an MCAP file on a disk: it is empty or a pipe{CURE}'),
     'magic alone': (MCAP0_MAGIC, 'is damaged or incomplete: linkage_log recover'),
     'text': (b'/**:\n  ros__parameters:\n', rf"{BEGINS} b'/..:\\n r'{CURE}"),
     'bytes': (b'\xff\0' * 4_096, rf"{BEGINS} b'(\\xff\\x00){{4}}'{CURE}"),

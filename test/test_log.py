@@ -197,7 +197,8 @@ def test_rows_have_the_bytes_that_the_library_would_write(tmp_path, start):
     with LogWriter(path, simulator.configuration, overwrite=False) as log:
         log.add_states(simulator.layout, ((topic, topic.name) for topic in simulator.topics))
         log.write_rows(simulator.rows(stamps, simulator.begin(start).at_all(stamps)))
-    write_records(tmp_path / 'other.mcap', records_of(path), chunk_size=1 << 30)
+    write_records(tmp_path / 'other.mcap', records_of(path), chunk_size=1 << 30,
+                  enable_data_crcs=True)  # fmt: skip
     assert (tmp_path / 'other.mcap').read_bytes() == path.read_bytes()
 
 

@@ -104,16 +104,16 @@ def test_complete_logs_come_back_byte_for_byte(tmp_path, whole, several):
 
 def test_all_whole_chunks_before_a_cut_are_saved_and_verify(tmp_path, whole, recovered):
     data, chunks = whole.data, whole.chunks
-    first = spans(data, 'metadata')[0][1]
+    (_, first), *_, (_, end) = spans(data, 'metadata')
     cuts = {first, *range(first, len(data), len(data) // 8), len(data) - 9, len(data) - 1}
     cuts |= {chunks[3][0] + n for n in (0, 1, 8, 9, 40, 60)} | {chunks[-1][1]}
     for cut in sorted(cuts):
         done, saved, report = recovered(data[:cut])
-        assert saved == whole.messages[: len(saved)]
+        assert (saved, report.difference) == (whole.messages[: len(saved)], '')
         assert len(saved) >= whole.counts[sum(end <= cut for _, end in chunks)]
         assert done.places <= 1
         assert done.damaged < max(end - start for start, end in chunks)
-        assert report.difference == ''
+        assert (LogReader(tmp_path / 'out.mcap').lost is None) == (cut < end)
         with pytest.raises(LogError, match='its run was killed or is still running; linkage_log'):
             LogReader(tmp_path / 'broken.mcap')
 
@@ -167,23 +167,25 @@ DAMAGE = {
 
 
 @pytest.mark.parametrize(('place', 'bits', 'lost', 'moved'), DAMAGE.values(), ids=DAMAGE)
-def test_damage_is_skipped_and_all_other_data_kept(whole, recovered, place, bits, lost, moved):
+def test_damage_is_found_and_all_other_data_kept(
+    tmp_path, whole, recovered, place, bits, lost, moved
+):
     data = bytearray(whole.data)
     data[place(whole)] ^= bits
     done, saved, report = recovered(data)
     assert len(whole.chunks) == LAST + 1
-    assert saved == without(whole, *lost)
-    assert (done.places, done.unknown) == (1, 0)
+    assert (saved, done.places, done.unknown) == (without(whole, *lost), 1, 0)
     assert (report.difference != '') == moved
     assert (report.missed > 5) == (lost in ([0], [2]))
+    with pytest.raises(LogError):
+        report_of(tmp_path / 'broken.mcap')
 
 
 def test_damaged_chunks_of_a_cut_file(whole, recovered):
     data, cut = bytearray(whole.data), whole.chunks[5][0]
     data[whole.chunks[2][0] + 300] ^= 1
     done, saved, _ = recovered(data[: cut + 50])
-    assert saved == without(whole, 2, 5)
-    assert (done.places, done.unknown) == (2, 0)
+    assert (saved, done.places, done.unknown) == (without(whole, 2, 5), 2, 0)
     # The first chunk and the end of a file have the names of its topics.
     data[whole.chunks[0][0] + 300] ^= 1
     done, saved, _ = recovered(data[:cut])

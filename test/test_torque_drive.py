@@ -336,8 +336,8 @@ def elsewhere(shift, simulator, snapshot):
     q, u, a = ((row[0], row[3]) for row in snapshot.state[:3])  # of crank and slider
     moved_to = snapshot.numbers[0] + shift
     state = Coordinates((within_two_turns(moved_to)[0], *q[1:]), u, a, moved_to)
-    stamp = JointStateCodec(simulator.joints, parts=trajectory).decode(snapshot.messages[2])[0]
-    return simulator.layout.messages(bytes(simulator.rows([stamp], stacked([state]))))
+    rows = simulator.rows([snapshot.stamp], stacked([state]))
+    return [bytes(rows[body]) for body in simulator.layout.bodies]
 
 
 @pytest.mark.parametrize(

@@ -54,15 +54,17 @@ tick, and the viewer 27 to 60 us.
 
 {ticks}
 
-In 7 of 142 starts of linkage_node, in three runs of this benchmark and in trials by hand, one tick
-waited for 0.33 s soon after the start. A trace of all threads in one of them shows the tick in
-`publish`, so the middleware, Fast DDS, is the probable cause.
+In 11 of 261 starts of linkage_node, in this benchmark and in trials by hand, one tick waited for
+0.33 s soon after the start. The middleware causes it: when Fast DDS opens a port in shared memory,
+its discovery thread may sleep for a third of a second with a lock that publishing needs
+([#6535](https://github.com/eProsima/Fast-DDS/issues/6535)). The system calls of all threads, read
+in one of these starts, agree: the discovery thread slept, and the tick waited for a lock. The node
+counts the missed ticks.
 
-A separate recorder process, fed through shared memory, was compared with the thread that writes
-the log, in a loop of ticks without ROS on a busy machine. The process took 9 to 12 us of
-processor time per tick; the thread takes about 10 us in the node. 99 % of the ticks were at most
-106 us late with the process, 99 us with the thread at its real-time priority, 177 us with the
-thread without that priority, and 111 us without a log. This is why a thread writes the log.
+A thread of the node writes the log. A prototype with a separate recorder process, fed through
+shared memory, was measured in a loop of ticks without ROS on a busy machine: 99 % of the ticks
+were at most 106 us late with the process, 99 us with the thread, and 111 us without a log. So the
+process would gain nothing. The prototype is not kept, so no command repeats this comparison.
 
 ## Logs
 
@@ -85,7 +87,8 @@ record, on average and in the slowest millisecond.
 ## States and arrays
 
 This table shows the time per state of the quadrilateral, with its driving torque, in this package
-and in C and other software. [peers.md](peers.md) has all peers, and their errors.
+and in C and other software. Each figure is a median over several rounds, so the last column is not
+exactly the ratio of the first. [peers.md](peers.md) has all peers, and their errors.
 
     python benchmarks/peers/run.py --markdown docs/peers.md
 

@@ -3,7 +3,7 @@
 """Log files: detects a full disk, a removed file, and changes by another program."""
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -111,30 +111,3 @@ class LogFile:
         """Closes the file."""
         with suppress(OSError):  # closing tries once more to flush unwritten data
             self.stream.close()
-
-
-class DiskSync:
-    """Consumer of a worker that syncs a log to the disk, so that it survives a power cut.
-
-    It needs its own worker, because a sync may take seconds, during which the log must still be
-    flushed.
-    """
-
-    def __init__(self, log: LogFile) -> None:
-        """Duplicates the file's descriptor, so that syncs work even after the log is closed."""
-        self._path, self._number = log.path, os.dup(log.stream.fileno())
-
-    def consume(self, _: Sequence[object]) -> None:
-        """Syncs all data flushed so far.
-
-        Raises:
-            LogError: The sync failed.
-        """
-        try:
-            os.fdatasync(self._number)
-        except OSError as error:
-            raise LogError(f'{self._path} does not reach the disk: {error.strerror}') from error
-
-    def close(self) -> None:
-        """Closes the duplicated descriptor."""
-        os.close(self._number)

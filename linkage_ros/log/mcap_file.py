@@ -33,6 +33,7 @@ HEAD = struct.Struct('<BQ')  # opcode and length of a record
 # Opcode and length of the footer, offsets of the summary and summary offset section, checksum, and
 # magic.
 _FOOTER = struct.Struct('<BQQQI8s')
+_DATA_END = struct.Struct('<BQI')  # opcode, length, and checksum of all data before it
 MAGIC_SIZE = len(MCAP0_MAGIC)
 _KINDS: dict[int, Any] = {
     Opcode.HEADER: records.Header,
@@ -81,7 +82,8 @@ def open_mcap(path: Path) -> BinaryIO:
     if begin != MCAP0_MAGIC:
         stream.close()
         raise LogError(
-            f'{path} is not an MCAP file on a disk: it starts with {begin!r}; give a log of '
+            f'{path} is not an MCAP file on a disk: it '
+            f'{f"starts with {begin!r}" if begin else "is empty or a pipe"}; give a log of '
             'linkage_ros, such as one written by linkage_record'
         )
     return stream
@@ -227,6 +229,22 @@ class McapFile:
             opcode, body, at = self._record(at)
             found[_KINDS[opcode]].append(parsed(opcode, body))
         return found
+
+    def check_data(self) -> None:
+        """Verifies the checksum of the data section, if it has one.
+
+        It also covers what `part` does not check, such as the message indexes. The file must have
+        a summary section, which follows the data section.
+
+        Raises:
+            ValueError: The checksum is wrong.
+        """
+        footer = _FOOTER.unpack(self._read(self.size - _FOOTER.size, _FOOTER.size))
+        end, checksum = footer[2] - _DATA_END.size, 0
+        for at in range(0, end, LARGEST):
+            checksum = zlib.crc32(self._read(at, min(LARGEST, end - at)), checksum)
+        if _DATA_END.unpack(self._read(end, _DATA_END.size))[2] not in {0, checksum}:
+            raise ValueError('the checksum of its data is wrong')
 
 
 def parsed(opcode: int, body: bytes) -> Any:

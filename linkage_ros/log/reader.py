@@ -80,7 +80,8 @@ class LogReader(AbstractContextManager['LogReader']):
         has_same_urdf: Whether robot_description can be recomputed; older versions used other link
             names.
         motions: The segments of motion, in order.
-        lost: Number of logged messages missing from the file; 0 if the log has no end record.
+        lost: Number of logged messages missing from the file; None if this is unknown, because the
+            log was recovered without its end record or written by an old version.
         topics: The channels of the log.
         start: Log time of the first message, ns.
         end: Log time of the last message, ns.
@@ -122,9 +123,10 @@ class LogReader(AbstractContextManager['LogReader']):
         # Versions that name links in the present way also log frame_id.
         self.has_same_urdf = 'frame_id' in about[0]
         self.motions = tuple(decode_motion(r.metadata) for r in records if r.name == MOTION_RECORD)
-        self.lost = sum(
-            int(unseal(record.metadata)['messages']) - statistics.message_count
-            for record in records if record.name == END_RECORD
+        self.lost = next(
+            (int(unseal(record.metadata)['messages']) - statistics.message_count
+             for record in records if record.name == END_RECORD),
+            None,
         )  # fmt: skip
         schemas = {schema.id: schema for schema in summary[Schema]}
         channels = {channel.id: channel for channel in summary[Channel]}.values()
@@ -230,6 +232,7 @@ class LogReader(AbstractContextManager['LogReader']):
                             other(message)
             if found != self._count:  # a damaged opcode, which no checksum protects, hides records
                 raise LogError('it is damaged: its number of messages does not match its summary')
+            file.check_data()
 
     def _message(self, data: bytes, start: int, end: int) -> LoggedMessage:
         """Parses a message record of a chunk.

@@ -144,8 +144,9 @@ class _Copy:
             self._take_chunk(content)
         elif isinstance(content, Attachment):
             library.add_attachment(**vars(content))
-        # The new log gets its own end record.
-        elif isinstance(content, Metadata) and content.name != END_RECORD:
+        elif isinstance(content, Metadata) and content.name == END_RECORD:
+            self._new.has_end = True  # the new log gets its own, with the number of its messages
+        elif isinstance(content, Metadata):
             is_named = content.name in {CONFIGURATION_RECORD, MOTION_RECORD}
             if is_named or CHECKSUM in content.metadata:
                 unseal(content.metadata)

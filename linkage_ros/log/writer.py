@@ -16,7 +16,7 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, MessageIndex, Schema, Statistics
 from mcap.writer import CompressionType, Writer
 
-from linkage_ros.log.log_file import DiskSync, LogFile
+from linkage_ros.log.log_file import LogFile
 from linkage_ros.log.metadata import (
     CONFIGURATION_RECORD,
     END_RECORD,
@@ -71,6 +71,7 @@ class LogWriter(AbstractContextManager['LogWriter']):
         library: The writer of the mcap package.
         statistics: Message counts and times so far.
         channels: Channels declared so far, by number.
+        has_end: Whether to write an end record, which tells that the end of the run is logged.
     """
 
     def __init__(
@@ -80,7 +81,8 @@ class LogWriter(AbstractContextManager['LogWriter']):
 
         Args:
             path: Path of the new file.
-            configuration: Configuration of the run; None if the caller adds the record later.
+            configuration: Configuration of the run; None for a recovered log,
+                to which the caller adds the record later, and `has_end` if the source has one.
             overwrite: Whether to replace an existing log.
 
         Raises:
@@ -89,14 +91,16 @@ class LogWriter(AbstractContextManager['LogWriter']):
         """
         self.file = LogFile(path, overwrite=overwrite)
         self.library = Writer(
-            cast('Any', self.file), chunk_size=CHUNK_SIZE, compression=CompressionType.ZSTD
-        )
+            cast('Any', self.file), chunk_size=CHUNK_SIZE, compression=CompressionType.ZSTD,
+            enable_data_crcs=True,
+        )  # fmt: skip
         self.library.start(profile='ros2', library='linkage_ros')
         private = vars(self.library)
         self._builder = private['_Writer__chunk_builder']
         self.statistics: Statistics = private['_Writer__statistics']
         self._schemas: dict[int, Schema] = private['_Writer__schemas']
         self.channels: dict[int, Channel] = private['_Writer__channels']
+        self.has_end = configuration is not None
         if configuration is not None:
             record = encode_configuration(configuration)
             self.library.add_metadata(CONFIGURATION_RECORD, record)
@@ -242,15 +246,12 @@ class LogWriter(AbstractContextManager['LogWriter']):
         if self.file.stream.closed:
             return
         self.flush()  # otherwise the last chunk would follow the end record
-        end = seal({'messages': str(self.statistics.message_count)})
-        self.library.add_metadata(END_RECORD, end)
+        if self.has_end:
+            end = seal({'messages': str(self.statistics.message_count)})
+            self.library.add_metadata(END_RECORD, end)
         self.library.finish()
         self.library.flush()
         self.file.close()
-
-    def disk_sync(self) -> DiskSync:
-        """Returns a consumer that syncs the file to the disk, for a separate worker."""
-        return DiskSync(self.file)
 
     def __exit__(self, *error: object) -> None:
         self.close()

@@ -10,6 +10,7 @@ from typing import Any
 from rclpy.node import Node
 
 from linkage_ros import cli
+from linkage_ros.run.disk_sync import DiskSync
 from linkage_ros.run.health import Health
 from linkage_ros.run.scheduling import accompany_ticker
 from linkage_ros.run.simulator import Simulator
@@ -67,7 +68,8 @@ class RunLog:
         self.offer = writing.offer
         # A slow sync must not delay the flushes.
         syncing: Worker[Any] = Worker(
-            'sync', log.disk_sync(), capacity=1, period=_SYNC_PERIOD,
+            'sync', DiskSync(session.log, log.file.stream.fileno()),
+            capacity=1, period=_SYNC_PERIOD,
             on_error=self._report_no_sync, on_start=accompany_ticker,
         )  # fmt: skip
         self._workers = [writing, syncing]

@@ -84,7 +84,8 @@ class Snapshot(NamedTuple):
     @property
     def messages(self) -> tuple[bytes, ...]:
         """The CDR bytes of the messages, one for each of `Simulator.topics`."""
-        return self.layout.messages(self.row(0))
+        row = self.row(0)
+        return tuple(row[body] for body in self.layout.bodies)
 
 
 class Simulator:

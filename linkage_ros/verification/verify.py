@@ -56,7 +56,7 @@ def verify(log: LogReader, progress: Callable[[int], object] = lambda _: None) -
     """
     done = Verification(log)
     done.run(progress)
-    if log.lost > 0 and not done.difference:
+    if (log.lost or 0) > 0 and not done.difference:
         done.difference = f'{log.lost} logged messages are missing: the end of the log is cut off'
     return done
 

@@ -208,10 +208,6 @@ class RowLayout(Template):
         self.bodies = [slice(start + MESSAGE_HEAD.size, end) for start, end in ends]
         self._whole = re.compile(b'(?:%b)*' % b''.join(patterns), re.DOTALL)
 
-    def messages(self, row: bytes) -> tuple[bytes, ...]:
-        """Returns the CDR bytes of the messages in a row."""
-        return tuple(row[body] for body in self.bodies)
-
     def fitting(self, records: bytes | bytearray) -> int:
         """Returns the length of the leading messages that match the start of a row, in bytes."""
         rows = ((end, records[:end] + self._blank[end:]) for end in self._ends)
