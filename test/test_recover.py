@@ -162,6 +162,7 @@ DAMAGE = {
     **{f'length, bit {bit}': (in_record('metadata', 3, 1 + bit // 8), 1 << bit % 8, [], True)
        for bit in (12, 16, 21)},
     'motion': (in_record('metadata', 2, 80), 1, [], True),
+    'motion as an index': (in_record('metadata', 2, 0), 0x0C ^ 0x0D, [], True),
     'name of a motion': (in_record('metadata', 2, 28), 1, [], True),
 }  # fmt: skip
 

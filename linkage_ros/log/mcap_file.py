@@ -33,7 +33,6 @@ HEAD = struct.Struct('<BQ')  # opcode and length of a record
 # Opcode and length of the footer, offsets of the summary and summary offset section, checksum, and
 # magic.
 _FOOTER = struct.Struct('<BQQQI8s')
-_DATA_END = struct.Struct('<BQI')  # opcode, length, and checksum of all data before it
 MAGIC_SIZE = len(MCAP0_MAGIC)
 _KINDS: dict[int, Any] = {
     Opcode.HEADER: records.Header,
@@ -49,6 +48,11 @@ _KINDS: dict[int, Any] = {
     Opcode.ATTACHMENT_INDEX: records.AttachmentIndex,
     Opcode.SUMMARY_OFFSET: records.SummaryOffset,
 }
+# Kinds of records between chunks, except message indexes.
+_IN_DATA = {
+    Opcode.HEADER, Opcode.DATA_END, Opcode.SCHEMA, Opcode.CHANNEL, Opcode.ATTACHMENT,
+    Opcode.METADATA,
+}  # fmt: skip
 # Kinds of records in a chunk, and their smallest lengths, bytes.
 _IN_CHUNKS = {Opcode.MESSAGE: 22, Opcode.SCHEMA: 0, Opcode.CHANNEL: 0}
 # Costs in units of decompressing one byte. Reading a message takes as long as decompressing 5000
@@ -149,11 +153,14 @@ class McapFile:
         if opcode == Opcode.CHUNK:
             content = unpack(parsed(opcode, body))
             self.spend(len(content))
-        elif opcode != Opcode.MESSAGE_INDEX:  # whose entries would take long to parse
+        elif opcode in _IN_DATA:
             self.spend(len(body) * _PARSING_COST)
             content = parsed(opcode, body)
-        elif len(body) != 6 + int.from_bytes(body[2:6], 'little'):
-            raise ValueError('the length of a record is wrong')
+        # The entries of a message index would take long to parse.
+        elif opcode != Opcode.MESSAGE_INDEX or len(body) != 6 + int.from_bytes(
+            body[2:6], 'little'
+        ):
+            raise ValueError('the kind or length of a record is wrong')
         return opcode, content, end
 
     def _record(self, at: int) -> tuple[int, bytes, int]:
@@ -239,11 +246,14 @@ class McapFile:
         Raises:
             ValueError: The checksum is wrong.
         """
-        footer = _FOOTER.unpack(self._read(self.size - _FOOTER.size, _FOOTER.size))
-        end, checksum = footer[2] - _DATA_END.size, 0
+        _, _, end, *_ = _FOOTER.unpack(self._read(self.size - _FOOTER.size, _FOOTER.size))
+        end, checksum = end - 13, 0
         for at in range(0, end, LARGEST):
             checksum = zlib.crc32(self._read(at, min(LARGEST, end - at)), checksum)
-        if _DATA_END.unpack(self._read(end, _DATA_END.size))[2] not in {0, checksum}:
+        # The record after the data: opcode, length and checksum.
+        if struct.unpack('<BQI', self._read(end, 13)) not in {
+            (Opcode.DATA_END, 4, 0), (Opcode.DATA_END, 4, checksum)
+        }:  # fmt: skip
             raise ValueError('the checksum of its data is wrong')
 
 
