@@ -49,8 +49,8 @@ is the time from a tick's deadline to its start: the table shows the medians ove
 median and the 99th percentile, and the largest value of all slices. For linkage_node, lateness
 includes the start-up before each slice; ticks, missed ticks and processor time do not. Processor
 time is that of the node's process in the median second, because other users of the computer may
-slow single seconds by half. In six runs with 5 slices of 12 s, the log added 7 to 27 us to a
-tick, and the viewer 25 to 60 us.
+slow single seconds by half. In seven runs with 5 slices of 12 s, the log added 7 to 27 us to a
+tick, and the viewer 23 to 60 us. With 8 slices of 12 s, the log added 12 us.
 
 {ticks}
 
