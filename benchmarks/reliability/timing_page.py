@@ -43,18 +43,19 @@ On an idle machine, this command measures ticks and logs:
 
     python benchmarks/reliability/realtime.py --out docs
 
-The contenders take turns in slices, 15 of 4 s unless other numbers are given. Each node has one
-subscriber in another process. The rclpy timers publish only joint states, without a log. Lateness
+The contenders take turns in slices, 5 of 12 s unless other numbers are given; every other round
+has the reverse order. Each node has one subscriber in another process. The rclpy timers publish only joint states, without a log. Lateness
 is the time from a tick's deadline to its start: the table shows the medians over the slices of the
 median and the 99th percentile, and the largest value of all slices. For linkage_node, lateness
 includes the start-up before each slice; ticks, missed ticks and processor time do not. Processor
 time is that of the node's process in the median second, because other users of the computer may
-slow single seconds by half. In seven runs with 5 slices of 12 s, the log added 7 to 27 us to a
-tick, and the viewer 23 to 60 us. With 8 slices of 12 s, the log added 12 us.
+slow single seconds by half. In seven earlier runs, always in the same order, the log added 7 to
+27 us to a tick, and the viewer 23 to 60 us. In two runs of the node with and without log alone, in
+alternating order, the log added 10 and 12 us.
 
 {ticks}
 
-In 11 of 261 starts of linkage_node, in this benchmark and in trials by hand, one tick waited for
+In 14 of 296 starts of linkage_node, in this benchmark and in trials by hand, one tick waited for
 0.33 s soon after the start. The middleware causes it: when Fast DDS opens a port in shared memory,
 its discovery thread may sleep for a third of a second with a lock that publishing needs
 ([#6535](https://github.com/eProsima/Fast-DDS/issues/6535)). The system calls of all threads, read
