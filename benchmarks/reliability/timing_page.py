@@ -44,14 +44,14 @@ On an idle machine, this command measures ticks and logs:
     python benchmarks/reliability/realtime.py --out docs
 
 The contenders take turns in slices, 5 of 12 s unless other numbers are given; every other round
-has the reverse order. Each node has one subscriber in another process. The rclpy timers publish only joint states, without a log. Lateness
-is the time from a tick's deadline to its start: the table shows the medians over the slices of the
-median and the 99th percentile, and the largest value of all slices. For linkage_node, lateness
-includes the start-up before each slice; ticks, missed ticks and processor time do not. Processor
-time is that of the node's process in the median second, because other users of the computer may
-slow single seconds by half. In seven earlier runs, always in the same order, the log added 7 to
-27 us to a tick, and the viewer 23 to 60 us. In two runs of the node with and without log alone, in
-alternating order, the log added 10 and 12 us.
+has the reverse order. Each node has one subscriber in another process. The rclpy timers publish
+only joint states, without a log. Lateness is the time from a tick's deadline to its start: the
+table shows the medians over the slices of the median and the 99th percentile, and the largest
+value of all slices. For linkage_node, lateness includes the start-up before each slice; ticks,
+missed ticks and processor time do not. Processor time is that of the node's process in the median
+second, because other users of the computer may slow single seconds by half. In seven earlier runs,
+always in the same order, the log added 7 to 27 us to a tick, and the viewer 23 to 60 us. In two
+runs of the node with and without log alone, in alternating order, the log added 10 and 12 us.
 
 {ticks}
 
