@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The package, for colcon and for pip alike."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

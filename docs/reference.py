@@ -30,8 +30,8 @@ from linkage_ros.controller import Settings
 from linkage_ros.lab.commands.stability import GRIDS
 from linkage_ros.model.registry import MECHANISMS
 from linkage_ros.parameters.configuration import MechanismAndDrive, Session
-from linkage_ros.parameters.drives import DRIVES
 from linkage_ros.parameters.presets import preset_names, preset_path
+from linkage_ros.parameters.session import DRIVES
 from linkage_ros.quantities import Leaf, leaves
 from linkage_ros.wire.topics import (
     JOINT_COMMANDS,

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Shared code of the command-line programs, which report errors in one line on stderr."""
 
-from __future__ import annotations
-
 import argparse
 import atexit
 import io

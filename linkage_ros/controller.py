@@ -7,8 +7,6 @@ the desired motion is added as feed-forward, computed for the crank angle at whi
 takes effect.
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 import sys

@@ -6,8 +6,6 @@ Importing rclpy takes most of the start-up time. Importing it inside `cli.run` e
 during the import prints no traceback, and that a missing rclpy is reported in one line.
 """
 
-from __future__ import annotations
-
 from functools import partial
 from importlib import import_module
 

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """linkage_export: writes a mechanism as URDF or MJCF for other tools."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 

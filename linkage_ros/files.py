@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Opens and inspects files at user-supplied paths, which may be missing or special files."""
 
-from __future__ import annotations
-
 import errno
 import fcntl
 import os

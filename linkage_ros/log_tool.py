@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """linkage_log: describes, verifies or recovers a log."""
 
-from __future__ import annotations
-
 import argparse
 import math
 import sys

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """linkage_node: runs a mechanism on ROS 2, and publishes its states and driving torque."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 import time
@@ -21,7 +19,7 @@ from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.motion.torque_driven import Motion, TorqueMotion
 from linkage_ros.parameters.configuration import configure, parameter_leaves, preset_note
 from linkage_ros.parameters.descriptions import help_on_every_kind, summary
-from linkage_ros.parameters.drives import SpeedFeedForward
+from linkage_ros.parameters.session import SpeedFeedForward
 from linkage_ros.quantities import build, flatten
 from linkage_ros.ros.parameters import ParameterNode, given_values
 from linkage_ros.ros.process import reported_as_configuration, run_program

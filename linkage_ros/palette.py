@@ -8,8 +8,6 @@ other items, such as states, energies or controllers. In charts without a mechan
 explains the colours.
 """
 
-from __future__ import annotations
-
 from typing import TypeAlias
 
 Color: TypeAlias = tuple[int, int, int]

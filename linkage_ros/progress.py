@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Progress bars and status lines of the executables, on stderr if it is a terminal."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -13,7 +11,7 @@ from tqdm import tqdm
 
 def progress_bar(
     items: Iterable[Any] | None = None, *, wanted: bool = True, **options: Any
-) -> tqdm[Any]:
+) -> 'tqdm[Any]':
     """Creates a progress bar on stderr, if it is a terminal; the bar disappears when it is done.
 
     Args:

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """linkage_replay: publishes the messages of a log at the logged times, or shows them."""
 
-from __future__ import annotations
-
 import argparse
 import os
 import sys

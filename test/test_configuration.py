@@ -24,7 +24,7 @@ from linkage_ros.parameters.configuration import (
     parameter_leaves,
     to_strings,
 )
-from linkage_ros.parameters.drives import DRIVES
+from linkage_ros.parameters.session import DRIVES
 from linkage_ros.quantities import MISSING
 
 CONFIG = Path(__file__).resolve().parents[1] / 'config'

@@ -19,7 +19,7 @@ from linkage_ros.log.mcap_file import LARGEST
 from linkage_ros.model.registry import MECHANISMS
 from linkage_ros.motion.drives import FollowDrive
 from linkage_ros.parameters.configuration import MechanismAndDrive, parameter_leaves
-from linkage_ros.parameters.drives import DRIVES
+from linkage_ros.parameters.session import DRIVES
 from linkage_ros.wire.topics import JOINT_COMMANDS, MEASURED_JOINT_STATES, TOPICS, qualified
 
 DOCS = ROOT / 'docs'

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Creates a validated configuration from the parameters of a node, a file or a log."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -14,10 +12,9 @@ from linkage_ros.model.registry import MECHANISMS
 from linkage_ros.model.structure import Mechanism
 from linkage_ros.motion.drives import Drive, SpeedDrive, TorqueDrive
 from linkage_ros.motion.torque_driven import start
-from linkage_ros.parameters.drives import DRIVES
 from linkage_ros.parameters.parameter_file import read_parameter_file
 from linkage_ros.parameters.presets import find_file, preset_path
-from linkage_ros.parameters.session import Session
+from linkage_ros.parameters.session import DRIVES, Session
 from linkage_ros.parameters.unknown_names import unknown_name
 from linkage_ros.quantities import Checked, Leaf, build, flatten, leaves, quantity, shown
 
@@ -43,7 +40,7 @@ class MechanismAndDrive(Checked):
     )  # fmt: skip
 
     @classmethod
-    def of(cls, given: Mapping[str, object]) -> MechanismAndDrive:
+    def of(cls, given: Mapping[str, object]) -> 'MechanismAndDrive':
         """Reads mechanism and drive from parameters; a wind pump always has drive: torque.
 
         Raises:

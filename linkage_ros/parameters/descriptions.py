@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Describes parameters for --help, and configurations for the summary line of each run."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable
 from dataclasses import MISSING, replace

@@ -5,8 +5,6 @@
 This file does not import launch, so that it can be tested without ROS.
 """
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Iterable, Mapping

@@ -8,8 +8,6 @@ reader interprets the events of PyYAML like rcl_yaml_param_parser/src/parse.c. I
 that rcl rejects, and also files that rcl silently reads incompletely or incorrectly.
 """
 
-from __future__ import annotations
-
 import itertools
 import re
 from collections.abc import Iterator

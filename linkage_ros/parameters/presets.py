@@ -5,8 +5,6 @@
 Presets are not package data, because `colcon build --symlink-install` does not install it.
 """
 
-from __future__ import annotations
-
 import os
 import sys
 from pathlib import Path

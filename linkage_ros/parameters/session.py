@@ -1,8 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Parameters for publishing, logging and viewing."""
-
-from __future__ import annotations
+"""Parameters of a run: publishing, logging, viewing, and torque for a controller."""
 
 import re
 from dataclasses import dataclass
@@ -10,6 +8,7 @@ from pathlib import Path
 
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.model.structure import Mechanism
+from linkage_ros.motion.drives import Drive, FollowDrive, SpeedDrive, TorqueDrive
 from linkage_ros.quantities import Checked, quantity, shown
 from linkage_ros.wire.codecs import ROOT_FRAME
 from linkage_ros.wire.urdf import joint_names, link_of
@@ -21,6 +20,8 @@ VIEWERS = f'{SPAWN}, {WEB}, rerun+http://HOST:PORT/proxy or a .rrd path'
 
 _URL = re.compile(r'rerun\+http://(\[[0-9a-fA-F:.]+\]|[^][/:\s]+):(\d{1,5})/proxy')
 _LAST_PORT = 65535
+_NAME = '[A-Za-z_][A-Za-z0-9_]*'
+_TOPIC = f'(/?{_NAME}(/{_NAME})*)?'
 
 
 @dataclass(frozen=True)
@@ -85,6 +86,56 @@ class Session(Checked):
                 f'crank_joint = {shown(self.crank_joint)}: must not be another joint of this '
                 f"linkage, {', '.join(joints[1:])}; give the robot's name for the crank"
             )
+
+
+@dataclass(frozen=True)
+class FeedForward(Checked):
+    """Settings of the feed-forward torque for a controller.
+
+    Attributes:
+        effort_command_topic: Topic of the driving torque for a controller; empty for none.
+        lead_time: Time by which the torque is computed in advance of its stamp, s.
+    """
+
+    effort_command_topic: str = quantity(
+        'text', 'topic of the driving torque for a controller; empty: none',
+        pattern=_TOPIC, default='',
+    )  # fmt: skip
+    lead_time: float = quantity(
+        'number', 'time from the stamp to the moment for which the torque is computed', 's',
+        span=(0.0, 10.0), default=0.0,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class SpeedFeedForward(FeedForward, SpeedDrive):
+    """A speed-driven crank, with feed-forward torque and trajectory.
+
+    Attributes:
+        trajectory_command_topic: Topic of the crank's trajectory for a controller; empty for none.
+        trajectory_horizon: Duration of each trajectory, s.
+    """
+
+    trajectory_command_topic: str = quantity(
+        'text', "topic of the crank's motion and torque ahead of time; empty: none",
+        pattern=_TOPIC, default='',
+    )  # fmt: skip
+    trajectory_horizon: float = quantity(
+        'number', 'duration of that motion; a new message follows after half this time', 's',
+        span=(0.01, 10.0), default=0.5,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class FollowFeedForward(FeedForward, FollowDrive):
+    """A measured crank, with feed-forward torque."""
+
+
+DRIVES: dict[str, type[Drive]] = {
+    'speed': SpeedFeedForward,
+    'torque': TorqueDrive,
+    'follow': FollowFeedForward,
+}
 
 
 def viewer_address(target: str) -> tuple[str, int] | None:

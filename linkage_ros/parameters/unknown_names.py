@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Error message for an unknown parameter name, with a suggestion."""
 
-from __future__ import annotations
-
 import difflib
 from collections.abc import Collection, Iterable
 

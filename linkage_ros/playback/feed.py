@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reads an excerpt of a log ahead of a replay, in a thread, once or in a loop."""
 
-from __future__ import annotations
-
 import itertools
 from collections import deque
 from collections.abc import Iterator

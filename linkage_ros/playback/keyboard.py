@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reads single keys from a terminal without echo, and restores the terminal at the end."""
 
-from __future__ import annotations
-
 import os
 import re
 import select

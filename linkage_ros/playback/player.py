@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Plays the messages of a log when they are due; keys control rate and pause."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Callable, Iterable

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Shows the joint states of a log in Rerun while it is played."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Publishes the messages of a log on its topics, and the log's time on /clock."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager

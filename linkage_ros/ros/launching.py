@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Shared code of the launch files: arguments, and actions that start and end programs."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeAlias
 

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The live view of a node."""
 
-from __future__ import annotations
-
 from ipaddress import ip_address
 
 from rclpy.node import Node

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Declares quantities as parameters of an rclpy node: descriptors, checks, live changes."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from typing import Any
 

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Starts, spins and ends a program on ROS 2, and protects it from a blocked stderr."""
 
-from __future__ import annotations
-
 import argparse
 import faulthandler
 import itertools

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Topics of a node: publishers of CDR bytes, subscriptions to commands and measurements."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator
 from importlib import import_module

@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections import deque
 
 from linkage_ros.motion.speed_driven import SpeedMotion
-from linkage_ros.parameters.drives import SpeedFeedForward
+from linkage_ros.parameters.session import SpeedFeedForward
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.units import NS_PER_MS, NS_PER_S
 from linkage_ros.wire.codecs import crank_trajectory

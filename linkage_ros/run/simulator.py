@@ -34,7 +34,7 @@ from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.motion.torque_driven import Motion, TorqueMotion, start
 from linkage_ros.numeric import Real
 from linkage_ros.parameters.configuration import Configuration
-from linkage_ros.parameters.drives import FeedForward
+from linkage_ros.parameters.session import FeedForward
 from linkage_ros.units import NS_PER_MS, NS_PER_S
 from linkage_ros.wire.cdr import encode_string
 from linkage_ros.wire.codecs import (
