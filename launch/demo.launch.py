@@ -9,13 +9,15 @@ from pathlib import Path
 
 from launch_ros.actions import Node
 
-from linkage_ros.parameters.launched import demo, is_asked_for, rviz_file
 from linkage_ros.ros.launching import (
     FRAMES,
     NAMES,
     OUTPUTS,
+    demo,
     description,
+    is_asked_for,
     program,
+    rviz_file,
     state_publisher,
     where_installed,
 )
@@ -33,10 +35,10 @@ ARGUMENTS = {
 
 def start(arguments: dict[str, str]) -> list:
     """Starts the node, and what is installed of robot_state_publisher and RViz."""
-    run, namespace = demo(arguments), arguments['namespace']
+    (node, publisher), namespace = demo(arguments), arguments['namespace']
     actions = [
-        program('linkage_node', namespace, run.node),
-        state_publisher(namespace, run.publisher),
+        program('linkage_node', namespace, node),
+        state_publisher(namespace, publisher),
     ]
     if is_asked_for(arguments, 'rviz'):
         template = Path(__file__).parents[1] / 'rviz' / 'linkage.rviz'
@@ -44,8 +46,8 @@ def start(arguments: dict[str, str]) -> list:
             package='rviz2',
             executable='rviz2',
             namespace=namespace,
-            arguments=['-d', rviz_file(template, run.fixed_frame, arguments['frame_prefix'])],
-            parameters=[{'use_sim_time': run.publisher['use_sim_time']}],
+            arguments=['-d', rviz_file(template, node['frame_id'], arguments['frame_prefix'])],
+            parameters=[{'use_sim_time': publisher['use_sim_time']}],
         )
         actions.append(where_installed('rviz2', 'picture in RViz', rviz))
     return actions

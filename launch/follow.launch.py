@@ -5,12 +5,12 @@
 ros2 launch linkage_ros follow.launch.py params:=linkage.yaml measured:=/joint_states
 """
 
-from linkage_ros.parameters.launched import follow
 from linkage_ros.ros.launching import (
     FRAMES,
     NAMES,
     OUTPUTS,
     description,
+    follow,
     program,
     state_publisher,
 )
@@ -31,7 +31,7 @@ ARGUMENTS = {
 
 def start(arguments: dict[str, str]) -> list:
     """Starts the node, and robot_state_publisher if it is installed."""
-    run, namespace = follow(arguments), arguments['namespace']
+    (node, publisher), namespace = follow(arguments), arguments['namespace']
     own = 'joint_states', arguments['joint_states']
     remappings = [
         ('measured_joint_states', arguments['measured']),
@@ -40,8 +40,8 @@ def start(arguments: dict[str, str]) -> list:
         ('robot_description', 'linkage/robot_description'),
     ]
     return [
-        program('linkage_node', namespace, run.node, remappings),
-        state_publisher(namespace, run.publisher, [own]),
+        program('linkage_node', namespace, node, remappings),
+        state_publisher(namespace, publisher, [own]),
     ]
 
 

@@ -5,12 +5,11 @@
 import argparse
 import sys
 import time
-from typing import Any
 
 from rclpy.clock import Clock, ClockType
 
 from linkage_ros import cli
-from linkage_ros.errors import LinkageError, LogError
+from linkage_ros.errors import LinkageError
 from linkage_ros.model.kinematics import State
 from linkage_ros.motion.coordinates import Coordinates
 from linkage_ros.motion.drives import FollowDrive, TorqueDrive
@@ -21,9 +20,9 @@ from linkage_ros.parameters.configuration import configure, parameter_leaves, pr
 from linkage_ros.parameters.descriptions import help_on_every_kind, summary
 from linkage_ros.parameters.session import SpeedFeedForward
 from linkage_ros.quantities import build, flatten
+from linkage_ros.ros.outputs import Outputs
 from linkage_ros.ros.parameters import ParameterNode, given_values
 from linkage_ros.ros.process import reported_as_configuration, run_program
-from linkage_ros.ros.run_log import RunLog
 from linkage_ros.ros.topics import (
     PolledSubscription,
     StatePublisher,
@@ -33,7 +32,7 @@ from linkage_ros.ros.topics import (
     wait_for_subscribers,
 )
 from linkage_ros.run.crank_trajectory import CrankTrajectory
-from linkage_ros.run.health import Health, HealthMonitor
+from linkage_ros.run.health import HealthMonitor
 from linkage_ros.run.inputs import inputs_of
 from linkage_ros.run.scheduling import freeze_heap
 from linkage_ros.run.simulator import Simulator, Snapshot
@@ -82,9 +81,9 @@ class LinkageNode(ParameterNode):
             require_distinct(self, [*heard, *simulator.topics, *others])
             self._states = [StatePublisher(self, topic) for topic in simulator.topics]
             self._others = {topic.name: create_publisher(self, topic) for topic in others}
-        self._view, self._log = self._open_outputs([*others, *heard])
+        self._outputs = Outputs(self, simulator, [*others, *heard])
         self._inputs = [
-            (PolledSubscription(self, topic, source.read, self._log.write), source)
+            (PolledSubscription(self, topic, source.read, self._outputs.write), source)
             for topic, source in heard.items()
         ]
         self._ticker = self._make_ticker()
@@ -96,28 +95,6 @@ class LinkageNode(ParameterNode):
         # Reports use real time, because simulated time may be paused.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._report_timer = self.create_timer(1.0, self._report, clock=steady)
-
-    def _open_outputs(self, others: list[Topic]) -> tuple[Any, RunLog]:
-        """Opens the log and, if configured, the viewer.
-
-        Rerun is imported here, because it is an optional dependency.
-
-        Raises:
-            ViewerError: The viewer cannot be opened.
-            LogError: The log cannot be created.
-            ImportError: MCAP or Rerun is not installed.
-        """
-        configuration, view = self._simulator.configuration, None
-        if configuration.session.viewer:
-            from linkage_ros.ros.live_view import LiveView
-
-            view = LiveView(self, configuration)
-        try:
-            return view, RunLog(self, self._simulator, others)
-        except (LogError, ImportError):
-            if view is not None:
-                view.discard()
-            raise
 
     def _make_ticker(self) -> Ticker:
         callbacks = self._simulator, self._tick, self._restamp, self._fail
@@ -143,13 +120,11 @@ class LinkageNode(ParameterNode):
             self._report()
             self._report_totals()
         finally:
-            succeeded = self._log.close()
-            if self._view is not None:
-                self._view.close(timeout=5.0)
+            succeeded = self._outputs.close()
         return 0 if succeeded and not self._ticker.error else 1
 
     def _report_totals(self) -> None:
-        counts, health = self._ticker.counts, self._health()
+        counts, health = self._ticker.counts, self._outputs.health()
         lost = [
             f', {one.dropped} lost to the {part}' for part, one in health.items() if one.dropped
         ]
@@ -185,7 +160,7 @@ class LinkageNode(ParameterNode):
         """Sets the current motion, and logs its segment if it is new."""
         if motion.segment is not self._segment:
             self._segment = motion.segment
-            self._log.offer(self._segment)
+            self._outputs.log(self._segment)
         self._motion = motion
         return motion
 
@@ -202,14 +177,13 @@ class LinkageNode(ParameterNode):
         for state, body in zip(self._states, bodies, strict=True):
             if state.is_heard:
                 state.publisher.publish(row[body])
-        self._log.offer(row)
-        if self._view is not None:
-            self._view.offer((0, row[bodies[0]]))
+        self._outputs.log(row)
+        self._outputs.show(row[bodies[0]])
 
     def _publish(self, topic: Topic, message: bytes) -> None:
         """Publishes and logs a message that is not part of a state."""
         self._others[topic.name].publish(message)
-        self._log.write(time.time_ns(), topic, message)
+        self._outputs.write(time.time_ns(), topic, message)
 
     def set_live(self, name: str, value: float) -> None:
         """Sets rpm or motor.torque, with effect from the next tick on."""
@@ -224,7 +198,8 @@ class LinkageNode(ParameterNode):
         for subscription, source in self._inputs:
             troubles += source.troubles(subscription.name)
             figures.update(source.diagnostics())
-        statuses = self._monitor.report(self._ticker.counts, figures, self._health(), troubles)
+        health = self._outputs.health()
+        statuses = self._monitor.report(self._ticker.counts, figures, health, troubles)
         logger = self.get_logger()
         for status in self._monitor.changes(statuses):
             if status.level == WARN:
@@ -234,10 +209,6 @@ class LinkageNode(ParameterNode):
         now = self.get_clock().now().nanoseconds  # 0 until the first /clock message
         hardware = self._simulator.configuration.kind.mechanism
         self._publish(DIAGNOSTICS, encode_diagnostics(now, hardware, statuses))
-
-    def _health(self) -> dict[str, Health]:
-        view = Health('') if self._view is None else self._view.health()
-        return {'log': self._log.health(), 'viewer': view}
 
     def _figures(self) -> dict[str, str]:
         if self._state is None:

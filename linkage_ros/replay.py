@@ -9,21 +9,36 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from importlib.util import find_spec
+from typing import Any
 
 from linkage_ros import cli
-from linkage_ros.errors import ConfigurationError
-from linkage_ros.log.reader import LogReader
+from linkage_ros.errors import ConfigurationError, ViewerError
+from linkage_ros.log.reader import LogReader, paired
 from linkage_ros.parameters.session import VIEWERS
-from linkage_ros.playback.feed import Excerpt, excerpt_of, feed
 from linkage_ros.playback.keyboard import Keyboard
-from linkage_ros.playback.player import KEYS, MAX_RATE, MIN_RATE, Pace, Show, Sink, play
+from linkage_ros.playback.player import (
+    KEYS,
+    MAX_RATE,
+    MIN_RATE,
+    Excerpt,
+    Item,
+    Pace,
+    Show,
+    Sink,
+    excerpt_of,
+    feed,
+    play,
+)
 from linkage_ros.progress import progress_bar, waiting
 from linkage_ros.quantities import Quantity
 from linkage_ros.run.scheduling import freeze_heap, minimize_timer_slack, shorten_switch_interval
+from linkage_ros.run.worker import Worker
 from linkage_ros.units import NS_PER_S
+from linkage_ros.wire.topics import JOINT_STATES
 
 _NAME = 'linkage_replay'
 _CLOCK_HZ = 40.0
+_VIEW_CAPACITY, _VIEW_CLOSE_SECONDS = 1_000_000, 10.0  # samples, s
 _OFFSET = Quantity('number', 'length to skip at the beginning', 's of the log', 0.0, 1e9)
 _DURATION = replace(_OFFSET, meaning='length to replay, the end excluded', low=1e-9)
 _OPTIONS: list[cli.Option] = [
@@ -114,6 +129,60 @@ def _split(arguments: list[str]) -> tuple[list[str], list[str]]:
     return arguments[1:start] + arguments[end + 1 :], [arguments[0], *arguments[start:end]]
 
 
+@contextmanager
+def showing(log: LogReader, target: str, *, alone: bool) -> Iterator[Sink]:
+    """Opens a view of a replay that only this machine can access.
+
+    Args:
+        log: The log to show.
+        target: Target of the view; see `View`.
+        alone: Whether this is the only sink; the replay then ends with the view.
+
+    Yields:
+        A function that shows a message if it contains joint states, and ignores other messages.
+
+    Raises:
+        ViewerError: No viewer answers, the view cannot be opened, or it has ended and is the only
+            sink.
+    """
+    from linkage_ros.view.rerun_view import View
+
+    def report(error: Exception) -> None:
+        if not alone:
+            cli.print_error(_NAME, f'the replay continues without a view: {error}')
+
+    def check() -> None:
+        if alone and worker.error:
+            raise ViewerError(f'the view ended: {worker.error}') from worker.error
+
+    def show(item: Item) -> None:
+        check()
+        if item.message.topic in topics:
+            # In a loop, the stamps of each round continue those of the previous round.
+            worker.offer((item.time - item.message.time, item.message.data))
+
+    # Selected by name, because joint_commands has the same type.
+    topics = {channel.name for channel in paired(log, [JOINT_STATES]).values()}
+    view = View(log.configuration, target)
+    if view.trouble:
+        raise ViewerError(f'no viewer answers at {target}: start one there first, with `rerun`')
+    if view.page:
+        print(f'watch it in a browser: {view.page}', flush=True)
+    worker: Worker[Any] = Worker(
+        'view', view, capacity=_VIEW_CAPACITY, period=view.period, on_error=report
+    )
+    try:
+        yield show
+    finally:
+        worker.close(_VIEW_CLOSE_SECONDS)
+        lost = worker.dropped + view.dropped
+        if lost and worker.error is None:
+            cli.print_error(
+                _NAME, f'{cli.counted(lost, "state")} not shown: the viewer lagged or ended'
+            )
+    check()
+
+
 def _sinks(
     stack: ExitStack, options: argparse.Namespace, ros_arguments: list[str], log: LogReader,
     excerpt: Excerpt, pace: Pace,
@@ -126,9 +195,7 @@ def _sinks(
     # it, so that each message is published before it is shown.
     sinks: list[Sink] = []
     if options.viewer:
-        from linkage_ros.playback.replay_view import showing
-
-        view = showing(_NAME, log, options.viewer, alone=not publishes)
+        view = showing(log, options.viewer, alone=not publishes)
         sinks.append(stack.enter_context(view))
     if publishes:
         from linkage_ros.playback.republish import republishing

@@ -16,7 +16,7 @@ from linkage_ros.log.recover import recover
 from linkage_ros.log_tool import info, saved, verdict
 from linkage_ros.parameters.configuration import load, parameter_leaves
 from linkage_ros.parameters.descriptions import summary
-from linkage_ros.playback.feed import excerpt_of, feed
+from linkage_ros.playback.player import excerpt_of, feed
 from linkage_ros.quantities import build, flatten
 from linkage_ros.record import record
 from linkage_ros.run.simulator import Simulator

@@ -21,13 +21,13 @@ from ros_harness import assert_refused
 from test_mujoco import slipped
 
 from linkage_ros import ConfigurationError, SliderCrank, export_tool
-from linkage_ros.mjcf import make_mjcf
+from linkage_ros.export_tool import make_mjcf
 from linkage_ros.model.load_curve import CurveForce
 from linkage_ros.model.loads import LinkForce
 from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.motion.torque_driven import TorqueMotion
 from linkage_ros.parameters.configuration import configure, load
-from linkage_ros.parameters.presets import preset_names, preset_path
+from linkage_ros.parameters.presets import preset_names
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.units import NS_PER_S
 from linkage_ros.wire.urdf import make_urdf
@@ -268,7 +268,6 @@ def canonical(element):
     ('words', 'said'),
     [
         (('urdf', 'quadrilateral', 'linkage.urdf'), 'linkage.urdf exists already and is kept: '),
-        (('mjcf', 'own.yaml', 'own.yaml', '--overwrite'), 'own.yaml holds the parameters'),
         (('mjcf', 'quadrilateral', 'no/linkage.xml'), 'no/linkage.xml cannot be written: No such'),
         (('mjcf', 'quadrilateral', 'a.xml', '--joint-prefix', 'a b'), "joint_prefix = 'a b'"),
         (('mjcf', 'triangle', 'a.xml'), "no preset 'triangle': choose one of"),
@@ -280,12 +279,9 @@ def canonical(element):
 def test_failed_export_gives_one_line(tmp_path, monkeypatch, called, words, said):
     monkeypatch.chdir(tmp_path)
     (tmp_path / 'linkage.urdf').write_text('mine')
-    preset = preset_path('quadrilateral').read_text()
-    (tmp_path / 'own.yaml').write_text(preset)
     assert_refused(*called(export_tool, *words), re.escape(said))
-    assert sorted(path.name for path in tmp_path.iterdir()) == ['linkage.urdf', 'own.yaml']
+    assert [path.name for path in tmp_path.iterdir()] == ['linkage.urdf']
     assert (tmp_path / 'linkage.urdf').read_text() == 'mine'
-    assert (tmp_path / 'own.yaml').read_text() == preset
 
 
 def test_the_program_of_the_page_turns_the_crank(tmp_path, monkeypatch, called, capfd):

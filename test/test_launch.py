@@ -49,21 +49,23 @@ class Recorded(SimpleNamespace):
         super().__init__(positional=positional, **named)
 
 
+OF_LAUNCH = {
+    'launch': ('LaunchContext', 'LaunchDescription'),
+    'launch.actions': (
+        'DeclareLaunchArgument', 'GroupAction', 'IncludeLaunchDescription', 'LogInfo',
+        'OpaqueFunction', 'Shutdown',
+    ),
+    'launch.events': (),
+    'launch.events.process': ('ProcessExited',),
+    'launch_ros': (),
+    'launch_ros.actions': ('Node',),
+}  # fmt: skip
+
+
 def stand_in(monkeypatch):
     """Replaces launch and launch_ros by classes that only record their arguments."""
-    names = {
-        'launch': ('LaunchContext', 'LaunchDescription'),
-        'launch.actions': (
-            'DeclareLaunchArgument', 'GroupAction', 'IncludeLaunchDescription', 'LogInfo',
-            'OpaqueFunction', 'Shutdown',
-        ),
-        'launch.events': (),
-        'launch.events.process': ('ProcessExited',),
-        'launch_ros': (),
-        'launch_ros.actions': ('Node',),
-    }  # fmt: skip
     monkeypatch.delitem(sys.modules, 'linkage_ros.ros.launching', raising=False)
-    for module, classes in names.items():
+    for module, classes in OF_LAUNCH.items():
         made = ModuleType(module)
         for name in classes:
             setattr(made, name, type(name, (Recorded,), {}))
@@ -178,8 +180,10 @@ def test_wrong_values_are_refused_before_anything_is_started(launched, tmp_path,
 def test_killed_launch_leaves_no_files(tmp_path):
     """Parameter files are in memory, so no file remains in the temporary folder."""
     code = (
-        'import time\n'
-        'from linkage_ros.parameters.launched import parameter_file\n'
+        'import sys, time\n'
+        'from unittest.mock import MagicMock\n'
+        f'sys.modules.update({{name: MagicMock() for name in {tuple(OF_LAUNCH)}}})\n'
+        'from linkage_ros.ros.launching import parameter_file\n'
         "print(parameter_file({'rpm': 60.0}), flush=True)\n"
         'time.sleep(60)'
     )

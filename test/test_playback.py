@@ -14,9 +14,8 @@ from hypothesis import strategies as st
 from linkage_ros.errors import LogError
 from linkage_ros.log.reader import LoggedMessage, LogReader
 from linkage_ros.parameters.configuration import configure
-from linkage_ros.playback.feed import Item, excerpt_of, feed
 from linkage_ros.playback.keyboard import RIGHT
-from linkage_ros.playback.player import MAX_RATE, Pace, play
+from linkage_ros.playback.player import MAX_RATE, Item, Pace, excerpt_of, feed, play
 from linkage_ros.record import record
 
 PERIOD = 5_000_000

@@ -32,10 +32,10 @@ from linkage_ros import ViewerError, replay
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.parameters.configuration import configure, load
-from linkage_ros.playback import replay_view, republish
-from linkage_ros.playback.feed import excerpt_of, feed
-from linkage_ros.playback.replay_view import showing
+from linkage_ros.playback import republish
+from linkage_ros.playback.player import excerpt_of, feed
 from linkage_ros.record import record
+from linkage_ros.replay import showing
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.view import rerun_view
 from linkage_ros.wire.topics import DRIVING_TORQUE, JOINT_COMMANDS, JOINT_STATES, qualified
@@ -233,7 +233,7 @@ class View:
 @pytest.fixture
 def view(monkeypatch):
     view = View()
-    monkeypatch.setattr(replay_view, 'View', lambda *_: view)
+    monkeypatch.setattr(rerun_view, 'View', lambda *_: view)
     return view
 
 
@@ -241,7 +241,7 @@ def shown(log, alone, until):
     """Shows a loop over 0.1 s of a log until a condition holds."""
     with (
         LogReader(log) as reader,
-        showing('linkage_replay', reader, 'spawn', alone=alone) as sink,
+        showing(reader, 'spawn', alone=alone) as sink,
         feed(reader, excerpt_of(reader, 0, 0.1, None), loop=True) as items,
     ):
         for count, item in enumerate(items):

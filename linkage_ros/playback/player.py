@@ -1,14 +1,18 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Plays the messages of a log when they are due; keys control rate and pause."""
+"""Reads an excerpt of a log ahead, and plays its messages when they are due, as keys demand."""
 
+import itertools
 import math
 import time
-from collections.abc import Callable, Iterable
-from typing import TypeAlias
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
+from typing import NamedTuple, TypeAlias
 
 from linkage_ros.cli import Stop
-from linkage_ros.playback.feed import Item
+from linkage_ros.log.reader import LoggedMessage, LogReader
 from linkage_ros.playback.keyboard import DOWN, RIGHT, SPACE, UP, Keyboard
 from linkage_ros.units import NS_PER_S
 
@@ -19,10 +23,6 @@ KEYS = (
     '  up, down     increase or decrease the rate by 0.1'
 )
 
-Sink: TypeAlias = Callable[[Item], None]
-# Shows a log time, ns, to the user.
-Show: TypeAlias = Callable[[int], None]
-
 _CHECK_SECONDS = 0.1  # between two checks for keys and for a request to stop
 _RATE_STEP = 0.1
 
@@ -31,6 +31,109 @@ MIN_RATE, MAX_RATE = 1e-3, 1e6
 # A replay that is late by more than this, ns of real time, does not catch up, because its process
 # was suspended, or its rate is too high for the machine.
 _LARGEST_LAG = NS_PER_S // 10
+
+# Messages per batch, and batches read ahead, so that decompressing a chunk delays no message.
+# Without batches, every message would wake the reading thread for milliseconds, which delays a
+# subscriber on the same processor.
+_BATCH, _BATCHES = 16, 256
+
+
+class Excerpt(NamedTuple):
+    """Time range and topics of a replay.
+
+    Attributes:
+        start: First log time, ns.
+        end: End of the excerpt in log time, ns, exclusive. At the end of the log, this is one
+            period after the last message, so that the repetitions of a loop are evenly spaced.
+        topics: Fully qualified names of the topics.
+    """
+
+    start: int
+    end: int
+    topics: list[str]
+
+
+class Item(NamedTuple):
+    """A message to play.
+
+    Attributes:
+        time: Log time, ns; each round of a loop adds the length of the excerpt.
+        message: The logged message.
+    """
+
+    time: int
+    message: LoggedMessage
+
+
+Sink: TypeAlias = Callable[[Item], None]
+# Shows a log time, ns, to the user.
+Show: TypeAlias = Callable[[int], None]
+
+
+def excerpt_of(
+    log: LogReader, offset: float, duration: float | None, topics: list[str] | None
+) -> Excerpt:
+    """Selects an excerpt of a log.
+
+    Args:
+        log: The log to read.
+        offset: Time to skip at the beginning, s.
+        duration: Length of the excerpt, s; None: to the end of the log.
+        topics: Fully qualified names of the topics; None: all topics.
+
+    Returns:
+        The excerpt.
+    """
+    start = log.start + round(offset * NS_PER_S)
+    end = log.end + round(NS_PER_S / log.configuration.session.rate_hz)
+    if duration is not None:
+        end = min(end, start + max(1, round(duration * NS_PER_S)))
+    return Excerpt(start, end, topics or [topic.name for topic in log.topics])
+
+
+@contextmanager
+def feed(log: LogReader, excerpt: Excerpt, *, loop: bool) -> Iterator[Iterator[Item]]:
+    """Reads an excerpt in a separate thread.
+
+    Args:
+        log: The log; while the feed is open, nothing else may use it.
+        excerpt: The part to play; earlier latched messages come first.
+        loop: Whether to repeat the excerpt indefinitely.
+
+    Yields:
+        An iterator over the items; it raises a LogError where the file is damaged.
+    """
+    stored = _stored(log, excerpt, loop=loop)
+    with ThreadPoolExecutor(1, 'reader') as reader:
+
+        def read() -> Future[list[Item]]:
+            return reader.submit(lambda: list(itertools.islice(stored, _BATCH)))
+
+        ahead = deque(read() for _ in range(_BATCHES))
+
+        def items() -> Iterator[Item]:
+            while batch := ahead.popleft().result():
+                ahead.append(read())
+                yield from batch
+
+        try:
+            yield items()
+        finally:
+            reader.shutdown(cancel_futures=True)
+
+
+def _stored(log: LogReader, excerpt: Excerpt, *, loop: bool) -> Iterator[Item]:
+    # Latched messages that a subscriber would have received before the excerpt begins.
+    names = [topic.name for topic in log.topics if topic.latched and topic.name in excerpt.topics]
+    before = log.messages(names, end=excerpt.start) if excerpt.start > log.start else ()
+    last = {message.topic: message for message in before}
+    yield from (Item(excerpt.start, message) for message in last.values())
+    for shift in itertools.count(0, excerpt.end - excerpt.start) if loop else [0]:
+        message = None
+        for message in log.messages(excerpt.topics, excerpt.start, excerpt.end):
+            yield Item(message.time + shift, message)
+        if message is None:  # nor has any other round messages
+            return
 
 
 class Pace:

@@ -15,8 +15,7 @@ from rclpy.publisher import Publisher
 from linkage_ros.errors import ConfigurationError, LogError
 from linkage_ros.log.reader import LogReader
 from linkage_ros.parameters.configuration import without_ros_parameters
-from linkage_ros.playback.feed import Item
-from linkage_ros.playback.player import Pace, Sink
+from linkage_ros.playback.player import Item, Pace, Sink
 from linkage_ros.quantities import shown
 from linkage_ros.ros.parameters import given_values
 from linkage_ros.ros.process import USER_ERRORS, reported_as_configuration, ros_context, spinning

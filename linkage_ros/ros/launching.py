@@ -1,20 +1,32 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Shared code of the launch files: arguments, and actions that start and end programs."""
+"""Shared code of the launch files: arguments, parameters, and actions that start programs."""
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any, TypeAlias
+import json
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
 
 from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument, LogInfo, OpaqueFunction, Shutdown
 from launch.events.process import ProcessExited
 from launch_ros.actions import Node
 
-from linkage_ros.parameters.launched import how_to_install, parameter_file
+from linkage_ros.parameters.configuration import (
+    MechanismAndDrive,
+    configure,
+    parameter_leaves,
+    read_values,
+)
+from linkage_ros.parameters.parameter_file import read_scalar
 from linkage_ros.parameters.session import VIEWERS
+from linkage_ros.quantities import Quantity
+from linkage_ros.wire.codecs import ROOT_FRAME
+from linkage_ros.wire.urdf import make_urdf
 
-# Default and meaning of launch arguments, by name.
-Arguments: TypeAlias = dict[str, tuple[str, str]]
+Values = dict[str, object]  # parameters of a node, by dotted name
+Arguments = dict[str, tuple[str, str]]  # default and meaning of launch arguments, by name
 
 # Arguments of every launch file. An empty argument leaves the parameter unchanged.
 NAMES: Arguments = {
@@ -29,6 +41,9 @@ OUTPUTS: Arguments = {
     'log_overwrite': ('', 'true: replace an existing log or .rrd file'),
     'viewer': ('', VIEWERS),
 }
+# Arguments that are strings even if they look like numbers.
+_TEXTS = ('log', 'viewer', 'joint_prefix', 'effort_command_topic')
+_COMMON = ('use_sim_time', 'joint_prefix', *OUTPUTS)
 
 
 def description(arguments: Arguments, start: Callable[[dict[str, str]], list[Any]]) -> Any:
@@ -50,6 +65,77 @@ def description(arguments: Arguments, start: Callable[[dict[str, str]], list[Any
         for name, (default, meaning) in arguments.items()
     )
     return LaunchDescription([*declared, OpaqueFunction(function=begin)])
+
+
+def given(arguments: Mapping[str, str], names: Iterable[str]) -> Values:
+    """Returns the parameters set by launch arguments.
+
+    Args:
+        arguments: Argument strings by name; empty strings set no parameter.
+        names: Names of the arguments that are parameters.
+
+    Returns:
+        The values by name, with the same types as with `-p NAME:=VALUE`.
+    """
+    texts = {name: arguments[name] for name in names if arguments[name]}
+    return {name: text if name in _TEXTS else read_scalar(text) for name, text in texts.items()}
+
+
+def is_asked_for(arguments: Mapping[str, str], name: str) -> bool:
+    """Returns whether a launch switch, such as rviz, is on.
+
+    Raises:
+        ConfigurationError: The value is neither true nor false.
+    """
+    switch = Quantity('switch', name)
+    return switch.clean(name, given(arguments, [name]).get(name, False)) is True
+
+
+def follow(arguments: Mapping[str, str]) -> tuple[Values, Values]:
+    """Returns the parameters of a node that follows a measured crank, as `demo` does.
+
+    Parameters of the file that do not apply to a measured crank are left out, because a preset
+    defines the motion of its crank.
+    """
+    names = ('follow_bandwidth', 'effort_command_topic', 'lead_time', *_COMMON)
+    file = read_values(arguments['params'], arguments['namespace'])
+    configure(file)
+    kind = MechanismAndDrive.of({'mechanism': 'four_bar', **file, 'drive': 'follow'})
+    known = {leaf.name for leaf in parameter_leaves(kind)}
+    kept = {name: value for name, value in file.items() if name in known}
+    return _linkage({**kept, 'drive': 'follow', **given(arguments, names)}, arguments)
+
+
+def demo(arguments: Mapping[str, str]) -> tuple[Values, Values]:
+    """Returns the parameters of the demo: values of the file, overridden by arguments.
+
+    They are passed to the node instead of the file, because in rcl the order decides whether a
+    section of the file or an argument takes precedence.
+
+    Args:
+        arguments: All arguments of demo.launch.py.
+
+    Returns:
+        The parameters of linkage_node and those of robot_state_publisher.
+
+    Raises:
+        ConfigurationError: The file or a value cannot be used.
+    """
+    file = read_values(arguments['params'], arguments['namespace'])
+    return _linkage({**file, **given(arguments, ('rpm', *_COMMON))}, arguments)
+
+
+def _linkage(values: Values, arguments: Mapping[str, str]) -> tuple[Values, Values]:
+    configuration = configure(values)
+    session, prefix = configuration.session, arguments['frame_prefix']
+    publisher = {
+        'robot_description': make_urdf(
+            configuration.mechanism, session.joint_prefix, session.frame_id
+        ),
+        'frame_prefix': prefix,
+        'use_sim_time': values.get('use_sim_time', False),
+    }
+    return {**values, 'frame_id': prefix + session.frame_id}, publisher
 
 
 def program(
@@ -119,8 +205,48 @@ def where_installed(package: str, feature: str, action: Any) -> Any:
     Returns:
         The action, or one that prints what to install.
     """
-    cure = how_to_install(package, feature)
-    return LogInfo(msg=cure) if cure else action
+    prefixes = filter(None, os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep))
+    index = Path('share', 'ament_index', 'resource_index', 'packages', package)
+    if any(Path(prefix, index).is_file() for prefix in prefixes):
+        return action
+    debian = f'ros-jazzy-{package.replace("_", "-")}'
+    words = f'{package} is not installed, so there is no {feature}: sudo apt install {debian}'
+    return LogInfo(msg=words)
+
+
+def parameter_file(values: Mapping[str, object]) -> str:
+    """Writes parameters to a file, because launch_ros would convert the string 1e3 to a number.
+
+    Args:
+        values: Values by dotted name, for any node.
+
+    Returns:
+        Path of the file, which exists until this process ends.
+    """
+    return _file_in_memory(json.dumps({'/**': {'ros__parameters': values}}))
+
+
+def rviz_file(template: Path, fixed_frame: str, frame_prefix: str) -> str:
+    """Adapts the RViz configuration to the frames of a launch.
+
+    Args:
+        template: RViz configuration for a linkage without prefixes.
+        fixed_frame: Name of the tf frame of the link that carries the fixed pivots.
+        frame_prefix: Frame prefix of robot_state_publisher. A trailing '/' is removed, because
+            RViz adds one.
+
+    Returns:
+        Path of a file, which exists until this process ends.
+    """
+    text = template.read_text(encoding='utf-8').replace(ROOT_FRAME, fixed_frame)
+    prefix = f"TF Prefix: '{frame_prefix.removesuffix('/')}'"
+    return _file_in_memory(text.replace("TF Prefix: ''", prefix))
+
+
+def _file_in_memory(text: str) -> str:
+    descriptor = os.memfd_create('linkage_ros')
+    os.write(descriptor, text.encode())
+    return f'/proc/{os.getpid()}/fd/{descriptor}'
 
 
 def _end(event: ProcessExited, _: LaunchContext) -> list[Any]:
