@@ -92,10 +92,9 @@ def add_options(parser: Any, options: Iterable[Option]) -> None:
 
 
 def _read_number(name: str, quantity: Quantity, text: str) -> object:
-    value: float | str = text
-    for kind in (float, int):  # int comes last, so that '2' becomes an int
-        with suppress(ValueError):
-            value = kind(text)
+    value: object = text
+    with suppress(ValueError):
+        value = int(text) if quantity.kind == 'whole' else float(text)
     try:
         return quantity.clean(name, value)
     except ConfigurationError as error:

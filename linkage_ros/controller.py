@@ -19,11 +19,7 @@ from linkage_ros import cli
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.model.structure import Mechanism
-from linkage_ros.parameters.configuration import (
-    DEFAULT_PRESET,
-    load,
-    without_ros_parameters,
-)
+from linkage_ros.parameters.configuration import DEFAULT_PRESET, load
 from linkage_ros.parameters.descriptions import help_on
 from linkage_ros.parameters.session import JOINT_PREFIX
 from linkage_ros.parameters.unknown_names import unknown_name
@@ -132,7 +128,7 @@ class ControllerNode(ParameterNode):
     def __init__(self, stop: cli.Stop) -> None:
         super().__init__(_NAME)
         self._stop = stop
-        given = without_ros_parameters(given_values(self))
+        given = given_values(self)
         names = [leaf.name for leaf in PARAMETERS]
         for name in given:
             if name not in names:

@@ -182,15 +182,20 @@ BAD_VALUES = [
         FOUR,
         'motor.torque',
         1.0,
-        '… a four_bar: leave it out, or set drive: torque (-p drive:=torque)',
+        '… a four_bar: only a crank with drive: torque has …; leave it out…',
     ),
     (
         FOUR,
         'drive',
         'torque',
-        "'rpm' … a torque-driven four_bar: leave it out, or set drive: speed (…",
+        "'rpm' … a torque-driven four_bar: only a crank with drive: speed has rpm; leave…",
     ),
-    (FOUR, 'drive', 'follow', "'rpm' … a measured four_bar: leave it out, or set drive: speed (…"),
+    (
+        FOUR,
+        'drive',
+        'follow',
+        "'rpm' … a measured four_bar: only a crank with drive: speed has rpm; …",
+    ),
     # Parameters of every node, and similar names; rclpy ignores undeclared ones.
     *((FOUR, x, True, f'{x!r} is … of a four_bar…') for x in ('use_sim_times', 'x.use_sim_time')),
     *((FOUR, x, 1, '… of a four_bar…') for x in ('use_sim_time.x', 'qos_overrides./a.depth')),
@@ -321,7 +326,7 @@ BAD_CALLS = [
     (lambda: SpeedDrive(60.0, crank_acceleration=-1.0), 'crank_acceleration = -1.0: must be …'),
     (
         lambda: configure({'mechanism': 'wind_pump', 'rpm': 60.0}),
-        "'rpm' … a torque-driven wind_pump: leave it out, and set motor.torque and start_rpm",
+        "'rpm' … a torque-driven wind_pump: only a crank with drive: speed has rpm; …",
     ),
     # States.
     (lambda: state(STRETCHED, math.pi), f'{CANNOT_MOVE} 180 deg: … it reaches … deg'),

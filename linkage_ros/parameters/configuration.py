@@ -109,10 +109,8 @@ def configure(values: Mapping[str, object]) -> Configuration:
             assembled, or the crank cannot turn. The message states what is valid.
     """
     given = without_ros_parameters(values)
-    preset: Mapping[str, object] = {}
-    if 'mechanism' not in given:
-        preset = read_parameter_file(preset_path(DEFAULT_PRESET))
     # `build` ignores values of the preset that the drive does not have, such as rpm.
+    preset = {} if 'mechanism' in given else read_parameter_file(preset_path(DEFAULT_PRESET))
     chosen = {**preset, **given}
     kind = MechanismAndDrive.of(chosen)
     valid = [leaf.name for leaf in parameter_leaves(kind)]
@@ -139,13 +137,12 @@ def _not_a_parameter(name: str, kind: MechanismAndDrive) -> str:
     owner, valid = f'a {driven}{kind.mechanism}', parameter_leaves(kind)
     block = name.partition('.')[0]
     sought = name if any(leaf.name.startswith(f'{block}.') for leaf in valid) else block
-    for drive in _others(sought, DRIVES, kind.drive):
-        cure = f'or set drive: {drive} (-p drive:={drive})'
-        if len(MECHANISMS[kind.mechanism].coordinates) > 1:
-            cure = 'and set motor.torque and start_rpm'
-        return f'{shown(name)} is not a parameter of {owner}: leave it out, {cure}'
-    others = ' or a '.join(_others(sought, MECHANISMS, kind.mechanism))
-    elsewhere = f': only a {others} has {sought}' if others else ''
+    drives, mechanisms = (
+        _others(sought, kinds, own)
+        for kinds, own in ((DRIVES, kind.drive), (MECHANISMS, kind.mechanism))
+    )
+    having = [*(f'a crank with drive: {x}' for x in drives), *(f'a {x}' for x in mechanisms)]
+    elsewhere = f': only {" or ".join(having)} has {sought}' if having else ''
     if name == 'rate_hz':
         elsewhere = ': measurements set the rate'
     return unknown_name(name, owner, valid, 'linkage_record --help', elsewhere)

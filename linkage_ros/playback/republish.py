@@ -14,7 +14,6 @@ from rclpy.publisher import Publisher
 
 from linkage_ros.errors import ConfigurationError, LogError
 from linkage_ros.log.reader import LogReader
-from linkage_ros.parameters.configuration import without_ros_parameters
 from linkage_ros.playback.player import Item, Pace, Sink
 from linkage_ros.quantities import shown
 from linkage_ros.ros.parameters import given_values
@@ -59,7 +58,7 @@ def republishing(
         stack.enter_context(ros_context(arguments))
         with reported_as_configuration():
             node = Node(name)
-        for parameter in without_ros_parameters(given_values(node)):
+        for parameter in given_values(node):
             raise ConfigurationError(
                 f'{shown(parameter)} is not a parameter of {name}: leave it out'
             )

@@ -14,6 +14,7 @@ from rcl_interfaces.msg import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from linkage_ros.parameters.configuration import without_ros_parameters
 from linkage_ros.quantities import Leaf, Quantity
 from linkage_ros.ros.process import reported_as_configuration
 
@@ -28,8 +29,9 @@ _TYPES = {
 
 
 def given_values(node: Node) -> dict[str, object]:
-    """Returns the parameters set by the command line and parameter files of a node, by name."""
-    return {name: p.value for name, p in node._parameter_overrides.items()}  # noqa: SLF001, no public API
+    """Returns the node's own parameters that command line and parameter files set, by name."""
+    overrides = node._parameter_overrides  # noqa: SLF001, no public API
+    return without_ros_parameters({name: p.value for name, p in overrides.items()})
 
 
 class ParameterNode(Node):  # type: ignore[misc]  # rclpy has no types

@@ -85,17 +85,17 @@ def require_distinct(node: Node, topics: Iterable[Topic]) -> None:
     Raises:
         ConfigurationError: Two topics have the same name.
     """
-    found = {node.resolve_topic_name(name): (name, '') for name in _ROS_TOPICS}
+    taken = {node.resolve_topic_name(name): name for name in _ROS_TOPICS}
     for topic in topics:
         name, resolved = topic.name, node.resolve_topic_name(topic.name)
-        if resolved in found:
-            pair = found[resolved], (name, topic.parameter)
-            both = ' and '.join(f'{holder} = {n}' if holder else n for n, holder in pair)
-            holders = ' or '.join(holder for _, holder in pair if holder)
+        label = f'{topic.parameter} = {name}' if topic.parameter else name
+        if resolved in taken:
+            both = f'{taken[resolved]} and {label}'
             remapping = f'give {name} another name, -r {name}:=linkage/{name.lstrip("/")}'
-            cure = f'change {holders}' if holders else remapping
+            # A remapping would affect a parameter's topic, too.
+            cure = 'change the parameter' if ' = ' in both else remapping
             raise ConfigurationError(f'{both} are one topic, {resolved}: {cure}')
-        found[resolved] = name, topic.parameter
+        taken[resolved] = label
 
 
 def wait_for_subscribers(
