@@ -17,7 +17,7 @@ from linkage_ros.quantities import Quantity
 _NAME = 'linkage_chart'
 _RPM = Quantity('number', 'crank speed', 'rpm', -1e6, 1e6)
 _OUT: cli.Option = (('--out',), None, {
-    'type': cli.path, 'default': Path(), 'metavar': 'DIR',
+    'type': Path, 'default': Path(), 'metavar': 'DIR',
     'help': 'folder for the results; existing ones are replaced (default: the current folder)',
 })  # fmt: skip
 _QUICK: cli.Option = (('--quick',), None, {
@@ -66,7 +66,7 @@ def _parser() -> argparse.ArgumentParser:
             (
                 (('params',), None, params),
                 (('out',), None,
-                 {'type': cli.path, 'metavar': 'OUT', 'help': '.gif or .mp4 file, replaced'}),
+                 {'type': Path, 'metavar': 'OUT', 'help': '.gif or .mp4 file, replaced'}),
                 rpm,
             ),
         ),

@@ -8,7 +8,6 @@ import io
 import math
 import os
 import queue
-import select
 import signal
 import sys
 import textwrap
@@ -16,7 +15,6 @@ import time
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from functools import partial
-from pathlib import Path
 from typing import Any, NamedTuple, NoReturn, TypeAlias
 
 from linkage_ros import __version__
@@ -27,7 +25,6 @@ from linkage_ros.quantities import Quantity, shown
 Option: TypeAlias = tuple[tuple[str, ...], Quantity | None, dict[str, Any]]
 
 STOPPED_BY_USER = 130
-_LONGEST_WAIT = 1.0  # s, for a blocked stderr to accept an error message
 _LONGEST_SLEEP = 0.5  # s, until a signal received by another thread is handled
 
 
@@ -56,23 +53,6 @@ def make_parser(
     parser = Parser(prog=name, **_described(name, purpose, examples, notes))
     parser.add_argument('--version', action='version', version=f'%(prog)s {__version__}')
     return parser
-
-
-def path(text: str) -> Path:
-    """Converts a command-line argument to a path, for argparse.
-
-    Args:
-        text: The argument.
-
-    Returns:
-        The path, which may not exist.
-
-    Raises:
-        ArgumentTypeError: The argument is empty.
-    """
-    if not text:
-        raise argparse.ArgumentTypeError("'' is not a path: give one")
-    return Path(text)
 
 
 def add_options(parser: Any, options: Iterable[Option]) -> None:
@@ -260,13 +240,7 @@ def counted(number: int, noun: str) -> str:
 
 
 def print_error(name: str, error: object) -> None:
-    """Prints an error as one line on stderr, unless stderr is blocked for more than a second.
-
-    A full pipe or Ctrl-S in the terminal may block stderr.
-    """
-    is_writable = sys.stderr is not None
-    with suppress(OSError, TypeError):  # stderr may lack a file descriptor
-        is_writable = bool(select.select([], [sys.stderr], [], _LONGEST_WAIT)[1])
-    if is_writable:
+    """Prints an error as one line on stderr, if stderr is open."""
+    if sys.stderr is not None:
         with suppress(OSError):
             print(f'{name}: {one_line(str(error))}', file=sys.stderr)

@@ -6,6 +6,7 @@ import argparse
 import cmath
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 from xml.etree import ElementTree as ET
 
 from linkage_ros import cli
@@ -216,7 +217,7 @@ def _options(file: str) -> tuple[cli.Option, ...]:
     prefix = 'prefix of every joint and link name (default: joint_prefix of the file)'
     return (
         (('params',), None, {'metavar': 'PARAMS', 'help': presets}),
-        (('out',), None, {'metavar': file, 'type': cli.path, 'help': 'the file to write'}),
+        (('out',), None, {'metavar': file, 'type': Path, 'help': 'the file to write'}),
         (('--joint-prefix',), None, {'metavar': 'TEXT', 'help': prefix}),
         (('--overwrite',), None, {'action': 'store_true', 'help': 'replace an existing file'}),
     )

@@ -153,7 +153,7 @@ def _print(lines: Iterable[str]) -> None:
 
 
 _LOG: cli.Option = (
-    ('log',), None, {'metavar': 'LOG.mcap', 'type': cli.path, 'help': 'log of linkage_ros'}
+    ('log',), None, {'metavar': 'LOG.mcap', 'type': Path, 'help': 'log of linkage_ros'}
 )  # fmt: skip
 _COMMANDS = {
     'info': cli.Command(
@@ -171,7 +171,7 @@ _COMMANDS = {
         ('run.mcap saved.mcap',),
         (_LOG,
          (('out',), None,
-          {'metavar': 'OUT.mcap', 'type': cli.path, 'help': 'the complete log to write'}),
+          {'metavar': 'OUT.mcap', 'type': Path, 'help': 'the complete log to write'}),
          (('--overwrite',), None, {'action': 'store_true', 'help': 'replace an existing file'})),
     ),
 }  # fmt: skip

@@ -195,7 +195,7 @@ def _parser() -> argparse.ArgumentParser:
     params = f'parameter file, or a preset: {", ".join(preset_names())}'
     cli.add_options(parser, (
         (('params',), None, {'metavar': 'PARAMS', 'help': params}),
-        (('out',), None, {'metavar': 'OUT.mcap', 'type': cli.path, 'help': 'the log to write'}),
+        (('out',), None, {'metavar': 'OUT.mcap', 'type': Path, 'help': 'the log to write'}),
         (('--rate',), _RATE, {'note': ' (default: rate_hz of the file)', 'metavar': 'HZ'}),
         (('--overwrite',), None, {'action': 'store_true', 'help': 'replace an existing file'}),
     ))  # fmt: skip

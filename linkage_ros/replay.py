@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from importlib.util import find_spec
+from pathlib import Path
 from typing import Any
 
 from linkage_ros import cli
@@ -42,7 +43,7 @@ _VIEW_CAPACITY, _VIEW_CLOSE_SECONDS = 1_000_000, 10.0  # samples, s
 _OFFSET = Quantity('number', 'length to skip at the beginning', 's of the log', 0.0, 1e9)
 _DURATION = replace(_OFFSET, meaning='length to replay, the end excluded', low=1e-9)
 _OPTIONS: list[cli.Option] = [
-    (('log',), None, {'metavar': 'LOG.mcap', 'type': cli.path, 'help': 'the log'}),
+    (('log',), None, {'metavar': 'LOG.mcap', 'type': Path, 'help': 'the log'}),
     (('-r', '--rate'),
      Quantity('number', 'ratio of log time to real time', low=MIN_RATE, high=MAX_RATE),
      {'note': ' (default 1)', 'default': 1.0, 'metavar': 'R'}),

@@ -328,7 +328,6 @@ def elapsed(crank, speed):
         (['motion', 'pentagon'], "no preset 'pentagon'"),
         (['motion', ''], "no preset '': choose one of"),
         (['motion', 'x' * 5000], "no preset 'xxxxx"),
-        (['motion', 'quadrilateral', '--out', ''], "argument --out: '' is not a path: give one"),
         (['motion', 'quadrilateral', '--rpm', 'nan'], "--rpm: 'nan': must be a number from"),
         (['motion', 'quadrilateral', '--rpm', 'fast'], "--rpm: 'fast': must be a number from"),
         (['motion', 'quadrilateral', '--acceleration', '1e99'], "--acceleration: '1e99': must be"),

@@ -273,7 +273,6 @@ def canonical(element):
         (('mjcf', 'triangle', 'a.xml'), "no preset 'triangle': choose one of"),
         (('sdf', 'quadrilateral', 'a.sdf'), "invalid choice: 'sdf'"),
         (('mjcf', 'quadrilateral', 'a.xml', '--ros2-control'), 'unrecognized arguments'),
-        (('mjcf', 'quadrilateral', ''), "'' is not a path"),
     ],
 )
 def test_failed_export_gives_one_line(tmp_path, monkeypatch, called, words, said):

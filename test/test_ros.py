@@ -154,16 +154,6 @@ def test_a_signal_that_another_thread_receives_ends_the_wait():
     assert done.stdout == 'True\n', done.stderr
 
 
-def test_unread_error_line_does_not_block_exit():
-    with filled_pipe() as (outlet, inlet):
-        done = subprocess.run(
-            command('node', *node_arguments(rate_hz=-1.0)), env=environment(fresh_domain()),
-            stderr=inlet, timeout=60, check=False,
-        )  # fmt: skip
-    os.close(outlet)
-    assert done.returncode == 2
-
-
 @pytest.mark.parametrize('closed', ['2>&-', '>&-', '>&- 2>&-'])
 def test_a_program_without_stderr_or_stdout_does_its_work(tmp_path, closed):
     with running_node(tmp_path / 'run.mcap', [closed]):
