@@ -28,10 +28,10 @@ import rclpy
 from reliability.harness import DOMAIN, environment, node, running, words
 from sensor_msgs.msg import JointState
 
+from linkage_ros.cli import progress_bar
 from linkage_ros.log.reader import LogReader
 from linkage_ros.palette import FIRST, SECOND, fractions
 from linkage_ros.parameters.presets import preset_path
-from linkage_ros.progress import progress_bar
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.units import radians_per_second
 from linkage_ros.verification.verify import verify

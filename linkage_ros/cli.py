@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Shared code of the command-line programs, which report errors in one line on stderr."""
+"""Shared code of the command-line programs: options, signals, one-line errors, progress."""
 
 import argparse
 import atexit
@@ -12,10 +12,12 @@ import signal
 import sys
 import textwrap
 import time
-from collections.abc import Callable, Iterable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from functools import partial
 from typing import Any, NamedTuple, NoReturn, TypeAlias
+
+from tqdm import tqdm
 
 from linkage_ros import __version__
 from linkage_ros.errors import ConfigurationError, LinkageError, missing_library, one_line
@@ -244,3 +246,37 @@ def print_error(name: str, error: object) -> None:
     if sys.stderr is not None:
         with suppress(OSError):
             print(f'{name}: {one_line(str(error))}', file=sys.stderr)
+
+
+def progress_bar(
+    items: Iterable[Any] | None = None, *, wanted: bool = True, **options: Any
+) -> 'tqdm[Any]':
+    """Creates a progress bar on stderr, if it is a terminal; the bar disappears when it is done.
+
+    Args:
+        items: Items to iterate over; None if the caller updates the bar.
+        wanted: Whether to show the bar at all.
+        options: Options of tqdm, such as desc, total, unit and delay.
+
+    Returns:
+        The bar, which yields the items.
+    """
+    disable = None if wanted else True  # None: no bar if stderr is not a terminal
+    # By default, tqdm would not update the bar at slow items that follow quick ones.
+    options = {'leave': False, 'mininterval': 1.0, 'miniters': 1, **options}
+    return tqdm(items, disable=disable, **options)
+
+
+@contextmanager
+def waiting(words: str) -> Iterator[None]:
+    """Shows a line on stderr while the block runs, if stderr is a terminal.
+
+    Args:
+        words: Text of the line, such as the reason for waiting.
+
+    Yields:
+        None.
+    """
+    # Return the cursor to the start of the line, so that other output overwrites it.
+    with progress_bar(desc=words, bar_format='{desc}\r'):
+        yield

@@ -19,7 +19,6 @@ from linkage_ros.motion.segments import Segment, TorqueSegment
 from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.parameters.configuration import parameter_leaves
 from linkage_ros.parameters.descriptions import summary
-from linkage_ros.progress import progress_bar
 from linkage_ros.units import NS_PER_S
 from linkage_ros.verification.verify import Verification, verify
 
@@ -132,7 +131,7 @@ def _info(options: argparse.Namespace) -> None:
 def _verify(options: argparse.Namespace) -> int:
     log = LogReader(options.log)
     most = max((topic.messages for topic in log.topics), default=0)
-    with progress_bar(total=most, unit=' states', unit_scale=True, delay=2) as bar:
+    with cli.progress_bar(total=most, unit=' states', unit_scale=True, delay=2) as bar:
         report = verify(log, bar.update)
     if not report.states and not report.difference:
         raise LogError(f'{options.log} has no states: there is nothing to verify')
@@ -141,7 +140,7 @@ def _verify(options: argparse.Namespace) -> int:
 
 
 def _recover(options: argparse.Namespace) -> int:
-    with progress_bar(unit='B', unit_scale=True, delay=2) as bar:
+    with cli.progress_bar(unit='B', unit_scale=True, delay=2) as bar:
         done = recover(options.log, options.out, overwrite=options.overwrite, progress=bar.update)
     _print([saved(options.out, done)])
     return 1 if done.places and not done.messages else 0

@@ -29,7 +29,6 @@ from linkage_ros.parameters.configuration import (
 from linkage_ros.parameters.descriptions import help_on_every_kind, summary
 from linkage_ros.parameters.presets import preset_names
 from linkage_ros.parameters.session import Session
-from linkage_ros.progress import progress_bar
 from linkage_ros.quantities import Quantity, leaves
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.units import NS_PER_S
@@ -87,7 +86,7 @@ def record(
         log.write_motion(segment := motion.segment)
         log.write(description, 0, simulator.description)
         try:
-            with progress_bar(
+            with cli.progress_bar(
                 total=count, wanted=progress, unit=' states', unit_scale=True
             ) as bar:
                 for rows in _rows(simulator, motion, count, revolutions or 0):

@@ -8,7 +8,6 @@ import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +29,6 @@ from linkage_ros.playback.player import (
     feed,
     play,
 )
-from linkage_ros.progress import progress_bar, waiting
 from linkage_ros.quantities import Quantity
 from linkage_ros.run.scheduling import freeze_heap, minimize_timer_slack, shorten_switch_interval
 from linkage_ros.run.worker import Worker
@@ -71,7 +69,7 @@ _OPTIONS: list[cli.Option] = [
 def _status(log: LogReader, excerpt: Excerpt, pace: Pace) -> Iterator[Show]:
     """Shows position, rate and pause on one line of stderr, if it is a terminal."""
     end = (min(excerpt.end, log.end) - log.start) / NS_PER_S
-    bar = progress_bar(
+    bar = cli.progress_bar(
         total=max(end, 1e-9),
         miniters=0,
         bar_format='{percentage:3.0f}%|{bar}| {n:.3f}/{total:.3f} s{postfix}',
@@ -131,29 +129,23 @@ def _split(arguments: list[str]) -> tuple[list[str], list[str]]:
 
 
 @contextmanager
-def showing(log: LogReader, target: str, *, alone: bool) -> Iterator[Sink]:
+def showing(log: LogReader, target: str) -> Iterator[Sink]:
     """Opens a view of a replay that only this machine can access.
 
     Args:
         log: The log to show.
         target: Target of the view; see `View`.
-        alone: Whether this is the only sink; the replay then ends with the view.
 
     Yields:
         A function that shows a message if it contains joint states, and ignores other messages.
 
     Raises:
-        ViewerError: No viewer answers, the view cannot be opened, or it has ended and is the only
-            sink.
+        ViewerError: No viewer answers, the view cannot be opened, or it has ended.
     """
     from linkage_ros.view.rerun_view import View
 
-    def report(error: Exception) -> None:
-        if not alone:
-            cli.print_error(_NAME, f'the replay continues without a view: {error}')
-
     def check() -> None:
-        if alone and worker.error:
+        if worker.error:
             raise ViewerError(f'the view ended: {worker.error}') from worker.error
 
     def show(item: Item) -> None:
@@ -170,7 +162,7 @@ def showing(log: LogReader, target: str, *, alone: bool) -> Iterator[Sink]:
     if view.page:
         print(f'watch it in a browser: {view.page}', flush=True)
     worker: Worker[Any] = Worker(
-        'view', view, capacity=_VIEW_CAPACITY, period=view.period, on_error=report
+        'view', view, capacity=_VIEW_CAPACITY, period=view.period, on_error=lambda _: None
     )
     try:
         yield show
@@ -178,9 +170,8 @@ def showing(log: LogReader, target: str, *, alone: bool) -> Iterator[Sink]:
         worker.close(_VIEW_CLOSE_SECONDS)
         lost = worker.dropped + view.dropped
         if lost and worker.error is None:
-            cli.print_error(
-                _NAME, f'{cli.counted(lost, "state")} not shown: the viewer lagged or ended'
-            )
+            words = f'{cli.counted(lost, "state")} not shown: the viewer lagged or ended'
+            cli.print_error(_NAME, words)
     check()
 
 
@@ -188,21 +179,16 @@ def _sinks(
     stack: ExitStack, options: argparse.Namespace, ros_arguments: list[str], log: LogReader,
     excerpt: Excerpt, pace: Pace,
 ) -> list[Sink]:  # fmt: skip
-    # Without rclpy, the viewer still works.
-    publishes = not options.no_ros and (
-        find_spec('rclpy') or options.clock is not None or not options.viewer
-    )
     # Open the viewer first, because its errors occur immediately; but insert the publishers before
     # it, so that each message is published before it is shown.
     sinks: list[Sink] = []
     if options.viewer:
-        view = showing(log, options.viewer, alone=not publishes)
-        sinks.append(stack.enter_context(view))
-    if publishes:
+        sinks.append(stack.enter_context(showing(log, options.viewer)))
+    if not options.no_ros:
         from linkage_ros.playback.republish import republishing
 
         publishing = republishing(_NAME, ros_arguments, log, excerpt.topics, pace, options.clock)
-        with waiting('waiting for subscribers'):
+        with cli.waiting('waiting for subscribers'):
             sinks.insert(0, stack.enter_context(publishing))
     return sinks
 
@@ -222,7 +208,7 @@ def _run(arguments: list[str]) -> int:
         shorten_switch_interval()
         minimize_timer_slack()
         if options.delay:
-            with waiting(f'the replay begins in {options.delay:g} s'):
+            with cli.waiting(f'the replay begins in {options.delay:g} s'):
                 stop.wait(options.delay)
         items = stack.enter_context(feed(log, excerpt, loop=options.loop))
         show = stack.enter_context(_status(log, excerpt, pace))

@@ -22,7 +22,7 @@ TRIED = (
     'linkage_record wiper run.mcap',
     'linkage_log verify run.mcap',
     'linkage_log verify demo/quadrilateral.mcap',
-    'linkage_replay run.mcap --no-ros --viewer run.rrd --rate 1000',
+    'linkage_replay run.mcap --viewer run.rrd --rate 1000',
     'linkage_chart motion quadrilateral --reactions',
     'linkage_chart movie wiper wiper.gif',
     'linkage_export mjcf compressor compressor.xml',

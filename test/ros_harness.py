@@ -89,14 +89,10 @@ def node_arguments(**parameters):
 
 
 @contextmanager
-def running(module, *arguments, domain):
-    process = subprocess.Popen(
-        command(module, *arguments),
-        env=environment(domain),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+def running(module, *arguments, domain, **options):
+    pipes = dict.fromkeys(('stdout', 'stderr'), subprocess.PIPE)
+    options = {'env': environment(domain), 'text': True, **pipes, **options}
+    process = subprocess.Popen(command(module, *arguments), **options)
     try:
         yield process
     finally:

@@ -35,7 +35,6 @@ from test_node_parameters import set_parameter
 from test_torque_drive import MASSLESS
 
 from linkage_ros import controller, node
-from linkage_ros import record as record_module
 from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.parameters.configuration import load
 from linkage_ros.parameters.presets import preset_path
@@ -196,16 +195,6 @@ def test_a_bad_start_is_one_line_and_code_2(called, arguments, words):
 def test_parameters_before_ros_args_are_refused_with_their_right_place(called, module):
     words = 'unknown: -p rpm:=30; parameters stand behind --ros-args'
     assert_refused(*called(module, '-p', 'rpm:=30'), words)
-
-
-def test_node_and_record_refuse_a_file_in_the_same_words(called, tmp_path):
-    path, out = tmp_path / 'bad.yaml', tmp_path / 'out.mcap'
-    path.write_text('/**:\n  ros__parameters:\n    gravity: [0, -9.81]\n')
-    of_node = called(node, '--ros-args', '--params-file', path)
-    of_record = called(record_module, path, out)
-    assert of_node[0] == of_record[0] == 2
-    assert of_node[2].split(': ', 1)[1] == of_record[2].split(': ', 1)[1]
-    assert not out.exists()
 
 
 def test_a_bad_viewer_or_log_leaves_nothing_behind(called, tmp_path):

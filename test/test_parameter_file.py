@@ -408,7 +408,7 @@ def test_agrees_with_rcl_in_a_namespace(namespace, files, answers):
 MESSAGES = {
     'a: []': "line 3: 'a' is an empty list; write a bool, integer",
     'a: 1\na: x': "line 4: 'a' is set twice, in two ways; remove one",
-    'a: 1\na: {b: 2}': "line 4: 'a' is a value and a group; rename one",
+    'a: 1\na: {b: 2}': "line 4: 'a.b' is set twice, in two ways; remove one",
     'a: {}': "line 3: 'a' is an empty group; remove it",
     'a: [0, -9.81]': r"line 3: 'a' mixes types, 0 and -9\.81; give one, as in \[0\.0, -9\.81\]",
     'a: {b: [1, "x"]}': r"'a\.b' mixes types, 1 and 'x'; give one",

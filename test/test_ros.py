@@ -3,6 +3,7 @@
 """Behaviour that all executables with rclpy share."""
 
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -18,6 +19,7 @@ from ros_harness import (
     fresh_domain,
     logged,
     node_arguments,
+    running,
     wait_for,
 )
 
@@ -68,27 +70,22 @@ sys.exit(cli.leave({code}))
 
 
 @contextmanager
-def running_node(path, words=(), **options):
-    """Starts a node with a log, and a listener that has received 20 of its states."""
+def running_node(path, redirection='', **options):
+    """Starts a node with a log; ends it after 20 of its states have been received."""
     domain = fresh_domain()
-    with Listener(domain, {STATES: 'sensor_msgs/msg/JointState'}) as listener:
-        node = [*command('node', *node_arguments(log=path)), *words]
-        if words:
-            node = ['sh', '-c', f'exec {" ".join(node)}']
-        process = subprocess.Popen(node, env=environment(domain), **options)
-        try:
-            wait_for(lambda: len(listener.received[STATES]) > 20)
-            yield process
-            process.send_signal(signal.SIGINT)
-            assert process.wait(30) == 0
-        finally:
-            process.kill()
-            process.communicate()
+    node = f'exec {shlex.join(command("node", *node_arguments(log=path)))} {redirection}'
+    with (
+        Listener(domain, {STATES: 'sensor_msgs/msg/JointState'}) as listener,
+        running(['sh', '-c', node], domain=domain, **options) as process,
+    ):
+        wait_for(lambda: len(listener.received[STATES]) > 20)
+        yield process
+        process.send_signal(signal.SIGINT)
+        assert process.wait(30) == 0
     _, messages = logged(path)
     assert len(messages[STATES]) >= len(listener.received[STATES])
 
 
-@contextmanager
 def filled_pipe():
     """Returns both ends of a full pipe."""
     outlet, inlet = os.pipe()
@@ -97,8 +94,7 @@ def filled_pipe():
         while True:
             os.write(inlet, b'.')
     os.set_blocking(inlet, True)
-    yield outlet, inlet
-    os.close(inlet)
+    return outlet, inlet
 
 
 def read_from_now_on(outlet):
@@ -109,22 +105,19 @@ def read_from_now_on(outlet):
 
 @pytest.mark.parametrize('is_read', [False, True], ids=['by nobody', 'late'])
 def test_unread_stderr_does_not_block_the_node(tmp_path, is_read):
+    outlet, inlet = filled_pipe()
     with ThreadPoolExecutor(1) as pool:
-        with (
-            filled_pipe() as (outlet, inlet),
-            running_node(tmp_path / 'run.mcap', stderr=inlet),
-        ):
+        with running_node(tmp_path / 'run.mcap', stderr=inlet):
+            os.close(inlet)
             said = pool.submit(read_from_now_on, outlet) if is_read else None
-        if said is None:
-            os.close(outlet)
-            return
-        first, last = said.result(30).splitlines()
-    assert 'no mechanism given' in first
-    assert ' states, ' in last
+        if said:
+            first, last = said.result(30).splitlines()
+            assert 'no mechanism given' in first
+            assert ' states, ' in last
 
 
 def test_repeated_signals_end_the_node_in_order(tmp_path):
-    with running_node(tmp_path / 'run.mcap', stderr=subprocess.PIPE, text=True) as node:
+    with running_node(tmp_path / 'run.mcap') as node:
         while node.poll() is None:
             node.send_signal(signal.SIGINT)
             time.sleep(0.001)
@@ -156,5 +149,5 @@ def test_a_signal_that_another_thread_receives_ends_the_wait():
 
 @pytest.mark.parametrize('closed', ['2>&-', '>&-', '>&- 2>&-'])
 def test_a_program_without_stderr_or_stdout_does_its_work(tmp_path, closed):
-    with running_node(tmp_path / 'run.mcap', [closed]):
+    with running_node(tmp_path / 'run.mcap', closed):
         pass

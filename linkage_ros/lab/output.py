@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from linkage_ros import ConfigurationError, __version__
+from linkage_ros.cli import progress_bar
 from linkage_ros.numeric import Array
-from linkage_ros.progress import progress_bar
 
 # Charts must be readable at half size, 700 pixels wide; the smallest text is then 8 pixels high.
 WIDTH, DPI = 10.0, 140  # inches, and pixels per inch

@@ -15,7 +15,7 @@ from linkage_ros.parameters.configuration import (
     MechanismAndDrive,
     parameter_leaves,
 )
-from linkage_ros.quantities import Leaf, Quantity
+from linkage_ros.quantities import Leaf
 
 
 def help_on(parameters: Iterable[Leaf]) -> str:
@@ -28,14 +28,10 @@ def help_on(parameters: Iterable[Leaf]) -> str:
         The lines, joined by newlines.
     """
     return '\n'.join(
-        f'  {name}: {_valid(quantity)}{quantity.meaning}{_default(default)}'
+        f'  {name}: {f"{quantity.valid}; ".removeprefix("text; ")}{quantity.meaning}'
+        f'{_default(default)}'
         for name, quantity, default in parameters
     )
-
-
-def _valid(quantity: Quantity) -> str:
-    """Describes the valid values; empty if any string is valid."""
-    return '' if quantity.valid == 'text' else f'{quantity.valid}; '
 
 
 def _default(value: object) -> str:

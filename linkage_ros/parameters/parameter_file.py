@@ -76,9 +76,8 @@ class _Reader:
             with open_file(path) as stream:
                 self.data = stream.read(_MAX_BYTES + 1)
         except OSError as error:
-            reason = error.strerror or error
             raise ConfigurationError(
-                f'{self.file}: {reason}; give the path of a {kind} file'
+                f'{self.file}: {error.strerror or error}; give the path of a {kind} file'
             ) from error
         if len(self.data) > _MAX_BYTES:
             raise ConfigurationError(f'{self.file}: over {_MAX_BYTES} bytes; give a {kind} file')
@@ -129,11 +128,11 @@ class _Reader:
         values = self.sections.setdefault(node, {})
         if value == []:
             raise self.error(f'{name!r} is an empty list; {_VALUE}')
-        for group in itertools.accumulate(path[section + 1 : -1], '{}.{}'.format):
-            if group in values:
-                raise self.error(f'{group!r} is a value and a group; rename one')
-        # rcl keeps one of two values, depending on their types and the spelling of the name.
-        if name in values and ('.' in path[-1] or _types(value) != _types(values[name])):
+        # rcl loses a value with the name of a group; which of two values it keeps depends on their
+        # types and the spelling of the name.
+        groups = itertools.accumulate(path[section + 1 : -1], '{}.{}'.format)
+        is_twice = '.' in path[-1] or _types(value) != _types(values.get(name, value))
+        if not values.keys().isdisjoint(groups) or (name in values and is_twice):
             raise self.error(f'{name!r} is set twice, in two ways; remove one')
         values[name] = value
 

@@ -64,11 +64,10 @@ def republishing(
             )
         stack.enter_context(spinning(node))
         publishers = _publishers(node, log, set(topics))
-        every = [*publishers.values()]
-        stack.callback(_await_receipt, every)
+        stack.callback(_await_receipt, publishers.values())
         if clock_hz is not None:
             clock = create_publisher(node, SIMULATED_CLOCK)
-            every.append(clock)
+            stack.callback(_await_receipt, [clock])
 
             def publish_position() -> None:
                 clock.publish(encode_clock(pace.position()))
@@ -94,7 +93,7 @@ def republishing(
         yield publish
 
 
-def _await_receipt(publishers: list[Publisher]) -> None:
+def _await_receipt(publishers: Iterable[Publisher]) -> None:
     """Waits until subscribers have received all messages, at most 2 s."""
     end = time.monotonic() + _LAST_SECONDS
     for publisher in publishers:
@@ -106,17 +105,18 @@ def _publishers(node: Node, log: LogReader, topics: set[str]) -> dict[str, Publi
     interfaces = (topic.interface for topic in (*TOPICS, effort_commands('')))
     known = {interface.name: interface for interface in interfaces}
     publishers = {}
-    for channel in log.topics:
-        name, kind, latched = channel.name, channel.type, channel.latched
+    for topic in log.topics:
+        name, kind, depth = topic.name, topic.type, 1 if topic.latched else 10
         if name in topics:
             try:
-                topic = Topic(name, known[kind], latched, 1 if latched else 10)
-                publishers[name] = create_publisher(node, topic)
+                publishers[name] = create_publisher(
+                    node, Topic(name, known[kind], topic.latched, depth)
+                )
             except KeyError as error:
                 raise LogError(
                     f'{log.path}: {name} has the type {kind}, which linkage_ros does not write'
                 ) from error
             except USER_ERRORS as error:
-                words = str(error).partition('\n')[0]
+                words = str(error).splitlines()[0]
                 raise LogError(f'{log.path}: {name!r:.80} cannot be published: {words}') from error
     return publishers

@@ -153,11 +153,11 @@ def reported_as_configuration() -> Iterator[None]:
 
 
 def _spin(executor: SingleThreadedExecutor, node: Node, ends: threading.Event) -> None:
-    """Spins until shutdown, despite exceptions such as those for parameters without a type."""
+    """Spins until `ends` is set, despite exceptions, as for parameters without a type."""
     accompany_ticker()  # a tick may wait for the interpreter lock that the callbacks hold
-    while node.context.ok():
+    while not ends.is_set():
         try:
-            executor.spin()
+            executor.spin_once()
         except ExternalShutdownException:  # noqa: PERF203, once for each failure
             return
         except Exception as error:  # noqa: BLE001, other nodes may send anything
@@ -165,8 +165,6 @@ def _spin(executor: SingleThreadedExecutor, node: Node, ends: threading.Event) -
             # A timer may be cancelled just before the call, and the node destroyed during it.
             if 'timer is canceled' not in words and not ends.is_set():
                 node.get_logger().error(f'a callback failed: {words}', throttle_duration_sec=1.0)
-        else:
-            return
 
 
 @contextmanager

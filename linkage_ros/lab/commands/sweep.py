@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from linkage_ros.cli import progress_bar
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.lab.output import chart, folder, save_csv
 from linkage_ros.lab.sweep.measures import MEASURES, measure
@@ -19,7 +20,6 @@ from linkage_ros.lab.sweep.spread import cluster, processes, spread
 from linkage_ros.lab.sweep.study import Study, read_study
 from linkage_ros.numeric import Array
 from linkage_ros.palette import BLUE, GREY, SKY, VERMILION, fractions
-from linkage_ros.progress import progress_bar
 
 CANNOT_TURN, OUTSIDE, VALID, FRONT = OUTCOMES = (
     'cannot turn', 'outside the constraints', 'valid', 'on the Pareto front',

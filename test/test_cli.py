@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from linkage_ros.progress import waiting
+from linkage_ros.cli import waiting
 
 
 class Output(io.StringIO):
