@@ -92,15 +92,9 @@ def test_bad_values_are_refused_and_change_nothing(listener):
 
 
 def test_dump_reproduces_the_run(listener, tmp_path):
-    tree = {}
-    for name, value in dump(listener).items():
-        *folders, leaf = name.split('.')
-        place = tree
-        for folder in folders:
-            place = place.setdefault(folder, {})
-        place[leaf] = parameter_value_to_python(value)
+    values = {name: parameter_value_to_python(value) for name, value in dump(listener).items()}
     dumped = tmp_path / 'linkage_node.yaml'
-    dumped.write_text(yaml.dump({'/linkage_node': {'ros__parameters': tree}}))
+    dumped.write_text(yaml.dump({'/linkage_node': {'ros__parameters': values}}))
     original = load('quadrilateral')
     drive = replace(original.drive, rpm=RPM, start_rpm=RPM)
     assert load(str(dumped)) == replace(original, drive=drive)
