@@ -7,7 +7,6 @@ import atexit
 import io
 import math
 import os
-import queue
 import signal
 import sys
 import textwrap
@@ -27,7 +26,7 @@ from linkage_ros.quantities import Quantity, shown
 Option: TypeAlias = tuple[tuple[str, ...], Quantity | None, dict[str, Any]]
 
 STOPPED_BY_USER = 130
-_LONGEST_SLEEP = 0.5  # s, until a signal received by another thread is handled
+_POLL_SECONDS = 0.1  # between two looks for a request to stop
 
 
 class Parser(argparse.ArgumentParser):
@@ -130,13 +129,11 @@ class Stop:
     handles signals in the main thread, and promptly only if that thread runs or waits in Python.
     Therefore, other threads do the work, or the main thread calls `wait` between its steps.
 
-    A SimpleQueue is reentrant, whereas a threading.Event would deadlock if a signal arrived at the
-    start of a wait. Linux may deliver a signal to another thread, for example while the process is
-    being stopped. The signal is then handled when the main thread wakes up.
+    The main thread polls, because a threading.Event would deadlock if a signal arrived at the
+    start of a wait, and Linux may deliver a signal to another thread, which does not wake it.
     """
 
     def __init__(self) -> None:
-        self._asked: queue.SimpleQueue[None] = queue.SimpleQueue()
         self._is_set = False
         self._signals = [signal.SIGINT, signal.SIGTERM]
         if signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:
@@ -154,7 +151,6 @@ class Stop:
     def set(self) -> None:
         """Requests the end of the program."""
         self._is_set = True
-        self._asked.put(None)
 
     def is_set(self) -> bool:
         """Returns whether the end of the program was requested."""
@@ -171,8 +167,7 @@ class Stop:
         """
         end = math.inf if timeout is None else time.monotonic() + timeout
         while not self._is_set and (left := end - time.monotonic()) > 0:
-            with suppress(queue.Empty):
-                self._asked.get(timeout=min(left, _LONGEST_SLEEP))
+            time.sleep(min(left, _POLL_SECONDS))
         return self._is_set
 
 

@@ -85,12 +85,8 @@ class SpeedController:
             lead: See `Settings.lead_time`; None for no feed-forward.
 
         Raises:
-            ConfigurationError: The mechanism is a wind pump, or its crank does not turn fully.
+            MechanismError: The mechanism is a wind pump, or its crank does not turn fully.
         """
-        if not mechanism.reach():
-            raise ConfigurationError(
-                f'plant: must be a linkage, such as {DEFAULT_PRESET}, not a wind_pump'
-            )
         self._solver, self._lead = Solver(mechanism), lead
         self._solver.reach.require_full_turn()
         self._speed = radians_per_second(rpm)

@@ -266,14 +266,3 @@ def test_strings_without_a_required_parameter_are_refused(name):
     del strings[name]
     with pytest.raises(ConfigurationError, match=f'{re.escape(name)} is missing|names no {name}'):
         from_strings(strings)
-
-
-@pytest.mark.parametrize(
-    'values',
-    [
-        *({'viewer': x} for x in ('', 'spawn', 'web', 'rerun+http://a:9876/proxy', 'x/run.rrd')),
-        {'log': 'a\0b', 'viewer': 'c\0.rrd'},  # invalid file names
-    ],
-)
-def test_viewers_are_accepted(values):
-    assert configure(values).session.viewer == values['viewer']

@@ -165,10 +165,7 @@ def sent_back(commands):
     [
         ('joint_prefix:=left-', "joint_prefix = 'left-': must be text of the form"),
         ('plant:=pentagon', 'no preset'),
-        (
-            'plant:=wind_pump',
-            'plant: must be a linkage, such as quadrilateral, not a wind_pump$',
-        ),
+        ('plant:=wind_pump', 'a WindPump has 2 degrees of freedom'),
         ('rpm:=fast', 'rpm'),
         ('feed_forward:=3', 'feed_forward = 3: must be true or false'),
         ('bandwidth:=-15.0', 'bandwidth = -15.0: must be a number from 0 to 1e'),

@@ -32,7 +32,7 @@ class Session(Checked):
         rate_hz: Number of states per second.
         log: Path of the MCAP log; empty for no log.
         log_overwrite: Whether an existing log or .rrd file may be replaced.
-        viewer: A value described by `VIEWERS`; empty for no viewer.
+        viewer: A value described by `VIEWERS`, which the view checks; empty for no viewer.
         viewer_bind: Address on which the data of a spawned viewer or the web page is served.
         joint_prefix: Prefix of all joint names in messages and all link names in the URDF.
         crank_joint: Name of the crank joint in measurements, commands and trajectories; empty for
@@ -59,12 +59,6 @@ class Session(Checked):
         'text', 'link that carries the fixed pivots; joint_prefix does not apply to it',
         pattern='[A-Za-z0-9_][A-Za-z0-9_./-]*', default=ROOT_FRAME,
     )  # fmt: skip
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        is_target = is_recording(self.viewer) or viewer_address(self.viewer) is not None
-        if self.viewer not in ('', SPAWN, WEB) and not is_target:
-            raise ConfigurationError(viewer_error(self.viewer))
 
     def require_names(self, mechanism: Mechanism) -> None:
         """Rejects a frame_id or crank_joint that is already the name of another joint or link.

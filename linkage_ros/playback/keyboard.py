@@ -52,7 +52,7 @@ class Keyboard(AbstractContextManager['Keyboard']):
         if key is None and select.select(watched, [], [], timeout)[0] and self._take_terminal():
             # The wake-up may be due to a line that the shell has read, such as fg.
             if select.select(watched, [], [], 0)[0]:
-                self._receive()
+                self._pending += os.read(self._descriptor, 64)
             key = self._next_key()
         return key
 
@@ -68,14 +68,6 @@ class Keyboard(AbstractContextManager['Keyboard']):
         if self._take_terminal():
             with suppress(termios.error):
                 termios.tcsetattr(self._descriptor, termios.TCSANOW, self._saved or [])
-
-    def _receive(self) -> None:
-        data = b''
-        with suppress(OSError):
-            data = os.read(self._descriptor, 64)
-        self._pending += data
-        if not data:  # the terminal is closed: it would always be ready, without data
-            self._saved = None
 
     def _next_key(self) -> bytes | None:
         found = _KEY.search(self._pending)
