@@ -172,8 +172,8 @@ def launch_arguments(path: Path) -> dict[str, tuple[str, str]]:
 
     The file runs with mocks of ROS's launch modules, which need not be installed.
     """
-    names = ('launch', 'launch.actions', 'launch.events', 'launch.events.process', 'launch_ros')
-    modules = {name: MagicMock() for name in (*names, 'launch_ros.actions')}
+    names = ('launch', 'launch.actions', 'launch_ros', 'launch_ros.actions')
+    modules = {name: MagicMock() for name in names}
     with patch.dict(sys.modules, modules):
         return cast('dict[str, tuple[str, str]]', runpy.run_path(str(path))['ARGUMENTS'])
 

@@ -30,14 +30,13 @@ COLORS: dict[str, Color] = {
     'rod': PURPLE,
     'slider': GREEN,
 }
-_OTHER_LINK = GREY  # colour of a link with an unknown name
 # Colours of two items that are not links; a third item is grey.
 FIRST, SECOND = SKY, ORANGE
 
 
 def color_of(link: str) -> Color:
-    """Returns the colour of a link, given its name."""
-    return COLORS.get(link, _OTHER_LINK)
+    """Returns the colour of a link, given its name; grey if the name is unknown."""
+    return COLORS.get(link, GREY)
 
 
 def mixed(color: Color, other: Color, share: float) -> Color:

@@ -67,9 +67,6 @@ def _presets() -> dict[str, Path]:
     folders = [prefix / 'share' / 'linkage_ros' / 'config' for prefix in prefixes]
     if (root / 'package.xml').is_file():  # site-packages/config may belong to another package
         folders.append(root / 'config')
-    paths = (path for folder in folders for path in folder.glob('*.yaml'))
-    presets: dict[str, Path] = {}
-    for path in paths:
-        if path.is_file():  # a link into a deleted workspace is not a file
-            presets.setdefault(path.stem, path)
-    return presets
+    paths = [path for folder in folders for path in folder.glob('*.yaml')]
+    # A link into a deleted workspace is not a file.
+    return {path.stem: path for path in reversed(paths) if path.is_file()}

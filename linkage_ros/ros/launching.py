@@ -10,7 +10,6 @@ from typing import Any
 
 from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument, LogInfo, OpaqueFunction, Shutdown
-from launch.events.process import ProcessExited
 from launch_ros.actions import Node
 
 from linkage_ros.parameters.configuration import (
@@ -249,7 +248,7 @@ def _file_in_memory(text: str) -> str:
     return f'/proc/{os.getpid()}/fd/{descriptor}'
 
 
-def _end(event: ProcessExited, _: LaunchContext) -> list[Any]:
+def _end(event: Any, _: LaunchContext) -> list[Any]:
     """Ends the launch when a process ends.
 
     Raises:

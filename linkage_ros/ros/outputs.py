@@ -10,7 +10,6 @@ from rclpy.node import Node
 
 from linkage_ros import cli
 from linkage_ros.errors import LogError
-from linkage_ros.parameters.configuration import Configuration
 from linkage_ros.parameters.session import SPAWN, WEB
 from linkage_ros.run.disk_sync import DiskSync
 from linkage_ros.run.health import Health
@@ -57,7 +56,7 @@ class Outputs:
         self._channels: dict[str, int] = {}
         self._view: Any = None
         if self._session.viewer:
-            self._open_view(simulator.configuration)
+            self._open_view(simulator)
         self.log: Callable[[object], None] = lambda _: None
         if self._session.log:
             try:
@@ -69,12 +68,15 @@ class Outputs:
                 raise
             self.log = self._workers['log'].offer
 
-    def _open_view(self, configuration: Configuration) -> None:
+    def _open_view(self, simulator: Simulator) -> None:
         from linkage_ros.view.rerun_view import View
 
         session, logger = self._session, self._node.get_logger()
         self._view = view = View(
-            configuration, session.viewer, session.viewer_bind, overwrite=session.log_overwrite
+            simulator.configuration,
+            session.viewer,
+            session.viewer_bind,
+            overwrite=session.log_overwrite,
         )
         if view.page:
             logger.info(f'watch it in a browser: {view.page}')
