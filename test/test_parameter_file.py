@@ -11,15 +11,11 @@ import sys
 import time
 
 import pytest
-import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from linkage_ros import ConfigurationError
-from linkage_ros.parameters import parameter_file
 from linkage_ros.parameters.parameter_file import read_parameter_file
-
-LOADERS = sorted({parameter_file._LOADER, yaml.SafeLoader}, key=lambda loader: loader.__name__)
 
 # Reads every file as a node does. Each result is a line of JSON, so that a crash shows its case;
 # the lines go to a file, because the middleware may write to stdout.
@@ -302,9 +298,6 @@ STRICTER = {
     'document of one word': (own('a: 1') + '--- hello\n', 'likewise'),
 }
 
-# Files that PyYAML without libyaml also refuses.
-PURE = {'tab before a value'}
-
 
 def outcome(path, node='linkage_node'):
     """Returns the values and their types as text, or the error message."""
@@ -352,24 +345,23 @@ def answers(files, tmp_path_factory):
     return answers
 
 
-@pytest.fixture(params=LOADERS, ids=lambda loader: loader.__name__)
-def loader(request, monkeypatch):
-    """Runs a test with each of PyYAML's two parsers."""
-    monkeypatch.setattr(parameter_file, '_LOADER', request.param)
-    return request.param
+def agree(answer, mine):
+    """Returns whether rcl and the reader both refuse a file, or both read the same values."""
+    return isinstance(mine, str) if isinstance(answer, str) else mine == answer
 
 
-def test_agrees_with_rcl(files, answers, loader):
+def test_agrees_with_rcl(files, answers):
     disagreed = {}
     for case in [*AGREED, 'directory', 'missing']:
-        refused = isinstance(answers[case], str) or (loader is yaml.SafeLoader and case in PURE)
         mine = outcome(files[case])
-        if not (isinstance(mine, str) if refused else mine == answers[case]):
+        if not (
+            isinstance(mine, str) if isinstance(answers[case], str) else mine == answers[case]
+        ):
             disagreed[case] = answers[case], mine
     assert disagreed == {}
 
 
-def test_refuses_what_rcl_garbles(files, answers, loader):
+def test_refuses_what_rcl_garbles(files, answers):
     assert [case for case in STRICTER if not isinstance(answers[case], dict)] == []
     assert [case for case in STRICTER if not isinstance(outcome(files[case]), str)] == []
 
@@ -390,8 +382,7 @@ def test_agrees_with_rcl_in_a_namespace(namespace, files, answers):
     read = {answers[case].get('a', '') for case in chosen if isinstance(answers[case], dict)}
     assert read == {'1', ''}  # only some sections belong to the node
     for case, path in chosen.items():
-        answer, mine = answers[case], outcome(path, f'{namespace}/linkage_node')
-        assert isinstance(mine, str) if isinstance(answer, str) else mine == answer, case
+        assert agree(answers[case], outcome(path, f'{namespace}/linkage_node')), case
 
 
 MESSAGES = {
@@ -433,7 +424,7 @@ LAYOUT = {
 @pytest.mark.parametrize(
     ('text', 'message'), [*((own(text), m) for text, m in MESSAGES.items()), *LAYOUT.items()]
 )
-def test_error_names_line_problem_and_cure(text, message, write, loader):
+def test_error_names_line_problem_and_cure(text, message, write):
     path = write(text)
     with pytest.raises(ConfigurationError, match=message) as caught:
         read_parameter_file(path)
@@ -460,7 +451,7 @@ def test_an_unreadable_file_is_named(name, message, tmp_path):
 
 
 @pytest.mark.parametrize('wrong', [b'\xe9', b'\x01'])
-def test_names_the_line_of_a_wrong_byte(wrong, write, loader):
+def test_names_the_line_of_a_wrong_byte(wrong, write):
     path = write(b'\n' * 5000 + own('a: 1\nb: ').encode().rstrip(b'\n') + wrong + b'\n')
     with pytest.raises(ConfigurationError, match=r', line 5004: not YAML in UTF-8 .*; correct'):
         read_parameter_file(path)
@@ -478,7 +469,7 @@ def test_names_the_line_of_a_wrong_byte(wrong, write, loader):
     ],
     ids=lambda text: text[-20:],
 )
-def test_time_and_answer_are_bounded(text, write, loader):
+def test_time_and_answer_are_bounded(text, write):
     start = time.process_time()  # of this process, because the machine may be busy
     assert len(outcome(write(text))) < 50_001
     assert time.process_time() - start < 5
@@ -495,13 +486,10 @@ TEXTS = st.lists(PIECES, max_size=40).map(''.join)
 
 @settings(max_examples=50)
 @given(st.one_of(TEXTS, TEXTS.map(own), st.text(), st.binary()))
-@pytest.mark.parametrize('loader', LOADERS, ids=lambda loader: loader.__name__)
-def test_any_text_gives_values_or_one_line(loader, tmp_path_factory, text):
+def test_any_text_gives_values_or_one_line(tmp_path_factory, text):
     path = tmp_path_factory.getbasetemp() / 'any.yaml'
     path.write_bytes(text if isinstance(text, bytes) else text.encode('utf-8', 'surrogatepass'))
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(parameter_file, '_LOADER', loader)
-        mine = outcome(path)
+    mine = outcome(path)
     if isinstance(mine, str):
         assert re.fullmatch(r'.*any\.yaml, line \d+: .+; .+', mine)
     else:

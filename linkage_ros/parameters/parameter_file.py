@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TypeAlias, cast
 
 import yaml
+from yaml import CSafeLoader  # of libyaml, which rcl also uses
 
 from linkage_ros.errors import ConfigurationError, shortened
 from linkage_ros.files import open_file
@@ -24,7 +25,6 @@ _Scalar: TypeAlias = bool | int | float | str
 ParameterValue: TypeAlias = _Scalar | list[bool] | list[int] | list[float] | list[str]
 Parameters: TypeAlias = dict[str, ParameterValue]
 
-_LOADER = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)  # libyaml, as in rcl, if available
 _MAX_BYTES = 1 << 20
 _MAX_NAME = 255  # characters including all parents, which also limits the nesting depth
 _NODE = re.compile(r'/?((\*\*?|[A-Za-z_]\w{0,243})/)*(\*\*?|[A-Za-z_]\w*)', re.ASCII)
@@ -81,7 +81,7 @@ class _Reader:
             ) from error
         if len(self.data) > _MAX_BYTES:
             raise ConfigurationError(f'{self.file}: over {_MAX_BYTES} bytes; give a {kind} file')
-        self.events = yaml.parse(self.data, Loader=_LOADER)
+        self.events = yaml.parse(self.data, Loader=CSafeLoader)
         self.sections: dict[str, Parameters] = {}
 
     def read(self, path: tuple[str, ...]) -> Parameters:
@@ -172,7 +172,7 @@ class _Reader:
     def next(self) -> yaml.Event:
         try:
             event = next(self.events)
-        except (yaml.YAMLError, ValueError, OverflowError) as error:
+        except yaml.YAMLError as error:
             if isinstance(error, yaml.reader.ReaderError):  # has a position instead of a mark
                 self.line = self.data.count(b'\n', 0, error.position) + 1
             self.line = getattr(getattr(error, 'problem_mark', None), 'line', self.line - 1) + 1
