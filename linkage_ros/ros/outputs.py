@@ -96,26 +96,20 @@ class Outputs:
         log = LogWriter(path, simulator.configuration, overwrite=self._session.log_overwrite)
         log.add_states(simulator.layout, [(t, resolve(t.name)) for t in simulator.topics])
         self._channels = {t.name: log.add_topic(t, resolve(t.name)) for t in others}
-        words = 'the run continues without a log'
-        self._start('log', log, _LOG_CAPACITY, _LOG_PERIOD, words)
+        ended = 'the run continues without a log'
+        self._start('log', log, _LOG_CAPACITY, _LOG_PERIOD, ended)
         # A slow sync must not delay the flushes.
         sync = DiskSync(path, log.file.stream.fileno())
-        words = 'the log continues, but a power cut may lose part of it'
-        self._start('sync', sync, 1, _SYNC_PERIOD, words)
+        self._start('sync', sync, 1, _SYNC_PERIOD, 'a power cut may lose part of the log')
 
     def _start(
         self, name: str, consumer: Any, capacity: int, period: float, consequence: str
     ) -> None:
         """Starts the thread of a consumer; `consequence` describes the run after its failure."""
-
-        def report(error: Exception) -> None:
-            # A log that has ended, which was reported, needs no sync.
-            if name != 'sync' or self._workers['log'].error is None:
-                self._node.get_logger().error(f'{consequence}: {error}')
-
+        logger = self._node.get_logger()
         self._workers[name] = Worker(
-            name, consumer, capacity=capacity, period=period, on_error=report,
-            on_start=accompany_ticker,
+            name, consumer, capacity=capacity, period=period, on_start=accompany_ticker,
+            on_error=lambda error: logger.error(f'{consequence}: {error}'),
         )  # fmt: skip
 
     def write(self, stamp: int, topic: Topic, message: bytes) -> None:
@@ -136,11 +130,8 @@ class Outputs:
 
     def health(self) -> dict[str, Health]:
         """Returns the health of log and viewer, by name."""
-        found, workers, session = (
-            dict.fromkeys(('log', 'viewer'), Health('')),
-            self._workers,
-            self._session,
-        )
+        workers, session = self._workers, self._session
+        found = {'log': Health(''), 'viewer': Health('')}
         if session.log:
             log = workers['log']
             found['log'] = Health(session.log, log.dropped, log.error or workers['sync'].error)
@@ -157,9 +148,7 @@ class Outputs:
         workers = [self._workers[name] for name in ('log', 'sync') if name in self._workers]
         closed = all(worker.close(_LOG_CLOSE_SECONDS) for worker in workers)
         if not closed:
-            words = (
-                f'the log could not be completed within {_LOG_CLOSE_SECONDS:g} s: the disk hangs'
-            )
+            words = f'the log is not complete after {_LOG_CLOSE_SECONDS:g} s: the disk hangs'
             cli.print_error(self._node.get_name(), words)
         if self._view:
             self._workers['viewer'].close(_VIEW_CLOSE_SECONDS)
