@@ -5,7 +5,6 @@
 import os
 import shlex
 import signal
-import subprocess
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -15,7 +14,7 @@ import pytest
 from ros_harness import (
     Listener,
     command,
-    environment,
+    finished,
     fresh_domain,
     logged,
     node_arguments,
@@ -46,10 +45,7 @@ rclpy.try_shutdown()
 
 @pytest.mark.parametrize(('turns', 'code'), [('10**15', 1), ('10', 0)])
 def test_node_that_hangs_at_its_end_exits_with_code_1(turns, code):
-    done = subprocess.run(
-        [sys.executable, '-c', STUCK.format(turns=turns)], env=environment(fresh_domain()),
-        capture_output=True, text=True, timeout=60, check=False,
-    )  # fmt: skip
+    done = finished([sys.executable, '-c', STUCK.format(turns=turns)])
     assert done.returncode == code, done.stderr
     assert done.stdout == 'all is logged\n'
     assert done.stderr == ''
@@ -63,9 +59,7 @@ from linkage_ros import cli
 atexit.register(print, 'the end')
 sys.exit(cli.leave({code}))
 """
-    done = subprocess.run(
-        [sys.executable, '-c', program], capture_output=True, text=True, timeout=60, check=False
-    )
+    done = finished([sys.executable, '-c', program])
     assert (done.returncode, done.stdout) == (code, words)
 
 
@@ -141,9 +135,7 @@ print(stop.wait())
 
 def test_a_signal_that_another_thread_receives_ends_the_wait():
     """Linux may deliver the signal in this way while a process is being stopped."""
-    done = subprocess.run(
-        [sys.executable, '-c', ELSEWHERE], capture_output=True, text=True, timeout=20, check=False
-    )
+    done = finished([sys.executable, '-c', ELSEWHERE], timeout=20)
     assert done.stdout == 'True\n', done.stderr
 
 
