@@ -135,9 +135,8 @@ class Stop:
 
     def __init__(self) -> None:
         self._is_set = False
-        self._signals = [signal.SIGINT, signal.SIGTERM]
-        if signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:
-            self._signals.append(signal.SIGHUP)
+        is_kept = signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
+        self._signals = [signal.SIGINT, signal.SIGTERM, *([] if is_kept else [signal.SIGHUP])]
         for number in self._signals:
             signal.signal(number, self._request)
             # Python restores its own handlers at exit, and a second Ctrl-C would kill the process.

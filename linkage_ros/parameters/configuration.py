@@ -150,8 +150,11 @@ def _not_a_parameter(name: str, kind: MechanismAndDrive) -> str:
 
 def _others(sought: str, kinds: Mapping[str, type], own: str) -> list[str]:
     """Returns the other kinds that have a parameter or group; empty if `own` has it."""
-    names = {kind: [f'{leaf.name}.' for leaf in leaves(cls)] for kind, cls in kinds.items()}
-    having = [kind for kind in kinds if any(x.startswith(f'{sought}.') for x in names[kind])]
+    having = [
+        kind
+        for kind, cls in kinds.items()
+        if any(f'{leaf.name}.'.startswith(f'{sought}.') for leaf in leaves(cls))
+    ]
     return [] if own in having else having
 
 
