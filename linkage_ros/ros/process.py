@@ -70,7 +70,12 @@ def run_program(
     stop = cli.Stop()
     _check_parameter_files(arguments, parser.prog)
     with nonblocking_stderr(), ros_context(arguments) as others:
-        parser.parse_args(others)  # refuses parameters before --ros-args, and shows --help
+        _, unknown = parser.parse_known_args(others)
+        if unknown:
+            parser.error(
+                f'unknown: {" ".join(unknown)}; parameters stand behind --ros-args, as in '
+                f'`{parser.prog} --ros-args -p rpm:=60.0`'
+            )
         node = make(stop)
         with spinning(node):
             code: int = node.work()
