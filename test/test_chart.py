@@ -29,10 +29,9 @@ from linkage_ros import (
     chart_tool,
 )
 from linkage_ros.dynamics.travel import travel
-from linkage_ros.lab.charts import linkage
-from linkage_ros.lab.charts.motion import DESIGN_COLORS
-from linkage_ros.lab.commands.motion import settled_turn
-from linkage_ros.lab.period import SpeedDrivenPeriod, extent, mean
+from linkage_ros.lab.commands import movie
+from linkage_ros.lab.commands.motion import DESIGN_COLORS
+from linkage_ros.lab.period import extent, mean, settled_period, speed_driven_period
 from linkage_ros.lab.pump.settling import settle
 from linkage_ros.parameters.configuration import load
 
@@ -182,7 +181,7 @@ def test_wind_pump_is_drawn_in_its_settled_state(drawn):
 
 def test_mean_power_of_a_settled_pump_equals_the_loss_at_its_slider():
     pump = load('wind_pump')
-    turn = settled_turn(settle(pump.mechanism, pump.drive.motor, 2.0, lambda items, _: items))
+    turn = settled_period(settle(pump.mechanism, pump.drive.motor, 2.0, lambda items, _: items))
     rate, slide = (turn.columns[f'{name}.velocity'].values for name in ('crank', 'slider'))
     steps = np.diff(turn.crank) * (1 / rate[1:] + 1 / rate[:-1]) / 2
     taken = 60.0 * (slide[1:] ** 2 + slide[:-1] ** 2) / 2
@@ -192,7 +191,7 @@ def test_mean_power_of_a_settled_pump_equals_the_loss_at_its_slider():
 def test_transmission_ratios_match_document_2_even_at_rest():
     """Document 2, eq. (32) and (33)."""
     mechanism = load('quadrilateral').mechanism
-    columns = SpeedDrivenPeriod(mechanism, 0.0).columns
+    columns = speed_driven_period(mechanism, 0.0).columns
     two, three, four = (
         columns[f'{link}.position'].values for link in ('crank', 'coupler', 'rocker')
     )
@@ -202,13 +201,13 @@ def test_transmission_ratios_match_document_2_even_at_rest():
     ):
         wanted = mechanism.crank.length / length * np.sin(two - other) / np.sin(four - three)
         assert columns[f'{link}.transmission_ratio'].values == pytest.approx(wanted, abs=1e-14)
-    slider = SpeedDrivenPeriod(load('slider_crank').mechanism, 1.0).columns
+    slider = speed_driven_period(load('slider_crank').mechanism, 1.0).columns
     moved = slider['slider.velocity'].values
     assert slider['slider.transmission_ratio'].values == pytest.approx(moved, abs=1e-15)
 
 
 def test_extents_match_the_motion():
-    period = SpeedDrivenPeriod(load('quadrilateral').mechanism, 5 * math.pi)
+    period = speed_driven_period(load('quadrilateral').mechanism, 5 * math.pi)
     torque = extent(period.crank, period.columns['driving_torque'].values)
     # At samples 0.5 deg apart, the largest value is at 294 deg and the smallest at 348 deg.
     assert 8.475284394410188 < torque.high < 8.4755
@@ -221,7 +220,7 @@ def test_extents_match_the_motion():
 
 
 def test_mean_power_is_the_mean_of_the_power():
-    period = SpeedDrivenPeriod(load('compressor').mechanism, 4 * math.pi, 3.0)
+    period = speed_driven_period(load('compressor').mechanism, 4 * math.pi, 3.0)
     power = period.columns['driving_power'].values
     size = 1e-12 * np.abs(power).max()
     assert period.mean_power == pytest.approx(mean(period.crank, power), rel=1e-6, abs=size)
@@ -232,7 +231,7 @@ def test_sharp_peaks_near_change_points_are_sampled(gap):
     """Samples are denser where the motion is fast; a grid of 0.5 deg would miss the peak."""
     crank, body = Body(0.1), {'mass': 1.0, 'inertia': 0.01}
     coupler, rocker = Coupler(0.2, center=(0.1, 0.0), **body), Body(0.3 + gap, **body)
-    period = SpeedDrivenPeriod(FourBar(Frame(0.4, 0.3), crank, coupler, rocker), 2 * math.pi)
+    period = speed_driven_period(FourBar(Frame(0.4, 0.3), crank, coupler, rocker), 2 * math.pi)
     found = extent(period.crank, period.columns['coupler.acceleration'].values)
     # To first order in the gap, the acceleration peaks at theta = pi itself.
     at_pi = period.solver.state(0.3 + math.pi, 2 * math.pi)
@@ -260,10 +259,10 @@ def test_period_of_two_turns_is_drawn_completely(tmp_path, called):
 
 @pytest.mark.parametrize(('preset', 'way'), [('compressor', 1), ('wind_pump', 1), ('wiper', -1)])
 def test_movie_frames_are_evenly_spaced_in_time(tmp_path, monkeypatch, called, preset, way):
-    shown, move = [], linkage.LinkagePicture.move
-    monkeypatch.setattr(linkage, 'SECONDS', 0.5)
+    shown, move = [], movie.LinkagePicture.move
+    monkeypatch.setattr(movie, '_SECONDS', 0.5)
     monkeypatch.setattr(
-        linkage.LinkagePicture, 'move', lambda it, i: shown.append((it, i)) or move(it, i)
+        movie.LinkagePicture, 'move', lambda it, i: shown.append((it, i)) or move(it, i)
     )
     options = ('--rpm', -30) if way < 0 else ()
     code, out, _ = called(chart_tool, 'movie', preset, tmp_path / 'made.gif', *options)
@@ -293,7 +292,7 @@ def test_several_mechanisms_are_drawn_side_by_side_with_one_table(tmp_path, call
     for name, row in rows.items():
         configuration = load(name)
         speed = configuration.drive.rpm * math.pi / 30
-        period = SpeedDrivenPeriod(configuration.mechanism, speed, reactions=True)
+        period = speed_driven_period(configuration.mechanism, speed, reactions=True)
         found, columns = travel(period.solver), period.columns
         way, torque = np.ptp(found.extremes), columns['driving_torque'].values
         forces = [columns[f'shaking_force.{axis}'].values for axis in 'xy']
