@@ -385,7 +385,7 @@ def test_no_cycle_without_inertia_or_at_too_low_a_speed():
 def test_motor_settles_where_its_line_meets_the_demand(added, sign):
     mechanism, motor = load('compressor').mechanism, Motor(sign * 40.0, 0.3)
     mechanism = replace(mechanism, loads=())
-    cycle = Crank(mechanism).under(motor, sign * 70.0, added)
+    cycle = Crank(mechanism).cycle(sign * 70.0, added, motor)
     assert cycle.speed * sign > 0
     assert cycle.torque == pytest.approx(sign * 40.0 - 0.3 * cycle.velocity)
     check_balance(with_crank_inertia(mechanism, added), cycle._replace(demand=cycle.torque))
@@ -393,7 +393,7 @@ def test_motor_settles_where_its_line_meets_the_demand(added, sign):
 
 def test_a_torque_driven_run_settles_at_the_cycle_of_its_motor():
     mechanism, motor = replace(load('compressor').mechanism, loads=()), Motor(40.0, 0.3)
-    cycle = Crank(mechanism).under(motor, 70.0, 0.0)
+    cycle = Crank(mechanism).cycle(70.0, 0.0, motor)
     angles, speeds = driven(mechanism, lambda u: motor.at(u), 70.0, turns=5)
     last = speeds[angles > angles[-1] - 2 * math.pi]
     assert np.ptp(last) / cycle.speed == pytest.approx(cycle.fluctuation, rel=1e-3)
@@ -402,14 +402,15 @@ def test_a_torque_driven_run_settles_at_the_cycle_of_its_motor():
 def test_motor_too_weak_to_start_drives_a_fast_cycle():
     """At 0.5 rad/s, weights of up to 1.45 N m stop a crank driven by 0.3 N m."""
     crank, motor = Crank(load('quadrilateral').mechanism), Motor(0.3, 0.02)
-    assert crank.under(motor, 0.5, 0.5).speed == pytest.approx(15.0, rel=0.01)
+    assert crank.cycle(0.5, 0.5, motor).speed == pytest.approx(15.0, rel=0.01)
 
 
 @pytest.mark.parametrize('motor', [Motor(0.5, 0.01), Motor(-20.0, 0.1), Motor(50.0)])
 def test_motor_that_cannot_drive_the_cycle_is_reported(motor):
     """Motors that are too weak, act against the motion, or have no loss that limits the speed."""
     mechanism = load('compressor').mechanism if motor.damping else load('quadrilateral').mechanism
-    assert Crank(mechanism).under(motor, 90.0, 0.05) is None
+    with pytest.raises(MechanismError, match='the motor cannot drive the cycle'):
+        Crank(mechanism).cycle(90.0, 0.05, motor)
 
 
 @pytest.mark.parametrize(
