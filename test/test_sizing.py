@@ -239,9 +239,11 @@ def test_a_mass_on_a_level_guide_has_no_weight():
     assert 'needs slider; it can leave out gravity;' in economy.sentence(60.0, 0.01, found)
 
 
-def test_mechanism_without_terms_is_refused():
-    with pytest.raises(MechanismError, match='no_mass needs no torque'):
-        Economy(FourBar(Frame(0.4), Body(0.1), Coupler(0.3), Body(0.35)), 'no_mass')
+@pytest.mark.parametrize('crank', [Body(0.1), Body(0.1, inertia=0.01)])
+def test_mechanism_without_torque_is_refused(crank):
+    economy = Economy(FourBar(Frame(0.4), crank, Coupler(0.3), Body(0.35)), 'no_mass')
+    with pytest.raises(MechanismError, match='no_mass needs no torque at 60 rpm'):
+        economy.measure([60.0], 1)
 
 
 # ---------------------------------------------------------------- the command
