@@ -34,14 +34,7 @@ from linkage_ros.parameters.descriptions import motor_line
 from linkage_ros.units import radians_per_second
 
 _RPM = 1 / radians_per_second(1.0)
-# Angles per turn; enough for four digits of a flywheel's inertia if a load curve has corners.
-_PARTS = 2880
-_ROUNDS, _CLOSE = 30, 1e-11  # maximum iterations; relative speed change at convergence
-_UNEVEN = 10.0  # fluctuation assigned to a crank without a steady cycle
 _APART = 1e-6  # relative speed step of a finite difference
-_DROP = 0.25  # smallest ratio of the energies of two iterations under a motor
-_SLOWEST = 1e-13  # margin above the start energy that stops the crank, relative to the bracket
-_MASSLESS = 1e-9  # inertia treated as 0, relative to the largest at the crank
 
 
 class Cycle(NamedTuple):
@@ -79,7 +72,8 @@ class Crank:
         """Computes the inertia at the crank over a period; the crank must turn fully."""
         self._solver = Solver(mechanism)
         self._solver.reach.require_full_turn()
-        self._angles = self._solver.reach.samples(_PARTS)
+        # Enough for four digits of a flywheel's inertia if a load curve has corners.
+        self._angles = self._solver.reach.samples(2880)
         ((self._inertia,),) = self._solver.matrix(self._angles)
         self._growth = CubicSpline(self._angles, self._inertia)(self._angles, 1)
 
@@ -101,7 +95,7 @@ class Crank:
             try:
                 return self.cycle(speed, added).fluctuation - fluctuation
             except LinkageError:
-                return _UNEVEN
+                return 10.0  # without a steady cycle, the speed fluctuates much
 
         if excess(0.0) <= 0:
             return 0.0
@@ -128,10 +122,10 @@ class Crank:
             ConfigurationError: The inertia at the crank is 0 at some angle.
         """
         inertia = self._inertia + added
-        if inertia.min() <= _MASSLESS * inertia.max():
+        if inertia.min() <= 1e-9 * inertia.max():
             raise ConfigurationError('the inertia at the crank is 0 at some crank angle')
         velocity, drive = np.full_like(self._angles, speed), motor or Motor()
-        for _ in range(_ROUNDS):
+        for _ in range(30):
             last, slope = velocity, CubicSpline(self._angles, velocity)(self._angles, 1)
             energy, change = inertia * last * last / 2, last * slope
             resistance = self._resistance(last, change, drive)
@@ -142,7 +136,7 @@ class Crank:
             except (ValueError, RuntimeError):  # not finite, or the crank almost stops
                 break
             velocity = math.copysign(1.0, speed) * np.sqrt(2 * found / inertia)
-            if np.abs(velocity - last).max() <= _CLOSE * abs(speed):
+            if np.abs(velocity - last).max() <= 1e-11 * abs(speed):
                 applied = constant + drive.at(velocity)
                 return Cycle(self._angles, velocity, applied, applied - added * change)
         words = 'no steady cycle of the crank speed was found'
@@ -182,7 +176,7 @@ class Crank:
         if not rise > 0:
             raise ValueError('nothing limits the speed')
         found = fixed + fixed_c / rise * each
-        return np.maximum(found[::way], _DROP * last), 0.0
+        return np.maximum(found[::way], 0.25 * last), 0.0  # keeps the energy above 0
 
     def _start(self, fixed: Array, each: Array, inertia: Array, speed: float) -> float:
         """Finds the energy at the start for which the mean speed has its given value."""
@@ -193,7 +187,8 @@ class Crank:
 
         least = float((-fixed / each).max())
         most = float(((inertia * speed**2 / 2 - fixed) / each).max())
-        return float(brentq(slowness, least + _SLOWEST * (most - least), most, rtol=1e-14))
+        # The smallest energy stops the crank.
+        return float(brentq(slowness, least + 1e-13 * (most - least), most, rtol=1e-14))
 
     def _integral(self, values: Array) -> Array:
         """Integrates values over the crank angle, from 0 to each angle."""

@@ -39,11 +39,7 @@ from linkage_ros.units import radians_per_second
 
 POINT_MASSES = 'coupler as two point masses'
 _FULL = 'full model'
-_HARMONICS = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 16, 24, 32)
-_NODES = (8, 16, 32, 64, 128, 256, 512, 1024)
-_TIMED = 8  # one of this many angles is timed
 _SAMPLES = 2048  # evenly spaced torques: series are fitted to all, tables use a subset
-_FACTORS = 0.25, 0.5, 1.0, 2.0, 4.0  # default speeds, relative to the mechanism's own speed
 _LEAST = 1e-4  # smaller errors are not drawn
 _ROOM = 0.88  # width of a group of bars, relative to the distance between groups
 _OTHERS = {'gravity': DARK, STATIC: PURPLE}
@@ -81,7 +77,7 @@ def economy(options: argparse.Namespace) -> None:
     given = options.rpm or []
     # The summary is for this speed.
     own = getattr(configuration.drive, 'rpm', given[0] if given else 0.0)
-    rpms = sorted({own, *(given or (own * factor for factor in _FACTORS))})
+    rpms = sorted({own, *(given or (own * factor for factor in (0.25, 0.5, 1.0, 2.0, 4.0)))})
     measured = Economy(configuration.mechanism, name)
     if 0.0 in rpms:
         raise ConfigurationError(
@@ -189,10 +185,10 @@ class Economy:
             found[POINT_MASSES] = torque_models.torque_program(reduced), needs['coupler'] + 2
         angles = np.arange(float(_SAMPLES)) * (self._period / _SAMPLES)
         even = full.torques(angles, radians_per_second(rpm))
-        for n in _HARMONICS:
+        for n in (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 16, 24, 32):
             program = torque_models.series_program(even, self._period, n)
             found[f'{n} harmonic{"s" if n > 1 else ""}'] = program, 2 * n + 1
-        for n in _NODES:
+        for n in (8, 16, 32, 64, 128, 256, 512, 1024):
             program = torque_models.table_program(even[:: _SAMPLES // n], self._period)
             found[f'table of {n} nodes'] = program, n
         return found
@@ -209,7 +205,7 @@ class Economy:
         The programs are timed in turn, so that a busy machine slows all of them equally.
         """
         programs = {program.source: program.scalar for program, _ in models.values()}
-        best, angles = dict.fromkeys(programs, math.inf), self._samples[::_TIMED].tolist()
+        best, angles = dict.fromkeys(programs, math.inf), self._samples[::8].tolist()
         for _ in rounds:
             for source, run in programs.items():
                 start = time.perf_counter()

@@ -26,7 +26,6 @@ CANNOT_TURN, OUTSIDE, VALID, FRONT = OUTCOMES = (
     'cannot turn', 'outside the constraints', 'valid', 'on the Pareto front',
 )  # fmt: skip
 _BLOCK = 2048  # designs per block, independent of the number of workers
-_MARGIN = 0.08  # margin of an axis, relative to the range of the good designs
 _LOOKS: dict[str, dict[str, Any]] = {
     OUTSIDE: {'color': fractions(GREY), 's': 4, 'alpha': 0.5},
     VALID: {'color': fractions(SKY), 's': 6},
@@ -167,7 +166,7 @@ def _draw_front(results: _Results, name: str, path: Path) -> None:
             values = np.append(results.of[goal][results.good], results.base[goal])
             values = values[np.isfinite(values)]
             low, high = values.min(), values.max()
-            margin = _MARGIN * (high - low) or 1.0
+            margin = 0.08 * (high - low) or 1.0
             label = f'{goal.replace("_", " ").capitalize()}, {MEASURES[goal].unit}'
             limits = {f'{axis}lim': (low - margin, high + margin)}
             axes.set(**limits, **{f'{axis}label': label.removesuffix(', ')})
