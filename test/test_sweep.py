@@ -347,12 +347,6 @@ def test_invalid_study_gives_one_line(run, monkeypatch, old, new, found):
     assert found in errors
 
 
-def test_a_single_design_is_counted_in_the_singular(run, monkeypatch):
-    monkeypatch.setattr(command, 'spread', lambda work, blocks, _: enumerate(map(work, blocks)))
-    one = 'base: quadrilateral\ndesigns: 1\ntolerances: {rpm: 1.0}\nmeasures: swing'
-    assert run(one)[1].startswith('1 design: 1 valid\n')
-
-
 def test_absent_scheduler_gives_one_line(run):
     code, _, errors = run(STUDY, '--scheduler', 'tcp://127.0.0.1:9')
     assert (code, errors.count('\n')) == (2, 1)
