@@ -44,7 +44,6 @@ TERMS: dict[str, tuple[str, ...]] = {
     'slider.stiffness': ('slider.stiffness', 'slider.rest_position'),
     **{kind.group: (kind.group,) for kind in LOADS if kind.group},
 }
-_SLOW = 1e-6  # fraction of the speed at which inertia torque is negligible
 _COUNTED = ast.BinOp | ast.UnaryOp | ast.Compare | ast.Call | ast.IfExp
 
 
@@ -152,7 +151,8 @@ def torque_program(mechanism: Mechanism, *, static: bool = False) -> TorqueProgr
         The program. With friction, it iterates to find the joint forces.
     """
     if mechanism.joint_loads():
-        pace, values = (_SLOW if static else 1.0), flatten(mechanism)
+        # At a millionth of the speed, the inertia torque is negligible.
+        pace, values = (1e-6 if static else 1.0), flatten(mechanism)
         damped = {x: y / pace for x, y in values.items() if x.endswith('.damping')}  # type: ignore[operator]
         solver = Solver(build(type(mechanism), values | damped))
         return TorqueProgram(lambda q, u: (solver.state(q, pace * u).torque,), solver.source)

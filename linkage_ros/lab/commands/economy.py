@@ -18,7 +18,6 @@ from linkage_ros import ConfigurationError, MechanismError, Solver
 from linkage_ros.lab import torque_models
 from linkage_ros.lab.output import NUMBERS, SMALL, TEXT, chart, folder, progress, save_records
 from linkage_ros.lab.torque_models import STATIC, TERMS, TorqueProgram
-from linkage_ros.model.parts import LOADS
 from linkage_ros.model.structure import Mechanism
 from linkage_ros.numeric import Array
 from linkage_ros.palette import (
@@ -42,8 +41,7 @@ _FULL = 'full model'
 _SAMPLES = 2048  # evenly spaced torques: series are fitted to all, tables use a subset
 _LEAST = 1e-4  # smaller errors are not drawn
 _ROOM = 0.88  # width of a group of bars, relative to the distance between groups
-_OTHERS = {'gravity': DARK, STATIC: PURPLE}
-_OTHERS |= zip((kind.group for kind in LOADS if kind.group), (ORANGE, SKY), strict=False)
+_OTHERS = {'gravity': DARK, STATIC: PURPLE, 'load': ORANGE, 'friction': SKY}
 _HATCHES = {'': '', 'inertia': '', 'damping': 'xxx', 'stiffness': '...'}
 # Marker, size, colour and legend label of the reduced models, by a word in their names.
 _REDUCED = {

@@ -179,8 +179,10 @@ def _draw_motion(periods: Mapping[str, Period], lines: Sequence[str], path: Path
             axes = figure.add_axes(((i + 0.1) / cells, bottom, 0.8 / cells, 2.0 / height))
             sample = int(np.abs(period.crank - math.radians(_DRAWN_AT)).argmin())
             LinkagePicture(axes, period, [sample])
-            title = textwrap.shorten(name, 40)
-            axes.set_title(title, pad=16, color=fractions(color), weight='bold', fontsize=TEXT)
+            axes.set_title(
+                textwrap.shorten(name, 40), pad=16, color=fractions(color), weight='bold',
+                fontsize=TEXT,
+            )  # fmt: skip
         text, place = (
             '\n'.join(map(_wrapped, lines)),
             (1 - (_TEXT - 0.15) / WIDTH, 1 - 0.3 / height),

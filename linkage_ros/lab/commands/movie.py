@@ -27,7 +27,6 @@ _SECONDS = 3.0  # duration of a crank turn in the movie
 _RATE = 20  # frames per second
 _SIZE, _DPI = (8.0, 4.2), 90  # inches, and pixels per inch
 _WRITERS: dict[str, Any] = {'.gif': PillowWriter, '.mp4': FFMpegWriter}
-_AWAY = 16.0  # distance of a name from its pin, points
 _NAME: dict[str, Any] = {
     'textcoords': 'offset points', 'fontsize': SMALL, 'va': 'center', 'annotation_clip': False,
 }  # fmt: skip
@@ -64,8 +63,7 @@ class LinkagePicture:
         pins = np.concatenate([drawing.pivots, shown.reshape(-1, 2)])
         self._pins = self._plot(pins, DARK, linestyle='', marker='o', markersize=3.5)
         # The ground is drawn below the pivots, so their names are placed to the sides.
-        middle = pins[:, 0].mean()
-        self._asides = [(pivot[0] - middle, 0.0) for pivot in drawing.pivots]
+        self._asides = [(pivot[0] - pins[:, 0].mean(), 0.0) for pivot in drawing.pivots]
         low, high = axes.dataLim.get_points()
         scale = drawing.scale - drawing.scale.min(axis=0) + low - (0.0, 0.06 * (high - low).max())
         self._plot(scale, GREY, linewidth=0.9)
@@ -90,7 +88,7 @@ class LinkagePicture:
         ways = np.array([*self._asides, *(drawing.labels(now)[0] - now[0])])
         for name, pin, way in zip(self._names, pins, ways, strict=True):
             name.xy = tuple(pin)
-            name.set_position(_AWAY * way / np.linalg.norm(way))
+            name.set_position(16.0 * way / np.linalg.norm(way))  # points from the pin
 
     def _plot(self, points: Array, color: Color, **style: Any) -> Line2D:
         style |= {'color': fractions(color), 'solid_capstyle': 'round'}
