@@ -205,7 +205,6 @@ goals: {peak_torque: least, swing: most}
 def run(called, tmp_path, monkeypatch):
     """Runs a study with options; returns exit code, stdout and stderr."""
     monkeypatch.setattr(command, '_BLOCK', 64)
-    (tmp_path / 'base.yaml').write_text('/**: {ros__parameters: {mechanism: wind_pump}}')
     monkeypatch.chdir(tmp_path)
 
     def run(text=STUDY, *options):

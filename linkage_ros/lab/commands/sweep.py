@@ -153,21 +153,21 @@ class _Results:
 
 def _draw_front(results: _Results, name: str, path: Path) -> None:
     """Plots the two goals of all designs against each other."""
-    goals = [*results.study.goals]
+    first, second = results.study.goals
     with chart(path, 4.6, f'{name}: {results.summary}') as figure:
         axes = figure.add_subplot()
         for outcome, look in _LOOKS.items():
-            x, y = (results.of[goal][results.outcomes == outcome] for goal in goals)
+            x, y = (results.of[goal][results.outcomes == outcome] for goal in (first, second))
             axes.scatter(x, y, label=outcome, linewidths=0, **look)
+            if outcome == OUTSIDE:  # designs outside the constraints may lie far away
+                axes.ignore_existing_data_limits = True
         base: dict[str, Any] = {'color': fractions(VERMILION), 'markersize': 11, 'label': 'base'}
-        axes.plot(*(results.base[goal] for goal in goals), '*', **base)
-        for axis, goal in zip('xy', goals, strict=True):
-            # Designs outside the constraints may lie far away.
-            values = np.append(results.of[goal][results.good], results.base[goal])
-            values = values[np.isfinite(values)]
-            low, high = values.min(), values.max()
-            margin = 0.08 * (high - low) or 1.0
-            label = f'{goal.replace("_", " ").capitalize()}, {MEASURES[goal].unit}'
-            limits = {f'{axis}lim': (low - margin, high + margin)}
-            axes.set(**limits, **{f'{axis}label': label.removesuffix(', ')})
+        axes.plot(results.base[first], results.base[second], '*', **base)
+        axes.margins(0.08)
+        axes.set(xlabel=_label(first), ylabel=_label(second))
         axes.legend(frameon=True)
+
+
+def _label(measure: str) -> str:
+    """Describes a measure, with its unit if it has one."""
+    return f'{measure.replace("_", " ").capitalize()}, {MEASURES[measure].unit}'.removesuffix(', ')
