@@ -228,7 +228,7 @@ def dask(folder):
     workers = [begin([path, 'worker', *at, *own]) for _ in range(2)]
     try:
         deadline = time.monotonic() + 60
-        while not file.exists() and time.monotonic() < deadline:
+        while not (file.exists() and file.read_text()) and time.monotonic() < deadline:
             time.sleep(0.05)
         yield json.loads(file.read_text())['address']
     finally:
