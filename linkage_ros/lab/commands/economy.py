@@ -95,7 +95,7 @@ class Economy:
     """Compares simpler models of a mechanism's driving torque with the full model.
 
     Attributes:
-        terms: Terms of the model, each with its non-zero parameters.
+        terms: Terms of the model, each with the number of nonzero values per parameter.
     """
 
     def __init__(self, mechanism: Mechanism, name: str) -> None:
@@ -110,8 +110,8 @@ class Economy:
         """
         reach = Solver(mechanism).reach
         reach.require_full_turn()
-        self.terms, self._counts = torque_models.terms(mechanism), torque_models.counts(mechanism)
         self._mechanism, self._name = mechanism, name
+        self.terms = torque_models.terms(mechanism)
         self._period, self._samples = reach.period_turns * 2 * math.pi, reach.samples()
 
     def measure(self, rpms: Sequence[float], rounds: int) -> list[Saving]:
@@ -155,10 +155,11 @@ class Economy:
         for name in sorted(self.terms, key=lambda name: errors[name]):
             if self._error(self._without(*out, name), rpm) <= tolerance:
                 out.append(name)
-        gone = frozenset[str]().union(*(self.terms[name] for name in out))
-        left = {x: own for x, own in self.terms.items() if x != STATIC and not own <= gone}
+        owned = {name: frozenset(counts) for name, counts in self.terms.items()}
+        gone = frozenset[str]().union(*(owned[name] for name in out))
+        left = {x: own for x, own in owned.items() if x != STATIC and not own <= gone}
         needed = [x for x, own in left.items() if not any(own < other for other in left.values())]
-        largest = [x for x in out if not any(self.terms[x] < self.terms[y] for y in out)]
+        largest = [x for x in out if not any(owned[x] < owned[y] for y in out)]
         good = [name for name in errors if name not in self.terms and errors[name] <= tolerance]
         smallest = [
             words + next(x for x in good if kind in x)
@@ -172,13 +173,11 @@ class Economy:
 
     def _models(self, rpm: float) -> dict[str, tuple[TorqueProgram, int]]:
         """Returns the program and the parameter count of each model at a speed, by name."""
-        known = frozenset[str]().union(*self.terms.values())
-        needs = {
-            name: sum(self._counts[x] for x in known - own) for name, own in self.terms.items()
-        }
-        found = {name: (self._without(name), count) for name, count in needs.items()}
-        full = self._without()
-        found[_FULL] = full, sum(self._counts[x] for x in known)
+        known = {x: n for own in self.terms.values() for x, n in own.items()}
+        count, full = sum(known.values()), self._without()
+        needs = {name: count - sum(own.values()) for name, own in self.terms.items()}
+        found = {name: (self._without(name), rest) for name, rest in needs.items()}
+        found[_FULL] = full, count
         if reduced := torque_models.with_point_masses(self._mechanism):
             found[POINT_MASSES] = torque_models.torque_program(reduced), needs['coupler'] + 2
         angles = np.arange(float(_SAMPLES)) * (self._period / _SAMPLES)

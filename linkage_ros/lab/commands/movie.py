@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""linkage_chart movie: the mechanism as it moves, with its driving torque."""
+"""linkage_chart movie: a drawing of the mechanism as it moves, with its driving torque."""
 
 import argparse
 import math
@@ -112,9 +112,8 @@ def movie(options: argparse.Namespace) -> None:
     writer, samples = _WRITERS.get(path.suffix), _frames(period)
     if not writer or not writer.isAvailable():
         raise ConfigurationError(f'{path}: must end with .gif or, with ffmpeg installed, .mp4')
-    words = (
-        f'{about}, {speed}, shown at {2 * math.pi / _SECONDS / abs(period.speed):.3g} of its speed'
-    )
+    share = 2 * math.pi / _SECONDS / abs(period.speed)
+    words = f'{about}, {speed}, shown at {share:.3g} of its speed'
     degrees, torque = np.degrees(period.crank), period.columns['driving_torque'].values
     with folder(path.parent), rc_context(STYLE):
         figure = Figure(figsize=_SIZE, dpi=_DPI)

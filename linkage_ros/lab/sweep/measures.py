@@ -294,17 +294,19 @@ class Measure(NamedTuple):
 
 
 def _slides(task: Task) -> bool:
+    """Returns whether the output link is a slider."""
     return task.mechanism.structure().links[-1].slides
 
 
-_FORCES: Any = (
+# For torques and forces.
+_SPEED: Any = (
     'a crank speed, such as rpm: 60.0, and no dry friction',
     lambda task: task.rpm is not None and not task.mechanism.joint_loads(),
 )
 MEASURES = {
-    'peak_torque': Measure('N m', lambda x: np.abs(x.torque).max(-1), *_FORCES),
-    'rms_torque': Measure('N m', lambda x: np.sqrt(np.mean(x.torque * x.torque, -1)), *_FORCES),
-    'shaking_force': Measure('N', Batch.shaking_force, *_FORCES),
+    'peak_torque': Measure('N m', lambda x: np.abs(x.torque).max(-1), *_SPEED),
+    'rms_torque': Measure('N m', lambda x: np.sqrt(np.mean(x.torque * x.torque, -1)), *_SPEED),
+    'shaking_force': Measure('N', Batch.shaking_force, *_SPEED),
     'swing': Measure('deg', Batch.swing, 'a rocker', lambda task: not _slides(task)),
     'stroke': Measure('m', lambda x: np.abs(x.stroke()), 'a slider', _slides),
     'time_ratio': Measure('', Batch.time_ratio),
