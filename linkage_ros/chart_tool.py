@@ -129,8 +129,8 @@ def _parser() -> argparse.ArgumentParser:
 
 def _run(options: argparse.Namespace) -> None:
     """Imports the module of a command and runs it."""
-    name = 'motion' if options.command == 'movie' else options.command
-    getattr(import_module(f'linkage_ros.lab.commands.{name}'), options.command)(options)
+    module = import_module(f'linkage_ros.lab.commands.{options.command}')
+    getattr(module, options.command)(options)
 
 
 def main() -> int:

@@ -18,7 +18,7 @@ from linkage_ros import (
     SliderCrank,
     Solver,
 )
-from linkage_ros.lab.period import SpeedDrivenPeriod
+from linkage_ros.lab.period import speed_driven_period
 from linkage_ros.parameters.configuration import load
 from linkage_ros.units import radians_per_second
 
@@ -192,7 +192,7 @@ def test_command_of_the_page_reproduces_the_figures():
     rpm, acceleration = (float(command.split()[i]) for i in (-3, -1))
     speed = radians_per_second(rpm)
     assert speed == pytest.approx(0.5, rel=1e-7)
-    period = SpeedDrivenPeriod(load('slider_crank').mechanism, speed, acceleration)
+    period = speed_driven_period(load('slider_crank').mechanism, speed, acceleration)
     a, b, alpha = 1.0, math.sqrt(2), period.crank
     sin, cos = np.sin(alpha), np.cos(alpha)
     beta = np.arcsin(-a * sin / b)

@@ -14,7 +14,7 @@ DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef)
 WRONG = {
     'model/parts.py': ('import linkage_ros.wire.topics', 'model.parts -> linkage_ros.wire.topics'),
     'run/health.py': ('import matplotlib', 'run.health -> matplotlib'),
-    'node.py': ('import linkage_ros.lab.charts.motion', 'node -> linkage_ros.lab.charts.motion'),
+    'node.py': ('import linkage_ros.lab.period', 'node -> linkage_ros.lab.period'),
     'new_room.py': ('import math', 'linkage_ros.new_room'),
 }
 

@@ -8,15 +8,13 @@ kinetic energy E = (M + J) u^2 / 2 changes with the crank angle:
     dE/dtheta = c + motor(u) - R,
 
 where R is the torque of weights, loads and friction, and c is a constant torque. Each iteration
-linearises R and the motor's torque in E, and solves the linear equation for one period. The energy
-at the start of the period is chosen so that the mean speed has its given value. c follows from the
-condition that the energy is periodic. At the mean speed for which c = 0, the motor alone drives
-the cycle.
+linearises R and the motor's torque in E, and solves the linear equation for one period, at whose
+end the energy must be the same as at its start. Without a motor, c keeps a given mean speed. With
+a motor, c is 0.
 """
 
 import math
-from functools import cache
-from itertools import pairwise
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -31,7 +29,7 @@ from linkage_ros.lab.period import Period, extent, mean
 from linkage_ros.model.structure import Mechanism
 from linkage_ros.motion.drives import Motor
 from linkage_ros.numeric import Array
-from linkage_ros.palette import BLACK, COLORS, FIRST, GREY, SECOND, Color, fractions
+from linkage_ros.palette import BLACK, COLORS, FIRST, GREY, SECOND, fractions
 from linkage_ros.parameters.descriptions import motor_line
 from linkage_ros.units import radians_per_second
 
@@ -41,13 +39,9 @@ _PARTS = 2880
 _ROUNDS, _CLOSE = 30, 1e-11  # maximum iterations; relative speed change at convergence
 _UNEVEN = 10.0  # fluctuation assigned to a crank without a steady cycle
 _APART = 1e-6  # relative speed step of a finite difference
-# Ratio and number of the mean speeds that are tried, to bracket the speed under a motor between
-# 1/50 and 50 times the given speed.
-_NEXT, _STARTS = 1.25, 19
+_DROP = 0.25  # smallest ratio of the energies of two iterations under a motor
 _SLOWEST = 1e-13  # margin above the start energy that stops the crank, relative to the bracket
 _MASSLESS = 1e-9  # inertia treated as 0, relative to the largest at the crank
-_NONE = 'no steady cycle of the crank speed was found'
-_NO_MOTOR = Motor()
 
 
 class Cycle(NamedTuple):
@@ -59,14 +53,12 @@ class Cycle(NamedTuple):
         torque: Applied torque at these angles, N m.
         demand: Torque needed by the mechanism at these angles, N m; the difference from the
             applied torque accelerates the flywheel.
-        constant: Constant torque applied in addition to the motor's, N m.
     """
 
     crank: Array
     velocity: Array
     torque: Array
     demand: Array
-    constant: float
 
     @property
     def speed(self) -> float:
@@ -118,13 +110,15 @@ class Crank:
             enough *= 2
         return float(brentq(excess, 0.0, enough, xtol=1e-12 * enough, rtol=1e-12))
 
-    def cycle(self, speed: float, added: float, motor: Motor = _NO_MOTOR) -> Cycle:
-        """Computes the steady cycle under a motor and a constant torque.
+    @np.errstate(all='ignore')  # an iteration that fails may overflow or underflow
+    def cycle(self, speed: float, added: float, motor: Motor | None = None) -> Cycle:
+        """Computes the steady cycle under a constant torque, or under a motor.
 
         Args:
-            speed: Mean speed over time, with the sign of the rotation, rad/s.
+            speed: Mean speed over time, with the sign of the rotation, rad/s; with a motor, an
+                estimate of it.
             added: Inertia added to the crank, kg m^2.
-            motor: Motor whose torque is added to the constant torque.
+            motor: The motor; None for the constant torque that keeps the mean speed.
 
         Returns:
             One period of the cycle.
@@ -136,43 +130,23 @@ class Crank:
         inertia = self._inertia + added
         if inertia.min() <= _MASSLESS * inertia.max():
             raise ConfigurationError('the inertia at the crank is 0 at some crank angle')
-        velocity = np.full_like(self._angles, speed)
+        velocity, drive = np.full_like(self._angles, speed), motor or Motor()
         for _ in range(_ROUNDS):
             last, slope = velocity, CubicSpline(self._angles, velocity)(self._angles, 1)
             energy, change = inertia * last * last / 2, last * slope
-            resistance = self._resistance(last, change, motor)
-            faster = self._resistance((1 + _APART) * last, change, motor)
+            resistance = self._resistance(last, change, drive)
+            faster = self._resistance((1 + _APART) * last, change, drive)
             slope = (faster - resistance) / (2 * _APART * energy)
-            with np.errstate(all='ignore'):
-                energy, constant = self._solve(resistance, slope, energy, inertia, speed)
-            velocity = math.copysign(1.0, speed) * np.sqrt(2 * energy / inertia)
-            if np.abs(velocity - last).max() <= _CLOSE * abs(speed):
-                applied = constant + motor.at(velocity)
-                return Cycle(self._angles, velocity, applied, applied - added * change, constant)
-        raise MechanismError(_NONE)
-
-    def under(self, motor: Motor, near: float, added: float) -> Cycle | None:
-        """Finds the steady cycle under a motor alone; `added` is the flywheel's inertia, kg m^2.
-
-        `near` is an estimate of the mean speed, with the sign of the rotation, rad/s. Returns None
-        if the motor cannot turn the crank at any mean speed from 1/50 to 50 times the estimate.
-        """
-        way = math.copysign(1.0, near)
-
-        @cache
-        def lack(speed: float) -> float:
-            """Returns the torque missing at a mean speed under the motor alone, N m."""
             try:
-                return way * self.cycle(way * speed, added, motor).constant
-            except MechanismError:  # the crank stops: try a higher speed
-                return -math.inf
-
-        step = _NEXT if lack(abs(near)) < 0 else 1 / _NEXT
-        for pair in pairwise(abs(near) * step**i for i in range(_STARTS)):
-            slow, fast = sorted(pair)
-            if -math.inf < lack(slow) < 0 <= lack(fast):
-                return self.cycle(way * brentq(lack, slow, fast, rtol=1e-12), added, motor)
-        return None
+                found, constant = self._solve(resistance, slope, energy, inertia, speed, motor)
+            except (ValueError, RuntimeError):  # not finite, or the crank almost stops
+                break
+            velocity = math.copysign(1.0, speed) * np.sqrt(2 * found / inertia)
+            if np.abs(velocity - last).max() <= _CLOSE * abs(speed):
+                applied = constant + drive.at(velocity)
+                return Cycle(self._angles, velocity, applied, applied - added * change)
+        words = 'no steady cycle of the crank speed was found'
+        raise MechanismError('the motor cannot drive the cycle' if motor else words)
 
     def _resistance(self, velocity: Array, change: Array, motor: Motor) -> Array:
         """Computes the torque of weights, loads and friction, minus the motor's, N m."""
@@ -181,32 +155,45 @@ class Crank:
         return np.asarray(taken - inertia - motor.at(velocity))
 
     def _solve(
-        self, resistance: Array, slope: Array, energy: Array, inertia: Array, speed: float
+        self,
+        resistance: Array,
+        slope: Array,
+        last: Array,
+        inertia: Array,
+        speed: float,
+        motor: Motor | None,
     ) -> tuple[Array, float]:
-        """Solves dE/dtheta = c - resistance - slope (E - energy) over a period for E and c.
+        """Solves dE/dtheta = c - resistance - slope (E - last) over a period for E and c.
 
         Raises:
-            MechanismError: No solution has the given mean speed.
-        """
+            ValueError: No solution has the given mean speed, or the motor does not limit it.
+            RuntimeError: The mean speed was not reached.
+        """  # fmt: skip
         way = 1 if speed > 0 else -1  # disturbances decay in the direction of motion
-        slope, rest = way * slope[::way], way * (slope * energy - resistance)[::way]
+        slope, rest = way * slope[::way], way * (slope * last - resistance)[::way]
         growth = np.exp(self._integral(slope))
         fixed, even = (self._integral(growth * x) / growth for x in (rest, 1 + 0 * rest))
         # The energy is fixed + start * each; c makes it periodic.
         rise, fixed_c = (1 - 1 / growth[-1]) / even[-1], fixed[-1] / even[-1]
         fixed, each = fixed - fixed_c * even, 1 / growth + rise * even
+        if motor is None:
+            start = self._start(fixed, each, inertia[::way], speed)
+            return (fixed + start * each)[::way], way * float(start * rise - fixed_c)
+        if not rise > 0:
+            raise ValueError('nothing limits the speed')
+        found = fixed + fixed_c / rise * each
+        return np.maximum(found[::way], _DROP * last), 0.0
+
+    def _start(self, fixed: Array, each: Array, inertia: Array, speed: float) -> float:
+        """Finds the energy at the start for which the mean speed has its given value."""
 
         def slowness(start: float) -> float:
-            time = np.sqrt(inertia[::way] / (2 * (fixed + start * each)))
+            time = np.sqrt(inertia / (2 * (fixed + start * each)))
             return mean(self._angles, time) * abs(speed) - 1
 
         least = float((-fixed / each).max())
-        most = float(((inertia[::way] * speed**2 / 2 - fixed) / each).max())
-        try:
-            start = brentq(slowness, least + _SLOWEST * (most - least), most, rtol=1e-14)
-        except (ValueError, RuntimeError):  # not finite, or the crank almost stops
-            raise MechanismError(_NONE) from None
-        return (fixed + start * each)[::way], way * float(start * rise - fixed_c)
+        most = float(((inertia * speed**2 / 2 - fixed) / each).max())
+        return float(brentq(slowness, least + _SLOWEST * (most - least), most, rtol=1e-14))
 
     def _integral(self, values: Array) -> Array:
         """Integrates values over the crank angle, from 0 to each angle."""
@@ -223,40 +210,27 @@ def size_flywheel(
     """
     crank, speed = Crank(period.solver.mechanism), period.speed
     added, energy = crank.inertia_for(fluctuation, speed), crank.energy(speed)
-    cycles, total = {}, energy / (fluctuation * speed**2)
-    try:
-        cycles['without flywheel'] = crank.cycle(speed, 0.0)
-        bare = f'{cycles["without flywheel"].fluctuation:.4g}'
-    except LinkageError as error:
-        bare = f'none: {error}'
-    cycles['with the flywheel'] = steady = crank.cycle(speed, added)
+    steady, (bare, reason) = crank.cycle(speed, added), _attempt(crank.cycle, speed, 0.0)
+    without = f'{bare.fluctuation:.4g}' if bare else f'none: {reason}'
+    total, torque = energy / (fluctuation * speed**2), period.mean_power / speed
     lines = [
-        _demand(period, 'driving_torque', period.mean_power / speed),
+        _demand(period, 'driving_torque', torque),
         _demand(period, 'driving_power', period.mean_power),
-        f'fluctuation {fluctuation:g}: add {added:.5g} kg m^2 to the crank (without: {bare})',
+        f'fluctuation {fluctuation:g}: add {added:.5g} kg m^2 to the crank (without: {without})',
         f'to first order: {energy:.4g} J between the extremes, {total:.5g} kg m^2 in total',
     ]
+    carried = None
     if motor:
-        carried, words = _carried(crank, motor, speed, added)
-        needed = f'and the cycle needs {period.mean_power / speed:.4g} N m'
+        carried, words = _attempt(crank.cycle, speed, added, motor)
+        needed = f'and the cycle needs {torque:.4g} N m'
         lines += [
             f'{motor_line(motor)}: {motor.at(speed):.4g} N m at this speed, {needed}',
             f'with the flywheel: {words}',
-            f'without: {_carried(crank, motor, speed, 0.0)[1]}',
+            f'without: {_attempt(crank.cycle, speed, 0.0, motor)[1]}',
         ]
     with chart(picture, 9.2 if motor else 6.4, '\n'.join([name, *lines])) as figure:
         speeds, torques, *planes = figure.subplots(3 if motor else 2, 1)
-        for (label, cycle), color in zip(cycles.items(), (SECOND, COLORS['crank']), strict=False):
-            _plot(speeds, np.degrees(cycle.crank), _RPM * cycle.velocity, color, label)
-        taken = period.columns['driving_torque'].values
-        _plot(
-            torques, np.degrees(period.crank), taken, FIRST, 'driving torque at a constant speed'
-        )
-        average = 'mean torque, with the flywheel'
-        _plot(torques, np.degrees(steady.crank), steady.torque, BLACK, average)
-        over_crank(speeds, period.crank, 'Crank speed, rpm')
-        over_crank(torques, period.crank, 'Torque, N m')
-        torques.set_xlabel('Crank angle, deg')
+        _draw_cycles(speeds, torques, period, bare, steady)
         if motor:
             _draw_plane(planes[0], motor, carried, steady)
         for axes in (speeds, torques, *planes):
@@ -274,30 +248,44 @@ def _demand(period: Period, name: str, average: float) -> str:
     )
 
 
-def _carried(crank: Crank, motor: Motor, speed: float, added: float) -> tuple[Cycle | None, str]:
-    """Returns the cycle under the motor, or None, and its description."""
+def _attempt(compute: Callable[..., Cycle], *arguments: Any) -> tuple[Cycle | None, str]:
+    """Computes a cycle, if there is one; returns it with a description or the reason."""
     try:
-        cycle = crank.under(motor, speed, added)
+        cycle = compute(*arguments)
     except LinkageError as error:
         return None, str(error)
-    if cycle is None:
-        return None, 'the motor cannot drive the cycle'
     at = f'at {_RPM * cycle.speed:.4g} rpm, fluctuation {cycle.fluctuation:.4g}'
     return cycle, f'the motor drives the cycle {at}'
+
+
+def _draw_cycles(
+    speeds: Axes, torques: Axes, period: Period, bare: Cycle | None, steady: Cycle
+) -> None:
+    """Plots the crank speed and the torque, with and without the flywheel."""
+    taken = period.columns['driving_torque'].values
+    curves = [
+        (speeds, steady.crank, _RPM * steady.velocity, COLORS['crank'], 'with the flywheel'),
+        (torques, period.crank, taken, FIRST, 'driving torque at a constant speed'),
+        (torques, steady.crank, steady.torque, BLACK, 'mean torque, with the flywheel'),
+    ]
+    if bare:
+        curves.insert(0, (speeds, bare.crank, _RPM * bare.velocity, SECOND, 'without flywheel'))
+    for axes, crank, values, color, label in curves:
+        axes.plot(np.degrees(crank), values, color=fractions(color), label=label)
+    over_crank(speeds, period.crank, 'Crank speed, rpm')
+    over_crank(torques, period.crank, 'Torque, N m')
+    torques.set_xlabel('Crank angle, deg')
 
 
 def _draw_plane(axes: Axes, motor: Motor, carried: Cycle | None, steady: Cycle) -> None:
     """Plots torque against speed: the motor, the demand of the mechanism, the operating range."""
     cycle, label = carried or steady, 'needed by the mechanism, with the flywheel'
-    _plot(axes, _RPM * cycle.velocity, cycle.demand, FIRST, label)
+    axes.plot(_RPM * cycle.velocity, cycle.demand, color=fractions(FIRST), label=label)
     point, slope = (_RPM * cycle.speed, motor.at(cycle.speed)), -motor.damping / _RPM
     axes.axline(point, slope=slope, color=fractions(GREY), label="the motor's line")
-    if carried is not None:
-        thick = {'linewidth': 4.0, 'solid_capstyle': 'butt'}
-        speeds = _RPM * carried.velocity
-        _plot(axes, speeds, carried.torque, BLACK, 'operating range', **thick)
+    if carried:
+        axes.plot(
+            _RPM * carried.velocity, carried.torque, color=fractions(BLACK),
+            label='operating range', linewidth=4.0, solid_capstyle='butt',
+        )  # fmt: skip
     axes.set(xlabel='Crank speed, rpm', ylabel='Torque, N m')
-
-
-def _plot(axes: Axes, x: Array, y: Array, color: Color, label: str, **style: Any) -> None:
-    axes.plot(x, y, color=fractions(color), label=label, **style)

@@ -8,9 +8,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.integrate import trapezoid
 
-from linkage_ros import ConfigurationError, Solver, State
+from linkage_ros import ConfigurationError, Solver, State, travel
+from linkage_ros.lab.output import progress
+from linkage_ros.lab.pump.periodic_motion import PeriodicMotion
+from linkage_ros.lab.pump.settling import settle
 from linkage_ros.model.structure import Mechanism
 from linkage_ros.numeric import Array
+from linkage_ros.parameters.configuration import Configuration
+from linkage_ros.parameters.descriptions import motor_line
+from linkage_ros.parameters.presets import find_file
+from linkage_ros.units import radians_per_second
 
 _MOTION = ('position', ''), ('velocity', '/s'), ('acceleration', '/s^2')
 
@@ -59,88 +66,180 @@ class Period:
         self.crank, self.speed, self.mean_power = crank, speed, mean_power
         self.columns: dict[str, Column] = {}
         links = dict(zip(solver.links, solver.structure.links, strict=True))
-        self._add('crank_angle', 'rad', crank)
+        self.add('crank_angle', 'rad', crank)
         for i, link in enumerate(links.values()):
             for (name, per), rows in zip(_MOTION, state, strict=False):
-                values = np.broadcast_to(rows[i], crank.shape)
-                if name == 'position' and not link.slides:
-                    values = np.unwrap(values)
-                self._add(f'{link.name}.{name}', ('m' if link.slides else 'rad') + per, values)
-        self._add('driving_torque', 'N m', state.torque)
-        self._add('driving_power', 'W', state.torque * state.velocity[0])
+                is_angle = name == 'position' and not link.slides
+                values = np.unwrap(rows[i]) if is_angle else rows[i]
+                self.add(f'{link.name}.{name}', ('m' if link.slides else 'rad') + per, values)
+        self.add('driving_torque', 'N m', state.torque)
+        self.add('driving_power', 'W', state.torque * state.velocity[0])
         for name, force in solver.load_forces(state).items():
-            self._add(f'{name}.load', 'N' if links[name].slides else 'N m', force)
+            self.add(f'{name}.load', 'N' if links[name].slides else 'N m', force)
         if 'C' in solver.structure.points:
             for (name, per), vector in zip(_MOTION, solver.point(state, 'C'), strict=True):
-                self._add(f'coupler_point.{name}', 'm' + per, vector)
+                self.add(f'coupler_point.{name}', 'm' + per, vector)
 
-    def _add(self, name: str, unit: str, values: Any) -> None:
+    def add(self, name: str, unit: str, values: Any) -> None:
         """Adds a column, or one for each component of a vector."""
         if isinstance(values, tuple):
             for axis, component in zip('xy', values, strict=True):
-                self._add(f'{name}.{axis}', unit, component)
+                self.add(f'{name}.{axis}', unit, component)
         else:
             self.columns[name] = Column(unit, np.broadcast_to(values, self.crank.shape))
 
 
-class SpeedDrivenPeriod(Period):
-    """One period with the same crank speed and acceleration at every crank angle.
+def period_to_show(
+    source: str, design: Configuration, rpm: float | None, **options: Any
+) -> tuple[Period, list[str]]:
+    """Computes the period of a design, as the user wants to see it.
+
+    Args:
+        source: Name of the parameter file or preset.
+        design: The configuration in this file.
+        rpm: Crank speed, rpm; None for the file's.
+        **options: Further options of linkage_chart that the user gave, by name.
+
+    Returns:
+        The period, and its title: name, class, speed, and further lines.
+
+    Raises:
+        ConfigurationError: The mechanism or the options cannot be used.
+    """
+    name, kind = find_file(source).stem, design.kind.mechanism
+    # If the crank angle does not determine the motion, the motor does.
+    is_pump = Solver(design.mechanism).mobility is None
+    compute = _settled if is_pump else _at_given_speed
+    period, (group, *lines) = compute(source, design, rpm, options)
+    about = [kind if kind != name else '', design.mechanism.assembly, group]
+    return period, [name, ', '.join(filter(None, about)), *lines]
+
+
+def _at_given_speed(
+    source: str, design: Configuration, rpm: float | None, options: dict[str, Any]
+) -> tuple[Period, list[str]]:
+    """Computes a period at a given speed; describes it by Grashof class, speed and travel.
+
+    Raises:
+        ConfigurationError: No speed is given, options exclude each other, or the reactions have
+            no finite value.
+    """
+    rpm = getattr(design.drive, 'rpm', None) if rpm is None else rpm
+    if rpm is None:
+        raise ConfigurationError(
+            f'{source} has no crank speed of its own: give a speed, such as --rpm 60'
+        )
+    acceleration = options.get('acceleration', 0.0)
+    if 'fluctuation' in options and (acceleration or not rpm):
+        raise ConfigurationError(
+            f'--fluctuation is for a steady speed other than 0, not for {rpm:g} rpm and '
+            f'{acceleration:g} rad/s^2: change --rpm or --acceleration, or leave it out'
+        )
+    period = speed_driven_period(
+        design.mechanism, radians_per_second(rpm), acceleration, reactions='reactions' in options
+    )
+    speed = f'{rpm:g} rpm' + (f', {acceleration:g} rad/s^2' if acceleration else '')
+    return period, [period.solver.reach.grashof, speed, *travel(period.solver).words()]
+
+
+def speed_driven_period(
+    mechanism: Mechanism, speed: float, acceleration: float = 0.0, *, reactions: bool = False
+) -> Period:
+    """Computes one period with the same crank speed and acceleration at every crank angle.
 
     The crank angles are 0.5 deg apart, and closer together near change points.
+
+    Args:
+        mechanism: A mechanism whose crank turns fully.
+        speed: Crank speed, rad/s.
+        acceleration: Crank acceleration, rad/s^2.
+        reactions: Whether to add pin forces, shaking force and shaking moment.
+
+    Returns:
+        The period.
+
+    Raises:
+        MechanismError: The crank does not turn fully.
+        ConfigurationError: The speed or acceleration is not finite, or the requested reactions
+            are infinite at a change point.
     """
+    solver = Solver(mechanism)
+    solver.reach.require_full_turn()
+    crank = solver.reach.samples()
+    state = solver.state(crank, speed, acceleration)
+    ((inertia,),) = solver.matrix(crank)
+    # At a constant speed, weights and inertia have zero mean power. Summing only the power of the
+    # loads and of the crank's acceleration avoids cancellation.
+    power = np.zeros_like(crank) + state.velocity[0] * acceleration * inertia
+    for name, force in solver.load_forces(state).items():
+        power = power - force * state.velocity[solver.links.index(name)]
+    period = Period(solver, crank, state, speed=speed, mean_power=mean(crank, power))
+    ratios = solver.state(crank, 1.0).velocity  # document 2, after eq. 33
+    for link, ratio in zip(solver.structure.links[1:], ratios[1:], strict=True):
+        period.add(f'{link.name}.transmission_ratio', 'm/rad' if link.slides else '1', ratio)
+    if reactions:
+        _add_reactions(period, state)
+    return period
 
-    def __init__(
-        self,
-        mechanism: Mechanism,
-        speed: float,
-        acceleration: float = 0.0,
-        *,
-        reactions: bool = False,
-    ) -> None:
-        """Computes the states and, on request, the reactions.
 
-        Args:
-            mechanism: A mechanism whose crank turns fully.
-            speed: Crank speed, rad/s.
-            acceleration: Crank acceleration, rad/s^2.
-            reactions: Whether to add pin forces, shaking force and shaking moment.
+def _add_reactions(period: Period, state: State) -> None:
+    """Adds pin forces, shaking force and shaking moment to a period.
 
-        Raises:
-            MechanismError: The crank does not turn fully.
-            ConfigurationError: The speed or acceleration is not finite, or the requested
-                reactions are infinite at a change point.
-        """
-        solver = Solver(mechanism)
-        solver.reach.require_full_turn()
-        crank = solver.reach.samples()
-        state = solver.state(crank, speed, acceleration)
-        ((inertia,),) = solver.matrix(crank)
-        # At a constant speed, weights and inertia have zero mean power. Summing only the power of
-        # the loads and of the crank's acceleration avoids cancellation.
-        power = np.zeros_like(crank) + state.velocity[0] * acceleration * inertia
-        for name, force in solver.load_forces(state).items():
-            power = power - force * state.velocity[solver.links.index(name)]
-        super().__init__(solver, crank, state, speed=speed, mean_power=mean(crank, power))
-        ratios = solver.state(crank, 1.0).velocity  # document 2, after eq. 33
-        for link, ratio in zip(solver.structure.links[1:], ratios[1:], strict=True):
-            unit = 'm/rad' if link.slides else '1'
-            self._add(f'{link.name}.transmission_ratio', unit, ratio)
-        if reactions:
-            self._add_reactions(state)
+    Raises:
+        ConfigurationError: They are infinite at a change point.
+    """
+    if period.solver.reach.has_change_point:
+        raise ConfigurationError(
+            'this mechanism passes a change point, where the forces in its joints are '
+            'infinite: leave --reactions out'
+        )
+    found = period.solver.reactions(state)
+    for pin, force in found.pins.items():
+        period.add(f'pin_{pin}', 'N', force)
+    if found.guide_force is not None:
+        period.add('guide_force', 'N', found.guide_force)
+    period.add('shaking_force', 'N', found.shaking_force)
+    period.add('shaking_moment', 'N m', found.shaking_moment)
 
-    def _add_reactions(self, state: State) -> None:
-        if self.solver.reach.has_change_point:
-            raise ConfigurationError(
-                'this mechanism passes a change point, where the forces in its joints are '
-                'infinite: leave --reactions out'
-            )
-        found = self.solver.reactions(state)
-        for pin, force in found.pins.items():
-            self._add(f'pin_{pin}', 'N', force)
-        if found.guide_force is not None:
-            self._add('guide_force', 'N', found.guide_force)
-        self._add('shaking_force', 'N', found.shaking_force)
-        self._add('shaking_moment', 'N m', found.shaking_moment)
+
+def _settled(
+    source: str, design: Configuration, rpm: float | None, options: dict[str, Any]
+) -> tuple[Period, list[str]]:
+    """Computes the steady motion of a wind pump, and describes it in lines of text.
+
+    Raises:
+        ConfigurationError: The pump does not settle, or an option does not apply to it.
+    """
+    drive: Any = design.drive
+    for option in options:
+        raise ConfigurationError(
+            f'--{option} is for a crank at a given speed, but the motor of {source} determines '
+            f'its speed: leave --{option} out'
+        )
+    name, given = ('start_rpm', drive.start_rpm) if rpm is None else ('--rpm', rpm)
+    if not given > 0:
+        raise ConfigurationError(
+            f'{name} = {given:g}: must be above 0 rpm, because a wind_pump is started '
+            'forwards before its motor drives it; try --rpm 20'
+        )
+    speed = radians_per_second(given)
+    settled = settle(design.mechanism, drive.motor, speed, progress)  # type: ignore[arg-type]
+    low, high = settled.turning_points.min(), settled.turning_points.max()
+    repeats = f', repeats after {settled.turns} turns' if settled.turns > 1 else ''
+    return settled_period(settled), [
+        '', motor_line(drive.motor), f'from {speed:.4g} rad/s',
+        f'settled at {settled.speed:.4g} rad/s{repeats}',
+        f'stroke {settled.stroke:.4g} m ({low:.4g} to {high:.4g} m)',
+        f'flow (stroke x speed) {settled.flow:.4g} m/s',
+    ]  # fmt: skip
+
+
+def settled_period(motion: PeriodicMotion) -> Period:
+    """Samples one period of a wind pump's steady state in steps of 0.5 deg."""
+    crank = np.linspace(0, 2 * math.pi * motion.turns, 720 * motion.turns + 1)
+    state = motion.states(crank)
+    power = mean(crank, state.torque) * motion.speed
+    return Period(motion.solver, crank, state, speed=motion.speed, mean_power=power)
 
 
 def mean(crank: Array, values: Array) -> float:

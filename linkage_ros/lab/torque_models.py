@@ -44,27 +44,19 @@ TERMS: dict[str, tuple[str, ...]] = {
     'slider.stiffness': ('slider.stiffness', 'slider.rest_position'),
     **{kind.group: (kind.group,) for kind in LOADS if kind.group},
 }
-_SLOW = 1e-6  # fraction of the speed at which inertia torque is negligible
 _COUNTED = ast.BinOp | ast.UnaryOp | ast.Compare | ast.Call | ast.IfExp
 
 
-def counts(mechanism: Mechanism) -> dict[str, int]:
-    """Counts the nonzero values of each parameter, except the centres of massless links."""
-    found = {
+def terms(mechanism: Mechanism) -> dict[str, dict[str, int]]:
+    """Returns the terms of a mechanism, each with the number of nonzero values per parameter."""
+    counts = {
         name: 0 if isinstance(value, str) else int(np.count_nonzero(value))  # type: ignore[call-overload]
         for name, value in flatten(mechanism).items()
     }
-    return {
-        name: count for name, count in found.items()
-        if count and (not name.endswith('.center') or found[name.replace('.center', '.mass')])
-    }  # fmt: skip
-
-
-def terms(mechanism: Mechanism) -> dict[str, frozenset[str]]:
-    """Returns the terms of a mechanism, each with the names of its nonzero parameters."""
-    values = counts(mechanism)
-    masses = any(name.endswith(('.mass', '.inertia')) for name in values)
-    found = {name: frozenset(_members(values, own)) for name, own in TERMS.items()}
+    # The centre of a massless link has no effect.
+    used = {x: n for x, n in counts.items() if n and counts.get(x.replace('.center', '.mass'), n)}
+    found = {name: {x: used[x] for x in _members(used, own)} for name, own in TERMS.items()}
+    masses = any(name.endswith(('.mass', '.inertia')) for name in used)
     return {
         name: own for name, own in found.items()
         # For a link without mass, 'crank' would repeat 'crank.inertia'.
@@ -152,7 +144,8 @@ def torque_program(mechanism: Mechanism, *, static: bool = False) -> TorqueProgr
         The program. With friction, it iterates to find the joint forces.
     """
     if mechanism.joint_loads():
-        pace, values = (_SLOW if static else 1.0), flatten(mechanism)
+        # At a millionth of the speed, the inertia torque is negligible.
+        pace, values = (1e-6 if static else 1.0), flatten(mechanism)
         damped = {x: y / pace for x, y in values.items() if x.endswith('.damping')}  # type: ignore[operator]
         solver = Solver(build(type(mechanism), values | damped))
         return TorqueProgram(lambda q, u: (solver.state(q, pace * u).torque,), solver.source)

@@ -5,7 +5,6 @@
 import argparse
 import functools
 import math
-import re
 import textwrap
 import time
 from collections.abc import Iterable, Sequence
@@ -19,7 +18,6 @@ from linkage_ros import ConfigurationError, MechanismError, Solver
 from linkage_ros.lab import torque_models
 from linkage_ros.lab.output import NUMBERS, SMALL, TEXT, chart, folder, progress, save_records
 from linkage_ros.lab.torque_models import STATIC, TERMS, TorqueProgram
-from linkage_ros.model.parts import LOADS
 from linkage_ros.model.structure import Mechanism
 from linkage_ros.numeric import Array
 from linkage_ros.palette import (
@@ -43,12 +41,11 @@ _FULL = 'full model'
 _HARMONICS = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 16, 24, 32)
 _NODES = (8, 16, 32, 64, 128, 256, 512, 1024)
 _TIMED = 8  # one of this many angles is timed
-_SAMPLES = 2048  # evenly spaced torques: series are fitted to all, tables use a subset
 _FACTORS = 0.25, 0.5, 1.0, 2.0, 4.0  # default speeds, relative to the mechanism's own speed
+_SAMPLES = 2048  # evenly spaced torques: series are fitted to all, tables use a subset
 _LEAST = 1e-4  # smaller errors are not drawn
 _ROOM = 0.88  # width of a group of bars, relative to the distance between groups
-_OTHERS = {'gravity': DARK, STATIC: PURPLE}
-_OTHERS |= zip((kind.group for kind in LOADS if kind.group), (ORANGE, SKY), strict=False)
+_OTHERS = {'gravity': DARK, STATIC: PURPLE, 'load': ORANGE, 'friction': SKY}
 _HATCHES = {'': '', 'inertia': '', 'damping': 'xxx', 'stiffness': '...'}
 # Marker, size, colour and legend label of the reduced models, by a word in their names.
 _REDUCED = {
@@ -102,7 +99,7 @@ class Economy:
     """Compares simpler models of a mechanism's driving torque with the full model.
 
     Attributes:
-        terms: Terms of the model, each with its non-zero parameters.
+        terms: Terms of the model, each with the number of nonzero values per parameter.
     """
 
     def __init__(self, mechanism: Mechanism, name: str) -> None:
@@ -113,16 +110,12 @@ class Economy:
             name: Name of its parameter file.
 
         Raises:
-            MechanismError: The crank does not turn fully, or no torque is needed.
+            MechanismError: The crank does not turn fully.
         """
         reach = Solver(mechanism).reach
         reach.require_full_turn()
-        self.terms, self._counts = torque_models.terms(mechanism), torque_models.counts(mechanism)
-        if not self.terms.keys() - {'gravity'}:
-            raise MechanismError(
-                f'{name} needs no torque, because nothing has a mass or a load: give links masses'
-            )
         self._mechanism, self._name = mechanism, name
+        self.terms = torque_models.terms(mechanism)
         self._period, self._samples = reach.period_turns * 2 * math.pi, reach.samples()
 
     def measure(self, rpms: Sequence[float], rounds: int) -> list[Saving]:
@@ -134,17 +127,21 @@ class Economy:
 
         Returns:
             The savings of each model, sorted by speed.
+
+        Raises:
+            MechanismError: No torque is needed at one of the speeds.
         """
         costs = self._costs(self._models(rpms[0]), progress(range(rounds), 'timing'))
-        full, found = costs.pop(_FULL), []
+        full, savings = costs.pop(_FULL), list[Saving]()
         for rpm in progress(rpms, 'speeds'):
             models = self._models(rpm)
             for name, cost in costs.items():
-                saving: Saving = {'mechanism': self._name, 'rpm': rpm, 'left_out': name}
-                saving['error'] = self._error(models[name][0], rpm)
-                saving |= {word: full[i] - cost[i] for i, word in enumerate(_COSTS)}
-                found.append(saving | {f'full_{word}': full[i] for i, word in enumerate(_COSTS)})
-        return found
+                about = {'mechanism': self._name, 'rpm': rpm, 'left_out': name}
+                saved = {word: full[word] - cost[word] for word in _COSTS}
+                of_full = {f'full_{word}': full[word] for word in _COSTS}
+                error = self._error(models[name][0], rpm)
+                savings.append({**about, 'error': error, **saved, **of_full})
+        return savings
 
     def sentence(self, rpm: float, tolerance: float, savings: Sequence[Saving]) -> str:
         """Describes the terms that the torque needs at one speed, and those that can be omitted.
@@ -162,10 +159,11 @@ class Economy:
         for name in sorted(self.terms, key=lambda name: errors[name]):
             if self._error(self._without(*out, name), rpm) <= tolerance:
                 out.append(name)
-        gone = frozenset[str]().union(*(self.terms[name] for name in out))
-        left = {x: own for x, own in self.terms.items() if x != STATIC and not own <= gone}
+        owned = {name: frozenset(counts) for name, counts in self.terms.items()}
+        gone = frozenset[str]().union(*(owned[name] for name in out))
+        left = {x: own for x, own in owned.items() if x != STATIC and not own <= gone}
         needed = [x for x, own in left.items() if not any(own < other for other in left.values())]
-        largest = [x for x in out if not any(self.terms[x] < self.terms[y] for y in out)]
+        largest = [x for x in out if not any(owned[x] < owned[y] for y in out)]
         good = [name for name in errors if name not in self.terms and errors[name] <= tolerance]
         smallest = [
             words + next(x for x in good if kind in x)
@@ -179,12 +177,11 @@ class Economy:
 
     def _models(self, rpm: float) -> dict[str, tuple[TorqueProgram, int]]:
         """Returns the program and the parameter count of each model at a speed, by name."""
-        count = sum(self._counts[x] for x in frozenset[str]().union(*self.terms.values()))
-        needs = {
-            name: count - sum(self._counts[x] for x in own) for name, own in self.terms.items()
-        }
+        known = {x: n for own in self.terms.values() for x, n in own.items()}
+        count, full = sum(known.values()), self._without()
+        needs = {name: count - sum(own.values()) for name, own in self.terms.items()}
         found = {name: (self._without(name), rest) for name, rest in needs.items()}
-        found[_FULL] = full, _ = self._without(), count
+        found[_FULL] = full, count
         if reduced := torque_models.with_point_masses(self._mechanism):
             found[POINT_MASSES] = torque_models.torque_program(reduced), needs['coupler'] + 2
         angles = np.arange(float(_SAMPLES)) * (self._period / _SAMPLES)
@@ -203,7 +200,7 @@ class Economy:
 
     def _costs(
         self, models: dict[str, tuple[TorqueProgram, int]], rounds: Iterable[int]
-    ) -> dict[str, tuple[int, float, int]]:
+    ) -> dict[str, dict[str, float]]:
         """Returns the operations, microseconds and parameters of each model.
 
         The programs are timed in turn, so that a busy machine slows all of them equally.
@@ -217,29 +214,32 @@ class Economy:
                     run(angle, 1.0)
                 best[source] = min(best[source], time.perf_counter() - start)
         return {
-            name: (torque_models.operations(source), best[source] / len(angles) * 1e6, count)
+            name: {
+                'operations': torque_models.operations(source),
+                'microseconds': best[source] / len(angles) * 1e6, 'parameters': count,
+            }
             for name, ((_, source), count) in models.items()
-        }
+        }  # fmt: skip
 
     def _error(self, program: TorqueProgram, rpm: float) -> float:
-        """Computes a program's largest torque error, relative to the peak of the full torque.
-
-        Raises:
-            MechanismError: The torque is 0.
-        """
-        full = self._exact(rpm)
-        peak = np.abs(full).max()
-        if not peak:
-            raise MechanismError(
-                f'{self._name} needs no torque at {rpm:g} rpm: choose other speeds (--rpm)'
-            )
-        found = program.torques(self._samples, radians_per_second(rpm))
-        return float(np.abs(found - full).max() / peak)
+        """Computes a program's largest torque error, relative to the peak of the full torque."""
+        full, found = self._exact(rpm), program.torques(self._samples, radians_per_second(rpm))
+        return float(np.abs(found - full).max() / np.abs(full).max())
 
     @functools.cache  # noqa: B019
     def _exact(self, rpm: float) -> Array:
-        """Computes the torques of the full model at all angles, N m."""
-        return self._without().torques(self._samples, radians_per_second(rpm))
+        """Computes the torques of the full model at all angles, N m.
+
+        Raises:
+            MechanismError: They are 0.
+        """
+        found = self._without().torques(self._samples, radians_per_second(rpm))
+        if not found.any():
+            raise MechanismError(
+                f'{self._name} needs no torque at {rpm:g} rpm: give links masses or loads, or '
+                'choose other speeds (--rpm)'
+            )
+        return found
 
 
 def handover(savings: Sequence[Saving]) -> float | None:
@@ -250,12 +250,10 @@ def handover(savings: Sequence[Saving]) -> float | None:
     The torque of weights does not depend on the speed; the torque of inertia grows with the speed
     squared.
     """
-    errors = {(x['rpm'], x['left_out']): x['error'] for x in savings}
-    for rpm in dict.fromkeys(x['rpm'] for x in savings):
-        weights, inertia = errors.get((rpm, 'gravity'), 0.0), errors.get((rpm, STATIC), 0.0)
-        if weights and inertia:
-            return float(abs(rpm) * math.sqrt(weights / inertia))
-    return None
+    rpm = savings[0]['rpm']
+    errors = {x['left_out']: x['error'] for x in savings if x['rpm'] == rpm}
+    weights, inertia = errors.get('gravity'), errors.get(STATIC)
+    return abs(rpm) * math.sqrt(weights / inertia) if weights and inertia else None
 
 
 def _listed(names: Sequence[str], word: str) -> str:
@@ -277,8 +275,7 @@ def _draw(
         ).values()
         _draw_bars(bars, savings, terms)
         _draw_reduced(reduced, own)
-        worst = max(x['error'] for x in savings)
-        for axes, most in (bars, 1.5 * worst), (reduced, 3.0):
+        for axes, most in (bars, 1.5 * max(x['error'] for x in savings)), (reduced, 3.0):
             axes.set(yscale='log', ylim=(_LEAST, most))
             axes.axhline(tolerance, color=fractions(BLACK), linewidth=1.0, linestyle=':', zorder=3)
             axes.yaxis.set_major_formatter('{x:g}')
@@ -305,8 +302,8 @@ def _draw_bars(axes: Axes, savings: Sequence[Saving], terms: Sequence[str]) -> N
     if 0 < speeds[0] < rpm < speeds[-1]:
         at = float(np.interp(rpm, speeds, range(len(speeds))))
         axes.axvline(at, color=fractions(BLACK), linewidth=0.9, linestyle=(0, (4, 3)))
-        inertia = f'inertia dominates, from {rpm:.3g} rpm on'
-        for words, side in (('weights dominate  ', 'right'), (f'  {inertia}', 'left')):
+        inertia = f'  inertia dominates, from {rpm:.3g} rpm on'
+        for words, side in (('weights dominate  ', 'right'), (inertia, 'left')):
             axes.text(at, 1.01, words, ha=side, va='bottom', transform=axes.get_xaxis_transform())
     axes.set_xticks(range(len(speeds)), [f'{rpm:g} rpm' for rpm in speeds], fontsize=TEXT)
     axes.tick_params(axis='x', length=0)
@@ -321,13 +318,16 @@ def _draw_reduced(axes: Axes, own: Sequence[Saving]) -> None:
     """Plots the torque errors of the reduced models against their computing time."""
     full = own[0]['full_microseconds']
     for kind, (style, size, color, label) in _REDUCED.items():
-        group = [x for x in own if kind in x['left_out'] and x['error'] > _LEAST]
-        times, errors = [full - x['microseconds'] for x in group], [x['error'] for x in group]
+        group = {
+            x['left_out']: (full - x['microseconds'], x['error'])
+            for x in own if kind in x['left_out'] and x['error'] > _LEAST
+        }  # fmt: skip
         if group:
-            axes.plot(times, errors, style, color=fractions(color), lw=0.9, ms=size, label=label)
-        for saving, point in zip(group, zip(times, errors, strict=True), strict=True):
+            points = zip(*group.values(), strict=True)
+            axes.plot(*points, style, color=fractions(color), lw=0.9, ms=size, label=label)
+        for name, point in group.items():
             axes.annotate(
-                ''.join(re.findall(r'\d+', saving['left_out'])), point, xytext=(6, 1),
+                ''.join(filter(str.isdigit, name)), point, xytext=(6, 1),
                 textcoords='offset points', fontsize=NUMBERS, va='center',
             )  # fmt: skip
     axes.axvline(full, color=fractions(BLACK), linewidth=1.2, label='full model')
@@ -339,13 +339,12 @@ def _draw_reduced(axes: Axes, own: Sequence[Saving]) -> None:
 
 def _write_table(axes: Axes, own: Sequence[Saving], terms: Sequence[str]) -> None:
     """Lists the costs of the full model, and the savings of each simpler model."""
-    full = {'name': 'full model', 'error': 0.0} | {x: own[0][f'full_{x}'] for x in _COSTS}
-    rows = [
-        x | {'name': x['left_out'].removeprefix('coupler as ')}
-        for x in own if x['left_out'] in (*terms, POINT_MASSES)
-    ]  # fmt: skip
+    full = {'left_out': _FULL, 'error': 0.0} | {x: own[0][f'full_{x}'] for x in _COSTS}
     line = '{name:17}{error:>8.3g}{operations:>8d}{microseconds:>8.2f}{parameters:>8d}'
-    words, *costs = (line.format_map(x) for x in (full, *rows))
+    words, *costs = (
+        line.format(name=x['left_out'].removeprefix('coupler as '), **x)
+        for x in (full, *own) if x['left_out'] in (_FULL, *terms, POINT_MASSES)
+    )  # fmt: skip
     at = f'at {own[0]["rpm"]:g} rpm'
     lines = [
         f'{"":17}{"":>8}{"oper-":>8}{"micro-":>8}{"para-":>8}',
@@ -353,5 +352,7 @@ def _write_table(axes: Axes, own: Sequence[Saving], terms: Sequence[str]) -> Non
         words, 'saved by leaving out', *costs,
     ]  # fmt: skip
     axes.set_axis_off()
-    style: dict[str, Any] = {'family': 'monospace', 'fontsize': NUMBERS, 'linespacing': 1.35}
-    axes.text(0, 1, '\n'.join(lines), va='top', transform=axes.transAxes, **style)
+    axes.text(
+        0, 1, '\n'.join(lines), va='top', transform=axes.transAxes,
+        family='monospace', fontsize=NUMBERS, linespacing=1.35,
+    )  # fmt: skip

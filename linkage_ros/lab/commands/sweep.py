@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from linkage_ros.cli import progress_bar
+from linkage_ros.cli import counted, progress_bar
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.lab.output import chart, folder, save_csv
 from linkage_ros.lab.sweep.measures import MEASURES, measure
@@ -25,8 +25,6 @@ CANNOT_TURN, OUTSIDE, VALID, FRONT = OUTCOMES = (
     'cannot turn', 'outside the constraints', 'valid', 'on the Pareto front',
 )  # fmt: skip
 _BLOCK = 2048  # designs per block, independent of the number of workers
-_HEIGHT = 4.6  # inches
-_MARGIN = 0.08  # margin of an axis, relative to the range of the good designs
 _LOOKS: dict[str, dict[str, Any]] = {
     OUTSIDE: {'color': fractions(GREY), 's': 4, 'alpha': 0.5},
     VALID: {'color': fractions(SKY), 's': 6},
@@ -47,11 +45,10 @@ def sweep(options: argparse.Namespace) -> None:
     """
     study = read_study(options.study)
     name, count = Path(options.study).stem, len(study.designs)
-    files = [options.out / f'{name}.csv']
+    table, picture = (options.out / f'{name}.{suffix}' for suffix in ('csv', 'png'))
     work = partial(measure, study.task)
     (base,) = work(np.array([[leaf.default for leaf in study.columns]]))
-    starts = range(0, count, _BLOCK)
-    blocks = [study.designs[start : start + _BLOCK] for start in starts]
+    blocks = np.split(study.designs, range(_BLOCK, count, _BLOCK))
     connect = partial(processes, min(options.workers or os.cpu_count() or 1, len(blocks)))
     if options.scheduler is not None:
         connect = partial(cluster, options.scheduler)
@@ -60,19 +57,22 @@ def sweep(options: argparse.Namespace) -> None:
         try:
             with progress_bar(total=count, desc='sweep', unit=' designs') as bar:
                 for i, rows in spread(work, blocks, connect):
-                    found[starts[i] : starts[i] + len(rows)] = rows
+                    found[i * _BLOCK : i * _BLOCK + len(rows)] = rows
                     bar.update(len(rows))
         finally:
             results, measured = _Results(study, base, found), int(np.isfinite(found[:, 0]).sum())
             if measured:
-                save_csv(files[0], *results.table())
+                save_csv(table, *results.table())
             if 0 < measured < count:
-                print(f'{measured} of {count} designs are in {files[0]}', file=sys.stderr)
-        results.require_good()
+                print(f'{measured} of {count} designs are in {table}', file=sys.stderr)
+        if not results.good.any():
+            raise ConfigurationError(
+                f'no design is left of {results.summary}; change the ranges or the constraints'
+            )
         if study.goals:
-            files.append(options.out / f'{name}.png')
-            _draw_front(results, name, files[1])
-    print(results.summary, *results.lines(), *files, sep='\n')
+            _draw_front(results, name, picture)
+    pictures = [picture] if study.goals else []
+    print(results.summary, *results.lines(), table, *pictures, sep='\n')
 
 
 class _Results:
@@ -82,6 +82,7 @@ class _Results:
         study: Study that contains the designs.
         base: Measures of the base design by name; NaN for a measure that does not apply to it.
         of: Measures of the designs by name; NaN for a measure that does not apply to a design.
+        good: Whether each design turns fully and meets all constraints.
         outcomes: One of OUTCOMES for each design.
         summary: The number of designs with each outcome.
     """
@@ -97,17 +98,15 @@ class _Results:
         self.study, self._turns = study, found[:, 0]
         self.base = dict(zip(study.task.measures, base[1:].tolist(), strict=True))
         self.of = dict(zip(study.task.measures, found.T[1:], strict=True))
-        self._held = {
-            f'{name} {low:g} to {high:g}': (self.of[name] >= low) & (self.of[name] <= high)
-            for name, (low, high) in study.constraints.items()
-        }
-        self._good = np.all([self._turns == 1, *self._held.values()], axis=0)
-        outcomes = np.where(self._good, VALID, OUTSIDE)
+        limits = study.constraints.items()
+        held = [(self.of[name] >= low) & (self.of[name] <= high) for name, (low, high) in limits]
+        self.good = np.all([self._turns == 1, *held], axis=0)
+        outcomes = np.where(self.good, VALID, OUTSIDE)
         self.outcomes = np.where(self._turns == 0, CANNOT_TURN, outcomes).astype(object)
         if study.goals:
             self.outcomes[self._front()] = FRONT
         counts = [f'{(self.outcomes == x).sum()} {x}' for x in OUTCOMES if x in self.outcomes]
-        self.summary = f'{len(found)} design{"s" * (len(found) > 1)}: {", ".join(counts)}'
+        self.summary = f'{counted(len(found), "design")}: {", ".join(counts)}'
 
     def _front(self) -> Array:
         """Returns the indices of the designs on the Pareto front."""
@@ -115,29 +114,10 @@ class _Results:
             self.of[name] * (1.0 if goal == 'least' else -1.0)
             for name, goal in self.study.goals.items()
         )
-        rows = np.flatnonzero(self._good & np.isfinite(first + second))
+        rows = np.flatnonzero(self.good & np.isfinite(first + second))
         rows = rows[np.lexsort((second[rows], first[rows]))]
         best_before = np.minimum.accumulate(np.append(np.inf, second[rows]))[:-1]
         return np.asarray(rows[second[rows] < best_before])
-
-    def require_good(self) -> None:
-        """Raises an error unless at least one design meets all constraints.
-
-        Raises:
-            ConfigurationError: No design meets all constraints; the message counts the designs
-                that meet each constraint.
-        """
-        if not self._good.any():
-            counts = ''.join(f', {x.sum()} have {words}' for words, x in self._held.items())
-            raise ConfigurationError(
-                f'no designs are left: of {len(self._good)}, {(self._turns == 1).sum()} turn fully'
-                f'{counts}; change the ranges or the constraints'
-            )
-
-    def spread(self, measure: str) -> tuple[Array, Array]:
-        """Returns the good designs to which a measure applies, and the values of the measure."""
-        has = self._good & np.isfinite(self.of[measure])
-        return self.study.designs[has], self.of[measure][has]
 
     def lines(self) -> Iterator[str]:
         """Yields a line for each measure that applies to any good design.
@@ -146,18 +126,18 @@ class _Results:
         the variance.
         """
         for name, base in self.base.items():
-            designs, values = self.spread(name)
-            if len(values):
-                span = f'{values.min():.5g} to {values.max():.5g} {MEASURES[name].unit}'.rstrip()
-                line, table = (
-                    f'{name}: {span}, base {base:.5g}',
-                    np.column_stack([designs, values]),
-                )
-                if np.ptp(table, axis=0).all():
-                    shares = np.atleast_2d(np.corrcoef(table, rowvar=False))[-1, :-1] ** 2
-                    cause = self.study.columns[int(shares.argmax())].name
-                    line += f', {100 * shares.max():.0f} % of its variance by {cause}'
-                yield line
+            has = self.good & np.isfinite(self.of[name])
+            if not has.any():
+                continue
+            table = np.column_stack([self.study.designs, self.of[name]])[has]
+            low, high = table[:, -1].min(), table[:, -1].max()
+            span = f'{low:.5g} to {high:.5g} {MEASURES[name].unit}'.rstrip()
+            line = f'{name}: {span}, base {base:.5g}'
+            if np.ptp(table, axis=0).all():
+                shares = np.atleast_2d(np.corrcoef(table, rowvar=False))[-1, :-1] ** 2
+                cause = self.study.columns[int(shares.argmax())].name
+                line += f', {100 * shares.max():.0f} % of its variance by {cause}'
+            yield line
 
     def table(self) -> tuple[list[str], list[list[object]]]:
         """Returns column titles, and a row for each measured design; missing values are None."""
@@ -172,20 +152,21 @@ class _Results:
 
 def _draw_front(results: _Results, name: str, path: Path) -> None:
     """Plots the two goals of all designs against each other."""
-    goals = [*results.study.goals]
-    with chart(path, _HEIGHT, f'{name}: {results.summary}') as figure:
+    first, second = results.study.goals
+    with chart(path, 4.6, f'{name}: {results.summary}') as figure:
         axes = figure.add_subplot()
         for outcome, look in _LOOKS.items():
-            x, y = (results.of[goal][results.outcomes == outcome] for goal in goals)
+            x, y = (results.of[goal][results.outcomes == outcome] for goal in (first, second))
             axes.scatter(x, y, label=outcome, linewidths=0, **look)
+            if outcome == OUTSIDE:  # designs outside the constraints may lie far away
+                axes.ignore_existing_data_limits = True
         base: dict[str, Any] = {'color': fractions(VERMILION), 'markersize': 11, 'label': 'base'}
-        axes.plot(*(results.base[goal] for goal in goals), '*', **base)
-        for axis, goal in zip('xy', goals, strict=True):
-            # Designs outside the constraints may lie far away.
-            values = np.append(results.spread(goal)[1], results.base[goal])
-            low, high = np.nanmin(values), np.nanmax(values)
-            margin = _MARGIN * (high - low) or 1.0
-            label = f'{goal.replace("_", " ").capitalize()}, {MEASURES[goal].unit}'
-            limits = {f'{axis}lim': (low - margin, high + margin)}
-            axes.set(**limits, **{f'{axis}label': label.removesuffix(', ')})
+        axes.plot(results.base[first], results.base[second], '*', **base)
+        axes.margins(0.08)
+        axes.set(xlabel=_label(first), ylabel=_label(second))
         axes.legend(frameon=True)
+
+
+def _label(measure: str) -> str:
+    """Describes a measure, with its unit if it has one."""
+    return f'{measure.replace("_", " ").capitalize()}, {MEASURES[measure].unit}'.removesuffix(', ')

@@ -30,8 +30,6 @@ from linkage_ros.numeric import Array, Real, wrap
 from linkage_ros.units import radians_per_second
 
 RPM = 'rpm'
-_AT_ONCE = 16384  # array values per block, few enough for the processor's cache
-_STEPS = 8  # Newton steps; four usually reach full precision
 
 
 class Task(NamedTuple):
@@ -69,7 +67,7 @@ def measure(task: Task, designs: Array) -> Array:
     found[:, 0] = 0
     columns = dict(zip(task.names, designs.T, strict=True))
     rpms = columns.pop(RPM, np.full(len(designs), task.rpm or 0.0))
-    at_once = max(1, _AT_ONCE // task.angles)
+    at_once = max(1, 16384 // task.angles)  # few enough values for the processor's cache
     # As in Program.arrays: makes glibc keep freed arrays for reuse.
     np.empty(3_000_000)
     with np.errstate(all='ignore'):
@@ -242,7 +240,7 @@ class Batch:
         first, last = turned.argmax(-1), turned[:, ::-1].argmax(-1)
         before = self._angles[np.stack([first, turned.shape[-1] - 1 - last], -1)]
         at = before + 0.5 * self._step
-        for _ in range(_STEPS):
+        for _ in range(8):  # Newton steps; four usually reach full precision
             _, slope, bend = self._run(_output_of, at)
             at = np.clip(at - slope / bend, before, before + self._step)
         # A rocker that passes change points may swing by more than pi.
@@ -285,36 +283,38 @@ class Measure(NamedTuple):
     Attributes:
         unit: Unit of the measure.
         of: Function that computes the measure for each design of a batch.
-        needs: Requirement on the task, one of the keys in `has`; empty if there is none.
+        needs: Requirement on the task in words.
+        applies: Whether a task meets the requirement.
     """
 
     unit: str
     of: Callable[[Batch], Array]
     needs: str = ''
+    applies: Callable[[Task], bool] = lambda _: True
 
 
-_SPEED = 'a crank speed, such as rpm: 60.0, and no dry friction'
-_ROCKER, _SLIDER = 'a rocker', 'a slider'
-_POINTS = 'coupler.point, and points: [x, y, ...]'
+def _slides(task: Task) -> bool:
+    """Returns whether the output link is a slider."""
+    return task.mechanism.structure().links[-1].slides
+
+
+# For torques and forces.
+_SPEED: Any = (
+    'a crank speed, such as rpm: 60.0, and no dry friction',
+    lambda task: task.rpm is not None and not task.mechanism.joint_loads(),
+)
 MEASURES = {
-    'peak_torque': Measure('N m', lambda x: np.abs(x.torque).max(-1), _SPEED),
-    'rms_torque': Measure('N m', lambda x: np.sqrt(np.mean(x.torque * x.torque, -1)), _SPEED),
-    'shaking_force': Measure('N', Batch.shaking_force, _SPEED),
-    'swing': Measure('deg', Batch.swing, _ROCKER),
-    'stroke': Measure('m', lambda x: np.abs(x.stroke()), _SLIDER),
+    'peak_torque': Measure('N m', lambda x: np.abs(x.torque).max(-1), *_SPEED),
+    'rms_torque': Measure('N m', lambda x: np.sqrt(np.mean(x.torque * x.torque, -1)), *_SPEED),
+    'shaking_force': Measure('N', Batch.shaking_force, *_SPEED),
+    'swing': Measure('deg', Batch.swing, 'a rocker', lambda task: not _slides(task)),
+    'stroke': Measure('m', lambda x: np.abs(x.stroke()), 'a slider', _slides),
     'time_ratio': Measure('', Batch.time_ratio),
     'transmission_angle': Measure('deg', Batch.transmission_angle),
-    'point_distance': Measure('m', Batch.point_distance, _POINTS),
+    'point_distance': Measure(
+        'm',
+        Batch.point_distance,
+        'coupler.point, and points: [x, y, ...]',
+        lambda task: bool(task.points) and 'C' in task.mechanism.structure().points,
+    ),
 }
-
-
-def has(task: Task, needs: str) -> bool:
-    """Returns whether a task meets the requirement of a measure."""
-    structure = task.mechanism.structure()
-    slides = structure.links[-1].slides
-    return {
-        _SPEED: task.rpm is not None and not task.mechanism.joint_loads(),
-        _ROCKER: not slides,
-        _SLIDER: slides,
-        _POINTS: bool(task.points) and 'C' in structure.points,
-    }.get(needs, True)

@@ -8,7 +8,6 @@ import os
 import signal
 import socket
 import threading
-import traceback
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import (
     BrokenExecutor,
@@ -17,7 +16,7 @@ from concurrent.futures import (
     ProcessPoolExecutor,
     as_completed,
 )
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, suppress
 from importlib.metadata import version
 from typing import Any, cast
 
@@ -43,25 +42,20 @@ def spread(
         Index and result of each block, in any order.
 
     Raises:
-        ConfigurationError: Three executors in a row break without a result.
+        ConfigurationError: Three executors broke.
     """
-    left, failures = dict(enumerate(blocks)), 0
-    while left:
-        try:
-            with connect() as executor:
-                numbers = {executor.submit(work, block): i for i, block in left.items()}
-                for future in as_completed(numbers):
-                    result = future.result()
-                    del left[numbers[future]]
-                    failures = 0
-                    yield numbers[future], result
-        except BrokenExecutor:  # noqa: PERF203, a block takes long
-            failures += 1
-            if failures == _ATTEMPTS:
-                raise ConfigurationError(
-                    f'worker processes died {_ATTEMPTS} times without a result, perhaps because '
-                    'memory was short; give fewer --workers, or fewer angles'
-                ) from None
+    left = dict(enumerate(blocks))
+    for _ in range(_ATTEMPTS):
+        with suppress(BrokenExecutor), connect() as executor:
+            numbers = {executor.submit(work, block): i for i, block in left.items()}
+            for future in as_completed(numbers):
+                yield numbers[future], future.result()
+                del left[numbers[future]]
+            return
+    raise ConfigurationError(
+        f'worker processes died {_ATTEMPTS} times, perhaps because memory was short; give fewer '
+        '--workers, or fewer angles'
+    )
 
 
 @contextmanager
@@ -131,7 +125,6 @@ def cluster(address: str) -> Iterator[Executor]:
             ) from error
         except TypeError as error:
             # Dask's executor occasionally raises this if a worker dies while it sends a result.
-            *_, (frame, _) = traceback.walk_tb(error.__traceback__)
-            if frame.f_code.co_name != '_cascade_future':
-                raise
-            raise BrokenExecutor('a result was lost with its worker') from error
+            if 'cannot unpack' in str(error):
+                raise BrokenExecutor('a result was lost with its worker') from error
+            raise

@@ -11,12 +11,12 @@ import numpy as np
 from scipy.stats import qmc
 
 from linkage_ros.errors import ConfigurationError
-from linkage_ros.lab.sweep.measures import MEASURES, RPM, Task, has
+from linkage_ros.lab.sweep.measures import MEASURES, RPM, Task
 from linkage_ros.model.structure import Mechanism
 from linkage_ros.numeric import Array
 from linkage_ros.parameters.configuration import load
 from linkage_ros.parameters.parameter_file import read_study_file
-from linkage_ros.parameters.unknown_names import nearest, unknown_name
+from linkage_ros.parameters.unknown_names import unknown_name
 from linkage_ros.quantities import Checked, Leaf, Quantity, build, flatten, leaves, quantity, shown
 
 _GROUPS = 'ranges', 'tolerances', 'constraints', 'goals'
@@ -83,7 +83,7 @@ def read_study(path: str) -> Study:
         ConfigurationError: The study is invalid; the message names valid input.
     """
     groups, values = _read_groups(path)
-    settings, measures = build(Settings, values), values.get('measures', [])
+    settings, listed = build(Settings, values), values.get('measures', [])
     configuration = load(settings.base)
     mechanism = configuration.mechanism
     if not hasattr(mechanism.loop(), 'transmission'):
@@ -97,18 +97,14 @@ def read_study(path: str) -> Study:
     goals = {name: str(_GOAL.clean(f'goals.{name}', x)) for name, x in groups['goals'].items()}
     if len(goals) not in {0, 2}:
         raise ConfigurationError(f'goals = {shown(goals)}: must be two measures, or none')
-    listed = measures if isinstance(measures, list) else [measures]
-    wanted, points = dict.fromkeys([*listed, *goals, *constraints]), settings.points or ()
+    measures = [*(listed if isinstance(listed, list) else [listed]), *goals, *constraints]
+    if not measures or not MEASURES.keys() >= set(measures):
+        raise ConfigurationError(f'measures {shown(measures)}: choose from {", ".join(MEASURES)}')
+    names, points = tuple(leaf.name for leaf in columns), settings.points or ()
     places = tuple(map(complex, points[::2], points[1::2]))
-    names = tuple(leaf.name for leaf in columns)
-    task = Task(mechanism, rpm, names, tuple(wanted), settings.angles, places)
-    if not wanted:
-        raise ConfigurationError(f'no measures: choose from {", ".join(MEASURES)}')
-    for name in wanted:
-        if name not in MEASURES:
-            meant = nearest(str(name), MEASURES) or ' or '.join(MEASURES)
-            raise ConfigurationError(f'{shown(name)} is not a measure; did you mean {meant}?')
-        if not has(task, MEASURES[name].needs):
+    task = Task(mechanism, rpm, names, tuple(dict.fromkeys(measures)), settings.angles, places)
+    for name in measures:
+        if not MEASURES[name].applies(task):
             raise ConfigurationError(f'measure {name}: needs {MEASURES[name].needs}')
     return Study(task, columns, _designs(settings, columns), constraints, goals)
 
@@ -124,12 +120,12 @@ def _read_groups(path: str) -> tuple[dict[str, dict[str, Any]], dict[str, Any]]:
     groups: dict[str, dict[str, Any]] = {group: {} for group in _GROUPS}
     for name, value in values.items():
         group, _, rest = name.partition('.')
-        if group not in groups and name not in {leaf.name for leaf in known}:
-            raise ConfigurationError(unknown_name(name, 'a study', known, 'docs/sizing.md'))
         if name in groups:
             raise ConfigurationError(f'{name} = {shown(value)}: write {name}: {{NAME: VALUE}}')
         if group in groups:
             groups[group][rest] = value
+        elif name not in {leaf.name for leaf in known}:
+            raise ConfigurationError(unknown_name(name, 'a study', known, 'docs/sizing.md'))
     return groups, values
 
 
@@ -144,20 +140,19 @@ def _columns(
     """
     valid = {leaf.name: leaf for leaf in parameters(mechanism, rpm)}
     columns: dict[str, Leaf] = {}
-    for group, name in ((x, name) for x in ('ranges', 'tolerances') for name in groups[x]):
+    for group, name in [(x, name) for x in ('ranges', 'tolerances') for name in groups[x]]:
         if name not in valid:
-            owner = f'this {type(mechanism).__name__}'
-            raise ConfigurationError(
-                unknown_name(name, owner, valid.values(), 'docs/reference.md')
-            )
+            owner, known = f'this {type(mechanism).__name__}', valid.values()
+            raise ConfigurationError(unknown_name(name, owner, known, 'docs/reference.md'))
         if name in columns:
             raise ConfigurationError(f'{name} has a range and a tolerance: leave one out')
-        limits, base = groups[group][name], cast('float', valid[name].default)
+        _, allowed, base = valid[name]
+        limits: Any = groups[group][name]
         if group == 'tolerances':
-            width = cast('float', _NUMBER.clean(f'{group}.{name}', limits))
+            width: Any = _NUMBER.clean(f'{group}.{name}', limits)
             limits = [base - width, base + width]
-        low, high = _span(f'{group}.{name}', limits, valid[name].quantity)
-        columns[name] = Leaf(name, replace(valid[name].quantity, low=low, high=high), base)
+        low, high = _span(f'{group}.{name}', limits, allowed)
+        columns[name] = Leaf(name, replace(allowed, low=low, high=high), base)
     if not columns:
         raise ConfigurationError('nothing varies: give ranges or tolerances of parameters')
     return [*columns.values()]

@@ -1,10 +1,10 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Draws a mechanism and its pin paths in a chart, or in a movie with its driving torque."""
+"""linkage_chart movie: a drawing of the mechanism as it moves, with its driving torque."""
 
+import argparse
 import math
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,17 +16,17 @@ from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 
 from linkage_ros.errors import ConfigurationError
-from linkage_ros.lab.output import SMALL, STYLE, TEXT, over_crank, progress
-from linkage_ros.lab.period import Period
+from linkage_ros.lab.output import SMALL, STYLE, TEXT, folder, over_crank, progress
+from linkage_ros.lab.period import Period, period_to_show
 from linkage_ros.numeric import Array
 from linkage_ros.palette import COLORS, DARK, GREY, Color, color_of, fractions
+from linkage_ros.parameters.configuration import load
 from linkage_ros.view.drawing import Drawing
 
-SECONDS = 3.0  # duration of a crank turn in the movie
+_SECONDS = 3.0  # duration of a crank turn in the movie
 _RATE = 20  # frames per second
 _SIZE, _DPI = (8.0, 4.2), 90  # inches, and pixels per inch
 _WRITERS: dict[str, Any] = {'.gif': PillowWriter, '.mp4': FFMpegWriter}
-_AWAY = 16.0  # distance of a name from its pin, points
 _NAME: dict[str, Any] = {
     'textcoords': 'offset points', 'fontsize': SMALL, 'va': 'center', 'annotation_clip': False,
 }  # fmt: skip
@@ -63,8 +63,7 @@ class LinkagePicture:
         pins = np.concatenate([drawing.pivots, shown.reshape(-1, 2)])
         self._pins = self._plot(pins, DARK, linestyle='', marker='o', markersize=3.5)
         # The ground is drawn below the pivots, so their names are placed to the sides.
-        middle = pins[:, 0].mean()
-        self._asides = [(pivot[0] - middle, 0.0) for pivot in drawing.pivots]
+        self._asides = [(pivot[0] - pins[:, 0].mean(), 0.0) for pivot in drawing.pivots]
         low, high = axes.dataLim.get_points()
         scale = drawing.scale - drawing.scale.min(axis=0) + low - (0.0, 0.06 * (high - low).max())
         self._plot(scale, GREY, linewidth=0.9)
@@ -89,34 +88,37 @@ class LinkagePicture:
         ways = np.array([*self._asides, *(drawing.labels(now)[0] - now[0])])
         for name, pin, way in zip(self._names, pins, ways, strict=True):
             name.xy = tuple(pin)
-            name.set_position(_AWAY * way / np.linalg.norm(way))
+            name.set_position(16.0 * way / np.linalg.norm(way))  # points from the pin
 
     def _plot(self, points: Array, color: Color, **style: Any) -> Line2D:
         style |= {'color': fractions(color), 'solid_capstyle': 'round'}
         return self._axes.plot(*points.T, **style)[0]
 
 
-def draw_movie(period: Period, title: Sequence[str], path: Path) -> None:
+def movie(options: argparse.Namespace) -> None:
     """Draws the moving mechanism, and its torque up to the current crank angle.
 
     Args:
-        period: Period to draw.
-        title: Name of the mechanism, then phrases that describe it.
-        path: A .gif or .mp4 file, replaced if it exists.
+        options: Parsed command-line options.
 
     Raises:
-        ConfigurationError: The crank is at rest, the file's name does not end with .gif or .mp4,
-            or ffmpeg is missing.
+        ConfigurationError: The mechanism or the speed is invalid, the file's name does not end
+            with .gif or .mp4, ffmpeg is missing, or the file cannot be written.
     """
-    writer = _WRITERS.get(path.suffix)
+    path = options.out
+    period, (name, about, speed, *_) = period_to_show(
+        options.params, load(options.params), options.rpm
+    )
+    writer, samples = _WRITERS.get(path.suffix), _frames(period)
     if not writer or not writer.isAvailable():
         raise ConfigurationError(f'{path}: must end with .gif or, with ffmpeg installed, .mp4')
-    movie, samples = writer(fps=_RATE), _frames(period)
+    share = 2 * math.pi / _SECONDS / abs(period.speed)
+    words = f'{about}, {speed}, shown at {share:.3g} of its speed'
     degrees, torque = np.degrees(period.crank), period.columns['driving_torque'].values
-    with rc_context(STYLE):
+    with folder(path.parent), rc_context(STYLE):
         figure = Figure(figsize=_SIZE, dpi=_DPI)
-        figure.text(0.02, 0.94, title[0], weight='bold', fontsize=TEXT)
-        figure.text(0.02, 0.885, ', '.join(title[1:]))
+        figure.text(0.02, 0.94, name, weight='bold', fontsize=TEXT)
+        figure.text(0.02, 0.885, words)
         picture = LinkagePicture(figure.add_axes((0.02, 0.06, 0.5, 0.78)), period, samples)
         axes = figure.add_axes((0.62, 0.16, 0.35, 0.66))
         axes.plot(degrees, torque, color='0.8', linewidth=1.2)
@@ -124,12 +126,14 @@ def draw_movie(period: Period, title: Sequence[str], path: Path) -> None:
         (dot,) = axes.plot([], [], 'o', color=fractions(DARK), markersize=5)
         over_crank(axes, period.crank, 'Driving torque, N m', 4)
         axes.set_xlabel('Crank angle, deg')
-        with movie.saving(figure, path, _DPI):
+        saved = writer(fps=_RATE)
+        with saved.saving(figure, path, _DPI):
             for sample in progress(samples, 'frames'):
                 picture.move(sample)
                 drawn.set_data(degrees[: sample + 1], torque[: sample + 1])
                 dot.set_data(degrees[sample : sample + 1], torque[sample : sample + 1])
-                movie.grab_frame()
+                saved.grab_frame()
+    print(f'{name}, {words}', path, sep='\n')
 
 
 def _frames(period: Period) -> list[int]:
@@ -143,7 +147,7 @@ def _frames(period: Period) -> list[int]:
         raise ConfigurationError('the crank is at rest: a movie needs a speed, such as --rpm 30')
     steps = 2 * np.diff(period.crank) / (speed[1:] + speed[:-1])
     time = np.concatenate([[0.0], np.cumsum(steps)])
-    frames = round(period.crank[-1] / (2 * math.pi) * SECONDS * _RATE)
+    frames = round(period.crank[-1] / (2 * math.pi) * _SECONDS * _RATE)
     even = np.linspace(0, time[-1], frames, endpoint=False)
     samples: list[int] = np.searchsorted(time, even).tolist()
     return samples if period.speed > 0 else samples[::-1]
