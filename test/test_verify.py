@@ -357,8 +357,8 @@ STATE_EDITS = {
         lambda s: [*s[:50], s[51], s[50], *s[52:]], 'state 51, stamp 255000000 ns: no tick',
         'state 52, .* has this stamp',
     ),
-    'lost': (lambda s: s[:50] + s[53:], 'state 51, ', '12 logged messages are missing'),
-    'cut off': (lambda s: s[:-3], '12 logged messages are missing: the end', None),
+    'lost': (lambda s: s[:50] + s[53:], 'state 51, ', 'logged messages missing: 12'),
+    'cut off': (lambda s: s[:-3], 'logged messages missing: 12', None),
 }  # fmt: skip
 
 

@@ -96,6 +96,7 @@ class _Copy:
         """
         self._file, self._new = file, new
         self._unknown, self._is_configured = 0, False
+        self._logged = -1  # number of messages in the end record; -1 if there is none
         # Schemas and channels of the summary, in case the chunk that declares them is lost.
         self._spare: list[Schema | Channel] = []
         with suppress(Exception):  # the file is incomplete, or its summary is damaged
@@ -129,6 +130,8 @@ class _Copy:
         if not self._is_configured:
             raise LogError('it has no configuration record')
         found = self._new.statistics
+        # Without an end record, verification says that states may be missing.
+        self._new.has_end = found.message_count == self._logged
         duration = (found.message_end_time - found.message_start_time) / NS_PER_S
         return Recovered(found.message_count, duration, places, damaged, self._unknown)
 
@@ -145,7 +148,7 @@ class _Copy:
         elif isinstance(content, Attachment):
             library.add_attachment(**vars(content))
         elif isinstance(content, Metadata) and content.name == END_RECORD:
-            self._new.has_end = True  # the new log gets its own, with the number of its messages
+            self._logged = int(unseal(content.metadata)['messages'])
         elif isinstance(content, Metadata):
             is_named = content.name in {CONFIGURATION_RECORD, MOTION_RECORD}
             if is_named or CHECKSUM in content.metadata:

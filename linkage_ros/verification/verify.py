@@ -56,8 +56,9 @@ def verify(log: LogReader, progress: Callable[[int], object] = lambda _: None) -
     """
     done = Verification(log)
     done.run(progress)
-    if (log.lost or 0) > 0 and not done.difference:
-        done.difference = f'{log.lost} logged messages are missing: the end of the log is cut off'
+    if log.lost and not done.difference:
+        kind = 'missing' if log.lost > 0 else 'too many'
+        done.difference = f'logged messages {kind}: {abs(log.lost)}, by the record of its end'
     return done
 
 
