@@ -33,7 +33,7 @@ from linkage_ros.formulas import (
     total,
     where,
 )
-from linkage_ros.model.kinematics import LinkPose, Loop, Pose, State
+from linkage_ros.model.kinematics import LinkPose, Loop, PointMotion, Pose, State
 from linkage_ros.model.loads import JointLoad, Load
 from linkage_ros.model.structure import Dyad, Link, Mechanism, Pin, Point, Structure
 from linkage_ros.numeric import Real
@@ -341,6 +341,19 @@ def dyad_sines(model: Model, q: Sequence[Real], u: Sequence[Real]) -> tuple[Dyad
         rate = slope * ((ZERO if slides else rates[dyad.second]) - rates[dyad.first])
         found.append(DyadSine(abs(sine), where(sine >= 0, rate, -rate)))
     return tuple(found)
+
+
+def point_motion(
+    constants: tuple[Point, Opaque],
+    angles: Sequence[Real],
+    rates: Sequence[Real],
+    changes: Sequence[Real],
+) -> PointMotion:
+    """Computes the motion of a point from the motion of all links."""
+    point, refuse = constants
+    require(is_finite(*angles, *rates, *changes), refuse, *angles, *rates, *changes)
+    directions = [Vector.at(angle) for angle in angles]
+    return PointMotion(*point.follow(directions, rates, changes))
 
 
 def energy(model: Model, q: Sequence[Real], u: Sequence[Real]) -> tuple[Real, Real]:
