@@ -6,8 +6,6 @@ Attributes of an exception are for programs. Its message is for users: one line 
 value, the valid range and a remedy.
 """
 
-from __future__ import annotations
-
 _LONGEST = 600  # largest length of an error message, characters
 
 

@@ -219,11 +219,7 @@ def real_numbers(**named: object) -> tuple[list[Real], tuple[int, ...]]:
 def _real(name: str, value: object) -> Real:
     with suppress(TypeError, ValueError, OverflowError):
         array = np.asarray(value)
-        if array.dtype == object and all(
-            hasattr(x, '__float__') and not np.iscomplexobj(x) for x in array.flat
-        ):
-            array = array.astype(float)
-        if array.dtype.kind in 'iuf':
+        if array.dtype.kind in 'iufO':  # not bool, complex or text
             return array.astype(float, copy=False) if array.ndim else float(array)
     raise ConfigurationError(
         f'{name.replace("_", " ")} = {shown(value)}: must be a finite number, or an array of them'

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Non-SI units: stamps are in nanoseconds, and users specify speeds in turns per minute."""
 
-from __future__ import annotations
-
 import math
 
 NS_PER_S = 10**9
