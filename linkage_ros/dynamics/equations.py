@@ -332,13 +332,13 @@ def dyad_sines(model: Model, q: Sequence[Real], u: Sequence[Real]) -> tuple[Dyad
     """
     pose = model.loop.pose(tuple(q))
     rates, found = velocities(pose, u), []
-    for dyad, exact in itertools.zip_longest((*model.dyads, *model.other_dyads), pose.sines):
-        first, second = (pose.links[j].direction for j in (dyad.first, dyad.second))
+    for (i, j), exact in itertools.zip_longest((*model.dyads, *model.other_dyads), pose.sines):
+        first, second = pose.links[i].direction, pose.links[j].direction
         # A sliding link does not turn; the angle is measured from the normal of its guide.
-        slides = model.links[dyad.second].slides
+        slides = model.links[j].slides
         normal = second.left() if slides else second
         slope, sine = dot(first, normal), cross(first, normal) if exact is None else exact
-        rate = slope * ((ZERO if slides else rates[dyad.second]) - rates[dyad.first])
+        rate = slope * ((ZERO if slides else rates[j]) - rates[i])
         found.append(DyadSine(abs(sine), where(sine >= 0, rate, -rate)))
     return tuple(found)
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 from linkage_ros.dynamics.equations import Model, accelerations, velocities
 from linkage_ros.formulas import ZERO, Vector, cross, dot, is_finite, require, total
 from linkage_ros.model.kinematics import Pose
-from linkage_ros.model.structure import Dyad, Pin
+from linkage_ros.model.structure import Pin
 from linkage_ros.numeric import Real
 
 # Relative to the coordinate, because a double can only approximate a change point: k * math.pi is
@@ -56,14 +56,13 @@ def reactions(
     require(is_finite(*q, *u, *a), model.refuse, *q, *u, *a)
     pose = model.loop.pose(tuple(q))
     balance = _Balance(model, pose, velocities(pose, u), accelerations(pose, u, a))
-    for dyad, sine in reversed(list(zip(model.dyads, pose.sines, strict=True))):
-        first, second = pose.links[dyad.first], pose.links[dyad.second]
-        for angle, k1, k2 in zip(q, first.jacobian, second.jacobian, strict=True):
-            slope = (ZERO if model.links[dyad.second].slides else k2) - k1
+    for (i, j), sine in reversed(list(zip(model.dyads, pose.sines, strict=True))):
+        for angle, k1, k2 in zip(q, pose.links[i].jacobian, pose.links[j].jacobian, strict=True):
+            slope = (ZERO if model.links[j].slides else k2) - k1
             # Reject coordinates within rounding errors of a change point.
             near = _ROUNDING * abs(slope) * (1 + abs(angle))
             require(abs(sine) > near, model.refuse_forces, *q)
-        balance.solve(dyad, sine)
+        balance.solve(i, j, sine)
     for j in reversed(range(len(pose.links))):
         balance.solve_last_pin(j)
     guides = tuple(balance.solve_guide(j) for j, link in enumerate(model.links) if link.slides)
@@ -87,7 +86,7 @@ class _Balance:
         changes: Sequence[Real],
     ) -> None:
         self.forces: dict[str, Vector] = {}
-        self._links, self._pins = model.links, {pin.name: pin for pin in model.pins}
+        self._links, self._pins = model.links, model.pins
         self._directions = [link.direction for link in pose.links]
         self._positions = {
             pin.name: place.follow(self._directions, rates, changes)[0]
@@ -135,28 +134,29 @@ class _Balance:
         first = _FRAME if pin.first is None else pin.first
         self._known[first].append((self._positions[pin.name], -force))
 
-    def solve(self, dyad: Dyad, sine: Real) -> None:
+    def solve(self, i: int, j: int, sine: Real) -> None:
         """Computes the force in the common pin of a dyad from the moments about its outer pins."""
-        inner = self._positions[dyad.pin]
-        first, second = self._directions[dyad.first], self._directions[dyad.second]
-        outer = self._positions[dyad.outer[0]]
-        across_first = -self.moment(dyad.first, outer) / dot(inner - outer, first)
-        if self._links[dyad.second].slides:
-            across_second = -dot(self.force(dyad.second), second)
+        own, others = self._pins_of(i), self._pins_of(j)
+        (pin,), (outer_pin,) = own & others, own - others
+        inner, outer = self._positions[pin.name], self._positions[outer_pin.name]
+        first, second = self._directions[i], self._directions[j]
+        across_first = -self.moment(i, outer) / dot(inner - outer, first)
+        if self._links[j].slides:
+            across_second = -dot(self.force(j), second)
             second = second.left()
         else:
-            outer = self._positions[dyad.outer[1]]
-            across_second = self.moment(dyad.second, outer) / dot(inner - outer, second)
+            (outer_pin,) = others - own
+            outer = self._positions[outer_pin.name]
+            across_second = self.moment(j, outer) / dot(inner - outer, second)
         force = (second * across_first - first * across_second) * (1.0 / sine)
-        self._add_pin_force(self._pins[dyad.pin], force)
+        self._add_pin_force(pin, force)
+
+    def _pins_of(self, j: int) -> set[Pin]:
+        return {pin for pin in self._pins if j in (pin.first, pin.second)}
 
     def solve_last_pin(self, j: int) -> None:
         """Computes a turning link's last unknown pin force, if any, from its force balance."""
-        unknown = [
-            pin
-            for name, pin in self._pins.items()
-            if j in (pin.first, pin.second) and name not in self.forces
-        ]
+        unknown = [pin for pin in self._pins_of(j) if pin.name not in self.forces]
         if unknown and not self._links[j].slides:
             (pin,), force = unknown, self.force(j)
             self._add_pin_force(pin, force if pin.second == j else -force)

@@ -389,7 +389,7 @@ class Solver:
         except UnreachableError:
             sines = [0.0] * len(dyads)
         sine, dyad = min(zip(sines, dyads, strict=False))
-        first, second = links[dyad.first], links[dyad.second]
+        first, second = (links[j] for j in dyad)
         if second.slides:
             return sine, f'the {first.name} is perpendicular to the guide'
         return sine, f'{first.name} and {second.name} are in line'

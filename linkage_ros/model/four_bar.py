@@ -49,7 +49,6 @@ from linkage_ros.model.parts import (
     loads_field,
 )
 from linkage_ros.model.structure import (
-    Dyad,
     Link,
     Mechanism,
     Pin,
@@ -392,6 +391,6 @@ class FourBar(Mechanism):
             .along(1, coupler.length)
             .along(2, -rocker.length),
             pins=(Pin('A0', None, 0), Pin('A', 0, 1), Pin('B', 1, 2), Pin('B0', None, 2)),
-            dyads=(Dyad(1, 2, 'B', ('A', 'B0')),),
-            other_dyads=(Dyad(0, 1, 'A', ('A0', 'B')),),
+            dyads=((1, 2),),
+            other_dyads=((0, 1),),
         )

@@ -34,7 +34,6 @@ from linkage_ros.model.parts import (
     loads_field,
 )
 from linkage_ros.model.structure import (
-    Dyad,
     Link,
     Mechanism,
     Pin,
@@ -271,6 +270,6 @@ class SliderCrank(Mechanism):
             {'A0': A0, 'A': A, 'B': B, **coupler_point(coupler, A)},
             closure=B,
             pins=(Pin('A0', None, 0), Pin('A', 0, 1), Pin('B', 1, 2)),
-            dyads=(Dyad(1, 2, 'B', ('A', '')),),
-            other_dyads=(Dyad(0, 1, 'A', ('A0', 'B')),),
+            dyads=((1, 2),),
+            other_dyads=((0, 1),),
         )  # fmt: skip

@@ -6,7 +6,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, ClassVar, NamedTuple, cast
+from typing import Any, ClassVar, NamedTuple, TypeAlias, cast
 
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.formulas import ZERO, Vector, cos, sin
@@ -149,21 +149,10 @@ class Pin(NamedTuple):
     second: int
 
 
-class Dyad(NamedTuple):
-    """Two links joined by a pin; the outer pins determine their positions (an Assur group).
-
-    Attributes:
-        first: Index of the first link.
-        second: Index of the second link; a sliding link is treated as an infinitely long link
-            perpendicular to its guide.
-        pin: Name of the pin that joins the two links.
-        outer: Names of the outer pins of the two links; the second is empty if that link slides.
-    """
-
-    first: int
-    second: int
-    pin: str
-    outer: tuple[str, str]
+# The indices of two links joined by a pin; their other pins determine their positions (an Assur
+# group). If the second link slides, it is treated as an infinitely long link perpendicular to its
+# guide.
+Dyad: TypeAlias = tuple[int, int]
 
 
 class Structure(NamedTuple):

@@ -45,7 +45,7 @@ from linkage_ros.model.parts import (
     gravity_quantity,
     loads_field,
 )
-from linkage_ros.model.structure import Dyad, Link, Mechanism, Pin, Point, Structure, coupler_point
+from linkage_ros.model.structure import Link, Mechanism, Pin, Point, Structure, coupler_point
 from linkage_ros.numeric import Real
 from linkage_ros.quantities import quantity
 
@@ -284,6 +284,6 @@ class WindPump(Mechanism):
             {'A0': A0, 'A': A, 'B': B, 'D': D, **coupler_point(coupler, A)},
             closure=D,
             pins=(Pin('A0', None, 0), Pin('A', 0, 1), Pin('B', 1, 2), Pin('D', 2, 3)),
-            dyads=(Dyad(1, 2, 'B', ('A', 'D')),),
-            other_dyads=(Dyad(2, 3, 'D', ('B', '')),),
+            dyads=((1, 2),),
+            other_dyads=((2, 3),),
         )
