@@ -11,9 +11,14 @@ import numpy as np
 
 from linkage_ros.dynamics import equations
 from linkage_ros.dynamics.equations import DyadSine, Model
-from linkage_ros.dynamics.joint_loads import Round, joint_load_round, search_names
 from linkage_ros.dynamics.program import Program
-from linkage_ros.dynamics.reactions import Reactions, reactions
+from linkage_ros.dynamics.reactions import (
+    Reactions,
+    Round,
+    joint_load_round,
+    reactions,
+    search_names,
+)
 from linkage_ros.dynamics.tape import Constants, leaves
 from linkage_ros.errors import ConfigurationError, MechanismError, UnreachableError
 from linkage_ros.formulas import ZERO, Opaque, Vector
