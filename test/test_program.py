@@ -11,7 +11,6 @@ import pickle
 import struct
 import traceback
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -159,14 +158,6 @@ def test_all_forms_have_the_bytes_of_the_formula(name):
                 assert len(found) == 1, (kind, row)
 
 
-def test_bits_distinguish_signed_zeros_last_bits_and_refusals():
-    assert bits((0.0, (1.0,))) != bits((-0.0, (1.0,)))
-    assert bits(1.0) != bits(math.nextafter(1.0, 2.0))
-    beyond = Solver(MECHANISMS['limited twice'])
-    outside = beyond.mobility.arcs[0][1] + 0.01
-    assert outcome(beyond.state, outside)[0] is UnreachableError
-
-
 # ------------------------------------------ 2: only exact identities
 
 SPECIAL = (0.0, -0.0, 1.5, -2.5, 5e-324, 1.7e308, math.inf, -math.inf, math.nan)
@@ -278,12 +269,6 @@ def guarded(refusal, x):
     return sqrt(x) / 2
 
 
-def guarded_late(refusal, x):
-    root = sqrt(x)
-    require(x >= 0, refusal, x)
-    return root
-
-
 @pytest.fixture
 def strict(monkeypatch):
     """Makes floating-point errors strict where the package relaxes them."""
@@ -317,15 +302,6 @@ def test_guard_of_finite_values_checks_only_as_many_as_necessary(made, sums):
         if (x, y) != (1.5, 1.5):
             with pytest.raises(UnreachableError):
                 program.scalar(x, y)
-
-
-@pytest.mark.usefixtures('strict')
-def test_late_guard_is_detected():
-    late = Program(guarded_late, Constants(Opaque(refuse)), ('x',))
-    with pytest.raises(ValueError, match='math domain error'):
-        late.scalar(-1.0)
-    with pytest.raises(FloatingPointError):
-        late.arrays(np.array([-1.0]))
 
 
 def near(x):
@@ -396,16 +372,9 @@ def test_arrays_by_math_have_the_bits_of_the_scalar_program(name, count):
     assert differing(program, given, by_math=True) == 0
 
 
-def test_comparison_of_arrays_and_scalars_sees_a_last_bit():
+def test_functions_of_numpy_differ_in_the_last_digits_alone():
     program = programs_of('pump')['state']
-
-    def nudged(*given, by_math):
-        first, *rest = leaves(program.arrays(*given, by_math=by_math))
-        return (np.nextafter(first, np.inf), *rest)
-
     given = columns(MECHANISMS['pump'], program, 10)
-    changed = SimpleNamespace(arrays=nudged, scalar=program.scalar)
-    assert differing(changed, given, by_math=True) == 10
     ours, numpys = (program.arrays(*given, by_math=flag) for flag in (True, False))
     for x, y in zip(leaves(ours), leaves(numpys), strict=True):
         assert np.abs(x - y).max() <= 4 * math.ulp(np.abs(x).max())

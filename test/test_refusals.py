@@ -328,10 +328,13 @@ BAD_CALLS = [
     (lambda: state(CENTRIC, [1.0, 2.0], 1e200), OVERFLOW),
     (
         lambda: FourBar(Frame(2.0), Body(1.0), Body(3.0), Body(2.5)),
-        'coupler = Body(…: must be a Coupler',
+        'coupler = Body(…: must be of type Coupler',
     ),
-    (lambda: FourBar(2.0, Body(1.0), Coupler(3.0), Body(2.5)), 'frame = 2.0: must be a Frame'),
-    (lambda: replace(CENTRIC, frame=Frame(1.0)), 'frame = Frame(…: must be a Guide'),
+    (
+        lambda: FourBar(2.0, Body(1.0), Coupler(3.0), Body(2.5)),
+        'frame = 2.0: must be of type Frame',
+    ),
+    (lambda: replace(CENTRIC, frame=Frame(1.0)), 'frame = Frame(…: must be of type Guide'),
     (lambda: Coupler(1.0, point={1.0, 2.0}), f'point = {{1.0, 2.0}}: {A_PAIR}'),
     (lambda: Body(1.0, center={1: 2, 3: 4}), f'center = {{1: 2, 3: 4}}: {A_PAIR}'),
     (lambda: Coupler(1.0, point=iter([1, 2])), f'point = <… object at …>: {A_PAIR}'),
@@ -363,7 +366,7 @@ BAD_CALLS = [
     *(
         (
             partial(replace, CRANK_ROCKER, loads=(x,)),
-            'loads = …: must be a LinkLoad, LoadCurve, Friction or another AppliedLoad',
+            'loads = …: must be of type AppliedLoad',
         )
         for x in (Rocker(1.0), 5.0, LoadCurve, None)
     ),
@@ -526,20 +529,12 @@ def test_solver_refuses_what_is_no_state_of_its_mechanism(mechanism):
     solver = Solver(mechanism)
     good = solver.state(0.7, 2.0, 1.5)
     pump = Solver(PUMP).state((0.3, 1.5), (2.0, 0.1), (0.0, 0.0))
-    for bad in (*NO_REAL, 0.7, (0.7, 2.0, 1.5), tuple(good), [*good], pump):
+    for bad in (None, 0.7, tuple(good), good._replace(position=(1.0, 2.0)), pump):
         for call in (solver.reactions, lambda state: solver.point(state, 'A')):
             refused(lambda call=call, bad=bad: call(bad), '…state = … must be a State of this…')
-    for name in NO_REAL:
-        refused(lambda name=name: solver.point(good, name), 'point …: must be one of A0, A, B…')
-    for bad in (*NO_REAL, NAN, np.array([1.0, INF])):
-        for name, state in (
-            ('crank position', good._replace(position=(bad, *good.position[1:]))),
-            ('coupler velocity', good._replace(velocity=(2.0, bad, good.velocity[2]))),
-        ):
-            refused(lambda state=state: solver.point(state, 'B'), FINITE.format(name))
-    for bad in (None, 3.0, 'ab', (1.0, 2.0)):
-        state = good._replace(position=bad)
-        refused(lambda state=state: solver.reactions(state), '…must be a State…')
+    refused(lambda: solver.point(good, 'a'), "point 'a': must be one of A0, A, B…")
+    bad = good._replace(velocity=(2.0, np.array([1.0, INF]), good.velocity[2]))
+    refused(lambda: solver.point(bad, 'B'), FINITE.format('coupler velocity'))
     uneven = good._replace(position=(np.zeros(2), *good.position[1:]), velocity=(np.zeros(3),) * 3)
     refused(lambda: solver.reactions(uneven), '…crank angle (2,), crank speed (3,)…')
 
