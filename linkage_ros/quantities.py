@@ -144,10 +144,8 @@ def groups(base: type, kinds: Sequence[Any]) -> Any:
     Returns:
         The field, whose default is an empty tuple.
     """
-    valid = f'{", ".join(kind.__name__ for kind in kinds)} or another {base.__name__}'
     named = {kind.group: kind for kind in kinds if kind.group}
-    held = _Held(named, base, valid, is_group=True)
-    return dataclasses.field(default=(), metadata={'quantity': held})
+    return dataclasses.field(default=(), metadata={'quantity': _Held(named, base, is_group=True)})
 
 
 class _Held(NamedTuple):
@@ -156,13 +154,11 @@ class _Held(NamedTuple):
     Attributes:
         kinds: The valid classes, by their names in dotted parameter names.
         base: Base class of the valid objects.
-        valid: Description of the valid objects, for error messages.
         is_group: Whether the value is a tuple of objects.
     """
 
     kinds: Mapping[str, Any]
     base: Any
-    valid: str
     is_group: bool
 
 
@@ -171,7 +167,7 @@ def _parts(cls: Any) -> Iterator[tuple[dataclasses.Field[Any], Quantity | _Held]
     hints = typing.get_type_hints(cls)
     for field in dataclasses.fields(cls):
         kind = hints[field.name]
-        held = _Held({field.name: kind}, kind, getattr(kind, '__name__', ''), is_group=False)
+        held = _Held({field.name: kind}, kind, is_group=False)
         yield field, field.metadata.get('quantity', held)
 
 
@@ -189,7 +185,7 @@ class Checked:
             for member in members:
                 if not isinstance(member, part.base):
                     raise ConfigurationError(
-                        f'{field.name} = {shown(member)}: must be a {part.valid}'
+                        f'{field.name} = {shown(member)}: must be of type {part.base.__name__}'
                     )
             if part.is_group:
                 object.__setattr__(self, field.name, members)

@@ -108,7 +108,6 @@ class Solver:
             refuse_forces=Opaque(functools.partial(self._refuse_angle, _IN_LINE)),
             massless=Opaque(_refuse_massless),
         )
-        self._constants = Constants(self.model)
         if self.model.joint_loads:
             self.names['search'] = search_names(self._constants.tree)
         self._programs: dict[tuple[Any, ...], Program] = {}
@@ -133,6 +132,10 @@ class Solver:
 
     def __reduce__(self) -> tuple[Any, tuple[Mechanism]]:
         return functools.partial(type(self), description=self.description), (self.mechanism,)
+
+    @functools.cached_property
+    def _constants(self) -> Constants:
+        return Constants(self.model)
 
     def program(self, formula: Callable[..., Any], *letters: str) -> Program:
         """Returns the program of a formula whose arguments have the keys `letters` in `names`."""

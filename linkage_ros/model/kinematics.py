@@ -8,7 +8,7 @@ from typing import NamedTuple, NoReturn, Protocol, TypeAlias
 import numpy as np
 
 from linkage_ros.errors import MechanismError, UnreachableError
-from linkage_ros.formulas import Vector
+from linkage_ros.formulas import Vector, turned
 from linkage_ros.numeric import Array, Real
 
 Arc: TypeAlias = tuple[float, float]
@@ -77,9 +77,8 @@ def directions(
     moment, scale = (first - second) * (first + second), 0.5 / square
     part, rest = scale * (square + moment) / first, scale * (square - moment) / second
     turn_first, turn_second = scale * root / first, scale * root / second
-    one = Vector(apart.x * part - apart.y * turn_first, apart.x * turn_first + apart.y * part)
     other = Vector(apart.x * rest + apart.y * turn_second, apart.y * rest - apart.x * turn_second)
-    return one, other
+    return turned(apart, part, turn_first), other
 
 
 class Reach(NamedTuple):
@@ -172,8 +171,7 @@ class Reach(NamedTuple):
         around = np.concatenate([-fine[::-1], [0.0], fine])
         centers = [self.fast % math.pi + math.pi * i for i in range(-1, 2 * turns + 1)]
         angles = np.concatenate([even, *(center + around for center in centers)])
-        all_angles: Array = np.unique(angles[(angles >= 0) & (angles <= even[-1])])
-        return all_angles
+        return np.asarray(np.unique(angles[(angles >= 0) & (angles <= even[-1])]))
 
 
 class State(NamedTuple):

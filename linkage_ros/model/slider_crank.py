@@ -21,7 +21,7 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar, NamedTuple, NoReturn
 
 from linkage_ros.errors import MechanismError, UnreachableError
-from linkage_ros.formulas import ZERO, Opaque, Vector, atan2, cos, dot, require, sin, sqrt, turned
+from linkage_ros.formulas import ZERO, Opaque, Vector, atan2, dot, require, sqrt, turned
 from linkage_ros.model.kinematics import LinkPose, Pose, Reach, directions
 from linkage_ros.model.parts import (
     CROSSED,
@@ -101,11 +101,10 @@ class SliderCrankLoop(NamedTuple):
         slope = -(crank.y + coupler.y * turn)
         curvature = -(crank.x + coupler.x * (turn * turn) + coupler.y * bend)
         along, across = guide.x / r, guide.y / r
-        direction = Vector(along * crank.x - across * crank.y, along * crank.y + across * crank.x)
         over_b = 1 / b
         return Pose(
             (
-                LinkPose(angle, direction, (1.0,), (ZERO,)),
+                LinkPose(angle, turned(crank, along, across), (1.0,), (ZERO,)),
                 LinkPose(atan2(y, x), Vector(over_b * x, over_b * y), (turn,), (bend,)),
                 LinkPose(crank.x + coupler.x, guide, (slope,), (curvature,)),
             ),
@@ -184,9 +183,8 @@ class SliderCrank(Mechanism):
     def _lengths(self) -> tuple[float, float, float]:
         return self.crank.length, self.coupler.length, self.slider.offset
 
-    def _longest(self) -> float:
-        longest: float = largest(*map(abs, self._lengths()))
-        return longest
+    def _longest(self) -> Real:
+        return largest(*map(abs, self._lengths()))
 
     def _sums(self) -> dict[str, tuple[float, ...]]:
         """Returns the terms of the sums of lengths that vanish at change points, by formula."""
@@ -231,7 +229,7 @@ class SliderCrank(Mechanism):
         return SliderCrankLoop(
             self._transmission(),
             1 if self.assembly == OPEN else -1,
-            Vector(cos(guide), sin(guide)),
+            Vector.at(guide),
             *self._lengths(),
             Opaque(self._refuse_slide),
         )

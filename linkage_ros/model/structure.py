@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import Any, ClassVar, NamedTuple, TypeAlias, cast
 
 from linkage_ros.errors import ConfigurationError
-from linkage_ros.formulas import ZERO, Vector, cos, sin
+from linkage_ros.formulas import ZERO, Vector, cos, sin, turned
 from linkage_ros.model.kinematics import Loop, Reach, State
 from linkage_ros.model.loads import AppliedLoad, JointLoad, LinkForce, Load
 from linkage_ros.model.parts import Body, Coupler
@@ -59,10 +59,7 @@ class Point(NamedTuple):
         for weight, direction, rate, change in zip(
             self.weights, directions, rates, changes, strict=True
         ):
-            arm = Vector(
-                direction.x * weight.x - direction.y * weight.y,
-                direction.y * weight.x + direction.x * weight.y,
-            )
+            arm = turned(direction, weight.x, weight.y)
             position += arm
             velocity += arm.left() * rate
             acceleration += arm.left() * change - arm * (rate * rate)

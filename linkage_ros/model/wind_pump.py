@@ -105,7 +105,7 @@ class WindPumpLoop(NamedTuple):
         r, b, c = self.crank, self.coupler, self.rod
         stretch, fold, square = self.squares(q)
         root = self.side * (sqrt(stretch) * sqrt(fold))
-        crank = Vector(cos(angle), sin(angle))
+        crank = Vector.at(angle)
         apart = Vector(slide - r * crank.x, -r * crank.y)
         coupler, rod = directions(apart, square, root, b, c)
         # 1 / [l2 sin(phi2 - phi3)] and 1 / [l3 sin(phi2 - phi3)].
@@ -158,7 +158,7 @@ class ByCoupler(WindPumpLoop):
     def pose(self, q: tuple[Real, ...]) -> Pose:
         """Computes the pose at a crank angle and a coupler angle, rad."""
         r, b, c = self.crank, self.coupler, self.rod
-        crank, coupler = (Vector(cos(angle), sin(angle)) for angle in q)
+        crank, coupler = map(Vector.at, q)
         rise = -(r * crank.y + b * coupler.y)
         square = (c - rise) * (c + rise)
         require(square > 0, self.refuse, *q)
