@@ -3,7 +3,6 @@
 """Arithmetic for floats and arrays: exact sums, multi-turn angles, and argument checks."""
 
 import functools
-import itertools
 import math
 from collections.abc import Callable
 from contextlib import suppress
@@ -27,24 +26,15 @@ def by_element(function: Callable[..., float]) -> Callable[..., Real]:
 
     Results for arrays are bit-identical to those for floats, which NumPy does not guarantee.
     """
-    floats = {float}
 
     @functools.wraps(function)
     def apply(*values: Real) -> Real:
-        if floats.issuperset(map(type, values)):
+        arrays = [x for x in values if isinstance(x, np.ndarray)]
+        if not arrays:
             return function(*values)
-        array = next((x for x in values if isinstance(x, np.ndarray)), None)
-        if array is None:
-            return function(*values)
-        shape = np.broadcast_shapes(*map(np.shape, values))
-        rows = (
-            np.broadcast_to(x, shape).ravel().tolist()
-            if isinstance(x, np.ndarray)
-            else itertools.repeat(x)
-            for x in values
-        )
-        found = np.fromiter(map(function, *rows), float, math.prod(shape))
-        return found.reshape(shape).view(type(array))
+        rows = np.broadcast_arrays(*values)
+        found = np.fromiter(map(function, *(row.ravel().tolist() for row in rows)), float)
+        return found.reshape(rows[0].shape).view(type(arrays[0]))
 
     return apply
 
@@ -181,11 +171,9 @@ def require_finite(**named: Real) -> None:
         ConfigurationError: A value is not finite.
     """
     for name, values in named.items():
-        # Test the sum first, which is cheaper; if it is not finite, test each value.
-        if not math.isfinite(values if isinstance(values, float) else np.sum(values)):
-            for bad in np.extract(~np.isfinite(values), values)[:1]:
-                words = name.replace('_', ' ')
-                raise ConfigurationError(f'{words} = {bad}: must be a finite number')
+        for bad in np.extract(~np.isfinite(values), values)[:1]:
+            words = name.replace('_', ' ')
+            raise ConfigurationError(f'{words} = {bad}: must be a finite number')
 
 
 def real_numbers(**named: object) -> tuple[list[Real], tuple[int, ...]]:

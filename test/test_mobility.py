@@ -99,8 +99,9 @@ def test_crank_reaches_just_where_the_loop_closes(every, data, angle, assembly):
             if inside:
                 solver.state(crank)
             else:
-                with pytest.raises(UnreachableError, match='cannot move at'):
+                with pytest.raises(UnreachableError, match='cannot move at') as error:
                     solver.state(crank)
+                assert (error.value.crank_angle, error.value.arcs) == (crank, solver.reach.arcs)
 
 
 def end_by_bisection(oracle, inside, outside):
