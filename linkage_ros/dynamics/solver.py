@@ -1,6 +1,12 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Exact solver for a mechanism: states, torque, accelerations, energy and forces."""
+"""Exact solver for a mechanism: states, torque, accelerations, energy and forces.
+
+The driving torque of a state comes from `equations.state`: the pose of the mechanism's `loop()`
+gives positions, rates and accelerations of the links, from which `equations.balance` computes the
+torque. `program.py` compiles such a formula once for all mechanisms of one structure; the solver
+binds it to the numbers of its mechanism.
+"""
 
 import functools
 import math
