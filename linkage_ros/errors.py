@@ -6,8 +6,6 @@ Attributes of an exception are for programs. Its message is for users: one line 
 value, the valid range and a remedy.
 """
 
-from __future__ import annotations
-
 _LONGEST = 600  # largest length of an error message, characters
 
 
@@ -65,7 +63,6 @@ _LIBRARIES = {
     'mpmath': ('accuracy and stability charts need mpmath', 'mpmath'),
     'scipy': ('charts, and records of a motion under a torque, need scipy', 'scipy'),
     'distributed': ('--scheduler needs Dask', "'dask[distributed]'"),
-    'numba': ('compiled=True needs numba', 'numba'),
     'yaml': ('parameter files need PyYAML', 'PyYAML'),
 }
 

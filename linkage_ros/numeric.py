@@ -3,7 +3,6 @@
 """Arithmetic for floats and arrays: exact sums, multi-turn angles, and argument checks."""
 
 import functools
-import itertools
 import math
 from collections.abc import Callable
 from contextlib import suppress
@@ -27,24 +26,15 @@ def by_element(function: Callable[..., float]) -> Callable[..., Real]:
 
     Results for arrays are bit-identical to those for floats, which NumPy does not guarantee.
     """
-    floats = {float}
 
     @functools.wraps(function)
     def apply(*values: Real) -> Real:
-        if floats.issuperset(map(type, values)):
+        arrays = [x for x in values if isinstance(x, np.ndarray)]
+        if not arrays:
             return function(*values)
-        array = next((x for x in values if isinstance(x, np.ndarray)), None)
-        if array is None:
-            return function(*values)
-        shape = np.broadcast_shapes(*map(np.shape, values))
-        rows = (
-            np.broadcast_to(x, shape).ravel().tolist()
-            if isinstance(x, np.ndarray)
-            else itertools.repeat(x)
-            for x in values
-        )
-        found = np.fromiter(map(function, *rows), float, math.prod(shape))
-        return found.reshape(shape).view(type(array))
+        rows = np.broadcast_arrays(*values)
+        found = np.fromiter(map(function, *(row.ravel().tolist() for row in rows)), float)
+        return found.reshape(rows[0].shape).view(type(arrays[0]))
 
     return apply
 
@@ -171,24 +161,6 @@ def is_rounding(longest: float, total: float) -> bool:
     return abs(total) < 4 * math.ulp(longest)
 
 
-def rounded(length: float, *, up: bool) -> str:
-    """Formats a limit of a length with six digits, rounded to the valid side.
-
-    Args:
-        length: The limit, m.
-        up: Whether to round up, as required for a lower limit; otherwise, rounds down.
-
-    Returns:
-        The formatted limit.
-    """
-    text = f'{length:.6g}'
-    gap = length - float(text) if up else float(text) - length
-    if length <= 0 or gap <= 0 or is_rounding(length, gap):
-        return text
-    unit = 10.0 ** (math.floor(math.log10(length)) - 5)
-    return f'{float(text) + (unit if up else -unit):.6g}'
-
-
 def require_finite(**named: Real) -> None:
     """Raises unless every value is finite.
 
@@ -199,11 +171,9 @@ def require_finite(**named: Real) -> None:
         ConfigurationError: A value is not finite.
     """
     for name, values in named.items():
-        # Test the sum first, which is cheaper; if it is not finite, test each value.
-        if not math.isfinite(values if isinstance(values, float) else np.sum(values)):
-            for bad in np.extract(~np.isfinite(values), values)[:1]:
-                words = name.replace('_', ' ')
-                raise ConfigurationError(f'{words} = {bad}: must be a finite number')
+        for bad in np.extract(~np.isfinite(values), values)[:1]:
+            words = name.replace('_', ' ')
+            raise ConfigurationError(f'{words} = {bad}: must be a finite number')
 
 
 def real_numbers(**named: object) -> tuple[list[Real], tuple[int, ...]]:
@@ -237,11 +207,7 @@ def real_numbers(**named: object) -> tuple[list[Real], tuple[int, ...]]:
 def _real(name: str, value: object) -> Real:
     with suppress(TypeError, ValueError, OverflowError):
         array = np.asarray(value)
-        if array.dtype == object and all(
-            hasattr(x, '__float__') and not np.iscomplexobj(x) for x in array.flat
-        ):
-            array = array.astype(float)
-        if array.dtype.kind in 'iuf':
+        if array.dtype.kind in 'iufO':  # not bool, complex or text
             return array.astype(float, copy=False) if array.ndim else float(array)
     raise ConfigurationError(
         f'{name.replace("_", " ")} = {shown(value)}: must be a finite number, or an array of them'

@@ -4,7 +4,6 @@
 
 import math
 import re
-from decimal import Decimal
 from fractions import Fraction
 from pathlib import Path
 
@@ -182,7 +181,7 @@ def test_only_the_speed_or_the_motor_may_be_changed_while_running():
 # ---------------------------------------------------------------- values
 
 
-@pytest.mark.parametrize('kind', [int, float, np.float64, np.int64, np.float32, Fraction, Decimal])
+@pytest.mark.parametrize('kind', [int, float, np.float64, np.int64, np.float32, Fraction])
 def test_numbers_of_any_kind_become_floats(kind):
     got = clean('rpm', kind(60))
     assert type(got) is float

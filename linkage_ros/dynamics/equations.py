@@ -33,7 +33,7 @@ from linkage_ros.formulas import (
     total,
     where,
 )
-from linkage_ros.model.kinematics import LinkPose, Loop, Pose, State
+from linkage_ros.model.kinematics import LinkPose, Loop, PointMotion, Pose, State
 from linkage_ros.model.loads import JointLoad, Load
 from linkage_ros.model.structure import Dyad, Link, Mechanism, Pin, Point, Structure
 from linkage_ros.numeric import Real
@@ -332,15 +332,28 @@ def dyad_sines(model: Model, q: Sequence[Real], u: Sequence[Real]) -> tuple[Dyad
     """
     pose = model.loop.pose(tuple(q))
     rates, found = velocities(pose, u), []
-    for dyad, exact in itertools.zip_longest((*model.dyads, *model.other_dyads), pose.sines):
-        first, second = (pose.links[j].direction for j in (dyad.first, dyad.second))
+    for (i, j), exact in itertools.zip_longest((*model.dyads, *model.other_dyads), pose.sines):
+        first, second = pose.links[i].direction, pose.links[j].direction
         # A sliding link does not turn; the angle is measured from the normal of its guide.
-        slides = model.links[dyad.second].slides
+        slides = model.links[j].slides
         normal = second.left() if slides else second
         slope, sine = dot(first, normal), cross(first, normal) if exact is None else exact
-        rate = slope * ((ZERO if slides else rates[dyad.second]) - rates[dyad.first])
+        rate = slope * ((ZERO if slides else rates[j]) - rates[i])
         found.append(DyadSine(abs(sine), where(sine >= 0, rate, -rate)))
     return tuple(found)
+
+
+def point_motion(
+    constants: tuple[Point, Opaque],
+    angles: Sequence[Real],
+    rates: Sequence[Real],
+    changes: Sequence[Real],
+) -> PointMotion:
+    """Computes the motion of a point from the motion of all links."""
+    point, refuse = constants
+    require(is_finite(*angles, *rates, *changes), refuse, *angles, *rates, *changes)
+    directions = [Vector.at(angle) for angle in angles]
+    return PointMotion(*point.follow(directions, rates, changes))
 
 
 def energy(model: Model, q: Sequence[Real], u: Sequence[Real]) -> tuple[Real, Real]:

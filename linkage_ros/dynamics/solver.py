@@ -1,27 +1,44 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Exact solver for a mechanism: states, torque, accelerations, energy and forces."""
+"""Exact solver for a mechanism: states, torque, accelerations, energy and forces.
+
+The driving torque of a state comes from `equations.state`: the pose of the mechanism's `loop()`
+gives positions, rates and accelerations of the links, from which `equations.balance` computes the
+torque. `program.py` compiles such a formula once for all mechanisms of one structure; the solver
+binds it to the numbers of its mechanism.
+"""
 
 import functools
-import itertools
+import math
 from collections.abc import Callable, Sequence
-from typing import Any, cast
+from typing import Any, NoReturn, cast
+
+import numpy as np
 
 from linkage_ros.dynamics import equations
-from linkage_ros.dynamics.equations import DyadSine
-from linkage_ros.dynamics.evaluator import ROUND, Evaluator, refuse_overflow
-from linkage_ros.dynamics.joint_loads import joint_load_round
+from linkage_ros.dynamics.equations import DyadSine, Model
 from linkage_ros.dynamics.program import Program
-from linkage_ros.dynamics.reactions import Reactions, reactions
-from linkage_ros.dynamics.tape import Constants
+from linkage_ros.dynamics.reactions import (
+    Reactions,
+    Round,
+    joint_load_round,
+    reactions,
+    search_names,
+)
+from linkage_ros.dynamics.tape import Constants, leaves
 from linkage_ros.errors import ConfigurationError, MechanismError, UnreachableError
-from linkage_ros.formulas import ZERO, Opaque, Vector, is_finite, require
+from linkage_ros.formulas import ZERO, Opaque, Vector
 from linkage_ros.model.kinematics import LinkPose, PointMotion, Reach, State
 from linkage_ros.model.loads import Load
-from linkage_ros.model.structure import Description, Mechanism, Point
-from linkage_ros.numeric import Real
+from linkage_ros.model.structure import Description, Mechanism
+from linkage_ros.numeric import Real, real_numbers, require_finite
 from linkage_ros.quantities import shown
 
+_ROUND = 'q', 'u', 'a', 'search'  # arguments of `joint_load_round`
+_ROUNDS = 1000
+_IN_LINE = (
+    'all links are in line: the joint forces are infinite at a change point; choose another angle'
+)
 # First lines of programs that accept floats directly, for mechanisms with one coordinate.
 _HEADS = {
     'state': (
@@ -38,7 +55,7 @@ _HEADS = {
 }
 
 
-class Solver(Evaluator):
+class Solver:
     """Exact solver for a mechanism.
 
     The coordinates are the crank angle and, for a wind pump, the slider's position. With one
@@ -51,20 +68,16 @@ class Solver(Evaluator):
         links: Names of the links, in the order used by all tuples.
         description: Choice of coordinates and assembly.
         coordinates: Names of the links whose positions are the coordinates.
+        model: Constants of the formulas.
+        names: Names of the scalar arguments of the formulas, by key: 'q', 'u' and 'a' for
+            coordinates, rates and accelerations; 'torque'; and 'search' for joint loads.
     """
 
-    def __init__(
-        self,
-        mechanism: Mechanism,
-        *,
-        compiled: bool = False,
-        description: Description | None = None,
-    ) -> None:
+    def __init__(self, mechanism: Mechanism, *, description: Description | None = None) -> None:
         """Prepares the programs, each of which is compiled on first use.
 
         Args:
             mechanism: The mechanism to solve.
-            compiled: Whether Numba compiles the programs for arrays to machine code.
             description: Coordinates and assembly; by default, the mechanism's own. A solver in
                 other coordinates supports only `driven_state`, `driven_by` and `dyad_sines`; the
                 torque still acts on the crank.
@@ -73,8 +86,37 @@ class Solver(Evaluator):
             MechanismError: The argument is not a mechanism.
             ConfigurationError: A load does not fit the mechanism.
         """
-        super().__init__(mechanism, compiled, description)
-        self._points: dict[str, Program] = {}
+        if not isinstance(mechanism, Mechanism):
+            raise MechanismError(f'{shown(mechanism)}: must be a mechanism, such as a FourBar')
+        self.mechanism, structure = mechanism, mechanism.structure()
+        self.description = description or mechanism.description
+        self.coordinates = self.description.coordinates
+        if self.coordinates != mechanism.coordinates:
+            own, others = structure.dyads, structure.other_dyads
+            structure = structure._replace(dyads=others, other_dyads=own)
+        self.structure = structure
+        slides = {link.name: link.slides for link in structure.links}
+        self.links = tuple(slides)
+        self._moving = [self.links.index(name) for name in self.coordinates]
+        self.names: dict[str, Any] = {
+            'q': tuple(f'{x}_{"position" if slides[x] else "angle"}' for x in self.coordinates),
+            'u': tuple(f'{x}_speed' for x in self.coordinates),
+            'a': tuple(f'{x}_acceleration' for x in self.coordinates),
+            'torque': 'torque',
+        }
+        q, u, a, _ = self.names.values()
+        self.model = Model.of(
+            mechanism,
+            structure,
+            mechanism.loop_of(self.description),
+            refuse=_refusal(*q, *u, *a),
+            refuse_torque=_refusal(*q, *u, 'torque'),
+            refuse_forces=Opaque(functools.partial(self._refuse_angle, _IN_LINE)),
+            massless=Opaque(_refuse_massless),
+        )
+        if self.model.joint_loads:
+            self.names['search'] = search_names(self._constants.tree)
+        self._programs: dict[tuple[Any, ...], Program] = {}
         if len(self.coordinates) == 1 and not self.model.joint_loads:
             self._shorten(self.state, equations.state, 'q', 'u')
             self._shorten(self.accelerations, equations.acceleration, 'q', 'u', 'torque')
@@ -95,8 +137,19 @@ class Solver(Evaluator):
         vars(self)[name] = first
 
     def __reduce__(self) -> tuple[Any, tuple[Mechanism]]:
-        make = functools.partial(type(self), compiled=self._compiled, description=self.description)
-        return make, (self.mechanism,)
+        return functools.partial(type(self), description=self.description), (self.mechanism,)
+
+    @functools.cached_property
+    def _constants(self) -> Constants:
+        return Constants(self.model)
+
+    def program(self, formula: Callable[..., Any], *letters: str) -> Program:
+        """Returns the program of a formula whose arguments have the keys `letters` in `names`."""
+        key = formula, letters
+        if key not in self._programs:
+            arguments = tuple(self.names[letter] for letter in letters)
+            self._programs[key] = Program(formula, self._constants, arguments)
+        return self._programs[key]
 
     @functools.cached_property
     def mobility(self) -> Reach | None:
@@ -121,7 +174,7 @@ class Solver(Evaluator):
     def source(self) -> str:
         """The Python source of the program behind `state`; with friction, that of one round."""
         if self.model.joint_loads:
-            return self.program(joint_load_round, *ROUND).source
+            return self.program(joint_load_round, *_ROUND).source
         return self.program(equations.state, 'q', 'u', 'a').source
 
     def state(self, q: Any, u: Any = 0.0, a: Any = 0.0, *, by_math: bool = False) -> State:
@@ -144,14 +197,12 @@ class Solver(Evaluator):
                 that the rates are infinite.
             ConfigurationError: A value is not a finite number, or the torque overflows.
         """
-        changes = self.row('a', a)
         if self.model.joint_loads:
-            row = (*self.row('q', q), *self.row('u', u), *changes)
-            return self.settle(*row, by_math=by_math).state
-        given = {'q': q, 'u': u}
-        if not all(type(change) is float and not change for change in changes):
-            given['a'] = a
-        return cast('State', self.run(equations.state, by_math=by_math, **given))
+            return self._settle(q, u, a, by_math=by_math).state
+        given = {'q': q, 'u': u, 'a': a}
+        if all(type(change) is float and not change for change in self._row('a', a)):
+            del given['a']
+        return cast('State', self._run(equations.state, by_math=by_math, **given))
 
     def accelerations(self, q: Any, u: Any, torque: Any, *, by_math: bool = False) -> Any:
         """Solves M q'' + h - Q = torque for the accelerations q'' under a given torque.
@@ -177,7 +228,7 @@ class Solver(Evaluator):
                 'dry friction under a given torque has no unique acceleration at rest: leave '
                 'friction out where the torque is given, or give the speed'
             )
-        found = self.run(equations.forward, q=q, u=u, torque=torque, by_math=by_math)
+        found = self._run(equations.forward, q=q, u=u, torque=torque, by_math=by_math)
         return found if len(self.coordinates) > 1 or isinstance(q, tuple) else found[0]
 
     def driven_state(self, q: Any, u: Any, torque: Any, *, by_math: bool = False) -> State:
@@ -196,7 +247,7 @@ class Solver(Evaluator):
             LinkageError: As for `accelerations`.
         """
         given = {'q': q, 'u': u, 'torque': torque}
-        return cast('State', self.run(equations.driven_state, by_math=by_math, **given))
+        return cast('State', self._run(equations.driven_state, by_math=by_math, **given))
 
     def driven_by(self, torque: Callable[[float], float]) -> Callable[..., tuple[float, ...]]:
         """Returns a fast function for integrators: the accelerations under a torque law.
@@ -224,7 +275,8 @@ class Solver(Evaluator):
         Raises:
             LinkageError: As for `state`.
         """
-        return cast('tuple[DyadSine, ...]', self._dyad_sines(*y))
+        program = self.program(equations.dyad_sines, 'q', 'u')
+        return cast('tuple[DyadSine, ...]', program.scalar(*y))
 
     def energy(self, q: Any, u: Any) -> tuple[Real, Real]:
         """Computes the mechanical energy of the mechanism.
@@ -240,7 +292,7 @@ class Solver(Evaluator):
         Raises:
             LinkageError: As for `state`.
         """
-        return cast('tuple[Real, Real]', self.run(equations.energy, q=q, u=u))
+        return cast('tuple[Real, Real]', self._run(equations.energy, q=q, u=u))
 
     def matrix(self, q: Any) -> tuple[tuple[Real, ...], ...]:
         """Computes the mass matrix M.
@@ -255,7 +307,7 @@ class Solver(Evaluator):
         Raises:
             LinkageError: As for `state`.
         """
-        return cast('tuple[tuple[Real, ...], ...]', self.run(equations.matrix, q=q))
+        return cast('tuple[tuple[Real, ...], ...]', self._run(equations.matrix, q=q))
 
     def point(self, state: State, name: str, *, by_math: bool = False) -> PointMotion:
         """Computes the motion of a point of the mechanism.
@@ -274,13 +326,12 @@ class Solver(Evaluator):
         points = self.structure.points
         if not isinstance(name, str) or name not in points:
             raise ConfigurationError(f'point {shown(name)}: must be one of {", ".join(points)}')
-        if name not in self._points:
-            fields = State._fields[:3]
-            names = tuple(tuple(f'{link}_{field}' for link in self.links) for field in fields)
-            refuse = Opaque(functools.partial(refuse_overflow, tuple(itertools.chain(*names))))
-            self._points[name] = Program(_point_motion, Constants((points[name], refuse)), names)
-        row = itertools.chain(*self.rows(state))
-        return cast('PointMotion', self.run_program(self._points[name], *row, by_math=by_math))
+        words = ('position', 'velocity', 'acceleration')
+        names = tuple(tuple(f'{link}_{word}' for link in self.links) for word in words)
+        row = [value for values in self._rows(state) for value in values]
+        constants = points[name], _refusal(*sum(names, ()))
+        program = Program(equations.point_motion, Constants(constants), names)
+        return cast('PointMotion', self._run_program(program, *row, by_math=by_math))
 
     def reactions(self, state: State) -> Reactions:
         """Computes the forces in the joints, the shaking force and the shaking moment.
@@ -300,13 +351,11 @@ class Solver(Evaluator):
             raise MechanismError(
                 f'joint forces of a {type(self.mechanism).__name__} are not supported'
             )
-        given = self.motion(state)
+        q, u, a = self._motion(state)
         if self.model.joint_loads:
-            forces, guides, *others = self.settle(*given).reactions
+            forces, guides, *others = self._settle(q, u, a).reactions
         else:
-            forces, guides, *others = self.run_program(
-                self.program(reactions, 'q', 'u', 'a'), *given
-            )
+            forces, guides, *others = self._run(reactions, q=q, u=u, a=a)
         return Reactions(
             dict(zip(pins, forces, strict=True)), guides[0] if guides else None, *others
         )
@@ -324,11 +373,11 @@ class Solver(Evaluator):
         Raises:
             ConfigurationError: The argument is not a state of this mechanism.
         """
-        position, velocity, _ = self.rows(state)
+        position, velocity, _ = self._rows(state)
         links = [LinkPose(x, Vector(ZERO, ZERO), (), ()) for x in position]
         loads: list[Load] = list(self.model.loads)
         if self.model.joint_loads:
-            loads.append(self.settle(*self.motion(state)).load)
+            loads.append(self._settle(*self._motion(state)).load)
         found: dict[str, Real] = {}
         for load in loads:
             for j, force in load.forces(links, velocity).items():
@@ -354,23 +403,127 @@ class Solver(Evaluator):
         except UnreachableError:
             sines = [0.0] * len(dyads)
         sine, dyad = min(zip(sines, dyads, strict=False))
-        first, second = links[dyad.first], links[dyad.second]
+        first, second = (links[j] for j in dyad)
         if second.slides:
             return sine, f'the {first.name} is perpendicular to the guide'
         return sine, f'{first.name} and {second.name} are in line'
 
-    @functools.cached_property
-    def _dyad_sines(self) -> Callable[..., Any]:
-        return self.program(equations.dyad_sines, 'q', 'u').scalar
+    def _run(self, formula: Callable[..., Any], *, by_math: bool = False, **given: Any) -> Any:
+        """Evaluates a formula of the model.
+
+        Args:
+            formula: Function of the model and the arguments.
+            by_math: Whether array results must be bit-identical to scalar results.
+            **given: Arguments of the formula, by their keys in `names`.
+
+        Returns:
+            The result of the formula, with arrays if an argument is an array.
+        """
+        values = [x for letter, row in given.items() for x in self._row(letter, row)]
+        return self._run_program(self.program(formula, *given), *values, by_math=by_math)
+
+    def _run_program(self, program: Program, *given: Any, by_math: bool = False) -> Any:
+        if all(type(value) is float for value in given):
+            return program.scalar(*given)
+        values, shape = real_numbers(**dict(zip(program.names, given, strict=True)))
+        if not shape:
+            return program.scalar(*values)
+        return program.arrays(*values, by_math=by_math)
+
+    def _settle(self, q: Any, u: Any, a: Any, *, by_math: bool = False) -> Round:
+        """Iterates until the joint forces and the loads caused by them are consistent.
+
+        Returns:
+            The last round. In arrays, converged states stay unchanged, so that the results are
+            bit-identical to those of single states.
+
+        Raises:
+            UnreachableError: Friction locks the mechanism.
+        """
+        program = self.program(joint_load_round, *_ROUND)
+        given = (*self._row('q', q), *self._row('u', u), *self._row('a', a))
+        motion, shape = real_numbers(**dict(zip(program.names, given, strict=False)))
+        search: list[Real] = [1.0, 0.0, math.inf, *[0.0] * (len(program.names) - len(given) - 3)]
+        if shape:  # arrays from the start, so that all rounds use one program
+            search = [np.full(shape, value) for value in search]
+        for _ in range(_ROUNDS):
+            found = cast('Round', self._run_program(program, *motion, *search, by_math=by_math))
+            if not np.any(found.left) or np.any(np.less(found.left, 0)):
+                break
+            search = leaves(found.search)
+        crank, locked = np.broadcast_arrays(motion[0], np.not_equal(found.left, 0))
+        if locked.any():
+            self._refuse_angle(
+                'friction locks the mechanism: no joint forces are in equilibrium; lower the '
+                'coefficients or the pin radius',
+                crank[locked].item(0),
+            )
+        return found
+
+    def _row(self, letter: str, row: Any) -> tuple[Any, ...]:
+        """Converts an argument of a method to one value per coordinate or, for a torque, one.
+
+        Raises:
+            ConfigurationError: The number of values is wrong.
+        """
+        count = len(self._moving)
+        if letter == 'torque' or (count == 1 and not isinstance(row, tuple)):
+            return (row,)
+        if letter != 'q' and type(row) is float and not row:
+            return (row,) * count  # the default: at rest
+        found = row if isinstance(row, (tuple, list)) or np.ndim(row) else ()
+        if len(found) != count:
+            words = ', '.join(self.names[letter]).replace('_', ' ') + ',' * (count == 1)
+            raise ConfigurationError(f'{letter} = {shown(row)}: must be a tuple ({words})')
+        return tuple(found)
+
+    def _rows(self, state: State) -> tuple[tuple[Real, ...], ...]:
+        """Returns the positions, velocities and accelerations of all links.
+
+        Raises:
+            ConfigurationError: The argument is not a state of this mechanism.
+        """
+        rows, count = state[:3] if isinstance(state, State) else (), len(self.links)
+        if not rows or any(type(row) is not tuple or len(row) != count for row in rows):
+            raise ConfigurationError(
+                f'state = {shown(state)}: must be a State of this mechanism, from its solver'
+            )
+        return rows
+
+    def _motion(self, state: State) -> tuple[tuple[Real, ...], ...]:
+        """Returns the coordinates, rates and accelerations of a state."""
+        return tuple(tuple(row[i] for i in self._moving) for row in self._rows(state))
+
+    def _refuse_angle(self, reason: str, crank: float, *_: float) -> NoReturn:
+        """Rejects a crank angle, rad.
+
+        Raises:
+            UnreachableError: Always. The message includes the reason.
+        """
+        reach = self.mechanism.reach()
+        message = f'at {math.degrees(crank):.9g} deg {reason}'
+        raise UnreachableError(message, crank_angle=crank, arcs=reach.arcs if reach else ())
 
 
-def _point_motion(
-    constants: tuple[Point, Opaque],
-    angles: Sequence[Real],
-    rates: Sequence[Real],
-    changes: Sequence[Real],
-) -> PointMotion:
-    point, refuse = constants
-    require(is_finite(*angles, *rates, *changes), refuse, *angles, *rates, *changes)
-    directions = [Vector.at(angle) for angle in angles]
-    return PointMotion(*point.follow(directions, rates, changes))
+def _refusal(*names: str) -> Opaque:
+    """Returns a function that rejects numbers that are not finite or that cause an overflow."""
+
+    def refuse(*values: float) -> NoReturn:
+        given = dict(zip(names, values, strict=False))
+        require_finite(**given)
+        words = ', '.join(f'{name.replace("_", " ")} = {x:g}' for name, x in given.items())
+        raise ConfigurationError(f'the torque or an acceleration overflows at {words}: lower them')
+
+    return Opaque(refuse)
+
+
+def _refuse_massless() -> NoReturn:
+    """Rejects a mass matrix that is not positive definite.
+
+    Raises:
+        MechanismError: Always.
+    """
+    raise MechanismError(
+        'links without mass have no finite acceleration under a torque: give them a mass or an '
+        'inertia'
+    )

@@ -20,7 +20,6 @@ lengths entered as decimals.
 """
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
@@ -30,10 +29,8 @@ from linkage_ros.formulas import (
     Opaque,
     Vector,
     atan2,
-    cos,
     cross,
     dot,
-    sin,
     sqrt,
     turned,
     where,
@@ -50,7 +47,6 @@ from linkage_ros.model.parts import (
     loads_field,
 )
 from linkage_ros.model.structure import (
-    Dyad,
     Link,
     Mechanism,
     Pin,
@@ -66,7 +62,6 @@ from linkage_ros.numeric import (
     exact_sum,
     largest,
     nearest_turns,
-    rounded,
     short_sum,
     two_sum,
 )
@@ -83,7 +78,7 @@ class FourBarLoop(NamedTuple):
     Attributes:
         transmission: Map from crank angle to transmission angle.
         side: 1 for the open assembly, -1 for the crossed one.
-        axis: Direction of the frame: cosine and sine of delta.
+        axis: Unit vector of the frame, of direction delta.
         ground: d - r and d + r, m.
         dyad: b - c and side (b + c), m.
         length: L^2 at theta = 0 and its increase from there to theta = pi, m^2; None if crank pin
@@ -97,7 +92,7 @@ class FourBarLoop(NamedTuple):
 
     transmission: Transmission
     side: int
-    axis: tuple[float, float]
+    axis: Vector
     ground: tuple[float, float]
     dyad: tuple[float, float]
     length: tuple[float, float] | None
@@ -119,16 +114,13 @@ class FourBarLoop(NamedTuple):
         halves = self.transmission.half_angles(crank)
         S, C, sin_m, cos_m, *_ = halves
         # Unit vectors: half_way = e^(i (delta + theta/2)), the crank is half_way e^(i theta/2).
-        ax, ay = self.axis
-        half_way = Vector(ax * C - ay * S, ax * S + ay * C)
+        half_way = turned(self.axis, C, S)
         # Half of mu' and of its derivative.
         turn, bend = self.transmission.slopes(halves, 0.5)
         if self.side < 0:
             turn, bend = -turn, -bend
         if self.length is None:
-            base = half_way * self.quotient
-            mean: Real = 0.5
-            mean_slope: Real = ZERO
+            base, mean, mean_slope = half_way * self.quotient, 0.5, ZERO
         else:
             diff_dr, sum_dr = self.ground
             diff_bc, sum_bc = self.dyad
@@ -148,10 +140,9 @@ class FourBarLoop(NamedTuple):
         signed = self.side * sin_m
         coupler = Vector(base.x * cos_m + base.y * signed, base.y * cos_m - base.x * signed)
         rocker = Vector(base.x * cos_m - base.y * signed, base.y * cos_m + base.x * signed)
-        crank_direction = Vector(half_way.x * C - half_way.y * S, half_way.x * S + half_way.y * C)
         return Pose(
             (
-                LinkPose(crank, crank_direction, (1.0,), (ZERO,)),
+                LinkPose(crank, turned(half_way, C, S), (1.0,), (ZERO,)),
                 LinkPose(
                     atan2(coupler.y, coupler.x), coupler, (mean - turn,), (mean_slope - bend,)
                 ),
@@ -303,7 +294,7 @@ class FourBar(Mechanism):
         return FourBarLoop(
             transmission,
             side,
-            axis=(cos(self.frame.angle), sin(self.frame.angle)),
+            axis=Vector.at(self.frame.angle),
             ground=ground,
             dyad=(diff_bc, side * sum_bc),
             length=None if concentric else (diff_dr * diff_dr, 4 * r * d),
@@ -350,24 +341,15 @@ class FourBar(Mechanism):
             Frame(d, reference[0]), Body(c), Coupler(b), Rocker(r), self.assembly
         ).loop()
         transmission = loop.transmission._replace(reference=reference)
-        axis = -math.cos(self.frame.angle), -math.sin(self.frame.angle)
-        return ByRocker(loop._replace(transmission=transmission, axis=axis))
+        return ByRocker(
+            loop._replace(transmission=transmission, axis=-Vector.at(self.frame.angle))
+        )
 
     def reach(self) -> Reach:
         """Computes the reach of the crank."""
         loop = self.loop()
         pass_by = abs(loop.ground[0]) / (2 * math.sqrt(self.crank.length * self.frame.length))
-        return loop.transmission.reach(self.grashof, self._sums(), self._cures(), pass_by)
-
-    def _cures(self) -> Iterator[str]:
-        """Yields alternative changes of length that let a limited crank turn fully."""
-        r, b, c, d = self._lengths()
-        triangle = (b, c, -d), (d, min(b, c), -max(b, c))
-        at_most = min(short_sum(max(self._lengths()), *terms) for terms in triangle)
-        if at_most > 0:
-            yield f'shorten the crank to at most {rounded(at_most, up=False)} m'
-        equal = rounded((d + r) / 2, up=True)
-        yield f'make coupler and rocker equal, at least {equal} m each'
+        return loop.transmission.reach(self.grashof, self._sums(), pass_by)
 
     def swing_middle(self, what: str) -> float:
         """Returns the middle of the rocker's swing; see `Mechanism.swing_middle`.
@@ -404,6 +386,6 @@ class FourBar(Mechanism):
             .along(1, coupler.length)
             .along(2, -rocker.length),
             pins=(Pin('A0', None, 0), Pin('A', 0, 1), Pin('B', 1, 2), Pin('B0', None, 2)),
-            dyads=(Dyad(1, 2, 'B', ('A', 'B0')),),
-            other_dyads=(Dyad(0, 1, 'A', ('A0', 'B')),),
+            dyads=((1, 2),),
+            other_dyads=((0, 1),),
         )

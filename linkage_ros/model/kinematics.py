@@ -8,7 +8,7 @@ from typing import NamedTuple, NoReturn, Protocol, TypeAlias
 import numpy as np
 
 from linkage_ros.errors import MechanismError, UnreachableError
-from linkage_ros.formulas import Vector
+from linkage_ros.formulas import Vector, turned
 from linkage_ros.numeric import Array, Real
 
 Arc: TypeAlias = tuple[float, float]
@@ -77,9 +77,8 @@ def directions(
     moment, scale = (first - second) * (first + second), 0.5 / square
     part, rest = scale * (square + moment) / first, scale * (square - moment) / second
     turn_first, turn_second = scale * root / first, scale * root / second
-    one = Vector(apart.x * part - apart.y * turn_first, apart.x * turn_first + apart.y * part)
     other = Vector(apart.x * rest + apart.y * turn_second, apart.y * rest - apart.x * turn_second)
-    return one, other
+    return turned(apart, part, turn_first), other
 
 
 class Reach(NamedTuple):
@@ -93,7 +92,6 @@ class Reach(NamedTuple):
         transmission: Smallest and largest transmission angle, rad in [0, pi]; links are collinear
             at 0 and pi. None if the mechanism has no transmission angle.
         limits: Reasons why the crank cannot turn fully; empty if it can.
-        cures: Alternative changes that would let the crank turn fully; empty if it already does.
         equalities: Descriptions of sums of lengths that are treated as 0 although their binary
             values differ from 0.
         fast: Crank angle, rad. Near this angle and half a turn away, the output may move fast.
@@ -105,7 +103,6 @@ class Reach(NamedTuple):
     period_turns: int = 1
     transmission: Arc | None = None
     limits: tuple[str, ...] = ()
-    cures: tuple[str, ...] = ()
     equalities: tuple[str, ...] = ()
     fast: float = 0.0
     width: float = math.inf
@@ -137,7 +134,7 @@ class Reach(NamedTuple):
             crank: Crank angle, rad.
 
         Raises:
-            UnreachableError: Always. The message states class, causes, cures and reachable arcs.
+            UnreachableError: Always. The message states class, causes and reachable arcs.
         """
         purpose = f'move at {math.degrees(crank):.9g} deg'
         raise UnreachableError(self._refusal(purpose), crank_angle=crank, arcs=self.arcs)
@@ -148,7 +145,7 @@ class Reach(NamedTuple):
         )
         return (
             f'the crank of this {self.grashof} linkage cannot {purpose}: '
-            f'{"; ".join(self.limits)}; {" or ".join(self.cures)}; it reaches {arcs}'
+            f'{"; ".join(self.limits)}; it reaches {arcs}'
         )
 
     def samples(self, steps_per_turn: int = 720) -> Array:
@@ -174,8 +171,7 @@ class Reach(NamedTuple):
         around = np.concatenate([-fine[::-1], [0.0], fine])
         centers = [self.fast % math.pi + math.pi * i for i in range(-1, 2 * turns + 1)]
         angles = np.concatenate([even, *(center + around for center in centers)])
-        all_angles: Array = np.unique(angles[(angles >= 0) & (angles <= even[-1])])
-        return all_angles
+        return np.asarray(np.unique(angles[(angles >= 0) & (angles <= even[-1])]))
 
 
 class State(NamedTuple):

@@ -3,7 +3,6 @@
 """Load curves: force or torque as a function of an angle or position, given by points."""
 
 import bisect
-import csv
 import itertools
 import math
 from collections.abc import Sequence
@@ -25,7 +24,6 @@ _ROUNDING = 8 * math.ulp(_TURN)  # rad; tolerance for points that are one turn a
 _POSITIONS = (-1e9, 1e9)
 _FORCES = (-1e12, 1e12)
 _COLUMNS = 'at', 'value', 'return_value'
-_MOST_BYTES = 1 << 22
 
 
 @dataclass(frozen=True)
@@ -105,9 +103,8 @@ class LoadCurve(AppliedLoad):
                 'file holds'
             )
         try:
-            with open_file(self.file) as stream:
-                columns = _columns(stream.read(_MOST_BYTES + 1))
-        except (OSError, ValueError, csv.Error) as error:
+            columns = _columns(self.file)
+        except (OSError, ValueError) as error:
             raise ConfigurationError(
                 f'load.file = {shown(self.file)}: {getattr(error, "strerror", None) or error}; '
                 'give the path of a CSV file with the columns at, value and, if wanted, '
@@ -193,13 +190,12 @@ class Table:
         self._turns = turns
         if turns and at[0] + _TURN - at[-1] > _ROUNDING:
             at, value = (*at, at[0] + _TURN), (*value, value[0])
-        with np.errstate(all='ignore'):
-            slopes = np.diff(value) / np.diff(at)
+        slopes = np.diff(value) / np.diff(at)
         # Slopes outside the points, because rounding may put a direction just beyond the ends.
         before, after = (slopes[-1], slopes[0]) if turns else (0.0, 0.0)
-        self._lists = [[*at], [at[0], *at], [value[0], *value], [before, *slopes, after]]
-        self._arrays = [np.array(row) for row in self._lists]
-        self._lists[3] = self._arrays[3].tolist()
+        rows = at, [at[0], *at], [value[0], *value], [before, *slopes, after]
+        self._arrays = [np.array(row) for row in rows]
+        self._lists = [row.tolist() for row in self._arrays]
 
     def __call__(self, x: Real) -> Real:
         """Evaluates the function at x, a float or an array."""
@@ -211,23 +207,21 @@ class Table:
         return value[i] + slope[i] * (x - start[i])
 
 
-def _columns(data: bytes) -> dict[str, tuple[float, ...]]:
-    """Reads the columns of a CSV table.
-
-    Returns:
-        The values of each column, by its name.
+def _columns(path: str) -> dict[str, list[float]]:
+    """Reads the columns of a CSV file, by name.
 
     Raises:
-        ValueError: The table is too long, or a name or a number is not valid.
+        OSError: The file cannot be read.
+        ValueError: A name or a number is not valid.
     """
-    if len(data) > _MOST_BYTES:
-        raise ValueError(f'is longer than {_MOST_BYTES} bytes')
-    lines = csv.reader(data.decode('utf-8-sig').splitlines())
-    first, *rows = [row for row in lines if row] or [[]]
-    names = tuple(name.strip() for name in first)
+    with open_file(path) as stream:
+        head, *lines = stream.read().decode('utf-8-sig').splitlines() or ['']
+    names = tuple(name.strip() for name in head.split(','))
     if names not in (_COLUMNS[:2], _COLUMNS):
         raise ValueError('the first line must be at,value or at,value,return_value')
-    if not rows or any(len(row) != len(names) for row in rows):
+    rows = np.empty((0, 0))
+    if any(lines):
+        rows = np.loadtxt(lines, delimiter=',', comments=None, quotechar='"', ndmin=2)
+    if rows.shape[1] != len(names):
         raise ValueError(f'each line below {",".join(names)} must be {len(names)} numbers')
-    columns = (tuple(map(float, column)) for column in zip(*rows, strict=True))
-    return dict(zip(names, columns, strict=True))
+    return dict(zip(names, rows.T.tolist(), strict=True))

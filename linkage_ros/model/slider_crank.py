@@ -17,12 +17,11 @@ from which beta = pi/2 -+ mu and x = r cos alpha + b cos beta follow without div
 """
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, NamedTuple, NoReturn
 
 from linkage_ros.errors import MechanismError, UnreachableError
-from linkage_ros.formulas import ZERO, Opaque, Vector, atan2, cos, dot, require, sin, sqrt, turned
+from linkage_ros.formulas import ZERO, Opaque, Vector, atan2, dot, require, sqrt, turned
 from linkage_ros.model.kinematics import LinkPose, Pose, Reach, directions
 from linkage_ros.model.parts import (
     CROSSED,
@@ -35,7 +34,6 @@ from linkage_ros.model.parts import (
     loads_field,
 )
 from linkage_ros.model.structure import (
-    Dyad,
     Link,
     Mechanism,
     Pin,
@@ -50,7 +48,6 @@ from linkage_ros.numeric import (
     Real,
     largest,
     nearest_turns,
-    rounded,
     short_sum,
     two_sum,
 )
@@ -104,11 +101,10 @@ class SliderCrankLoop(NamedTuple):
         slope = -(crank.y + coupler.y * turn)
         curvature = -(crank.x + coupler.x * (turn * turn) + coupler.y * bend)
         along, across = guide.x / r, guide.y / r
-        direction = Vector(along * crank.x - across * crank.y, along * crank.y + across * crank.x)
         over_b = 1 / b
         return Pose(
             (
-                LinkPose(angle, direction, (1.0,), (ZERO,)),
+                LinkPose(angle, turned(crank, along, across), (1.0,), (ZERO,)),
                 LinkPose(atan2(y, x), Vector(over_b * x, over_b * y), (turn,), (bend,)),
                 LinkPose(crank.x + coupler.x, guide, (slope,), (curvature,)),
             ),
@@ -187,9 +183,8 @@ class SliderCrank(Mechanism):
     def _lengths(self) -> tuple[float, float, float]:
         return self.crank.length, self.coupler.length, self.slider.offset
 
-    def _longest(self) -> float:
-        longest: float = largest(*map(abs, self._lengths()))
-        return longest
+    def _longest(self) -> Real:
+        return largest(*map(abs, self._lengths()))
 
     def _sums(self) -> dict[str, tuple[float, ...]]:
         """Returns the terms of the sums of lengths that vanish at change points, by formula."""
@@ -234,7 +229,7 @@ class SliderCrank(Mechanism):
         return SliderCrankLoop(
             self._transmission(),
             1 if self.assembly == OPEN else -1,
-            Vector(cos(guide), sin(guide)),
+            Vector.at(guide),
             *self._lengths(),
             Opaque(self._refuse_slide),
         )
@@ -252,14 +247,7 @@ class SliderCrank(Mechanism):
 
     def reach(self) -> Reach:
         """Computes the reach of the crank."""
-        return self._transmission().reach(self.grashof, self._sums(), self._cures())
-
-    def _cures(self) -> Iterator[str]:
-        """Yields alternative changes of length that let a limited crank turn fully."""
-        r, b, e = self._lengths()
-        yield f'lengthen the coupler to at least {rounded(r + abs(e), up=True)} m'
-        if (shorter := short_sum(self._longest(), b, -abs(e))) > 0:
-            yield f'shorten the crank to at most {rounded(shorter, up=False)} m'
+        return self._transmission().reach(self.grashof, self._sums())
 
     def structure(self) -> Structure:
         """Returns the links, points and joints; the loop is cut at B."""
@@ -280,6 +268,6 @@ class SliderCrank(Mechanism):
             {'A0': A0, 'A': A, 'B': B, **coupler_point(coupler, A)},
             closure=B,
             pins=(Pin('A0', None, 0), Pin('A', 0, 1), Pin('B', 1, 2)),
-            dyads=(Dyad(1, 2, 'B', ('A', '')),),
-            other_dyads=(Dyad(0, 1, 'A', ('A0', 'B')),),
+            dyads=((1, 2),),
+            other_dyads=((0, 1),),
         )  # fmt: skip

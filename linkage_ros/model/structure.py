@@ -6,10 +6,10 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, ClassVar, NamedTuple, cast
+from typing import Any, ClassVar, NamedTuple, TypeAlias, cast
 
 from linkage_ros.errors import ConfigurationError
-from linkage_ros.formulas import ZERO, Vector, cos, sin
+from linkage_ros.formulas import ZERO, Vector, cos, sin, turned
 from linkage_ros.model.kinematics import Loop, Reach, State
 from linkage_ros.model.loads import AppliedLoad, JointLoad, LinkForce, Load
 from linkage_ros.model.parts import Body, Coupler
@@ -59,10 +59,7 @@ class Point(NamedTuple):
         for weight, direction, rate, change in zip(
             self.weights, directions, rates, changes, strict=True
         ):
-            arm = Vector(
-                direction.x * weight.x - direction.y * weight.y,
-                direction.y * weight.x + direction.x * weight.y,
-            )
+            arm = turned(direction, weight.x, weight.y)
             position += arm
             velocity += arm.left() * rate
             acceleration += arm.left() * change - arm * (rate * rate)
@@ -149,21 +146,10 @@ class Pin(NamedTuple):
     second: int
 
 
-class Dyad(NamedTuple):
-    """Two links joined by a pin; the outer pins determine their positions (an Assur group).
-
-    Attributes:
-        first: Index of the first link.
-        second: Index of the second link; a sliding link is treated as an infinitely long link
-            perpendicular to its guide.
-        pin: Name of the pin that joins the two links.
-        outer: Names of the outer pins of the two links; the second is empty if that link slides.
-    """
-
-    first: int
-    second: int
-    pin: str
-    outer: tuple[str, str]
+# The indices of two links joined by a pin; their other pins determine their positions (an Assur
+# group). If the second link slides, it is treated as an infinitely long link perpendicular to its
+# guide.
+Dyad: TypeAlias = tuple[int, int]
 
 
 class Structure(NamedTuple):

@@ -45,7 +45,7 @@ from linkage_ros.model.parts import (
     gravity_quantity,
     loads_field,
 )
-from linkage_ros.model.structure import Dyad, Link, Mechanism, Pin, Point, Structure, coupler_point
+from linkage_ros.model.structure import Link, Mechanism, Pin, Point, Structure, coupler_point
 from linkage_ros.numeric import Real
 from linkage_ros.quantities import quantity
 
@@ -105,7 +105,7 @@ class WindPumpLoop(NamedTuple):
         r, b, c = self.crank, self.coupler, self.rod
         stretch, fold, square = self.squares(q)
         root = self.side * (sqrt(stretch) * sqrt(fold))
-        crank = Vector(cos(angle), sin(angle))
+        crank = Vector.at(angle)
         apart = Vector(slide - r * crank.x, -r * crank.y)
         coupler, rod = directions(apart, square, root, b, c)
         # 1 / [l2 sin(phi2 - phi3)] and 1 / [l3 sin(phi2 - phi3)].
@@ -158,7 +158,7 @@ class ByCoupler(WindPumpLoop):
     def pose(self, q: tuple[Real, ...]) -> Pose:
         """Computes the pose at a crank angle and a coupler angle, rad."""
         r, b, c = self.crank, self.coupler, self.rod
-        crank, coupler = (Vector(cos(angle), sin(angle)) for angle in q)
+        crank, coupler = map(Vector.at, q)
         rise = -(r * crank.y + b * coupler.y)
         square = (c - rise) * (c + rise)
         require(square > 0, self.refuse, *q)
@@ -284,6 +284,6 @@ class WindPump(Mechanism):
             {'A0': A0, 'A': A, 'B': B, 'D': D, **coupler_point(coupler, A)},
             closure=D,
             pins=(Pin('A0', None, 0), Pin('A', 0, 1), Pin('B', 1, 2), Pin('D', 2, 3)),
-            dyads=(Dyad(1, 2, 'B', ('A', 'D')),),
-            other_dyads=(Dyad(2, 3, 'D', ('B', '')),),
+            dyads=((1, 2),),
+            other_dyads=((2, 3),),
         )

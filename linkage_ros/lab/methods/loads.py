@@ -154,7 +154,7 @@ def _newton(_: SliderCrank, __: float, push: float, gain: float) -> float:
 GROWN = 'Newton, growing'
 FRICTION_METHODS = [
     Method(
-        GROWN, 'friction', 'nothing', 'this package: dynamics/joint_loads.py',
+        GROWN, 'friction', 'nothing', 'this package: dynamics/reactions.py',
         _grown,
     ),
     Method(
