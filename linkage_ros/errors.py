@@ -63,6 +63,7 @@ _LIBRARIES = {
     'mpmath': ('accuracy and stability charts need mpmath', 'mpmath'),
     'scipy': ('charts, and records of a motion under a torque, need scipy', 'scipy'),
     'distributed': ('--scheduler needs Dask', "'dask[distributed]'"),
+    'numba': ('compiled=True needs numba', 'numba'),
     'yaml': ('parameter files need PyYAML', 'PyYAML'),
 }
 

@@ -16,6 +16,7 @@ from typing import Any, NoReturn, cast
 import numpy as np
 
 from linkage_ros.dynamics import equations
+from linkage_ros.dynamics.compiled import compiled_arrays
 from linkage_ros.dynamics.equations import DyadSine, Model
 from linkage_ros.dynamics.program import Program
 from linkage_ros.dynamics.reactions import (
@@ -73,11 +74,18 @@ class Solver:
             coordinates, rates and accelerations; 'torque'; and 'search' for joint loads.
     """
 
-    def __init__(self, mechanism: Mechanism, *, description: Description | None = None) -> None:
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        *,
+        compiled: bool = False,
+        description: Description | None = None,
+    ) -> None:
         """Prepares the programs, each of which is compiled on first use.
 
         Args:
             mechanism: The mechanism to solve.
+            compiled: Whether Numba compiles the programs for arrays to machine code.
             description: Coordinates and assembly; by default, the mechanism's own. A solver in
                 other coordinates supports only `driven_state`, `driven_by` and `dyad_sines`; the
                 torque still acts on the crank.
@@ -88,7 +96,7 @@ class Solver:
         """
         if not isinstance(mechanism, Mechanism):
             raise MechanismError(f'{shown(mechanism)}: must be a mechanism, such as a FourBar')
-        self.mechanism, structure = mechanism, mechanism.structure()
+        self.mechanism, structure, self._compiled = mechanism, mechanism.structure(), compiled
         self.description = description or mechanism.description
         self.coordinates = self.description.coordinates
         if self.coordinates != mechanism.coordinates:
@@ -137,7 +145,8 @@ class Solver:
         vars(self)[name] = first
 
     def __reduce__(self) -> tuple[Any, tuple[Mechanism]]:
-        return functools.partial(type(self), description=self.description), (self.mechanism,)
+        make = functools.partial(type(self), compiled=self._compiled, description=self.description)
+        return make, (self.mechanism,)
 
     @functools.cached_property
     def _constants(self) -> Constants:
@@ -428,6 +437,8 @@ class Solver:
         values, shape = real_numbers(**dict(zip(program.names, given, strict=True)))
         if not shape:
             return program.scalar(*values)
+        if self._compiled and not by_math:
+            return compiled_arrays(program, *values)
         return program.arrays(*values, by_math=by_math)
 
     def _settle(self, q: Any, u: Any, a: Any, *, by_math: bool = False) -> Round:
