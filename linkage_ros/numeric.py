@@ -161,6 +161,24 @@ def is_rounding(longest: float, total: float) -> bool:
     return abs(total) < 4 * math.ulp(longest)
 
 
+def rounded(length: float, *, up: bool) -> str:
+    """Formats a limit of a length with six digits, rounded to the valid side.
+
+    Args:
+        length: The limit, m.
+        up: Whether to round up, as required for a lower limit; otherwise, rounds down.
+
+    Returns:
+        The formatted limit.
+    """
+    text = f'{length:.6g}'
+    gap = length - float(text) if up else float(text) - length
+    if length <= 0 or gap <= 0 or is_rounding(length, gap):
+        return text
+    unit = 10.0 ** (math.floor(math.log10(length)) - 5)
+    return f'{float(text) + (unit if up else -unit):.6g}'
+
+
 def require_finite(**named: Real) -> None:
     """Raises unless every value is finite.
 

@@ -3,6 +3,8 @@
 """Mobility of crank and output: classes, reach, assemblies, period, swing and stroke."""
 
 import math
+import random
+import re
 from types import SimpleNamespace
 
 import numpy as np
@@ -23,6 +25,7 @@ from mpmath import mp
 from oracle import Oracle
 
 from linkage_ros import (
+    MechanismError,
     Solver,
     UnreachableError,
     assemblies,
@@ -179,6 +182,44 @@ def test_period_is_the_fewest_turns_after_which_the_motion_repeats(name, assembl
 @pytest.mark.parametrize(('gap', 'found'), [(1e-14, 'crank-rocker'), (-1e-14, 'triple-rocker')])
 def test_gap_of_ten_femtometres_is_not_a_change_point(gap, found):
     assert mobility((1, 2.5, 1.5, 3 - gap)).grashof == found
+
+
+# Descriptions and errors.
+
+
+CURES = {
+    'shorten the crank to at most': lambda r, b, c, d, x: (x, b, c, d),
+    'make coupler and rocker equal, at least': lambda r, b, c, d, x: (r, x, x, d),
+    'on a guide: lengthen the coupler to at least': lambda r, b, e, x: (r, x, e),
+    'on a guide: shorten the crank to at most': lambda r, b, e, x: (x, b, e),
+}
+
+
+@pytest.mark.parametrize('lengths', [4, 3])
+def test_each_suggested_change_is_just_enough_for_a_full_turn(lengths):
+    """Four-bars and slider-cranks with random lengths and with round ones."""
+    rng, seen, count = random.Random(7), set(), lengths
+    for number in range(200):
+        if number % 2:
+            lengths = [rng.uniform(0.1, 5) for _ in range(count)]
+        else:
+            lengths = [rng.randint(1, 9) / rng.choice([1, 3, 10]) for _ in range(count)]
+        if count == 3:
+            lengths[2] *= rng.choice([-1, 0, 1])
+        try:
+            found = mobility(lengths)
+        except MechanismError:
+            continue  # it cannot be assembled
+        assert bool(found.cures) != found.turns_fully
+        for cure in found.cures:
+            words, bound = re.fullmatch(r'(.+?) ([0-9.e+-]+) m(?: each)?', cure).groups()
+            words = words if count == 4 else f'on a guide: {words}'
+            seen.add(words)
+            assert mobility(CURES[words](*lengths, float(bound))).turns_fully, (lengths, cure)
+            less = float(bound) * (0.9999 if 'at least' in words else 1.0001)
+            if 'crank to at most' not in words or count == 3 or lengths[1] != lengths[2]:
+                assert not mobility(CURES[words](*lengths, less)).turns_fully, (lengths, cure)
+    assert seen == {words for words in CURES if (count == 3) == words.startswith('on a guide')}
 
 
 # Dyadic fractions, so that no tiny numbers underflow.

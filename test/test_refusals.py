@@ -229,25 +229,39 @@ NEAR, OTHER = 'frame + rocker - crank - coupler', 'frame + coupler - crank - roc
 TRIPLE, CHANGE, NEITHER = 'triple-rocker', 'change-point', 'non-Grashof'
 COUPLER = 'rotating-coupler'
 # Crank, coupler, rocker and frame, or crank, coupler and offset; the links that stop the crank,
-# and by how much.
+# and by how much; the suggested cures (test_mobility.py applies them).
 LIMITED = [
-    (FOUR, TRIPLE, (4, 2.1, 2.2, 2), {FAR: 1.7}),
-    (FOUR, TRIPLE, (2, 2.1, 2.2, 4), {FAR: 1.7}),
-    (FOUR, TRIPLE, (2, 1.9, 2, 2.5), {FAR: 0.6}),
-    (FOUR, TRIPLE, (2, 4, 2.1, 2.2), {NEAR: 1.7}),
-    (FOUR, TRIPLE, (2.2, 2.1, 4, 2), {OTHER: 2.1}),
-    (FOUR, TRIPLE, (5, 1, 1.2, 4), {FAR: 6.8}),
-    (FOUR, CHANGE, (3, 1, 2, 2), {FAR: 2}),
-    (FOUR, 'double-rocker', (2.5, 1, 2.2, 2), {FAR: 1.3, OTHER: 1.7}),
-    (FOUR, 'rocker-crank', (2.5, 2.2, 1, 2), {FAR: 1.3, NEAR: 1.7}),
-    (SLIDER, NEITHER, (2, 2.5, 1), {RIGHT: 0.5}),
-    (SLIDER, NEITHER, (2, 2.5, -1), {LEFT: 0.5}),
-    (SLIDER, NEITHER, (1, 1.5, 0.6), {RIGHT: 0.1}),
-    (SLIDER, NEITHER, (1, 2, 2.5), {RIGHT: 1.5}),
-    (SLIDER, CHANGE, (3, 2, -1), {LEFT: 2}),
-    (SLIDER, CHANGE, (2, 1, 1), {RIGHT: 2}),
-    (SLIDER, COUPLER, (2, 1, 0), {LEFT: 1, RIGHT: 1}),
-    (SLIDER, COUPLER, (3, 1, 0.5), {LEFT: 1.5, RIGHT: 2.5}),
+    (FOUR, TRIPLE, (4, 2.1, 2.2, 2), {FAR: 1.7}, 'shorten the crank to at most 1.9 m or …'),
+    (FOUR, TRIPLE, (2, 2.1, 2.2, 4), {FAR: 1.7}, 'shorten the crank to at most 0.3 m or …'),
+    (FOUR, TRIPLE, (2, 1.9, 2, 2.5), {FAR: 0.6}, 'shorten the crank to at most 1.4 m or …'),
+    (FOUR, TRIPLE, (2, 4, 2.1, 2.2), {NEAR: 1.7}, '… 0.3 m or make … 2.1 m each'),
+    (FOUR, TRIPLE, (2.2, 2.1, 4, 2), {OTHER: 2.1}, 'shorten the crank to at most 0.1 m or …'),
+    (
+        FOUR,
+        TRIPLE,
+        (5, 1, 1.2, 4),
+        {FAR: 6.8},
+        'make coupler and rocker equal, at least 4.5 m each',
+    ),
+    (FOUR, CHANGE, (3, 1, 2, 2), {FAR: 2}, 'shorten the crank to at most 1 m or …'),
+    (
+        FOUR,
+        'double-rocker',
+        (2.5, 1, 2.2, 2),
+        {FAR: 1.3, OTHER: 1.7},
+        'shorten … 0.8 m or … 2.25 m each',
+    ),
+    (FOUR, 'rocker-crank', (2.5, 2.2, 1, 2), {FAR: 1.3, NEAR: 1.7}, '… 0.8 m or … 2.25 m each'),
+    (SLIDER, NEITHER, (2, 2.5, 1), {RIGHT: 0.5}, 'lengthen the coupler to at least 3 m or …'),
+    (SLIDER, NEITHER, (2, 2.5, -1), {LEFT: 0.5}, '… shorten the crank to at most 1.5 m'),
+    (SLIDER, NEITHER, (1, 1.5, 0.6), {RIGHT: 0.1}, 'lengthen … 1.6 m or … at most 0.9 m'),
+    (SLIDER, NEITHER, (1, 1.5, -0.6), {LEFT: 0.1}, 'lengthen … 1.6 m or … at most 0.9 m'),
+    (SLIDER, NEITHER, (1, 2, 2.5), {RIGHT: 1.5}, 'lengthen the coupler to at least 3.5 m'),
+    (SLIDER, CHANGE, (3, 2, 1), {RIGHT: 2}, '… shorten the crank to at most 1 m'),
+    (SLIDER, CHANGE, (3, 2, -1), {LEFT: 2}, '… shorten the crank to at most 1 m'),
+    (SLIDER, CHANGE, (2, 1, 1), {RIGHT: 2}, 'lengthen the coupler to at least 3 m'),
+    (SLIDER, COUPLER, (2, 1, 0), {LEFT: 1, RIGHT: 1}, 'lengthen … 2 m or … at most 1 m'),
+    (SLIDER, COUPLER, (3, 1, 0.5), {LEFT: 1.5, RIGHT: 2.5}, '… 3.5 m or … at most 0.5 m'),
 ]
 DIRECTION = 0.3  # of frame or guide, rad
 
@@ -453,15 +467,27 @@ def test_loop_that_cannot_close_is_refused(kind, lengths, expected):
     refused(lambda: described(kind, lengths), expected, MechanismError)
 
 
-@pytest.mark.parametrize(('kind', 'grashof', 'lengths', 'stops'), LIMITED)
-def test_crank_that_cannot_turn_is_refused_with_class_and_limits(kind, grashof, lengths, stops):
-    """A state out of reach has the same message; test_mobility.py tests the reach."""
-    limits = '; '.join(f'{words} = -{lack:g} m is negative' for words, lack in stops.items())
+def limits(words):
+    """Parses a message: the links that stop the crank, by how much, m, and the cures."""
+    *clauses, cures = words.partition(': ')[2].rpartition('; it reaches ')[0].split('; ')
+    pairs = (re.fullmatch(r'(.*) = -(\S+) m is negative', clause).groups() for clause in clauses)
+    found = {words: float(lack) for words, lack in pairs}
+    return found, cures
+
+
+@pytest.mark.parametrize(('kind', 'grashof', 'lengths', 'stops', 'cure'), LIMITED)
+def test_crank_that_cannot_turn_is_refused_with_class_limits_and_cure(
+    kind, grashof, lengths, stops, cure
+):
+    """A state out of reach has the same message; test_mobility.py tests reach and cures."""
     words = refused(
         lambda: configure(parameters(kind, lengths)),
-        f'the crank of this {grashof} linkage cannot turn fully: {limits}; it reaches … deg',
+        f'the crank of this {grashof} linkage cannot turn fully: … it reaches … deg',
         MechanismError,
     )
+    found, cures = limits(words)
+    assert found == stops
+    assert re.fullmatch('.*'.join(map(re.escape, re.split(' ?… ?', cure))), cures), cures
     solver = Solver(described(kind, lengths))
     crank = solver.reach.arcs[0][1] + 0.02
     moved = refused(lambda: solver.state(crank, 1.0), '…', UnreachableError)

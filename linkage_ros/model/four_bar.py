@@ -20,6 +20,7 @@ lengths entered as decimals.
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
@@ -62,6 +63,7 @@ from linkage_ros.numeric import (
     exact_sum,
     largest,
     nearest_turns,
+    rounded,
     short_sum,
     two_sum,
 )
@@ -349,7 +351,17 @@ class FourBar(Mechanism):
         """Computes the reach of the crank."""
         loop = self.loop()
         pass_by = abs(loop.ground[0]) / (2 * math.sqrt(self.crank.length * self.frame.length))
-        return loop.transmission.reach(self.grashof, self._sums(), pass_by)
+        return loop.transmission.reach(self.grashof, self._sums(), self._cures(), pass_by)
+
+    def _cures(self) -> Iterator[str]:
+        """Yields alternative changes of length that let a limited crank turn fully."""
+        r, b, c, d = self._lengths()
+        triangle = (b, c, -d), (d, min(b, c), -max(b, c))
+        at_most = min(short_sum(max(self._lengths()), *terms) for terms in triangle)
+        if at_most > 0:
+            yield f'shorten the crank to at most {rounded(at_most, up=False)} m'
+        equal = rounded((d + r) / 2, up=True)
+        yield f'make coupler and rocker equal, at least {equal} m each'
 
     def swing_middle(self, what: str) -> float:
         """Returns the middle of the rocker's swing; see `Mechanism.swing_middle`.

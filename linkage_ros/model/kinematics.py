@@ -92,6 +92,7 @@ class Reach(NamedTuple):
         transmission: Smallest and largest transmission angle, rad in [0, pi]; links are collinear
             at 0 and pi. None if the mechanism has no transmission angle.
         limits: Reasons why the crank cannot turn fully; empty if it can.
+        cures: Alternative changes that would let the crank turn fully; empty if it already does.
         equalities: Descriptions of sums of lengths that are treated as 0 although their binary
             values differ from 0.
         fast: Crank angle, rad. Near this angle and half a turn away, the output may move fast.
@@ -103,6 +104,7 @@ class Reach(NamedTuple):
     period_turns: int = 1
     transmission: Arc | None = None
     limits: tuple[str, ...] = ()
+    cures: tuple[str, ...] = ()
     equalities: tuple[str, ...] = ()
     fast: float = 0.0
     width: float = math.inf
@@ -134,7 +136,7 @@ class Reach(NamedTuple):
             crank: Crank angle, rad.
 
         Raises:
-            UnreachableError: Always. The message states class, causes and reachable arcs.
+            UnreachableError: Always. The message states class, causes, cures and reachable arcs.
         """
         purpose = f'move at {math.degrees(crank):.9g} deg'
         raise UnreachableError(self._refusal(purpose), crank_angle=crank, arcs=self.arcs)
@@ -145,7 +147,7 @@ class Reach(NamedTuple):
         )
         return (
             f'the crank of this {self.grashof} linkage cannot {purpose}: '
-            f'{"; ".join(self.limits)}; it reaches {arcs}'
+            f'{"; ".join(self.limits)}; {" or ".join(self.cures)}; it reaches {arcs}'
         )
 
     def samples(self, steps_per_turn: int = 720) -> Array:

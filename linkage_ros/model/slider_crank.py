@@ -17,6 +17,7 @@ from which beta = pi/2 -+ mu and x = r cos alpha + b cos beta follow without div
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, NamedTuple, NoReturn
 
@@ -48,6 +49,7 @@ from linkage_ros.numeric import (
     Real,
     largest,
     nearest_turns,
+    rounded,
     short_sum,
     two_sum,
 )
@@ -247,7 +249,14 @@ class SliderCrank(Mechanism):
 
     def reach(self) -> Reach:
         """Computes the reach of the crank."""
-        return self._transmission().reach(self.grashof, self._sums())
+        return self._transmission().reach(self.grashof, self._sums(), self._cures())
+
+    def _cures(self) -> Iterator[str]:
+        """Yields alternative changes of length that let a limited crank turn fully."""
+        r, b, e = self._lengths()
+        yield f'lengthen the coupler to at least {rounded(r + abs(e), up=True)} m'
+        if (shorter := short_sum(self._longest(), b, -abs(e))) > 0:
+            yield f'shorten the crank to at most {rounded(shorter, up=False)} m'
 
     def structure(self) -> Structure:
         """Returns the links, points and joints; the loop is cut at B."""

@@ -20,7 +20,7 @@ project.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 from linkage_ros.formulas import ZERO, Opaque, atan2, cos, number, require, sin, sqrt, where
@@ -176,6 +176,7 @@ class Transmission(NamedTuple):
         self,
         grashof: str,
         sums: Mapping[str, tuple[float, ...]],
+        cures: Iterable[str],
         pass_by: float = 0.0,
     ) -> Reach:
         """Collects the properties of the crank's reach.
@@ -184,6 +185,7 @@ class Transmission(NamedTuple):
             grashof: Grashof class of the linkage.
             sums: Terms of the sums of lengths that vanish at change points, by formula. If the
                 first sum is negative, cos m limits the crank; if another one is, sin m does.
+            cures: Changes that would let the crank turn fully; used only if it is limited.
             pass_by: Largest h at which the crank pin is close to the rocker pivot, rad; 0 if there
                 is no rocker pivot, or if the pin passes through it.
 
@@ -208,6 +210,7 @@ class Transmission(NamedTuple):
             2 if (leasts[0] == 0) != (leasts[1] == 0) else 1,
             self.extremes(),
             limits,
+            tuple(cures) if limits else (),
             tuple(
                 f'{words} = {total:.2g} m counts as 0'
                 for words, total in rounding.items()
