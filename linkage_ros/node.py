@@ -14,9 +14,8 @@ from rclpy.clock import Clock, ClockType
 from linkage_ros import cli
 from linkage_ros.errors import LinkageError, LogError
 from linkage_ros.model.kinematics import State
-from linkage_ros.motion.coordinates import Coordinates
-from linkage_ros.motion.drives import FollowDrive, TorqueDrive
-from linkage_ros.motion.segments import Segment
+from linkage_ros.motion.drives import FollowDrive
+from linkage_ros.motion.segments import Coordinates, Segment
 from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.motion.torque_driven import Motion, TorqueMotion
 from linkage_ros.parameters.configuration import configure, parameter_leaves, preset_note
@@ -37,9 +36,9 @@ from linkage_ros.ros.topics import (
 from linkage_ros.run.crank_trajectory import CrankTrajectory
 from linkage_ros.run.health import Health, HealthMonitor
 from linkage_ros.run.inputs import inputs_of
-from linkage_ros.run.scheduling import freeze_heap
 from linkage_ros.run.simulator import Simulator, Snapshot
-from linkage_ros.run.ticker import MeasurementTicker, RealTimeTicker, SimTimeTicker, Ticker
+from linkage_ros.run.threads import freeze_heap
+from linkage_ros.run.ticker import RealTimeTicker, SimTimeTicker, Ticker
 from linkage_ros.units import NS_PER_MS, NS_PER_S
 from linkage_ros.wire.cdr import WARN, encode_diagnostics
 from linkage_ros.wire.topics import (
@@ -91,7 +90,7 @@ class LinkageNode(ParameterNode):
         ]
         self._ticker = self._make_ticker()
         name = self.get_fully_qualified_name().lstrip('/')
-        self._monitor = HealthMonitor(name, is_torque_driven=isinstance(self._drive, TorqueDrive))
+        self._monitor = HealthMonitor(name)
         self.get_logger().info(preset_note(given) + summary(configuration, simulator.solver))
         wait_for_subscribers([state.publisher for state in self._states])
         freeze_heap()
@@ -125,7 +124,7 @@ class LinkageNode(ParameterNode):
         callbacks = self._simulator, self._tick, self._restamp, self._fail
         if isinstance(self._drive, FollowDrive):
             ((measured, _),) = self._inputs
-            return MeasurementTicker(
+            return Ticker(
                 self._simulator, self._answer, self._restamp, self._fail, measured.receive
             )
         if not self.get_parameter('use_sim_time').value:

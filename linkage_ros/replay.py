@@ -21,7 +21,7 @@ from linkage_ros.playback.keyboard import Keyboard
 from linkage_ros.playback.player import KEYS, MAX_RATE, MIN_RATE, Pace, Show, Sink, play
 from linkage_ros.progress import progress_bar, waiting
 from linkage_ros.quantities import Quantity
-from linkage_ros.run.scheduling import freeze_heap, minimize_timer_slack, shorten_switch_interval
+from linkage_ros.run.threads import freeze_heap, wake_on_time
 from linkage_ros.units import NS_PER_S
 
 _NAME = 'linkage_replay'
@@ -153,8 +153,7 @@ def _run(arguments: list[str]) -> int:
         sinks = _sinks(stack, options, ros_arguments, log, excerpt, pace)
         keyboard = stack.enter_context(Keyboard())
         freeze_heap()
-        shorten_switch_interval()
-        minimize_timer_slack()
+        wake_on_time()
         if options.delay:
             with waiting(f'the replay begins in {options.delay:g} s'):
                 stop.wait(options.delay)

@@ -25,7 +25,7 @@ from ros_harness import (
 from sensor_msgs.msg import JointState
 
 from linkage_ros.motion.drives import FollowDrive
-from linkage_ros.motion.follow import NOT_FINITE, NOT_NEWER, FollowMotion, Measurement, ahead
+from linkage_ros.motion.follow import NOT_FINITE, NOT_NEWER, FollowMotion, ahead
 from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.run.inputs import (
     NO_CRANK,
@@ -42,13 +42,13 @@ CODEC = JointStateCodec(('left_crank', 'left_coupler', 'left_rocker'), 'base_lin
 
 def followed(measurements, bandwidth=20.0):
     motion = FollowMotion(FollowDrive(bandwidth))
-    return motion, [motion.at(Measurement(*one)) for one in measurements]
+    return [motion.at(*one) for one in measurements]
 
 
 def test_between_measurements_the_filter_has_the_solution_of_its_equations():
     """Compares with a Taylor series of x' = v + 2 w (m - x), v' = w^2 (m - x) in 30 digits."""
     points = [(10, 0.3), (13, 0.5), (40, 0.1), (41, 0.12), (90, 0.7)]  # ms, rad
-    _, found = followed([(t * MS, m) for t, m in points])
+    found = followed([(t * MS, m) for t, m in points])
     with mp.workdps(30):
         w = 2 * mp.pi * 20
         x, v = mp.mpf(points[0][1]), mp.mpf(0)
@@ -79,7 +79,7 @@ def test_a_steady_speed_and_a_steady_change_of_speed_are_followed(wrapped, has_v
         angle = math.remainder(place, TURN) if wrapped else place
         return (n + 1) * 2 * MS, angle, speed + change * t if has_velocity else None
 
-    _, found = followed(map(measured, range(500)))
+    found = followed(map(measured, range(500)))
     _, position, _ = measured(499)
     last = found[-1]
     assert last.unwrapped == position
@@ -93,27 +93,30 @@ def test_a_steady_speed_and_a_steady_change_of_speed_are_followed(wrapped, has_v
 
 def test_filter_restarts_after_a_gap_and_after_a_step_back():
     start, gap = 11_000 * MS, 501 * MS  # 10 / bandwidth is 500 ms
-    motion, found = followed(
+    found = followed(
         [(start, 0.1, 3.0), (start + 5 * MS, 0.2, 4.0), (start + gap + 5 * MS, 0.9, 5.0),
          (start + gap + 9 * MS, 1.0, 6.0), (1000 * MS, 0.4), (1000 * MS + gap, 0.5)]
     )  # fmt: skip
     assert [one.u[0] for one in found] == [3.0, 4.0, 5.0, 6.0, 0.0, 0.0]
     assert [one.a[0] == 0.0 for one in found] == [True, False, True, False, True, True]
-    assert not motion.left_out
 
 
 def test_old_or_nonfinite_measurements_are_rejected():
     good = [(1000 * MS, 0.1), (1005 * MS, 0.2), (1010 * MS, 0.4)]
-    bad = [(1005 * MS, 9.0), (1004 * MS, 9.0), (505 * MS, 9.0), (1006 * MS, math.nan),
-           (1007 * MS, math.inf), (1008 * MS, 0.3, math.nan)]  # fmt: skip
-    motion, found = followed([*good[:2], *bad, good[2]])
-    assert found[2:-1] == [None] * len(bad)
-    assert motion.left_out == {NOT_NEWER: 3, NOT_FINITE: 3}
-    assert found[-1] == followed(good)[1][-1]
+    old = [(1005 * MS, 9.0), (1004 * MS, 9.0), (505 * MS, 9.0)]
+    bad = [(1006 * MS, math.nan), (1007 * MS, math.inf), (1008 * MS, 0.3, math.nan)]
+    motion = FollowMotion(FollowDrive())
+    for measurement in good[:2]:
+        motion.at(*measurement)
+    for measurements, cause in ((old, NOT_NEWER), (bad, NOT_FINITE)):
+        for measurement in measurements:
+            with pytest.raises(ValueError, match=re.escape(cause)):
+                motion.at(*measurement)
+    assert motion.at(*good[2]) == followed(good)[-1]
 
 
 def test_without_a_bandwidth_there_are_no_rates():
-    _, found = followed([(MS * n, 0.1 * n, 5.0) for n in range(1, 5)], 0.0)
+    found = followed([(MS * n, 0.1 * n, 5.0) for n in range(1, 5)], 0.0)
     assert {(one.u, one.a) for one in found} == {((0.0,), (0.0,))}
 
 

@@ -15,14 +15,14 @@ from test_playback import Clock
 from linkage_ros import ConfigurationError, LogError, MotionError, Solver
 from linkage_ros.dynamics import program, tape
 from linkage_ros.log.writer import LogWriter
-from linkage_ros.motion.adaptive_integrator import AdaptiveSteps
-from linkage_ros.motion.coordinates import Coordinates, stacked
 from linkage_ros.motion.drives import Motor, TorqueDrive
+from linkage_ros.motion.integrators import AdaptiveSteps
+from linkage_ros.motion.segments import Coordinates, stacked
 from linkage_ros.numeric import within_two_turns
 from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.parameters.descriptions import summary
 from linkage_ros.record import record
-from linkage_ros.run.inputs import TorqueCommands
+from linkage_ros.run import inputs
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.units import NS_PER_MS
 from linkage_ros.wire.codecs import trajectory
@@ -80,12 +80,19 @@ def test_a_limited_crank_may_be_driven_by_a_torque_but_not_at_a_speed():
 # ---------------------------------------------------------------- commands
 
 
-LIMITED = TorqueDrive(torque_limit=5.0, command_timeout=0.5)
-
-
-def test_a_command_within_the_limit_counts_from_when_it_came_until_it_is_too_old():
+@pytest.fixture
+def clock(monkeypatch):
     clock = Clock(100.0)
-    commands = TorqueCommands(LIMITED, 'crank', clock)
+    monkeypatch.setattr(inputs.time, 'monotonic', clock)
+    return clock
+
+
+@pytest.fixture
+def commands(clock):
+    return inputs.TorqueCommands(TorqueDrive(torque_limit=5.0, command_timeout=0.5), 'crank')
+
+
+def test_a_command_within_the_limit_counts_from_when_it_came_until_it_is_too_old(commands, clock):
     assert commands.torque() == 0.0
     # Time since the last step, command and its age, and the torque in force.
     for wait, command, age, torque in (
@@ -99,13 +106,10 @@ def test_a_command_within_the_limit_counts_from_when_it_came_until_it_is_too_old
             commands.receive(['rocker', 'crank'], [9.0, command], age)
         assert commands.torque() == torque
         assert float(commands.diagnostics()['command, N m']) == torque
-    counts = commands.accepted, commands.limited, commands.refused, commands.timeouts
-    assert counts == (6, 2, 0, 3)
+    assert [*commands.counts.values()] == [6, 2, 0, 3]
 
 
-def test_warning_about_command_gaps_stays_until_gaps_end():
-    clock = Clock(100.0)
-    commands = TorqueCommands(LIMITED, 'crank', clock)
+def test_warning_about_command_gaps_stays_until_gaps_end(commands, clock):
     commands.torque()
     assert not commands.troubles('')  # no command was ever sent
     for gap in [0.6] * 8 + [0.5] * 19:
@@ -130,12 +134,11 @@ def test_warning_about_command_gaps_stays_until_gaps_end():
         (['x' * 500], [1.0], f'it names {"x" * 80}: must'),
     ],
 )
-def test_a_bad_command_is_refused_and_the_good_one_before_goes_on(names, efforts, words):
-    commands = TorqueCommands(LIMITED, 'crank', Clock(100.0))
+def test_a_bad_command_is_refused_and_the_good_one_before_goes_on(commands, names, efforts, words):
     commands.receive(['crank'], [1.5], 0.0)
     with pytest.raises(ValueError, match=words):
         commands.receive(names, efforts, 0.0)
-    assert (commands.torque(), commands.accepted) == (1.5, 1)
+    assert (commands.torque(), commands.counts[inputs.TAKEN]) == (1.5, 1)
 
 
 # ---------------------------------------------------------------- record

@@ -45,12 +45,15 @@ from linkage_ros.lab.reference.motions import (
     free_pump,
 )
 from linkage_ros.lab.reference.multibody import eliminate
-from linkage_ros.motion.adaptive_integrator import AdaptiveSteps
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.drives import Motor, TorqueDrive
-from linkage_ros.motion.fixed_step_integrator import FixedSteps
-from linkage_ros.motion.integrators import live_steps, record_steps
-from linkage_ros.motion.stiff_integrator import StiffSteps
+from linkage_ros.motion.integrators import (
+    AdaptiveSteps,
+    FixedSteps,
+    StiffSteps,
+    live_steps,
+    record_steps,
+)
 from linkage_ros.motion.torque_driven import TorqueMotion
 from linkage_ros.numeric import with_turns, within_two_turns
 from linkage_ros.parameters.configuration import load

@@ -12,7 +12,7 @@ from linkage_ros.errors import ViewerError
 from linkage_ros.log.reader import LogReader, paired
 from linkage_ros.playback.feed import Item
 from linkage_ros.playback.player import Sink
-from linkage_ros.run.worker import Worker
+from linkage_ros.run.threads import Worker
 from linkage_ros.view.rerun_view import Sample, View
 from linkage_ros.wire.topics import JOINT_STATES
 

@@ -11,8 +11,7 @@ from rclpy.node import Node
 from linkage_ros.parameters.configuration import Configuration
 from linkage_ros.parameters.session import SPAWN, WEB
 from linkage_ros.run.health import Health
-from linkage_ros.run.scheduling import accompany_ticker
-from linkage_ros.run.worker import Worker
+from linkage_ros.run.threads import Worker, accompany_ticker
 from linkage_ros.view.rerun_view import Sample, View
 
 _CAPACITY = 4_000  # states that wait for the viewer, 4 s at 1 kHz

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Computes trajectories of the crank in advance, for joint_trajectory_controller."""
 
-from __future__ import annotations
-
 from collections import deque
 
 from linkage_ros.motion.speed_driven import SpeedMotion

@@ -6,8 +6,6 @@ The node and the recorder share this code, so equal configurations and elapsed t
 bit-identical messages.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
@@ -24,12 +22,11 @@ from linkage_ros.errors import ConfigurationError, LinkageError
 from linkage_ros.formulas import Vector
 from linkage_ros.model.kinematics import State
 from linkage_ros.model.structure import Link, Point
-from linkage_ros.motion.coordinates import Coordinates
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.drives import SpeedDrive, TorqueDrive
-from linkage_ros.motion.fixed_step_integrator import Integrate
 from linkage_ros.motion.follow import ahead as later
-from linkage_ros.motion.integrators import live_steps, require_live
+from linkage_ros.motion.integrators import Integrate, live_steps, require_live
+from linkage_ros.motion.segments import Coordinates
 from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.motion.torque_driven import Motion, TorqueMotion, start
 from linkage_ros.numeric import Real

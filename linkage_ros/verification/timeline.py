@@ -14,8 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from linkage_ros.log.reader import LoggedMessage, LogReader, measured_channel
-from linkage_ros.motion.coordinates import Coordinates, stacked
-from linkage_ros.motion.segments import Segment, SpeedSegment
+from linkage_ros.motion.segments import Coordinates, Segment, SpeedSegment, stacked
 from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.run.inputs import MeasuredCrank
 from linkage_ros.run.simulator import Simulator
