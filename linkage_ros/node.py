@@ -180,7 +180,8 @@ class LinkageNode(ParameterNode):
 
     def _answer(self, stamp: int, coordinates: Coordinates) -> None:
         """Publishes the state of a measurement; runs in the ticker's thread."""
-        self._show(self._simulator.snapshot_measured(stamp, coordinates))
+        ahead = self._simulator.later(coordinates)
+        self._show(self._simulator.snapshot(stamp, coordinates, ahead))
 
     def _continue(self, motion: Motion) -> Motion:
         """Sets the current motion, and logs its segment if it is new."""

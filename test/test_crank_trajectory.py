@@ -206,23 +206,6 @@ def test_speed_change_clock_step_and_pause_renew_the_trajectory_at_once(monkeypa
 # ---------------------------------------------------------------- the controller follows them
 
 
-@pytest.mark.parametrize('changed', ['joints', 'end', 'past'])
-def test_controller_refuses_unsuitable_trajectories(changed):
-    """Checks that the reimplemented controller can refuse a trajectory."""
-    one, parameters = machine(), parameters_of_the_page()
-    data = trajectory(one).message_at(one.begin(T0), T0)
-    now = T0
-    if changed == 'joints':
-        parameters['joints'] = ['wheel']
-        parameters['gains'] = {'wheel': {}}
-    elif changed == 'end':
-        del parameters['allow_nonzero_velocity_at_trajectory_end']
-    else:
-        now += NS_PER_S
-    with pytest.raises(AssertionError):
-        Controller(parameters).receive(data, now)
-
-
 def controlled(seconds, *, effort):
     """Returns relative speed errors of our plant under the controller.
 

@@ -168,7 +168,8 @@ def test_time_constants_below_the_resolution_of_time_are_followed_after_days():
     """In double precision, 300 days are resolved to 4 ns; this motion needs 2 ps."""
     ends = []
     for time in (0.0, 300 * 86400.0):
-        steps = begun(live_steps, QUADRILATERAL, (0.0, 0.0), lambda u: 1e10 * (3.0 - u), time=time)
+        steps = begun(live_steps, QUADRILATERAL, (0.0, 0.0), lambda u: 1e10 * (3.0 - u))
+        steps.time = time
         steps.advance(time + 1e-3)
         ends.append(steps.phase)
     assert ends[1] == pytest.approx(ends[0], abs=1e-7)

@@ -20,7 +20,7 @@ import numpy as np
 
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.errors import LinkageError, MotionError
-from linkage_ros.model.kinematics import FULL_TURN, Arc, State
+from linkage_ros.model.kinematics import FULL_TURN, State
 from linkage_ros.model.parts import CROSSED, OPEN
 from linkage_ros.model.structure import Description
 from linkage_ros.motion.runge_kutta import Plant, jacobian, slope_at
@@ -31,7 +31,6 @@ TorqueLaw: TypeAlias = Callable[[Any], Real]
 
 _PLACES = 12  # number of crank angles per arc at which eigenvalues are computed
 _SLOW = 1e-3  # rad/s or m/s, treated as rest
-_SOON = 1e-3  # s, within which an end is reported at its extrapolated time
 _NEAR = 0.05  # sine of the dyad angle below which the dyad is considered in line
 # Sines of the dyad angle at which the motion leaves its own coordinates and returns to them.
 _LEAVE, _RETURN = 0.1, 0.2
@@ -184,12 +183,10 @@ class DrivenMechanism:
         if mobility is None:
             return crank
 
-        def outside(arc: Arc) -> float:
-            low, high = arc
-            apart: float = wrap(crank - 0.5 * (low + high))
-            return abs(apart) - 0.5 * (high - low)
-
-        low, high = min(mobility.arcs, key=outside)
+        low, high = min(
+            mobility.arcs,
+            key=lambda arc: abs(wrap(crank - 0.5 * sum(arc))) - 0.5 * (arc[1] - arc[0]),
+        )
         middle = 0.5 * (low + high)
         return with_turns(middle, turns_between(middle, crank))
 
@@ -228,12 +225,10 @@ class DrivenMechanism:
         free = DrivenMechanism(self.solver, lambda speed: self.torque(speed) - self.torque(0.0))
         arcs = self.solver.mobility.arcs if self.solver.mobility else FULL_TURN
         others, _ = self.solver.mechanism.start()
-        found = []
-        for low, high in arcs:
-            for i in range(_PLACES):
-                with suppress(LinkageError, np.linalg.LinAlgError):
-                    angle = low + (high - low) * (i + 0.5) / _PLACES
-                    found.append(free._eigenvalues((angle, *others)))
+        found, places = [], [i + 0.5 for i in range(_PLACES)]
+        for angle in [low + (high - low) * x / _PLACES for low, high in arcs for x in places]:
+            with suppress(LinkageError, np.linalg.LinAlgError):
+                found.append(free._eigenvalues((angle, *others)))
         settling, swinging = [-x.real.min() for x in found], [x.imag.max() for x in found]
         return float(median(settling or [0.0])), float(median(swinging or [0.0]))
 
@@ -253,14 +248,11 @@ class DrivenMechanism:
             cause: Error raised in the next step, if any.
 
         Raises:
-            MotionError: Always. The message states the extrapolated time of the end, the position,
-                the cause and remedies.
+            MotionError: Always. The message states the time, the position, the cause and remedies.
         """
         mechanism, half = self.solver.mechanism, len(y) // 2
         (sine, words), q = self.solver.alignment(y[:half]), y[:half]
-        with suppress(LinkageError):  # the actual end is slightly later
-            _, _, left = self.ready(y)
-            time += left if left < _SOON else 0.0
+        with suppress(LinkageError):
             q = self.redescribed(y, mechanism.coordinates)[1][: len(mechanism.coordinates)]
         places = ', '.join(
             f'{link.name} at {value:.6g} m'

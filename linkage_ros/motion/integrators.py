@@ -47,13 +47,12 @@ Values: TypeAlias = tuple[float, ...]
 LONGEST_STEP = 1e-3  # s
 TOLERANCE = 1e-9
 _EDGE_PART = 0.25  # longest step, relative to the time until the coordinates become singular
-_HALVINGS = 50
+_SHORTEST_FIXED_STEP = 1e-18  # s
 _TRIALS = 400  # largest number of trials for each step of at most LONGEST_STEP
 
 _STIFF = 2e3  # settling rate, 1/s, above which implicit steps cost less than explicit ones
 _MOST_STEPS, _TRIED = 20, 100  # limit of steps per ms, at 12 us each; ms of motion to check
-_RECORD: dict[str, Any] = {'tolerance': 1e-11, 'trials': 10_000}  # for implicit steps
-_RECORD_CORNERS: dict[str, Any] = {'tolerance': 1e-13, 'trials': 10_000}  # for explicit steps
+_RECORD_TRIALS = 10_000  # limit like _TRIALS, for records
 
 # For adaptive steps: the tolerance, relative and also absolute, in rad and crank lengths; the
 # first and the shortest step, s; and a time longer than any run, s.
@@ -83,7 +82,6 @@ class FixedSteps:
         phase: Values,
         longest: float = LONGEST_STEP,
         tolerance: float = TOLERANCE,
-        time: float = 0.0,
         trials: int = _TRIALS,
     ) -> None:
         """Starts a motion.
@@ -93,16 +91,14 @@ class FixedSteps:
             phase: Coordinates at the start, then their rates.
             longest: Largest length of a step, s.
             tolerance: Largest error of a step; see `runge_kutta.errors`.
-            time: Time at the start, s.
             trials: Largest number of trials for each step.
 
         Raises:
             LinkageError: The motion cannot start; see `Solver.accelerations`.
         """
-        self.time, self.tried = time, 0
+        self.time, self.tried = 0.0, 0
         self.phase, self.pairs = driven.wound(phase)
-        self._longest, self._tolerance = longest, tolerance
-        self._most_trials = self._trials = trials
+        self._longest, self._tolerance, self._trials = longest, tolerance, trials
         self._use(driven)
         self._slope: Values | None = driven.slope(self.phase)
 
@@ -137,15 +133,14 @@ class FixedSteps:
         start, span = self.time, time - self.time
         steps = math.ceil(span / self._longest * (1 - 1e-9))
         for i in range(1, steps + 1):
-            self._trials = self._most_trials
-            self._step((time if i == steps else start + span * (i / steps)) - self.time, _HALVINGS)
+            self._last_trial = self.tried + self._trials
+            self._step((time if i == steps else start + span * (i / steps)) - self.time)
         self.time = time
         self.phase, pairs = self.driven.wound(self.phase)
         self.pairs += pairs
 
-    def _step(self, h: float, halvings: int) -> None:
+    def _step(self, h: float) -> None:
         cause = None
-        self._trials -= 1
         self.tried += 1
         try:
             end, slope, error = self._try(h)
@@ -153,12 +148,12 @@ class FixedSteps:
             cause, error = refusal, math.inf
         if cause is None and error <= self._tolerance:
             self.time, self.phase, self._slope = self.time + h, end, slope
-        elif halvings and self._trials > 0:
+        elif h > _SHORTEST_FIXED_STEP and self.tried < self._last_trial:
             until = self.time + h
-            self._step(h / 2, halvings - 1)
+            self._step(h / 2)
             left = until - self.time
             # After days of motion, the resolution of time is coarser than the shortest steps.
-            self._step(left if abs(left - h / 2) < h / 4 else h / 2, halvings - 1)
+            self._step(left if abs(left - h / 2) < h / 4 else h / 2)
         else:
             self.driven.fail(self.time, self.phase, cause)
 
@@ -261,26 +256,22 @@ class AdaptiveSteps:
             self._begin(self._steps.t, phase)
         steps = self._steps
         steps.max_step = left * _EDGE_PART
-        cause = self._try()
-        while cause and steps.h_abs > _SHORTEST_STEP:
-            steps.h_abs = min(steps.h_abs, steps.max_step) / 4
-            cause = self._try()
-        if cause or steps.status == 'failed':
-            self.driven.fail(steps.t, phase, cause)
+        while True:
+            try:
+                with np.errstate(all='ignore'):  # the slope rejects non-finite values
+                    steps.step()
+                break
+            except LinkageError as cause:
+                if steps.h_abs <= _SHORTEST_STEP:
+                    self.driven.fail(steps.t, phase, cause)
+                steps.h_abs = min(steps.h_abs, steps.max_step) / 4
+        if steps.status == 'failed':
+            self.driven.fail(steps.t, phase, None)
         self._between, self._pairs_between = steps.dense_output(), self._pairs_ahead
         phase, pairs = self.driven.wound(tuple(steps.y.tolist()))
         if pairs:  # keep the angle small, because the tolerance is relative to it
             steps.y = np.array(phase)
             self._pairs_ahead += pairs
-
-    def _try(self) -> LinkageError | None:
-        """Performs one step; returns the error if the slope rejects a value, otherwise None."""
-        try:
-            with np.errstate(all='ignore'):  # the slope rejects non-finite values
-                self._steps.step()
-        except LinkageError as refusal:
-            return refusal
-        return None
 
 
 Steps: TypeAlias = FixedSteps | AdaptiveSteps
@@ -326,13 +317,12 @@ def require_live(driven: DrivenMechanism, begin: Coordinates, period: float) -> 
     steps = method(driven, (*begin.q, *begin.u))
     # An implicit step takes twice as long, and so does a step in two coordinates.
     most = _MOST_STEPS // (len(driven.links) * (2 if method is StiffSteps else 1))
-    for ms in range(1, _TRIED + 1):
-        try:
+    try:
+        for ms in range(1, _TRIED + 1):
             steps.advance(1e-3 * ms)
-        except LinkageError as error:
-            words = f'{error}' if ms == 1 else ''  # the run reports a later end
-            break
-        tried = steps.tried / ms
+            tried = steps.tried / ms
+    except LinkageError as error:
+        words = f'{error}' if ms == 1 else ''  # the run reports a later end
     if tried > most:
         words = (
             f'it requires {tried:.0f} steps per ms, but only {most} fit; lower a stiffness, '
@@ -349,8 +339,8 @@ def require_live(driven: DrivenMechanism, begin: Coordinates, period: float) -> 
 def record_steps(driven: DrivenMechanism, phase: Values) -> Steps:
     """Creates the most accurate integrator for the mechanism; arguments as in `live_steps`."""
     if driven.rates[0] > _STIFF:
-        return live_steps(driven, phase, **_RECORD)
+        return StiffSteps(driven, phase, tolerance=1e-11, trials=_RECORD_TRIALS)
     # Corners of a load destroy the accuracy of long high-order steps.
     if any(load.has_corners for load in driven.solver.mechanism.loads):
-        return FixedSteps(driven, phase, **_RECORD_CORNERS)
+        return FixedSteps(driven, phase, tolerance=1e-13, trials=_RECORD_TRIALS)
     return AdaptiveSteps(driven, phase)

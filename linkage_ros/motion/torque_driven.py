@@ -35,6 +35,8 @@ class TorqueMotion:
         segment: The current segment, in the form stored in logs.
     """
 
+    segment: TorqueSegment
+
     def __init__(
         self,
         solver: Solver,
@@ -55,15 +57,13 @@ class TorqueMotion:
         Raises:
             LinkageError: The motion cannot start from the given angle and speed.
         """
-        self.segment = TorqueSegment(stamp, drive.motor.torque)
         self._solver, self._motor, self._command = solver, drive.motor, 0.0
-        self._period, self._last = period, stamp
+        self._period = period
+        self._end: LinkageError | None = None
         begin = start(solver.mechanism, drive)
         y = begin.unwrapped, *begin.q[1:], *begin.u
         self._steps = integrate(DrivenMechanism(solver, self._torque), y)
-        self._end: LinkageError | None = None
-        # A reference stamp, ns, and the integrator's time at this stamp, s.
-        self._origin, self._begun = stamp, 0.0
+        self._begin(TorqueSegment(stamp, drive.motor.torque))
 
     def at(self, stamp: int) -> Coordinates:
         """Computes the coordinates at a stamp.
@@ -193,6 +193,7 @@ class TorqueMotion:
 
     def _begin(self, segment: TorqueSegment) -> None:
         self.segment, self._last = segment, segment.stamp
+        # A reference stamp, ns, and the integrator's time at this stamp, s.
         self._origin, self._begun = segment.stamp, self._steps.time
 
     def _advance(self, stamp: int) -> None:

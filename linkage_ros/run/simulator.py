@@ -168,8 +168,7 @@ class Simulator:
         drive = self.configuration.drive
         if isinstance(drive, TorqueDrive):
             driven = DrivenMechanism(self.solver, drive.motor.at)
-            begin = start(self.configuration.mechanism, drive)
-            require_live(driven, begin, self.elapsed(1) / NS_PER_S)
+            require_live(driven, start(self.solver.mechanism, drive), self.elapsed(1) / NS_PER_S)
             with suppress(LinkageError):  # the run will report this error
                 motion = TorqueMotion(self.solver, drive, 0, self.elapsed(1))
                 self.snapshot_at(motion, NS_PER_MS)
@@ -212,27 +211,25 @@ class Simulator:
             The state and its messages.
         """
         ahead = None if self._lead is None else motion.at(stamp + self._lead)
-        return self._snapshot(stamp, motion.at(stamp), ahead)
-
-    def snapshot_measured(self, stamp: int, coordinates: Coordinates) -> Snapshot:
-        """Computes the state of a measured crank.
-
-        Args:
-            stamp: Stamp of the measurement, ns.
-            coordinates: Measured angle, with filtered rates.
-
-        Returns:
-            The state and its messages.
-        """
-        return self._snapshot(stamp, coordinates, self.later(coordinates))
+        return self.snapshot(stamp, motion.at(stamp), ahead)
 
     def later(self, coordinates: Coordinates) -> Coordinates | None:
         """Extrapolates a measured motion by `lead_time`; returns None without feed-forward."""
         return None if self._lead is None else later(coordinates, self._lead / NS_PER_S)
 
-    def _snapshot(
+    def snapshot(
         self, stamp: int, coordinates: Coordinates, ahead: Coordinates | None
     ) -> Snapshot:
+        """Computes the state at given coordinates.
+
+        Args:
+            stamp: Stamp of the state, ns.
+            coordinates: Coordinates at the stamp.
+            ahead: Coordinates for the feed-forward torque; None without feed-forward.
+
+        Returns:
+            The state and its messages.
+        """
         state, numbers = self._solved(coordinates, ahead)
         return Snapshot(state, stamp, numbers, self.layout)
 
