@@ -33,9 +33,8 @@ from linkage_ros.ros.topics import (
     require_distinct,
     wait_for_subscribers,
 )
-from linkage_ros.run.crank_trajectory import CrankTrajectory
 from linkage_ros.run.health import Health, HealthMonitor
-from linkage_ros.run.inputs import inputs_of
+from linkage_ros.run.messages import CrankTrajectory, inputs_of
 from linkage_ros.run.simulator import Simulator, Snapshot
 from linkage_ros.run.threads import freeze_heap
 from linkage_ros.run.ticker import RealTimeTicker, SimTimeTicker, Ticker

@@ -30,7 +30,7 @@ from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.motion.torque_driven import TorqueMotion
 from linkage_ros.parameters.configuration import configure, load
-from linkage_ros.run.crank_trajectory import CrankTrajectory
+from linkage_ros.run.messages import CrankTrajectory
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.units import NS_PER_MS, NS_PER_S
 

@@ -213,19 +213,15 @@ def test_change_point_of_a_limited_crank_ends_the_motion_with_an_error():
 
 
 def test_motion_ends_at_a_singularity_without_other_coordinates(monkeypatch):
-    """The error names the position, and states that the mechanism itself could move on."""
-    for kind in type(MECHANISMS['triple_rocker_far']), type(STRETCHED):
-        monkeypatch.setattr(kind, 'other_coordinates', ())
-    for name, words in (
-        ('triple_rocker_far', 'coupler and rocker are'),
-        ('pump', 'coupler and rod'),
-    ):
-        mechanism = MECHANISMS[name]
-        structure = mechanism.structure()._replace(other_dyads=())
-        monkeypatch.setattr(type(mechanism), 'structure', lambda _, found=structure: found)
-        with pytest.raises(MotionError, match=f'{words}.*and the motion can continue') as raised:
-            begun(live_steps, mechanism).advance(5.0)
-        assert 0 < raised.value.time < 5
+    mechanism = MECHANISMS['triple_rocker_far']
+    structure = mechanism.structure()._replace(other_dyads=())
+    monkeypatch.setattr(type(mechanism), 'other_coordinates', ())
+    monkeypatch.setattr(type(mechanism), 'structure', lambda _: structure)
+    with pytest.raises(
+        MotionError, match=r'coupler and rocker are.* and the motion can'
+    ) as raised:
+        begun(live_steps, mechanism).advance(5.0)
+    assert 0 < raised.value.time < 5
 
 
 @given(

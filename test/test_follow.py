@@ -27,12 +27,7 @@ from sensor_msgs.msg import JointState
 from linkage_ros.motion.drives import FollowDrive
 from linkage_ros.motion.follow import NOT_FINITE, NOT_NEWER, FollowMotion, ahead
 from linkage_ros.parameters.configuration import configure, load
-from linkage_ros.run.inputs import (
-    NO_CRANK,
-    NO_JOINT_STATE,
-    OUT_OF_REACH,
-    inputs_of,
-)
+from linkage_ros.run.messages import NO_CRANK, NO_JOINT_STATE, OUT_OF_REACH, inputs_of
 from linkage_ros.run.simulator import Simulator
 
 TURN = 2 * math.pi
@@ -131,36 +126,29 @@ def measured_crank(simulator):
     return crank
 
 
-def test_messages_are_accepted_or_counted_by_cause_of_rejection():
+@pytest.mark.parametrize('name', ['crank', 'arm/motor'])
+def test_messages_are_accepted_or_counted_by_cause_of_rejection(name):
     limited = four_bar(LIMITED['rocker_crank'])
-    configuration = replace(configure({'drive': 'follow'}), mechanism=limited)
-    crank = measured_crank(Simulator(configuration))
+    configuration = configure({'drive': 'follow', 'crank_joint': name})
+    crank = measured_crank(Simulator(replace(configuration, mechanism=limited)))
     (start, end), *_ = limited.reach().arcs
     inside, beyond = 0.5 * (start + end), end + 0.01 * (TURN - end + start)
-    came = 10**18
+    came, names = 10**18, ('arm', name)
     for given, stamp in ((5, 5), (0, came)):
-        stamped, found = crank.read(message(given, position=(0.0, inside)), came)
+        stamped, found = crank.read(message(given, names, (0.0, inside)), came)
         assert (stamped, found.unwrapped) == (stamp, inside)
     for data, cause in (
         (b'', NO_JOINT_STATE),
         (b'\0\1\0\0abc', NO_JOINT_STATE),
-        (message(position=(0.0, inside))[:40], NO_JOINT_STATE),
-        (message(name=('arm',)), NO_CRANK),
-        (message(position=(1.0,)), NO_CRANK),
-        (message(name=()), NO_CRANK),
-        (message(position=(0.0, beyond)), OUT_OF_REACH),
+        (message(0, names, (0.0, inside))[:40], NO_JOINT_STATE),
+        (message(0, ('arm', 'wheel'), (0.0, inside)), NO_CRANK),
+        (message(0, names, (1.0,)), NO_CRANK),
+        (message(0, (), (0.0, inside)), NO_CRANK),
+        (message(0, names, (0.0, beyond)), OUT_OF_REACH),
     ):
         with pytest.raises(ValueError, match=f'^{cause}$'):
             crank.read(data, came + 1)
     assert crank.left_out == {NO_JOINT_STATE: 3, NO_CRANK: 3, OUT_OF_REACH: 1}
-
-
-def test_robot_may_use_another_name_for_the_crank():
-    crank = measured_crank(Simulator(configure({'drive': 'follow', 'crank_joint': 'arm/motor'})))
-    stamp, found = crank.read(message(5, name=('base', 'arm/motor'), position=(0.0, 0.5)), 7)
-    assert (stamp, found.unwrapped) == (5, 0.5)
-    with pytest.raises(ValueError, match=NO_CRANK):
-        crank.read(message(6, name=('base', 'crank'), position=(0.0, 0.5)), 8)
 
 
 @pytest.mark.parametrize('lead', [{}, {'effort_command_topic': '/torque', 'lead_time': 0.01}])

@@ -22,7 +22,7 @@ from linkage_ros.numeric import within_two_turns
 from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.parameters.descriptions import summary
 from linkage_ros.record import record
-from linkage_ros.run import inputs
+from linkage_ros.run import messages
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.units import NS_PER_MS
 from linkage_ros.wire.codecs import trajectory
@@ -83,13 +83,13 @@ def test_a_limited_crank_may_be_driven_by_a_torque_but_not_at_a_speed():
 @pytest.fixture
 def clock(monkeypatch):
     clock = Clock(100.0)
-    monkeypatch.setattr(inputs.time, 'monotonic', clock)
+    monkeypatch.setattr(messages.time, 'monotonic', clock)
     return clock
 
 
 @pytest.fixture
 def commands(clock):
-    return inputs.TorqueCommands(TorqueDrive(torque_limit=5.0, command_timeout=0.5), 'crank')
+    return messages.TorqueCommands(TorqueDrive(torque_limit=5.0, command_timeout=0.5), 'crank')
 
 
 def test_a_command_within_the_limit_counts_from_when_it_came_until_it_is_too_old(commands, clock):
@@ -138,7 +138,7 @@ def test_a_bad_command_is_refused_and_the_good_one_before_goes_on(commands, name
     commands.receive(['crank'], [1.5], 0.0)
     with pytest.raises(ValueError, match=words):
         commands.receive(names, efforts, 0.0)
-    assert (commands.torque(), commands.counts[inputs.TAKEN]) == (1.5, 1)
+    assert (commands.torque(), commands.counts[messages.TAKEN]) == (1.5, 1)
 
 
 # ---------------------------------------------------------------- record

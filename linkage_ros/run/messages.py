@@ -1,10 +1,10 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Messages received by a run: torque commands and measurements of the crank."""
+"""Messages of a run besides its states: commands, measurements and trajectories of the crank."""
 
 import math
 import time
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Sequence
 from typing import Any, cast
 
@@ -12,18 +12,29 @@ from linkage_ros.errors import LinkageError
 from linkage_ros.motion.drives import FollowDrive, TorqueDrive
 from linkage_ros.motion.follow import FollowMotion
 from linkage_ros.motion.segments import Coordinates
+from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.numeric import Real
+from linkage_ros.parameters.drives import SpeedFeedForward
 from linkage_ros.run.health import WINDOW
 from linkage_ros.run.simulator import Simulator
-from linkage_ros.units import NS_PER_S
+from linkage_ros.units import NS_PER_MS, NS_PER_S
 from linkage_ros.wire.cdr import decode_joint_state
-from linkage_ros.wire.topics import JOINT_COMMANDS, MEASURED_JOINT_STATES, Topic
+from linkage_ros.wire.codecs import crank_trajectory
+from linkage_ros.wire.topics import (
+    JOINT_COMMANDS,
+    MEASURED_JOINT_STATES,
+    Topic,
+    trajectory_commands,
+)
 
 _SILENCE = 2.0  # s without a measurement after which a warning is issued
 NO_CRANK, NO_JOINT_STATE, OUT_OF_REACH = 'without the crank', 'no JointState', 'out of reach'
 TAKEN, CUT, REFUSED, TIMEOUTS = (
     'commands taken', 'commands cut to torque_limit', 'commands refused', 'command timeouts'
 )  # fmt: skip
+
+# Time between points, ns; short, because the controller interpolates the effort linearly.
+_STEP = NS_PER_MS
 
 
 class TorqueCommands:
@@ -206,3 +217,55 @@ def inputs_of(simulator: Simulator) -> dict[Topic, Any]:
     if isinstance(drive, FollowDrive):
         return {MEASURED_JOINT_STATES: MeasuredCrank(simulator)}
     return {}
+
+
+class CrankTrajectory:
+    """Computes trajectories of a fixed duration; the next one is due after half of it.
+
+    A trajectory starts at or just before its stamp, so that a controller can follow it as soon as
+    it arrives. Each tick computes only the new points within the horizon. The first tick, and the
+    first one after a change of the motion, compute all points.
+
+    Attributes:
+        topic: Topic of the trajectories.
+    """
+
+    def __init__(self, simulator: Simulator, drive: SpeedFeedForward) -> None:
+        """Prepares the trajectories.
+
+        Args:
+            simulator: Simulator of the run.
+            drive: Drive with the topic and the duration of the trajectories.
+        """
+        self.topic = trajectory_commands(drive.trajectory_command_topic)
+        self._names = simulator.crank_joint, simulator.configuration.session.frame_id
+        self._solver, self._horizon = simulator.solver, round(drive.trajectory_horizon * NS_PER_S)
+        self._motion: SpeedMotion | None = None
+        self._points: deque[tuple[int, tuple[float, ...]]] = deque()
+        self._next = self._due = 0
+
+    def message_at(self, motion: SpeedMotion, stamp: int) -> bytes | None:
+        """Returns the trajectory to send at a stamp, if one is due.
+
+        Args:
+            motion: Motion in the segment that contains the stamp. If it differs from that of the
+                last call, the trajectory sent before is invalid, and a new one is due.
+            stamp: Stamp of the current tick, ns.
+
+        Returns:
+            The CDR bytes of the message; None if no message is due.
+        """
+        if motion is not self._motion or stamp >= self._next:
+            self._points.clear()
+            self._motion, self._next, self._due = motion, stamp, stamp
+        while self._next < stamp + self._horizon + _STEP:
+            (q,), (u,), (a,), unwrapped, _ = motion.at(self._next)
+            torque = float(self._solver.state(q, u, a).torque)
+            self._points.append((self._next, (unwrapped, u, a, torque)))
+            self._next += _STEP
+        while self._points[1][0] <= stamp:
+            self._points.popleft()
+        if stamp < self._due:
+            return None
+        self._due = stamp + self._horizon // 2
+        return crank_trajectory(*self._names, self._points)
