@@ -34,11 +34,10 @@ import numpy as np
 
 from linkage_ros.dynamics.program import Program
 from linkage_ros.dynamics.tape import Constants
-from linkage_ros.errors import ConfigurationError, LinkageError
+from linkage_ros.errors import LinkageError
 from linkage_ros.formulas import Opaque
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.runge_kutta import Plant, leap, stiff_leap
-from linkage_ros.motion.segments import Coordinates
 from linkage_ros.numeric import Array
 
 # Coordinates, then their rates.
@@ -51,7 +50,6 @@ _SHORTEST_FIXED_STEP = 1e-18  # s
 _TRIALS = 400  # largest number of trials for each step of at most LONGEST_STEP
 
 _STIFF = 2e3  # settling rate, 1/s, above which implicit steps cost less than explicit ones
-_MOST_STEPS, _TRIED = 20, 100  # limit of steps per ms, at 12 us each; ms of motion to check
 _RECORD_TRIALS = 10_000  # limit like _TRIALS, for records
 
 # For adaptive steps: the tolerance, relative and also absolute, in rad and crank lengths; the
@@ -299,41 +297,6 @@ def live_steps(driven: DrivenMechanism, phase: Values, **options: Any) -> Steps:
 def live_method(driven: DrivenMechanism) -> type[FixedSteps]:
     """Selects the integrator that costs less at the mechanism's settling rate."""
     return StiffSteps if driven.rates[0] > _STIFF else FixedSteps
-
-
-def require_live(driven: DrivenMechanism, begin: Coordinates, period: float) -> None:
-    """Rejects a motion that requires too many steps for a live run.
-
-    Args:
-        driven: The mechanism and its torque law.
-        begin: Coordinates at t = 0.
-        period: Period of the ticks, s.
-
-    Raises:
-        ConfigurationError: The first 0.1 s of the motion requires too many steps, or the motion
-            ends within the first ms.
-    """
-    method, tried, words = live_method(driven), 0.0, ''
-    steps = method(driven, (*begin.q, *begin.u))
-    # An implicit step takes twice as long, and so does a step in two coordinates.
-    most = _MOST_STEPS // (len(driven.links) * (2 if method is StiffSteps else 1))
-    try:
-        for ms in range(1, _TRIED + 1):
-            steps.advance(1e-3 * ms)
-            tried = steps.tried / ms
-    except LinkageError as error:
-        words = f'{error}' if ms == 1 else ''  # the run reports a later end
-    if tried > most:
-        words = (
-            f'it requires {tried:.0f} steps per ms, but only {most} fit; lower a stiffness, '
-            'the slope of a load or the speed, add mass, or use linkage_record'
-        )
-    if words:
-        fastest = max(driven.rates[1], abs(steps.driven.speed(steps.phase)))
-        raise ConfigurationError(
-            'a live run cannot follow this motion, in which a radian of the crank or of an '
-            f'oscillation takes {1e3 / fastest:.3g} ms and a tick {1e3 * period:.3g} ms: {words}'
-        )
 
 
 def record_steps(driven: DrivenMechanism, phase: Values) -> Steps:

@@ -5,18 +5,18 @@
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, cast
 
 import numpy as np
 
 from linkage_ros.dynamics.solver import Solver
-from linkage_ros.errors import LinkageError
+from linkage_ros.errors import ConfigurationError, LinkageError
 from linkage_ros.model.kinematics import State
 from linkage_ros.model.parts import CROSSED, OPEN
 from linkage_ros.model.structure import Description, Mechanism
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.drives import TorqueDrive
-from linkage_ros.motion.integrators import Integrate, Values, live_steps
+from linkage_ros.motion.integrators import FixedSteps, Integrate, StiffSteps, Values, live_steps
 from linkage_ros.motion.segments import Coordinates, TorqueSegment, stacked
 from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.numeric import Real, with_turns, within_two_turns, wrap
@@ -25,6 +25,7 @@ from linkage_ros.units import NS_PER_S, radians_per_second
 # Longest delay, ns, that a late run catches up with. Catching up with more would take so long that
 # the delay would grow.
 CATCH_UP = NS_PER_S // 4
+_MOST_STEPS, _TRIED = 20, 100  # limit of steps per ms, at 12 us each; ms of motion to check
 _ROUNDINGS = 8  # largest number of conversions to joint angles and back; see `legible`
 
 
@@ -169,6 +170,36 @@ class TorqueMotion:
         self._advance(old)
         self._begin(replace(self.segment, stamp=new, old_stamp=old))
         return self
+
+    def require_live(self) -> None:
+        """Simulates the first 0.1 s, and rejects a motion that takes too many steps.
+
+        Raises:
+            ConfigurationError: The motion takes too many steps for a live run, or it ends within
+                the first ms.
+        """
+        steps, words, tried = cast('FixedSteps', self._steps), '', 0.0
+        # An implicit step takes twice as long, and so does a step in two coordinates.
+        factor = len(steps.driven.links) * (2 if isinstance(steps, StiffSteps) else 1)
+        try:
+            for ms in range(1, _TRIED + 1):
+                steps.advance(1e-3 * ms)
+                tried = steps.tried / ms
+        except LinkageError as error:
+            words = f'{error}' if ms == 1 else ''  # the run reports a later end
+        if tried > _MOST_STEPS // factor:
+            words = (
+                f'it requires {tried:.0f} steps per ms, but only {_MOST_STEPS // factor} fit; '
+                'lower a stiffness, the slope of a load or the speed, add mass, or use '
+                'linkage_record'
+            )
+        if words:
+            fastest = max(steps.driven.rates[1], abs(steps.driven.speed(steps.phase)))
+            raise ConfigurationError(
+                'a live run cannot follow this motion, in which a radian of the crank or of an '
+                f'oscillation takes {1e3 / fastest:.3g} ms and a tick '
+                f'{1e3 * self._period / NS_PER_S:.3g} ms: {words}'
+            )
 
     def rehearse(self) -> None:
         """Compiles the programs for all coordinates and assemblies, to avoid a delay later."""

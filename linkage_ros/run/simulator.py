@@ -22,17 +22,16 @@ from linkage_ros.errors import ConfigurationError, LinkageError
 from linkage_ros.formulas import Vector
 from linkage_ros.model.kinematics import State
 from linkage_ros.model.structure import Link, Point
-from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.drives import SpeedDrive, TorqueDrive
 from linkage_ros.motion.follow import ahead as later
-from linkage_ros.motion.integrators import Integrate, live_steps, require_live
+from linkage_ros.motion.integrators import Integrate, live_steps
 from linkage_ros.motion.segments import Coordinates
 from linkage_ros.motion.speed_driven import SpeedMotion
-from linkage_ros.motion.torque_driven import Motion, TorqueMotion, start
+from linkage_ros.motion.torque_driven import Motion, TorqueMotion
 from linkage_ros.numeric import Real
 from linkage_ros.parameters.configuration import Configuration
 from linkage_ros.parameters.drives import FeedForward
-from linkage_ros.units import NS_PER_MS, NS_PER_S
+from linkage_ros.units import NS_PER_S
 from linkage_ros.wire.cdr import encode_string
 from linkage_ros.wire.codecs import (
     POINT_FIELDS,
@@ -163,15 +162,14 @@ class Simulator:
         """Compiles the programs, and rejects a motion that is too fast for a live run.
 
         Raises:
-            ConfigurationError: As for `integrators.require_live`.
+            ConfigurationError: As for `TorqueMotion.require_live`.
         """
         drive = self.configuration.drive
         if isinstance(drive, TorqueDrive):
-            driven = DrivenMechanism(self.solver, drive.motor.at)
-            require_live(driven, start(self.solver.mechanism, drive), self.elapsed(1) / NS_PER_S)
+            motion = TorqueMotion(self.solver, drive, 0, self.elapsed(1))
+            motion.require_live()
             with suppress(LinkageError):  # the run will report this error
-                motion = TorqueMotion(self.solver, drive, 0, self.elapsed(1))
-                self.snapshot_at(motion, NS_PER_MS)
+                self.snapshot_at(motion, NS_PER_S)
                 motion.rehearse()
 
     def elapsed(self, tick: Whole) -> Whole:
