@@ -145,14 +145,13 @@ def test_a_record_verifies_to_the_bit(name, tmp_path):
 SEAMS = {f'{angle:g}': of(LIMITED['triple_rocker_far'], angle) for angle in (-3, 0.75)}
 
 
-@pytest.mark.parametrize('name', [*SEAMS, 'spinning', 'pump'])
+JUMPS = {**SEAMS, 'spinning': wind_pump((0.5, 0.6, 0.7), 'crossed'), 'pump': STRETCHED}
+
+
+@pytest.mark.parametrize('name', JUMPS)
 def test_states_next_to_the_jump_at_pi_close_the_loop_and_verify(name, tmp_path):
     """Includes a pump whose coupler has turned, and states that are seconds apart."""
-    if name in SEAMS:
-        mechanism = SEAMS[name]
-    else:
-        mechanism = wind_pump((0.5, 0.6, 0.7), 'open' if name == 'pump' else 'crossed')
-    settings = configuration(mechanism, 400.0 if name in SEAMS else 50.0)
+    settings = configuration(JUMPS[name], 400.0 if name in SEAMS else 50.0)
     if name == 'spinning':
         settings = replace(settings, drive=TorqueDrive(Motor(4.0, 0.2), -200.0, 0.7))
     simulator = Simulator(settings)

@@ -113,7 +113,7 @@ class Worker(Generic[_T]):
         self.error: Exception | None = None
         self.dropped = 0
         self._consumer, self._on_error, self._on_start = consumer, on_error, on_start
-        self._capacity, self._period = capacity, period
+        self._period = period
         self._queue: deque[_T] = deque(maxlen=capacity)
         self._lock = threading.Lock()
         self._stop = threading.Event()
@@ -124,7 +124,7 @@ class Worker(Generic[_T]):
     def offer(self, item: _T) -> None:
         """Adds an item to the queue; thread-safe."""
         with self._lock:
-            self.dropped += len(self._queue) == self._capacity
+            self.dropped += len(self._queue) == self._queue.maxlen
             self._queue.append(item)
 
     def close(self, timeout: float) -> bool:
@@ -163,7 +163,7 @@ class Worker(Generic[_T]):
         with self._lock:
             self.error = error
             self.dropped += len(self._queue)
-            self._capacity, self._queue = 0, deque(maxlen=0)
+            self._queue = deque(maxlen=0)
         self._on_error(error)
 
 
