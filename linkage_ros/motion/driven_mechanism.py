@@ -14,7 +14,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from statistics import median
-from typing import Any, NoReturn, TypeAlias
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -25,9 +25,6 @@ from linkage_ros.model.parts import CROSSED, OPEN
 from linkage_ros.model.structure import Description
 from linkage_ros.motion.runge_kutta import Plant, jacobian, slope_at
 from linkage_ros.numeric import Real, with_turns, within_two_turns, wrap
-
-# The torque on the crank, N m, at a crank speed, rad/s.
-TorqueLaw: TypeAlias = Callable[[Any], Real]
 
 _PLACES = 12  # number of crank angles per arc at which eigenvalues are computed
 _SLOW = 1e-3  # rad/s or m/s, treated as rest
@@ -54,7 +51,7 @@ class DrivenMechanism:
     """
 
     solver: Solver
-    torque: TorqueLaw
+    torque: Callable[[Any], Real]
     middle: float = 0.0
     solvers: dict[Description, Solver] = field(default_factory=dict)
 

@@ -267,7 +267,6 @@ def published(driven: DrivenMechanism, y: Values, pairs: int) -> Coordinates:
         LinkageError: As for `Solver.accelerations`.
     """
     solver, half = driven.solver, len(y) // 2
-    unwrapped = 0.0
     if driven.has_crank:
         unwrapped = with_turns(y[0], pairs)
         y = within_two_turns(unwrapped)[0], *y[1:]
