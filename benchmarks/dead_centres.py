@@ -22,7 +22,7 @@ from linkage_ros.errors import LinkageError
 from linkage_ros.lab.methods.integrators import Multipliers
 from linkage_ros.lab.reference.motions import InitialValueProblem
 from linkage_ros.motion.integrators import live_steps, record_steps
-from linkage_ros.motion.published import published
+from linkage_ros.motion.torque_driven import published
 
 _LOOK = 0.05  # s between compared states
 _CHAOTIC = 1e-9  # rad between motions whose starts differ by 1e-12 rad

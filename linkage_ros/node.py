@@ -11,9 +11,8 @@ from rclpy.clock import Clock, ClockType
 from linkage_ros import cli
 from linkage_ros.errors import LinkageError
 from linkage_ros.model.kinematics import State
-from linkage_ros.motion.coordinates import Coordinates
-from linkage_ros.motion.drives import FollowDrive, TorqueDrive
-from linkage_ros.motion.segments import Segment
+from linkage_ros.motion.drives import FollowDrive
+from linkage_ros.motion.segments import Coordinates, Segment
 from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.motion.torque_driven import Motion, TorqueMotion
 from linkage_ros.parameters.configuration import configure, parameter_leaves, preset_note
@@ -31,12 +30,11 @@ from linkage_ros.ros.topics import (
     require_distinct,
     wait_for_subscribers,
 )
-from linkage_ros.run.crank_trajectory import CrankTrajectory
 from linkage_ros.run.health import HealthMonitor
-from linkage_ros.run.inputs import inputs_of
-from linkage_ros.run.scheduling import freeze_heap
+from linkage_ros.run.messages import CrankTrajectory, inputs_of
 from linkage_ros.run.simulator import Simulator, Snapshot
-from linkage_ros.run.ticker import MeasurementTicker, RealTimeTicker, SimTimeTicker, Ticker
+from linkage_ros.run.threads import freeze_heap
+from linkage_ros.run.ticker import RealTimeTicker, SimTimeTicker, Ticker
 from linkage_ros.units import NS_PER_MS, NS_PER_S
 from linkage_ros.wire.cdr import WARN, encode_diagnostics
 from linkage_ros.wire.topics import (
@@ -88,7 +86,7 @@ class LinkageNode(ParameterNode):
         ]
         self._ticker = self._make_ticker()
         name = self.get_fully_qualified_name().lstrip('/')
-        self._monitor = HealthMonitor(name, is_torque_driven=isinstance(self._drive, TorqueDrive))
+        self._monitor = HealthMonitor(name)
         self.get_logger().info(preset_note(given) + summary(configuration, simulator.solver))
         wait_for_subscribers([state.publisher for state in self._states])
         freeze_heap()
@@ -100,7 +98,7 @@ class LinkageNode(ParameterNode):
         callbacks = self._simulator, self._tick, self._restamp, self._fail
         if isinstance(self._drive, FollowDrive):
             ((measured, _),) = self._inputs
-            return MeasurementTicker(
+            return Ticker(
                 self._simulator, self._answer, self._restamp, self._fail, measured.receive
             )
         if not self.get_parameter('use_sim_time').value:
@@ -154,7 +152,8 @@ class LinkageNode(ParameterNode):
 
     def _answer(self, stamp: int, coordinates: Coordinates) -> None:
         """Publishes the state of a measurement; runs in the ticker's thread."""
-        self._show(self._simulator.snapshot_measured(stamp, coordinates))
+        ahead = self._simulator.later(coordinates)
+        self._show(self._simulator.snapshot(stamp, coordinates, ahead))
 
     def _continue(self, motion: Motion) -> Motion:
         """Sets the current motion, and logs its segment if it is new."""

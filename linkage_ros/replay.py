@@ -30,8 +30,7 @@ from linkage_ros.playback.player import (
     play,
 )
 from linkage_ros.quantities import Quantity
-from linkage_ros.run.scheduling import freeze_heap, minimize_timer_slack, shorten_switch_interval
-from linkage_ros.run.worker import Worker
+from linkage_ros.run.threads import Worker, freeze_heap, wake_on_time
 from linkage_ros.units import NS_PER_S
 from linkage_ros.wire.topics import JOINT_STATES
 
@@ -205,8 +204,7 @@ def _run(arguments: list[str]) -> int:
         sinks = _sinks(stack, options, ros_arguments, log, excerpt, pace)
         keyboard = stack.enter_context(Keyboard())
         freeze_heap()
-        shorten_switch_interval()
-        minimize_timer_slack()
+        wake_on_time()
         if options.delay:
             with cli.waiting(f'the replay begins in {options.delay:g} s'):
                 stop.wait(options.delay)

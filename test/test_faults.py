@@ -25,8 +25,8 @@ from linkage_ros.log.reader import LogReader
 from linkage_ros.log.recover import recover
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.parameters.configuration import configure, load
-from linkage_ros.run.disk_sync import DiskSync
 from linkage_ros.run.simulator import Simulator
+from linkage_ros.run.threads import DiskSync
 from linkage_ros.wire.cdr import ERROR, OK, WARN
 from linkage_ros.wire.topics import DRIVING_TORQUE
 

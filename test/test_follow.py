@@ -25,14 +25,9 @@ from ros_harness import (
 from sensor_msgs.msg import JointState
 
 from linkage_ros.motion.drives import FollowDrive
-from linkage_ros.motion.follow import NOT_FINITE, NOT_NEWER, FollowMotion, Measurement, ahead
+from linkage_ros.motion.follow import NOT_FINITE, NOT_NEWER, FollowMotion, ahead
 from linkage_ros.parameters.configuration import configure, load
-from linkage_ros.run.inputs import (
-    NO_CRANK,
-    NO_JOINT_STATE,
-    OUT_OF_REACH,
-    inputs_of,
-)
+from linkage_ros.run.messages import NO_CRANK, NO_JOINT_STATE, OUT_OF_REACH, inputs_of
 from linkage_ros.run.simulator import Simulator
 
 TURN = 2 * math.pi
@@ -42,13 +37,13 @@ CODEC = JointStateCodec(('left_crank', 'left_coupler', 'left_rocker'), 'base_lin
 
 def followed(measurements, bandwidth=20.0):
     motion = FollowMotion(FollowDrive(bandwidth))
-    return motion, [motion.at(Measurement(*one)) for one in measurements]
+    return [motion.at(*one) for one in measurements]
 
 
 def test_between_measurements_the_filter_has_the_solution_of_its_equations():
     """Compares with a Taylor series of x' = v + 2 w (m - x), v' = w^2 (m - x) in 30 digits."""
     points = [(10, 0.3), (13, 0.5), (40, 0.1), (41, 0.12), (90, 0.7)]  # ms, rad
-    _, found = followed([(t * MS, m) for t, m in points])
+    found = followed([(t * MS, m) for t, m in points])
     with mp.workdps(30):
         w = 2 * mp.pi * 20
         x, v = mp.mpf(points[0][1]), mp.mpf(0)
@@ -79,7 +74,7 @@ def test_a_steady_speed_and_a_steady_change_of_speed_are_followed(wrapped, has_v
         angle = math.remainder(place, TURN) if wrapped else place
         return (n + 1) * 2 * MS, angle, speed + change * t if has_velocity else None
 
-    _, found = followed(map(measured, range(500)))
+    found = followed(map(measured, range(500)))
     _, position, _ = measured(499)
     last = found[-1]
     assert last.unwrapped == position
@@ -93,27 +88,30 @@ def test_a_steady_speed_and_a_steady_change_of_speed_are_followed(wrapped, has_v
 
 def test_filter_restarts_after_a_gap_and_after_a_step_back():
     start, gap = 11_000 * MS, 501 * MS  # 10 / bandwidth is 500 ms
-    motion, found = followed(
+    found = followed(
         [(start, 0.1, 3.0), (start + 5 * MS, 0.2, 4.0), (start + gap + 5 * MS, 0.9, 5.0),
          (start + gap + 9 * MS, 1.0, 6.0), (1000 * MS, 0.4), (1000 * MS + gap, 0.5)]
     )  # fmt: skip
     assert [one.u[0] for one in found] == [3.0, 4.0, 5.0, 6.0, 0.0, 0.0]
     assert [one.a[0] == 0.0 for one in found] == [True, False, True, False, True, True]
-    assert not motion.left_out
 
 
 def test_old_or_nonfinite_measurements_are_rejected():
     good = [(1000 * MS, 0.1), (1005 * MS, 0.2), (1010 * MS, 0.4)]
-    bad = [(1005 * MS, 9.0), (1004 * MS, 9.0), (505 * MS, 9.0), (1006 * MS, math.nan),
-           (1007 * MS, math.inf), (1008 * MS, 0.3, math.nan)]  # fmt: skip
-    motion, found = followed([*good[:2], *bad, good[2]])
-    assert found[2:-1] == [None] * len(bad)
-    assert motion.left_out == {NOT_NEWER: 3, NOT_FINITE: 3}
-    assert found[-1] == followed(good)[1][-1]
+    old = [(1005 * MS, 9.0), (1004 * MS, 9.0), (505 * MS, 9.0)]
+    bad = [(1006 * MS, math.nan), (1007 * MS, math.inf), (1008 * MS, 0.3, math.nan)]
+    motion = FollowMotion(FollowDrive())
+    for measurement in good[:2]:
+        motion.at(*measurement)
+    for measurements, cause in ((old, NOT_NEWER), (bad, NOT_FINITE)):
+        for measurement in measurements:
+            with pytest.raises(ValueError, match=re.escape(cause)):
+                motion.at(*measurement)
+    assert motion.at(*good[2]) == followed(good)[-1]
 
 
 def test_without_a_bandwidth_there_are_no_rates():
-    _, found = followed([(MS * n, 0.1 * n, 5.0) for n in range(1, 5)], 0.0)
+    found = followed([(MS * n, 0.1 * n, 5.0) for n in range(1, 5)], 0.0)
     assert {(one.u, one.a) for one in found} == {((0.0,), (0.0,))}
 
 
@@ -128,36 +126,29 @@ def measured_crank(simulator):
     return crank
 
 
-def test_messages_are_accepted_or_counted_by_cause_of_rejection():
+@pytest.mark.parametrize('name', ['crank', 'arm/motor'])
+def test_messages_are_accepted_or_counted_by_cause_of_rejection(name):
     limited = four_bar(LIMITED['rocker_crank'])
-    configuration = replace(configure({'drive': 'follow'}), mechanism=limited)
-    crank = measured_crank(Simulator(configuration))
+    configuration = configure({'drive': 'follow', 'crank_joint': name})
+    crank = measured_crank(Simulator(replace(configuration, mechanism=limited)))
     (start, end), *_ = limited.reach().arcs
     inside, beyond = 0.5 * (start + end), end + 0.01 * (TURN - end + start)
-    came = 10**18
+    came, names = 10**18, ('arm', name)
     for given, stamp in ((5, 5), (0, came)):
-        stamped, found = crank.read(message(given, position=(0.0, inside)), came)
+        stamped, found = crank.read(message(given, names, (0.0, inside)), came)
         assert (stamped, found.unwrapped) == (stamp, inside)
     for data, cause in (
         (b'', NO_JOINT_STATE),
         (b'\0\1\0\0abc', NO_JOINT_STATE),
-        (message(position=(0.0, inside))[:40], NO_JOINT_STATE),
-        (message(name=('arm',)), NO_CRANK),
-        (message(position=(1.0,)), NO_CRANK),
-        (message(name=()), NO_CRANK),
-        (message(position=(0.0, beyond)), OUT_OF_REACH),
+        (message(0, names, (0.0, inside))[:40], NO_JOINT_STATE),
+        (message(0, ('arm', 'wheel'), (0.0, inside)), NO_CRANK),
+        (message(0, names, (1.0,)), NO_CRANK),
+        (message(0, (), (0.0, inside)), NO_CRANK),
+        (message(0, names, (0.0, beyond)), OUT_OF_REACH),
     ):
         with pytest.raises(ValueError, match=f'^{cause}$'):
             crank.read(data, came + 1)
     assert crank.left_out == {NO_JOINT_STATE: 3, NO_CRANK: 3, OUT_OF_REACH: 1}
-
-
-def test_robot_may_use_another_name_for_the_crank():
-    crank = measured_crank(Simulator(configure({'drive': 'follow', 'crank_joint': 'arm/motor'})))
-    stamp, found = crank.read(message(5, name=('base', 'arm/motor'), position=(0.0, 0.5)), 7)
-    assert (stamp, found.unwrapped) == (5, 0.5)
-    with pytest.raises(ValueError, match=NO_CRANK):
-        crank.read(message(6, name=('base', 'crank'), position=(0.0, 0.5)), 8)
 
 
 @pytest.mark.parametrize('lead', [{}, {'effort_command_topic': '/torque', 'lead_time': 0.01}])
@@ -180,7 +171,8 @@ def test_extreme_measurements_do_not_end_the_motion(lead):
             except ValueError:
                 continue
             answers += 1
-            assert math.isfinite(simulator.snapshot_measured(*heard).state.torque)
+            snapshot = simulator.snapshot(*heard, simulator.later(heard[1]))
+            assert math.isfinite(snapshot.state.torque)
         assert 0 < answers == 9 - crank.left_out.total()
         assert crank.left_out[NOT_FINITE] >= 2
 

@@ -30,7 +30,7 @@ from rosbags.interfaces import (
 from solved_messages import TYPES, plain, solved_messages, time_of
 
 from linkage_ros.log.reader import LogReader
-from linkage_ros.motion.adaptive_integrator import AdaptiveSteps
+from linkage_ros.motion.integrators import AdaptiveSteps
 from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.parameters.configuration import Configuration, configure, load
 from linkage_ros.record import record

@@ -38,7 +38,7 @@ from linkage_ros.model.load_curve import LoadCurve
 from linkage_ros.model.parts import Body, Coupler, Piston
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.drives import Motor
-from linkage_ros.motion.fixed_step_integrator import FixedSteps
+from linkage_ros.motion.integrators import FixedSteps
 from linkage_ros.parameters.configuration import load
 
 PUMP = load('wind_pump').mechanism

@@ -124,7 +124,7 @@ PROLOGUE = """
 import os, resource, signal, socket, sys, threading, time
 from linkage_ros import ViewerError
 from linkage_ros.parameters.configuration import load
-from linkage_ros.run.worker import Worker
+from linkage_ros.run.threads import Worker
 from linkage_ros.view import rerun_view
 from linkage_ros.view.rerun_view import View
 from linkage_ros.run.simulator import Simulator

@@ -34,9 +34,9 @@ from linkage_ros.lab.torque_models import (
     with_point_masses,
     without,
 )
-from linkage_ros.motion.adaptive_integrator import AdaptiveSteps
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.drives import Motor
+from linkage_ros.motion.integrators import AdaptiveSteps
 from linkage_ros.parameters.configuration import load
 from linkage_ros.units import radians_per_second
 

@@ -45,12 +45,15 @@ from linkage_ros.lab.reference.motions import (
     free_pump,
 )
 from linkage_ros.lab.reference.multibody import eliminate
-from linkage_ros.motion.adaptive_integrator import AdaptiveSteps
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.drives import Motor, TorqueDrive
-from linkage_ros.motion.fixed_step_integrator import FixedSteps
-from linkage_ros.motion.integrators import live_steps, record_steps
-from linkage_ros.motion.stiff_integrator import StiffSteps
+from linkage_ros.motion.integrators import (
+    AdaptiveSteps,
+    FixedSteps,
+    StiffSteps,
+    live_steps,
+    record_steps,
+)
 from linkage_ros.motion.torque_driven import TorqueMotion
 from linkage_ros.numeric import with_turns, within_two_turns
 from linkage_ros.parameters.configuration import load
@@ -165,7 +168,8 @@ def test_time_constants_below_the_resolution_of_time_are_followed_after_days():
     """In double precision, 300 days are resolved to 4 ns; this motion needs 2 ps."""
     ends = []
     for time in (0.0, 300 * 86400.0):
-        steps = begun(live_steps, QUADRILATERAL, (0.0, 0.0), lambda u: 1e10 * (3.0 - u), time=time)
+        steps = begun(live_steps, QUADRILATERAL, (0.0, 0.0), lambda u: 1e10 * (3.0 - u))
+        steps.time = time
         steps.advance(time + 1e-3)
         ends.append(steps.phase)
     assert ends[1] == pytest.approx(ends[0], abs=1e-7)

@@ -7,40 +7,33 @@ the motion is integrated in its other coordinates. After the singularity, its ow
 used again, possibly in the other assembly.
 """
 
-from __future__ import annotations
-
 import functools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from statistics import median
-from typing import Any, NoReturn, TypeAlias
+from typing import Any, NoReturn
 
 import numpy as np
 
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.errors import LinkageError, MotionError
-from linkage_ros.formulas import where
-from linkage_ros.model.kinematics import FULL_TURN, Arc, State
+from linkage_ros.model.kinematics import FULL_TURN, State
 from linkage_ros.model.parts import CROSSED, OPEN
-from linkage_ros.model.structure import Description, Link
-from linkage_ros.numeric import Array, Real, with_turns, within_two_turns, wrap
+from linkage_ros.model.structure import Description
+from linkage_ros.motion.runge_kutta import Plant, jacobian, slope_at
+from linkage_ros.numeric import Real, with_turns, within_two_turns, wrap
 
-# The torque on the crank, N m, at a crank speed, rad/s.
-TorqueLaw: TypeAlias = Callable[[Any], Real]
-
-_NUDGE = 1e-7  # relative step of a value, or of its unit, for derivatives
 _PLACES = 12  # number of crank angles per arc at which eigenvalues are computed
 _SLOW = 1e-3  # rad/s or m/s, treated as rest
-_SOON = 1e-3  # s, within which an end is reported at its extrapolated time
 _NEAR = 0.05  # sine of the dyad angle below which the dyad is considered in line
 # Sines of the dyad angle at which the motion leaves its own coordinates and returns to them.
 _LEAVE, _RETURN = 0.1, 0.2
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class DrivenMechanism:
     """A mechanism under a torque: y' = slope(y), where y are coordinates, then their rates.
 
@@ -49,29 +42,30 @@ class DrivenMechanism:
         torque: Torque on the crank, N m, as a function of the crank speed, rad/s.
         middle: If the crank is not a coordinate, the middle of the arc on which it moves, rad.
         solvers: Solvers for all descriptions used so far.
+        links: The links whose positions are the coordinates.
+        units: Units of the errors in y: rad or crank lengths, then the same per second.
+        has_crank: Whether the crank is the first coordinate.
+        is_own: Whether the current coordinates are the mechanism's own coordinates.
+        is_usual: Whether the current coordinates and assembly are the mechanism's own.
+        is_limited: Whether the coordinates are singular at positions other than change points.
     """
 
     solver: Solver
-    torque: TorqueLaw
+    torque: Callable[[Any], Real]
     middle: float = 0.0
-    solvers: dict[Description, Solver] = field(default_factory=dict, compare=False)
+    solvers: dict[Description, Solver] = field(default_factory=dict)
 
-    @functools.cached_property
-    def units(self) -> tuple[float, ...]:
-        """Units of the errors in y: rad or crank lengths, then the same per second."""
-        length = self.solver.mechanism.crank.length
-        return tuple(length if link.slides else 1.0 for link in self.links) * 2
-
-    @functools.cached_property
-    def links(self) -> tuple[Link, ...]:
-        """The links whose positions are the coordinates."""
-        links = {link.name: link for link in self.solver.structure.links}
-        return tuple(links[name] for name in self.solver.coordinates)
-
-    @functools.cached_property
-    def has_crank(self) -> bool:
-        """Whether the crank is the first coordinate."""
-        return self.solver.coordinates[0] == self.solver.links[0]
+    def __post_init__(self) -> None:
+        solver, mechanism = self.solver, self.solver.mechanism
+        links = {link.name: link for link in solver.structure.links}
+        self.links = tuple(links[name] for name in solver.coordinates)
+        self.units = 2 * tuple(
+            mechanism.crank.length if link.slides else 1.0 for link in self.links
+        )
+        self.has_crank = solver.coordinates[0] == solver.links[0]
+        self.is_own = solver.coordinates == mechanism.coordinates
+        self.is_usual = solver.description == mechanism.description
+        self.is_limited = solver.mobility is None or not solver.mobility.turns_fully
 
     def wound(self, y: tuple[float, ...]) -> tuple[tuple[float, ...], int]:
         """Removes pairs of whole turns from the crank angle in y; returns y and their number."""
@@ -95,14 +89,14 @@ class DrivenMechanism:
         angle = self._state(y).position[0]
         return with_turns(angle, pairs + turns_between(angle, self.middle))
 
-    def described(self, description: Description) -> DrivenMechanism:
+    def described(self, description: Description) -> 'DrivenMechanism':
         """Returns this driven mechanism in another description."""
         self.solvers.setdefault(self.solver.description, self.solver)
         if description not in self.solvers:
             self.solvers[description] = Solver(self.solver.mechanism, description=description)
         return replace(self, solver=self.solvers[description])
 
-    def ready(self, y: tuple[float, ...]) -> tuple[DrivenMechanism, tuple[float, ...], float]:
+    def ready(self, y: tuple[float, ...]) -> tuple['DrivenMechanism', tuple[float, ...], float]:
         """Chooses the best coordinates for the motion.
 
         Args:
@@ -130,16 +124,6 @@ class DrivenMechanism:
                 left = min(left, sine / -rate)
         return self, y, left
 
-    @functools.cached_property
-    def is_own(self) -> bool:
-        """Whether the current coordinates are the mechanism's own coordinates."""
-        return self.solver.coordinates == self.solver.mechanism.coordinates
-
-    @functools.cached_property
-    def is_usual(self) -> bool:
-        """Whether the current coordinates and assembly are the mechanism's own."""
-        return bool(self.solver.description == self.solver.mechanism.description)
-
     def _better(self, y: tuple[float, ...], sine: float, other_sine: float) -> tuple[str, ...]:
         """Selects new coordinates; empty to keep the current ones."""
         mechanism = self.solver.mechanism
@@ -154,7 +138,7 @@ class DrivenMechanism:
 
     def redescribed(
         self, y: tuple[float, ...], coordinates: tuple[str, ...]
-    ) -> tuple[DrivenMechanism, tuple[float, ...]]:
+    ) -> tuple['DrivenMechanism', tuple[float, ...]]:
         """Converts the motion to other coordinates, in the assembly that matches the positions.
 
         Args:
@@ -196,12 +180,10 @@ class DrivenMechanism:
         if mobility is None:
             return crank
 
-        def outside(arc: Arc) -> float:
-            low, high = arc
-            apart: float = wrap(crank - 0.5 * (low + high))
-            return abs(apart) - 0.5 * (high - low)
-
-        low, high = min(mobility.arcs, key=outside)
+        low, high = min(
+            mobility.arcs,
+            key=lambda arc: abs(wrap(crank - 0.5 * sum(arc))) - 0.5 * (arc[1] - arc[0]),
+        )
         middle = 0.5 * (low + high)
         return with_turns(middle, turns_between(middle, crank))
 
@@ -240,22 +222,19 @@ class DrivenMechanism:
         free = DrivenMechanism(self.solver, lambda speed: self.torque(speed) - self.torque(0.0))
         arcs = self.solver.mobility.arcs if self.solver.mobility else FULL_TURN
         others, _ = self.solver.mechanism.start()
-        found = []
-        for low, high in arcs:
-            for i in range(_PLACES):
-                with suppress(LinkageError, np.linalg.LinAlgError):
-                    angle = low + (high - low) * (i + 0.5) / _PLACES
-                    found.append(free.eigenvalues((angle, *others)))
+        found, places = [], [i + 0.5 for i in range(_PLACES)]
+        for angle in [low + (high - low) * x / _PLACES for low, high in arcs for x in places]:
+            with suppress(LinkageError, np.linalg.LinAlgError):
+                found.append(free._eigenvalues((angle, *others)))
         settling, swinging = [-x.real.min() for x in found], [x.imag.max() for x in found]
         return float(median(settling or [0.0])), float(median(swinging or [0.0]))
 
-    def eigenvalues(self, q: tuple[float, ...]) -> Array:
+    def _eigenvalues(self, q: tuple[float, ...]) -> Any:
         """Computes the eigenvalues of the motion linearised about rest, 1/s."""
         y, count = (*q, *[_SLOW] * len(q)), len(q)
-        by_value = jacobian(self.accelerations, self.units, y, self.slope(y))
-        system: Any = np.vstack([np.eye(count, 2 * count, count), np.transpose(by_value)])
-        found: Array = np.linalg.eigvals(system)
-        return found
+        by_value = jacobian(Plant(self.units, self.accelerations), y, self.slope(y))
+        system = np.vstack([np.eye(count, 2 * count, count), np.transpose(by_value)])
+        return np.linalg.eigvals(system)
 
     def fail(self, time: float, y: tuple[float, ...], cause: Exception | None) -> NoReturn:
         """Reports the end of a motion that cannot continue.
@@ -266,17 +245,11 @@ class DrivenMechanism:
             cause: Error raised in the next step, if any.
 
         Raises:
-            MotionError: Always. The message states the extrapolated time of the end, the position,
-                the cause and remedies.
+            MotionError: Always. The message states the time, the position, the cause and remedies.
         """
-        sine, words = self.solver.alignment(y[: len(y) // 2])
-        q, other_sine = y[: len(y) // 2], 1.0
-        with suppress(LinkageError):  # the actual end is slightly later
-            _, _, left = self.ready(y)
-            time += left if left < _SOON else 0.0
-            others = self.solver.dyad_sines(y)[len(self.solver.structure.dyads) :]
-            other_sine = min((met.sine for met in others), default=1.0)
-            mechanism = self.solver.mechanism
+        mechanism, half = self.solver.mechanism, len(y) // 2
+        (sine, words), q = self.solver.alignment(y[:half]), y[:half]
+        with suppress(LinkageError):
             q = self.redescribed(y, mechanism.coordinates)[1][: len(mechanism.coordinates)]
         places = ', '.join(
             f'{link.name} at {value:.6g} m'
@@ -285,63 +258,18 @@ class DrivenMechanism:
             for value, link in zip(y, self.links, strict=False)
         )
         if sine < _NEAR and self.is_limited:
-            way = 'the motion continues in another assembly, not described by these coordinates'
-            if other_sine < _NEAR:
-                way = 'all links are in line, and the motion can continue in more than one way'
-            cure = 'start more slowly or at another position, or change torque, masses or lengths'
-            reason = f'{words}: {way}; {cure}'
+            reason = (
+                f'{words}, and the motion can continue in more than one way; start more slowly or '
+                'at another position, or change torque, masses or lengths'
+            )
         else:
             reason = (
                 'the motion is too fast for the shortest step; lower the speed, the torque, the '
-                'commands (torque_limit) or a stiffness, or add mass'
+                'commands (torque_limit) or a stiffness, add mass, or, if links are almost in '
+                'line, change a length'
             )
-            if sine < _NEAR:
-                reason += '; the links are almost in line: change a length to avoid this'
         message = f'the motion ends at t = {time:.6g} s, {places}: {reason}'
         raise MotionError(message, time=time, coordinates=q) from cause
-
-    @functools.cached_property
-    def is_limited(self) -> bool:
-        """Whether the coordinates are singular at positions other than change points."""
-        mobility = self.solver.mobility
-        return mobility is None or not mobility.turns_fully
-
-
-def slope_at(
-    accelerations: Callable[..., Sequence[Real]], y: tuple[Real, ...]
-) -> tuple[Real, ...]:
-    """Computes y', the rates followed by the accelerations; compiled as a formula."""
-    found, half = accelerations(*y), len(y) // 2
-    return (*y[half:], *(found[i] for i in range(half)))
-
-
-def jacobian(
-    accelerations: Callable[..., Sequence[Real]],
-    units: Sequence[Real],
-    y: tuple[Real, ...],
-    slope: tuple[Real, ...],
-) -> list[list[Real]]:
-    """Computes the jacobian of the accelerations by finite differences; compiled as a formula.
-
-    Args:
-        accelerations: Function that returns the accelerations; its arguments are the elements of
-            y.
-        units: Units of the errors in y.
-        y: Coordinates, then their rates.
-        slope: y' at y.
-
-    Returns:
-        A row for each element of y, with the derivatives of all accelerations.
-    """
-    found = []
-    for i, (value, unit) in enumerate(zip(y, units, strict=True)):
-        # Step away from 0, where the force of a load may jump.
-        size = _NUDGE * where(abs(value) >= unit, abs(value), unit)
-        nudged = value + where(value >= 0.0, size, -size)
-        there = slope_at(accelerations, (*y[:i], nudged, *y[i + 1 :]))[len(y) // 2 :]
-        pairs = zip(there, slope[len(y) // 2 :], strict=True)
-        found.append([(a - b) / (nudged - value) for a, b in pairs])
-    return found
 
 
 def turns_between(angle: float, middle: float) -> Fraction:

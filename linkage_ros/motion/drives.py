@@ -5,8 +5,6 @@
 The fields of each class are the parameters of the drive.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import TypeAlias
 

@@ -16,14 +16,11 @@ exactly, for any time t. If m is the crank angle, v is the speed and w^2 e the a
 sensor also measures the speed, a second filter tracks it, and its v is the acceleration.
 """
 
-from __future__ import annotations
-
 import math
-from collections import Counter
 from typing import NamedTuple
 
-from linkage_ros.motion.coordinates import Coordinates
 from linkage_ros.motion.drives import FollowDrive
+from linkage_ros.motion.segments import Coordinates
 from linkage_ros.numeric import within_two_turns
 from linkage_ros.units import NS_PER_S
 
@@ -36,20 +33,6 @@ _GAP = 10.0
 _LARGEST = 1e12
 
 NOT_NEWER, NOT_FINITE = 'not newer than the one before', 'not finite, or beyond 1e+12'
-
-
-class Measurement(NamedTuple):
-    """A measurement of the crank.
-
-    Attributes:
-        stamp: Time of the measurement, ns.
-        position: Crank angle, rad.
-        velocity: Crank speed, rad/s; None if it was not measured.
-    """
-
-    stamp: int
-    position: float
-    velocity: float | None = None
 
 
 class Tracked(NamedTuple):
@@ -65,7 +48,7 @@ class Tracked(NamedTuple):
     error: float
     rate: float
 
-    def advance(self, value: float, time: float, w: float) -> Tracked:
+    def advance(self, value: float, time: float, w: float) -> 'Tracked':
         """Updates the filter with a new measurement.
 
         Args:
@@ -84,11 +67,7 @@ class Tracked(NamedTuple):
 
 
 class FollowMotion:
-    """The motion of a measured crank.
-
-    Attributes:
-        left_out: Number of rejected measurements for each cause.
-    """
+    """The motion of a measured crank."""
 
     def __init__(self, drive: FollowDrive) -> None:
         """Initializes the filter, which starts at the first measurement.
@@ -96,40 +75,36 @@ class FollowMotion:
         Args:
             drive: Drive with the bandwidth of the filter.
         """
-        self.left_out: Counter[str] = Counter()
         self._w = 2 * math.pi * drive.follow_bandwidth
         self._gap = _GAP / drive.follow_bandwidth if drive.follow_bandwidth else math.inf
-        self._last: Measurement | None = None
+        self._stamp: int | None = None  # of the last measurement, ns
         self._angle = self._speed = Tracked(0.0, 0.0, 0.0)
 
-    def at(self, measured: Measurement) -> Coordinates | None:
-        """Updates the motion with a measurement.
+    def at(self, stamp: int, position: float, velocity: float | None = None) -> Coordinates:
+        """Updates the motion with a measurement, in order of arrival.
 
         Args:
-            measured: The measurements of successive calls must be in order of arrival.
+            stamp: Time of the measurement, ns.
+            position: Crank angle, rad.
+            velocity: Crank speed, rad/s; None if it was not measured.
 
         Returns:
-            The coordinates at the stamp of the measurement; None if it was rejected, which
-            `left_out` counts.
+            The coordinates at the stamp.
+
+        Raises:
+            ValueError: The measurement is rejected. The error text is the cause.
         """
-        stamp, position, velocity = measured
-        values = (position,) if velocity is None else (position, velocity)
-        if not all(abs(value) <= _LARGEST for value in values):
-            self.left_out[NOT_FINITE] += 1
-            return None
-        last, since = self._last, 0
-        if last is not None:
-            since = stamp - last.stamp
-            if -_RESTART <= since <= 0:
-                self.left_out[NOT_NEWER] += 1
-                return None
-        time = since / NS_PER_S
-        if last is None or since < 0 or time > self._gap:
+        if not all(abs(value) <= _LARGEST for value in (position, velocity or 0.0)):
+            raise ValueError(NOT_FINITE)
+        since = -math.inf if self._stamp is None else stamp - self._stamp
+        if -_RESTART <= since <= 0:
+            raise ValueError(NOT_NEWER)
+        if 0 < (time := since / NS_PER_S) <= self._gap:
+            self._advance(position, velocity, time)
+        else:
             self._angle = Tracked(position, 0.0, velocity or 0.0)
             self._speed = Tracked(velocity or 0.0, 0.0, 0.0)
-        else:
-            self._advance(position, velocity, time)
-        self._last = measured
+        self._stamp = stamp
         angle, _ = within_two_turns(position)
         return Coordinates((angle,), *self._rates(velocity), position)
 

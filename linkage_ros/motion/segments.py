@@ -1,14 +1,20 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Segments of a run's motion, as stored in logs. Each lasts until the next one starts."""
+"""Segments of a run's motion, as stored in logs, and the coordinates that they give.
 
-from __future__ import annotations
+A segment lasts until the next one starts.
+"""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
+import numpy as np
+
+from linkage_ros.model.kinematics import State
 from linkage_ros.model.structure import Description
+from linkage_ros.numeric import Array, Real
 
 
 @dataclass(frozen=True)
@@ -53,3 +59,39 @@ class TorqueSegment:
 
 
 Segment: TypeAlias = SpeedSegment | TorqueSegment
+
+
+class Coordinates(NamedTuple):
+    """Coordinates, rates and accelerations, each in the order of `Solver.coordinates`.
+
+    The values are floats, or arrays for many times.
+
+    Attributes:
+        q: Crank angle, rad, reduced to the range of two turns, after which every state repeats;
+            for a wind pump also the slider's position, m.
+        u: Rates of the coordinates, rad/s and m/s.
+        a: Accelerations of the coordinates, rad/s^2 and m/s^2.
+        unwrapped: Crank angle including all turns, correctly rounded, rad.
+        state: The state, if the motion may be in another assembly so that the coordinates do not
+            determine the state; otherwise None.
+    """
+
+    q: tuple[Real, ...]
+    u: tuple[Real, ...]
+    a: tuple[Real, ...]
+    unwrapped: Real
+    state: State | None = None
+
+
+def stacked(moments: Sequence[Coordinates]) -> Coordinates:
+    """Stacks the coordinates of many times into arrays; either all or none have a state."""
+    q, u, a, unwrapped, states = zip(*moments, strict=True)
+    state = None
+    if states[0] is not None:
+        *rows, torques = zip(*states, strict=True)
+        state = State._make((*map(_columns, rows), np.array(torques)))
+    return Coordinates(_columns(q), _columns(u), _columns(a), np.array(unwrapped), state)
+
+
+def _columns(rows: Sequence[Any]) -> tuple[Array, ...]:
+    return tuple(np.array(column) for column in zip(*rows, strict=True))

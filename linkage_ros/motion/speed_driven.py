@@ -7,8 +7,6 @@ at its start, and a set speed. The phase at a later stamp is a closed expression
 nanoseconds. It is reduced by whole turns and then rounded once to a float.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from fractions import Fraction
@@ -16,9 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from linkage_ros.motion.coordinates import Coordinates, stacked
 from linkage_ros.motion.drives import SpeedDrive
-from linkage_ros.motion.segments import SpeedSegment
+from linkage_ros.motion.segments import Coordinates, SpeedSegment, stacked
 from linkage_ros.units import NS_PER_S
 
 # Phases, speeds and accelerations are integers in units of 2^-128 turn, rpm and rpm/s. Doubles
@@ -62,7 +59,7 @@ class SpeedMotion:
         self._settled_speed = _radians(self._target * NS_PER_S, _SPEED_SIZE)
 
     @classmethod
-    def begin(cls, drive: SpeedDrive, stamp: int) -> SpeedMotion:
+    def begin(cls, drive: SpeedDrive, stamp: int) -> 'SpeedMotion':
         """Starts the motion of a drive at t = 0.
 
         Args:
@@ -88,13 +85,11 @@ class SpeedMotion:
         """
         elapsed = stamp - self.segment.stamp
         turned, speed, acceleration = self._phase_after(elapsed), self._settled_speed, 0.0
-        unwrapped = angle = _radians(turned, _TURN_SIZE)
-        if not 0 <= turned < 2 * _TURN:
-            angle = _radians(turned % (2 * _TURN), _TURN_SIZE)
+        angle = _radians(turned % (2 * _TURN), _TURN_SIZE)
         if elapsed < self._ramp_ns:
             speed = _radians(self._speed_after(elapsed), _SPEED_SIZE)
             acceleration = math.copysign(self.segment.acceleration, self._rate)
-        return Coordinates((angle,), (speed,), (acceleration,), unwrapped)
+        return Coordinates((angle,), (speed,), (acceleration,), _radians(turned, _TURN_SIZE))
 
     def at_all(self, stamps: Sequence[int]) -> Coordinates:
         """Computes the coordinates at many stamps, bit-identical to those of `at`.
@@ -111,12 +106,11 @@ class SpeedMotion:
             return stacked([self.at(stamp) for stamp in stamps])
         rate = self._target * 2 * NS_PER_S
         turned = [self._settled_phase + rate * time for time in elapsed]
-        unwrapped = angle = np.array([_radians(phase, _TURN_SIZE) for phase in turned])
-        if not 0 <= min(turned[0], turned[-1]) <= max(turned[0], turned[-1]) < 2 * _TURN:
-            angle = np.array([_radians(phase % (2 * _TURN), _TURN_SIZE) for phase in turned])
+        angle = np.array([_radians(phase % (2 * _TURN), _TURN_SIZE) for phase in turned])
+        unwrapped = np.array([_radians(phase, _TURN_SIZE) for phase in turned])
         return Coordinates((angle,), (self._settled_speed,), (0.0,), unwrapped)
 
-    def follow(self, stamp: int, drive: Any) -> SpeedMotion:
+    def follow(self, stamp: int, drive: Any) -> 'SpeedMotion':
         """Returns the motion under a drive from a stamp on.
 
         Args:
@@ -128,7 +122,7 @@ class SpeedMotion:
         """
         return self if drive.rpm == self.segment.rpm else self.change(stamp, drive.rpm)
 
-    def restamp(self, old: int, new: int) -> SpeedMotion:
+    def restamp(self, old: int, new: int) -> 'SpeedMotion':
         """Returns the motion after a step of the clock, with continuous phase and speed.
 
         Args:
@@ -140,7 +134,7 @@ class SpeedMotion:
         """
         return self.change(old, self.segment.rpm, new)
 
-    def change(self, stamp: int, rpm: float, restamp: int | None = None) -> SpeedMotion:
+    def change(self, stamp: int, rpm: float, restamp: int | None = None) -> 'SpeedMotion':
         """Returns the motion after a change of speed or clock, with continuous phase and speed.
 
         Args:

@@ -11,11 +11,9 @@ from rclpy.node import Node
 from linkage_ros import cli
 from linkage_ros.errors import LogError
 from linkage_ros.parameters.session import SPAWN, WEB
-from linkage_ros.run.disk_sync import DiskSync
 from linkage_ros.run.health import Health
-from linkage_ros.run.scheduling import accompany_ticker
 from linkage_ros.run.simulator import Simulator
-from linkage_ros.run.worker import Worker
+from linkage_ros.run.threads import DiskSync, Worker, accompany_ticker
 from linkage_ros.wire.topics import Topic
 
 # Items queued for a stalled disk, enough for half a minute at 1 kHz, and for a slow viewer.

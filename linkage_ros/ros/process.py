@@ -32,7 +32,7 @@ from linkage_ros.errors import ConfigurationError, LinkageError, one_line
 from linkage_ros.files import path_exists
 from linkage_ros.parameters.parameter_file import read_parameter_file
 from linkage_ros.parameters.presets import preset_names, preset_path
-from linkage_ros.run.scheduling import accompany_ticker
+from linkage_ros.run.threads import accompany_ticker
 
 _PIPE_SIZE = 65536  # bytes, the size of a pipe
 _STDERR = 2  # its file descriptor

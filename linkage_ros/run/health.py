@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Health of a run: diagnostic statuses of motion, log and viewer."""
 
-from __future__ import annotations
-
 import time
 from collections import deque
 from collections.abc import Sequence
@@ -23,11 +21,8 @@ WINDOW = 10
 _OVERLOADED, _RECOVERED = 0.10, 0.05
 _BUSY = (
     f'more than {100 * _OVERLOADED:g} % of the ticks of the last {WINDOW} s were missed: '
-    'the machine is too busy for this rate_hz'
-)
-_FAST_CRANK = (
-    ', or the crank is too fast: a fast crank costs more per tick (add motor.damping or lower '
-    'rate_hz)'
+    'the machine is too busy for this rate_hz, or a torque-driven crank is too fast (add '
+    'motor.damping or lower rate_hz)'
 )
 
 
@@ -50,16 +45,13 @@ class Health(NamedTuple):
 class HealthMonitor:
     """Evaluates the health of a run over the last 10 s."""
 
-    def __init__(self, node: str, *, is_torque_driven: bool = False) -> None:
+    def __init__(self, node: str) -> None:
         """Starts monitoring a new run.
 
         Args:
             node: Name of the node, used in the names of the statuses.
-            is_torque_driven: Whether the motion is integrated, which takes more time per tick at
-                higher speeds.
         """
         self._node = node
-        self._busy = _BUSY + _FAST_CRANK * is_torque_driven
         self._is_overloaded = False
         # Time, s, counts and parts at the start of the window and at each report since.
         self._past: deque[tuple[float, TickCounts, dict[str, Health]]] = deque(maxlen=WINDOW + 1)
@@ -116,7 +108,7 @@ class HealthMonitor:
         is_full = len(self._past) > WINDOW
         self._is_overloaded = is_full and missed > limit * max(1, kept + missed)
         if self._is_overloaded:
-            troubles.append(self._busy)
+            troubles.append(_BUSY)
         rate = kept / (now - start)
         median, p99 = np.quantile(list(counts.lateness) or [0], (0.5, 0.99))
         values = {

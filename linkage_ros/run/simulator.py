@@ -6,8 +6,6 @@ The node and the recorder share this code, so equal configurations and elapsed t
 bit-identical messages.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
@@ -24,18 +22,16 @@ from linkage_ros.errors import ConfigurationError, LinkageError
 from linkage_ros.formulas import Vector
 from linkage_ros.model.kinematics import State
 from linkage_ros.model.structure import Link, Point
-from linkage_ros.motion.coordinates import Coordinates
-from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.drives import SpeedDrive, TorqueDrive
-from linkage_ros.motion.fixed_step_integrator import Integrate
 from linkage_ros.motion.follow import ahead as later
-from linkage_ros.motion.integrators import live_steps, require_live
+from linkage_ros.motion.integrators import Integrate, live_steps
+from linkage_ros.motion.segments import Coordinates
 from linkage_ros.motion.speed_driven import SpeedMotion
-from linkage_ros.motion.torque_driven import Motion, TorqueMotion, start
+from linkage_ros.motion.torque_driven import Motion, TorqueMotion
 from linkage_ros.numeric import Real
 from linkage_ros.parameters.configuration import Configuration
 from linkage_ros.parameters.session import FeedForward
-from linkage_ros.units import NS_PER_MS, NS_PER_S
+from linkage_ros.units import NS_PER_S
 from linkage_ros.wire.cdr import encode_string
 from linkage_ros.wire.codecs import (
     POINT_FIELDS,
@@ -166,16 +162,14 @@ class Simulator:
         """Compiles the programs, and rejects a motion that is too fast for a live run.
 
         Raises:
-            ConfigurationError: As for `integrators.require_live`.
+            ConfigurationError: As for `TorqueMotion.require_live`.
         """
         drive = self.configuration.drive
         if isinstance(drive, TorqueDrive):
-            driven = DrivenMechanism(self.solver, drive.motor.at)
-            begin = start(self.configuration.mechanism, drive)
-            require_live(driven, begin, self.elapsed(1) / NS_PER_S)
+            motion = TorqueMotion(self.solver, drive, 0, self.elapsed(1))
+            motion.require_live()
             with suppress(LinkageError):  # the run will report this error
-                motion = TorqueMotion(self.solver, drive, 0, self.elapsed(1))
-                self.snapshot_at(motion, NS_PER_MS)
+                self.snapshot_at(motion, NS_PER_S)
                 motion.rehearse()
 
     def elapsed(self, tick: Whole) -> Whole:
@@ -215,27 +209,25 @@ class Simulator:
             The state and its messages.
         """
         ahead = None if self._lead is None else motion.at(stamp + self._lead)
-        return self._snapshot(stamp, motion.at(stamp), ahead)
-
-    def snapshot_measured(self, stamp: int, coordinates: Coordinates) -> Snapshot:
-        """Computes the state of a measured crank.
-
-        Args:
-            stamp: Stamp of the measurement, ns.
-            coordinates: Measured angle, with filtered rates.
-
-        Returns:
-            The state and its messages.
-        """
-        return self._snapshot(stamp, coordinates, self.later(coordinates))
+        return self.snapshot(stamp, motion.at(stamp), ahead)
 
     def later(self, coordinates: Coordinates) -> Coordinates | None:
         """Extrapolates a measured motion by `lead_time`; returns None without feed-forward."""
         return None if self._lead is None else later(coordinates, self._lead / NS_PER_S)
 
-    def _snapshot(
+    def snapshot(
         self, stamp: int, coordinates: Coordinates, ahead: Coordinates | None
     ) -> Snapshot:
+        """Computes the state at given coordinates.
+
+        Args:
+            stamp: Stamp of the state, ns.
+            coordinates: Coordinates at the stamp.
+            ahead: Coordinates for the feed-forward torque; None without feed-forward.
+
+        Returns:
+            The state and its messages.
+        """
         state, numbers = self._solved(coordinates, ahead)
         return Snapshot(state, stamp, numbers, self.layout)
 

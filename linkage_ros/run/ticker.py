@@ -7,22 +7,15 @@ and counts ticks, so the next state is on time again. The stamp of tick n is t0 
 wall clock; if the wall clock is stepped, t0 is shifted by the same amount.
 """
 
-from __future__ import annotations
-
 import threading
 import time
-from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
-from linkage_ros.run.scheduling import (
-    minimize_timer_slack,
-    shorten_switch_interval,
-    take_real_time_priority,
-)
 from linkage_ros.run.simulator import Simulator
+from linkage_ros.run.threads import take_real_time_priority, wake_on_time
 from linkage_ros.units import NS_PER_MS, NS_PER_S
 
 _LATENESS_SAMPLES = 10_000  # number of ticks whose lateness is stored
@@ -56,8 +49,8 @@ class TickCounts:
     real_time_priority: bool = False
 
 
-class Ticker(ABC):
-    """Generates the ticks of a motion in a separate thread.
+class Ticker:
+    """Generates a tick for each received message, such as a measurement, in a separate thread.
 
     Attributes:
         counts: Counts of the ticks.
@@ -103,8 +96,7 @@ class Ticker(ABC):
             self._thread.join()
 
     def _run(self) -> None:
-        minimize_timer_slack()
-        shorten_switch_interval()
+        wake_on_time()
         self.counts.real_time_priority = take_real_time_priority()
         try:
             for due in self._due():
@@ -114,9 +106,10 @@ class Ticker(ABC):
             self.error = error
             self._fail(error)
 
-    @abstractmethod
     def _due(self) -> Iterator[tuple[Any, ...]]:
         """Waits for ticks, and yields the arguments of each tick until the ticker is stopped."""
+        while not self._stop.is_set():
+            yield from self._receive()
 
     def _stamp(self, tick: int) -> int:
         return self.t0 + self._simulator.elapsed(tick)
@@ -196,11 +189,3 @@ class SimTimeTicker(Ticker):
                 while tick <= due and not self._stop.is_set():
                     yield (self._stamp(tick),)
                     tick += 1
-
-
-class MeasurementTicker(Ticker):
-    """Generates a tick for each received measurement."""
-
-    def _due(self) -> Iterator[tuple[Any, ...]]:
-        while not self._stop.is_set():
-            yield from self._receive()

@@ -14,10 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from linkage_ros.log.reader import LoggedMessage, LogReader, measured_channel
-from linkage_ros.motion.coordinates import Coordinates, stacked
-from linkage_ros.motion.segments import Segment, SpeedSegment
+from linkage_ros.motion.segments import Coordinates, Segment, SpeedSegment, stacked
 from linkage_ros.motion.speed_driven import SpeedMotion
-from linkage_ros.run.inputs import MeasuredCrank
+from linkage_ros.run.messages import MeasuredCrank
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.units import TIME_END
 from linkage_ros.wire.rows import RowLayout

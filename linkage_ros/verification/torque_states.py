@@ -16,13 +16,11 @@ import numpy.typing as npt
 
 from linkage_ros.errors import LinkageError, LogError
 from linkage_ros.log.reader import LogReader
-from linkage_ros.motion.coordinates import Coordinates
-from linkage_ros.motion.driven_mechanism import DrivenMechanism, slope_at, turns_between
-from linkage_ros.motion.fixed_step_integrator import Plant, leap
+from linkage_ros.motion.driven_mechanism import DrivenMechanism, turns_between
 from linkage_ros.motion.integrators import live_method
-from linkage_ros.motion.published import own_coordinates
-from linkage_ros.motion.segments import TorqueSegment
-from linkage_ros.motion.torque_driven import CATCH_UP, start
+from linkage_ros.motion.runge_kutta import Plant, leap, slope_at
+from linkage_ros.motion.segments import Coordinates, TorqueSegment
+from linkage_ros.motion.torque_driven import CATCH_UP, own_coordinates, start
 from linkage_ros.numeric import Array, with_turns, within_two_turns, wrap
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.units import NS_PER_S

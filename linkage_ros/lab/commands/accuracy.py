@@ -39,9 +39,9 @@ from linkage_ros.lab.methods.motion_cases import ENERGY, MEAN, SLOWEST, TRAJECTO
 from linkage_ros.lab.methods.registry import DEFAULT, INTEGRATORS, LIVE, METHODS, RECORDS
 from linkage_ros.lab.methods.stages import QUANTITIES
 from linkage_ros.lab.output import SMALL, TEXT, about, chart, folder, progress, save_records
-from linkage_ros.motion.coordinates import Coordinates, stacked
 from linkage_ros.motion.drives import FollowDrive, Motor, TorqueDrive
-from linkage_ros.motion.follow import FollowMotion, Measurement
+from linkage_ros.motion.follow import FollowMotion
+from linkage_ros.motion.segments import Coordinates, stacked
 from linkage_ros.motion.torque_driven import TorqueMotion
 from linkage_ros.numeric import Array
 from linkage_ros.palette import (
@@ -268,10 +268,10 @@ def _measure_follow(*, quick: bool) -> tuple[list[dict[str, Any]], tuple[float, 
         step, pace = 2 * math.pi / 2**bit, 4 * speed / 2**bit
         angles = (step * np.rint(true.unwrapped / step)).tolist()
         speeds = (pace * np.rint(true.u[0] / pace)).tolist() if velocity else [None] * len(stamps)
-        measured = list(map(Measurement, stamps, angles, speeds))
+        measured = list(zip(stamps, angles, speeds, strict=True))
         for bandwidth in bandwidths:
             motion = FollowMotion(FollowDrive(bandwidth))
-            followed = stacked([found for one in measured if (found := motion.at(one))])
+            followed = stacked([motion.at(*one) for one in measured])
             points.append({
                 'bits': bit, 'measured_velocity': velocity, 'follow_bandwidth': bandwidth,
                 'max_error': float(np.abs(torque(followed) - torque(true)).max() / peak),

@@ -5,7 +5,7 @@
 Each integrator starts at the initial values of a problem. `at(time)` integrates to a time, s, not
 earlier than the previous one, and returns the phase: coordinates, then rates, with an unwrapped
 crank angle. `gap()` then returns the gap of the loop, m. The package has one method for live runs
-(motion/fixed_step_integrator.py) and one for records (motion/adaptive_integrator.py).
+and one for records (motion/integrators.py).
 """
 
 import math
@@ -18,8 +18,8 @@ from scipy import integrate
 from linkage_ros.formulas import Vector
 from linkage_ros.lab.reference.motions import InitialValueProblem, Phase
 from linkage_ros.lab.reference.multibody import Multibody
-from linkage_ros.motion.fixed_step_integrator import Integrate
-from linkage_ros.motion.published import published
+from linkage_ros.motion.integrators import Integrate
+from linkage_ros.motion.torque_driven import published
 from linkage_ros.numeric import Array
 
 _FIRST_STEP = 1e-4  # s
@@ -78,7 +78,7 @@ class RungeKutta4(_OwnCoordinates):
 
 
 def _moved(phase: Phase, h: float, slope: Sequence[float]) -> Phase:
-    """Advances a phase by `h` along a slope; a sixth faster than in fixed_step_integrator.py."""
+    """Advances a phase by `h` along a slope; a sixth faster than in runge_kutta.py."""
     return tuple([value + h * rate for value, rate in zip(phase, slope, strict=True)])
 
 

@@ -23,8 +23,7 @@ from linkage_ros.lab.methods.linkage_cases import LinkageCase
 from linkage_ros.lab.methods.measure import BATCH, ONE, Method, Setting
 from linkage_ros.lab.methods.stages import POSITION, RATES, STATE, Locate, Pair
 from linkage_ros.lab.reference.states import Linkage, lengths
-from linkage_ros.motion.fixed_step_integrator import LONGEST_STEP, TOLERANCE
-from linkage_ros.motion.integrators import live_steps, record_steps
+from linkage_ros.motion.integrators import LONGEST_STEP, TOLERANCE, live_steps, record_steps
 from linkage_ros.numeric import Real, wrap
 
 CAP = 50
@@ -198,7 +197,7 @@ INTEGRATORS = (
     Method(
         LIVE, 'motion', 'nothing',
         'Dormand and Prince, J. Comput. Appl. Math. 6 (1980), RK5(4)7M; '
-        'motion/fixed_step_integrator.py',
+        'motion/runge_kutta.py',
         lambda problem, setting: OfPackage(
             problem,
             partial(
@@ -211,7 +210,7 @@ INTEGRATORS = (
     ),
     Method(
         RECORDS, 'motion', 'SciPy; a torque without jumps',
-        f'{_DOP853}; motion/adaptive_integrator.py',
+        f'{_DOP853}; motion/integrators.py',
         lambda problem, _: OfPackage(problem, record_steps),
     ),
     Method(

@@ -15,7 +15,7 @@ import numpy as np
 
 from linkage_ros.lab.pump.equations import PumpSolver, assembly
 from linkage_ros.motion.drives import Motor
-from linkage_ros.motion.fixed_step_integrator import DORMAND_PRINCE
+from linkage_ros.motion.runge_kutta import DORMAND_PRINCE
 from linkage_ros.numeric import Array
 
 _STAGES = *map(np.array, DORMAND_PRINCE.stages), np.array(DORMAND_PRINCE.end)

@@ -1,27 +1,40 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Messages received by a run: torque commands and measurements of the crank."""
-
-from __future__ import annotations
+"""Messages of a run besides its states: commands, measurements and trajectories of the crank."""
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections import Counter, deque
+from collections.abc import Sequence
 from typing import Any, cast
 
 from linkage_ros.errors import LinkageError
-from linkage_ros.motion.coordinates import Coordinates
 from linkage_ros.motion.drives import FollowDrive, TorqueDrive
-from linkage_ros.motion.follow import FollowMotion, Measurement
+from linkage_ros.motion.follow import FollowMotion
+from linkage_ros.motion.segments import Coordinates
+from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.numeric import Real
+from linkage_ros.parameters.session import SpeedFeedForward
 from linkage_ros.run.health import WINDOW
 from linkage_ros.run.simulator import Simulator
-from linkage_ros.units import NS_PER_S
+from linkage_ros.units import NS_PER_MS, NS_PER_S
 from linkage_ros.wire.cdr import decode_joint_state
-from linkage_ros.wire.topics import JOINT_COMMANDS, MEASURED_JOINT_STATES, Topic
+from linkage_ros.wire.codecs import crank_trajectory
+from linkage_ros.wire.topics import (
+    JOINT_COMMANDS,
+    MEASURED_JOINT_STATES,
+    Topic,
+    trajectory_commands,
+)
 
 _SILENCE = 2.0  # s without a measurement after which a warning is issued
 NO_CRANK, NO_JOINT_STATE, OUT_OF_REACH = 'without the crank', 'no JointState', 'out of reach'
+TAKEN, CUT, REFUSED, TIMEOUTS = (
+    'commands taken', 'commands cut to torque_limit', 'commands refused', 'command timeouts'
+)  # fmt: skip
+
+# Time between points, ns; short, because the controller interpolates the effort linearly.
+_STEP = NS_PER_MS
 
 
 class TorqueCommands:
@@ -30,25 +43,18 @@ class TorqueCommands:
     One thread may receive commands while another reads the torque.
 
     Attributes:
-        accepted: Number of accepted commands.
-        limited: Number of accepted commands that were clipped to the limit.
-        refused: Number of rejected commands.
-        timeouts: Number of commands that expired before the next one.
+        counts: Numbers of commands, by their names in diagnostics.
     """
 
-    def __init__(
-        self, drive: TorqueDrive, crank: str, clock: Callable[[], float] = time.monotonic
-    ) -> None:
+    def __init__(self, drive: TorqueDrive, crank: str) -> None:
         """Initializes without an active command.
 
         Args:
             drive: Drive with the limit and the timeout of commands.
             crank: Name of the crank's joint.
-            clock: Function that returns the time, s.
         """
-        self.accepted = self.limited = self.refused = self.timeouts = 0
-        self._limit, self._timeout = drive.torque_limit, drive.command_timeout
-        self._crank, self._clock = crank, clock
+        self.counts = dict.fromkeys((TAKEN, CUT, REFUSED, TIMEOUTS), 0)
+        self._limit, self._timeout, self._crank = drive.torque_limit, drive.command_timeout, crank
         self._torque, self._end = 0.0, math.inf  # active torque, N m, and when it expires, s
         self._is_active = False
         self._timed_out_at = -math.inf
@@ -68,7 +74,7 @@ class TorqueCommands:
             age = max(0, time.time_ns() - received) / NS_PER_S
             self.receive(command.names, command.efforts, age)
         except ValueError:
-            self.refused += 1
+            self.counts[REFUSED] += 1
             raise
 
     def receive(self, names: Sequence[str], efforts: Sequence[float], age: float) -> None:
@@ -92,37 +98,33 @@ class TorqueCommands:
         torque = float(efforts[list(names).index(self._crank)])
         if not math.isfinite(torque):
             raise ValueError(f'effort {torque}: must be a finite number, N m')
-        self.accepted += 1
-        self.limited += abs(torque) > self._limit
+        self.counts[TAKEN] += 1
+        self.counts[CUT] += abs(torque) > self._limit
         # Set the end first, so that a concurrent reader at worst uses the old torque once more.
-        self._end = self._clock() + self._timeout - age
+        self._end = time.monotonic() + self._timeout - age
         self._torque = min(max(torque, -self._limit), self._limit)
         self._is_active = True
 
     def torque(self) -> float:
         """Returns the active torque, N m; 0 before the first command and after a timeout."""
-        now = self._clock()
+        now = time.monotonic()
         if now <= self._end:
             return self._torque
-        self.timeouts += self._is_active
+        self.counts[TIMEOUTS] += self._is_active
         self._is_active, self._timed_out_at = False, now
         return 0.0
 
     def troubles(self, topic: str) -> list[str]:  # noqa: ARG002, the signature of all
         """Returns a warning if no command was active at some tick in the last 10 s."""
-        if self._clock() - self._timed_out_at >= WINDOW:
+        if time.monotonic() - self._timed_out_at >= WINDOW:
             return []
         return [f'no command within command_timeout: the motor drove alone in the last {WINDOW} s']
 
     def diagnostics(self) -> dict[str, str]:
         """Returns the active torque and the counts of commands, for diagnostics."""
-        return {
-            'command, N m': f'{self._torque if self._clock() <= self._end else 0.0:.6g}',
-            'commands taken': str(self.accepted),
-            'commands cut to torque_limit': str(self.limited),
-            'commands refused': str(self.refused),
-            'command timeouts': str(self.timeouts),
-        }
+        torque = self._torque if time.monotonic() <= self._end else 0.0
+        counts = {name: str(count) for name, count in self.counts.items()}
+        return {'command, N m': f'{torque:.6g}', **counts}
 
 
 class MeasuredCrank:
@@ -140,7 +142,7 @@ class MeasuredCrank:
         """
         self._simulator = simulator
         self._motion = FollowMotion(cast('FollowDrive', simulator.configuration.drive))
-        self.left_out = self._motion.left_out
+        self.left_out: Counter[str] = Counter()
         self._last = -math.inf  # time of the last accepted measurement, s
 
     def read(self, data: bytes, received: int) -> tuple[int, Coordinates]:
@@ -157,32 +159,41 @@ class MeasuredCrank:
             ValueError: The message is rejected and counted. The error text is the cause.
         """
         try:
+            stamp, position, velocity = self._decode(data)
+            if math.isfinite(position):
+                self._require_state(position)
+            found = self._motion.at(stamp or received, position, velocity)
+            # Near a limit of the crank, the rates of the links may overflow.
+            for one in filter(None, (found, self._simulator.later(found))):
+                self._require_state(one.q[0], one.u[0], one.a[0])
+        except ValueError as error:
+            self.left_out[str(error)] += 1
+            raise
+        self._last = time.monotonic()
+        return stamp or received, found
+
+    def _decode(self, data: bytes) -> tuple[int, float, float | None]:
+        """Returns the stamp, ns, and the crank's angle and, if it was measured, its speed.
+
+        Raises:
+            ValueError: The message has no measurement. The error text is the cause.
+        """
+        try:
             heard = decode_joint_state(data)
         except ValueError as error:
-            raise self._rejected(NO_JOINT_STATE) from error
+            raise ValueError(NO_JOINT_STATE) from error
         names = heard.names[: len(heard.positions)]
         if self._simulator.crank_joint not in names:
-            raise self._rejected(NO_CRANK)
-        index, stamp = names.index(self._simulator.crank_joint), heard.stamp or received
-        position = heard.positions[index]
+            raise ValueError(NO_CRANK)
+        index = names.index(self._simulator.crank_joint)
         velocity = heard.velocities[index] if index < len(heard.velocities) else None
-        if math.isfinite(position) and not self._has_state(position):
-            raise self._rejected(OUT_OF_REACH)
-        before = self.left_out.copy()
-        found = self._motion.at(Measurement(stamp, position, velocity))
-        if found is None:
-            (cause,) = self.left_out - before
-            raise ValueError(cause)
-        # Near a limit of the crank, the rates of the links may overflow.
-        for one in filter(None, (found, self._simulator.later(found))):
-            if not self._has_state(one.q[0], one.u[0], one.a[0]):
-                raise self._rejected(OUT_OF_REACH)
-        self._last = time.monotonic()
-        return stamp, found
+        return heard.stamp, heard.positions[index], velocity
 
-    def _rejected(self, cause: str) -> ValueError:
-        self.left_out[cause] += 1
-        return ValueError(cause)
+    def _require_state(self, *motion: Real) -> None:
+        try:
+            self._simulator.solver.state(*motion)
+        except LinkageError as error:
+            raise ValueError(OUT_OF_REACH) from error
 
     def troubles(self, topic: str) -> list[str]:
         """Returns a warning if no measurement has been accepted for 2 s."""
@@ -197,13 +208,6 @@ class MeasuredCrank:
         counts = list(self.left_out.items())
         return {f'left out, {cause}': str(count) for cause, count in counts}
 
-    def _has_state(self, *motion: Real) -> bool:
-        try:
-            self._simulator.solver.state(*motion)
-        except LinkageError:
-            return False
-        return True
-
 
 def inputs_of(simulator: Simulator) -> dict[Topic, Any]:
     """Returns the topic received by a run, if any, with the reader of its messages."""
@@ -213,3 +217,55 @@ def inputs_of(simulator: Simulator) -> dict[Topic, Any]:
     if isinstance(drive, FollowDrive):
         return {MEASURED_JOINT_STATES: MeasuredCrank(simulator)}
     return {}
+
+
+class CrankTrajectory:
+    """Computes trajectories of a fixed duration; the next one is due after half of it.
+
+    A trajectory starts at or just before its stamp, so that a controller can follow it as soon as
+    it arrives. Each tick computes only the new points within the horizon. The first tick, and the
+    first one after a change of the motion, compute all points.
+
+    Attributes:
+        topic: Topic of the trajectories.
+    """
+
+    def __init__(self, simulator: Simulator, drive: SpeedFeedForward) -> None:
+        """Prepares the trajectories.
+
+        Args:
+            simulator: Simulator of the run.
+            drive: Drive with the topic and the duration of the trajectories.
+        """
+        self.topic = trajectory_commands(drive.trajectory_command_topic)
+        self._names = simulator.crank_joint, simulator.configuration.session.frame_id
+        self._solver, self._horizon = simulator.solver, round(drive.trajectory_horizon * NS_PER_S)
+        self._motion: SpeedMotion | None = None
+        self._points: deque[tuple[int, tuple[float, ...]]] = deque()
+        self._next = self._due = 0
+
+    def message_at(self, motion: SpeedMotion, stamp: int) -> bytes | None:
+        """Returns the trajectory to send at a stamp, if one is due.
+
+        Args:
+            motion: Motion in the segment that contains the stamp. If it differs from that of the
+                last call, the trajectory sent before is invalid, and a new one is due.
+            stamp: Stamp of the current tick, ns.
+
+        Returns:
+            The CDR bytes of the message; None if no message is due.
+        """
+        if motion is not self._motion or stamp >= self._next:
+            self._points.clear()
+            self._motion, self._next, self._due = motion, stamp, stamp
+        while self._next < stamp + self._horizon + _STEP:
+            (q,), (u,), (a,), unwrapped, _ = motion.at(self._next)
+            torque = float(self._solver.state(q, u, a).torque)
+            self._points.append((self._next, (unwrapped, u, a, torque)))
+            self._next += _STEP
+        while self._points[1][0] <= stamp:
+            self._points.popleft()
+        if stamp < self._due:
+            return None
+        self._due = stamp + self._horizon // 2
+        return crank_trajectory(*self._names, self._points)

@@ -1,0 +1,199 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Threads of a run: settings that let them meet their deadlines, and workers for slow tasks.
+
+A worker moves slow work to its own thread, so that disk and viewer never delay a tick.
+"""
+
+import ctypes
+import gc
+import os
+import sys
+import threading
+from collections import deque
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, Generic, TypeVar
+
+from linkage_ros.errors import LogError
+
+_T = TypeVar('_T')
+
+_PR_SET_TIMERSLACK = 29  # option of prctl
+# Priority of the ticker, as in ros2_control, and of other threads that use the interpreter.
+_PRIORITY, _COMPANION_PRIORITY = 50, 40
+# Switch interval of the interpreter, s. A thread waiting for the interpreter wakes up after each
+# interval. At 10 us, two waiting real-time threads kept both processors busy for a second, which
+# blocked the thread that held the interpreter.
+_SWITCH_INTERVAL = 1e-4
+
+
+def freeze_heap() -> None:
+    """Excludes all existing objects from garbage collection; call this after set-up.
+
+    This shortens collections, which otherwise visit all objects.
+    """
+    gc.collect()
+    gc.freeze()
+
+
+def wake_on_time() -> None:
+    """Makes the calling thread, and threads started by it, wake up on time.
+
+    Python threads release the interpreter after 0.1 ms instead of 5 ms. By default, Linux may wake
+    threads up to 50 us late to group wake-ups.
+    """
+    sys.setswitchinterval(_SWITCH_INTERVAL)
+    with suppress(AttributeError, OSError):  # not Linux
+        ctypes.CDLL(None).prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0)
+
+
+def take_real_time_priority(priority: int = _PRIORITY) -> bool:
+    """Gives the calling thread real-time priority; threads started by it do not inherit it.
+
+    As for ros2_control, this requires root or rtprio in limits.conf.
+
+    Args:
+        priority: Priority from 1 to 99; higher priorities run first.
+
+    Returns:
+        Whether the system granted the priority.
+    """
+    try:
+        policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
+        os.sched_setscheduler(0, policy, os.sched_param(priority))
+    except (AttributeError, OSError):
+        return False
+    return True
+
+
+def accompany_ticker() -> None:
+    """Gives the calling thread a real-time priority below that of the ticker.
+
+    Otherwise, if the thread were preempted while it held the interpreter lock, it would delay the
+    ticker.
+    """
+    take_real_time_priority(_COMPANION_PRIORITY)
+
+
+class Worker(Generic[_T]):
+    """Passes batches of items from a bounded queue to a consumer, in a separate thread.
+
+    `offer` never waits for the consumer and never fails. If the queue is full, the oldest item is
+    dropped and counted. If the consumer fails, the error is reported once, the consumer is closed,
+    and later items are counted as dropped.
+
+    Attributes:
+        error: The error raised by the consumer, or None.
+        dropped: Number of items lost because the consumer was too slow or failed.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        consumer: Any,
+        *,
+        capacity: int,
+        period: float,
+        on_error: Callable[[Exception], None],
+        on_start: Callable[[], object] = lambda: None,
+    ) -> None:
+        """Starts the thread.
+
+        Args:
+            name: Name of the thread.
+            consumer: Object that only this thread uses from now on. Its method `consume` is called
+                with the items offered since the last call, possibly none; `close` is called last.
+            capacity: Largest number of items in the queue.
+            period: Time between batches, s.
+            on_error: Called from the thread, once, if the consumer fails.
+            on_start: Called from the thread when it starts.
+        """
+        self.error: Exception | None = None
+        self.dropped = 0
+        self._consumer, self._on_error, self._on_start = consumer, on_error, on_start
+        self._period = period
+        self._queue: deque[_T] = deque(maxlen=capacity)
+        self._lock = threading.Lock()
+        self._stop = threading.Event()
+        # A daemon thread, because a hanging disk must not keep the process alive.
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+        self._thread.start()
+
+    def offer(self, item: _T) -> None:
+        """Adds an item to the queue; thread-safe."""
+        with self._lock:
+            self.dropped += len(self._queue) == self._queue.maxlen
+            self._queue.append(item)
+
+    def close(self, timeout: float) -> bool:
+        """Passes the remaining items to the consumer, and ends the thread.
+
+        Args:
+            timeout: Longest time to wait for the thread, s.
+
+        Returns:
+            Whether the consumer was closed in time.
+        """
+        self._stop.set()
+        self._thread.join(timeout)
+        return not self._thread.is_alive()
+
+    def _run(self) -> None:
+        self._on_start()
+        for act in (self._feed, self._consumer.close):
+            try:
+                act()
+            except Exception as error:  # noqa: BLE001, PERF203, no failure may stop the ticks
+                self._fail(error)
+
+    def _feed(self) -> None:
+        is_last = False
+        while not is_last:
+            is_last = self._stop.wait(self._period)
+            with self._lock:
+                items = list(self._queue)
+                self._queue.clear()
+            self._consumer.consume(items)
+
+    def _fail(self, error: Exception) -> None:
+        if self.error is not None:
+            return
+        with self._lock:
+            self.error = error
+            self.dropped += len(self._queue)
+            self._queue = deque(maxlen=0)
+        self._on_error(error)
+
+
+class DiskSync:
+    """Consumer of a worker that syncs a file to the disk, so that it survives a power cut.
+
+    It needs its own worker, because a sync may take seconds, during which the log must still be
+    flushed.
+    """
+
+    def __init__(self, path: Path | str, number: int) -> None:
+        """Duplicates a file descriptor, so that syncs work even after the file is closed.
+
+        Args:
+            path: Path of the file, for error messages.
+            number: Descriptor of the file.
+        """
+        self._path, self._number = path, os.dup(number)
+
+    def consume(self, _: Sequence[object]) -> None:
+        """Syncs all data flushed so far.
+
+        Raises:
+            LogError: The sync failed.
+        """
+        try:
+            os.fdatasync(self._number)
+        except OSError as error:
+            raise LogError(f'{self._path} does not reach the disk: {error.strerror}') from error
+
+    def close(self) -> None:
+        """Closes the duplicated descriptor."""
+        os.close(self._number)
