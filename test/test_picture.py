@@ -16,7 +16,6 @@ from linkage_ros.model.loads import Friction
 from linkage_ros.motion.drives import FollowDrive, TorqueDrive
 from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.parameters.presets import preset_names
-from linkage_ros.run.simulator import Simulator
 from linkage_ros.view.drawing import Drawing
 from linkage_ros.view.picture import Picture
 
@@ -55,20 +54,6 @@ MECHANISMS = {
         'wind_pump', assembly='open', slider__position=-1.5, coupler__point=[0.3, 0.1],
     ),
 }  # fmt: skip
-
-
-def rows_of(configuration, messages, batch):
-    """Returns all rows of a picture: {entity: (stamps, rows of the first component)}."""
-    picture, found = Picture(configuration), {}
-    template = Simulator(configuration).joint_states
-    numbers = [template.read(b''.join(messages[n : n + batch]))
-               for n in range(0, len(messages), batch)]  # fmt: skip
-    parts = [picture.rows(stamps, *np.split(values, 3, axis=1)) for stamps, values in numbers]
-    for entity, stamps, columns in itertools.chain(*parts):
-        values = columns[0].as_arrow_array().to_pylist()
-        found.setdefault(entity, []).extend(zip(stamps, values, strict=True))
-    return {entity: [np.array(part) for part in zip(*rows, strict=True)]
-            for entity, rows in found.items()}  # fmt: skip
 
 
 # ---------------------------------------------------------------- drawings
@@ -302,12 +287,14 @@ def test_only_the_reachable_arc_is_drawn():
     [load('wind_pump'), configure(HANGING), DRAG_LINK, MECHANISMS['backwards']],
     ids=['pump', 'hanging', 'drag_link', 'backwards'],
 )  # fmt: skip
-def test_curves_are_those_of_the_states_without_jumps(configuration):
+def test_curves_are_those_of_the_states_without_jumps(configuration, tmp_path):
     stamps, messages, states = run_of(configuration, 500, rate=500)
-    found = rows_of(configuration, messages, 7)
-    for entity in ('values', 'rates', 'directions'):
-        assert list(found[entity][0]) == stamps
-    values, rates, directions = (found[name][1] for name in ('values', 'rates', 'directions'))
+    show(tmp_path / 'run.rrd', messages, configuration, batch=7)
+    found, curves = read(tmp_path / 'run.rrd'), []
+    for entity in ('/values', '/rates', '/directions'):
+        assert found[entity]['ros2_timestamp'] == stamps
+        curves.append(np.array(found[entity]['Scalars:scalars']))
+    values, rates, directions = curves
     position, velocity = (np.array([getattr(state, field) for state in states])
                           for field in ('position', 'velocity'))  # fmt: skip
     count = rates.shape[1]

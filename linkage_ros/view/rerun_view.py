@@ -8,8 +8,6 @@ timeout, has reported that the previous one was sent; the exit handler is remove
 disconnecting happens in a thread that can be abandoned.
 """
 
-from __future__ import annotations
-
 import contextlib
 import socket
 import threading
@@ -96,8 +94,7 @@ class View:
         self._file: BinaryIO | None = None  # locked, so that other runs cannot replace it
         self._stream = rr.RecordingStream('linkage_ros')
         if target in (SPAWN, WEB):
-            self._process, host, port, self.page = open_viewer(bind, window=target == SPAWN)
-            self._target = f'rerun+http://{host}:{port}/proxy'
+            self._process, self._target, self.page = open_viewer(bind, window=target == SPAWN)
         self._address = viewer_address(self._target)
         if self._address:
             self._connected = self._connect(self._address, _ANSWER_SECONDS)
@@ -206,10 +203,9 @@ class View:
 
     def _send_rows(self, rows: Iterable[Rows]) -> None:
         for entity, stamps, columns in rows:
-            if stamps[0] >= _WALL_CLOCK:
-                index = rr.TimeColumn(TIMELINE, timestamp=stamps.astype('datetime64[ns]'))
-            else:
-                index = rr.TimeColumn(TIMELINE, duration=stamps.astype('timedelta64[ns]'))
+            is_date = stamps[0] >= _WALL_CLOCK
+            times = stamps.astype('datetime64[ns]' if is_date else 'timedelta64[ns]')
+            index = rr.TimeColumn(TIMELINE, **{'timestamp' if is_date else 'duration': times})
             self._stream.send_columns(entity, [index], columns, strict=True)
 
     def _disconnect(self) -> None:
