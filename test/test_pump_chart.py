@@ -162,10 +162,10 @@ def test_two_stable_states_exist_between_two_folds(analysis):
     (found,) = bistable_ranges(analysis.pieces)
     assert (found['low'], found['high']) == pytest.approx((7.28, 12.65), abs=0.01)
     assert (found['low_is'], found['high_is']) == (FOLD, FOLD)
-    for torque, stable in ((found['low'] - 1e-3, 1), (found['high'] - 1e-3, 2)):
+    low, high = found['low'] - 1e-3, found['high'] - 1e-3
+    for torque, stable in ((0.3, []), (5.0, [1]), (low, [1]), (high, [1, 0, 1])):
         states = steady_states(BALANCE, analysis.pieces, torque)
-        assert [state.motion.stable for state in states].count(True) == stable
-        assert len(states) == 2 * stable - 1
+        assert [state.motion.stable for state in states] == stable
     for piece in analysis.pieces[:-1]:
         assert piece.motions[-1].multipliers[0] == pytest.approx(1, abs=1e-6)
 
@@ -182,18 +182,14 @@ def test_torques_with_two_stable_states_do_not_depend_on_the_torque_asked_for(an
 
 
 def test_small_changes_of_the_torque_leave_the_pump_about_the_same(analysis):
-    changes = {
-        (one['state'], one['torque'] > MOTOR.torque): one['changes']
-        for one in analysis.sensitivities
-    }
-    assert changes[0, False]['stroke'] == pytest.approx(-0.0255, abs=2e-4)
-    assert changes[0, True]['stroke'] == pytest.approx(0.0246, abs=2e-4)
-    assert changes[2, False]['flow'] == pytest.approx(0.0020, abs=2e-4)
-    assert changes[2, True]['flow'] == pytest.approx(0.0120, abs=2e-4)
-    for (_, up), found in changes.items():
-        assert (found['speed'] > 0) == up
-        flow = (1 + found['speed']) * (1 + found['stroke']) - 1
-        assert found['flow'] == pytest.approx(flow, abs=1e-12)
+    changes = [one['changes'] for one in analysis.sensitivities]
+    assert [one['state'] for one in analysis.sensitivities] == [0, 2, 0, 2]
+    assert [one['stroke'] for one in changes[::2]] == pytest.approx([-0.0255, 0.0246], abs=2e-4)
+    assert [one['flow'] for one in changes[1::2]] == pytest.approx([0.0020, 0.0120], abs=2e-4)
+    assert [one['speed'] > 0 for one in changes] == [False, False, True, True]
+    for one in changes:
+        flow = (1 + one['speed']) * (1 + one['stroke']) - 1
+        assert one['flow'] == pytest.approx(flow, abs=1e-12)
 
 
 # ---------------------------------------------------------------- a lift load
@@ -305,8 +301,8 @@ def test_a_state_of_two_turns_is_found_beside_one_of_one_turn(doubled):
     low, _, twice, _ = (state.motion for state in doubled.states)
     assert low.speed == pytest.approx(2.845147, abs=1e-6)
     assert low.stroke == pytest.approx(0.9572, abs=1e-4)
-    assert low.multipliers[0] == pytest.approx(-0.272 + 0.837j, abs=1e-3)
-    assert low.multipliers[2] == pytest.approx(0.569, abs=1e-3)
+    expected = -0.272 + 0.837j, -0.272 - 0.837j, 0.569
+    assert low.multipliers == pytest.approx(expected, abs=1e-3)
     assert sorted(twice.speeds) == pytest.approx([5.6649, 5.8398], abs=1e-4)
     assert abs(twice.multipliers[0]) == pytest.approx(0.907, abs=1e-3)
     # The slider goes forth and back once in the two turns.
@@ -314,19 +310,20 @@ def test_a_state_of_two_turns_is_found_beside_one_of_one_turn(doubled):
     assert doubled.unidentified < 0.02
     assert doubled.states[0].share > 0.4 < doubled.states[2].share
     record = json.loads(json.dumps(doubled.record(), allow_nan=False))
+    assert [len(state['speeds']) for state in record['states']] == [1, 1, 2, 1]
     assert [state['period'] for state in record['states']] == [1, 1, 2, 1]
-    assert len(record['states'][2]['speeds']) == 2
 
 
 def test_the_table_names_the_turns_of_a_state_and_lists_its_changes_by_torque(doubled):
-    lines = states_table(doubled)
-    rows = [line for line in lines if ', torque ' in line]
-    names = [row[:46].rstrip() for row in rows]
-    slow, fast = '2.845 rad/s', '5.751 rad/s, 2 turns'
-    assert names == [f'{one}, torque {change}%' for one in (slow, fast) for change in ('-5', '+5')]
-    shown = [[float(cell.rstrip('%')) / 100 for cell in row[46:].split()] for row in rows]
-    changes = [list(one['changes'].values()) for one in doubled.sensitivities]
-    assert np.allclose([shown[0], shown[2], shown[1], shown[3]], changes, atol=6e-5)
+    rows = [line for line in states_table(doubled) if ', torque ' in line]
+    slow, fast = '2.845 rad/s, torque', '5.751 rad/s, 2 turns, torque'
+    names = [f'{slow} -5%', f'{slow} +5%', f'{fast} -5%', f'{fast} +5%']
+    for row, name, number in zip(rows, names, (0, 2, 1, 3), strict=True):
+        changes = doubled.sensitivities[number]['changes'].values()
+        assert row.split('  ')[0] == name
+        assert [float(cell.rstrip('%')) / 100 for cell in row[46:].split()] == pytest.approx(
+            list(changes), abs=6e-5
+        )
 
 
 def test_a_state_of_two_turns_comes_back_after_two_where_every_body_moves_by_itself(doubled):
@@ -419,7 +416,7 @@ def test_the_states_of_a_pump_do_not_depend_on_the_assembly_at_the_start(doubled
 
 def test_unsettled_starts_give_a_warning_with_their_share(analysis):
     assert (analysis.unidentified, analysis.stopped) == (0, 0)
-    assert not any('warning' in line for line in states_table(analysis))
+    assert 'warning' not in ' '.join(states_table(analysis))
     *_, last = table_of(analysis, unidentified=0.25)
     assert last.startswith('warning: 25.0% of 256 starts settle at no state')
 
@@ -479,12 +476,6 @@ def test_without_resistance_nothing_settles():
     assert not state.motion.stable
 
 
-def test_weak_motors_keep_up_one_state_or_none(analysis):
-    (state,) = steady_states(BALANCE, analysis.pieces, 5.0)
-    assert state.motion.stable
-    assert steady_states(BALANCE, analysis.pieces, 0.3) == []
-
-
 def test_a_motion_gets_the_harmonics_that_it_needs(motions):
     short = HarmonicBalance(PUMP, MOTOR.damping, 2)
     found = short.find(short.unknowns(motions[0]))
@@ -532,8 +523,8 @@ def test_the_record_has_every_number(analysis, motions):
     assert [one['kind'] for one in record['stability_lost']] == [FOLD, FOLD]
     assert [run['duration'] > 20 for run in record['runs']] == [True] * 4
     assert sum(state['share_of_starts'] for state in record['states']) > 0.9
-    averaged = record['averaged_states'][1]['multipliers']
-    assert averaged[0] == pytest.approx([1.3035, 0.0], abs=1e-3)
+    averaged = record['averaged_states'][1]
+    assert averaged['multipliers'][0] == pytest.approx([1.3035, 0.0], abs=1e-3)
     assert '2.604252' in '\n'.join(states_table(analysis))
     # Entries without an averaged motion keep their place.
     first, *others = analysis.states
@@ -562,7 +553,5 @@ def test_the_picture_can_be_read_at_half_its_size(analysis, monkeypatch, tmp_pat
     plane = figure.axes[0]
     below = plane.get_legend().get_window_extent()
     assert not below.overlaps(plane.xaxis.label.get_window_extent())
-    _, table = (text.get_window_extent() for text in figure.texts)
-    assert figure.bbox.x0 < table.x0
-    assert table.x1 < figure.bbox.x1
-    assert figure.bbox.y0 < table.y0
+    table = figure.texts[-1].get_window_extent()
+    assert all(figure.bbox.contains(*corner) for corner in table.corners())

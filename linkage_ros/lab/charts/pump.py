@@ -70,9 +70,7 @@ def draw_pump(analysis: Analysis, title: str, path: Path, dpi: float) -> None:
     """
     stable = itertools.cycle(_STABLE)
     colors = {piece: next(stable) if piece.stable else _UNSTABLE for piece in analysis.pieces}
-    lines = [
-        part for line in states_table(analysis) for part in textwrap.wrap(line, _WIDEST) or ['']
-    ]
+    lines = [part for line in states_table(analysis) for part in textwrap.wrap(line, _WIDEST)]
     # Legends in two columns are below the panels, except the last: the table begins two lines
     # higher.
     entries = 1 + max(len(analysis.states), len(stability_lost(analysis.pieces)))
