@@ -13,7 +13,6 @@ from typing import Any, TypeAlias
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
-from scipy.interpolate import CubicHermiteSpline
 
 from linkage_ros.lab.output import NUMBERS, SMALL, WIDTH, chart
 from linkage_ros.lab.pump.analysis import CHANGED, COUNT, Analysis
@@ -27,6 +26,7 @@ from linkage_ros.lab.pump.load_curve import (
     bistable_ranges,
     stability_lost,
 )
+from linkage_ros.lab.pump.motions import cubic
 from linkage_ros.numeric import Array
 from linkage_ros.palette import BLACK, DARK, FIRST, GREY, SECOND, fractions, mixed
 
@@ -206,8 +206,8 @@ def _smooth(rows: Array) -> Array:
     is_new = moves > _APART  # two points at one place have no slope between them
     rows, way = rows[np.insert(is_new, 0, values=True)], np.append(0.0, np.cumsum(moves[is_new]))
     places = np.linspace(0, len(way) - 1, _BETWEEN * (len(way) - 1) + 1)
-    curve = CubicHermiteSpline(way, rows, np.gradient(rows, way, axis=0))
-    return curve(np.interp(places, np.arange(len(way)), way))
+    fine = np.interp(places, np.arange(len(way)), way)
+    return np.array([cubic(way, row, np.gradient(row, way), fine) for row in rows.T]).T
 
 
 def _line(colors: _Colors, piece: Piece) -> dict[str, Any]:

@@ -123,8 +123,10 @@ class HarmonicBalance:
 
     def sized(self, *rows: Array) -> Array:
         """Makes unknowns from coefficients, cut or padded to the `sizes`, and the torque."""
-        sizes = zip(rows, (*self.sizes, 1), strict=True)
-        return np.concatenate([np.append(row, np.zeros(size))[:size] for row, size in sizes])
+        return np.concatenate([
+            np.append(row, np.zeros(size))[:size]
+            for row, size in zip(rows, (*self.sizes, 1), strict=True)
+        ])  # fmt: skip
 
     def split(self, unknowns: Array) -> list[Array]:
         """Splits unknowns into the coefficients of each series, and the torque."""
@@ -286,8 +288,8 @@ class HarmonicBalance:
     def residuals(self, unknowns: Array) -> Array:
         """Computes the residuals of the equations; the last, that of `find`, is 0."""
         lacks = self._lacks(self._values(unknowns)[:, None], unknowns[-1])
-        means = (weights @ lack[0] for weights, lack in zip(self._weights, lacks, strict=True))
-        return np.concatenate((*means, np.zeros(1)))
+        means = [weights @ lack[0] for weights, lack in zip(self._weights, lacks, strict=True)]
+        return np.concatenate((*means, [0.0]))
 
     def jacobian(self, unknowns: Array) -> Array:
         """Computes the Jacobian of the equations; its last row, that of `find`, is 0."""

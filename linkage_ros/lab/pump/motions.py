@@ -155,13 +155,24 @@ class Motions:
             return np.zeros(0)
         turn = 2 * math.pi
         ends = turn * np.arange(math.ceil(crank[0] / turn), math.floor(crank[-1] / turn) + 1)
-        # Cubic curves through the times, with slopes 1 / speed.
-        before = np.clip(np.searchsorted(crank, ends) - 1, 0, len(crank) - 2)
-        wide, late = np.diff(crank)[before], np.diff(times)[before]
-        share = (ends - crank[before]) / wide
-        bends = wide / speed[before] - late, late - wide / speed[before + 1]
-        bulge = share * (1 - share) * ((1 - share) * bends[0] + share * bends[1])
-        return turn / np.diff(times[before] + share * late + bulge)
+        return turn / np.diff(cubic(crank, times, 1 / speed, ends))
+
+
+def cubic(at: Array, values: Array, slopes: Array, wanted: Array) -> Array:
+    """Evaluates the piecewise cubic curve through given values with given slopes.
+
+    Args:
+        at: Increasing x of the values, of shape (n).
+        values: The values.
+        slopes: Slopes of the curve at the values.
+        wanted: The x at which the curve is evaluated.
+    """
+    before = np.clip(np.searchsorted(at, wanted) - 1, 0, len(at) - 2)
+    wide, rise = np.diff(at)[before], np.diff(values)[before]
+    share = (wanted - at[before]) / wide
+    bends = slopes[before] * wide - rise, rise - slopes[before + 1] * wide
+    bulge = share * (1 - share) * ((1 - share) * bends[0] + share * bends[1])
+    return values[before] + share * rise + bulge
 
 
 def alternating_motions(

@@ -36,8 +36,7 @@ def parts_of(turns: int, harmonics: int) -> Array:
     Returns:
         Angles, the first at 0.
     """
-    count = turns * max(64, 4 * harmonics)
-    return np.linspace(0, 2 * math.pi * turns, count, endpoint=False)
+    return np.linspace(0, 2 * math.pi * turns, turns * max(64, 4 * harmonics), endpoint=False)
 
 
 def waves(angles: Array, count: int, turns: int, derivative: int = 0) -> Array:
@@ -267,8 +266,8 @@ class PeriodicMotion:
             return None
         x, w, v = self.at(self.angles)
         torque = self.torque - self.damping * w
-        force = self.solver.load_forces(self._state)['slider'] + slider.damping * v
-        force = force + slider.stiffness * (x - slider.rest_position)
+        resistance = slider.damping * v + slider.stiffness * (x - slider.rest_position)
+        force = self.solver.load_forces(self._state)['slider'] + resistance
         return float(-np.mean(force * v / w) / np.mean(torque))
 
     @functools.cached_property
