@@ -97,7 +97,7 @@ class View:
             self._process, self._target, self.page = open_viewer(bind, window=target == SPAWN)
         self._address = viewer_address(self._target)
         if self._address:
-            self._connected = self._connect(self._address, _ANSWER_SECONDS)
+            self._connect(self._address, _ANSWER_SECONDS)
         elif not is_recording(target):
             raise ViewerError(viewer_error(target))
         else:
@@ -146,7 +146,7 @@ class View:
             ViewerError: The disk is full.
         """
         if self._address and not self._connected:
-            self._connected = self._connect(self._address, 0.0)
+            self._connect(self._address, 0.0)
         if not self._connected:
             return False
         try:
@@ -163,15 +163,15 @@ class View:
             self._connected = not is_cut and _is_reachable(self._address, 0.0)
         return not self.trouble
 
-    def _connect(self, address: tuple[str, int], timeout: float) -> bool:
-        """Connects to the viewer if it answers in time; returns whether it does."""
-        if not _is_reachable(address, timeout):
+    def _connect(self, address: tuple[str, int], timeout: float) -> None:
+        """Connects to the viewer if it answers in time."""
+        self._connected = _is_reachable(address, timeout)
+        if self._connected:
+            self._use(GrpcSink(self._target))
+        else:
             self.trouble = (
                 f'no viewer answers at {self._target}: states are left out until one does'
             )
-            return False
-        self._use(GrpcSink(self._target))
-        return True
 
     def _use(self, sink: GrpcSink | FileSink) -> None:
         self._stream.set_sinks(sink)
