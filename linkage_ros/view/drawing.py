@@ -23,9 +23,7 @@ _PIVOT_HEIGHT = 1.4  # height of a pivot's symbol with its ground, marks
 # Distance of a label from a pin, and from the pin of a slider's block; height of a label; marks.
 _LABEL_DISTANCE, _LABEL_BEYOND_BLOCK, _LABEL_HEIGHT = 1.5, 1.9, 1.4
 _STEPS_PER_TURN = 360
-# Small distances from the ends of the reach: of an arc, as a fraction of half the arc; of a dyad,
-# relative to its lengths.
-_BEFORE_END = 1e-9
+_BEFORE_END = 1e-9  # distance from the ends of an arc or of a dyad's reach, relative to its length
 # Grid of crank angles and slider positions of a mechanism with a free slider.
 _ANGLES, _POSITIONS = 72, 121
 

@@ -170,7 +170,7 @@ def analyse(
         for found in search.states
     ]
     settled, motions = np.array([*numbers, -1])[search.belongs], search.motions
-    of_box = slice(len(speeds), len(speeds) + COUNT)
+    of_box = range(len(speeds), len(speeds) + COUNT)
     states = [
         state._replace(
             averaged=_averaged(pump, state.motion),
@@ -178,9 +178,7 @@ def analyse(
         )
         for number, state in enumerate(states)
     ]
-    lost = [
-        number for number in range(*of_box.indices(len(settled))) if search.unidentified[number]
-    ]
+    lost = [number for number in of_box if search.unidentified[number]]
     alternating = alternating_motions(
         (motions.speeds(number) for number in lost if motions.assembly(number) == BOTH),
         [state.motion.speed for state in states], COUNT,

@@ -133,7 +133,7 @@ class PumpSolver(Solver):
         self._arguments: dict[Any, tuple[Any, ...]] = {
             _slopes: driven, _motion: driven, _residuals: (q, rates, changes),
         }  # fmt: skip
-        self._compiled_for_arrays: dict[Any, Callable[..., Any]] = {}
+        self._compiled_for_arrays: dict[Callable[..., Any], Callable[..., Any]] = {}
 
     def __reduce__(self) -> tuple[Any, tuple[Any, ...]]:
         return type(self), (self.mechanism, self.by_slider)

@@ -24,11 +24,12 @@ _TOLERANCE = 5e-4
 _FINE, _SAMPLES = 1e-7, 128  # tolerance of further turns, and samples of each
 _KEPT = 400  # steps that are searched for the last turns
 _LONGEST = 75.0  # longest time for a further turn, relative to that for 1 rad at no load
-# Of motions that alternate between the assemblies: tried periods, turns; last turns, all of which
-# must repeat, because a slowing motion repeats for a few turns; largest relative differences of
-# the speeds of turns that repeat, and of the means of two halves; smallest share of the starts,
-# because fewer may only seem to repeat.
-_PERIODS, _TURNS, _REPEATS, _DRIFT, _LEAST = (1, 2, 4), 16, 0.015, 0.001, 0.02
+# Of motions that alternate between the assemblies.
+_PERIODS = 1, 2, 4  # turns
+_TURNS = 16  # last turns, all of which must repeat: a slowing motion repeats for a few turns
+# Largest relative differences of the speeds of turns that repeat, and of the means of two halves.
+_REPEATS, _DRIFT = 0.015, 0.001
+_LEAST = 0.02  # smallest share of the starts; fewer starts may only seem to repeat
 # Largest relative differences in mean speed: of two equal motions, of one on its way to a state.
 _SAME, _ON_ITS_WAY = 0.005, 0.02
 
