@@ -5,6 +5,7 @@
 import itertools
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,7 +17,6 @@ from linkage_ros.model.loads import Friction
 from linkage_ros.motion.drives import FollowDrive, TorqueDrive
 from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.parameters.presets import preset_names
-from linkage_ros.run.simulator import Simulator
 from linkage_ros.view.drawing import Drawing
 from linkage_ros.view.picture import Picture
 
@@ -57,34 +57,7 @@ MECHANISMS = {
 }  # fmt: skip
 
 
-def rows_of(configuration, messages, batch):
-    """Returns all rows of a picture: {entity: (stamps, rows of the first component)}."""
-    picture, found = Picture(configuration), {}
-    template = Simulator(configuration).joint_states
-    numbers = [template.read(b''.join(messages[n : n + batch]))
-               for n in range(0, len(messages), batch)]  # fmt: skip
-    parts = [picture.rows(stamps, *np.split(values, 3, axis=1)) for stamps, values in numbers]
-    for entity, stamps, columns in itertools.chain(*parts):
-        values = columns[0].as_arrow_array().to_pylist()
-        found.setdefault(entity, []).extend(zip(stamps, values, strict=True))
-    return {entity: [np.array(part) for part in zip(*rows, strict=True)]
-            for entity, rows in found.items()}  # fmt: skip
-
-
 # ---------------------------------------------------------------- drawings
-
-
-@pytest.fixture(scope='module', params=MECHANISMS)
-def drawn(request, tmp_path_factory):
-    """Writes a run of 2 s to a file; returns configuration, solved states and what Rerun reads."""
-    configuration = MECHANISMS[request.param]
-    stamps, messages, states = run_of(configuration, 400)
-    path = tmp_path_factory.mktemp('drawn') / 'run.rrd'
-    assert show(path, messages, configuration).dropped == 0
-    found = read(path)
-    # 200 states and 50 drawings per second.
-    assert found[MOVING]['ros2_timestamp'] == stamps[::4]
-    return configuration, states[::4], found, read(path, blueprint=True)
 
 
 MOVING, FIXED = '/linkage/moving', '/linkage/fixed'
@@ -93,19 +66,36 @@ MOVING, FIXED = '/linkage/moving', '/linkage/fixed'
 def points_of(entity):
     """Returns positions of labels and of pins, as complex numbers."""
     points = np.array(entity['Points2D:positions']) @ (1, 1j)
-    count = len(entity['Points2D:labels'][0])
-    return points[:, :count], points[:, count:]
+    return np.split(points, [len(entity['Points2D:labels'][0])], axis=1)
 
 
-def lines_of(configuration, found):
-    """Returns lines of the links and arrows of the loads by link, as complex numbers."""
-    drawing = Drawing(configuration.mechanism)
-    lines = [np.array(line) @ (1, 1j)
-             for line in zip(*found[MOVING]['LineStrips2D:strips'], strict=True)]  # fmt: skip
-    count = len(drawing.joints)
-    assert len(found[MOVING]['LineStrips2D:colors'][0]) == len(lines)
-    return (dict(zip(drawing.joints, lines, strict=False)),
-            dict(zip(drawing.loaded, lines[count:], strict=True)))  # fmt: skip
+@pytest.fixture(scope='module', params=MECHANISMS)
+def drawn(request, tmp_path_factory):
+    """Writes a run of 2 s to a file; returns its states, and what Rerun reads in the file.
+
+    Points are complex numbers: `labels` and `pins` over time, `fixed` pins, and the `lines` of the
+    links and `arrows` of the loads by link.
+    """
+    configuration = MECHANISMS[request.param]
+    stamps, messages, states = run_of(configuration, 400)
+    path = tmp_path_factory.mktemp('drawn') / 'run.rrd'
+    assert show(path, messages, configuration).dropped == 0
+    found, mechanism = read(path), configuration.mechanism
+    moving = found[MOVING]
+    # 200 states and 50 drawings per second.
+    assert moving['ros2_timestamp'] == stamps[::4]
+    drawing = Drawing(mechanism, configuration.drive.crank_angle)
+    labels, pins = points_of(moving)
+    strips = zip(*moving['LineStrips2D:strips'], moving['LineStrips2D:colors'][0], strict=True)
+    lines = [np.array(strip) @ (1, 1j) for *strip, _ in strips]
+    links = len(drawing.joints)
+    return SimpleNamespace(
+        configuration=configuration, mechanism=mechanism, drawing=drawing, states=states[::4],
+        found=found, blueprint=read(path, blueprint=True), labels=labels, pins=pins,
+        fixed=points_of(found[FIXED])[1].ravel(),
+        lines=dict(zip(drawing.joints, lines[:links], strict=True)),
+        arrows=dict(zip(drawing.loaded, lines[links:], strict=True)),
+    )  # fmt: skip
 
 
 def test_components_have_the_types_that_rerun_draws(drawn):
@@ -114,82 +104,69 @@ def test_components_have_the_types_that_rerun_draws(drawn):
                *rr.LineStrips2D.columns(strips=[np.zeros((2, 2))]))  # fmt: skip
     for column in columns:
         name = column.component_descriptor().component
-        assert drawn[2][MOVING][f'{name} type'] == str(column.as_arrow_array().type)
+        assert drawn.found[MOVING][f'{name} type'] == str(column.as_arrow_array().type)
 
 
 def test_pins_are_where_the_solver_puts_them(drawn):
-    configuration, states, found, _ = drawn
-    solver = Solver(configuration.mechanism)
-    (names,) = found[MOVING]['Points2D:labels']
-    _, pins = points_of(found[MOVING])
-    for name, place in zip(names, pins.T, strict=True):
-        exact = [complex(*solver.point(state, name).position) for state in states]
+    solver = Solver(drawn.mechanism)
+    (names,) = drawn.found[MOVING]['Points2D:labels']
+    for name, place in zip(names, drawn.pins.T, strict=True):
+        exact = [complex(*solver.point(state, name).position) for state in drawn.states]
         assert abs(place - exact).max() < 3e-7
-    fixed = points_of(found[FIXED])[1].ravel()
-    frame = getattr(configuration.mechanism, 'frame', None)
-    far = frame.length * np.exp(1j * frame.angle) if hasattr(frame, 'length') else 0.0
-    assert fixed == pytest.approx([0.0, far] if far else [0.0], abs=3e-7)
+    frame = getattr(drawn.mechanism, 'frame', None)
+    far = [frame.length * np.exp(1j * frame.angle)] if hasattr(frame, 'length') else []
+    assert drawn.fixed == pytest.approx([0.0, *far], abs=3e-7)
 
 
 def test_links_have_their_lengths_and_end_at_pins(drawn):
-    configuration, _, found, _ = drawn
-    mechanism = configuration.mechanism
-    _, pins = points_of(found[MOVING])
-    fixed = points_of(found[FIXED])[1].ravel()
-    pins = np.hstack([pins, np.broadcast_to(fixed, (len(pins), len(fixed)))])
-    lines, _ = lines_of(configuration, found)
-    for joint, line in lines.items():
+    pins = np.vstack([drawn.pins.T, *np.broadcast_arrays(*drawn.fixed, drawn.pins[:, 0])[:-1]])
+    for joint, line in drawn.lines.items():
         if joint == 'slider':
             line = line[:, :4].mean(axis=1, keepdims=True)
         else:
-            length = getattr(mechanism, joint).length
+            length = getattr(drawn.mechanism, joint).length
             assert abs(abs(line[:, 1] - line[:, 0]) - length).max() < 1e-6
         for corner in line.T:
-            assert abs(pins.T - corner).min(axis=0).max() < 3e-7
-    if getattr(mechanism.coupler, 'point', None):
-        start, end, point, again = lines['coupler'].T
+            assert abs(pins - corner).min(axis=0).max() < 3e-7
+    coupler = drawn.mechanism.coupler
+    if getattr(coupler, 'point', None):
+        start, end, point, again = drawn.lines['coupler'].T
         assert (again == start).all()
-        exact = complex(*mechanism.coupler.point) / mechanism.coupler.length
+        exact = complex(*coupler.point) / coupler.length
         assert abs((point - start) / (end - start) - exact).max() < 1e-5
 
 
 def test_drawing_fits_its_window_and_fills_it(drawn):
-    configuration, _, found, blueprint = drawn
-    assert found['/linkage']['Transform3D:scale'] == [[[1.0, -1.0, 1.0]]]  # y points up
-    drawing = Drawing(configuration.mechanism, configuration.drive.crank_angle)
-    (left, low), (right, high) = drawing.bounds
-    shown = [
-        columns['VisualBounds2D:range'][0][0]
-        for name, columns in blueprint.items()
+    assert drawn.found['/linkage']['Transform3D:scale'] == [[[1.0, -1.0, 1.0]]]  # y points up
+    (left, low), (right, high) = bounds = drawn.drawing.bounds
+    ranges = [
+        [*columns['VisualBounds2D:range'][0][0]['x_range'],
+         *columns['VisualBounds2D:range'][0][0]['y_range']]
+        for name, columns in drawn.blueprint.items()
         if name.endswith('VisualBounds2D')
-    ]
-    ranges = [[*one['x_range'], *one['y_range']] for one in shown]
+    ]  # fmt: skip
     assert pytest.approx([left, right, -high, -low]) in ranges
-    drawn_points = [
+    points = np.concatenate([
         np.reshape(np.concatenate(row), (-1, 2))
-        for entity in (MOVING, FIXED)
-        for row in (*found[entity]['Points2D:positions'], *found[entity]['LineStrips2D:strips'])
-    ]
-    points = np.concatenate(drawn_points)
-    margins = [points.min(axis=0) - drawing.bounds[0], drawing.bounds[1] - points.max(axis=0)]
-    width = np.ptp(drawing.bounds, axis=0).max()
-    assert np.min(margins) > 0.6 * drawing._mark
-    assert np.max(margins) < 0.3 * width  # a pump is drawn with room for its other motions
+        for entity in (drawn.found[MOVING], drawn.found[FIXED])
+        for row in (*entity['Points2D:positions'], *entity['LineStrips2D:strips'])
+    ])  # fmt: skip
+    margins = [points.min(axis=0) - bounds[0], bounds[1] - points.max(axis=0)]
+    assert np.min(margins) > 0.6 * drawn.drawing._mark
+    # A pump is drawn with room for its other motions.
+    assert np.max(margins) < 0.3 * np.ptp(bounds, axis=0).max()
 
 
 def test_arrows_are_as_long_as_the_loads_and_point_their_way(drawn):
-    configuration, states, found, _ = drawn
-    mechanism = configuration.mechanism
-    loads = tuple(load for load in mechanism.loads if not isinstance(load, Friction))
-    solver, mark = Solver(replace(mechanism, loads=loads)), Drawing(mechanism)._mark
-    forces = [solver.load_forces(state) for state in states]
-    _, arrows = lines_of(configuration, found)
-    assert arrows.keys() == forces[0].keys()
-    for link, lines in arrows.items():
+    loads = tuple(load for load in drawn.mechanism.loads if not isinstance(load, Friction))
+    solver = Solver(replace(drawn.mechanism, loads=loads))
+    forces = [solver.load_forces(state) for state in drawn.states]
+    assert drawn.arrows.keys() == forces[0].keys()
+    for link, lines in drawn.arrows.items():
         exerted = np.array([row[link] for row in forces])
         moving, longest = solver.structure.links[solver.links.index(link)], 1.5 * math.pi
         if moving.slides:
-            longest = 6 * mark
+            longest = 6 * drawn.drawing._mark
             shown = (lines[:, -2] - lines[:, 0]) * np.exp(-1j * moving.angle)
             assert abs(shown.imag).max() < 1e-6
             shown = shown.real
@@ -206,13 +183,11 @@ def test_arrows_are_as_long_as_the_loads_and_point_their_way(drawn):
 
 
 def test_moving_points_stay_on_their_paths(drawn):
-    configuration, _, found, _ = drawn
-    pins = points_of(found[MOVING])[1].T
-    ground = Drawing(configuration.mechanism).ground
-    paths = found[FIXED]['LineStrips2D:strips'][0][len(ground) + 1 :]  # after the scale bar
-    solver = Solver(configuration.mechanism)
-    assert len(paths) == (len(pins) - 1 if len(solver.coordinates) == 1 else 0)
-    step = 0.05 * configuration.mechanism.crank.length
+    first = len(drawn.drawing.ground) + 1  # after the scale bar
+    paths = drawn.found[FIXED]['LineStrips2D:strips'][0][first:]
+    pins, is_free = drawn.pins.T, len(Solver(drawn.mechanism).coordinates) > 1
+    assert len(paths) == (0 if is_free else len(pins) - 1)
+    step = 0.05 * drawn.mechanism.crank.length
     for line in paths:
         path = np.array(line) @ (1, 1j)
         assert min(abs(pin[:, np.newaxis] - path).min(axis=1).max() for pin in pins) < step
@@ -220,36 +195,31 @@ def test_moving_points_stay_on_their_paths(drawn):
 
 
 def test_names_are_next_to_their_pins_and_clear_of_links(drawn):
-    configuration, _, found, _ = drawn
-    drawing = Drawing(configuration.mechanism)
-    places, pins = points_of(found[MOVING])
-    away = places - 0.7j * drawing._mark - pins  # a label hangs below its position
-    width = np.ptp(drawing.bounds, axis=0).max()
+    # A label hangs below its position.
+    away = drawn.labels - 0.7j * drawn.drawing._mark - drawn.pins
+    width = np.ptp(drawn.drawing.bounds, axis=0).max()
     assert 0.03 * width < abs(away).min() < abs(away).max() < 0.08 * width
-    lines, _ = lines_of(configuration, found)
-    for link in drawing.turning:
-        line = lines[link]
+    for line in (drawn.lines[link] for link in drawn.drawing.turning):
         for start, end in ((0, 1), (1, 0)):
-            at_pin = abs(pins - line[:, [start]]) < 1e-6
+            at_pin = abs(drawn.pins - line[:, [start]]) < 1e-6
             way = line[:, [end]] - line[:, [start]]
             assert (abs(np.angle(away / way))[at_pin] > 0.7).all()
 
 
 def test_plots_show_the_curves_of_the_run(drawn):
-    configuration, _, found, blueprint = drawn
     plots = set()
-    for name, columns in blueprint.items():
+    for name, columns in drawn.blueprint.items():
         if 'SeriesLines:names' in columns:
             entity = name.split('/overrides')[1].split('/visualizers')[0]
             (names,), (shown,) = (columns[f'SeriesLines:{field}'] for field in
                                   ('names', 'visible_series'))  # fmt: skip
-            assert len(names) == len(found[entity]['Scalars:scalars'][0])
+            assert len(names) == len(drawn.found[entity]['Scalars:scalars'][0])
             plots.add((entity, *itertools.compress(names, shown)))
-    turning = Drawing(configuration.mechanism).turning
+    turning = drawn.drawing.turning
     expected = {('/values', 'crank'), ('/rates', *turning), ('/directions', *turning[1:])}
-    if hasattr(configuration.mechanism, 'slider'):
+    if hasattr(drawn.mechanism, 'slider'):
         expected.add(('/values', 'slider'))
-    if isinstance(configuration.drive, TorqueDrive):
+    if isinstance(drawn.configuration.drive, TorqueDrive):
         expected.add(('/rates', 'crank'))
     assert plots == expected
 
@@ -265,8 +235,8 @@ def test_rail_is_as_long_as_the_slider_can_travel(lengths, start, low, high):
         'wind_pump', crank__length=crank, coupler__length=coupler, rod__length=rod,
         slider__position=start, crank_angle=0.05,
     )  # fmt: skip
-    drawing = Drawing(configuration.mechanism)
-    rail = max(drawing.ground, key=lambda line: np.ptp(line[:, 0]))[:, 0]
+    ground = Drawing(configuration.mechanism).ground
+    rail = max(ground, key=lambda line: np.ptp(line[:, 0]))[:, 0]
     # The rail extends beyond the extreme positions by little more than the slider's block.
     assert [rail.min(), rail.max()] == pytest.approx([low, high], abs=0.2)
     assert rail.min() < low
@@ -277,21 +247,17 @@ def test_only_the_reachable_arc_is_drawn():
     lengths = {'frame': 0.3, 'crank': 0.3, 'coupler': 0.1, 'rocker': 0.25}
     values = {f'{link}.length': length for link, length in lengths.items()}
     configuration = configure({**HANGING, **values, 'frame.angle': 0.0, 'crank_angle': 0.6})
-    mechanism = configuration.mechanism
-    arcs = Solver(mechanism).mobility.arcs
-    assert len(arcs) == 2
+    mechanism, solver = configuration.mechanism, Solver(configuration.mechanism)
+    first, second = solver.mobility.arcs
     # A measured crank is expected in the first arc; an angle of 0 is in the other.
     measured = Picture(replace(configuration, drive=FollowDrive())).drawing.paths['rocker']
-    assert np.array_equal(measured, Drawing(mechanism, sum(arcs[0]) / 2).paths['rocker'])
-    for start, end in arcs:
-        for turns in (-2, 0, 1):
-            drawing = Drawing(mechanism, 0.3 * start + 0.7 * end + turns * 2 * math.pi)
-            inner = np.linspace(start + 1e-6, end - 1e-6, 50)
-            solver = Solver(mechanism)
-            b = solver.point(solver.state(inner), 'B').position
-            got, expected = drawing.paths['rocker'], np.stack(b, axis=-1)
-            assert got.min(axis=0) == pytest.approx(expected.min(axis=0), abs=2e-3)
-            assert got.max(axis=0) == pytest.approx(expected.max(axis=0), abs=2e-3)
+    assert np.array_equal(measured, Drawing(mechanism, sum(first) / 2).paths['rocker'])
+    for (start, end), turns in itertools.product((first, second), (-2, 0, 1)):
+        drawing = Drawing(mechanism, 0.3 * start + 0.7 * end + turns * 2 * math.pi)
+        b = solver.point(solver.state(np.linspace(start + 1e-6, end - 1e-6, 50)), 'B').position
+        got, expected = drawing.paths['rocker'], np.stack(b, axis=-1)
+        assert got.min(axis=0) == pytest.approx(expected.min(axis=0), abs=2e-3)
+        assert got.max(axis=0) == pytest.approx(expected.max(axis=0), abs=2e-3)
 
 
 # ---------------------------------------------------------------- curves
@@ -302,12 +268,14 @@ def test_only_the_reachable_arc_is_drawn():
     [load('wind_pump'), configure(HANGING), DRAG_LINK, MECHANISMS['backwards']],
     ids=['pump', 'hanging', 'drag_link', 'backwards'],
 )  # fmt: skip
-def test_curves_are_those_of_the_states_without_jumps(configuration):
+def test_curves_are_those_of_the_states_without_jumps(configuration, tmp_path):
     stamps, messages, states = run_of(configuration, 500, rate=500)
-    found = rows_of(configuration, messages, 7)
-    for entity in ('values', 'rates', 'directions'):
-        assert list(found[entity][0]) == stamps
-    values, rates, directions = (found[name][1] for name in ('values', 'rates', 'directions'))
+    show(tmp_path / 'run.rrd', messages, configuration, batch=7)
+    found, curves = read(tmp_path / 'run.rrd'), []
+    for entity in ('/values', '/rates', '/directions'):
+        assert found[entity]['ros2_timestamp'] == stamps
+        curves.append(np.array(found[entity]['Scalars:scalars']))
+    values, rates, directions = curves
     position, velocity = (np.array([getattr(state, field) for state in states])
                           for field in ('position', 'velocity'))  # fmt: skip
     count = rates.shape[1]

@@ -5,18 +5,16 @@
 All coordinates are m in base_link, x to the right and y up.
 """
 
-from __future__ import annotations
-
 import cmath
 import math
 from itertools import pairwise
 
 import numpy as np
 
+from linkage_ros.dynamics.solver import Solver
 from linkage_ros.model.structure import Mechanism, Point, Structure
 from linkage_ros.numeric import Array
 from linkage_ros.view.load_arrows import Complex, LoadArrows
-from linkage_ros.view.reach import reach
 
 # Fractions of the size of the picture: a mark, the unit of the lengths below, which is the size of
 # a pivot's triangle; and the maximum length of the scale bar.
@@ -24,6 +22,10 @@ _MARK, _SCALE = 0.04, 0.25
 _PIVOT_HEIGHT = 1.4  # height of a pivot's symbol with its ground, marks
 # Distance of a label from a pin, and from the pin of a slider's block; height of a label; marks.
 _LABEL_DISTANCE, _LABEL_BEYOND_BLOCK, _LABEL_HEIGHT = 1.5, 1.9, 1.4
+_STEPS_PER_TURN = 360
+_BEFORE_END = 1e-9  # distance from the ends of an arc or of a dyad's reach, relative to its length
+# Grid of crank angles and slider positions of a mechanism with a free slider.
+_ANGLES, _POSITIONS = 72, 121
 
 
 class Drawing:
@@ -45,8 +47,8 @@ class Drawing:
         ground: Drawing of the fixed link, lines of shape (n, 2), m.
         scale: A scale bar below the drawing, a line of shape (4, 2), m.
         scale_length: Length of the scale bar, m.
-        bounds: Lower left and upper right corner of the picture in all positions that `reach`
-            samples, shape (2, 2), m.
+        bounds: Lower left and upper right corner of the picture in all positions that the links
+            can reach, shape (2, 2), m.
     """
 
     def __init__(self, mechanism: Mechanism, crank_angle: float = 0.0) -> None:
@@ -74,7 +76,7 @@ class Drawing:
                   if name not in loop}  # fmt: skip
         self.owners |= asides
 
-        positions = reach(mechanism, crank_angle)
+        positions = _reach(mechanism, crank_angle)
         swept = self.place(positions)
         everything = np.concatenate([self.pivots, swept.reshape(-1, 2)])
         self._mark = mark = _MARK * np.ptp(everything, axis=0).max()
@@ -114,26 +116,23 @@ class Drawing:
         """
         names = [*self.pins, *self.pivot_names]
         self._corners: dict[str, list[int]] = {}
-        ways: list[set[int]] = [set() for _ in names]
-        for link, (start, end) in self.ends.items():
+        for link, ends in self.ends.items():
             aside = [pin for pin, owner in asides.items() if owner == link]
-            shape = [start, end, *aside, *([start] if aside else [])]
-            self._corners[link] = corners = [names.index(name) for name in shape]
-            for one, other in pairwise(corners):
-                ways[one].add(other)
-                ways[other].add(one)
-        self._around, distances = np.zeros((0, 2)), np.full(len(self.pins), _LABEL_DISTANCE)
+            shape = [*ends, *aside, ends[0]] if aside else ends
+            self._corners[link] = [names.index(name) for name in shape]
+        sides = [side for shape in self._corners.values() for side in pairwise(shape)]
+        sides += [side[::-1] for side in sides]
+        self._around, distances = np.zeros((0, 2)), np.full((len(self.pins), 1), _LABEL_DISTANCE)
         if self._links[-1].slides:
             axis = self._mark * cmath.rect(1.0, self._links[-1].angle)
             block = axis * np.array([1 + 0.6j, -1 + 0.6j, -1 - 0.6j, 1 - 0.6j, 1, -1, -0.6j])
-            self._around = plane(block)
-            first = len(names)
+            self._around, first = plane(block), len(names)
             self._corners[self.joints[-1]] = [first, first + 1, first + 2, first + 3, first]
-            ways[self._output] |= {first + 4, first + 5, first + 6}
+            sides += [(self._output, corner) for corner in range(first + 4, first + 7)]
             distances[self._output] = _LABEL_BEYOND_BLOCK
+        ways = [[end for start, end in sides if start == pin] for pin in range(len(self.pins))]
         most = max(map(len, ways))
-        self._ways = [([*way] * most)[:most] for way in ways[: len(self.pins)]]
-        self._distances = self._mark * distances[:, np.newaxis]
+        self._ways, self._distances = [(way * most)[:most] for way in ways], self._mark * distances
 
     def place(self, position: Array) -> Array:
         """Computes the positions of the moving points.
@@ -157,7 +156,7 @@ class Drawing:
         Returns:
             Positions or rates of the links: angles in base_link, and slider positions.
         """
-        links: Array = position.copy()
+        links = position.copy()
         for i, link in enumerate(self._links):
             if link.parent is not None:
                 links[:, i] += links[:, link.parent]
@@ -219,6 +218,57 @@ class Drawing:
 def plane(points: Complex) -> Array:
     """Converts points x + iy to rows of x and y."""
     return np.stack([points.real, points.imag], axis=-1)
+
+
+def _reach(mechanism: Mechanism, crank_angle: float) -> Array:
+    """Samples the positions that the links can reach.
+
+    Args:
+        mechanism: Mechanism whose positions are sampled.
+        crank_angle: Crank angle at the start, rad. A crank that cannot turn fully stays on the
+            arc that contains this angle.
+
+    Returns:
+        Positions of the links, rad and m, shape (n, links); in the order of the motion if the
+        crank angle determines them.
+    """
+    solver = Solver(mechanism)
+    if solver.mobility is None:
+        return _area(solver, mechanism.start()[0][0])
+    if solver.reach.turns_fully:
+        crank = solver.reach.samples(_STEPS_PER_TURN)
+    else:
+        arcs = solver.reach.arcs
+        beyond = [(crank_angle - low) % (2 * math.pi) - (high - low) for low, high in arcs]
+        start, end = arcs[int(np.argmin(beyond))]
+        # Near an end, the links move with the square root of the distance to it, so even steps of
+        # the crank would truncate the paths. At the end itself, the rates are infinite.
+        even = np.linspace(-1, 1, _STEPS_PER_TURN + 1)
+        way = (1 - _BEFORE_END) * np.sin(0.5 * math.pi * even)
+        crank = 0.5 * (start + end) + 0.5 * (end - start) * way
+    return np.stack(solver.state(crank).position, axis=-1)
+
+
+def _area(solver: Solver, start: float) -> Array:
+    """Samples all crank angles with a range of positions of a free slider around the start.
+
+    In this range, the dyad closes at every crank angle, or at some crank angle if the start does
+    not allow every one.
+    """
+    crank, coupler, rod = (abs(weight) for weight in solver.structure.closure.weights if weight)
+    longest = crank + coupler + rod
+    places = np.linspace(-longest, longest, _POSITIONS)
+    angles = np.linspace(0, 2 * math.pi, _ANGLES, endpoint=False)
+    place, angle = np.meshgrid(places, angles, indexing='ij')
+    span = abs(place - crank * np.exp(1j * angle))
+    room = _BEFORE_END * longest
+    closes = (span > abs(coupler - rod) + room) & (span < coupler + rod - room)
+    middle = int(abs(places - start).argmin())
+    possible = closes.all(axis=1) if closes[middle].all() else closes.any(axis=1)
+    gaps = np.flatnonzero(~possible)
+    first, last = gaps[gaps < middle].max(initial=-1), gaps[gaps > middle].min(initial=_POSITIONS)
+    closes[: first + 1] = closes[last:] = False
+    return np.stack(solver.state((angle[closes], place[closes])).position, axis=-1)
 
 
 def _pins_of_the_loop(structure: Structure) -> list[str]:

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Arrows for loads on links: straight for forces, curved about the pivot for torques."""
 
-from __future__ import annotations
-
 import cmath
 import math
 from dataclasses import replace
@@ -79,10 +77,11 @@ class LoadArrows:
         for name, share in self._shares(positions, rates).items():
             j = self._solver.links.index(name)
             link = self._solver.structure.links[j]
-            if link.slides:
-                found[name] = self._straight(slider_pin, share)
-            else:
-                found[name] = self._curved(link.origin, positions[:, j], share)
+            found[name] = (
+                self._straight(slider_pin, share)
+                if link.slides
+                else self._curved(link.origin, positions[:, j], share)
+            )
         return found
 
     def _shares(self, positions: Array, rates: Array) -> dict[str, Array]:

@@ -6,8 +6,6 @@ Each call of Rerun takes as much processor time as twenty states. Therefore all 
 one entity, and the curves are updated less often. Curves of one entity need different names.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection, Iterator
 from typing import Any, NamedTuple, TypeAlias

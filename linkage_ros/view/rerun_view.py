@@ -8,8 +8,6 @@ timeout, has reported that the previous one was sent; the exit handler is remove
 disconnecting happens in a thread that can be abandoned.
 """
 
-from __future__ import annotations
-
 import contextlib
 import socket
 import threading
@@ -96,11 +94,10 @@ class View:
         self._file: BinaryIO | None = None  # locked, so that other runs cannot replace it
         self._stream = rr.RecordingStream('linkage_ros')
         if target in (SPAWN, WEB):
-            self._process, host, port, self.page = open_viewer(bind, window=target == SPAWN)
-            self._target = f'rerun+http://{host}:{port}/proxy'
+            self._process, self._target, self.page = open_viewer(bind, window=target == SPAWN)
         self._address = viewer_address(self._target)
         if self._address:
-            self._connected = self._connect(self._address, _ANSWER_SECONDS)
+            self._connect(self._address, _ANSWER_SECONDS)
         elif not is_recording(target):
             raise ViewerError(viewer_error(target))
         else:
@@ -149,7 +146,7 @@ class View:
             ViewerError: The disk is full.
         """
         if self._address and not self._connected:
-            self._connected = self._connect(self._address, 0.0)
+            self._connect(self._address, 0.0)
         if not self._connected:
             return False
         try:
@@ -166,15 +163,15 @@ class View:
             self._connected = not is_cut and _is_reachable(self._address, 0.0)
         return not self.trouble
 
-    def _connect(self, address: tuple[str, int], timeout: float) -> bool:
-        """Connects to the viewer if it answers in time; returns whether it does."""
-        if not _is_reachable(address, timeout):
+    def _connect(self, address: tuple[str, int], timeout: float) -> None:
+        """Connects to the viewer if it answers in time."""
+        self._connected = _is_reachable(address, timeout)
+        if self._connected:
+            self._use(GrpcSink(self._target))
+        else:
             self.trouble = (
                 f'no viewer answers at {self._target}: states are left out until one does'
             )
-            return False
-        self._use(GrpcSink(self._target))
-        return True
 
     def _use(self, sink: GrpcSink | FileSink) -> None:
         self._stream.set_sinks(sink)
@@ -206,10 +203,9 @@ class View:
 
     def _send_rows(self, rows: Iterable[Rows]) -> None:
         for entity, stamps, columns in rows:
-            if stamps[0] >= _WALL_CLOCK:
-                index = rr.TimeColumn(TIMELINE, timestamp=stamps.astype('datetime64[ns]'))
-            else:
-                index = rr.TimeColumn(TIMELINE, duration=stamps.astype('timedelta64[ns]'))
+            is_date = stamps[0] >= _WALL_CLOCK
+            times = stamps.astype('datetime64[ns]' if is_date else 'timedelta64[ns]')
+            index = rr.TimeColumn(TIMELINE, **{'timestamp' if is_date else 'duration': times})
             self._stream.send_columns(entity, [index], columns, strict=True)
 
     def _disconnect(self) -> None:

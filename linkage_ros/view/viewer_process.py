@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Starts Rerun's viewer as a process: a window, or a page for a browser."""
 
-from __future__ import annotations
-
 import ipaddress
 import os
 import shutil
@@ -19,7 +17,6 @@ from linkage_ros.quantities import shown
 
 _WINDOW_MEMORY = '1GB'  # memory limit; beyond it a window drops its oldest data
 _SERVED_MEMORY = '64MB'  # data kept for browsers and windows that connect late
-_TIMEOUT = 1.0  # s, time limit for a page's server to end
 # Exit codes of a window that the user has closed, or ended with a signal.
 _CLOSED_BY_USER = (0, *(-number for number in (
     signal.SIGHUP, signal.SIGINT, signal.SIGTERM, signal.SIGKILL,
@@ -35,27 +32,20 @@ class ViewerProcess:
         Args:
             command: The binary and its arguments.
             outlives: Whether the viewer keeps running after this process exits.
-
-        Raises:
-            ViewerError: The program cannot be run.
         """
         setpriv = None if outlives else shutil.which('setpriv')
         prefix = [setpriv, '--pdeathsig', 'TERM'] if setpriv else []
         self._outlives = outlives
         self._errors = tempfile.TemporaryFile()  # noqa: SIM115, close closes it
-        try:
-            self.process = subprocess.Popen(  # noqa: S603, the program is Rerun's own
-                [*prefix, *command],
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                stderr=self._errors,
-                # With `CI`, the viewer sends no usage statistics and keeps the user's settings.
-                env={**os.environ, 'RUST_LOG': 'error', 'CI': '1'},
-                start_new_session=True,  # Ctrl-C in the terminal must not reach the viewer
-            )
-        except OSError as error:
-            self._errors.close()
-            raise ViewerError(f'{command[0]} cannot be run: {error.strerror or error}') from error
+        self.process = subprocess.Popen(  # noqa: S603, the program is Rerun's own
+            [*prefix, *command],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=self._errors,
+            # With `CI`, the viewer sends no usage statistics and keeps the user's settings.
+            env={**os.environ, 'RUST_LOG': 'error', 'CI': '1'},
+            start_new_session=True,  # Ctrl-C in the terminal must not reach the viewer
+        )
 
     def runs(self) -> bool:
         """Returns whether the viewer is running; False if the user has closed its window.
@@ -66,27 +56,20 @@ class ViewerProcess:
         code = self.process.poll()
         if code is None or (self._outlives and code in _CLOSED_BY_USER):
             return code is None
-        if code > 0:
-            self._errors.seek(0)
-            *_, cause = [b'no reason given', *self._errors.read().splitlines()]
-            words = cause.decode(errors='replace').removeprefix('Error: ')
-            raise ViewerError(f'the viewer could not be opened: {words[:300]}')
-        how = f'signal {-code}, {signal.strsignal(-code)}' if code else 'exit code 0'
+        self._errors.seek(0)
+        *_, words = ['no reason given', *self._errors.read().decode(errors='replace').splitlines()]
+        how = f'signal {-code}, {signal.strsignal(-code)}' if code < 0 else words[:300]
         raise ViewerError(f'the viewer has ended ({how}): start the run again to have another')
 
     def close(self) -> None:
         """Ends the viewer, unless it outlives this process."""
         if not self._outlives:
-            self.process.terminate()
-            try:
-                self.process.wait(_TIMEOUT)
-            except subprocess.TimeoutExpired:  # the viewer is stopped, for example by SIGSTOP
-                self.process.kill()
-                self.process.wait()
+            self.process.kill()  # it has nothing to save, and may be stopped
+            self.process.wait()
         self._errors.close()
 
 
-def open_viewer(bind: str, *, window: bool) -> tuple[ViewerProcess, str, int, str]:
+def open_viewer(bind: str, *, window: bool) -> tuple[ViewerProcess, str, str]:
     """Opens a window or serves a page.
 
     The window stays open when this process ends; the page does not.
@@ -96,7 +79,7 @@ def open_viewer(bind: str, *, window: bool) -> tuple[ViewerProcess, str, int, st
         window: Whether to open a window; otherwise a page is served.
 
     Returns:
-        The process; host and port at which the viewer receives data; the page's URL, or an empty
+        The process; the URL at which the viewer receives data; the URL of the page, or an empty
         string for a window.
 
     Raises:
@@ -104,19 +87,18 @@ def open_viewer(bind: str, *, window: bool) -> tuple[ViewerProcess, str, int, st
     """
     if window:
         require_screen()
-    host, port = free_address(bind)
+    (host, port), (_, page_port) = free_address(bind), free_address(bind)
     data = ['--bind', bind, '--port', str(port), '--server-memory-limit', _SERVED_MEMORY]
     if window:
         options, page = ['--hide-welcome-screen', '--memory-limit', _WINDOW_MEMORY], ''
     else:
-        page_port = str(free_address(bind)[1])
-        options = ['--serve-web', '--web-viewer-port', page_port]
+        options = ['--serve-web', '--web-viewer-port', str(page_port)]
         # If the page is served on all addresses of this machine, its URL has the host name.
         name = socket.gethostname() if host in {'0.0.0.0', '[::]'} else host  # noqa: S104
         url = urllib.parse.quote(f'rerun+http://{name}:{port}/proxy', safe='')
         page = f'http://{name}:{page_port}/?url={url}'
     process = ViewerProcess([find_viewer(), *data, *options], outlives=window)
-    return process, host, port, page
+    return process, f'rerun+http://{host}:{port}/proxy', page
 
 
 def require_screen() -> None:
@@ -139,13 +121,13 @@ def find_viewer() -> Path:
         The path of the binary; the `rerun` command is a wrapper that does not forward signals.
 
     Raises:
-        ViewerError: The program is not installed.
+        ViewerError: The program is not installed, or not executable.
     """
     import rerun
 
     package = Path(rerun.__file__).parents[1] / 'rerun_cli'
     path = Path(os.environ.get('RERUN_CLI_PATH') or package / 'rerun')
-    if not path.is_file():
+    if not os.access(path, os.X_OK):
         raise ViewerError(f'no viewer program at {path}: pip install --force-reinstall rerun-sdk')
     return path
 

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """linkage_chart pump: steady states of a wind pump, for various starts and motor torques."""
 
-from __future__ import annotations
-
 import argparse
 import os
 import signal
@@ -50,8 +48,7 @@ def pump(options: argparse.Namespace) -> None:
             analysis = worker.submit(
                 analyse, mechanism, drive.motor, speeds=options.speeds, progress=progress
             )
-            from linkage_ros.lab.charts.pump import draw_pump
-            from linkage_ros.lab.pump.table import states_table
+            from linkage_ros.lab.charts.pump import draw_pump, states_table
 
             found = analysis.result()
             save_records(records, [found.record()])

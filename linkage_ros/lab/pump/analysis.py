@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Computes the steady states of a wind pump under its motor, as in document 3's figure 3."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, replace
@@ -11,7 +9,6 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 
-from linkage_ros.lab.pump.alternating import alternating_motions
 from linkage_ros.lab.pump.equations import BOTH
 from linkage_ros.lab.pump.harmonic_balance import AVERAGED, HarmonicBalance
 from linkage_ros.lab.pump.load_curve import (
@@ -23,6 +20,7 @@ from linkage_ros.lab.pump.load_curve import (
     steady_states,
     with_curves,
 )
+from linkage_ros.lab.pump.motions import alternating_motions
 from linkage_ros.lab.pump.periodic_motion import PeriodicMotion
 from linkage_ros.lab.pump.settling import Search, prepared, require_slow
 from linkage_ros.model.load_curve import LoadCurve
@@ -64,13 +62,11 @@ class Analysis(NamedTuple):
         motor: Motor of the pump.
         assembly: Assembly of the pump.
         states: Steady states in order of speed, stable or not.
-        averaged: The averaged motion near each state; None: none was found.
         pieces: The load curve.
         sensitivities: One record for each stable state and each changed torque: number, speed
             (rad/s) and period of the state; the changed torque (N m); the state at that torque and
             its relative changes, or the reason why that state is unknown.
         runs: Motions from named starts.
-        shares: Fraction of the starts that settle at each state, by its number.
         stopped: Fraction of the starts from which the crank comes to rest, or rocks to and fro.
         unidentified: Fraction of the starts with another or an unknown outcome.
         alternating: Records of motions that alternate between the assemblies and repeat, but were
@@ -82,11 +78,9 @@ class Analysis(NamedTuple):
     motor: Motor
     assembly: str
     states: list[SteadyState]
-    averaged: list[PeriodicMotion | None]
     pieces: list[Piece]
     sensitivities: list[dict[str, Any]]
     runs: list[Start]
-    shares: list[float]
     stopped: float
     unidentified: float
     alternating: list[dict[str, Any]]
@@ -98,10 +92,12 @@ class Analysis(NamedTuple):
         return {
             'motor': asdict(self.motor),
             'states': [
-                {**state.motion.record(), 'share_of_starts': share}
-                for state, share in zip(self.states, self.shares, strict=True)
+                {**state.motion.record(), 'share_of_starts': state.share}
+                for state in self.states
             ],
-            'averaged_states': [motion and motion.numbers for motion in self.averaged],
+            'averaged_states': [
+                state.averaged and state.averaged.numbers for state in self.states
+            ],
             'starts': {
                 'count': COUNT, 'stopped': self.stopped, 'unidentified': self.unidentified,
             },
@@ -174,43 +170,52 @@ def analyse(
         for found in search.states
     ]
     settled, motions = np.array([*numbers, -1])[search.belongs], search.motions
-    times, phases = np.array(motions.times), np.array(motions.phases)
-    names = [f'{speed:g} rad/s' for speed in speeds]
-    for state in search.unstable:
-        names += [f'beside {state.speed:.4g} rad/s, {word}' for word in ('slower', 'faster')]
-    of_box = slice(len(speeds), len(speeds) + COUNT)
-    unidentified = (np.flatnonzero(search.unidentified[of_box]) + of_box.start).tolist()
+    of_box = range(len(speeds), len(speeds) + COUNT)
+    states = [
+        state._replace(
+            averaged=_averaged(pump, state.motion),
+            share=float(np.mean(settled[of_box] == number)),
+        )
+        for number, state in enumerate(states)
+    ]
+    lost = [number for number in of_box if search.unidentified[number]]
     alternating = alternating_motions(
-        (motions.speeds(number) for number in unidentified if motions.assembly(number) == BOTH),
+        (motions.speeds(number) for number in lost if motions.assembly(number) == BOTH),
         [state.motion.speed for state in states], COUNT,
     )  # fmt: skip
     named = sum(one['share_of_starts'] for one in alternating)
-    others = [*range(len(speeds)), *range(of_box.stop, len(settled))]
     return Analysis(
         motor,
         mechanism.assembly,
         states,
-        [_averaged(pump, state.motion) for state in states],
         pieces,
         [
             one
             for change in _CHANGES
             for one in _changed(balance, pieces, states, change * motor.torque)
         ],
-        [
-            Start(
-                name, times[:, number], phases[:, -2, number],
-                None if settled[number] < 0 else int(settled[number]),
-            )
-            for number, name in zip(others, names, strict=True)
-        ],
-        [float(np.mean(settled[of_box] == number)) for number in range(len(states))],
+        list(_runs(search, speeds, settled.tolist())),
         float(np.mean(search.stopped[of_box])),
-        max(0.0, len(unidentified) / COUNT - named),
+        max(0.0, len(lost) / COUNT - named),
         alternating,
         any(isinstance(load, LoadCurve) for load in pump.loads),
         max((getattr(load, 'width', 0.0) for load in pump.loads), default=0.0),
-    )  # fmt: skip
+    )
+
+
+def _runs(search: Search, speeds: Sequence[float], settled: Sequence[int]) -> Iterator[Start]:
+    """Names the motions for the chart: the first ones, and those beside unstable states."""
+    times, phases = np.array(search.motions.times), np.array(search.motions.phases)
+    beside = [
+        f'beside {state.speed:.4g} rad/s, {word}'
+        for state in search.unstable
+        for word in ('slower', 'faster')
+    ]
+    names = [*(f'{speed:g} rad/s' for speed in speeds), *[''] * COUNT, *beside]
+    for number, (name, state) in enumerate(zip(names, settled, strict=True)):
+        if name:
+            crank_speeds = phases[:, -2, number]
+            yield Start(name, times[:, number], crank_speeds, None if state < 0 else state)
 
 
 def _averaged(pump: WindPump, motion: PeriodicMotion) -> PeriodicMotion | None:
@@ -230,8 +235,7 @@ def _box(mechanism: WindPump, pace: float) -> Array:
     low = np.array((0.0, side * (abs(b - c) + r), _SLOW * pace, -_SLIDING * r * pace))
     high = np.array((0.0, side * (b + c - r), pace, _SLIDING * r * pace))
     shares = np.random.default_rng(0).random((COUNT, 4))
-    box: Array = (low + shares * (high - low)).T
-    return box
+    return (low + shares * (high - low)).T
 
 
 def _changed(
@@ -243,20 +247,19 @@ def _changed(
     """Makes records of the stable states at another motor torque, N m."""
     pieces = [piece for piece in found if piece.stable]
     others = {state.piece: state.motion for state in steady_states(balance, pieces, torque)}
-    for number, (state, piece) in enumerate(states):
+    for number, (state, piece, *_) in enumerate(states):
         if state.stable:
             motion = others.get(piece)
-            changes = {
-                name: getattr(motion, name) / getattr(state, name) - 1
-                for name in CHANGED
-                if motion
-            }
-            record = motion and motion.record()
             end, kind = piece.ends[1 if torque > state.torque else 0]
-            reason = f'its curve ends at {end:.4g} N m: {kind}'
-            if kind == ALONE:
-                reason = 'its curve was not followed'
+            ended = f'its curve ends at {end.torque:.4g} N m: {kind}'
+            reason = 'its curve was not followed' if kind == ALONE else ended
             yield {
                 'state': number, 'speed': state.speed, 'period': state.turns, 'torque': torque,
-                'motion': record, 'changes': changes, 'reason': None if motion else reason,
+                'motion': motion and motion.record(),
+                'changes': {
+                    name: getattr(motion, name) / getattr(state, name) - 1
+                    for name in CHANGED
+                    if motion
+                },
+                'reason': None if motion else reason,
             }  # fmt: skip

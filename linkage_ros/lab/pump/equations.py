@@ -17,13 +17,11 @@ n3 = l3 cos phi3 and N^2 = n2^2 + n3^2,
 so that G' = 0. N is 0 only where coupler and rod are both perpendicular to the guide.
 """
 
-from __future__ import annotations
-
-import functools
 import math
 import operator
-from collections.abc import Callable
-from typing import Any, NamedTuple, cast
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple, TypeAlias, cast
 
 import numpy as np
 
@@ -38,13 +36,16 @@ from linkage_ros.dynamics.equations import (
 from linkage_ros.dynamics.program import Program
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.dynamics.tape import Constants
-from linkage_ros.formulas import ZERO, Vector, sqrt, total
+from linkage_ros.formulas import ZERO, Vector, sqrt, total, where
 from linkage_ros.model.kinematics import LinkPose, Pose, State
+from linkage_ros.model.load_curve import LoadCurve
 from linkage_ros.model.parts import CROSSED, OPEN
+from linkage_ros.model.structure import Mechanism
 from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.numeric import Array, Real
 
 BOTH = 'both'  # the assembly of a motion that stretches the dyad
+_WIDTH = 0.03  # of a smoothed jump of a load, relative to crank length x largest speed
 
 
 class ByAngles(NamedTuple):
@@ -119,11 +120,20 @@ class PumpSolver(Solver):
     def __init__(self, mechanism: WindPump, by_slider: bool = False) -> None:
         """Prepares the equations; see the attributes for the parameters."""
         super().__init__(mechanism)
-        links = mechanism.crank, mechanism.coupler, mechanism.rod
-        self._loop = ByAngles(*(link.length for link in links))
-        r, b, c = self._loop
+        r, b, c = mechanism.crank.length, mechanism.coupler.length, mechanism.rod.length
+        self._by_angles = ByAngles(r, b, c)
         self.by_slider, self.places = by_slider, (3,) if by_slider else (1, 2)
         self.units = np.array((r, r) if by_slider else (r / b, r / c, math.hypot(r / b, r / c)))
+        loop = mechanism.loop() if by_slider else self._by_angles
+        self._model = Constants((Model.of(mechanism, self.structure, loop), self.places))
+        q, rates, changes = (
+            tuple(f'{letter}{i}' for i in (0, *self.places)) for letter in ('q', 'rate', 'change')
+        )
+        driven = q, ('u0', 'u1'), 'torque'
+        self._arguments: dict[Any, tuple[Any, ...]] = {
+            _slopes: driven, _motion: driven, _residuals: (q, rates, changes),
+        }  # fmt: skip
+        self._compiled_for_arrays: dict[Callable[..., Any], Callable[..., Any]] = {}
 
     def __reduce__(self) -> tuple[Any, tuple[Any, ...]]:
         return type(self), (self.mechanism, self.by_slider)
@@ -155,18 +165,16 @@ class PumpSolver(Solver):
         if self.by_slider:
             return np.ones_like(places)
         coupler, rod = self._levers(places)
-        found: Array = np.array((-rod, coupler)) / np.hypot(coupler, rod)
-        return found
+        return np.array((-rod, coupler)) / np.hypot(coupler, rod)
 
     def _levers(self, places: Array) -> Array:
         """Computes n2 and n3, m, of shape (2, n)."""
-        return np.array(
-            [x * np.cos(place) for x, place in zip(self._loop[1:], places, strict=True)]
-        )
+        arms = zip(self._by_angles[1:], places, strict=True)
+        return np.array([length * np.cos(place) for length, place in arms])
 
     def close(self, phases: Array) -> None:
         """Corrects small errors of G, in place."""
-        levers, gap = self._levers(phases[1:3]), self._loop.closure(tuple(phases[:3]))
+        levers, gap = self._levers(phases[1:3]), self._by_angles.closure(tuple(phases[:3]))
         phases[1:3] -= gap / (levers * levers).sum(axis=0) * levers
 
     def slopes(self, torque: Real, *phase: Array) -> Array:
@@ -180,11 +188,11 @@ class PumpSolver(Solver):
             The derivatives, of shape (k, ...).
         """
         with np.errstate(all='ignore'):
-            return np.array((phase[-2], *self._slopes(*phase, torque)))
+            return np.array(self._run(_slopes, *phase, torque))
 
     def states(self, torque: Array, *phase: Array) -> State:
         """Computes the motion of all links for the arguments of `slopes`."""
-        return cast('State', self._motion(*phase, torque))
+        return cast('State', self._run(_motion, *phase, torque))
 
     def residuals(self, crank: Array, places: Array, rates: Array, changes: Array) -> Array:
         """Computes the forces that a motion lacks, without the motor's torque.
@@ -198,33 +206,15 @@ class PumpSolver(Solver):
         Returns:
             The force on dyad or slider; G, m, if there are two places; the torque on the crank.
         """
-        return np.array(self._residuals(crank, *places, *rates, *changes))
+        return np.array(self._run(_residuals, crank, *places, *rates, *changes))
 
-    @functools.cached_property
-    def _slopes(self) -> Callable[..., Any]:
-        return self._program(_slopes, *self._arguments, 'torque')
-
-    @functools.cached_property
-    def _motion(self) -> Callable[..., Any]:
-        return self._program(_motion, *self._arguments, 'torque')
-
-    @functools.cached_property
-    def _residuals(self) -> Callable[..., Any]:
-        moving = (0, *self.places)
-        names = (tuple(f'{letter}{i}' for i in moving) for letter in ('q', 'rate', 'change'))
-        return self._program(_residuals, *names)
-
-    @property
-    def _arguments(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        return tuple(f'q{i}' for i in (0, *self.places)), ('u0', 'u1')
-
-    def _program(self, formula: Callable[..., Any], *arguments: Any) -> Callable[..., Any]:
-        """Compiles a formula for arrays."""
-        pump = cast('WindPump', self.mechanism)
-        loop = pump.loop() if self.by_slider else self._loop
-        constants = Constants((Model.of(pump, self.structure, loop), self.places))
-        program = Program(formula, constants, arguments)
-        return program.code(frozenset(program.names)).bound(constants.numbers)
+    def _run(self, formula: Callable[..., Any], *values: Real) -> Any:
+        """Evaluates a formula for arrays; it is compiled on first use."""
+        if formula not in self._compiled_for_arrays:
+            program = Program(formula, self._model, self._arguments[formula])
+            code = program.code(frozenset(program.names))
+            self._compiled_for_arrays[formula] = code.bound(self._model.numbers)
+        return self._compiled_for_arrays[formula](*values)
 
 
 def assembly(coupler: Array, rod: Array) -> str:
@@ -233,32 +223,21 @@ def assembly(coupler: Array, rod: Array) -> str:
     return OPEN if is_open.all() else BOTH if is_open.any() else CROSSED
 
 
-def _slopes(
-    constants: tuple[Model, tuple[int, ...]],
-    q: tuple[Real, ...],
-    u: tuple[Real, ...],
-    torque: Real,
-) -> tuple[Real, ...]:
+_Constants: TypeAlias = tuple[Model, tuple[int, ...]]  # the model, and the numbers of the places
+_Values: TypeAlias = tuple[Real, ...]
+
+
+def _slopes(constants: _Constants, q: _Values, u: _Values, torque: Real) -> _Values:
     model, places = constants
     rates = velocities(model.loop.pose(q), u)
-    return (*(rates[i] for i in places), *forward(model, q, u, torque))
+    return (u[0], *(rates[i] for i in places), *forward(model, q, u, torque))
 
 
-def _motion(
-    constants: tuple[Model, tuple[int, ...]],
-    q: tuple[Real, ...],
-    u: tuple[Real, ...],
-    torque: Real,
-) -> State:
+def _motion(constants: _Constants, q: _Values, u: _Values, torque: Real) -> State:
     return driven_state(constants[0], q, u, torque)
 
 
-def _residuals(
-    constants: tuple[Model, tuple[int, ...]],
-    q: tuple[Real, ...],
-    rates: tuple[Real, ...],
-    changes: tuple[Real, ...],
-) -> tuple[Real, ...]:
+def _residuals(constants: _Constants, q: _Values, rates: _Values, changes: _Values) -> _Values:
     model, places = constants
     pose = model.loop.pose(q)
     ways = [pose.links[i].jacobian[1] for i in places]  # a unit vector, across the crank's share
@@ -269,3 +248,54 @@ def _residuals(
     torque, force = balance(model, pose, velocities(pose, u), accelerations(pose, u, a))
     closures = (model.loop.closure(q),) if isinstance(model.loop, ByAngles) else ()
     return force, *closures, torque
+
+
+@dataclass(frozen=True)
+class SmoothLoad(LoadCurve):
+    """A load curve with a return_value that does not jump where the slider reverses.
+
+    A Fourier series cannot represent a jump. Between slider speeds of -width and width, the force
+    therefore changes from one curve to the other as a cubic polynomial of the speed.
+
+    Attributes:
+        width: Slider speed below which the force is between the two curves, m/s.
+    """
+
+    width: float = 0.0
+
+    def on(self, mechanism: Mechanism) -> Any:
+        """See `LoadCurve`."""
+        return _SmoothForce(super().on(mechanism), self.width)
+
+
+class _SmoothForce(NamedTuple):
+    curve: Any  # a CurveForce with a return_value
+    width: float
+
+    def forces(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> dict[int, Real]:
+        """See `Load`."""
+        link, _, _, *curves = self.curve
+        rate = rates[link] / self.width
+        share = where(rate > 1, 1.0, where(rate < -1, -1.0, 0.5 * rate * (3 - rate * rate)))
+        forth, back = (curve(links[link].position) for curve in curves)
+        return {link: 0.5 * (forth + back + share * (forth - back))}
+
+
+def smoothed(mechanism: WindPump, pace: float) -> WindPump:
+    """Replaces the load curves of a pump whose force jumps where the slider reverses.
+
+    Args:
+        mechanism: Description of the pump.
+        pace: Largest crank speed, rad/s, to which the width of the transition is proportional.
+
+    Returns:
+        The pump with smooth loads; the given pump if none of its loads jumps.
+    """
+    width = _WIDTH * mechanism.crank.length * pace
+    loads = tuple(
+        SmoothLoad(load.link, load.over, load.at, load.value, load.return_value, width=width)
+        if isinstance(load, LoadCurve) and load.return_value
+        else load
+        for load in mechanism.loads
+    )
+    return mechanism if loads == mechanism.loads else replace(mechanism, loads=loads)

@@ -20,13 +20,13 @@ vary slowly in time, these equations also determine the stability of the average
 harmonics, the motions of the preset are exact to 12 digits.
 """
 
-from __future__ import annotations
-
 import functools
 import itertools
 import math
+import operator
 from collections.abc import Iterator
 from contextlib import suppress
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -105,11 +105,11 @@ class HarmonicBalance:
         ends = np.cumsum((0, *self.sizes)).tolist()
         self._parts = [slice(*pair) for pair in itertools.pairwise(ends)]
 
-    def over(self, turns: int, harmonics: int = 0) -> HarmonicBalance:
+    def over(self, turns: int, harmonics: int = 0) -> 'HarmonicBalance':
         """Returns the equations for another number of turns; 0 harmonics: as many as here."""
         return _balance(self._mechanism, self.damping, harmonics or self._harmonics, turns)
 
-    def finer(self, most: int) -> HarmonicBalance | None:
+    def finer(self, most: int) -> 'HarmonicBalance | None':
         """Returns the equations with twice as many harmonics; None if a period has the most."""
         harmonics = 2 * self._harmonics
         return self.over(self.turns, harmonics) if harmonics * self.turns <= most else None
@@ -123,8 +123,10 @@ class HarmonicBalance:
 
     def sized(self, *rows: Array) -> Array:
         """Makes unknowns from coefficients, cut or padded to the `sizes`, and the torque."""
-        sizes = zip(rows, (*self.sizes, 1), strict=True)
-        return np.concatenate([np.append(row, np.zeros(size))[:size] for row, size in sizes])
+        return np.concatenate([
+            np.append(row, np.zeros(size))[:size]
+            for row, size in zip(rows, (*self.sizes, 1), strict=True)
+        ])  # fmt: skip
 
     def split(self, unknowns: Array) -> list[Array]:
         """Splits unknowns into the coefficients of each series, and the torque."""
@@ -132,15 +134,14 @@ class HarmonicBalance:
 
     def units(self, motion: PeriodicMotion) -> Array:
         """Units of the unknowns: units of the places, speed and torque of a motion."""
-        units = *self.solver.units[:-1], motion.speed, motion.torque
-        return np.repeat(units, (*self.sizes, 1))
+        each = *self.solver.units[:-1], motion.speed, motion.torque
+        return np.repeat(each, (*self.sizes, 1))
 
     def tangent(self, motion: PeriodicMotion) -> Array:
         """Differentiates the unknowns by the mean crank speed, along the load curve."""
         jacobian = self.jacobian(self.unknowns(motion))
         row = jacobian[-1] = self.axis(of_speed=True)
-        solved: Array = np.linalg.solve(jacobian, np.eye(len(row))[-1])
-        return solved
+        return np.linalg.solve(jacobian, np.eye(len(row))[-1])
 
     def axis(self, *, of_speed: bool) -> Array:
         """Returns the unit vector of an unknown: the mean of the crank speed, or the torque."""
@@ -218,24 +219,22 @@ class HarmonicBalance:
             The motion; None if none was found.
         """
         unknowns, row = guess, self.axis(of_speed=False) if fixed is None else fixed
-        try:
-            with np.errstate(all='ignore'):  # an overflow ends the search below
-                size, is_new = math.inf, True
-                for allowed in _STEPS:
-                    if is_new:
-                        jacobian = self.jacobian(unknowns)
-                        jacobian[-1] = row
-                        factors = lu_factor(jacobian, overwrite_a=True)
-                    step = lu_solve(factors, self.residuals(unknowns))
-                    unknowns = unknowns - step
-                    before, size = size, np.abs(step).max() / np.abs(unknowns).max()
-                    if size * (size if is_new else size / before) < accuracy.error:
-                        return self._checked(unknowns, row, accuracy)
-                    if not size <= allowed:  # or nan
-                        return None
-                    is_new = size > min(_CLOSE, _FALLS * before)
-        except (LinkageError, np.linalg.LinAlgError):
-            pass
+        size, is_new = math.inf, True
+        # An overflow makes a step too large.
+        with suppress(LinkageError, np.linalg.LinAlgError), np.errstate(all='ignore'):
+            for allowed in _STEPS:
+                if is_new:
+                    jacobian = self.jacobian(unknowns)
+                    jacobian[-1] = row
+                    factors = lu_factor(jacobian, overwrite_a=True)
+                step = lu_solve(factors, self.residuals(unknowns))
+                unknowns = unknowns - step
+                before, size = size, np.abs(step).max() / np.abs(unknowns).max()
+                if size * (size if is_new else size / before) < accuracy.error:
+                    return self._checked(unknowns, row, accuracy)
+                if not size <= allowed:  # or nan
+                    break
+                is_new = size > min(_CLOSE, _FALLS * before)
         return None
 
     def _checked(self, unknowns: Array, row: Array, accuracy: Accuracy) -> PeriodicMotion | None:
@@ -245,21 +244,21 @@ class HarmonicBalance:
             The motion; None if the crank stops or the motion needs too many harmonics.
         """
         *places, crank, (torque,) = self.split(unknowns)
-        given = self.solver, self.damping, tuple(places), crank, float(torque), self.turns
-        motion = PeriodicMotion(*given)
+        motion = PeriodicMotion(
+            self.solver, self.damping, tuple(places), crank, float(torque), self.turns
+        )
         if not motion.phase(self.angles)[-2].min() > 0:
             return None
         if self._harmonics == AVERAGED:
-            averaged = PeriodicMotion(*given, self._slow_multipliers(unknowns))
+            averaged = replace(motion, slow_multipliers=self._slow_multipliers(unknowns))
             return averaged if abs(averaged.multipliers[0]) < _WILD else None
         finer = self.finer(accuracy.most)
         if motion.tail < (accuracy.tail if finer else _ROUGHEST):
             return motion if np.isfinite(motion.multipliers).all() else None
         if finer is None:
             return None
-        return finer.find(
-            finer.sized(*self.split(unknowns)), finer.sized(*self.split(row)), accuracy
-        )
+        guess, fixed = (finer.sized(*self.split(one)) for one in (unknowns, row))
+        return finer.find(guess, fixed, accuracy)
 
     def _slow_multipliers(self, unknowns: Array) -> tuple[complex, ...]:
         """Computes the Floquet multipliers of an averaged motion over a turn, the largest first.
@@ -289,8 +288,8 @@ class HarmonicBalance:
     def residuals(self, unknowns: Array) -> Array:
         """Computes the residuals of the equations; the last, that of `find`, is 0."""
         lacks = self._lacks(self._values(unknowns)[:, None], unknowns[-1])
-        means = (weights @ lack[0] for weights, lack in zip(self._weights, lacks, strict=True))
-        return np.concatenate((*means, np.zeros(1)))
+        means = [weights @ lack[0] for weights, lack in zip(self._weights, lacks, strict=True)]
+        return np.concatenate((*means, [0.0]))
 
     def jacobian(self, unknowns: Array) -> Array:
         """Computes the Jacobian of the equations; its last row, that of `find`, is 0."""
@@ -310,8 +309,8 @@ class HarmonicBalance:
 
     def _values(self, unknowns: Array) -> Array:
         """Computes the places and the crank speed with their derivatives, one row each."""
-        rows = zip(self._waves, self.split(unknowns), strict=False)
-        return np.concatenate([functions @ row for functions, row in rows])
+        *rows, _ = self.split(unknowns)
+        return np.concatenate(list(map(operator.matmul, self._waves, rows)))
 
     def _lacks(self, values: Array, torque: float) -> Array:
         """Computes the residuals at all angles for rows of values, each of shape (m, angles)."""

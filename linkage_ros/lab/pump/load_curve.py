@@ -8,8 +8,6 @@ are the intersections of the load curve with the torque-speed line of the motor.
 followed along its length, past its folds.
 """
 
-from __future__ import annotations
-
 import functools
 import itertools
 from collections.abc import Iterable, Sequence
@@ -55,15 +53,20 @@ class Piece:
     ends_at: str = LOST
 
     @property
-    def stable(self) -> bool:
-        """Whether the motions are stable; at the ends of a piece, stability may be undefined."""
-        return self.motions[len(self.motions) // 2].stable
+    def middle(self) -> PeriodicMotion:
+        """A motion in the middle of the piece."""
+        return self.motions[len(self.motions) // 2]
 
     @property
-    def ends(self) -> list[tuple[float, str]]:
-        """Torque, N m, and type of both ends; the end with the lower torque is first."""
-        last = self.motions[-1].torque, self.ends_at
-        return sorted(((self.motions[0].torque, self.begins_at), last))
+    def stable(self) -> bool:
+        """Whether the motions are stable; at the ends of a piece, stability may be undefined."""
+        return self.middle.stable
+
+    @property
+    def ends(self) -> list[tuple[PeriodicMotion, str]]:
+        """Motion and type of both ends; the end with the lower torque is first."""
+        ends = (self.motions[0], self.begins_at), (self.motions[-1], self.ends_at)
+        return sorted(ends, key=lambda end: end[0].torque)
 
 
 class SteadyState(NamedTuple):
@@ -72,17 +75,14 @@ class SteadyState(NamedTuple):
     Attributes:
         motion: The sustained motion.
         piece: The piece of the load curve that contains it.
+        averaged: The averaged motion near it; None: none was found.
+        share: Fraction of the starts that settle at it.
     """
 
     motion: PeriodicMotion
     piece: Piece
-
-    @property
-    def name(self) -> str:
-        """Mean speed as text; also the number of turns if above 1, and 'unstable' if so."""
-        motion = self.motion
-        turns = f', {motion.turns} turns' if motion.turns > 1 else ''
-        return f'{motion.speed:.4g} rad/s{turns}{"" if motion.stable else ", unstable"}'
+    averaged: PeriodicMotion | None = None
+    share: float = 0.0
 
 
 def steady_states(
@@ -145,8 +145,11 @@ def _between(
 
 def stability_lost(pieces: Sequence[Piece]) -> list[tuple[str, PeriodicMotion]]:
     """Returns the type of each change of stability along the curves, and the motion there."""
-    pairs = itertools.pairwise(pieces)
-    return [(a.ends_at, a.motions[-1]) for a, b in pairs if a.motions[-1] is b.motions[0]]
+    return [
+        (one.ends_at, one.motions[-1])
+        for one, other in itertools.pairwise(pieces)
+        if one.motions[-1] is other.motions[0]
+    ]
 
 
 def bistable_ranges(pieces: Sequence[Piece]) -> list[dict[str, Any]]:
@@ -159,7 +162,9 @@ def bistable_ranges(pieces: Sequence[Piece]) -> list[dict[str, Any]]:
     Returns:
         For each range: its ends low and high, N m, and their types low_is and high_is.
     """
-    spans = [piece.ends for piece in pieces if piece.stable]
+    spans = [
+        [(motion.torque, kind) for motion, kind in piece.ends] for piece in pieces if piece.stable
+    ]
     ranges: list[dict[str, Any]] = []
     for (low, low_is), (high, high_is) in itertools.pairwise(sorted(itertools.chain(*spans))):
         if sum(start <= (low, low_is) and (high, high_is) <= end for start, end in spans) < 2:
@@ -194,11 +199,11 @@ def with_curves(
     for seed in waiting:
         if seed is None or seed.turns > _FEW or not speeds[0] <= seed.speed <= speeds[1]:
             continue
-        states = steady_states(balance, found, seed.torque)
-        if any(seed.is_same(state.motion) for state in states) or _is_end(found, seed):
+        if _is_on(balance, found, seed) or _is_end(found, seed):
             continue
         curve = follow(balance.over(seed.turns), seed, speeds)
-        found = [piece for piece in found if not _is_on(balance, curve, piece)] + curve
+        # A piece repeats a part of the curve if its own curve was lost there.
+        found = [one for one in found if not _is_on(balance, curve, one.middle, _CURVE)] + curve
         waiting += [
             balance.doubled(piece.motions[-1])
             for piece in curve
@@ -207,21 +212,24 @@ def with_curves(
     return found
 
 
-def _is_on(balance: HarmonicBalance, curve: Sequence[Piece], piece: Piece) -> bool:
-    """Whether a piece repeats a part of a curve, because its own curve was lost there."""
-    middle = piece.motions[len(piece.motions) // 2]
-    states = steady_states(balance, curve, middle.torque, _CURVE)
-    return any(middle.is_same(state.motion) for state in states)
+def _is_on(
+    balance: HarmonicBalance,
+    curve: Sequence[Piece],
+    motion: PeriodicMotion,
+    accuracy: Accuracy = STATE,
+) -> bool:
+    """Whether a curve contains a motion."""
+    states = steady_states(balance, curve, motion.torque, accuracy)
+    return any(motion.is_same(state.motion) for state in states)
 
 
 def _is_end(pieces: Iterable[Piece], motion: PeriodicMotion) -> bool:
     """Whether a known curve ends at the period doubling near a motion of twice the period."""
-    ends = [(piece.motions[0], piece.begins_at) for piece in pieces]
-    ends += [(piece.motions[-1], piece.ends_at) for piece in pieces]
     return any(
         kind == PERIOD_DOUBLING and one.turns == motion.turns
         and np.allclose((one.torque, one.speed), (motion.torque, motion.speed), rtol=_GAP)
-        for one, kind in ends
+        for piece in pieces
+        for one, kind in piece.ends
     )  # fmt: skip
 
 
@@ -318,18 +326,18 @@ def _boundary(
     between the two motions.
     """
     balance = balance.over(one.turns, max(one.harmonics, other.harmonics))
-    known, way = balance.unknowns(other), balance.unknowns(other) - balance.unknowns(one)
+    way = balance.unknowns(other) - balance.unknowns(one)
     plane, found = way / balance.units(one) ** 2, other
     x, y = 0.0, 1.0
     at_x, at_y = abs(one.multipliers[0]) - 1, abs(other.multipliers[0]) - 1
     for _ in range(_MOST_SECANTS):
-        z = y - at_y * (y - x) / (at_y - at_x)
-        motion = balance.find(known + (z - y) * way, plane, _BOUNDARY)
-        if motion is None:
-            break
-        found, known, at_z = motion, balance.unknowns(motion), abs(motion.multipliers[0]) - 1
-        x, at_x = (x, 0.5 * at_x) if at_z * at_y > 0 else (y, at_y)
-        y, at_y = z, at_z
         if abs(at_y) < _UNIT:
             break
+        z = y - at_y * (y - x) / (at_y - at_x)
+        motion = balance.find(balance.unknowns(found) + (z - y) * way, plane, _BOUNDARY)
+        if motion is None:
+            break
+        found, at_z = motion, abs(motion.multipliers[0]) - 1
+        x, at_x = (x, 0.5 * at_x) if at_z * at_y > 0 else (y, at_y)
+        y, at_y = z, at_z
     return found

@@ -6,9 +6,8 @@ Each motion is integrated by Dormand and Prince's method of order 5, with its ow
 step of many motions takes little longer than a step of one motion.
 """
 
-from __future__ import annotations
-
 import math
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -25,6 +24,14 @@ _TOLERANCE = 5e-4
 _FINE, _SAMPLES = 1e-7, 128  # tolerance of further turns, and samples of each
 _KEPT = 400  # steps that are searched for the last turns
 _LONGEST = 75.0  # longest time for a further turn, relative to that for 1 rad at no load
+# Of motions that alternate between the assemblies.
+_PERIODS = 1, 2, 4  # turns
+_TURNS = 16  # last turns, all of which must repeat: a slowing motion repeats for a few turns
+# Largest relative differences of the speeds of turns that repeat, and of the means of two halves.
+_REPEATS, _DRIFT = 0.015, 0.001
+_LEAST = 0.02  # smallest share of the starts; fewer starts may only seem to repeat
+# Largest relative differences in mean speed: of two equal motions, of one on its way to a state.
+_SAME, _ON_ITS_WAY = 0.005, 0.02
 
 
 class Motions:
@@ -93,10 +100,14 @@ class Motions:
         Returns:
             Phases, of shape (k, steps); None if the crank has turned backwards.
         """
-        rows = np.array([phase[:, number] for phase in self.phases[-_KEPT:]])
-        inside = rows[:, 0] > rows[-1, 0] - 2 * math.pi * turns
-        forwards = not inside[0] and rows[inside, -2].min() > 0
-        return rows[inside].T if forwards else None
+        rows = self._last_steps(number)
+        inside = rows[0] > rows[0, -1] - 2 * math.pi * turns
+        forwards = not inside[0] and rows[-2, inside].min() > 0
+        return rows[:, inside] if forwards else None
+
+    def _last_steps(self, number: int) -> Array:
+        """Returns the phases of a motion after its last steps, of shape (k, steps)."""
+        return np.array([phase[:, number] for phase in self.phases[-_KEPT:]]).T
 
     def next_turns(self, number: int, turns: int) -> Array | None:
         """Integrates further turns of a motion with small errors, without advancing it.
@@ -128,32 +139,86 @@ class Motions:
             )  # fmt: skip
         if course.status != 1 or course.y[0, -1] < end - math.pi:
             return None
-        found: Array = course.sol(np.linspace(0, course.t[-1], _SAMPLES * turns, endpoint=False))
-        return found
+        return course.sol(np.linspace(0, course.t[-1], _SAMPLES * turns, endpoint=False))
 
     def assembly(self, number: int) -> str:
         """Returns the assembly of a motion in its last turns."""
-        phases = np.array([phase[:, number] for phase in self.phases[-_KEPT:]]).T
+        phases = self._last_steps(number)
         return assembly(phases[1], phases[2])
 
     def speeds(self, number: int) -> Array:
         """Returns the mean speed of each of the last turns, rad/s; empty if one was backwards."""
-        kept = self.phases[-_KEPT:], self.times[-_KEPT:]
-        crank, speed, times = np.array([
-            (phase[0, number], phase[-2, number], time[number])
-            for phase, time in zip(*kept, strict=True)
-        ]).T  # fmt: skip
-        moved = np.insert(np.diff(crank) != 0, 0, values=True)
-        crank, speed, times = crank[moved], speed[moved], times[moved]
+        phases = self._last_steps(number)
+        moved = np.insert(np.diff(phases[0]) != 0, 0, values=True)
+        crank, speed = phases[0, moved], phases[-2, moved]
+        times = np.array([time[number] for time in self.times[-_KEPT:]])[moved]
         if len(crank) == 1 or speed.min() <= 0:
             return np.zeros(0)
         turn = 2 * math.pi
         ends = turn * np.arange(math.ceil(crank[0] / turn), math.floor(crank[-1] / turn) + 1)
-        # Cubic curves through the times, with slopes 1 / speed.
-        before = np.clip(np.searchsorted(crank, ends) - 1, 0, len(crank) - 2)
-        wide, late = np.diff(crank)[before], np.diff(times)[before]
-        share = (ends - crank[before]) / wide
-        bends = wide / speed[before] - late, late - wide / speed[before + 1]
-        bulge = share * (1 - share) * ((1 - share) * bends[0] + share * bends[1])
-        found: Array = turn / np.diff(times[before] + share * late + bulge)
-        return found
+        return turn / np.diff(cubic(crank, times, 1 / speed, ends))
+
+
+def cubic(at: Array, values: Array, slopes: Array, wanted: Array) -> Array:
+    """Evaluates the piecewise cubic curve through given values with given slopes.
+
+    Args:
+        at: Increasing x of the values, of shape (n).
+        values: The values.
+        slopes: Slopes of the curve at the values.
+        wanted: The x at which the curve is evaluated.
+    """
+    before = np.clip(np.searchsorted(at, wanted) - 1, 0, len(at) - 2)
+    wide, rise = np.diff(at)[before], np.diff(values)[before]
+    share = (wanted - at[before]) / wide
+    bends = slopes[before] * wide - rise, rise - slopes[before + 1] * wide
+    bulge = share * (1 - share) * ((1 - share) * bends[0] + share * bends[1])
+    return values[before] + share * rise + bulge
+
+
+def alternating_motions(
+    courses: Iterable[Array], known: Iterable[float], starts: int
+) -> list[dict[str, Any]]:
+    """Groups motions that alternate between the assemblies and repeat after 1, 2 or 4 turns.
+
+    They were not found as Fourier series, for example because the crank nearly stops in each
+    period.
+
+    Args:
+        courses: For each alternating motion without a known state, the mean speeds of its last
+            turns, rad/s.
+        known: Mean speeds of the known states, rad/s; a motion near one of them may be on its way.
+        starts: Number of all starts.
+
+    Returns:
+        Records with the period in turns, the mean speed of the motion and of each turn of the
+        period, rad/s, the slowest turn first, and the share of the starts.
+    """
+    found: list[dict[str, Any]] = []
+    for speeds in filter(None, map(_period, courses)):
+        period, mean = len(speeds), len(speeds) / sum(1 / speed for speed in speeds)
+        same = [
+            one for one in found
+            if one['period'] == period and abs(mean / one['speed'] - 1) < _SAME
+        ]  # fmt: skip
+        if same:
+            same[0]['share_of_starts'] += 1 / starts
+        elif all(abs(mean / speed - 1) > _ON_ITS_WAY for speed in known):
+            found.append({
+                'period': period, 'speed': mean, 'speeds': speeds, 'share_of_starts': 1 / starts,
+            })  # fmt: skip
+    return [one for one in found if one['share_of_starts'] >= _LEAST]
+
+
+def _period(speeds: Array) -> list[float]:
+    """Returns the speeds of the turns of a period, the slowest first; empty without a period."""
+    if len(speeds) < _TURNS:
+        return []
+    last = speeds[-_TURNS:]
+    early, late = last.reshape(2, -1).mean(axis=1)
+    for period in _PERIODS:
+        turns = last[-period:]
+        repeats = np.abs(last.reshape(-1, period) / turns - 1).max() < _REPEATS
+        if repeats and abs(early / late - 1) < _DRIFT:
+            return np.roll(turns, -turns.argmin()).tolist()
+    return []

@@ -6,8 +6,6 @@ As long as the crank turns, the crank angle phi is the independent variable in p
 (M. Henon, Physica D 5 (1982), 412-414).
 """
 
-from __future__ import annotations
-
 import functools
 import math
 from dataclasses import dataclass, replace
@@ -38,8 +36,7 @@ def parts_of(turns: int, harmonics: int) -> Array:
     Returns:
         Angles, the first at 0.
     """
-    count = turns * max(64, 4 * harmonics)
-    return np.linspace(0, 2 * math.pi * turns, count, endpoint=False)
+    return np.linspace(0, 2 * math.pi * turns, turns * max(64, 4 * harmonics), endpoint=False)
 
 
 def waves(angles: Array, count: int, turns: int, derivative: int = 0) -> Array:
@@ -63,7 +60,7 @@ def _waves(angles: bytes, count: int, turns: int, derivative: int) -> Array:
     orders = np.arange(1, count // 2 + 1) / turns
     powers = np.cumprod(np.broadcast_to(first[:, None], (len(first), len(orders))), axis=1)
     pairs = (powers * (1j * orders) ** derivative).view(float)  # cosines and sines in turn
-    found: Array = np.insert(pairs, 0, float(derivative == 0), axis=1)
+    found = np.insert(pairs, 0, float(derivative == 0), axis=1)
     found.flags.writeable = False
     return found
 
@@ -122,15 +119,13 @@ class PeriodicMotion:
         Returns:
             Slider position, m, crank speed, rad/s, and slider velocity, m/s; of shape (3, n).
         """
-        position, slope = (
-            waves(angles, len(self.slider), self.turns, d) @ self.slider for d in (0, 1)
-        )
-        speed = self._crank_speed(angles)
+        position, slope = (self._series(self.slider, angles, order) for order in (0, 1))
+        speed = self._series(self.crank, angles)
         return np.array((position, speed, speed * slope))
 
-    def _crank_speed(self, angles: Array) -> Array:
-        speed: Array = waves(angles, len(self.crank), self.turns) @ self.crank
-        return speed
+    def _series(self, row: Array, angles: Array, derivative: int = 0) -> Array:
+        """Evaluates a series with the coefficients `row`, or a derivative."""
+        return waves(angles, len(row), self.turns, derivative) @ row
 
     def phase(self, angles: Array) -> Array:
         """Returns the motion at crank angles as phases of the solver, without the crank angle.
@@ -139,10 +134,9 @@ class PeriodicMotion:
             angles: Crank angles, of shape (n), rad.
         """
         places, slopes = (
-            np.array([waves(angles, len(row), self.turns, d) @ row for row in self.places])
-            for d in (0, 1)
+            np.array([self._series(row, angles, order) for row in self.places]) for order in (0, 1)
         )
-        speed = self._crank_speed(angles)
+        speed = self._series(self.crank, angles)
         return self.solver.phases(angles, places, speed, slopes * speed)[1:]
 
     def states(self, angles: Array) -> State:
@@ -160,8 +154,9 @@ class PeriodicMotion:
         if self.solver.by_slider:
             return self.places[0]
         count = len(self.angles)
-        *_, slider = self._state.position
-        found: Array = waves(self.angles, count - 1, self.turns).T @ slider * (2 / count)
+        found = (
+            waves(self.angles, count - 1, self.turns).T @ self._state.position[-1] * (2 / count)
+        )
         found[0] /= 2
         return found
 
@@ -188,10 +183,9 @@ class PeriodicMotion:
             if not self.solver.by_slider:
                 away[:2] = wrap(away[:2], np.rint)
             apart.append((np.abs(away) / self.units[:, None, None]).max(axis=0).mean(axis=0))
-        nearest: Array = np.min(apart, axis=0)
-        return nearest
+        return np.min(apart, axis=0)
 
-    def is_same(self, other: PeriodicMotion) -> bool:
+    def is_same(self, other: 'PeriodicMotion') -> bool:
         """Returns whether another motion is the same, up to a shift by whole turns."""
         ours, theirs = (np.array((one.speed, one.stroke, one.torque)) for one in (self, other))
         return self.turns == other.turns and bool(np.allclose(ours, theirs, rtol=_SAME, atol=0))
@@ -207,11 +201,10 @@ class PeriodicMotion:
         """
         found = self.places[0][1:]
         chosen = np.repeat(np.arange(1, len(found) // 2 + 1) % part > 0, 2)
-        parts: Array = found[chosen] / self.solver.units[0]
-        return parts
+        return found[chosen] / self.solver.units[0]
 
     @property
-    def shortest(self) -> PeriodicMotion:
+    def shortest(self) -> 'PeriodicMotion':
         """The same motion over the fewest turns after which it repeats."""
         for part in range(self.turns, 1, -1):
             if self.turns % part == 0 and np.abs(self.subharmonics(part)).max() < _TINY:
@@ -222,17 +215,15 @@ class PeriodicMotion:
     @functools.cached_property
     def speed(self) -> float:
         """Mean crank speed over time, rad/s."""
-        speed = self._crank_speed(self.angles)
-        return float(1 / np.mean(1 / speed))
+        return float(1 / np.mean(1 / self._series(self.crank, self.angles)))
 
     @functools.cached_property
     def speeds(self) -> list[float]:
         """Mean crank speed over time in each turn, rad/s."""
         parts = np.arange(self.turns * _PARTS)[:, None] + (_NODES + 1) / 2
-        angles = 2 * math.pi / _PARTS * parts.ravel()
-        speed = self._crank_speed(angles)
+        speed = self._series(self.crank, 2 * math.pi / _PARTS * parts.ravel())
         times = (1 / speed).reshape(self.turns, _PARTS, -1) @ _WEIGHTS
-        return (2 * _PARTS / times.sum(axis=1)).tolist()  # type: ignore[no-any-return]
+        return (2 * _PARTS / times.sum(axis=1)).tolist()
 
     @property
     def load(self) -> float:
@@ -243,16 +234,12 @@ class PeriodicMotion:
     def turning_points(self) -> Array:
         """Positions at which the slider reverses, in order, m."""
         grid: Any = np.arange(self.turns * _FINE) * (2 * math.pi / _FINE)
-        slope = waves(grid, len(self.slider), self.turns, 1) @ self.slider
-        angles = grid[np.sign(slope) != np.sign(np.roll(slope, -1))]
+        signs = np.sign(self._series(self.slider, grid, 1))
+        angles = grid[signs != np.roll(signs, -1)]
         for _ in range(_STEPS):
-            slope, bend = (
-                waves(angles, len(self.slider), self.turns, d) @ self.slider for d in (1, 2)
-            )
-            move = np.clip(slope / np.where(bend, bend, np.inf), -grid[1], grid[1])
-            angles = angles - move
-        points: Array = waves(angles, len(self.slider), self.turns) @ self.slider
-        return points
+            slope, bend = (self._series(self.slider, angles, order) for order in (1, 2))
+            angles = angles - np.clip(slope / np.where(bend, bend, np.inf), -grid[1], grid[1])
+        return self._series(self.slider, angles)
 
     @property
     def stroke(self) -> float:
@@ -279,8 +266,8 @@ class PeriodicMotion:
             return None
         x, w, v = self.at(self.angles)
         torque = self.torque - self.damping * w
-        force = self.solver.load_forces(self._state)['slider'] + slider.damping * v
-        force = force + slider.stiffness * (x - slider.rest_position)
+        resistance = slider.damping * v + slider.stiffness * (x - slider.rest_position)
+        force = self.solver.load_forces(self._state)['slider'] + resistance
         return float(-np.mean(force * v / w) / np.mean(torque))
 
     @functools.cached_property
@@ -306,9 +293,8 @@ class PeriodicMotion:
         squares = exponents @ exponents
         even, odd = np.eye(size) + squares / 10, exponents / 2 + exponents @ squares / 120
         factors = np.linalg.solve(even - odd, even + odd)
-        product: Array = functools.reduce(lambda before, factor: factor @ before, factors)
-        among: Array = self.ways.T @ product @ self.ways
-        return among
+        product = functools.reduce(lambda before, factor: factor @ before, factors)
+        return self.ways.T @ product @ self.ways
 
     @functools.cached_property
     def ways(self) -> Array:
@@ -328,9 +314,7 @@ class PeriodicMotion:
         phase = self.phase(angles)[:, None] + moves.T[..., None]
         speed, size = phase[-2], len(steps)
         slopes = self.solver.slopes(self.torque - self.damping * speed, angles, *phase)[1:] / speed
-        derivatives = (slopes[:, :size] - slopes[:, size:]) / (2 * steps[:, None])
-        jacobians: Array = derivatives.transpose(2, 0, 1)
-        return jacobians
+        return ((slopes[:, :size] - slopes[:, size:]) / (2 * steps[:, None])).transpose(2, 0, 1)
 
     @property
     def stable(self) -> bool:
@@ -338,19 +322,26 @@ class PeriodicMotion:
         return abs(self.multipliers[0]) < 1
 
     @property
+    def name(self) -> str:
+        """Mean speed as text; also the number of turns if above 1, and 'unstable' if so."""
+        turns = f', {self.turns} turns' if self.turns > 1 else ''
+        return f'{self.speed:.4g} rad/s{turns}{"" if self.stable else ", unstable"}'
+
+    @property
     def numbers(self) -> dict[str, Any]:
         """Main numbers of the motion, for JSON, in SI units."""
         return {
-            **{
-                name: getattr(self, name) for name in ('torque', 'load', 'speed', 'stroke', 'flow')
-            },
+            'torque': self.torque,
+            'load': self.load,
+            'speed': self.speed,
+            'stroke': self.stroke,
+            'flow': self.flow,
             'multipliers': [[value.real, value.imag] for value in self.multipliers],
         }
 
     def record(self) -> dict[str, Any]:
         """Returns the motion as a JSON record, in SI units; period in turns."""
-        start = self.at(np.zeros(1))[:, 0].tolist()
-        names = 'slider_position', 'crank_speed', 'slider_velocity'
+        x, w, v = self.at(np.zeros(1))[:, 0].tolist()
         return {
             **self.numbers,
             'efficiency': self.efficiency,
@@ -360,7 +351,7 @@ class PeriodicMotion:
             'speeds': self.speeds,
             'slider_lowest': float(self.turning_points.min()),
             'slider_highest': float(self.turning_points.max()),
-            'at_crank_angle_0': dict(zip(names, start, strict=True)),
+            'at_crank_angle_0': {'slider_position': x, 'crank_speed': w, 'slider_velocity': v},
         }
 
 

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Finds the states at which motions settle, and counts the motions that do not settle."""
 
-from __future__ import annotations
-
 import functools
 import math
 from collections.abc import Callable, Iterable, Sequence
@@ -13,10 +11,10 @@ import numpy as np
 
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.errors import ConfigurationError
+from linkage_ros.lab.pump.equations import smoothed
 from linkage_ros.lab.pump.harmonic_balance import EXACT, STATE, HarmonicBalance
 from linkage_ros.lab.pump.motions import Motions
 from linkage_ros.lab.pump.periodic_motion import PeriodicMotion
-from linkage_ros.lab.pump.smooth_load import smoothed
 from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.drives import Motor
@@ -114,8 +112,7 @@ class Search:
 
         def rows(back: int, turns: int = 1) -> Array:
             count = _ROWS * turns
-            found: Array = np.array(phases[-count - back :][:count:3])[..., left].swapaxes(0, 1)
-            return found
+            return np.array(phases[-count - back :][:count:3])[..., left].swapaxes(0, 1)
 
         for number, state in enumerate(self.states):
             if state.stable:
@@ -137,10 +134,8 @@ class Search:
     @property
     def _sides(self) -> list[list[int]]:
         """States at which the motions on both sides of each unstable state settle."""
-        last: list[list[int]] = (
-            self.belongs[len(self.belongs) - 2 * len(self.unstable) :].reshape(-1, 2).tolist()
-        )
-        return last
+        first = len(self.belongs) - 2 * len(self.unstable)
+        return self.belongs[first:].reshape(-1, 2).tolist()
 
     def _inside(self, state: PeriodicMotion, number: int) -> float:
         """Returns the distance from a state below which motions surely settle at state `number`.
@@ -183,8 +178,7 @@ class Search:
             state = equations.find(guess) if missed < _REPEATS else None
             state = state and state.shortest
             if state and state.stable:
-                self._add(state)
-                place = next(i for i, known in enumerate(self.states) if state.is_same(known))
+                place = self._number(state)
                 if state.distance(last[:, -_ROWS:, None]) < self._inside(state, place):
                     self.belongs[number] = place
                 return 0
@@ -201,26 +195,30 @@ class Search:
         ]
         return found[:_TRIES]
 
-    def _add(self, state: PeriodicMotion) -> None:
-        if not any(state.is_same(known) for known in self.states):
-            self.states.append(state)
-            self._assign()
+    def _number(self, state: PeriodicMotion) -> int:
+        """Returns the number of a state, which is added if it is new."""
+        for number, known in enumerate(self.states):
+            if state.is_same(known):
+                return number
+        self.states.append(state)
+        self._assign()
+        return len(self.states) - 1
 
     def _with_speeds(self, speeds: Array) -> int:
         """Returns the number of the stable state with these speeds of its turns, or -1."""
-        for number, state in enumerate(self.states):
-            if state.stable and state.turns == len(speeds):
-                change = np.sort(speeds) / np.sort(state.speeds) - 1
-                if np.abs(change).max() < _ALIKE:
-                    return number
-        return -1
+        alike = (
+            number
+            for number, state in enumerate(self.states)
+            if state.stable and state.turns == len(speeds)
+            and np.abs(np.sort(speeds) / np.sort(state.speeds) - 1).max() < _ALIKE
+        )  # fmt: skip
+        return next(alike, -1)
 
 
 def _falls(state: PeriodicMotion, before: Array, now: Array) -> Array:
     """Returns the factors by which the distance of motions from a state must have decreased."""
     periods = (now[0, -1] - before[0, -1]) / (2 * np.pi * state.turns)
-    factors: Array = np.clip(abs(state.multipliers[0]) ** (periods / 2), _HALF, 1.0)
-    return factors
+    return np.clip(abs(state.multipliers[0]) ** (periods / 2), _HALF, 1.0)
 
 
 @functools.cache  # it is asked for at every check
