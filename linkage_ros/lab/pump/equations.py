@@ -188,11 +188,11 @@ class PumpSolver(Solver):
             The derivatives, of shape (k, ...).
         """
         with np.errstate(all='ignore'):
-            return np.array(self._run(_slopes, *phase, torque))
+            return np.array(self._evaluate(_slopes, *phase, torque))
 
     def states(self, torque: Array, *phase: Array) -> State:
         """Computes the motion of all links for the arguments of `slopes`."""
-        return cast('State', self._run(_motion, *phase, torque))
+        return cast('State', self._evaluate(_motion, *phase, torque))
 
     def residuals(self, crank: Array, places: Array, rates: Array, changes: Array) -> Array:
         """Computes the forces that a motion lacks, without the motor's torque.
@@ -206,9 +206,9 @@ class PumpSolver(Solver):
         Returns:
             The force on dyad or slider; G, m, if there are two places; the torque on the crank.
         """
-        return np.array(self._run(_residuals, crank, *places, *rates, *changes))
+        return np.array(self._evaluate(_residuals, crank, *places, *rates, *changes))
 
-    def _run(self, formula: Callable[..., Any], *values: Real) -> Any:
+    def _evaluate(self, formula: Callable[..., Any], *values: Real) -> Any:
         """Evaluates a formula for arrays; it is compiled on first use."""
         if formula not in self._compiled_for_arrays:
             program = Program(formula, self._model, self._arguments[formula])
