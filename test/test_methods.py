@@ -211,10 +211,13 @@ def test_deliberate_errors_are_detected(turns):
     assert case.error('position', 3, [first + 6 * math.pi, second - 2 * math.pi]) < 4e-15
     assert case.error('position', 3, [first, second + 0.5]) == pytest.approx(0.5)
     # As unit vectors, whose length also matters.
-    numbers = np.array([float(x) for x in exact['direction']])
+    numbers = np.array([f(x) for x in map(float, exact['position']) for f in (math.cos, math.sin)])
     assert case.error('position', 3, numbers) < EPSILON
-    for one in np.eye(4):
-        assert case.error('position', 3, numbers + 1e-6 * one) == pytest.approx(1e-6)
+    for link, along in itertools.product((0, 2), (0, 1)):
+        x, y = numbers[link : link + 2]
+        off = numbers.copy()
+        off[link : link + 2] += 1e-6 * np.array([(x, y), (-y, x)][along])
+        assert case.error('position', 3, off) == pytest.approx(1e-6)
 
 
 EVERY = {method.name for method in (*METHODS, *INTEGRATORS)}

@@ -16,7 +16,7 @@ import numpy as np
 from scipy import integrate
 
 from linkage_ros.formulas import Vector
-from linkage_ros.lab.reference.motions import InitialValueProblem, Phase
+from linkage_ros.lab.reference.motions import InitialValueProblem, Phase, halves
 from linkage_ros.lab.reference.multibody import Multibody
 from linkage_ros.motion.fixed_step_integrator import Integrate
 from linkage_ros.motion.published import published
@@ -35,9 +35,8 @@ class _OwnCoordinates:
 
     def gap(self) -> float:
         """See the module docstring."""
-        half, solver = len(self._phase) // 2, self._driven.solver
-        state = solver.state(self._phase[:half], self._phase[half:], (0.0,) * half)
-        return solver.structure.loop_residual(state)
+        solver = self._driven.solver
+        return solver.structure.loop_residual(solver.state(*halves(self._phase)))
 
 
 class OfPackage(_OwnCoordinates):
@@ -85,22 +84,27 @@ def _moved(phase: Phase, h: float, slope: Sequence[float]) -> Phase:
 class OfScipy(_OwnCoordinates):
     """A SciPy solver; its dense output interpolates between steps."""
 
-    def __init__(self, problem: InitialValueProblem, solver: str, tolerance: float) -> None:
+    def __init__(
+        self,
+        problem: InitialValueProblem,
+        solver: str,
+        tolerance: float,
+        start: Phase | None = None,
+        units: Phase | None = None,
+    ) -> None:
         """Starts a solver of scipy.integrate by name.
 
-        `tolerance` is in rad and crank lengths, and for rates in these units per second.
+        `tolerance` is relative to `units`, which are rad and crank lengths, and the same per
+        second, if the values to integrate are a phase.
         """
         super().__init__(problem)
-        self._problem, (self._phase, units) = problem, self._begin(problem)
+        self._problem = problem
         self._steps: Any = getattr(integrate, solver)(
-            lambda _, values: self._slope(values), 0.0, np.array(self._phase), _END,
-            first_step=_FIRST_STEP, rtol=tolerance, atol=tolerance * np.array(units),
+            lambda _, values: self._slope(values), 0.0, np.array(start or problem.start), _END,
+            first_step=_FIRST_STEP, rtol=tolerance,
+            atol=tolerance * np.array(units or problem.driven.units),
         )  # fmt: skip
         self._between: Callable[[float], Array]
-
-    def _begin(self, problem: InitialValueProblem) -> tuple[Phase, Phase]:
-        """Returns the values at t = 0, and the error unit of each value."""
-        return problem.start, problem.driven.units
 
     def _slope(self, values: Array) -> Array:
         return np.array(self._driven.slope(tuple(values.tolist())))
@@ -155,14 +159,11 @@ class Multipliers(OfScipy):
         """
         self._bodies = Multibody(problem.mechanism, float, Vector.at)
         self._closing, self._projects = closing, projects
-        super().__init__(problem, 'DOP853', tolerance)
-
-    def _begin(self, problem: InitialValueProblem) -> tuple[Phase, Phase]:
-        q, u = problem.start[: problem.count], problem.start[problem.count :]
-        state = problem.driven.solver.state(q, u, (0.0,) * problem.count)
+        state = problem.driven.solver.state(*halves(problem.start))
         length = problem.mechanism.crank.length
         units = tuple(length if slides else 1.0 for slides in self._bodies.slides)
-        return (*state.position, *state.velocity), units * 2
+        start = *state.position, *state.velocity
+        super().__init__(problem, 'DOP853', tolerance, start, units * 2)
 
     def _split(self, values: Sequence[float]) -> tuple[list[Vector], list[float]]:
         """Splits values into the links' positions, as `Multibody.gap` needs them, and rates."""

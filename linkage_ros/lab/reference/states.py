@@ -9,8 +9,6 @@ the formulas are 0/0; the motion is smooth there, so the state is the mean of th
 on either side.
 """
 
-from __future__ import annotations
-
 import operator
 from dataclasses import replace
 from fractions import Fraction
@@ -25,11 +23,10 @@ from linkage_ros.lab.reference.multibody import Multibody
 _DIGITS = 130
 _ASIDE = '1e-60'  # rad
 _STRAIGHT = '1e-25'  # below this sine of the transmission angle, two states are averaged
-DIRECTION = 'direction'
 
 _Number: TypeAlias = Any  # an mpf or mpc; mpmath has no type annotations
-# Values by quantity: 'position' (of the coupler, rad, and of the output, rad or m), 'direction'
-# (the same with unit vectors in place of angles), 'rate', 'acceleration', 'torque' (in a tuple).
+# Values by quantity: 'position' (of the coupler, rad, and of the output, rad or m), 'rate',
+# 'acceleration', 'torque' (in a tuple).
 Exact: TypeAlias = dict[str, tuple[_Number, ...]]
 # Mechanisms whose loop has a closed-form textbook solution.
 Linkage: TypeAlias = FourBar | SliderCrank
@@ -147,7 +144,6 @@ class Reference:
         powers = (x * (y - z) for x, y, z in zip(slopes, forces, right, strict=False))
         return {
             'position': (mp.arg(coupler), output.real if self.slides else mp.arg(output)),
-            DIRECTION: (*places[1], *places[2][: 1 if self.slides else 2]),
             'rate': tuple(rates[1:]),
             'acceleration': tuple(changes[1:]),
             'torque': (sum(powers),),
