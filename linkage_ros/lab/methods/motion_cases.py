@@ -31,7 +31,9 @@ from linkage_ros.lab.reference.motions import (
     coasting,
     driven_pump,
     free_pump,
+    halves,
 )
+from linkage_ros.model.kinematics import State
 from linkage_ros.motion.drives import Motor
 
 TRAJECTORY, ENERGY, LOOP = 'trajectory', 'energy', 'loop'  # compared quantities
@@ -124,17 +126,28 @@ def followed(
     """Integrates a motion; see `MotionCase.rows`."""
 
     def phases() -> Iterator[tuple[float, ...]]:
-        follower = solve(problem, dict(setting))
+        at = solve(problem, dict(setting)).at
         for moment in times:
-            phase = follower.at(moment)
+            phase = at(moment)
             if not all(map(math.isfinite, phase)):
                 raise ArithmeticError('the motion overflows')
-            # `gap` raises an error for a phase without a position, as publishing a state does.
-            yield *phase, follower.gap()
+            yield with_gap(problem, phase)
 
     run = phases()
     rows = [attempt(next, run, ()) for _ in times]
     return [row for row in rows if row != ()]  # () after the end of the motion
+
+
+def with_gap(problem: InitialValueProblem, phase: Phase) -> Phase:
+    """Appends the gap of the loop, m, to a phase; takes the coordinates from all links.
+
+    A phase without a position is refused, as if the state were published.
+    """
+    solver, is_whole = problem.driven.solver, len(phase) > len(problem.start)
+    state = State(*halves(phase), (), 0.0) if is_whole else solver.state(*halves(phase))
+    moving = [solver.links.index(name) for name in solver.coordinates]
+    coordinates = [row[i] for row in state[:2] for i in moving]
+    return *coordinates, solver.structure.loop_residual(state)
 
 
 def _slowest_time(seconds: float, begin: Callable[[], Any]) -> float:

@@ -13,8 +13,9 @@ from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 
-from linkage_ros import ConfigurationError, FourBar, Solver
+from linkage_ros import ConfigurationError, Solver
 from linkage_ros.dynamics.program import Program
 from linkage_ros.dynamics.tape import Constants
 from linkage_ros.lab.methods import stages
@@ -25,7 +26,7 @@ from linkage_ros.lab.methods.stages import POSITION, RATES, STATE, Locate, Pair
 from linkage_ros.lab.reference.states import Linkage, lengths
 from linkage_ros.motion.fixed_step_integrator import LONGEST_STEP, TOLERANCE
 from linkage_ros.motion.integrators import live_steps, record_steps
-from linkage_ros.numeric import Real, wrap
+from linkage_ros.numeric import Real
 
 CAP = 50
 _ENDLESS = 200  # iteration limit of a method that has none of its own
@@ -71,9 +72,9 @@ def listing(case: LinkageCase, _: Setting) -> Locate:
 
     def locate(crank: float) -> Pair:
         nonlocal x
-        if not isinstance(mechanism, FourBar):
-            raise ConfigurationError("document 1's listing is for a four-bar")
         r, b, c, d = lengths(mechanism)
+        if c is None:
+            raise ConfigurationError("document 1's listing is for a four-bar")
         fixed = cmath.rect(r, crank) - cmath.rect(d, mechanism.frame.angle)
         for _ in range(_ENDLESS):
             coupler, rocker = np.exp(1j * x)
@@ -108,13 +109,11 @@ def hermite(mechanism: Linkage, nodes: int) -> Locate:
     solver.reach.require_full_turn()
     length = solver.reach.period_turns * math.tau
     state = solver.state(np.arange(nodes + 1) * (length / nodes), 1.0)
-    at, slope = np.stack(state.position[1:]), np.stack(state.velocity[1:]) * (length / nodes)
-    change = np.diff(at)
     turning = 1 if solver.structure.links[-1].slides else 2
-    change[:turning] = wrap(change[:turning], np.rint)
-    square = 3 * change - 2 * slope[:, :-1] - slope[:, 1:]
-    cube = slope[:, :-1] + slope[:, 1:] - 2 * change
-    table = np.concatenate([at[:, :-1], slope[:, :-1], square, cube])
+    places = [*np.unwrap(state.position[1 : 1 + turning]), *state.position[1 + turning :]]
+    slopes = np.transpose(state.velocity[1:]) * (length / nodes)
+    spline = CubicHermiteSpline(np.arange(nodes + 1), np.transpose(places), slopes)
+    table = np.concatenate(spline.c[::-1].transpose(0, 2, 1))
     rows, per_step = table.T.tolist(), nodes / length
 
     def look_up(crank: Real) -> Pair:
