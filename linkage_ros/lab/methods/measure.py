@@ -40,7 +40,7 @@ _SEED = 20_261_121
 
 Setting: TypeAlias = dict[str, float]
 Row: TypeAlias = Sequence[float] | None  # an answer: not finite if it failed, None if refused
-Panels: TypeAlias = Iterable[tuple[str, str]]  # pairs of a quantity and a mode
+Panels: TypeAlias = Iterable[tuple[str, str]]  # quantities, each in a mode
 
 # A method with a setting, as in the JSON file:
 #   method, mechanism, setting: names and text
