@@ -18,10 +18,11 @@ A point of the accuracy chart shows the largest error and the time of a method w
 
 import itertools
 import math
-import time
+from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
+from timeit import timeit
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -103,10 +104,7 @@ def attempt(solve: Callable[..., Sequence[float]], *given: Any) -> Row:
 
 def elapsed(function: Callable[[Any], object], arguments: Iterable[Any]) -> float:
     """Measures the time, s, of calling a function with each argument in turn."""
-    start = time.perf_counter()
-    for argument in arguments:
-        function(argument)
-    return time.perf_counter() - start
+    return timeit(lambda: deque(map(function, arguments), 0), number=1)
 
 
 class Case:
@@ -227,10 +225,11 @@ def measure_accuracy(
         outcomes = [case.outcomes(*each) for each in progress(asked, f'errors, {name}')]
         timers = [case.timer(*each) for each in asked]
         rounds = progress(range(1 if quick else case.rounds), f'times, {name}')
-        times = [[attempt(lambda: (timer(),)) for timer in timers] for _ in rounds]  # noqa: B023
-        for each, found, *taken in zip(asked, outcomes, *times, strict=True):
-            method, setting, quantity, mode = each
-            us = min(row[0] if row else math.nan for row in taken)
+        times = [[attempt(lambda: (timer(),)) or (math.nan,) for timer in timers] for _ in rounds]  # noqa: B023
+        fastest = np.min(times, axis=(0, 2)).tolist()
+        for (method, setting, quantity, mode), found, us in zip(
+            asked, outcomes, fastest, strict=True
+        ):
             error = max(error for _, error in found)
             points.append({
                 'method': method.name, 'setting': label(setting), 'mechanism': name,

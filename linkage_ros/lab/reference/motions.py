@@ -30,7 +30,7 @@ from linkage_ros.parameters.configuration import load
 
 _CONTEXT = Context(prec=34)
 _LOOK = 0.02  # s between two checks for a singularity of the coordinates
-_LONGEST, _SHORTEST = 0.05, Decimal('1e-6')  # s
+_LONGEST, _SHORTEST = 0.025, Decimal('1e-6')  # s
 _ROWS = 12  # of the extrapolation; its order is twice their number
 _TOLERANCE = Decimal('1e-20')  # tolerance of a step, in SI units
 _CLOSED = 4  # Newton steps that refine a position from doubles to all digits
