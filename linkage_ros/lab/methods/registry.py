@@ -186,11 +186,9 @@ METHODS = [
 LIVE, RECORDS = 'fixed steps, checked', 'DOP853, guarded'
 _SECONDS = (0.025, 0.01, 0.005, 0.0025, LONGEST_STEP, 0.0005)
 _LIVE: Setting = {'step': LONGEST_STEP, 'tolerance': TOLERANCE}
-_UNCHECKED = 1e300  # tolerance that no step error exceeds
 _DOP853 = 'Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, II.5 and II.6'
 
 _MULTIPLIERS = tuple({'tolerance': 10.0**-k} for k in (5, 7, 9, 11, 13)), {'tolerance': 1e-9}
-_CLOSING = 20.0  # Baumgarte's k, 1/s
 
 # Steps are in s; the first two integrators are the defaults.
 INTEGRATORS = (
@@ -202,7 +200,7 @@ INTEGRATORS = (
             problem,
             partial(
                 live_steps, longest=setting['step'],
-                tolerance=setting.get('tolerance', _UNCHECKED),
+                tolerance=setting.get('tolerance', math.inf),
             ),
         ),
         # Without a tolerance, no step is shortened, so that the chart shows the order.
@@ -239,7 +237,7 @@ INTEGRATORS = (
         'multipliers, Baumgarte', 'motion',
         'SciPy; no change point; a rate at which the gap decays',
         "the same; the gap obeys gap'' + 2 k gap' + k^2 gap = 0, k = 20/s",
-        lambda problem, setting: Multipliers(problem, setting['tolerance'], closing=_CLOSING),
+        lambda problem, setting: Multipliers(problem, setting['tolerance'], closing=20.0),
         *_MULTIPLIERS,
     ),
     Method(

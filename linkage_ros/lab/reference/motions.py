@@ -33,7 +33,6 @@ _LOOK = 0.02  # s between two checks for a singularity of the coordinates
 _LONGEST, _SHORTEST = 0.025, Decimal('1e-6')  # s
 _ROWS = 12  # of the extrapolation; its order is twice their number
 _TOLERANCE = Decimal('1e-20')  # tolerance of a step, in SI units
-_CLOSED = 4  # Newton steps that refine a position from doubles to all digits
 
 # Coordinates, then their rates.
 Phase: TypeAlias = tuple[float, ...]
@@ -143,7 +142,7 @@ class MotionReference:
             Vector(Decimal(x), zero) if slides else unit(x)
             for x, slides in zip(found, bodies.slides, strict=True)
         ]
-        for _ in range(_CLOSED):
+        for _ in range(4):  # Newton steps, each of which doubles the number of digits
             turns = bodies.closed(places, [zero] * len(places), [-x for x in bodies.gap(places)])
             for i in (1, 2):
                 moved = places[i] + places[i].left() * turns[i]
