@@ -115,9 +115,9 @@ class Oracle:
         """Returns whether the circles, or circle and guide, intersect."""
         with mp.workdps(100):
             if self.slides:
-                r, b, e = map(mpf, self.lengths)
+                r, b, e = map(mp.convert, self.lengths)
                 return bool(abs(e - r * mp.cos(self.angle(crank))) <= b)
-            r, b, c, d = map(mpf, self.lengths)
+            r, b, c, d = map(mp.convert, self.lengths)
             distance = abs(d - r * mp.expj(self.angle(crank)))
             return bool(abs(b - c) <= distance <= b + c)
 
@@ -148,13 +148,14 @@ class Oracle:
             )
             links = zip(before.position, after.position, self.turning, strict=True)
             position = [x + (wrap(y - x) if turns else y - x) / 2 for x, y, turns in links]
-            rows = [position] + [
-                [(x + y) / 2 for x, y in zip(*pair, strict=True)]
-                for pair in list(zip(before, after, strict=True))[1:3]
-            ]
-            exerted = [(x + y) / 2 for x, y in zip(before.exerted, after.exerted, strict=True)]
-            torque = (before.torque + after.torque) / 2
-            return Reference(*map(tuple, rows), torque, {}, tuple(exerted))
+            return Reference(
+                tuple(position),
+                means(before.velocity, after.velocity),
+                means(before.acceleration, after.acceleration),
+                (before.torque + after.torque) / 2,
+                {},
+                means(before.exerted, after.exerted),
+            )
 
     def solve(self, q, u, a):
         """Computes the state in the caller's precision, except at change points."""
@@ -174,12 +175,12 @@ class Oracle:
 
     def pivot(self):
         """Returns the position of the rocker's pivot."""
-        return mpf(self.lengths[3]) * mp.expj(mp.mpf(self.mechanism.frame.angle))
+        return mp.convert(self.lengths[3]) * mp.expj(mp.mpf(self.mechanism.frame.angle))
 
     def motion(self, q, u):
         """Returns the link vectors between pins, a slider's as its position, and their rates."""
-        A = mpf(self.lengths[0]) * mp.expj(mp.mpf(_first(q)))
-        b, c = mpf(self.lengths[1]), mpf(self.lengths[2])
+        A = mp.convert(self.lengths[0]) * mp.expj(mp.mpf(_first(q)))
+        b, c = mp.convert(self.lengths[1]), mp.convert(self.lengths[2])
         if self.is_free:
             side = 1 if self.mechanism.assembly == 'open' else -1
             end = mp.mpf(q[1])
@@ -239,7 +240,7 @@ class Oracle:
             found['B'] = Point(0, {0: carried[0], 1: carried[1]})
             found['D'] = Point(0, {3: carried[3]})
         elif self.slides:
-            found['B'] = Point(1j * mpf(self.lengths[2]) * self.guide(), {2: carried[2]})
+            found['B'] = Point(1j * mp.convert(self.lengths[2]) * self.guide(), {2: carried[2]})
         else:
             found['B'] = Point(self.pivot(), {2: carried[2]})
             found['B0'] = Point(self.pivot(), {})
@@ -276,7 +277,7 @@ class Oracle:
         vectors = list(state.position)
         for j, turns in enumerate(self.turning):
             if turns:
-                vectors[j] = mpf(self.lengths[j]) * mp.expj(state.position[j])
+                vectors[j] = mp.convert(self.lengths[j]) * mp.expj(state.position[j])
         return vectors
 
     def trace(self, state):
@@ -490,6 +491,10 @@ def _first(q):
     return q[0] if isinstance(q, tuple) else q
 
 
+def means(one, other):
+    return tuple((x + y) / 2 for x, y in zip(one, other, strict=True))
+
+
 def _joints(unknown, values):
     """Returns the joint forces by name; the guide force is positive to the left."""
     joints = {}
@@ -562,10 +567,6 @@ def periodic(at, value, angle):
 def wrap(angle):
     """Reduces an angle to [-pi, pi]."""
     return angle - 2 * mp.pi * mp.nint(angle / (2 * mp.pi))
-
-
-def mpf(fraction):
-    return mp.mpf(fraction.numerator) / fraction.denominator
 
 
 def complex_of(pair):

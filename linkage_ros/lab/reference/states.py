@@ -98,7 +98,7 @@ class Reference:
         frame = mp.mpf(self._mechanism.frame.angle)
         frame -= 2 * mp.pi * mp.nint(frame / (2 * mp.pi))
         theta, turn = crank - frame, mp.expj(frame)
-        r, b, c, d = (mp.mpf(x.numerator) / x.denominator for x in self._lengths)
+        r, b, c, d = map(mp.convert, self._lengths)
         exact_r, exact_b, exact_c, exact_d = self._lengths
         if self.slides:
             y = d - r * mp.sin(theta)
