@@ -14,6 +14,7 @@ mean of the states 1e-60 rad on either side.
 
 import functools
 import math
+from contextlib import suppress
 from fractions import Fraction
 from typing import NamedTuple
 
@@ -88,19 +89,17 @@ class Oracle:
         self.slides, self.is_free = hasattr(mechanism, 'slider'), hasattr(mechanism, 'rod')
         self.turning = [hasattr(body, 'length') for body in self.bodies]
         doubles = [body.length for body in self.bodies if hasattr(body, 'length')]
-        if not self.slides:
-            doubles.append(mechanism.frame.length)
-        elif not self.is_free:
-            doubles.append(mechanism.slider.offset)
-        self.lengths = tuple(Fraction(x) for x in lengths or doubles)
+        if not self.is_free:
+            doubles.append(mechanism.slider.offset if self.slides else mechanism.frame.length)
+        r, b, *others = self.lengths = tuple(map(Fraction, lengths or doubles))
         # Change points at even and at odd multiples of pi of theta.
         self.folded = self.stretched = False
-        if not self.slides:
-            r, b, c, d = self.lengths
-            self.folded, self.stretched = abs(d - r) == abs(b - c), b + c == d + r
-        elif not self.is_free:
-            r, b, e = self.lengths
+        if self.slides and not self.is_free:
+            (e,) = others
             self.folded, self.stretched = r - e == b, r + e == b
+        elif not self.slides:
+            c, d = others
+            self.folded, self.stretched = abs(d - r) == abs(b - c), b + c == d + r
         self.passes_change_point = self.stretched or self.folded
         self.state = functools.cache(self._state)
 
@@ -116,9 +115,9 @@ class Oracle:
         """Returns whether the circles, or circle and guide, intersect."""
         with mp.workdps(100):
             if self.slides:
-                r, b, e = map(mpf, self.lengths)
+                r, b, e = map(mp.convert, self.lengths)
                 return bool(abs(e - r * mp.cos(self.angle(crank))) <= b)
-            r, b, c, d = map(mpf, self.lengths)
+            r, b, c, d = map(mp.convert, self.lengths)
             distance = abs(d - r * mp.expj(self.angle(crank)))
             return bool(abs(b - c) <= distance <= b + c)
 
@@ -144,18 +143,19 @@ class Oracle:
         with mp.workdps(60 + 6 * max(nearness, 16)):
             if not (hit and passes):
                 return self.solve(q, u, a)
-            sides = [self.solve(mp.mpf(q) + x, u, a) for x in (-mp.mpf(ASIDE), mp.mpf(ASIDE))]
-            position, *others = (
-                [(x + y) / 2 for x, y in zip(*rows, strict=True)]
-                for rows in list(zip(*sides, strict=True))[:3]
+            before, after = (
+                self.solve(mp.mpf(q) + x, u, a) for x in (-mp.mpf(ASIDE), mp.mpf(ASIDE))
             )
-            for i, (x, y) in enumerate(zip(*(side.position for side in sides), strict=True)):
-                if self.turning[i]:
-                    position[i] = wrap(x + wrap(y - x) / 2)
-            torque = (sides[0].torque + sides[1].torque) / 2
-            exerted = zip(*(side.exerted for side in sides), strict=True)
-            exerted = tuple((x + y) / 2 for x, y in exerted)
-            return Reference(tuple(position), *map(tuple, others), torque, {}, exerted)
+            links = zip(before.position, after.position, self.turning, strict=True)
+            position = [x + (wrap(y - x) if turns else y - x) / 2 for x, y, turns in links]
+            return Reference(
+                tuple(position),
+                means(before.velocity, after.velocity),
+                means(before.acceleration, after.acceleration),
+                (before.torque + after.torque) / 2,
+                {},
+                means(before.exerted, after.exerted),
+            )
 
     def solve(self, q, u, a):
         """Computes the state in the caller's precision, except at change points."""
@@ -175,12 +175,12 @@ class Oracle:
 
     def pivot(self):
         """Returns the position of the rocker's pivot."""
-        return mpf(self.lengths[3]) * mp.expj(mp.mpf(self.mechanism.frame.angle))
+        return mp.convert(self.lengths[3]) * mp.expj(mp.mpf(self.mechanism.frame.angle))
 
     def motion(self, q, u):
         """Returns the link vectors between pins, a slider's as its position, and their rates."""
-        A = mpf(self.lengths[0]) * mp.expj(mp.mpf(_first(q)))
-        b, c = mpf(self.lengths[1]), mpf(self.lengths[2])
+        A = mp.convert(self.lengths[0]) * mp.expj(mp.mpf(_first(q)))
+        b, c = mp.convert(self.lengths[1]), mp.convert(self.lengths[2])
         if self.is_free:
             side = 1 if self.mechanism.assembly == 'open' else -1
             end = mp.mpf(q[1])
@@ -240,7 +240,7 @@ class Oracle:
             found['B'] = Point(0, {0: carried[0], 1: carried[1]})
             found['D'] = Point(0, {3: carried[3]})
         elif self.slides:
-            found['B'] = Point(1j * mpf(self.lengths[2]) * self.guide(), {2: carried[2]})
+            found['B'] = Point(1j * mp.convert(self.lengths[2]) * self.guide(), {2: carried[2]})
         else:
             found['B'] = Point(self.pivot(), {2: carried[2]})
             found['B0'] = Point(self.pivot(), {})
@@ -277,7 +277,7 @@ class Oracle:
         vectors = list(state.position)
         for j, turns in enumerate(self.turning):
             if turns:
-                vectors[j] = mpf(self.lengths[j]) * mp.expj(state.position[j])
+                vectors[j] = mp.convert(self.lengths[j]) * mp.expj(state.position[j])
         return vectors
 
     def trace(self, state):
@@ -437,8 +437,7 @@ class Oracle:
             found.append(Rubbing(name, factor, turned))
         if self.slides:
             x = -mp.sign(rates[-1])
-            factor = mp.mpf(friction.guide)
-            found.append(Rubbing('guide', factor, {len(rates) - 1: x}))
+            found.append(Rubbing('guide', mp.mpf(friction.guide), {len(rates) - 1: x}))
         return [x for x in found if x.factor and any(x.on.values())]
 
     def shaking(self, state):
@@ -492,6 +491,10 @@ def _first(q):
     return q[0] if isinstance(q, tuple) else q
 
 
+def means(one, other):
+    return tuple((x + y) / 2 for x, y in zip(one, other, strict=True))
+
+
 def _joints(unknown, values):
     """Returns the joint forces by name; the guide force is positive to the left."""
     joints = {}
@@ -525,31 +528,21 @@ def settle(rubbing, joints):
     Raises:
         ArithmeticError: There is no solution.
     """
+    first, *added = joints
+
+    def lacks(share, sizes):
+        for rub, size in zip(rubbing, sizes, strict=True):
+            forces = (joint[rub.joint] * x for joint, x in zip(added, sizes, strict=True))
+            yield share * rub.factor * abs(first[rub.joint] + sum(forces)) - size
+
     for shares in ([1], [1 - (1 - mp.mpf(k) / 24) ** 4 for k in range(1, 25)]):
         sizes = [mp.mpf(0)] * len(rubbing)
-        for share in shares:
-            scaled = [rub._replace(factor=rub.factor * share) for rub in rubbing]
-            sizes = sizes and by_newton(scaled, joints, sizes)
-        if sizes is not None and min(sizes, default=0) >= 0:
-            return sizes
+        with suppress(ValueError, ZeroDivisionError):  # no convergence
+            for share in shares if rubbing else ():
+                sizes = [*mp.findroot(lambda *x, share=share: [*lacks(share, x)], sizes)]
+            if min(sizes, default=0) >= 0:
+                return sizes
     raise ArithmeticError('no friction goes with these forces')
-
-
-def by_newton(rubbing, joints, sizes):
-    """Solves as `settle`, from an initial guess; returns None if 30 iterations do not converge."""
-    for _ in range(30):
-        rows = []
-        for i, rub in enumerate(rubbing):
-            first, *added = (mp.mpc(column[rub.joint]) for column in joints)
-            force = first + sum(x * size for x, size in zip(added, sizes, strict=True))
-            slopes = [-rub.factor * dot(unit(force), x) for x in added]
-            slopes[i] += 1
-            rows.append([*slopes, rub.factor * abs(force) - sizes[i]])
-        steps = [step for (step,) in solutions(rows)]
-        sizes = [size + step for size, step in zip(sizes, steps, strict=True)]
-        if all(abs(step) <= mp.mpf('1e-45') * max(sizes) for step in steps):
-            return sizes
-    return None
 
 
 def between(at, value, place):
@@ -574,10 +567,6 @@ def periodic(at, value, angle):
 def wrap(angle):
     """Reduces an angle to [-pi, pi]."""
     return angle - 2 * mp.pi * mp.nint(angle / (2 * mp.pi))
-
-
-def mpf(fraction):
-    return mp.mpf(fraction.numerator) / fraction.denominator
 
 
 def complex_of(pair):

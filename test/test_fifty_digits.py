@@ -104,14 +104,6 @@ def around(lengths, angle, exponents):
     return [point + x for point in points for x in near] + [1.9]
 
 
-@pytest.mark.parametrize(('angle', 'assembly'), [(0.3, 'open'), (-2.0, 'crossed')])
-@pytest.mark.parametrize('name', CHANGE_POINTS)
-def test_change_points_are_hit_neared_and_passed(name, angle, assembly):
-    lengths = CHANGE_POINTS[name]
-    solver = Solver(of(lengths, angle, assembly))
-    assert max(worst_errors(solver, around(lengths, angle, (3, 8, 15)))) < 1e-13
-
-
 @pytest.mark.parametrize('name', CHANGE_POINTS)
 def test_states_as_close_to_change_points_as_doubles_allow_are_right(name):
     """Down to 1e-300 rad; the guide's angle compensates the rounding of pi/2, 6.123e-17."""
@@ -129,17 +121,23 @@ def test_states_as_close_to_change_points_as_doubles_allow_are_right(name):
         assert max(worst_errors(solver, close)) < 1e-13
 
 
-@pytest.mark.parametrize(
-    'text',
-    ['.1 .2 .3 .4', '.1 .4 .2 .3', '.3 .4 .2 .1', '.1 .7 .3 .5', '.2 .3 .2 .3', '.1 .25 .4 .25',
-     '.0001 .0007 .0003 .0005', '.1 .3 .2', '.1 .3 -.2', '.7 .8 .1', '1.1 3.3 2.2', '.3 .3 0'],
-)  # fmt: skip
-def test_decimal_lengths_have_the_intended_change_point(text):
-    meant = [Fraction(x) for x in text.split()]
-    mechanism = of(meant, 0.3)
-    assert Oracle(mechanism, meant).passes_change_point
-    solver = Solver(mechanism)
+# Decimal lengths whose doubles miss the intended change point, and an offset of rounding size.
+DECIMALS = [
+    [Fraction(x) for x in text.split()]
+    for text in (
+        '.1 .2 .3 .4', '.1 .4 .2 .3', '.3 .4 .2 .1', '.1 .7 .3 .5', '.2 .3 .2 .3', '.1 .25 .4 .25',
+        '.0001 .0007 .0003 .0005', '.1 .3 .2', '.1 .3 -.2', '.7 .8 .1', '1.1 3.3 2.2', '.3 .3 0',
+    )
+]  # fmt: skip
+ROUNDED = [((1, 1, offset), (1, 1, 0)) for offset in (1e-300, -1e-17, 4e-16)]
+ROUNDED += [(meant, meant) for meant in DECIMALS]
+
+
+@pytest.mark.parametrize(('lengths', 'meant'), ROUNDED)
+def test_rounded_lengths_have_the_intended_change_point(lengths, meant):
+    solver = Solver(of(lengths, 0.3))
     assert solver.reach.grashof == 'change-point'
+    assert Oracle(solver.mechanism, meant).passes_change_point
     assert max(worst_errors(solver, around(meant, 0.3, (8, 15)), lengths=meant)) < 1e-13
 
 
@@ -191,31 +189,29 @@ def test_nearly_concentric_linkage_in_decimals_loses_only_what_its_doubles_lose(
     assert max(errors) < max(1e-13, 4 * math.ulp(1.0) / float(gap))
 
 
-# Unusual proportions, and directions of frame or guide at odd multiples of pi. The double nearest
-# to 3 pi is below it, so it represents nearly pi, not -pi.
-ODD = [
-    *((tuple(unit * x for x in FULL[name]), 0.3) for unit in (1e-6, 1e6) for name in FULL),
-    *((lengths, 0.3) for lengths in (
+# Change points that are hit, neared and passed; unusual proportions; and directions of frame or
+# guide at odd multiples of pi. The double nearest to 3 pi is below it, so it represents nearly pi,
+# not -pi.
+USUAL = [-3.0, 0.3, 1.0, 4.0]
+HARD = [
+    *((lengths, angle, assembly, around(lengths, angle, (3, 8, 15)))
+      for lengths in CHANGE_POINTS.values()
+      for angle, assembly in ((0.3, 'open'), (-2.0, 'crossed'))),
+    *((tuple(unit * x for x in FULL[name]), 0.3, 'open', USUAL)
+      for unit in (1e-6, 1e6) for name in FULL),
+    *((lengths, 0.3, 'open', USUAL) for lengths in (
         (1e-2, 1, 1.2, 0.9), (1e-8, 1, 1.2, 0.9), (0.9, 1, 1.2, 1e-2), (0.9, 1, 1.2, 1e-8),
         (1e-8, 1, 0.4), (0.7, 1, 1e-8), (1e-8, 1 + 2e-8, -1),
     )),
-    *((CHANGE_POINTS[name], halves * math.pi)
+    *((CHANGE_POINTS[name], halves * math.pi, 'open', USUAL)
       for name in ('p0', 'q0_rocker_longest', 'kite_r_d', 'upper', 'lower')
       for halves in (1, -1, -7, 315, -318)),
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(('lengths', 'angle'), ODD)
-def test_odd_proportions_and_directions_keep_all_digits(lengths, angle):
-    assert max(worst_errors(Solver(of(lengths, angle)), [-3.0, 0.3, 1.0, 4.0])) < 1e-13
-
-
-@pytest.mark.parametrize('offset', [1e-300, -1e-17, 4e-16])
-def test_an_offset_of_rounding_size_counts_as_none(offset):
-    solver = Solver(of((1, 1, offset), 0.3))
-    assert (solver.reach.grashof, solver.reach.period_turns) == ('change-point', 1)
-    around_both = around((1, 1, 0), 0.3, (8, 15))
-    assert max(worst_errors(solver, around_both, lengths=(1, 1, 0))) < 1e-13
+@pytest.mark.parametrize(('lengths', 'angle', 'assembly', 'cranks'), HARD)
+def test_hard_cases_keep_all_digits(lengths, angle, assembly, cranks):
+    assert max(worst_errors(Solver(of(lengths, angle, assembly)), cranks)) < 1e-13
 
 
 # Cranks that do not turn fully.
@@ -304,7 +300,7 @@ def test_pivots_carry_the_weights_of_a_square():
     assert found.shaking_moment == pytest.approx(-70, rel=1e-13)
 
 
-# At change points. For rounded angles, an exact comparison would not detect them.
+# At change points. Their angles as typed are rounded; an exact comparison would not detect them.
 
 PASSED = {
     'small_parallelogram': (four_bar((0.1, 0.4, 0.1, 0.4), 0.0), (0.0, math.pi)),

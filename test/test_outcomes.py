@@ -174,7 +174,7 @@ class Planted:
 
     def __init__(self, problem, since, fault):
         self.right = INTEGRATORS[1].solve(problem, {})
-        self.since, self.fault, self.gap = since, fault, self.right.gap
+        self.since, self.fault = since, fault
 
     def at(self, time):
         return self.right.at(time) if time < self.since else self.fault(self.right, time)

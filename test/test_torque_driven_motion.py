@@ -37,6 +37,7 @@ from linkage_ros.lab.methods.motion_cases import (
     MotionCase,
     even,
 )
+from linkage_ros.lab.reference import motions
 from linkage_ros.lab.reference.motions import (
     InitialValueProblem,
     MotionReference,
@@ -271,9 +272,10 @@ def worst(case, method, setting, quantity):
 
 
 @pytest.mark.parametrize('problem', [COASTING, FREE_PUMP])
-def test_reference_is_the_same_with_shorter_steps(problem):
-    mine, other = (MotionReference(problem, longest=s).at(0.3) for s in (0.1, 0.03))
-    for x, y in zip(mine, other, strict=True):
+def test_reference_is_the_same_with_shorter_steps(problem, monkeypatch):
+    mine = MotionReference(problem).at(0.3)
+    monkeypatch.setattr(motions, '_LONGEST', 0.01)
+    for x, y in zip(mine, MotionReference(problem).at(0.3), strict=True):
         assert abs(x - y) < Decimal('1e-17')
 
 
@@ -308,7 +310,7 @@ def test_reference_stops_where_its_equations_are_singular():
     parallelogram = situations.four_bar((0.25, 0.75, 0.25, 0.75))
     reference = MotionReference(InitialValueProblem(parallelogram, (-0.5, 2.0)))
     reference._known[Decimal(0)][1:7] = [Decimal(x) for x in (1, 0, 1, 0, 1, 0)]  # in line
-    with pytest.raises(ArithmeticError, match='cannot be followed beyond'):
+    with pytest.raises(ArithmeticError, match='cannot be followed'):
         reference.at(1.0)
 
 

@@ -100,8 +100,9 @@ class Solver:
         self.description = description or mechanism.description
         self.coordinates = self.description.coordinates
         if self.coordinates != mechanism.coordinates:
-            own, others = structure.dyads, structure.other_dyads
-            structure = structure._replace(dyads=others, other_dyads=own)
+            structure = structure._replace(
+                dyads=structure.other_dyads, other_dyads=structure.dyads
+            )
         self.structure = structure
         slides = {link.name: link.slides for link in structure.links}
         self.links = tuple(slides)
@@ -512,8 +513,10 @@ class Solver:
             UnreachableError: Always. The message includes the reason.
         """
         reach = self.mechanism.reach()
-        message = f'at {math.degrees(crank):.9g} deg {reason}'
-        raise UnreachableError(message, crank_angle=crank, arcs=reach.arcs if reach else ())
+        raise UnreachableError(
+            f'at {math.degrees(crank):.9g} deg {reason}',
+            crank_angle=crank, arcs=reach.arcs if reach else (),
+        )  # fmt: skip
 
 
 def _refusal(*names: str) -> Opaque:

@@ -14,7 +14,7 @@ import itertools
 import math
 import operator
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -59,9 +59,7 @@ from linkage_ros.palette import (
 from linkage_ros.parameters.configuration import load
 from linkage_ros.units import NS_PER_S, radians_per_second
 
-_CEILING = 10.0  # larger errors are drawn at this value
-_LEAST = 1e-17  # smaller errors are drawn at this value
-_SPAN = 1.0, 100.0  # y axis of the chart of a measured crank, %
+_LEAST, _CEILING = 1e-17, 10.0  # errors beyond these are drawn at these
 _BITS = (12, 14, 16, 18, 20)
 _BANDWIDTHS = (5.0, 7.0, 10.0, 14.0, 20.0, 30.0, 40.0, 60.0, 80.0, 120.0, 160.0, 240.0)  # Hz
 _RPM = 150.0
@@ -104,9 +102,9 @@ _ENCODERS = [
     for marker, color in zip('s^oDv', (VERMILION, ORANGE, GREEN, BLUE, PURPLE), strict=True)
 ]
 _ROLES = {
-    DEFAULT: 'default',
-    LIVE: 'live default; star: 1 ms steps',
-    RECORDS: 'default for records',
+    DEFAULT: ' (default)',
+    LIVE: ' (live default; star: 1 ms steps)',
+    RECORDS: ' (default for records)',
 }
 
 
@@ -126,16 +124,18 @@ def accuracy(options: argparse.Namespace) -> None:
         written = [out / 'accuracy.json']
         save_records(written[0], [*solved, *moved])
         on = ', '.join(f'{name} {value}' for name, value in about().items())
-        for name in [*dict.fromkeys(p['mechanism'] for p in solved), 'motions']:
-            points = [p for p in solved if p['mechanism'] == name] or moved
-            what = name.replace('_', '-') if points is not moved else 'motions under a torque'
+        charts: dict[str, list[Point]] = {}
+        for point in solved:
+            charts.setdefault(point['mechanism'], []).append(point)
+        for name, points in {**charts, 'motions': moved}.items():
             written.append(out / f'accuracy_{name.replace(" ", "_")}.png')
-            draw_accuracy(points, f'Speed against accuracy: {what}\n{on}', written[-1])
-        errors, (slowest, fastest) = _measure_follow(quick=quick)
+            title = f'Speed against accuracy: {name.replace("_", "-")}\n{on}'
+            draw_accuracy(points, title, written[-1])
         written += (out / 'accuracy_follow.json', out / 'accuracy_follow.png')
+        errors, speeds = _measure_follow(quick=quick)
         save_records(written[-2], errors)
-        words = f'quadrilateral, {slowest:.0f} to {fastest:.0f} rpm, measured at 1 kHz'
-        draw_follow(errors, f'Torque error of a measured crank: {words}', written[-1])
+        title = f'Torque error of a measured crank: quadrilateral, {speeds}, measured at 1 kHz'
+        draw_follow(errors, title, written[-1])
     print(*written, sep='\n')
 
 
@@ -147,17 +147,16 @@ def draw_accuracy(points: Sequence[Point], title: str, path: Path) -> None:
         title: Title of the picture.
         path: The PNG file, replaced if it exists.
     """
-    if points[0]['quantity'] in QUANTITIES:
-        methods: Sequence[Method] = METHODS
-        wide, columns = 2, [*itertools.product(QUANTITIES, (ONE, BATCH))]
-        named, time, error = '{1}, {2}', 'time per state', 'relative (angles: rad)'
-    else:
+    methods: Sequence[Method] = METHODS
+    wide, columns = 2, [*itertools.product(QUANTITIES, (ONE, BATCH))]
+    named, time, error = '{1}, {2}', 'time per state', 'relative (angles: rad)'
+    if points[0]['quantity'] not in QUANTITIES:
         wide, columns = 3, [(TRAJECTORY, MEAN), (ENERGY, MEAN), (TRAJECTORY, SLOWEST)]
         methods, named = INTEGRATORS, '{0}, {1}, {2}'
         time, error = 'time per simulated ms', 'rad, crank lengths, or relative'
     place = operator.itemgetter('mechanism', 'quantity', 'mode')
-    panels = itertools.product(dict.fromkeys(point['mechanism'] for point in points), columns)
-    names = [(name, *column) for name, column in panels]
+    mechanisms = dict.fromkeys(point['mechanism'] for point in points)
+    names = [(name, *column) for name in mechanisms for column in columns]
     high = len(names) // wide
     with chart(path, 2.6 + 2.2 * high, title) as figure:
         rcParams['text.parse_math'] = True  # for the powers of ten of tick labels
@@ -171,38 +170,37 @@ def draw_accuracy(points: Sequence[Point], title: str, path: Path) -> None:
             # Axes of more than two decades have no room for labels at 2 and 5.
             axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5) if most < 200 * low else (1,)))
         figure.supylabel(f'largest error: {error}', fontsize=TEXT)
-        handles = [
-            Line2D([], [], linewidth=0.9 if len(method.settings) > 1 else 0,
-                   label=_name(method.name), **_STYLES.get(method.name, _OTHER))
-            for method in methods
-        ]  # fmt: skip
-        limit = f'worse than {LIMIT:g}: not on the front'
-        handles += [
-            Line2D([], [], color=fractions(BLACK), linewidth=1.0, label='front of right points'),
-            Line2D([], [], color='0.85', linewidth=7, label=limit),
-        ]
         figure.legend(
-            handles=handles, loc='outside lower center', ncols=3, title_fontsize=SMALL,
-            title=textwrap.fill(_settings(methods), 115),
+            handles=_handles(methods), loc='outside lower center', ncols=3,
+            title=textwrap.fill(_settings(methods), 115), title_fontsize=SMALL,
         )  # fmt: skip
 
 
-def _name(method: str) -> str:
-    return f'{method} ({_ROLES[method]})' if method in _ROLES else method
+def _handles(methods: Sequence[Method]) -> list[Line2D]:
+    """Makes the entries of the legend."""
+    handles = [
+        Line2D([], [], linewidth=0.9 if len(method.settings) > 1 else 0,
+               label=f'{method.name}{_ROLES.get(method.name, "")}',
+               **_STYLES.get(method.name, _OTHER))
+        for method in methods
+    ]  # fmt: skip
+    limit = f'worse than {LIMIT:g}: not on the front'
+    return [
+        *handles,
+        Line2D([], [], color=fractions(BLACK), linewidth=1.0, label='front of right points'),
+        Line2D([], [], color='0.85', linewidth=7, label=limit),
+    ]
 
 
 def _settings(methods: Sequence[Method]) -> str:
     """Describes the settings of all methods in one string."""
-    kinds: dict[str, list[str]] = {}
-    for method in methods:
-        for name in dict.fromkeys(itertools.chain(*method.settings)):
-            values = sorted({setting[name] for setting in method.settings if name in setting})
-            if len(values) > 1:
-                words = f'{name} ' + ', '.join(f'{value:g}' for value in values)
-                kinds.setdefault(words, []).append(method.name)
-    joined = '; '.join(f'{", ".join(names)}: {words}' for words, names in kinds.items())
+    spans = '; '.join(
+        f'{method.name}: {label(method.settings[0])} to {label(method.settings[-1])}'
+        for method in methods
+        if len(method.settings) > 1
+    )
     return (
-        f'Settings along the lines: {joined}. Errors above {_CEILING:g} are drawn at {_CEILING:g}.'
+        f'Settings along the lines: {spans}. Errors above {_CEILING:g} are drawn at {_CEILING:g}.'
     )
 
 
@@ -214,15 +212,14 @@ def _log_axes(axes: Axes, **options: Any) -> None:
 
 
 def _draw_panel(axes: Axes, points: Sequence[Point]) -> None:
-    _log_axes(axes, ylim=(2e-17, 30 * _CEILING))
-    axes.set_yticks([10.0**exponent for exponent in range(-15, 1, 3)])
+    _log_axes(axes, ylim=(2e-17, 30 * _CEILING), yticks=10.0 ** np.arange(-15, 1, 3))
     axes.axhspan(LIMIT, 1e30, color='0.94', zorder=0)
     drawn = [p for p in points if None not in (p['max_error'], p['us_per_state'])]
     for method, group in itertools.groupby(drawn, key=lambda point: point['method']):
         style, order = _STYLES.get(method, _OTHER), 5 if method in _ROLES else 3
-        axes.plot(*_places(list(group)), linewidth=0.9, zorder=order, **style)
-    steady = LIVE, label(INTEGRATORS[0].steady)
-    own = [p for p in drawn if (p['method'], p['setting']) == steady]
+        axes.plot(*_places(group), linewidth=0.9, zorder=order, **style)
+    steady = label(INTEGRATORS[0].steady)
+    own = (p for p in drawn if (p['method'], p['setting']) == (LIVE, steady))
     axes.plot(*_places(own), zorder=6, **_STEADY)
     front = sorted((p for p in points if p['pareto']), key=lambda p: p['us_per_state'])
     axes.step(
@@ -236,20 +233,21 @@ def _draw_panel(axes: Axes, points: Sequence[Point]) -> None:
         )  # fmt: skip
 
 
-def _places(points: Sequence[Point]) -> tuple[list[float], list[float]]:
-    heights = np.clip([p['max_error'] for p in points], _LEAST, _CEILING)
-    return [p['us_per_state'] for p in points], heights.tolist()
+def _places(points: Iterable[Point]) -> Any:
+    """Returns the places of points: times, us, and errors within the range of the axis."""
+    places = [(p['us_per_state'], np.clip(p['max_error'], _LEAST, _CEILING)) for p in points]
+    return np.reshape(places, (-1, 2)).T
 
 
 # ---------------------------------------------------------------- a measured crank
 
 
-def _measure_follow(*, quick: bool) -> tuple[list[dict[str, Any]], tuple[float, float]]:
+def _measure_follow(*, quick: bool) -> tuple[list[dict[str, Any]], str]:
     """Measures the torque error for several encoders and bandwidths.
 
-    Returns the points, and the lowest and highest crank speed, rpm. Each point has the resolution
-    in bits, whether the velocity is also measured, the bandwidth of the filter, Hz, and the
-    largest torque error, relative to the peak torque at a constant speed.
+    Returns the points, and the crank speeds in words. Each point has the resolution in bits,
+    whether the velocity is also measured, the bandwidth of the filter, Hz, and the largest torque
+    error, relative to the peak torque at a constant speed.
     """
     solver, speed = Solver(load('quadrilateral').mechanism), radians_per_second(_RPM)
     drive = TorqueDrive(motor=Motor(_DAMPING * speed, _DAMPING), start_rpm=_RPM)
@@ -276,8 +274,8 @@ def _measure_follow(*, quick: bool) -> tuple[list[dict[str, Any]], tuple[float, 
                 'bits': bit, 'measured_velocity': velocity, 'follow_bandwidth': bandwidth,
                 'max_error': float(np.abs(torque(followed) - torque(true)).max() / peak),
             })  # fmt: skip
-    compared = true.u[0][2 * _TURN :] / radians_per_second(1.0)
-    return points, (compared.min(), compared.max())
+    rpm = true.u[0][2 * _TURN :] / radians_per_second(1.0)
+    return points, f'{rpm.min():.0f} to {rpm.max():.0f} rpm'
 
 
 def draw_follow(points: Sequence[dict[str, Any]], title: str, path: Path) -> None:
@@ -292,7 +290,7 @@ def draw_follow(points: Sequence[dict[str, Any]], title: str, path: Path) -> Non
     with chart(path, 4.8, title) as figure:
         panels = figure.subplots(1, 2, sharey=True, sharex=True)
         for axes, velocity in zip(panels, (False, True), strict=True):
-            _log_axes(axes, ylim=_SPAN)
+            _log_axes(axes, ylim=(1.0, 100.0), xlabel='follow_bandwidth, Hz')
             chosen = [p for p in points if p['measured_velocity'] == velocity]
             lines = itertools.groupby(chosen, key=lambda p: p['bits'])
             for (bits, group), style in zip(lines, _ENCODERS, strict=False):
@@ -302,11 +300,11 @@ def draw_follow(points: Sequence[dict[str, Any]], title: str, path: Path) -> Non
                 default, color=fractions(BLACK), linestyle='--', linewidth=1.0,
                 label=f'default, {default:g} Hz',
             )  # fmt: skip
-            measured = 'angle and velocity are' if velocity else 'only the angle is'
-            axes.set_title(f'{measured} measured')
-            axes.set_xlabel('follow_bandwidth, Hz', fontsize=TEXT)
+            axes.set_title(
+                'angle and velocity are measured' if velocity else 'only the angle is measured'
+            )
             for axis in (axes.xaxis, axes.yaxis):
                 axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
                 axis.set_major_formatter('{x:g}')
-        panels[0].set_ylabel('largest torque error, % of the peak torque', fontsize=TEXT)
+        panels[0].set_ylabel('largest torque error, % of the peak torque')
         panels[0].legend(loc='lower left')

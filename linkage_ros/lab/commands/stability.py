@@ -8,29 +8,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Patch, Rectangle
 
-from linkage_ros.lab.methods.loads import (
-    CURVE_METHODS,
-    CURVE_SITUATIONS,
-    FRICTION_METHODS,
-    FRICTION_SITUATIONS,
-    GROWN,
-    STRAIGHT,
-)
-from linkage_ros.lab.methods.measure import (
-    DIVERGED,
-    NAN,
-    REFUSED,
-    RIGHT,
-    WRONG_BRANCH,
-    Situation,
-    measure_outcomes,
-)
-from linkage_ros.lab.methods.motion_cases import MOTION_SITUATIONS
-from linkage_ros.lab.methods.registry import DEFAULT, INTEGRATORS, LIVE, METHODS, RECORDS
-from linkage_ros.lab.methods.situations import SITUATIONS
+from linkage_ros.lab.methods import loads, measure, motion_cases, registry, situations
 from linkage_ros.lab.output import (
     DPI,
     NUMBERS,
@@ -44,28 +26,29 @@ from linkage_ros.palette import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, WHITE, 
 
 # Colours of cell and text; the cells also differ in greyscale.
 _COLORS = {
-    RIGHT: (mixed(GREEN, WHITE, 0.9), mixed(GREEN, BLACK, 0.7)),
-    REFUSED: (mixed(SKY, WHITE, 0.6), mixed(BLUE, BLACK, 0.7)),
-    DIVERGED: (ORANGE, BLACK),
-    WRONG_BRANCH: (mixed(PURPLE, BLACK, 0.3), WHITE),
-    NAN: (BLACK, WHITE),
+    measure.RIGHT: (mixed(GREEN, WHITE, 0.9), mixed(GREEN, BLACK, 0.7)),
+    measure.REFUSED: (mixed(SKY, WHITE, 0.6), mixed(BLUE, BLACK, 0.7)),
+    measure.DIVERGED: (ORANGE, BLACK),
+    measure.WRONG_BRANCH: (mixed(PURPLE, BLACK, 0.3), WHITE),
+    measure.NAN: (BLACK, WHITE),
 }
 _WORDS = {
-    RIGHT: 'right', REFUSED: 'refused: an error states the reason',
-    DIVERGED: 'wrong: a finite value',
-    WRONG_BRANCH: "wrong branch: the other assembly's", NAN: 'NaN, arithmetic error, no progress',
+    measure.RIGHT: 'right', measure.REFUSED: 'refused: an error states the reason',
+    measure.DIVERGED: 'wrong: a finite value',
+    measure.WRONG_BRANCH: "wrong branch: the other assembly's",
+    measure.NAN: 'NaN, arithmetic error, no progress',
 }  # fmt: skip
-_SHORT = {DIVERGED: 'wrong', WRONG_BRANCH: 'branch'}  # in a cell
+_SHORT = {measure.DIVERGED: 'wrong', measure.WRONG_BRANCH: 'branch'}  # in a cell
 _DEFAULTS = {
-    DEFAULT: 'default', LIVE: 'default, live', RECORDS: 'default for records', GROWN: 'default',
-    STRAIGHT: 'default',
+    registry.DEFAULT: 'default', registry.LIVE: 'default, live',
+    registry.RECORDS: 'default for records', loads.GROWN: 'default', loads.STRAIGHT: 'default',
 }  # fmt: skip
 # The grids from top to bottom: linkages, load curves, friction, motions.
 GRIDS = (
-    (METHODS, SITUATIONS),
-    (CURVE_METHODS, CURVE_SITUATIONS),
-    (FRICTION_METHODS, FRICTION_SITUATIONS),
-    (INTEGRATORS, MOTION_SITUATIONS),
+    (registry.METHODS, situations.SITUATIONS),
+    (loads.CURVE_METHODS, loads.CURVE_SITUATIONS),
+    (loads.FRICTION_METHODS, loads.FRICTION_SITUATIONS),
+    (registry.INTEGRATORS, motion_cases.MOTION_SITUATIONS),
 )
 # Inches: size of a cell; space for names to the left and above; top and bottom margins. Cells of
 # whole pixels make the PNG file a third smaller.
@@ -88,8 +71,8 @@ def stability(options: argparse.Namespace) -> None:
     with folder(options.out):
         cases = 2 if options.quick else 30
         cells = [
-            cell for methods, situations in GRIDS
-            for cell in measure_outcomes(situations, methods, cases=cases)
+            cell for methods, places in GRIDS
+            for cell in measure.measure_outcomes(places, methods, cases=cases)
         ]  # fmt: skip
         save_records(records, cells)
         title = (
@@ -114,11 +97,11 @@ def draw_stability(cells: Sequence[dict[str, Any]], title: str, path: Path) -> N
     height = _TOP + sum(_ABOVE + _HIGH * len(places) for _, places in GRIDS) + _FOOT
     y = height - _TOP
     with chart(path, height, title, layout=None) as figure:
-        for methods, situations in GRIDS:
-            across, down = _WIDE * len(methods), _HIGH * len(situations)
+        for methods, places in GRIDS:
+            across, down = _WIDE * len(methods), _HIGH * len(places)
             y -= _ABOVE + down
             axes = figure.add_axes((_LEFT / WIDTH, y / height, across / WIDTH, down / height))
-            _draw_grid(axes, [method.name for method in methods], situations, cells)
+            _draw_grid(axes, [method.name for method in methods], places, cells)
         figure.suptitle(title, y=1 - 0.15 / height)
         patches = [
             Patch(facecolor=fractions(fill), label=_WORDS[name])
@@ -130,43 +113,43 @@ def draw_stability(cells: Sequence[dict[str, Any]], title: str, path: Path) -> N
 def _draw_grid(
     axes: Axes,
     methods: list[str],
-    situations: Sequence[Situation],
+    places: Sequence[measure.Situation],
     cells: Sequence[dict[str, Any]],
 ) -> None:
-    axes.set(xlim=(0, len(methods)), ylim=(len(situations), 0))
-    for y, situation in enumerate(situations):
+    for y, place in enumerate(places):
         axes.text(
-            len(methods) + 0.15, y + 0.5, textwrap.fill(situation.words, _SAID),
+            len(methods) + 0.15, y + 0.5, textwrap.fill(place.words, _SAID),
             va='center', color='0.3',
         )  # fmt: skip
-        for cell in (cell for cell in cells if cell['situation'] == situation.name):
-            x, outcome = methods.index(cell['method']), cell['outcome']
-            fill, ink = map(fractions, _COLORS[outcome])
-            square = Rectangle((x, y), 1, 1, facecolor=fill, edgecolor='white', linewidth=1.5)
-            axes.add_patch(square)
-            # If no state exists, a refusal is the correct outcome.
-            is_good = outcome == RIGHT or (outcome == REFUSED and not situation.exists)
-            words = _SHORT.get(outcome, outcome)
-            if cell['worst_error'] is not None:
-                words += f'\n{cell["worst_error"]:.0e}'
-            axes.text(
-                x + 0.5, y + 0.52, words, ha='center', va='center', color=ink, fontsize=NUMBERS,
-                fontweight='normal' if is_good else 'bold',
-            )  # fmt: skip
+        for cell in (cell for cell in cells if cell['situation'] == place.name):
+            _draw_cell(axes, methods.index(cell['method']), y, cell, exists=place.exists)
+    axes.set(xlim=(0, len(methods)), ylim=(len(places), 0))
+    names = [
+        f'{name}\n({_DEFAULTS[name]})' if name in _DEFAULTS else name.replace(', ', ',\n')
+        for name in methods
+    ]
     axes.set_xticks(
-        [i + 0.5 for i in range(len(methods))], map(_name, methods),
-        rotation=52, ha='left', fontsize=SMALL,
+        np.arange(len(methods)) + 0.5, names, rotation=52, ha='left', fontsize=SMALL,
     )  # fmt: skip
     axes.xaxis.tick_top()
     axes.set_yticks(
-        [i + 0.5 for i in range(len(situations))],
-        [textwrap.fill(situation.name, _NAMES) for situation in situations], fontsize=SMALL,
+        np.arange(len(places)) + 0.5,
+        [textwrap.fill(place.name, _NAMES) for place in places], fontsize=SMALL,
     )  # fmt: skip
     axes.tick_params(length=0)
     axes.spines[:].set_visible(False)
 
 
-def _name(method: str) -> str:
-    if method in _DEFAULTS:
-        return f'{method}\n({_DEFAULTS[method]})'
-    return method.replace(', ', ',\n')
+def _draw_cell(axes: Axes, x: int, y: int, cell: dict[str, Any], *, exists: bool) -> None:
+    outcome = cell['outcome']
+    fill, ink = map(fractions, _COLORS[outcome])
+    axes.add_patch(Rectangle((x, y), 1, 1, facecolor=fill, edgecolor='white', linewidth=1.5))
+    # If no state exists, a refusal is the correct outcome.
+    is_good = outcome == (measure.RIGHT if exists else measure.REFUSED)
+    words = _SHORT.get(outcome, outcome)
+    if cell['worst_error'] is not None:
+        words += f'\n{cell["worst_error"]:.0e}'
+    axes.text(
+        x + 0.5, y + 0.52, words, ha='center', va='center', color=ink, fontsize=NUMBERS,
+        fontweight='normal' if is_good else 'bold',
+    )  # fmt: skip

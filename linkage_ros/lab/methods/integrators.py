@@ -4,8 +4,8 @@
 
 Each integrator starts at the initial values of a problem. `at(time)` integrates to a time, s, not
 earlier than the previous one, and returns the phase: coordinates, then rates, with an unwrapped
-crank angle. `gap()` then returns the gap of the loop, m. The package has one method for live runs
-and one for records (motion/integrators.py).
+crank angle. `Multipliers` returns positions, then rates, of all links. The package has one method
+for live runs and one for records (motion/integrators.py).
 """
 
 import math
@@ -16,7 +16,7 @@ import numpy as np
 from scipy import integrate
 
 from linkage_ros.formulas import Vector
-from linkage_ros.lab.reference.motions import InitialValueProblem, Phase
+from linkage_ros.lab.reference.motions import InitialValueProblem, Phase, halves
 from linkage_ros.lab.reference.multibody import Multibody
 from linkage_ros.motion.integrators import Integrate
 from linkage_ros.motion.torque_driven import published
@@ -27,20 +27,7 @@ _END = 1e10  # s, longer than any run
 _MOST_STEPS = 500  # maximum between two times; a solver that needs more is considered stuck
 
 
-class _OwnCoordinates:
-    """An integrator in the mechanism's own coordinates, which keep the loop closed."""
-
-    def __init__(self, problem: InitialValueProblem) -> None:
-        self._driven, self._phase = problem.driven, problem.start
-
-    def gap(self) -> float:
-        """See the module docstring."""
-        half, solver = len(self._phase) // 2, self._driven.solver
-        state = solver.state(self._phase[:half], self._phase[half:], (0.0,) * half)
-        return solver.structure.loop_residual(state)
-
-
-class OfPackage(_OwnCoordinates):
+class OfPackage:
     """The package's own integrators, which switch coordinates and count crank turns."""
 
     def __init__(self, problem: InitialValueProblem, begin: Integrate) -> None:
@@ -48,22 +35,22 @@ class OfPackage(_OwnCoordinates):
 
     def at(self, time: float) -> Phase:
         """See the module docstring."""
-        self._steps.advance(time)
-        self._driven, self._phase = self._steps.driven, self._steps.phase
-        moment = published(self._driven, self._phase, self._steps.pairs)
+        steps = self._steps
+        steps.advance(time)
+        moment = published(steps.driven, steps.phase, steps.pairs)
         return moment.unwrapped, *moment.q[1:], *moment.u
 
 
-class RungeKutta4(_OwnCoordinates):
+class RungeKutta4:
     """The classical fourth-order Runge-Kutta method, with equal steps and no error control."""
 
     def __init__(self, problem: InitialValueProblem, step: float) -> None:
-        super().__init__(problem)
-        self._longest, self._time = step, 0.0
+        self._slope, self._longest = problem.driven.slope, step
+        self._time, self._phase = 0.0, problem.start
 
     def at(self, time: float) -> Phase:
         """See the module docstring."""
-        span, slope, y = time - self._time, self._driven.slope, self._phase
+        span, slope, y = time - self._time, self._slope, self._phase
         steps = max(1, math.ceil(span / self._longest * (1 - 1e-9)))
         h = span / steps
         for _ in range(steps):
@@ -82,25 +69,29 @@ def _moved(phase: Phase, h: float, slope: Sequence[float]) -> Phase:
     return tuple([value + h * rate for value, rate in zip(phase, slope, strict=True)])
 
 
-class OfScipy(_OwnCoordinates):
+class OfScipy:
     """A SciPy solver; its dense output interpolates between steps."""
 
-    def __init__(self, problem: InitialValueProblem, solver: str, tolerance: float) -> None:
+    def __init__(
+        self,
+        problem: InitialValueProblem,
+        solver: str,
+        tolerance: float,
+        start: Phase | None = None,
+        units: Phase | None = None,
+    ) -> None:
         """Starts a solver of scipy.integrate by name.
 
-        `tolerance` is in rad and crank lengths, and for rates in these units per second.
+        `tolerance` is relative to `units`, which are rad and crank lengths, and the same per
+        second, if the values to integrate are a phase.
         """
-        super().__init__(problem)
-        self._problem, (self._phase, units) = problem, self._begin(problem)
+        self._driven = problem.driven
         self._steps: Any = getattr(integrate, solver)(
-            lambda _, values: self._slope(values), 0.0, np.array(self._phase), _END,
-            first_step=_FIRST_STEP, rtol=tolerance, atol=tolerance * np.array(units),
+            lambda _, values: self._slope(values), 0.0, np.array(start or problem.start), _END,
+            first_step=_FIRST_STEP, rtol=tolerance,
+            atol=tolerance * np.array(units or problem.driven.units),
         )  # fmt: skip
         self._between: Callable[[float], Array]
-
-    def _begin(self, problem: InitialValueProblem) -> tuple[Phase, Phase]:
-        """Returns the values at t = 0, and the error unit of each value."""
-        return problem.start, problem.driven.units
 
     def _slope(self, values: Array) -> Array:
         return np.array(self._driven.slope(tuple(values.tolist())))
@@ -117,8 +108,7 @@ class OfScipy(_OwnCoordinates):
         steps = self._steps
         for _ in range(_MOST_STEPS):
             if steps.t >= time:
-                self._phase = tuple(self._between(time).tolist())
-                return self._phase
+                return tuple(self._between(time).tolist())
             with np.errstate(all='ignore'):  # the caller detects values that are not finite
                 message = steps.step()
             if steps.status == 'failed':
@@ -155,14 +145,11 @@ class Multipliers(OfScipy):
         """
         self._bodies = Multibody(problem.mechanism, float, Vector.at)
         self._closing, self._projects = closing, projects
-        super().__init__(problem, 'DOP853', tolerance)
-
-    def _begin(self, problem: InitialValueProblem) -> tuple[Phase, Phase]:
-        q, u = problem.start[: problem.count], problem.start[problem.count :]
-        state = problem.driven.solver.state(q, u, (0.0,) * problem.count)
+        state = problem.driven.solver.state(*halves(problem.start))
         length = problem.mechanism.crank.length
         units = tuple(length if slides else 1.0 for slides in self._bodies.slides)
-        return (*state.position, *state.velocity), units * 2
+        start = *state.position, *state.velocity
+        super().__init__(problem, 'DOP853', tolerance, start, units * 2)
 
     def _split(self, values: Sequence[float]) -> tuple[list[Vector], list[float]]:
         """Splits values into the links' positions, as `Multibody.gap` needs them, and rates."""
@@ -175,7 +162,7 @@ class Multipliers(OfScipy):
         places, rates = self._split(values.tolist())
         half, k = len(rates), self._closing
         matrix, right = self._bodies.system(places, rates)
-        right[0] += self._problem.motor.at(rates[0])
+        right[0] += self._driven.torque(rates[0])
         for i, gap in enumerate(self._bodies.gap(places) if k else (), half):
             right[i] -= k * (2 * np.dot(matrix[i][:half], rates) + k * gap)
         return np.array([*rates, *np.linalg.solve(matrix, right)[:half]])
@@ -198,10 +185,4 @@ class Multipliers(OfScipy):
 
     def at(self, time: float) -> Phase:
         """See the module docstring."""
-        self._phase = tuple(self._projected(np.array(super().at(time))).tolist())
-        places, rates = self._split(self._phase)
-        return self._phase[0], *(place.x for place in places[3:]), rates[0], *rates[3:]
-
-    def gap(self) -> float:
-        """See the module docstring."""
-        return math.hypot(*self._bodies.gap(self._split(self._phase)[0]))
+        return tuple(self._projected(np.array(super().at(time))).tolist())

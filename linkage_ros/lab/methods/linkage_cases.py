@@ -9,7 +9,7 @@ itself. Errors of directions are absolute, in rad.
 
 import itertools
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import cached_property, lru_cache
@@ -30,14 +30,14 @@ from linkage_ros.lab.methods.measure import (
     WRONG_BRANCH,
     Case,
     Method,
-    Panel,
+    Panels,
     Row,
     Setting,
     attempt,
     elapsed,
 )
 from linkage_ros.lab.methods.stages import ACCELERATION, POSITION, QUANTITIES, SPEED
-from linkage_ros.lab.reference.states import DIRECTION, Linkage, Reference, other_assembly
+from linkage_ros.lab.reference.states import Linkage, Reference, other_assembly
 from linkage_ros.numeric import Array, Real
 from linkage_ros.parameters.configuration import load
 
@@ -45,10 +45,7 @@ NEAR = 'near a change point'
 _EVEN = 48  # number of evenly spaced angles in a period or an arc
 _NOTHING = 1e-12  # relative to the largest value of a quantity; smaller values count as 0
 _BATCH = 4096  # states
-_FAR = 1e12  # rad; the direction of a larger angle is lost to rounding
-_TURN = np.longdouble('6.283185307179586476925287')  # rad
 Function: TypeAlias = Callable[[Real], tuple[Real, ...]]
-Place: TypeAlias = tuple[float, float]  # direction of the coupler and position of the output
 
 
 class LinkageCase(Case):
@@ -57,7 +54,7 @@ class LinkageCase(Case):
     Attributes:
         mechanism: Linkage to solve.
         cranks: Crank angles at which methods are tested, in order, rad.
-        guess: Initial guess of iterative methods.
+        guess: Initial guess of iterative methods: direction of the coupler and output position.
         decimal: See `Reference`.
         reference: Source of the reference states.
     """
@@ -66,7 +63,7 @@ class LinkageCase(Case):
         self,
         mechanism: Linkage,
         cranks: Sequence[float] | Array,
-        guess: Place | None = None,
+        guess: stages.Pair | None = None,
         *,
         decimal: bool = False,
     ) -> None:
@@ -103,35 +100,33 @@ class LinkageCase(Case):
         cranks = [start + (end - start) * turns * parts for start, end in solver.reach.arcs]
         state = solver.state(np.concatenate(cranks), SPEED, ACCELERATION)
         rows = state.position[1:], state.velocity[1:], state.acceleration[1:], (state.torque,)
-        sizes = {}
-        for quantity, each in zip(QUANTITIES, rows, strict=True):
-            largest = np.array([np.max(np.abs(row)) for row in each])
-            sizes[quantity] = np.where(largest > _NOTHING * largest.max(), largest, 0.0)
-        output = sizes[POSITION][1:] if self.reference.slides else [1.0, 1.0]
-        return sizes | {DIRECTION: np.array([1.0, 1.0, *output])}
+        largest = [np.array([np.max(np.abs(row)) for row in each]) for each in rows]
+        sizes = [np.where(x > _NOTHING * x.max(), x, 0.0) for x in largest]
+        return dict(zip(QUANTITIES, sizes, strict=True))
 
     def error(self, quantity: str, place: int, row: Sequence[float]) -> float:
         """See `Case`; a position consists of two numbers, or more for unit vectors."""
-        state, found = self._exact(place), np.array(row)
+        state, found, off = self._exact(place), np.array(row, np.longdouble), 0.0
         if not state:
             return math.inf
-        angles = slice(2 - self.reference.slides if quantity == POSITION else 0)
-        if quantity == POSITION and len(row) > 2:
-            quantity, angles = DIRECTION, slice(0)
+        turning = 2 - self.reference.slides if quantity == POSITION else 0
+        if turning and len(row) > 2:
+            x, y = found[: 2 * turning].reshape(turning, 2).T
+            off = max(abs(np.hypot(x, y) - 1))  # a unit vector's length is judged, too
+            found = np.append(np.arctan2(y, x), found[2 * turning :])
         true, size = state[quantity], self._sizes[quantity]
         apart, scale = found - true, np.where(size, np.maximum(size, abs(true)), 1.0)
-        turns = np.rint(apart[angles] / _TURN)
-        apart[angles] -= _TURN * np.where(abs(found[angles]) < _FAR, turns, 0.0)
-        scale[angles] = 1.0
-        return float(max(abs(apart) / scale))
+        apart[:turning] = np.arctan2(np.sin(apart[:turning]), np.cos(apart[:turning]))
+        scale[:turning] = 1.0
+        return float(max(off, *abs(apart) / scale))
 
     def wrong(self, quantity: str, place: int, row: Sequence[float]) -> str:
         """See `Case`."""
         is_other = quantity == POSITION and self._other.error(quantity, place, row) <= LIMIT
         return WRONG_BRANCH if is_other else DIVERGED
 
-    def own(self, method: Method) -> Iterable[Panel]:
-        """See `Case`."""
+    def panels(self, method: Method, _: Setting) -> Panels:
+        """See `Case`; a method is judged by the quantities that it computes itself."""
         return itertools.product(stages.OWN[method.stage], method.modes)
 
     def function(self, method: Method, setting: Setting, quantity: str, mode: str) -> Function:
@@ -197,8 +192,8 @@ class TurnCase(LinkageCase):
         cranks = np.unique(np.concatenate([self._ones, some, fast]))
         super().__init__(mechanism, cranks, _rough(mechanism, 0.1))
 
-    def panels(self, method: Method, _: Setting) -> Iterable[Panel]:
-        """Returns the quantities that the method computes alone or with later package stages."""
+    def panels(self, method: Method, _: Setting) -> Panels:
+        """See `Case`; includes the quantities that later stages, the package's, compute."""
         first = QUANTITIES.index(stages.OWN[method.stage][0])
         return itertools.product(QUANTITIES[first:], method.modes)
 
@@ -211,7 +206,7 @@ class TurnCase(LinkageCase):
         return lambda: elapsed(function, calls) / np.size(calls) * 1e6
 
 
-def _rough(mechanism: Linkage, crank: float) -> Place:
+def _rough(mechanism: Linkage, crank: float) -> stages.Pair:
     """Computes the position at a crank angle, rounded to 0.1 rad or m."""
     _, coupler, output = Solver(mechanism).state(crank).position
     return round(coupler, 1), round(output, 1)
@@ -223,14 +218,15 @@ def linkages(*, quick: bool) -> list[tuple[str, TurnCase]]:
     The third linkage is nearly a kite: its crank pin passes the rocker pivot at a distance of
     1e-12 m. Its masses and inertias equal those of the first linkage.
     """
-    mechanisms: list[Any] = [load(name).mechanism for name in ('quadrilateral', 'slider_crank')]
-    q, slider_crank = mechanisms
-    kite = replace(
+    found: dict[str, Any] = {
+        name: load(name).mechanism for name in ('quadrilateral', 'slider_crank')
+    }
+    q = found['quadrilateral']
+    found[NEAR] = replace(
         q,
         crank=replace(q.crank, length=0.3),
         frame=replace(q.frame, length=0.3 + 1e-12),
         coupler=replace(q.coupler, length=0.5),
         rocker=replace(q.rocker, length=0.5),
     )
-    named = ('quadrilateral', q), ('slider_crank', slider_crank), (NEAR, kite)
-    return [(name, TurnCase(linkage, 36 if quick else 360)) for name, linkage in named]
+    return [(name, TurnCase(each, 36 if quick else 360)) for name, each in found.items()]

@@ -14,7 +14,7 @@ coefficient increases from 0. Where no such solution exists, the mechanism locks
 
 import bisect
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from functools import partial
@@ -29,11 +29,9 @@ from linkage_ros.lab.methods.situations import Random, slider_crank
 from linkage_ros.lab.methods.stages import ACCELERATION, SPEED
 from linkage_ros.numeric import TURN
 
-_POINTS, _LARGEST = 8, 10.0  # N m
-_NODES = 256
+_POINTS, _NODES, _ROUNDS = 8, 256, 100
+_LARGEST = 10.0  # N m
 _BESIDE, _STEEP = 1e-3, 1e-4  # rad
-_ROUNDS = 100
-_PROBE = 10.0  # force along the guide that probes the normal force, N
 
 
 class NumberCase(Case):
@@ -82,9 +80,9 @@ def _spline(at: list[float], value: list[float], crank: float) -> float:
 
 
 def _nodes(at: list[float], value: list[float], crank: float) -> float:
-    nodes = np.arange(_NODES + 1) * (math.tau / _NODES)
-    values = [_lines(at, value, node) for node in nodes.tolist()]
-    return float(np.interp(crank % math.tau, nodes, values))
+    nodes = np.arange(_NODES) * (math.tau / _NODES)
+    values = np.interp(nodes, at, value, period=math.tau)
+    return float(np.interp(crank, nodes, values, period=math.tau))
 
 
 STRAIGHT = 'straight lines'
@@ -95,31 +93,28 @@ CURVE_METHODS = [
 ]
 
 
-def _points(random: Random) -> list[float]:
+def _curve(random: Random, crank_at: Callable[[list[float]], float], *edge: float) -> NumberCase:
+    """Makes a random curve; its points are 45 deg apart on average, and at the third, an edge."""
     even = np.arange(_POINTS) + random.uniform(-0.4, 0.4, _POINTS) + 0.5
-    return [float(x) for x in even * (math.tau / _POINTS)]
-
-
-def _valued(random: Random, at: list[float], crank: float) -> NumberCase:
+    at = (even * (math.tau / _POINTS)).tolist()
+    crank = crank_at(at)
+    at = sorted([*at, *(at[3] + x for x in edge)])
     curve = at, random.uniform(-_LARGEST, _LARGEST, len(at)).tolist(), crank
     return NumberCase(curve, _lines(*curve), _LARGEST)
 
 
-def _corner(random: Random, i: int) -> NumberCase:
-    at = _points(random)
-    return _valued(random, at, at[i % _POINTS] - _BESIDE)
-
-
-def _steep(random: Random, _: int) -> NumberCase:
-    at = _points(random)
-    crank = at[3] + _STEEP * float(random.uniform(0.2, 0.8))
-    return _valued(random, sorted([*at, at[3] + _STEEP]), crank)
-
-
 CURVE_SITUATIONS = (
-    Situation('corner of a load curve', f'{_BESIDE:g} rad beside a point of the curve', _corner),
-    Situation('steep edge', f'between two points that are {_STEEP:g} rad apart', _steep),
-)
+    Situation(
+        'corner of a load curve', f'{_BESIDE:g} rad beside a point of the curve',
+        lambda random, i: _curve(random, lambda at: at[i % _POINTS] - _BESIDE),
+    ),
+    Situation(
+        'steep edge', f'between two points that are {_STEEP:g} rad apart',
+        lambda random, _: _curve(
+            random, lambda at: at[3] + _STEEP * float(random.uniform(0.2, 0.8)), _STEEP
+        ),
+    ),
+)  # fmt: skip
 
 
 # ---------------------------------------------------------------- friction
@@ -172,8 +167,8 @@ def _rubbing(random: Random, _: int, *, share: float, relieves: bool = False) ->
     crank = float(random.uniform(0.5, 2.6)) * (1 if random.random() < 0.5 else -1)
     smooth = slider_crank(r, b, offset)
     push, velocity = _guide(smooth, crank)
-    pushed = replace(smooth, slider=replace(smooth.slider, force=_PROBE))
-    slope = -math.copysign(1.0, velocity) * (_guide(pushed, crank)[0] - push) / _PROBE
+    pushed = replace(smooth, slider=replace(smooth.slider, force=10.0))
+    slope = -math.copysign(1.0, velocity) * (_guide(pushed, crank)[0] - push) / 10.0
     # k, positive if friction adds to the normal force; at 1 and above, the mechanism locks.
     locks = share * math.copysign(1.0, slope * push)
     if (locks < 0) != relieves:

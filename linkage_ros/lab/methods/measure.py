@@ -40,7 +40,7 @@ _SEED = 20_261_121
 
 Setting: TypeAlias = dict[str, float]
 Row: TypeAlias = Sequence[float] | None  # an answer: not finite if it failed, None if refused
-Panel: TypeAlias = tuple[str, str]  # a quantity and a mode
+Panels: TypeAlias = Iterable[tuple[str, str]]  # quantities, each in a mode
 
 # A method with a setting, as in the JSON file:
 #   method, mechanism, setting: names and text
@@ -112,8 +112,8 @@ def elapsed(function: Callable[[Any], object], arguments: Iterable[Any]) -> floa
 class Case:
     """A problem with a known answer."""
 
-    def own(self, method: Method) -> Iterable[Panel]:
-        """Returns the quantities that a method itself computes, in each of its modes."""
+    def panels(self, method: Method, _: Setting, /) -> Panels:
+        """Returns the quantities on which a method is judged, in each of its modes."""
         return [(method.stage, ONE)]
 
     def rows(self, method: Method, setting: Setting, quantity: str, mode: str) -> Sequence[Row]:
@@ -124,21 +124,23 @@ class Case:
         """Computes the largest relative error of a finite row; inf if no state exists."""
         raise NotImplementedError
 
+    def outcomes(self, method: Method, setting: Setting, *panel: str) -> list[tuple[str, float]]:
+        """Returns outcome and error of each row; the error is inf if refused or not finite."""
+        rows = self.rows(method, setting, *panel)
+        return [self.outcome(panel[0], place, row) for place, row in enumerate(rows)]
+
+    def outcome(self, quantity: str, place: int, row: Row) -> tuple[str, float]:
+        """Returns outcome and error of a row."""
+        if row is None:
+            return REFUSED, math.inf
+        if not all(map(math.isfinite, row)):
+            return NAN, math.inf
+        error = self.error(quantity, place, row)
+        return RIGHT if error <= LIMIT else self.wrong(quantity, place, row), error
+
     def wrong(self, _quantity: str, _place: int, _row: Sequence[float]) -> str:
         """Classifies a finite row with wrong values."""
         return DIVERGED
-
-    def outcomes(self, method: Method, setting: Setting, *panel: str) -> list[tuple[str, float]]:
-        """Returns outcome and error of each row; the error is inf if refused or not finite."""
-        found: list[tuple[str, float]] = []
-        for place, row in enumerate(self.rows(method, setting, *panel)):
-            if row is None or not all(map(math.isfinite, row)):
-                found.append((REFUSED if row is None else NAN, math.inf))
-                continue
-            error = self.error(panel[0], place, row)
-            outcome = RIGHT if error <= LIMIT else self.wrong(panel[0], place, row)
-            found.append((outcome, error))
-        return found
 
 
 @dataclass(frozen=True)
@@ -189,7 +191,7 @@ def measure_outcomes(
         found = [
             outcome
             for case in made(situation, cases)
-            for panel in case.own(method)
+            for panel in case.panels(method, method.steady)
             for outcome in case.outcomes(method, method.steady, *panel)
         ]
         errors = [error for _, error in found if math.isfinite(error)]
@@ -225,10 +227,11 @@ def measure_accuracy(
         outcomes = [case.outcomes(*each) for each in progress(asked, f'errors, {name}')]
         timers = [case.timer(*each) for each in asked]
         rounds = progress(range(1 if quick else case.rounds), f'times, {name}')
-        times = [[attempt(lambda: (timer(),)) for timer in timers] for _ in rounds]  # noqa: B023
-        for each, found, *taken in zip(asked, outcomes, *times, strict=True):
-            method, setting, quantity, mode = each
-            us = min(row[0] if row else math.nan for row in taken)
+        times = [[attempt(lambda: (timer(),)) or (math.nan,) for timer in timers] for _ in rounds]  # noqa: B023
+        fastest = np.min(times, axis=(0, 2)).tolist()
+        for (method, setting, quantity, mode), found, us in zip(
+            asked, outcomes, fastest, strict=True
+        ):
             error = max(error for _, error in found)
             points.append({
                 'method': method.name, 'setting': label(setting), 'mechanism': name,

@@ -16,7 +16,7 @@ from linkage_ros.lab.methods.measure import (
     DIVERGED,
     Case,
     Method,
-    Panel,
+    Panels,
     Row,
     Setting,
     Situation,
@@ -31,15 +31,15 @@ from linkage_ros.lab.reference.motions import (
     coasting,
     driven_pump,
     free_pump,
+    halves,
 )
+from linkage_ros.model.kinematics import State
 from linkage_ros.motion.drives import Motor
 
 TRAJECTORY, ENERGY, LOOP = 'trajectory', 'energy', 'loop'  # compared quantities
 # Modes: mean time per simulated ms, and time of the slowest ms, which limits a live node.
 MEAN, SLOWEST = 'motion', 'motion, slowest ms'
-_ASKED = 0.05  # s between two states that are compared
 _TICK = 1e-3  # s
-_TICKS = 300  # timed ticks per second of motion; the slowest counts
 _SEED = 20_261_122
 
 
@@ -73,17 +73,14 @@ class MotionCase(Case):
 
     @cached_property
     def _sizes(self) -> list[float]:
-        count = self.problem.count
+        count = len(self.problem.start) // 2
         return [*self.problem.driven.units[:count], *abs(self._exact[:, count:]).max(axis=0)]
 
-    def own(self, _: Method) -> Iterable[Panel]:
-        """See `Case`."""
-        return [(quantity, MEAN) for quantity in self.quantities]
-
-    def panels(self, method: Method, setting: Setting) -> Iterable[Panel]:
-        """Returns quantities and modes to measure; SLOWEST needs steps of at most 1 ms."""
+    def panels(self, _: Method, setting: Setting) -> Panels:
+        """See `Case`; SLOWEST needs steps of at most 1 ms."""
         has_ticks = TRAJECTORY in self.quantities and setting.get('step', 0) <= _TICK
-        return [*self.own(method), *[(TRAJECTORY, SLOWEST)] * has_ticks]
+        return [*((quantity, MEAN) for quantity in self.quantities),
+                *[(TRAJECTORY, SLOWEST)] * has_ticks]  # fmt: skip
 
     def rows(self, method: Method, setting: Setting, *_: str) -> Sequence[Row]:
         """See `Case`; a row is a phase and the loop gap, m. A failed row is the last one."""
@@ -114,7 +111,7 @@ class MotionCase(Case):
         """Returns a function that measures the mean or largest time, us, per simulated ms."""
         begin, times = partial(method.solve, self.problem, setting), self.times
         if mode == SLOWEST:
-            return lambda: _slowest_time(times, begin)
+            return lambda: _slowest_time(times[-1], begin)
         return lambda: elapsed(begin().at, times) / times[-1] * 1e3
 
 
@@ -129,36 +126,43 @@ def followed(
     """Integrates a motion; see `MotionCase.rows`."""
 
     def phases() -> Iterator[tuple[float, ...]]:
-        follower = solve(problem, dict(setting))
+        at = solve(problem, dict(setting)).at
         for moment in times:
-            phase = follower.at(moment)
+            phase = at(moment)
             if not all(map(math.isfinite, phase)):
                 raise ArithmeticError('the motion overflows')
-            # `gap` raises an error for a phase without a position, as publishing a state does.
-            yield *phase, follower.gap()
+            yield with_gap(problem, phase)
 
     run = phases()
     rows = [attempt(next, run, ()) for _ in times]
     return [row for row in rows if row != ()]  # () after the end of the motion
 
 
-def _slowest_time(times: Sequence[float], begin: Callable[[], Any]) -> float:
-    """Measures the largest time, us, per simulated ms.
+def with_gap(problem: InitialValueProblem, phase: Phase) -> Phase:
+    """Appends the gap of the loop, m, to a phase; takes the coordinates from all links.
+
+    A phase without a position is refused, as if the state were published.
+    """
+    solver, is_whole = problem.driven.solver, len(phase) > len(problem.start)
+    state = State(*halves(phase), (), 0.0) if is_whole else solver.state(*halves(phase))
+    moving = [solver.links.index(name) for name in solver.coordinates]
+    coordinates = [row[i] for row in state[:2] for i in moving]
+    return *coordinates, solver.structure.loop_residual(state)
+
+
+def _slowest_time(seconds: float, begin: Callable[[], Any]) -> float:
+    """Measures the largest time, us, per simulated ms, the shortest of three in each ms.
 
     It times 300 ms for each second of the motion, at most 1000 ms, from the start on.
     """
-    count = min(1000, round(times[-1] * _TICKS))
-    fastest = [math.inf] * count
-    for _ in range(3):
-        follower = begin()
-        for i in range(count):
-            fastest[i] = min(fastest[i], elapsed(follower.at, [(i + 1) * _TICK]))
-    return max(fastest) * 1e6
+    ticks = [(i + 1) * _TICK for i in range(min(1000, round(seconds * 300)))]
+    runs = [[elapsed(at, [tick]) for tick in ticks] for at in [begin().at for _ in range(3)]]
+    return float(np.min(runs, axis=0).max() * 1e6)
 
 
 def even(seconds: float) -> list[float]:
-    """Returns evenly spaced times up to `seconds`, s, at which states are compared."""
-    return [(i + 1) * _ASKED for i in range(round(seconds / _ASKED))]
+    """Returns times 0.05 s apart, up to `seconds`, s, at which states are compared."""
+    return [(i + 1) * 0.05 for i in range(round(seconds / 0.05))]
 
 
 def motions(*, quick: bool) -> list[tuple[str, MotionCase]]:
@@ -190,7 +194,7 @@ def _parallelogram(random: Random) -> FourBar:
 
 def _change_point(random: Random, _: int) -> MotionCase:
     mechanism = _parallelogram(random)
-    angle, speed, torque = (float(k) for k in random.uniform((-2, 1, 0.1), (-1, 3, 0.2)))
+    angle, speed, torque = random.uniform((-2, 1, 0.1), (-1, 3, 0.2)).tolist()
     problem = InitialValueProblem(mechanism, (angle, speed), Motor(torque))
     change = torque / problem.driven.solver.matrix(1.0)[0][0]
     return MotionCase(
@@ -210,7 +214,7 @@ def _steep_line(random: Random, i: int) -> MotionCase:
 def _stiff_guide(random: Random, i: int) -> MotionCase:
     pump = free_pump(1.0).mechanism
     damping = (1e5, 1e9)[i] if i < 2 else 10.0 ** float(random.uniform(5, 11))
-    force, speed = (float(k) for k in random.uniform((-0.1, 1), (0.1, 3)))
+    force, speed = random.uniform((-0.1, 1), (0.1, 3)).tolist()
     # Massless coupler and rod do not couple crank and slider.
     pump = replace(
         pump, gravity=(0.0, 0.0), crank=Body(0.12, inertia=20.0),

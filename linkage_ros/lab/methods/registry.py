@@ -13,8 +13,9 @@ from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 
-from linkage_ros import ConfigurationError, FourBar, Solver
+from linkage_ros import ConfigurationError, Solver
 from linkage_ros.dynamics.program import Program
 from linkage_ros.dynamics.tape import Constants
 from linkage_ros.lab.methods import stages
@@ -24,7 +25,7 @@ from linkage_ros.lab.methods.measure import BATCH, ONE, Method, Setting
 from linkage_ros.lab.methods.stages import POSITION, RATES, STATE, Locate, Pair
 from linkage_ros.lab.reference.states import Linkage, lengths
 from linkage_ros.motion.integrators import LONGEST_STEP, TOLERANCE, live_steps, record_steps
-from linkage_ros.numeric import Real, wrap
+from linkage_ros.numeric import Real
 
 CAP = 50
 _ENDLESS = 200  # iteration limit of a method that has none of its own
@@ -70,9 +71,9 @@ def listing(case: LinkageCase, _: Setting) -> Locate:
 
     def locate(crank: float) -> Pair:
         nonlocal x
-        if not isinstance(mechanism, FourBar):
-            raise ConfigurationError("document 1's listing is for a four-bar")
         r, b, c, d = lengths(mechanism)
+        if c is None:
+            raise ConfigurationError("document 1's listing is for a four-bar")
         fixed = cmath.rect(r, crank) - cmath.rect(d, mechanism.frame.angle)
         for _ in range(_ENDLESS):
             coupler, rocker = np.exp(1j * x)
@@ -107,13 +108,11 @@ def hermite(mechanism: Linkage, nodes: int) -> Locate:
     solver.reach.require_full_turn()
     length = solver.reach.period_turns * math.tau
     state = solver.state(np.arange(nodes + 1) * (length / nodes), 1.0)
-    at, slope = np.stack(state.position[1:]), np.stack(state.velocity[1:]) * (length / nodes)
-    change = np.diff(at)
     turning = 1 if solver.structure.links[-1].slides else 2
-    change[:turning] = wrap(change[:turning], np.rint)
-    square = 3 * change - 2 * slope[:, :-1] - slope[:, 1:]
-    cube = slope[:, :-1] + slope[:, 1:] - 2 * change
-    table = np.concatenate([at[:, :-1], slope[:, :-1], square, cube])
+    places = [*np.unwrap(state.position[1 : 1 + turning]), *state.position[1 + turning :]]
+    slopes = np.transpose(state.velocity[1:]) * (length / nodes)
+    spline = CubicHermiteSpline(np.arange(nodes + 1), np.transpose(places), slopes)
+    table = np.concatenate(spline.c[::-1].transpose(0, 2, 1))
     rows, per_step = table.T.tolist(), nodes / length
 
     def look_up(crank: Real) -> Pair:
@@ -186,11 +185,9 @@ METHODS = [
 LIVE, RECORDS = 'fixed steps, checked', 'DOP853, guarded'
 _SECONDS = (0.025, 0.01, 0.005, 0.0025, LONGEST_STEP, 0.0005)
 _LIVE: Setting = {'step': LONGEST_STEP, 'tolerance': TOLERANCE}
-_UNCHECKED = 1e300  # tolerance that no step error exceeds
 _DOP853 = 'Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, II.5 and II.6'
 
 _MULTIPLIERS = tuple({'tolerance': 10.0**-k} for k in (5, 7, 9, 11, 13)), {'tolerance': 1e-9}
-_CLOSING = 20.0  # Baumgarte's k, 1/s
 
 # Steps are in s; the first two integrators are the defaults.
 INTEGRATORS = (
@@ -202,7 +199,7 @@ INTEGRATORS = (
             problem,
             partial(
                 live_steps, longest=setting['step'],
-                tolerance=setting.get('tolerance', _UNCHECKED),
+                tolerance=setting.get('tolerance', math.inf),
             ),
         ),
         # Without a tolerance, no step is shortened, so that the chart shows the order.
@@ -239,7 +236,7 @@ INTEGRATORS = (
         'multipliers, Baumgarte', 'motion',
         'SciPy; no change point; a rate at which the gap decays',
         "the same; the gap obeys gap'' + 2 k gap' + k^2 gap = 0, k = 20/s",
-        lambda problem, setting: Multipliers(problem, setting['tolerance'], closing=_CLOSING),
+        lambda problem, setting: Multipliers(problem, setting['tolerance'], closing=20.0),
         *_MULTIPLIERS,
     ),
     Method(

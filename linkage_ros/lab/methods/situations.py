@@ -4,6 +4,7 @@
 
 import cmath
 import math
+from collections.abc import Sequence
 from typing import TypeAlias
 
 import numpy as np
@@ -26,9 +27,14 @@ from linkage_ros.lab.methods.measure import Situation
 from linkage_ros.lab.reference.states import Linkage, other_assembly
 
 Random: TypeAlias = np.random.Generator
+# Lengths for which a change point is intended.
+_DECIMALS = (
+    (0.1, 0.3, 0.4, 0.2), (0.1, 0.7, 0.8, 0.2), (0.3, 0.6, 0.7, 0.4), (0.1, 0.2, 0.3, 0.2),
+    (0.7, 0.9, 1.1, 0.9),
+)  # fmt: skip
 
 
-def four_bar(lengths: tuple[float, ...], assembly: str = OPEN, angle: float = 0.0) -> FourBar:
+def four_bar(lengths: Sequence[float], assembly: str = OPEN, angle: float = 0.0) -> FourBar:
     """Makes a four-bar of uniform rods.
 
     Args:
@@ -80,10 +86,8 @@ def turning(random: Random) -> Linkage:
             r, b = float(random.uniform(0.1, 0.3)), float(random.uniform(0.5, 1.0))
             offset = float(random.uniform(-0.3, 0.3)) * (b - r)
             return slider_crank(r, b, offset, any_assembly(random), angle)
-        lengths = tuple(float(x) for x in random.uniform(0.1, 1.0, 4))
-        r, b, c, d = lengths
-        sums = (b + c - d - r, (d - r - b + c), (d - r + b - c))
-        if sums[0] > 0.05 and sums[1] * sums[2] > 0.0025 and r > 0.05:
+        r, b, c, d = lengths = random.uniform(0.1, 1.0, 4).tolist()
+        if b + c - d - r > 0.05 and (d - r - b + c) * (d - r + b - c) > 0.0025:
             return four_bar(lengths, any_assembly(random), angle)
 
 
@@ -91,15 +95,13 @@ def with_change_point(random: Random) -> FourBar:
     """Makes a random four-bar with a change point at crank angle 0; lengths in steps of 1/64 m."""
     r = int(random.integers(8, 24))
     d, b = r + int(random.integers(4, 24)), r + int(random.integers(4, 24))
-    lengths = tuple(x / 64 for x in (r, b, d - r + b, d))
-    return four_bar(lengths, any_assembly(random))
+    return four_bar([x / 64 for x in (r, b, d - r + b, d)], any_assembly(random))
 
 
 def limited(random: Random) -> FourBar:
     """Makes a random four-bar whose crank cannot turn fully."""
     while True:
-        lengths = tuple(float(x) for x in random.uniform(0.2, 1.0, 4))
-        r, b, c, d = lengths
+        r, b, c, d = lengths = random.uniform(0.2, 1.0, 4).tolist()
         near = (d - r - b + c) * (d - r + b - c)
         reach = b + c - abs(d - r) > 0.05 and abs(b - c) - (d + r) < -0.05
         if reach and (b + c - d - r < -0.05) != (near < -0.01):
@@ -120,26 +122,14 @@ def _passing(*extra: float) -> tuple[float, ...]:
     return tuple(sorted((*even, *extra)))
 
 
-def _ordinary(random: Random, _: int) -> LinkageCase:
-    return LinkageCase(turning(random), _turn())
-
-
-def _hit(random: Random, _: int) -> LinkageCase:
-    return LinkageCase(with_change_point(random), (-0.3, -0.2, -0.1, 0.0, -0.0, 1e-300))
-
-
-def _passed(random: Random, _: int) -> LinkageCase:
-    return LinkageCase(with_change_point(random), _passing())
-
-
 def _near(random: Random, i: int) -> LinkageCase:
     angle, gap = float(random.uniform(-3, 3)), 10.0 ** -float(random.uniform(11, 13))
-    r, b = (float(x) for x in random.uniform((0.2, 0.5), (0.4, 0.9)))
+    r, b = random.uniform((0.2, 0.5), (0.4, 0.9)).tolist()
     d = r + gap if i % 2 else r + float(random.uniform(0.1, 0.4))
     c = b if i % 2 else d - r + b - gap
     mechanism = four_bar((r, b, c, d), any_assembly(random), angle)
     aside = [sign * 10.0**power for power in range(-14, 0) for sign in (-1, 1)]
-    return LinkageCase(mechanism, tuple(sorted(angle + x for x in (*aside, 0.0))))
+    return LinkageCase(mechanism, sorted(angle + x for x in (*aside, 0.0)))
 
 
 def _dead_centre(random: Random, _: int) -> LinkageCase:
@@ -149,7 +139,7 @@ def _dead_centre(random: Random, _: int) -> LinkageCase:
     # The angles approach one end from the middle of the arc, as in a motion.
     approach = np.linspace((start + end) / 2, goal + inward * 1e-2, 40, endpoint=False)
     near = [goal + inward * 10.0**-k for k in range(2, 7)]
-    return LinkageCase(mechanism, (*map(float, approach), *near))
+    return LinkageCase(mechanism, [*approach, *near])
 
 
 def _no_assembly(random: Random, _: int) -> LinkageCase:
@@ -168,7 +158,7 @@ def _denominator(random: Random, i: int) -> LinkageCase:
     """
     if i == 0:
         return LinkageCase(slider_crank(0.1, 0.3, 0.0), (0.0, math.pi))
-    r, c, d = (float(x) for x in random.uniform((0.5, 0.6, 0.1), (0.7, 0.8, 0.2)))
+    r, c, d = random.uniform((0.5, 0.6, 0.1), (0.7, 0.8, 0.2)).tolist()
     crank = float(random.uniform(0.9, 2.2)) * (1 if i % 2 else -1)
     # B lies on the line of the frame, to the right of the line from A to B0 if crank > 0.
     b = abs(d - c - cmath.rect(r, crank))
@@ -183,8 +173,8 @@ def _wrong_guess(random: Random, _: int) -> LinkageCase:
 
 def _few_steps(random: Random, _: int) -> LinkageCase:
     d = float(random.uniform(0.1, 0.15))
-    lengths = (float(random.uniform(0.5, 0.6)), float(random.uniform(0.35, 0.45)), 0.55, d)
-    return LinkageCase(four_bar(lengths, any_assembly(random)), _turn(steps=5, turns=2))
+    r, b = random.uniform((0.5, 0.35), (0.6, 0.45)).tolist()
+    return LinkageCase(four_bar((r, b, 0.55, d), any_assembly(random)), _turn(steps=5, turns=2))
 
 
 def _equal(random: Random, i: int) -> LinkageCase:
@@ -193,39 +183,36 @@ def _equal(random: Random, i: int) -> LinkageCase:
     return LinkageCase(four_bar(lengths, any_assembly(random)), _passing(0.0, 1e-9))
 
 
-_DECIMALS = (
-    (0.1, 0.3, 0.4, 0.2), (0.1, 0.7, 0.8, 0.2), (0.3, 0.6, 0.7, 0.4), (0.1, 0.2, 0.3, 0.2),
-    (0.7, 0.9, 1.1, 0.9),
-)  # fmt: skip
-
-
 def _decimals(random: Random, i: int) -> LinkageCase:
     mechanism = four_bar(_DECIMALS[i % len(_DECIMALS)], any_assembly(random))
     return LinkageCase(mechanism, _passing(1e-9, 1e-6, 1e-3), decimal=True)
 
 
-def _long_run(random: Random, _: int) -> LinkageCase:
-    turns = 2 * math.pi * 1e9
-    return LinkageCase(turning(random), tuple(turns + x for x in _turn()))
-
-
 SITUATIONS = (
-    Situation('ordinary', 'random linkages that turn fully, far from change points', _ordinary),
-    Situation('change point hit', 'all links are exactly in one line', _hit),
-    Situation('change point passed', 'two turns through it, from either assembly', _passed),
     Situation(
-        'near a change point', 'missed by 1e-11 to 1e-13 m; angles as close as 1e-14 rad', _near
+        'ordinary', 'random linkages that turn fully, far from change points',
+        lambda random, _: LinkageCase(turning(random), _turn()),
+    ),
+    Situation(
+        'change point hit', 'all links are exactly in one line',
+        lambda random, _: LinkageCase(
+            with_change_point(random), (-0.3, -0.2, -0.1, 0.0, -0.0, 1e-300)
+        ),
+    ),
+    Situation(
+        'change point passed', 'two turns through it, from either assembly',
+        lambda random, _: LinkageCase(with_change_point(random), _passing()),
+    ),
+    Situation(
+        'near a change point', 'missed by 1e-11 to 1e-13 m; angles as close as 1e-14 rad', _near,
     ),
     Situation('dead centre', 'a limited crank approaches it to 1e-6 rad', _dead_centre),
     Situation(
-        'no assembly',
-        'a crank turned beyond its reach: no state exists',
-        _no_assembly,
+        'no assembly', 'a crank turned beyond its reach: no state exists', _no_assembly,
         exists=False,
     ),
     Situation(
-        'half-angle denominator',
-        'the coefficient of the quadratic term is 0 to rounding',
+        'half-angle denominator', 'the coefficient of the quadratic term is 0 to rounding',
         _denominator,
     ),
     Situation('wrong first guess', "it is the other assembly's position", _wrong_guess),
@@ -233,8 +220,12 @@ SITUATIONS = (
     Situation('equal lengths', 'rhombi, kites, parallelograms pass both change points', _equal),
     Situation(
         'lengths in decimals',
-        'a change point is intended, but 0.2 + 0.3 - 0.1 - 0.4 is not 0',
-        _decimals,
+        'a change point is intended, but 0.2 + 0.3 - 0.1 - 0.4 is not 0', _decimals,
     ),
-    Situation('long run', 'after 1e9 turns', _long_run),
-)
+    Situation(
+        'long run', 'after 1e9 turns',
+        lambda random, _: LinkageCase(
+            turning(random), np.array(_turn()) + 2 * math.pi * 1e9
+        ),
+    ),
+)  # fmt: skip

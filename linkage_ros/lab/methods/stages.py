@@ -21,7 +21,7 @@ import operator
 from collections.abc import Callable
 from typing import Any, NamedTuple, TypeAlias
 
-from linkage_ros.dynamics.equations import Model, balance
+from linkage_ros.dynamics.equations import Model, accelerations, balance, velocities
 from linkage_ros.dynamics.tape import leaves
 from linkage_ros.formulas import ZERO, Opaque, Vector, atan2, cos, cross, dot, sin, sqrt
 from linkage_ros.lab.reference.states import Linkage, lengths
@@ -67,14 +67,12 @@ class Links(NamedTuple):
     @classmethod
     def of(cls, mechanism: Linkage, tool: Any = None) -> 'Links':
         """Collects the constants of a linkage; `tool` is a number or a function of the angle."""
-        r, b, *rocker, d = lengths(mechanism)
+        r, b, c, d = lengths(mechanism)
         side = 1.0 if mechanism.assembly == OPEN else -1.0
         model = Model.of(mechanism, mechanism.structure())
         if callable(tool):
             tool = tuple(map(Opaque, (tool, operator.itemgetter(0), operator.itemgetter(1))))
-        return cls(
-            r, b, rocker[0] if rocker else None, d, mechanism.frame.angle, side, model, tool
-        )
+        return cls(r, b, c, d, mechanism.frame.angle, side, model, tool)
 
 
 @functools.cache
@@ -92,21 +90,21 @@ def formula(quantity: str, stage: str, solve: Callable[..., Any]) -> Callable[..
         driving torque, N m, in a tuple. A direction is an angle, rad, or the two components of a
         unit vector; the position of a slider is in m.
     """
-    position, rates = (solve, two_by_two) if stage == POSITION else (factored, solve)
+    position, slopes = (solve, two_by_two) if stage == POSITION else (factored, solve)
 
     def solved(links: Links, crank: Real) -> tuple[Real, ...]:
         if stage == STATE:
             pose = links.model.loop.pose((crank,))
             place: Any = tuple(link.position for link in pose.links[1:])
         else:
-            place, *slopes = rates(links, crank, functools.partial(position, links))
-            pose = posed(links, crank, place, *slopes)
-        moving = [(link.jacobian[0], link.curvature[0]) for link in pose.links[1:]]
-        velocities = tuple(k * SPEED for k, _ in moving)
-        changes = tuple(c * (SPEED * SPEED) + k * ACCELERATION for k, c in moving)
-        drive = balance(links.model, pose, (SPEED, *velocities), (ACCELERATION, *changes))
-        found = tuple(leaves(place)), velocities, changes, tuple(drive)
-        return found[QUANTITIES.index(quantity)]
+            place, *derivatives = slopes(links, crank, functools.partial(position, links))
+            pose = posed(links, crank, place, *derivatives)
+        rates, changes = (
+            velocities(pose, (SPEED,)), accelerations(pose, (SPEED,), (ACCELERATION,)),
+        )  # fmt: skip
+        drive = balance(links.model, pose, rates, changes)
+        found = leaves(place), rates[1:], changes[1:], drive
+        return tuple(found[QUANTITIES.index(quantity)])
 
     return solved
 

@@ -30,15 +30,9 @@ from linkage_ros.parameters.configuration import load
 
 _CONTEXT = Context(prec=34)
 _LOOK = 0.02  # s between two checks for a singularity of the coordinates
-_SHORTEST = Decimal('1e-6')  # s
-_GROWTH = Decimal('1.3')  # factor of the step length after a step with few rows
-# Rows of the extrapolation. After a step with at most _FEW rows, the next step is longer; a step
-# that needs more than _ROWS rows is halved. The order is twice the number of rows.
-_FEW, _ROWS = 9, 12
+_LONGEST, _SHORTEST = 0.025, Decimal('1e-6')  # s
+_ROWS = 12  # of the extrapolation; its order is twice their number
 _TOLERANCE = Decimal('1e-20')  # tolerance of a step, in SI units
-_CLOSED = 4  # Newton steps that refine a position from doubles to all digits
-_State: TypeAlias = Any  # an array of Decimals; NumPy has no type for it
-
 
 # Coordinates, then their rates.
 Phase: TypeAlias = tuple[float, ...]
@@ -63,14 +57,15 @@ class InitialValueProblem:
         """The first-order system, with the package's own equations of motion."""
         return DrivenMechanism(Solver(self.mechanism), lambda speed: self.motor.at(speed))
 
-    @property
-    def count(self) -> int:
-        """Number of coordinates."""
-        return len(self.start) // 2
-
     def energy(self, phase: Phase) -> tuple[float, float]:
         """Computes the kinetic energy, and the potential energy up to a constant, J."""
-        return self.driven.solver.energy(phase[: self.count], phase[self.count :])
+        return self.driven.solver.energy(*halves(phase))
+
+
+def halves(phase: Phase) -> tuple[Phase, Phase]:
+    """Splits a phase into coordinates and rates."""
+    count = len(phase) // 2
+    return phase[:count], phase[count:]
 
 
 def driven_pump(speed: float, velocity: float = 0.0) -> InitialValueProblem:
@@ -101,17 +96,14 @@ def coasting() -> InitialValueProblem:
 
 
 class MotionReference:
-    """Integrates a motion with 34 decimal digits, from the nearest known state."""
+    """Integrates a motion with 34 decimal digits, from the nearest known state.
 
-    def __init__(self, problem: InitialValueProblem, longest: float = 0.1) -> None:
-        """Prepares the initial state, with a closed loop.
+    A state is an array of Decimals: crank angle, two numbers per link position, all rates.
+    """
 
-        Args:
-            problem: Equations and initial values of the motion.
-            longest: Longest step, s.
-        """
+    def __init__(self, problem: InitialValueProblem) -> None:
+        """Prepares the initial state, with a closed loop."""
         self._problem = problem
-        self._span = self._longest = Decimal(longest)
         with localcontext(_CONTEXT):
             self._bodies = Multibody(problem.mechanism, _CONTEXT.create_decimal, unit)
             self._known = {Decimal(0): self._begin()}  # states by time
@@ -141,29 +133,30 @@ class MotionReference:
                 return float(optimize.brentq(sine, before, time, xtol=1e-16))
         return None
 
-    def _begin(self) -> _State:
-        """Returns the state at t = 0: crank angle, two numbers per link position, all rates."""
-        count, bodies, zero = self._problem.count, self._bodies, Decimal(0)
-        q, u = self._problem.start[:count], self._problem.start[count:]
+    def _begin(self) -> Any:
+        """Returns the state at t = 0."""
+        bodies, zero, (q, u) = self._bodies, Decimal(0), halves(self._problem.start)
         # Doubles serve as the first guess.
-        found = self._problem.driven.solver.state(q, u, (0.0,) * count).position
+        found = self._problem.driven.solver.state(q, u).position
         places = [
             Vector(Decimal(x), zero) if slides else unit(x)
             for x, slides in zip(found, bodies.slides, strict=True)
         ]
-        for _ in range(_CLOSED):
+        for _ in range(4):  # Newton steps, each of which doubles the number of digits
             turns = bodies.closed(places, [zero] * len(places), [-x for x in bodies.gap(places)])
-            places[1:3] = map(_turned_by, places[1:3], turns[1:3])
+            for i in (1, 2):
+                moved = places[i] + places[i].left() * turns[i]
+                places[i] = moved * (1 / dot(moved, moved).sqrt())
         speed, *others = map(Decimal, u)
         rates = bodies.closed(places, [speed, zero, zero, *others], [zero, zero])
         return np.array([Decimal(q[0]), *(x for place in places for x in place), *rates])
 
-    def _split(self, state: _State) -> tuple[list[Vector], list[Decimal]]:
+    def _split(self, state: Any) -> tuple[list[Vector], list[Decimal]]:
         count = len(self._bodies.slides)
         places = state[1 : 1 + 2 * count].reshape(count, 2)
         return [Vector(*place) for place in places], state[1 + 2 * count :].tolist()
 
-    def _slope(self, state: _State) -> _State:
+    def _slope(self, state: Any) -> Any:
         places, rates = self._split(state)
         motor = self._problem.motor
         rows, right = self._bodies.system(places, rates)
@@ -175,32 +168,25 @@ class MotionReference:
         found = eliminate(rows, right)[: len(rates)]
         return np.array([rates[0], *(x for vector in moving for x in vector), *found])
 
-    def _state(self, time: float) -> _State:
-        """Integrates to the state at a time, s, from the nearest known state.
+    def _state(self, time: float) -> Any:
+        """Integrates to the state at a time, s, from the nearest known state."""
+        end = Decimal(time)
+        with localcontext(_CONTEXT):
+            known = min(self._known, key=lambda known: abs(known - end))
+            state, left = self._known[known], end - known
+            steps = math.ceil(abs(left) / Decimal(_LONGEST))
+            for _ in range(steps):
+                state = self._moved(state, left / steps)
+        self._known[end] = state
+        return state
+
+    def _moved(self, start: Any, span: Decimal) -> Any:
+        """Returns the state after a step, which is halved if the extrapolation does not converge.
 
         Raises:
             ArithmeticError: Even the shortest step fails.
         """
-        end = Decimal(time)
-        with localcontext(_CONTEXT):
-            reached = min(self._known, key=lambda known: abs(known - end))
-            state = self._known[reached]
-            while left := end - reached:
-                span = max(-self._span, min(self._span, left))
-                found, rows = self._extrapolated(state, span)
-                if found is not None:
-                    state, reached = found, end if span == left else reached + span
-                    self._span *= _GROWTH if rows <= _FEW and self._span < self._longest else 1
-                elif abs(span) < _SHORTEST:
-                    raise ArithmeticError(f'the reference cannot be followed beyond {reached} s')
-                else:
-                    self._span = abs(span) / 2
-        self._known[end] = state
-        return state
-
-    def _extrapolated(self, start: _State, span: Decimal) -> tuple[_State | None, int]:
-        """Returns the state after a step, or None if it diverges, and the number of rows."""
-        above: list[_State] = []
+        above: list[Any] = []
         with suppress(ArithmeticError):  # the step may diverge
             slope = self._slope(start)
             for i in range(1, _ROWS + 1):
@@ -208,11 +194,13 @@ class MotionReference:
                 for j, old in enumerate(above, 1):
                     row.append(row[-1] + (row[-1] - old) / (Decimal(i * i) / (i - j) ** 2 - 1))
                 if above and abs(row[-1] - above[-1]).max() <= _TOLERANCE:
-                    return row[-1], i
+                    return row[-1]
                 above = row
-        return None, _ROWS
+        if abs(span) < _SHORTEST:
+            raise ArithmeticError('the reference cannot be followed further')
+        return self._moved(self._moved(start, span / 2), span / 2)
 
-    def _midpoint(self, start: _State, slope: _State, h: Decimal, parts: int) -> _State:
+    def _midpoint(self, start: Any, slope: Any, h: Decimal, parts: int) -> Any:
         """Integrates a step by Gragg's modified midpoint rule."""
         before, here = start, start + h * slope
         for _ in range(parts - 1):
@@ -224,10 +212,3 @@ def unit(angle: float) -> Vector:
     """Computes the unit vector at an angle, rad, in Decimals."""
     with mp.workdps(40):
         return Vector(Decimal(str(mp.cos(angle))), Decimal(str(mp.sin(angle))))
-
-
-def _turned_by(place: Vector, turn: Decimal) -> Vector:
-    """Turns a unit vector by a small angle."""
-    moved = place + place.left() * turn
-    length: Decimal = dot(moved, moved).sqrt()
-    return moved * (1 / length)

@@ -14,18 +14,15 @@ it also holds where coupler and third link are in line. In floats, these equatio
 compared methods; in multiple precision, they are the reference for states and motions.
 """
 
-from __future__ import annotations
-
 import operator
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, cast
 
 from linkage_ros.formulas import ZERO, Vector, dot
 from linkage_ros.model.four_bar import FourBar
 from linkage_ros.model.structure import Mechanism
 
-Number: TypeAlias = Any  # a float, a Decimal or an mpf
-Row: TypeAlias = list[Number]
+Row: TypeAlias = list[Any]  # of floats, Decimals or mpfs
 
 
 class Multibody:
@@ -39,9 +36,9 @@ class Multibody:
     def __init__(
         self,
         mechanism: Mechanism,
-        number: Callable[[float], Number],
+        number: Callable[[float], Any],
         unit: Callable[[float], Vector],
-        length: Callable[[float], Number] | None = None,
+        length: Callable[[float], Any] | None = None,
     ) -> None:
         """Reads masses, lengths and loads from the mechanism's description.
 
@@ -71,10 +68,9 @@ class Multibody:
         if isinstance(mechanism, FourBar):  # the structure holds its pivot in doubles
             self._fixed = unit(mechanism.frame.angle) * -length(mechanism.frame.length)
         # Loads are tuples of indices and numbers.
-        loads: Any = mechanism.link_loads()
         self._loads = [
             type(load)(*((number(x) if x else ZERO) if isinstance(x, float) else x for x in load))
-            for load in loads
+            for load in cast('tuple[Any, ...]', mechanism.link_loads())
         ]
 
     def gap(self, places: Sequence[Vector]) -> Vector:
@@ -96,15 +92,16 @@ class Multibody:
         """Returns the jacobian G of the gap, as rows x and y, and G' q'."""
         columns, bias = self._columns(self._closure, places, rates)
         empty = Vector(self._zero, self._zero)
-        found = [columns.get(j, empty) for j in range(len(rates))]
-        return [[column.x for column in found], [column.y for column in found]], list(bias)
+        xy = zip(*(columns.get(j, empty) for j in range(len(rates))), strict=True)
+        return list(map(list, xy)), list(bias)
 
     def closed(self, places: Sequence[Vector], rates: Row, opening: Row) -> Row:
         """Solves for the rates of coupler and third link at a given velocity of the gap, m/s."""
         free = [*rates[:1], self._zero, self._zero, *rates[3:]]
         closure, _ = self.closure(places, free)
-        moved = [sum(map(operator.mul, row, free)) for row in closure]
-        right = list(map(operator.sub, opening, moved))
+        right = [
+            x - sum(map(operator.mul, row, free)) for x, row in zip(opening, closure, strict=True)
+        ]
         return [free[0], *eliminate([row[1:3] for row in closure], right), *free[3:]]
 
     def system(self, places: Sequence[Vector], rates: Row) -> tuple[list[Row], Row]:
@@ -150,7 +147,7 @@ class Multibody:
         return columns, bias
 
 
-def _vectors(weights: Sequence[complex], number: Callable[[float], Number]) -> dict[int, Vector]:
+def _vectors(weights: Sequence[complex], number: Callable[[float], Any]) -> dict[int, Vector]:
     """Converts the nonzero weights of a point to vectors, by link."""
     return {
         j: Vector(number(weight.real), number(weight.imag))

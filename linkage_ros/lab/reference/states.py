@@ -9,8 +9,6 @@ the formulas are 0/0; the motion is smooth there, so the state is the mean of th
 on either side.
 """
 
-from __future__ import annotations
-
 import operator
 from dataclasses import replace
 from fractions import Fraction
@@ -25,22 +23,21 @@ from linkage_ros.lab.reference.multibody import Multibody
 _DIGITS = 130
 _ASIDE = '1e-60'  # rad
 _STRAIGHT = '1e-25'  # below this sine of the transmission angle, two states are averaged
-DIRECTION = 'direction'
 
 _Number: TypeAlias = Any  # an mpf or mpc; mpmath has no type annotations
-# Values by quantity: 'position' (of the coupler, rad, and of the output, rad or m), 'direction'
-# (the same with unit vectors in place of angles), 'rate', 'acceleration', 'torque' (in a tuple).
-Exact: TypeAlias = dict[str, tuple[_Number, ...]]
 # Mechanisms whose loop has a closed-form textbook solution.
 Linkage: TypeAlias = FourBar | SliderCrank
 
 
-def lengths(linkage: Linkage) -> tuple[float, ...]:
-    """Returns the lengths of crank, coupler, rocker and frame, or crank, coupler and offset, m."""
+def lengths(linkage: Linkage) -> tuple[float, float, float | None, float]:
+    """Returns the lengths of crank, coupler and rocker, and that of the frame or the offset, m.
+
+    The rocker's is None for a slider-crank.
+    """
     first = linkage.crank.length, linkage.coupler.length
     if isinstance(linkage, FourBar):
         return *first, linkage.rocker.length, linkage.frame.length
-    return *first, linkage.slider.offset
+    return *first, None, linkage.slider.offset
 
 
 def other_assembly(linkage: Linkage) -> Linkage:
@@ -69,13 +66,17 @@ class Reference:
         """
         self._mechanism, self._motion = mechanism, (speed, acceleration)
         self.slides = isinstance(mechanism, SliderCrank)
-        self._lengths = [Fraction(repr(x) if decimal else x) for x in lengths(mechanism)]
+        as_typed = repr if decimal else float
+        self._lengths = [Fraction(as_typed(x or 0.0)) for x in lengths(mechanism)]
         with mp.workdps(3 * _DIGITS):
-            as_typed = (lambda x: mp.mpf(repr(x))) if decimal else mp.mpf
-            self._bodies = Multibody(mechanism, mp.mpf, _unit, as_typed)
+            self._bodies = Multibody(mechanism, mp.mpf, _unit, lambda x: mp.mpf(as_typed(x)))
 
-    def state(self, crank: float) -> Exact:
+    def state(self, crank: float) -> dict[str, tuple[_Number, ...]]:
         """Computes the state at a crank angle, rad.
+
+        Returns:
+            Values by quantity: 'position' (of the coupler, rad, and of the output, rad or m),
+            'rate', 'acceleration', 'torque' (in a tuple).
 
         Raises:
             UnreachableError: The loop does not close at this angle, or the crank's arc ends there.
@@ -97,15 +98,13 @@ class Reference:
         frame = mp.mpf(self._mechanism.frame.angle)
         frame -= 2 * mp.pi * mp.nint(frame / (2 * mp.pi))
         theta, turn = crank - frame, mp.expj(frame)
-        r, b, *others = (mp.mpf(x.numerator) / x.denominator for x in self._lengths)
-        exact_r, exact_b, *exact = self._lengths
+        r, b, c, d = map(mp.convert, self._lengths)
+        exact_r, exact_b, exact_c, exact_d = self._lengths
         if self.slides:
-            (offset,), (e,) = others, exact
-            y = offset - r * mp.sin(theta)
-            folds = exact_b + e == exact_r, exact_b - e == exact_r
+            y = d - r * mp.sin(theta)
+            folds = exact_b + exact_d == exact_r, exact_b - exact_d == exact_r
             x = self._height(b + y, b - y, folds, theta + mp.pi / 2)
             return mp.mpc(x, y) * turn / b, mp.mpc(r * mp.cos(theta) + x), x / b
-        (c, d), (exact_c, exact_d) = others, exact
         diagonal = turn * (d - r * mp.expj(theta))
         square = abs(diagonal) ** 2
         if not square:
@@ -129,13 +128,13 @@ class Reference:
         if min(p, q) < -rounding:
             raise UnreachableError('the loop does not close', crank_angle=float(theta), arcs=())
         height = mp.sqrt(max(p, 0)) * mp.sqrt(max(q, 0))
-        if self._mechanism.assembly != OPEN:
-            height = -height
-        for folds_there, part in zip(folds, (mp.cos(theta / 2), mp.sin(theta / 2)), strict=True):
-            height *= -1 if folds_there and part < 0 else 1
-        return height
+        turns = zip(folds, (mp.cos(theta / 2), mp.sin(theta / 2)), strict=True)
+        passed = sum(folds_there and part < 0 for folds_there, part in turns)
+        return height if (self._mechanism.assembly == OPEN) != passed % 2 else -height
 
-    def _solve(self, crank: _Number, coupler: _Number, output: _Number, _: _Number) -> Exact:
+    def _solve(
+        self, crank: _Number, coupler: _Number, output: _Number, _: _Number
+    ) -> dict[str, tuple[_Number, ...]]:
         """Computes rates, accelerations and, by virtual power, the torque at a position."""
         (speed, change), zero, bodies = map(mp.mpf, self._motion), mp.mpf(0), self._bodies
         places = [_unit(crank), _vector(coupler), _vector(output)]
@@ -147,7 +146,6 @@ class Reference:
         powers = (x * (y - z) for x, y, z in zip(slopes, forces, right, strict=False))
         return {
             'position': (mp.arg(coupler), output.real if self.slides else mp.arg(output)),
-            DIRECTION: (*places[1], *places[2][: 1 if self.slides else 2]),
             'rate': tuple(rates[1:]),
             'acceleration': tuple(changes[1:]),
             'torque': (sum(powers),),
