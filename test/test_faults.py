@@ -17,7 +17,6 @@ from diagnostic_msgs.msg import DiagnosticArray
 from joint_codec import encode_float64
 from rclpy.serialization import deserialize_message
 from ros_harness import decoded, logged, node_arguments, stop, verified, wait_for, watched
-from test_rerun_view import free_port
 from test_rerun_view import running as viewing
 
 from linkage_ros import LogError
@@ -27,6 +26,7 @@ from linkage_ros.log.writer import LogWriter
 from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.run.threads import DiskSync
+from linkage_ros.view.viewer_process import free_address
 from linkage_ros.wire.cdr import ERROR, OK, WARN
 from linkage_ros.wire.topics import DRIVING_TORQUE
 
@@ -182,7 +182,7 @@ def test_log_is_synced_to_the_disk_and_a_failure_reported(tmp_path, monkeypatch)
 
 
 def test_each_viewer_change_is_reported_once():
-    port = free_port()
+    _, port = free_address('127.0.0.1')
     url = f'rerun+http://127.0.0.1:{port}/proxy'
     arguments = node_arguments(viewer=url, rate_hz=3000.0)  # which fills its buffers sooner
     absent = f'no viewer answers at {url}: states are left out until one does'
@@ -190,7 +190,7 @@ def test_each_viewer_change_is_reported_once():
 
     with watched(HEARD, *arguments) as (listener, process):
         wait_for(lambda: health(listener, 2) == (WARN, absent))
-        with viewing('--serve-grpc', port=port) as (viewer, _):
+        with viewing(port, '--serve-grpc') as viewer:
             wait_for(lambda: health(listener, 2)[0] == OK)
             viewer.send_signal(signal.SIGSTOP)
             wait_for(lambda: health(listener, 2) == (WARN, stopped))

@@ -181,8 +181,9 @@ def test_a_bad_start_is_one_line_and_code_2(called, arguments, words):
 
 
 @pytest.mark.parametrize('module', [node, controller], ids=['node', 'controller'])
-def test_parameters_before_ros_args_are_refused(called, module):
-    assert_refused(*called(module, '-p', 'rpm:=30'), 'unrecognized arguments: -p rpm:=30; see ')
+def test_parameters_before_ros_args_are_refused_with_their_right_place(called, module):
+    words = 'unknown: -p rpm:=30; parameters stand behind --ros-args'
+    assert_refused(*called(module, '-p', 'rpm:=30'), words)
 
 
 def test_a_bad_viewer_or_log_leaves_nothing_behind(called, tmp_path):

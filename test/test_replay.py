@@ -25,7 +25,6 @@ from ros_harness import (
     watched,
 )
 from shell_harness import Shell, held
-from test_rerun_view import free_port
 
 from linkage_ros import ViewerError, replay
 from linkage_ros.log.reader import LogReader
@@ -37,6 +36,7 @@ from linkage_ros.record import record
 from linkage_ros.replay import showing
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.view import rerun_view
+from linkage_ros.view.viewer_process import free_address
 from linkage_ros.wire.topics import DRIVING_TORQUE, JOINT_COMMANDS, JOINT_STATES, qualified
 
 STATES, TORQUE, DESCRIPTION = '/joint_states', '/driving_torque', '/robot_description'
@@ -318,7 +318,7 @@ def test_bad_options_are_one_line_and_code_2(log, called, monkeypatch, options, 
 
 def test_absent_viewer_is_one_line_before_the_replay(log, called, monkeypatch):
     monkeypatch.setattr(rerun_view, '_ANSWER_SECONDS', 0.1)
-    url = f'rerun+http://127.0.0.1:{free_port()}/proxy'
+    url = f'rerun+http://127.0.0.1:{free_address("127.0.0.1")[1]}/proxy'
     words = f'no viewer answers at {re.escape(url)}: start one there first, with `rerun`'
     assert_refused(*called(replay, log, '--no-ros', '--viewer', url), words)
 

@@ -365,14 +365,14 @@ time.sleep(60)
 
 
 @contextmanager
-def running(saved, port):
-    """Starts a viewer without a window, which writes a file."""
-    command = [PROGRAM, '--save', saved, '--bind', '127.0.0.1', '--port', str(port)]
+def running(port, *arguments):
+    """Runs a viewer without a window; returns its process."""
+    command = [PROGRAM, *arguments, '--bind', '127.0.0.1', '--port', str(port)]
     with subprocess.Popen(
         command, stderr=subprocess.DEVNULL, env={**os.environ, 'CI': '1'}
     ) as process:
         try:
-            yield
+            yield process
         finally:
             process.kill()
 
@@ -392,7 +392,7 @@ def test_viewer_may_start_late_end_and_restart(tmp_path, monkeypatch):
         assert view.trouble.startswith(f'no viewer answers at {url}: states are left')
         assert not is_taken()
         saved = tmp_path / f'{n}.rrd'
-        with running(saved, port):
+        with running(port, '--save', saved):
             wait_for(is_taken)
             assert view.trouble == ''
             feed(view, MESSAGES[100:])
