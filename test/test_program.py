@@ -12,6 +12,7 @@ import struct
 import sys
 import traceback
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -275,6 +276,12 @@ def guarded(refusal, x):
     return sqrt(x) / 2
 
 
+def guarded_late(refusal, x):
+    root = sqrt(x)
+    require(x >= 0, refusal, x)
+    return root
+
+
 @pytest.fixture
 def strict(monkeypatch):
     """Makes floating-point errors strict where the package relaxes them."""
@@ -308,6 +315,15 @@ def test_guard_of_finite_values_checks_only_as_many_as_necessary(made, sums):
         if (x, y) != (1.5, 1.5):
             with pytest.raises(UnreachableError):
                 program.scalar(x, y)
+
+
+@pytest.mark.usefixtures('strict')
+def test_late_guard_is_detected():
+    late = Program(guarded_late, Constants(Opaque(refuse)), ('x',))
+    with pytest.raises(ValueError, match='math domain error'):
+        late.scalar(-1.0)
+    with pytest.raises(FloatingPointError):
+        late.arrays(np.array([-1.0]))
 
 
 def near(x):
@@ -376,6 +392,18 @@ def test_arrays_by_math_have_the_bits_of_the_scalar_program(name, count):
     mechanism, program = MECHANISMS[name], programs_of(name)['state']
     given = columns(mechanism, program, count)
     assert differing(program, given, by_math=True) == 0
+
+
+def test_comparison_of_arrays_and_scalars_sees_a_last_bit():
+    program = programs_of('pump')['state']
+
+    def nudged(*given, by_math):
+        first, *rest = leaves(program.arrays(*given, by_math=by_math))
+        return (np.nextafter(first, np.inf), *rest)
+
+    given = columns(MECHANISMS['pump'], program, 10)
+    changed = SimpleNamespace(arrays=nudged, scalar=program.scalar)
+    assert differing(changed, given, by_math=True) == 10
 
 
 def test_functions_of_numpy_differ_in_the_last_digits_alone():

@@ -25,6 +25,7 @@ from ros_harness import (
     watched,
 )
 from shell_harness import Shell, held
+from test_hostile import little_memory
 
 from linkage_ros import ViewerError, replay
 from linkage_ros.log.reader import LogReader
@@ -282,6 +283,16 @@ def test_commands_in_a_log_are_not_shown(called, tmp_path):
     code, out, err = called(replay, path, '--no-ros', '--viewer', tmp_path / 'run.rrd')
     assert (code, err) == (0, '')
     assert '20 messages replayed' in out
+
+
+def test_memory_does_not_grow_with_the_log(tmp_path):
+    path = tmp_path / 'long.mcap'
+    record(configure({'rate_hz': 1000.0}), path, duration=20.0)  # in Python more than 7 MB
+    # A chunk of 1 MB, and its decoded messages.
+    with little_memory(5.5e6), LogReader(path) as log:
+        excerpt = excerpt_of(log, 0, None, [qualified(JOINT_STATES)])
+        with feed(log, excerpt, loop=False) as items:
+            assert sum(1 for _ in items) == 20_000
 
 
 # ---------------------------------------------------------------- refusals
