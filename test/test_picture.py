@@ -182,6 +182,11 @@ def test_arrows_are_as_long_as_the_loads_and_point_their_way(drawn):
         assert not exerted.any() or abs(shown).max() > 0.01 * longest
 
 
+def test_links_and_loads_are_thicker_than_ground_and_paths(drawn):
+    (thin,), moving = (drawn.found[entity]['LineStrips2D:radii'][0] for entity in (FIXED, MOVING))
+    assert max(moving) < thin < 0  # negative: in points of the screen
+
+
 def test_moving_points_stay_on_their_paths(drawn):
     first = len(drawn.drawing.ground) + 1  # after the scale bar
     paths = drawn.found[FIXED]['LineStrips2D:strips'][0][first:]

@@ -263,14 +263,15 @@ def test_closing_the_window_does_not_disturb_the_run(window, end):
 
 
 @pytest.mark.parametrize(
-    ('script', 'words'),
-    [('echo noise >&2; echo "Error: winit: no X server" >&2; exit 1',
+    ('target', 'script', 'words'),
+    [('spawn', 'echo noise >&2; echo "Error: winit: no X server" >&2; exit 1',
       r'^the viewer has ended \(Error: winit: no X server\): start the run again'),
-     ('kill -SEGV $$', r'^the viewer has ended \(signal 11, Segmentation')],
+     ('spawn', 'kill -SEGV $$', r'^the viewer has ended \(signal 11, Segmentation'),
+     ('web', 'echo "Port in use" >&2', r'^the viewer has ended \(Port in use\)')],
 )  # fmt: skip
-def test_failing_window_reports_the_reason(window, script, words):
+def test_failing_viewer_reports_the_reason(window, target, script, words):
     window(script)
-    with opened('spawn') as (view, process):
+    with opened(target) as (view, process):
         process.wait(PATIENCE)
         with pytest.raises(ViewerError, match=words):
             view.consume([])

@@ -168,6 +168,8 @@ def test_a_change_continues_phase_and_speed():
         assert changed.at(stamp) == motion.at(stamp)._replace(a=(-7.0,))
         segment = changed.segment
         assert (segment.stamp, segment.rpm, segment.acceleration) == (stamp, -60.0, 7.0)
+        # The log's numbers do not grow from change to change.
+        assert {(value / GRID).denominator for value in (segment.phase, segment.speed)} == {1}
 
 
 @pytest.mark.parametrize('step', [-(10**15), -50_000_001, 0, 3_600 * 10**9, 10**18])

@@ -186,6 +186,8 @@ def test_a_slider_is_a_prismatic_joint_along_its_guide(preset):
     inertial = robot.find("link[@name='slider_link']/inertial")
     assert float(inertial.find('mass').get('value')) == mechanism.slider.mass
     assert float(inertial.find('inertia').get('izz')) > 0  # simulators require a mass
+    block = numbers(robot.find("link[@name='slider_link']/visual/geometry/box"), 'size')
+    assert 0 < max(block) < min(mechanism.crank.length, mechanism.coupler.length)
 
 
 def test_zero_mass_or_inertia_becomes_small_and_a_comment_says_so():
