@@ -45,7 +45,8 @@ class Settings(Checked):
         feed_forward: Whether to add the exact torque.
         lead_time: Delay from a measurement to the middle of the period in which its command acts,
             s.
-        joint_prefix: Prefix of the plant's joint names; None for that in its parameter file.
+        joint_prefix: Prefix of the plant's joint names; None to use the prefix in its parameter
+            file.
     """
 
     plant: str = quantity(

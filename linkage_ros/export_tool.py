@@ -162,7 +162,7 @@ def _load(load: object, links: Sequence[RigidLink], position: Sequence[float]) -
 
 
 def urdf(options: argparse.Namespace) -> None:
-    """Writes the mechanism as URDF: a tree of links with an open loop.
+    """Writes the mechanism as URDF: a tree of links, with the loop cut open.
 
     Args:
         options: Parsed options of the command.

@@ -13,8 +13,8 @@ from typing import BinaryIO, Literal
 
 from linkage_ros.errors import LinkageError
 
-_EXISTS = 'exists already and is kept: choose another name, or'
-_WRITTEN = 'is being written by another run and is kept: choose another name'
+_EXISTS = 'already exists: choose another name, or'
+_WRITTEN = 'is being written by another run: choose another name'
 
 
 def open_file(path: Path | str, mode: Literal['rb', 'wb', 'xb'] = 'rb') -> BinaryIO:
@@ -101,7 +101,7 @@ def replacement(
     elif is_written(path):
         problem = _WRITTEN
     elif os.path.lexists(path) and not os.path.isfile(path):  # noqa: PTH113, accepts invalid names
-        problem = 'is not a file and is kept: choose another name'
+        problem = 'is not a regular file: choose another name'
     if problem:
         raise kind(f'{path} {problem}')
     try:

@@ -267,7 +267,7 @@ def canonical(element):
 @pytest.mark.parametrize(
     ('words', 'said'),
     [
-        (('urdf', 'quadrilateral', 'linkage.urdf'), 'linkage.urdf exists already and is kept: '),
+        (('urdf', 'quadrilateral', 'linkage.urdf'), 'linkage.urdf already exists: '),
         (('mjcf', 'quadrilateral', 'no/linkage.xml'), 'no/linkage.xml cannot be written: No such'),
         (('mjcf', 'quadrilateral', 'a.xml', '--joint-prefix', 'a b'), "joint_prefix = 'a b'"),
         (('mjcf', 'triangle', 'a.xml'), "no preset 'triangle': choose one of"),

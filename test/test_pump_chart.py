@@ -414,7 +414,7 @@ def test_unsettled_starts_give_a_warning_with_their_share(analysis):
     assert (analysis.unidentified, analysis.stopped) == (0, 0)
     assert 'warning' not in ' '.join(states_table(analysis))
     *_, last = table_of(analysis, unidentified=0.25)
-    assert last.startswith('warning: 25.0% of 256 starts settle at no state')
+    assert last.startswith('warning: 25.0% of 256 starts settle in none of the listed states')
 
 
 def test_a_motion_whose_crank_nearly_stops_in_each_period_is_named_with_its_turns(analysis):

@@ -319,7 +319,7 @@ def test_bad_options_are_one_line_and_code_2(log, called, monkeypatch, options, 
 def test_absent_viewer_is_one_line_before_the_replay(log, called, monkeypatch):
     monkeypatch.setattr(rerun_view, '_ANSWER_SECONDS', 0.1)
     url = f'rerun+http://127.0.0.1:{free_address("127.0.0.1")[1]}/proxy'
-    words = f'no viewer answers at {re.escape(url)}: start one there first, with `rerun`'
+    words = f'no viewer answers at {re.escape(url)}: start one there first with `rerun`'
     assert_refused(*called(replay, log, '--no-ros', '--viewer', url), words)
 
 

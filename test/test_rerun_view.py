@@ -165,7 +165,7 @@ except ViewerError as error:
 view.close()
 """
     done = run_program(code, tmp_path / 'run.rrd')
-    assert done.stdout == f'{tmp_path}/run.rrd takes no more: is the disk full?\n'
+    assert done.stdout == f'{tmp_path}/run.rrd cannot be written: is the disk full?\n'
     assert done.stderr == ''  # without Rerun's own messages
 
 
@@ -179,12 +179,12 @@ VALID = re.escape('is not one of: spawn, web, rerun+http://HOST:PORT/proxy or a 
     ('target', 'overwrite', 'words'),
     [('', False, VALID), ('http://x/run.rrd', False, VALID),
      ('rerun+http://127.0.0.1:65536/proxy', False, VALID),
-     ('folder.rrd', False, 'exists already and is kept'),
+     ('folder.rrd', False, 'already exists'),
      ('none/run.rrd', False, 'cannot be written: No such file'),
-     ('pipe.rrd', False, 'exists already and is kept'),
+     ('pipe.rrd', False, 'already exists'),
      ('pipe.rrd', True, 'cannot be written'),
-     ('old.rrd', False, 'exists already and is kept: choose .* set log_overwrite'),
-     ('busy.rrd', True, 'is being written by another run and is kept')],
+     ('old.rrd', False, 'already exists: choose .* set log_overwrite'),
+     ('busy.rrd', True, 'is being written by another run')],
 )  # fmt: skip
 def test_wrong_target_is_refused_and_left_alone(tmp_path, monkeypatch, target, overwrite, words):
     monkeypatch.chdir(tmp_path)

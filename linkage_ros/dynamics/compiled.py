@@ -21,7 +21,7 @@ from linkage_ros.errors import ConfigurationError, missing_library
 
 
 def compiled_arrays(program: Program, *values: Any) -> Any:
-    """Runs a program on arrays of one shape, in machine code.
+    """Runs a program on arrays, in machine code.
 
     Args:
         program: The program to run. A program that calls Python functions, such as tables, runs

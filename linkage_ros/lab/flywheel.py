@@ -8,9 +8,9 @@ kinetic energy E = (M + J) u^2 / 2 changes with the crank angle:
     dE/dtheta = c + motor(u) - R,
 
 where R is the torque of weights, loads and friction, and c is a constant torque. Each iteration
-linearises R and the motor's torque in E, and solves the linear equation for one period, at whose
-end the energy must be the same as at its start. Without a motor, c keeps a given mean speed. With
-a motor, c is 0.
+linearises R and the motor's torque in E, and solves the linear equation for one period, with the
+same energy at its start and end. Without a motor, c keeps a given mean speed. With a motor, c is
+0.
 """
 
 import math
@@ -249,7 +249,7 @@ def _demand(period: Period, name: str, average: float) -> str:
 
 
 def _attempt(compute: Callable[..., Cycle], *arguments: Any) -> tuple[Cycle | None, str]:
-    """Computes a cycle, if there is one; returns it with a description or the reason."""
+    """Computes a cycle; returns it with a description, or None with the reason for failure."""
     try:
         cycle = compute(*arguments)
     except LinkageError as error:

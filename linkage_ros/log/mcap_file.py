@@ -112,7 +112,7 @@ class McapFile:
         self.left = _FREE + _COST_PER_BYTE * self.size
 
     def spend(self, size: int, count: int = 0) -> None:
-        """Deducts a cost from the remaining cost.
+        """Deducts a cost from the work still allowed.
 
         Args:
             size: Cost in units of decompressing one byte.

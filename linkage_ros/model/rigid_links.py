@@ -47,8 +47,8 @@ def rigid_links(mechanism: Mechanism, joint_prefix: str = '') -> list[RigidLink]
     """Returns the moving links of a mechanism, in the order of its joints.
 
     The x axis of a link points from its first to its second pin, and that of a slider along its
-    guide. The boxes of bars are 1/20 as wide as the shortest bar is long. They are stacked along
-    z so that they do not intersect.
+    guide. The boxes of bars are as wide as 1/20 of the shortest bar's length. They are stacked
+    along z so that they do not intersect.
 
     Args:
         mechanism: Mechanism to convert.

@@ -295,7 +295,7 @@ def all_published(driven: DrivenMechanism, moments: list[tuple[Values, int]]) ->
 
 
 def legible(driven: DrivenMechanism, y: Values) -> Values:
-    """Rounds y so that a conversion to joint angles and rates of messages and back is exact."""
+    """Rounds y so that converting it to the joint values of a message and back is exact."""
     crank, half = driven.solver.links[0], len(y) // 2
     values = list(y)
     for i, link in enumerate(driven.links):
@@ -314,7 +314,7 @@ def legible(driven: DrivenMechanism, y: Values) -> Values:
 
 
 def own_coordinates(solver: Solver, state: State, unwrapped: Real) -> Coordinates:
-    """Converts a state to own coordinates; the state is kept, because these leave it open.
+    """Converts a state to own coordinates; also keeps the state, as they may not determine it.
 
     Args:
         solver: Solver of the mechanism.

@@ -143,7 +143,7 @@ def program(
     values: Mapping[str, object],
     remappings: Sequence[tuple[str, str]] = (),
 ) -> Any:
-    """Returns an action that starts a program of this package, and ends the launch with it.
+    """Returns an action that starts a program of this package; its exit ends the launch.
 
     Args:
         name: Name of the executable.

@@ -118,7 +118,8 @@ class TorqueCommands:
         """Returns a warning if no command was active at some tick in the last 10 s."""
         if time.monotonic() - self._timed_out_at >= WINDOW:
             return []
-        return [f'no command within command_timeout: the motor drove alone in the last {WINDOW} s']
+        alone = f'the motor alone drove the crank in the last {WINDOW} s'
+        return [f'no command within command_timeout: {alone}']
 
     def diagnostics(self) -> dict[str, str]:
         """Returns the active torque and the counts of commands, for diagnostics."""
@@ -206,7 +207,7 @@ class MeasuredCrank:
         """Returns the counts of rejected messages, for diagnostics."""
         # Copy in one step, because the tick thread may add a count meanwhile.
         counts = list(self.left_out.items())
-        return {f'left out, {cause}': str(count) for cause, count in counts}
+        return {f'rejected, {cause}': str(count) for cause, count in counts}
 
 
 def inputs_of(simulator: Simulator) -> dict[Topic, Any]:

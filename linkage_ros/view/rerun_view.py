@@ -154,9 +154,10 @@ class View:
             self.trouble = ''
         except RuntimeError as error:
             if not self._address:
-                raise ViewerError(f'{self._target} takes no more: is the disk full?') from error
+                words = f'{self._target} cannot be written: is the disk full?'
+                raise ViewerError(words) from error
             self.trouble = (
-                f'the viewer at {self._target} does not read: states are left out until it does'
+                f'the viewer at {self._target} is not reading: states are dropped until it does'
             )
             # The SDK may not notice that a viewer was killed.
             is_cut = 'severed' in str(error) or 'disconnected' in str(error)
@@ -170,7 +171,7 @@ class View:
             self._use(GrpcSink(self._target))
         else:
             self.trouble = (
-                f'no viewer answers at {self._target}: states are left out until one does'
+                f'no viewer answers at {self._target}: states are dropped until one does'
             )
 
     def _use(self, sink: GrpcSink | FileSink) -> None:

@@ -53,7 +53,7 @@ def spread(
                 del left[numbers[future]]
             return
     raise ConfigurationError(
-        f'worker processes died {_ATTEMPTS} times, perhaps because memory was short; give fewer '
+        f'worker processes died {_ATTEMPTS} times, perhaps for lack of memory; give fewer '
         '--workers, or fewer angles'
     )
 
