@@ -166,7 +166,7 @@ _COMMANDS = {
     ),
     'recover': cli.Command(
         _recover,
-        'save the readable data of an incomplete or damaged log; exit code 1: nothing was saved',
+        'save the readable data of an incomplete or damaged log; exit code 1: no message found',
         ('run.mcap saved.mcap',),
         (_LOG,
          (('out',), None,
