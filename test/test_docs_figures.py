@@ -159,7 +159,7 @@ def test_figures_of_the_readme_are_measured():
     check_quote('README.md', '{} killed runs lost at most {} s', len(runs), lost)
     alone, fed = measured('controller')[:2]
     errors = [100 * one['p99_ripple'] for one in (fed, alone)]
-    check_quote('README.md', 'within {} %, and PI alone within {} %', *errors)
+    check_quote('README.md', 'is {} % with this torque, and {} % with PI control alone', *errors)
 
 
 # Numbers of pages filled by `docs/figures.py` that are defined, not measured, by the phrases that
