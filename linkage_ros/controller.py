@@ -145,7 +145,7 @@ class ControllerNode(ParameterNode):
         states = self.create_subscription(JointState, 'joint_states', self._answer, 10)
         self.get_logger().info(
             f'keeps the crank of {settings.plant} at {settings.rpm:g} rpm, with '
-            f'{"the exact torque" if settings.feed_forward else "nothing"} fed forward; '
+            f'{"the exact torque as" if settings.feed_forward else "no"} feed-forward; '
             f'waits for {states.topic_name}'
         )
 

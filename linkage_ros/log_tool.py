@@ -102,7 +102,7 @@ def verdict(log: LogReader, report: Verification) -> Iterator[str]:
         (report.missed,
          f'{cli.counted(report.missed, "tick")} without a state: the run was late or lost states'),
         (log.lost is None,
-         'no end record, as after recovery of a cut log: whether states are missing is unknown'),
+         'no end record, as after the recovery of an incomplete log: states may be missing'),
         (report.cut, f'the last state is cut off, before {", ".join(report.cut)}'),
         (log.version != __version__,
          f'written by linkage_ros {log.version}, recomputed by {__version__}'),

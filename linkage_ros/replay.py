@@ -38,7 +38,7 @@ _NAME = 'linkage_replay'
 _CLOCK_HZ = 40.0
 _VIEW_CAPACITY, _VIEW_CLOSE_SECONDS = 1_000_000, 10.0  # samples, s
 _OFFSET = Quantity('number', 'length to skip at the beginning', 's of the log', 0.0, 1e9)
-_DURATION = replace(_OFFSET, meaning='length to replay, the end excluded', low=1e-9)
+_DURATION = replace(_OFFSET, meaning='length to replay, excluding the end', low=1e-9)
 _OPTIONS: list[cli.Option] = [
     (('log',), None, {'metavar': 'LOG.mcap', 'type': Path, 'help': 'the log'}),
     (('-r', '--rate'),

@@ -131,7 +131,9 @@ def test_friction_and_a_load_on_a_link_carried_by_another_are_refused():
     plain = changed('slider_crank')
     parts = {field.name: getattr(plain.mechanism, field.name) for field in fields(plain.mechanism)}
     for name, given in (('Friction', [load('press')]), ('LinkForce', [plain, Loaded(**parts)])):
-        with pytest.raises(ConfigurationError, match=f'^MJCF cannot hold {name}: only load curve'):
+        with pytest.raises(
+            ConfigurationError, match=f'^MJCF does not support {name}: only load curve'
+        ):
             exported(*given)
 
 

@@ -34,7 +34,7 @@ def compiled_arrays(program: Program, *values: Any) -> Any:
 
     Raises:
         ConfigurationError: Numba is not installed.
-        LinkageError: The program rejects some values; the error is that of the first of them.
+        LinkageError: The program rejects some values; the error describes the first of them.
     """
     if any(line.operation == 'call' for line in program.tape.lines):
         return program.arrays(*values)

@@ -51,7 +51,7 @@ class Cycle(NamedTuple):
         crank: Crank angles, rad.
         velocity: Crank speed at these angles, rad/s.
         torque: Applied torque at these angles, N m.
-        demand: Torque needed by the mechanism at these angles, N m; the difference from the
+        demand: Torque required by the mechanism at these angles, N m; the difference from the
             applied torque accelerates the flywheel.
     """
 

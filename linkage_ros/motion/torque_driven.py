@@ -70,7 +70,7 @@ class TorqueMotion:
         """Computes the coordinates at a stamp.
 
         Args:
-            stamp: Stamp not before that of the last call, ns.
+            stamp: Stamp, ns; must not be earlier than in the last call.
 
         Returns:
             The coordinates; see `published`.
@@ -86,7 +86,7 @@ class TorqueMotion:
         """Computes the coordinates at many stamps, bit-identical to those of `at`.
 
         Args:
-            stamps: Increasing stamps, ns, the first not before that of the last call.
+            stamps: Increasing stamps, ns; the first must not be earlier than in the last call.
 
         Returns:
             The coordinates as arrays. They are shorter than `stamps` if the motion ends or its
@@ -116,7 +116,7 @@ class TorqueMotion:
         """Sets the torque to add to the motor's torque from a stamp on.
 
         Args:
-            stamp: Stamp not before that of the last call, ns.
+            stamp: Stamp, ns; must not be earlier than in the last call.
             torque: Torque to add, N m.
 
         Raises:
@@ -134,7 +134,7 @@ class TorqueMotion:
         which the motion is paused.
 
         Args:
-            stamp: Stamp not before that of the last call, ns.
+            stamp: Stamp, ns; must not be earlier than in the last call.
             drive: The current `TorqueDrive`.
 
         Returns:

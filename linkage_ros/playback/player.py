@@ -78,8 +78,8 @@ def excerpt_of(
     Args:
         log: The log to read.
         offset: Time to skip at the beginning, s.
-        duration: Length of the excerpt, s; None: to the end of the log.
-        topics: Fully qualified names of the topics; None: all topics.
+        duration: Length of the excerpt, s; None to continue to the end of the log.
+        topics: Fully qualified names of the topics; None for all topics.
 
     Returns:
         The excerpt.

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Messages of a run besides its states: commands, measurements and trajectories of the crank."""
+"""Messages of a run other than its states: commands, measurements, crank trajectories."""
 
 import math
 import time
@@ -82,7 +82,7 @@ class TorqueCommands:
 
         Args:
             names: Names of the joints.
-            efforts: Effort of each joint, N m; all but that of the crank are ignored.
+            efforts: Effort of each joint, N m; only the effort of the crank is used.
             age: Time since the command was received, s.
 
         Raises:
@@ -249,8 +249,8 @@ class CrankTrajectory:
         """Returns the trajectory to send at a stamp, if one is due.
 
         Args:
-            motion: Motion in the segment that contains the stamp. If it differs from that of the
-                last call, the trajectory sent before is invalid, and a new one is due.
+            motion: Motion in the segment that contains the stamp. If it differs from the motion in
+                the last call, the previous trajectory is invalid, and a new one is due.
             stamp: Stamp of the current tick, ns.
 
         Returns:

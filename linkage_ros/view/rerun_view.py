@@ -46,13 +46,13 @@ Sample: TypeAlias = tuple[int, bytes]
 
 
 class View:
-    """Shows one run; it may be created in one thread and used in another.
+    """A view of one run, which may be created in one thread and used in another.
 
-    'spawn' opens a viewer window. As usual with Rerun, the window stays open with its contents
-    when the run ends, and closing it does not disturb the run. 'web' serves Rerun's page for a
-    browser while the run lasts. A URL names a viewer; samples are dropped while it does not
-    answer. A file contains everything except at most the last two seconds, however the run ends.
-    It has no index, which would grow in memory; `rerun rrd optimize` adds one.
+    'spawn' opens a viewer window. As is usual with Rerun, the window stays open when the run ends,
+    and closing it does not affect the run. 'web' serves Rerun's page for a browser while the run
+    lasts. A URL names a viewer; samples are dropped while it does not answer. A file contains
+    everything except at most the last two seconds, however the run ends. It has no index, which
+    would grow in memory; `rerun rrd optimize` adds one.
 
     Stamps are shown as dates and times of day, but small stamps are shown as durations: a record
     that starts at 0 has the labels 0 s, 1 s, 2 s, not dates in 1970.

@@ -82,8 +82,8 @@ class OfScipy:
     ) -> None:
         """Starts a solver of scipy.integrate by name.
 
-        `tolerance` is relative to `units`, which are rad and crank lengths, and the same per
-        second, if the values to integrate are a phase.
+        If the values to integrate are a phase, `tolerance` is relative to `units`: rad and crank
+        lengths, and the same per second for rates.
         """
         self._driven = problem.driven
         self._steps: Any = getattr(integrate, solver)(

@@ -71,7 +71,7 @@ class Analysis(NamedTuple):
         unidentified: Fraction of the starts with another or an unknown outcome.
         alternating: Records of motions that alternate between the assemblies and repeat, but were
             not found as Fourier series.
-        has_corners: Whether a load is a curve, which has corners.
+        has_corners: Whether a load is given by a curve, which has corners.
         spread: Slider speed below which loads that jump are smoothed, m/s; 0 if no load jumps.
     """
 

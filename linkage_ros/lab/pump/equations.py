@@ -8,7 +8,7 @@ links determine both. They satisfy
 
     G = l1 sin phi1 + l2 sin phi2 + l3 sin phi3 = 0.
 
-The velocities are that of the crank, phi1', and that of the dyad, s'. With n2 = l2 cos phi2,
+The velocities are phi1' for the crank and s' for the dyad. With n2 = l2 cos phi2,
 n3 = l3 cos phi3 and N^2 = n2^2 + n3^2,
 
     phi2' = -(n2 / N^2) l1 cos phi1 phi1' - (n3 / N) s'
@@ -107,12 +107,12 @@ class ByAngles(NamedTuple):
 class PumpSolver(Solver):
     """A solver with fast, unchecked equations of motion for arrays of phases.
 
-    A phase holds the crank angle, the positions of the `places`, the velocity of the crank, and
-    that of the dyad. If the slider is the only place, its velocity replaces the dyad's.
+    A phase holds the crank angle, the positions of the `places`, and the velocities of crank and
+    dyad. If the slider is the only place, its velocity replaces the dyad's.
 
     Attributes:
         by_slider: Whether the slider replaces coupler and rod.
-        places: Numbers of the links whose positions describe the motion, besides the crank.
+        places: Numbers of the links, other than the crank, whose positions describe the motion.
         units: Units of the places and of the last velocity, rad or m and per second: their typical
             sizes at a crank speed of 1 rad/s.
     """

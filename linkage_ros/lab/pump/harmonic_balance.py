@@ -11,8 +11,8 @@ crank angle, with H n, H n and H n - 1 harmonics:
 
 The residuals are the torque R2 on the dyad, the closure G, and the torque R1 on the crank (see
 `equations`). On average over the n turns, R2 times each function of the first series vanishes, and
-so do G times each function of the second and R1 times each function of the third. This gives as
-many equations as coefficients.
+so do G times each function of the second and R1 times each function of the third. The number of
+these equations equals the number of coefficients.
 
 With one harmonic, the slider's position xD replaces both angles, and the crank speed is constant.
 The equations are then the averaged equations of document 3, after Van der Pol. If a1, b1 and w0

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The load curve of a pump: its periodic motions by mean crank speed, and their stability.
+"""The load curve of a pump: its periodic motions at all mean crank speeds, and their stability.
 
 The motor's torque M0 - m phi1' has the time average M0 - m w, where w is the mean speed. The load
 curve M0(w) - m w is therefore the mean load of the motion with the mean speed w. The steady states

@@ -166,7 +166,7 @@ def _span(name: str, value: object, allowed: Quantity) -> tuple[float, float]:
     """Reads a range: two numbers, the smaller one first.
 
     Raises:
-        ConfigurationError: The value is not such a pair.
+        ConfigurationError: The value is not a valid range.
     """
     low, high = cast('tuple[float, float]', replace(allowed, kind='pair').clean(name, value))
     if not low < high:
