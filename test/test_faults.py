@@ -104,7 +104,7 @@ def remove_the_folder(_, path):
 @pytest.mark.parametrize(
     ('breaks', 'words'),
     [
-        (fill_the_disk, 'cannot be written: File too large; linkage_log recover saves what it h'),
+        (fill_the_disk, 'cannot be written: File too large; linkage_log recover saves its c'),
         (remove_the_folder, 'was removed while it was written; before this process ends, save'),
     ],
 )

@@ -167,7 +167,7 @@ BAD = [
     ),
     (['-r', '__ns:=9x'], 'remap rule'),
     (['--params-file', '/nowhere.yaml'], '/nowhere.yaml: No such file .*; give the path of a p'),
-    (['--params-file', '/dev/null'], 'is no file'),
+    (['--params-file', '/dev/null'], 'is not a file'),
     (['--params-file', 'quadrilateral'], r'is a preset, and --params-file takes a path: .*\.yaml'),
     ([*PUMP, '-p', 'drive:=speed'], "drive = 'speed': must be torque"),
     ([*PUMP, '-p', 'rpm:=60.0'], "'rpm' is not a parameter of a torque-driven wind_pump"),

@@ -371,7 +371,9 @@ def test_a_state_that_stretches_the_dyad_returns_where_every_body_moves_by_itsel
     state = doubled.states[0]._replace(motion=rough)
     lines = table_of(doubled, states=[state], sensitivities=[])
     assert f'{rough.name}: stretches the dyad, and so alternates between the assemblies' in lines
-    assert f'{rough.name}: numbers are right to about {10 * rough.tail:.0e} of their size' in lines
+    assert (
+        f'{rough.name}: its numbers have a relative error of about {10 * rough.tail:.0e}' in lines
+    )
 
 
 @pytest.mark.parametrize(

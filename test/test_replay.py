@@ -299,7 +299,7 @@ def test_commands_in_a_log_are_not_shown(called, tmp_path):
         (['--topics', '/nope'], '--topics /nope: the log has /joint_states, /driving_torque'),
         (['--delay', 'inf'], "--delay: 'inf': must be a number from 0 to"),
         (['--no-ros'], '--no-ros leaves nothing to do'),
-        (['--no-ros', '--viewer', 'spawn', '--clock'], '--clock publishes a topic, which --no'),
+        (['--no-ros', '--viewer', 'spawn', '--clock'], '--clock publishes a topic, so it'),
         (['--no-ros', '--viewer', 'nonsense'], 'nonsense'),
         (['--start-paused'], '--start-paused needs a terminal'),
         (['another.mcap'], 'unrecognized arguments: another'),

@@ -265,7 +265,7 @@ def test_closing_the_window_does_not_disturb_the_run(window, end):
 @pytest.mark.parametrize(
     ('script', 'words'),
     [('echo noise >&2; echo "Error: winit: no X server" >&2; exit 1',
-      r'^the viewer has ended \(Error: winit: no X server\): start the run again'),
+      r'^the viewer has ended \(Error: winit: no X server\): restart the run'),
      ('kill -SEGV $$', r'^the viewer has ended \(signal 11, Segmentation')],
 )  # fmt: skip
 def test_failing_window_reports_the_reason(window, script, words):
@@ -389,7 +389,7 @@ def test_viewer_may_start_late_end_and_restart(tmp_path, monkeypatch):
         return view.dropped == before
 
     for n in range(2):
-        assert view.trouble.startswith(f'no viewer answers at {url}: states are left')
+        assert view.trouble.startswith(f'no viewer answers at {url}: states are dropped')
         assert not is_taken()
         saved = tmp_path / f'{n}.rrd'
         with running(port, '--save', saved):
