@@ -60,7 +60,7 @@ def create_file(
 
     Raises:
         LinkageError: The file exists and must not be replaced, or cannot be created. The exception
-            is a `kind`.
+            is of type `kind`.
     """
     try:
         return open_file(path, 'wb' if overwrite else 'xb')
@@ -93,7 +93,7 @@ def replacement(
 
     Raises:
         LinkageError: The file exists and must not be replaced, or cannot be replaced. The
-            exception is a `kind`.
+            exception is of type `kind`.
     """
     problem = ''
     if os.path.lexists(path) and not overwrite:

@@ -100,7 +100,7 @@ def atan2(y: Real, x: Real) -> Real:
 
 
 def rint(value: Real) -> Real:
-    """Rounds to the nearest integer; half-way cases to the even one."""
+    """Rounds to the nearest integer, and half-way cases to the even one."""
     return _apply('rint', round, np.rint, value)
 
 

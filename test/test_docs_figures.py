@@ -136,9 +136,7 @@ def test_figures_of_the_reliability_page_are_measured():
     )
     lost = sorted(kill['lost'] for kill in found['killed']['runs'])
     middle = (lost[9] + lost[10]) / 2
-    check_quote(
-        page, '{} s at least, {} s in the median and {} s at most', lost[0], middle, lost[-1]
-    )
+    check_quote(page, 'They lost {} to {} s, with a median of {} s', lost[0], lost[-1], middle)
 
 
 def test_figures_of_the_readme_are_measured():

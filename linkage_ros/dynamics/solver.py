@@ -395,7 +395,7 @@ class Solver:
         return found
 
     def alignment(self, q: Sequence[float]) -> tuple[float, str]:
-        """Returns how close a dyad is to being in line, where the motion may end.
+        """Measures how close a dyad is to being in line, where the motion may end.
 
         Args:
             q: Coordinates, a sequence of floats even for a single coordinate.

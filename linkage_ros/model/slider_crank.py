@@ -189,7 +189,7 @@ class SliderCrank(Mechanism):
         return largest(*map(abs, self._lengths()))
 
     def _sums(self) -> dict[str, tuple[float, ...]]:
-        """Returns the terms of the sums of lengths that vanish at change points, by formula."""
+        """Returns the terms of the length sums that vanish at change points, keyed by formula."""
         r, b, e = self._lengths()
         return {
             'coupler + offset - crank': (b, e, -r),

@@ -65,7 +65,7 @@ class RungeKutta4:
 
 
 def _moved(phase: Phase, h: float, slope: Sequence[float]) -> Phase:
-    """Advances a phase by `h` along a slope; a sixth faster than in runge_kutta.py."""
+    """Advances a phase by `h` along a slope; a sixth faster than `runge_kutta.moved`."""
     return tuple([value + h * rate for value, rate in zip(phase, slope, strict=True)])
 
 

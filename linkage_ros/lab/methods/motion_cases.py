@@ -139,7 +139,7 @@ def followed(
 
 
 def with_gap(problem: InitialValueProblem, phase: Phase) -> Phase:
-    """Appends the gap of the loop, m, to a phase of the coordinates or of all links.
+    """Returns coordinates, rates and the loop gap, m, given a phase of coordinates or all links.
 
     Unreachable coordinates raise the same error as in a run.
     """

@@ -182,7 +182,7 @@ class PumpSolver(Solver):
 
         Args:
             torque: Torque on the crank, N m.
-            phase: The rows of the phases, in arrays of one shape.
+            phase: The rows of the phases, in arrays of the same shape.
 
         Returns:
             The derivatives, of shape (k, ...).

@@ -21,7 +21,7 @@ _STAGES = *map(np.array, DORMAND_PRINCE.stages), np.array(DORMAND_PRINCE.end)
 _ERROR = np.array(DORMAND_PRINCE.error)
 # Tolerance of a step: rad and crank lengths; for rates, relative to the motor's speed.
 _TOLERANCE = 5e-4
-_FINE, _SAMPLES = 1e-7, 128  # tolerance of further turns, and samples of each
+_FINE, _SAMPLES = 1e-7, 128  # tolerance of further turns, and samples per turn
 _KEPT = 400  # steps that are searched for the last turns
 _LONGEST = 75.0  # longest time for a further turn, relative to that for 1 rad at no load
 # For motions that alternate between the assemblies.
