@@ -45,13 +45,14 @@ On an idle machine, this command measures ticks and logs:
 
 The programs run in turn, by default in 5 slices of 12 s each, and in reverse order in every other
 round. Each node has one subscriber in another process. The rclpy timers publish only joint states,
-without a log. Lateness is the time from a tick's deadline to its start. The table shows the
-largest lateness, and the median and 99th percentile of a slice, of which it gives the medians over
-the slices. For linkage_node, lateness includes the start-up before each slice; ticks, missed ticks
-and processor time do not. Processor time is that of the node's process in the median second,
-because other users of the computer may slow down single seconds by half. In seven earlier runs,
-always in the same order, the log added 7 to 27 us to a tick, and the viewer 23 to 60 us. In two
-runs of only the node with and without a log, in alternating order, the log added 10 and 12 us.
+without a log. Lateness is the time from a tick's deadline to its start. Of the median and the 99th
+percentile of each slice, the table shows the medians over all slices; it also shows the largest
+lateness of all slices. For linkage_node, lateness includes the start-up before each slice; ticks,
+missed ticks and processor time do not. The processor time is that of the node's process in the
+median second, because other users of the computer may slow down single seconds by half. In seven
+earlier runs, always in the same order, the log added 7 to 27 us to a tick, and the viewer 23 to
+60 us. In two runs of only the node with and without a log, in alternating order, the log added 10
+and 12 us.
 
 {ticks}
 

@@ -132,7 +132,7 @@ class MeasuredCrank:
     """Reads measurements of the crank, in order of arrival.
 
     Attributes:
-        left_out: Number of rejected messages for each cause.
+        left_out: Number of rejected messages, by cause.
     """
 
     def __init__(self, simulator: Simulator) -> None:
