@@ -91,7 +91,7 @@ record, on average and in the slowest millisecond.
 
 This table shows the time per state of the quadrilateral, with its driving torque, in this package
 and in C and other software. Each figure is a median over several rounds, so the last column is not
-exactly the ratio of the medians. [peers.md](peers.md) has all peers, and their errors.
+exactly the ratio of the medians. [peers.md](peers.md) lists all peers and their errors.
 
     python benchmarks/peers/run.py --markdown docs/peers.md
 

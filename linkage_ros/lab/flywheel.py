@@ -149,7 +149,7 @@ class Crank:
         raise MechanismError('the motor cannot drive the cycle' if motor else words)
 
     def _resistance(self, velocity: Array, change: Array, motor: Motor) -> Array:
-        """Computes the torque of weights, loads and friction, minus the motor's, N m."""
+        """Computes the torque of weights, loads and friction, minus the motor's torque, N m."""
         taken = self._solver.state(self._angles, velocity, change).torque
         inertia = self._inertia * change + self._growth * velocity * velocity / 2
         return np.asarray(taken - inertia - motor.at(velocity))

@@ -323,7 +323,7 @@ class PeriodicMotion:
 
     @property
     def name(self) -> str:
-        """Mean speed as text; also the number of turns if above 1, and 'unstable' if so."""
+        """Mean speed as text; also the number of turns if above 1, and 'unstable' if it is."""
         turns = f', {self.turns} turns' if self.turns > 1 else ''
         return f'{self.speed:.4g} rad/s{turns}{"" if self.stable else ", unstable"}'
 
