@@ -33,8 +33,8 @@ class LoadCurve(AppliedLoad):
     Attributes:
         link: Loaded link: 'crank', 'rocker' or 'slider'.
         over: Independent variable. With 'crank_angle', the curve repeats every turn of the crank.
-            With 'position', it is the slider's position, or the rocker's angle made continuous
-            over its swing; outside the points, the end values apply.
+            With 'position', it is the slider's position, or the rocker's angle without a jump in
+            its swing; outside the points, the end values apply.
         at: Crank angles or positions of the points, in increasing order, rad or m.
         value: Load on the link at these points: torque, N m, positive counter-clockwise; on a
             slider, force along the guide, N.

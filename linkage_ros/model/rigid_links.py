@@ -47,7 +47,7 @@ def rigid_links(mechanism: Mechanism, joint_prefix: str = '') -> list[RigidLink]
     """Returns the moving links of a mechanism, in the order of its joints.
 
     The x axis of a link points from its first to its second pin; for a slider, it points along the
-    guide. The boxes of bars are as wide as 1/20 of the shortest bar's length. They are stacked
+    guide. The width of the bars' boxes is 1/20 of the length of the shortest bar. They are stacked
     along z so that they do not intersect.
 
     Args:

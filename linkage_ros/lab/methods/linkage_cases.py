@@ -193,7 +193,7 @@ class TurnCase(LinkageCase):
         super().__init__(mechanism, cranks, _rough(mechanism, 0.1))
 
     def panels(self, method: Method, _: Setting) -> Panels:
-        """See `Case`; includes the quantities that later stages, the package's, compute."""
+        """See `Case`; includes the quantities computed by the package's own later stages."""
         first = QUANTITIES.index(stages.OWN[method.stage][0])
         return itertools.product(QUANTITIES[first:], method.modes)
 

@@ -61,7 +61,7 @@ class Accuracy(NamedTuple):
     """Accuracy with which a motion is computed.
 
     Attributes:
-        error: Largest estimated error, relative.
+        error: Largest estimated relative error.
         tail: Largest coefficient of the last harmonic, in crank lengths. With the largest number
             of harmonics, 1e-4 is allowed.
         most: Largest number of harmonics per period.

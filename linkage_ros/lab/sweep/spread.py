@@ -97,7 +97,7 @@ def cluster(address: str) -> Iterator[Executor]:
     Raises:
         ConfigurationError: No scheduler answers, it has no workers, or its workers fail.
         BrokenExecutor: A result was lost with its worker.
-        TypeError: The work itself raised it.
+        TypeError: The work function raised a TypeError.
     """
     from distributed import Client, KilledWorker
     from distributed.comm.addressing import get_address_host_port
