@@ -18,7 +18,7 @@ _NAME = 'linkage_chart'
 _RPM = Quantity('number', 'crank speed', 'rpm', -1e6, 1e6)
 _OUT: cli.Option = (('--out',), None, {
     'type': Path, 'default': Path(), 'metavar': 'DIR',
-    'help': 'folder for the results; existing ones are replaced (default: the current folder)',
+    'help': 'folder for the results; existing files are replaced (default: the current folder)',
 })  # fmt: skip
 _QUICK: cli.Option = (('--quick',), None, {
     'action': 'store_true', 'help': 'fewer settings and cases: seconds, or a minute for stability',
@@ -36,7 +36,7 @@ def _parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     presets = f'parameter file, or a preset: {", ".join(preset_names())}'
     params = {'metavar': 'PARAMS', 'help': presets}
-    note = " (default: the file's); for a wind_pump, the speed from which it settles"
+    note = " (default: the file's); for a wind_pump, its initial speed"
     rpm: cli.Option = (('--rpm',), _RPM, {'metavar': 'N', 'note': note})
     cli.add_commands(parser, {
         'motion': cli.Command(

@@ -26,7 +26,7 @@ from linkage_ros.quantities import Quantity, shown
 Option: TypeAlias = tuple[tuple[str, ...], Quantity | None, dict[str, Any]]
 
 STOPPED_BY_USER = 130
-_POLL_SECONDS = 0.1  # between two looks for a request to stop
+_POLL_SECONDS = 0.1  # between checks for a request to stop
 
 
 class Parser(argparse.ArgumentParser):
@@ -101,7 +101,7 @@ class Command(NamedTuple):
 
 
 def add_commands(parser: argparse.ArgumentParser, commands: Mapping[str, Command]) -> None:
-    """Adds commands to a parser; `run` of the parsed options is the command's function."""
+    """Adds commands to a parser; the parsed options hold the command's function as `run`."""
     parsers = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
     for name, (run, purpose, examples, options, usage) in commands.items():
         words = _described(f'{parser.prog} {name}', purpose, examples)
@@ -256,7 +256,7 @@ def progress_bar(
         The bar, which yields the items.
     """
     disable = None if wanted else True  # None: no bar if stderr is not a terminal
-    # By default, tqdm would not update the bar at slow items that follow quick ones.
+    # By default, tqdm would not update the bar for slow items after fast ones.
     options = {'leave': False, 'mininterval': 1.0, 'miniters': 1, **options}
     return tqdm(items, disable=disable, **options)
 

@@ -45,7 +45,8 @@ class Settings(Checked):
         feed_forward: Whether to add the exact torque.
         lead_time: Delay from a measurement to the middle of the period in which its command acts,
             s.
-        joint_prefix: Prefix of the plant's joint names; None for that in its parameter file.
+        joint_prefix: Prefix of the plant's joint names; None to use the prefix in its parameter
+            file.
     """
 
     plant: str = quantity(
@@ -144,7 +145,7 @@ class ControllerNode(ParameterNode):
         states = self.create_subscription(JointState, 'joint_states', self._answer, 10)
         self.get_logger().info(
             f'keeps the crank of {settings.plant} at {settings.rpm:g} rpm, with '
-            f'{"the exact torque" if settings.feed_forward else "nothing"} fed forward; '
+            f'{"the exact torque as" if settings.feed_forward else "no"} feed-forward; '
             f'waits for {states.topic_name}'
         )
 

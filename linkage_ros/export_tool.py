@@ -146,7 +146,7 @@ def _load(load: object, links: Sequence[RigidLink], position: Sequence[float]) -
     link: int | None = getattr(load, 'link', None)
     if link is None or links[link].joint.parent is not None:
         raise ConfigurationError(
-            f'MJCF cannot hold {type(load).__name__}: only load curves, forces, damping and '
+            f'MJCF does not support {type(load).__name__}: only load curves, forces, damping and '
             'stiffness of a link on the frame; leave the parameters of friction out'
         )
     name, start = links[link].name, position[link]
@@ -162,7 +162,7 @@ def _load(load: object, links: Sequence[RigidLink], position: Sequence[float]) -
 
 
 def urdf(options: argparse.Namespace) -> None:
-    """Writes the mechanism as URDF: a tree of links with an open loop.
+    """Writes the mechanism as URDF: a tree of links, with the loop cut open.
 
     Args:
         options: Parsed options of the command.

@@ -13,8 +13,8 @@ from typing import BinaryIO, Literal
 
 from linkage_ros.errors import LinkageError
 
-_EXISTS = 'exists already and is kept: choose another name, or'
-_WRITTEN = 'is being written by another run and is kept: choose another name'
+_EXISTS = 'already exists: choose another name, or'
+_WRITTEN = 'is being written by another run: choose another name'
 
 
 def open_file(path: Path | str, mode: Literal['rb', 'wb', 'xb'] = 'rb') -> BinaryIO:
@@ -60,7 +60,7 @@ def create_file(
 
     Raises:
         LinkageError: The file exists and must not be replaced, or cannot be created. The exception
-            is a `kind`.
+            is of type `kind`.
     """
     try:
         return open_file(path, 'wb' if overwrite else 'xb')
@@ -93,7 +93,7 @@ def replacement(
 
     Raises:
         LinkageError: The file exists and must not be replaced, or cannot be replaced. The
-            exception is a `kind`.
+            exception is of type `kind`.
     """
     problem = ''
     if os.path.lexists(path) and not overwrite:
@@ -101,7 +101,7 @@ def replacement(
     elif is_written(path):
         problem = _WRITTEN
     elif os.path.lexists(path) and not os.path.isfile(path):  # noqa: PTH113, accepts invalid names
-        problem = 'is not a file and is kept: choose another name'
+        problem = 'is not a regular file: choose another name'
     if problem:
         raise kind(f'{path} {problem}')
     try:

@@ -100,7 +100,7 @@ def atan2(y: Real, x: Real) -> Real:
 
 
 def rint(value: Real) -> Real:
-    """Rounds to the nearest integer; half-way cases to the even one."""
+    """Rounds to the nearest integer, and half-way cases to the even one."""
     return _apply('rint', round, np.rint, value)
 
 
@@ -140,8 +140,7 @@ def require(condition: Any, refuse: Callable[..., object] | None, *values: Real)
 
     Args:
         condition: Result of a comparison, which must be true for all elements of arrays.
-        refuse: Function that raises an error, called if the condition is false; None: there is no
-            guard.
+        refuse: Function that raises an error, called if the condition is false; None for no guard.
         *values: Arguments for `refuse`; from arrays, the first elements for which the condition
             is false.
     """

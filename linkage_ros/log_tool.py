@@ -91,7 +91,7 @@ def verdict(log: LogReader, report: Verification) -> Iterator[str]:
     if report.difference:
         yield f'{log.path}: DIFFERS: {report.difference}'
         equal = cli.counted(report.states, 'state')
-        yield f'  equal before it: {equal}; what follows was not compared'
+        yield f'  equal before it: {equal}; later messages were not compared'
     else:
         equal = f'within {math.ceil(report.ulp)} ulp' if report.ulp else 'to the bit'
         yield f'{log.path}: {cli.counted(report.states, "state")}, every one equal {equal}'
@@ -102,7 +102,7 @@ def verdict(log: LogReader, report: Verification) -> Iterator[str]:
         (report.missed,
          f'{cli.counted(report.missed, "tick")} without a state: the run was late or lost states'),
         (log.lost is None,
-         'no end record, as after recovery of a cut log: whether states are missing is unknown'),
+         'no end record, as after the recovery of an incomplete log: states may be missing'),
         (report.cut, f'the last state is cut off, before {", ".join(report.cut)}'),
         (log.version != __version__,
          f'written by linkage_ros {log.version}, recomputed by {__version__}'),
@@ -147,7 +147,7 @@ def _recover(options: argparse.Namespace) -> int:
 
 
 def _print(lines: Iterable[str]) -> None:
-    with suppress(BrokenPipeError):  # without a reader, the exit code still tells the outcome
+    with suppress(BrokenPipeError):  # without a reader, the exit code still shows the outcome
         print('\n'.join(map(printable, lines)))
 
 
@@ -166,7 +166,7 @@ _COMMANDS = {
     ),
     'recover': cli.Command(
         _recover,
-        'save what a killed run or a damaged disk left; exit code 1: no message is left',
+        'save the readable data of an incomplete or damaged log; exit code 1: no message found',
         ('run.mcap saved.mcap',),
         (_LOG,
          (('out',), None,
@@ -179,7 +179,7 @@ _COMMANDS = {
 def _parser() -> argparse.ArgumentParser:
     parser = cli.make_parser(
         _NAME,
-        'Look into a log of linkage_ros, recompute it, save what a killed run left.',
+        'Describe, verify or recover a log of linkage_ros.',
         ('info run.mcap', 'verify run.mcap', 'recover run.mcap saved.mcap'),
     )
     cli.add_commands(parser, _COMMANDS)

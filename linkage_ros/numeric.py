@@ -218,7 +218,7 @@ def real_numbers(**named: object) -> tuple[list[Real], tuple[int, ...]]:
             if shape
         )
         raise ConfigurationError(
-            f'the shapes of {words} do not fit: give one shape for all, or single numbers'
+            f'the shapes of {words} do not broadcast: give one shape for all, or single numbers'
         ) from None
 
 

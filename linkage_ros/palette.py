@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Colours for Rerun, charts, documents and URDF.
 
-Besides greys, they are from the colour-blind-safe palette of Okabe and Ito. A link and its curves
-have the same colour, which is visible on black and on white. Two further colours are for pairs of
-other items, such as states, energies or controllers. In charts without a mechanism, a legend
-explains the colours.
+Apart from greys, they are from the colour-blind-safe palette of Okabe and Ito. A link and its
+curves have the same colour, which is visible on black and on white. Two further colours are for
+pairs of other items, such as states, energies or controllers. In charts without a mechanism, a
+legend explains the colours.
 """
 
 from typing import TypeAlias

@@ -149,7 +149,7 @@ def groups(base: type, kinds: Sequence[Any]) -> Any:
 
 
 class _Held(NamedTuple):
-    """The valid objects of a field whose value is not a quantity but has quantities itself.
+    """The valid objects of a field whose value is a dataclass of quantities, or a tuple of them.
 
     Attributes:
         kinds: The valid classes, by their names in dotted parameter names.

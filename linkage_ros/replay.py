@@ -38,7 +38,7 @@ _NAME = 'linkage_replay'
 _CLOCK_HZ = 40.0
 _VIEW_CAPACITY, _VIEW_CLOSE_SECONDS = 1_000_000, 10.0  # samples, s
 _OFFSET = Quantity('number', 'length to skip at the beginning', 's of the log', 0.0, 1e9)
-_DURATION = replace(_OFFSET, meaning='length to replay, the end excluded', low=1e-9)
+_DURATION = replace(_OFFSET, meaning='length to replay, excluding the end', low=1e-9)
 _OPTIONS: list[cli.Option] = [
     (('log',), None, {'metavar': 'LOG.mcap', 'type': Path, 'help': 'the log'}),
     (('-r', '--rate'),
@@ -109,7 +109,7 @@ def _check(options: argparse.Namespace, log: LogReader) -> None:
         (options.no_ros and not options.viewer,
          '--no-ros leaves nothing to do: give --viewer as well'),
         (options.no_ros and options.clock is not None,
-         '--clock publishes a topic, which --no-ros rules out'),
+         '--clock publishes a topic, so it cannot be used with --no-ros'),
         (options.start_paused and not os.isatty(0),
          '--start-paused needs a terminal, whose space bar starts the replay'),
     ):  # fmt: skip
@@ -157,7 +157,7 @@ def showing(log: LogReader, target: str) -> Iterator[Sink]:
     topics = {channel.name for channel in paired(log, [JOINT_STATES]).values()}
     view = View(log.configuration, target)
     if view.trouble:
-        raise ViewerError(f'no viewer answers at {target}: start one there first, with `rerun`')
+        raise ViewerError(f'no viewer answers at {target}: start one there first with `rerun`')
     if view.page:
         print(f'watch it in a browser: {view.page}', flush=True)
     worker: Worker[Any] = Worker(

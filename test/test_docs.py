@@ -4,7 +4,7 @@
 
 Cheap commands are run as they are written; others are checked by the parser of their executable.
 `ros2` commands are compared with the package; other programs that are not installed are marked as
-'not tried'.
+'not tested'.
 """
 
 import os
@@ -139,7 +139,7 @@ def knows(program, options):
 
 
 def check_command(words, *, is_block, near):
-    """Checks that a command is valid, or marked as not tried."""
+    """Checks that a command is valid, or marked as not tested."""
     words = without_ros2_run(words)
     name, *rest = words
     if name.startswith('linkage_'):
@@ -159,7 +159,7 @@ def check_command(words, *, is_block, near):
     elif name in ('rerun', 'rosbags-convert'):
         assert knows(name, rest), words
     elif not (name == 'ros2' and is_known_to_ros2(rest)):
-        marked = re.search(r'not\s+tried', near, re.IGNORECASE)
+        marked = re.search(r'not\s+tested', near, re.IGNORECASE)
         assert marked, f'{" ".join(words)}: test it or say so'
 
 

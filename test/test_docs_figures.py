@@ -136,9 +136,7 @@ def test_figures_of_the_reliability_page_are_measured():
     )
     lost = sorted(kill['lost'] for kill in found['killed']['runs'])
     middle = (lost[9] + lost[10]) / 2
-    check_quote(
-        page, '{} s at least, {} s in the median and {} s at most', lost[0], middle, lost[-1]
-    )
+    check_quote(page, 'They lost {} to {} s, with a median of {} s', lost[0], lost[-1], middle)
 
 
 def test_figures_of_the_readme_are_measured():
@@ -159,7 +157,7 @@ def test_figures_of_the_readme_are_measured():
     check_quote('README.md', '{} killed runs lost at most {} s', len(runs), lost)
     alone, fed = measured('controller')[:2]
     errors = [100 * one['p99_ripple'] for one in (fed, alone)]
-    check_quote('README.md', 'within {} %, and PI alone within {} %', *errors)
+    check_quote('README.md', 'is {} % with this torque, and {} % with PI control alone', *errors)
 
 
 # Numbers of pages filled by `docs/figures.py` that are defined, not measured, by the phrases that

@@ -131,7 +131,9 @@ def test_friction_and_a_load_on_a_link_carried_by_another_are_refused():
     plain = changed('slider_crank')
     parts = {field.name: getattr(plain.mechanism, field.name) for field in fields(plain.mechanism)}
     for name, given in (('Friction', [load('press')]), ('LinkForce', [plain, Loaded(**parts)])):
-        with pytest.raises(ConfigurationError, match=f'^MJCF cannot hold {name}: only load curve'):
+        with pytest.raises(
+            ConfigurationError, match=f'^MJCF does not support {name}: only load curve'
+        ):
             exported(*given)
 
 
@@ -267,7 +269,7 @@ def canonical(element):
 @pytest.mark.parametrize(
     ('words', 'said'),
     [
-        (('urdf', 'quadrilateral', 'linkage.urdf'), 'linkage.urdf exists already and is kept: '),
+        (('urdf', 'quadrilateral', 'linkage.urdf'), 'linkage.urdf already exists: '),
         (('mjcf', 'quadrilateral', 'no/linkage.xml'), 'no/linkage.xml cannot be written: No such'),
         (('mjcf', 'quadrilateral', 'a.xml', '--joint-prefix', 'a b'), "joint_prefix = 'a b'"),
         (('mjcf', 'triangle', 'a.xml'), "no preset 'triangle': choose one of"),

@@ -69,10 +69,10 @@ def test_killed_run_is_recovered_up_to_the_last_flush(tmp_path):
     with watched(HEARD, *node_arguments(log=path)) as (listener, process):
         listener.await_more(50)
         # During the run, no other process can write to the log, but a copy can be saved.
-        with pytest.raises(LogError, match='is being written by another run and is kept'):
+        with pytest.raises(LogError, match='is being written by another run'):
             LogWriter(path, load('quadrilateral'), overwrite=True)
         assert recover(path, saved).messages > 0
-        with pytest.raises(LogError, match='is being written by another run and is kept'):
+        with pytest.raises(LogError, match='is being written by another run'):
             recover(saved, path, overwrite=True)
         due = flushed(listener, path)
         process.kill()
@@ -104,7 +104,7 @@ def remove_the_folder(_, path):
 @pytest.mark.parametrize(
     ('breaks', 'words'),
     [
-        (fill_the_disk, 'cannot be written: File too large; linkage_log recover saves what it h'),
+        (fill_the_disk, 'cannot be written: File too large; linkage_log recover saves its c'),
         (remove_the_folder, 'was removed while it was written; before this process ends, save'),
     ],
 )
@@ -173,7 +173,7 @@ def test_log_is_synced_to_the_disk_and_a_failure_reported(tmp_path, monkeypatch)
         raise OSError(errno.EIO, os.strerror(errno.EIO))
 
     monkeypatch.setattr(os, 'fdatasync', fail)
-    with pytest.raises(LogError, match=r'run\.mcap does not reach the disk: Input/output error$'):
+    with pytest.raises(LogError, match=r'run\.mcap cannot be synced: Input/output error$'):
         sync.consume([])
     sync.close()
 
@@ -185,8 +185,8 @@ def test_each_viewer_change_is_reported_once():
     _, port = free_address('127.0.0.1')
     url = f'rerun+http://127.0.0.1:{port}/proxy'
     arguments = node_arguments(viewer=url, rate_hz=3000.0)  # which fills its buffers sooner
-    absent = f'no viewer answers at {url}: states are left out until one does'
-    stopped = f'the viewer at {url} does not read: states are left out until it does'
+    absent = f'no viewer answers at {url}: states are dropped until one does'
+    stopped = f'the viewer at {url} is not reading: states are dropped until it does'
 
     with watched(HEARD, *arguments) as (listener, process):
         wait_for(lambda: health(listener, 2) == (WARN, absent))
@@ -215,7 +215,7 @@ def test_view_that_others_can_reach_is_served_with_a_warning():
     with watched(HEARD, *arguments) as (listener, process):
         listener.await_more(1)
         output = stop(process)
-    assert re.search(r'\[WARN\].*is served at .* viewer_bind = 127.0.0.1 keeps it on', output)
+    assert re.search(r'\[WARN\].*is served at .* viewer_bind = 127.0.0.1 restricts it', output)
 
 
 @pytest.mark.parametrize('size', [0, 1000, 10_000])

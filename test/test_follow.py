@@ -230,9 +230,9 @@ def test_each_accepted_measurement_is_answered_once_with_its_stamp(answered):
     assert [message.data for message in messages[ANSWERS]] == received
     assert len(messages[MEASURED]) == 309
     values = {one.key: one.value for one in diagnosis.status[0].values}
-    left_out = {key: value for key, value in values.items() if key.startswith('left out')}
-    assert left_out == {f'left out, {cause}': '3' for cause in (NO_CRANK, NOT_NEWER, NOT_FINITE)}
-    assert len(re.findall('is left out: ', output)) <= 6  # at most once a second
+    left_out = {key: value for key, value in values.items() if key.startswith('rejected')}
+    assert left_out == {f'rejected, {cause}': '3' for cause in (NO_CRANK, NOT_NEWER, NOT_FINITE)}
+    assert len(re.findall('is rejected: ', output)) <= 6  # at most once a second
 
 
 def test_the_log_is_verified_by_following_its_measurements_again(answered, monkeypatch):

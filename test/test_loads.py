@@ -124,7 +124,7 @@ WRONG = {
         }.items()
     },
     'file and points': (f'{SLIDER}, load: {{link: slider, file: words.csv, {POINTS}}}',
-                        'leave out at, value and return_value, which the file holds'),
+                        'leave out at, value and return_value, which the file contains'),
     # Links.
     'over position on a crank': (f'{SLIDER}, load: {{link: crank, over: position, {POINTS}}}',
                                  r'must be crank_angle if load\.link is crank'),

@@ -226,13 +226,13 @@ def test_existing_file_is_kept_unless_overwriting(path, tmp_path, old):
     link.symlink_to(target)
     target.write_bytes(path.read_bytes() if old is None else old)
     before = target.read_bytes(), target.stat().st_mtime_ns
-    refused(target, r'run\.mcap exists already and is kept', overwrite=False)
-    refused(link, 'exists already and is kept', overwrite=False)
+    refused(target, r'run\.mcap already exists', overwrite=False)
+    refused(link, 'already exists', overwrite=False)
     assert (target.read_bytes(), target.stat().st_mtime_ns) == before
     assert write(target, overwrite=True).read_bytes() == path.read_bytes()
 
 
-EXISTS, OTHER_FILE = 'exists already and is kept: choose another name', 'is not a log and is kept'
+EXISTS, OTHER_FILE = 'already exists: choose another name', 'is not a log and was not replaced'
 KEPT = {  # what is at the path, whether to replace it, and the expected error
     'parameters': (lambda p: p.write_bytes(b'/**:\n  ros__parameters:\n'), True, OTHER_FILE),
     'text': (lambda p: p.write_bytes(b'x'), True, OTHER_FILE),

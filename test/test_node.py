@@ -153,7 +153,7 @@ BAD = [
     *(
         (
             ['-p', f'drive:={drive}', '-r', f'{heard}:={own}'],
-            f'{heard} and {own} are one topic, /{own}: .* -r {own}:=linkage/{own}$',
+            f'{heard} and {own} are the same topic, /{own}: .* -r {own}:=linkage/{own}$',
         )
         for drive, heard, own in (
             ('follow', 'measured_joint_states', 'joint_states'),
@@ -167,7 +167,7 @@ BAD = [
     ),
     (['-r', '__ns:=9x'], 'remap rule'),
     (['--params-file', '/nowhere.yaml'], '/nowhere.yaml: No such file .*; give the path of a p'),
-    (['--params-file', '/dev/null'], 'is no file'),
+    (['--params-file', '/dev/null'], 'is not a file'),
     (['--params-file', 'quadrilateral'], r'is a preset, and --params-file takes a path: .*\.yaml'),
     ([*PUMP, '-p', 'drive:=speed'], "drive = 'speed': must be torque"),
     ([*PUMP, '-p', 'rpm:=60.0'], "'rpm' is not a parameter of a torque-driven wind_pump"),
@@ -182,7 +182,7 @@ def test_a_bad_start_is_one_line_and_code_2(called, arguments, words):
 
 @pytest.mark.parametrize('module', [node, controller], ids=['node', 'controller'])
 def test_parameters_before_ros_args_are_refused_with_their_right_place(called, module):
-    words = 'unknown: -p rpm:=30; parameters stand behind --ros-args'
+    words = 'unknown: -p rpm:=30; parameters follow --ros-args'
     assert_refused(*called(module, '-p', 'rpm:=30'), words)
 
 
@@ -193,10 +193,10 @@ def test_a_bad_viewer_or_log_leaves_nothing_behind(called, tmp_path):
     assert_refused(*called(node, *given), 'nonsense')
     assert log.read_text() == 'an earlier log'
     given = node_arguments(log=log, viewer=view)
-    assert_refused(*called(node, *given), 'exists already')
+    assert_refused(*called(node, *given), 'already exists')
     assert not view.exists()
     given = *node_arguments(log=view, drive='torque'), '-r', 'joint_commands:=joint_states'
-    assert_refused(*called(node, *given), 'are one topic')
+    assert_refused(*called(node, *given), 'are the same topic')
     assert not view.exists()
 
 
@@ -263,7 +263,7 @@ def test_states_follow_a_clock_that_runs_at_half_rate_stops_and_goes_back(simula
 
 def test_invalid_clock_messages_do_not_end_the_node(simulated):
     got, path, output = simulated
-    assert 'message on /clock is left out: 2147483651294967295 ns: must be from 0 to' in output
+    assert 'message on /clock is rejected: 2147483651294967295 ns: must be from 0 to' in output
     assert verified(path).states == len(got)
 
 
@@ -337,9 +337,9 @@ def test_commands_move_the_plant_within_a_tick_and_time_out(tmp_path):
         listener.await_more(100)
         output = stop(node)
     # Refused one by one, and reported at most once a second.
-    assert output.count('a message on /joint_commands is left out: effort nan') == 1
-    assert output.count('is left out') <= 2
-    assert 'no command within command_timeout: the motor drove alone' in output
+    assert output.count('a message on /joint_commands is rejected: effort nan') == 1
+    assert output.count('is rejected') <= 2
+    assert 'no command within command_timeout: the motor alone drove the crank' in output
     assert '/joint_commands' in verified(path).others
     _, messages = logged(path)
     heard = [deserialize_message(m.data, JointState).effort for m in messages['/joint_commands']]
@@ -372,13 +372,13 @@ def test_a_flood_of_commands_costs_neither_memory_nor_ticks(tmp_path):
         output = stop(node)
     # In pages of 4096 bytes: 300 bytes of each command would be seen.
     assert used[sent - 1] - used[6_000] < 3 * 2**20 / 4096
-    assert 'is left out: effort nan: must be' in output
-    assert 'is left out: its bytes are not a JointState' in output
+    assert 'is rejected: effort nan: must be' in output
+    assert 'is rejected: its bytes are not a JointState' in output
     assert 'sequence size' not in output  # printed by Fast CDR for each
     log, messages = logged(path)
     assert sent / 4 < len(messages['/joint_commands']) <= sent + 1
     first, last = (CODEC.decode(messages[STATES][i].data)[0] for i in (0, -1))
-    assert output.count('is left out') <= 2 + (last - first) / 1e9  # once a second
+    assert output.count('is rejected') <= 2 + (last - first) / 1e9  # once a second
     # If each command woke a thread of the node, five of six ticks would be missed.
     due = Simulator(log.configuration).tick_at(last - first)
     assert len(messages[STATES]) > due / 3

@@ -398,23 +398,23 @@ MESSAGES = {
     'a: [1, ~, ]': "mixes types, 1 and '~'; give one",
     '[a]: 1': 'a list is not a name; write "name: value"',
     '"": 1': "'' is not a name; write",
-    'a: &x 1\nb: *x': r'line 4: ROS accepts no alias \(\*x\); write the value',
-    r'a: "x\0"': r"'x\\x00' holds a NUL or a surrogate; remove it",
+    'a: &x 1\nb: *x': r'line 4: ROS rejects aliases \(\*x\); write the value',
+    r'a: "x\0"': r"'x\\x00' contains a NUL or a surrogate; remove it",
     'a' * 256 + ': 1': "'a{39} [.]{3} a{34}' makes a name of over 255 characters; shorten",
     'a: b: c': r'line 3: not YAML in UTF-8 \(mapping values are not allowed.*\); correct',
     'a: "x': r'not YAML in UTF-8 \(found unexpected end of stream\); correct',
     'a: \x01': r'not YAML in UTF-8 \(.*\); correct this line',
 }  # fmt: skip
 LAYOUT = {
-    'hello': "line 1: 'hello' where a mapping belongs; begin the file with",
-    '- 1': 'line 1: a list where a mapping belongs; begin',
-    'linkage_node: {a: 1}': "'1' where a mapping belongs; begin",
-    'linkage_node:': "'' where a mapping belongs; begin",
-    'linkage_node: {ros__parameters: [1]}': 'a list where a mapping belongs; begin',
+    'hello': "line 1: 'hello' instead of a mapping; begin the file with",
+    '- 1': 'line 1: a list instead of a mapping; begin',
+    'linkage_node: {a: 1}': "'1' instead of a mapping; begin",
+    'linkage_node:': "'' instead of a mapping; begin",
+    'linkage_node: {ros__parameters: [1]}': 'a list instead of a mapping; begin',
     '/**:\n  ros_parameters:\n    mechanism: four_bar': (
-        "line 3: 'four_bar' where a mapping belongs; begin the file with"
+        "line 3: 'four_bar' instead of a mapping; begin the file with"
     ),
-    'ros__params: {a: 1}': "'1' where a mapping belongs; begin",
+    'ros__params: {a: 1}': "'1' instead of a mapping; begin",
     'ros__parameters: {a: 1}': "'' before ros__parameters is not a node; begin",
     'a-b: {ros__parameters: {a: 1}}': "'a-b' before ros__parameters is not a node; begin",
     'x: {ros__parameters: {a: 1}, y: {}}': "'y' follows ros__parameters; move it before",

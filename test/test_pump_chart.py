@@ -371,7 +371,9 @@ def test_a_state_that_stretches_the_dyad_returns_where_every_body_moves_by_itsel
     state = doubled.states[0]._replace(motion=rough)
     lines = table_of(doubled, states=[state], sensitivities=[])
     assert f'{rough.name}: stretches the dyad, and so alternates between the assemblies' in lines
-    assert f'{rough.name}: numbers are right to about {10 * rough.tail:.0e} of their size' in lines
+    assert (
+        f'{rough.name}: its numbers have a relative error of about {10 * rough.tail:.0e}' in lines
+    )
 
 
 @pytest.mark.parametrize(
@@ -414,7 +416,7 @@ def test_unsettled_starts_give_a_warning_with_their_share(analysis):
     assert (analysis.unidentified, analysis.stopped) == (0, 0)
     assert 'warning' not in ' '.join(states_table(analysis))
     *_, last = table_of(analysis, unidentified=0.25)
-    assert last.startswith('warning: 25.0% of 256 starts settle at no state')
+    assert last.startswith('warning: 25.0% of 256 starts settle in none of the listed states')
 
 
 def test_a_motion_whose_crank_nearly_stops_in_each_period_is_named_with_its_turns(analysis):

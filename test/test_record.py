@@ -255,9 +255,9 @@ def test_a_parameter_file_is_recorded_with_its_own_values(called, out, params):
 def test_existing_file_is_kept_unless_overwrite_is_set(called, out):
     out.write_bytes(b'precious')
     refusal = called(record_module, 'quadrilateral', out)
-    assert_refused(*refusal, r'exists already .* or give --overwrite')
+    assert_refused(*refusal, r'already exists.* or give --overwrite')
     refusal = called(record_module, 'quadrilateral', out, '--overwrite')
-    assert_refused(*refusal, f'{out} is not a log and is kept: choose another name')
+    assert_refused(*refusal, f'{out} is not a log and was not replaced: choose another name')
     assert out.read_bytes() == b'precious'
     out.write_bytes(b'')
     assert called(record_module, 'quadrilateral', out, '--overwrite', '--duration', 0.1)[0] == 0
@@ -330,7 +330,7 @@ def test_a_degenerate_but_possible_file_is_recorded(called, out, params, text):
         (['.', 'run.mcap'], 'Is a directory'),
         (['quadrilateral', 'missing/run.mcap'], 'cannot be written'),
         (['quadrilateral', '.', '--overwrite'], 'is no file that could be replaced|Is a dir'),
-        (['quadrilateral', '/dev/full', '--overwrite'], 'is not a log and is kept'),
+        (['quadrilateral', '/dev/full', '--overwrite'], 'is not a log and was not replaced'),
         (['quadrilateral', 'run.mcap', '--speed', '1'], 'unrecognized arguments: --speed'),
         (['quadrilateral', 'run.mcap', '--rate', '1e6'], "--rate: '1e6': must be a number fr"),
         (['quadrilateral', 'run.mcap', '--duration', 'nan'], r"'nan': .* from 1e-09 to 1e\+09 s"),

@@ -250,9 +250,9 @@ def test_existing_files_are_kept(tmp_path, whole):
     target, text = tmp_path / 'out.mcap', tmp_path / 'text'
     text.write_bytes(b'text')
     target.write_bytes(MCAP0_MAGIC)
-    refused(whole.path, target, r'out\.mcap exists already and is kept')
+    refused(whole.path, target, r'out\.mcap already exists')
     refused(text, target, 'is not an MCAP file', overwrite=True)
-    refused(whole.path, text, 'is not a log and is kept', overwrite=True)
+    refused(whole.path, text, 'is not a log and was not replaced', overwrite=True)
     assert (target.read_bytes(), text.read_bytes()) == (MCAP0_MAGIC, b'text')
     (tmp_path / 'link').symlink_to(whole.path)
     (tmp_path / 'hard link').hardlink_to(whole.path)
@@ -306,8 +306,8 @@ def test_target_in_use_or_not_a_file_is_kept(tmp_path, whole):
         refused(whole.path, target, 'is being written by another run', overwrite=True)
         assert target.stat().st_size == size
     folder.mkdir()
-    refused(whole.path, folder, 'is not a file and is kept', overwrite=True)
-    refused(whole.path, '/dev/null', '/dev/null is not a file and is kept', overwrite=True)
+    refused(whole.path, folder, 'is not a regular file', overwrite=True)
+    refused(whole.path, '/dev/null', '/dev/null is not a regular file', overwrite=True)
     refused(whole.path, missing, 'no/out cannot be written: No such file', overwrite=True)
     refused(missing, tmp_path / 'new', 'no/out cannot be read: No such file')
     refused(folder, tmp_path / 'new', 'folder cannot be read: Is a directory')
@@ -337,7 +337,7 @@ def test_the_command_says_in_one_line_what_was_saved_and_lost(tmp_path, whole, c
     assert out.startswith(f'{target}: {counts[-1] - counts[3] + counts[2]} messages saved, ')
     assert re.search(r's; lost: \d+ bytes in 1 damaged place\n$', out)
     assert called(log_tool, 'verify', target)[0] == 0
-    assert_refused(*called(log_tool, 'recover', source, target), 'exists already')
+    assert_refused(*called(log_tool, 'recover', source, target), 'already exists')
     assert called(log_tool, 'recover', source, target, '--overwrite')[0] == 0
     source.write_bytes(data[: chunks[0][0] + 300])
     code, out, _ = called(log_tool, 'recover', source, target, '--overwrite')

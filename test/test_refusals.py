@@ -403,7 +403,7 @@ TOO_MUCH = '…overflows at crank angle = 0.3…crank speed = 1e+160…'
 BAD_ARGUMENTS = [
     # Shapes.
     *(
-        (call, f'the shapes of crank angle (2,), …{words} do not fit: give one shape…')
+        (call, f'the shapes of crank angle (2,), …{words} do not broadcast: give one shape…')
         for words, call in (
             ('speed (3,)', lambda: state(FOUR_BAR, TWO, [1.0, 2.0, 3.0])),
             ('slider position (3,)', lambda: Solver(PUMP).matrix((TWO, THREE))),

@@ -310,7 +310,7 @@ def test_memory_does_not_grow_with_the_log(tmp_path):
         (['--topics', '/nope'], '--topics /nope: the log has /joint_states, /driving_torque'),
         (['--delay', 'inf'], "--delay: 'inf': must be a number from 0 to"),
         (['--no-ros'], '--no-ros leaves nothing to do'),
-        (['--no-ros', '--viewer', 'spawn', '--clock'], '--clock publishes a topic, which --no'),
+        (['--no-ros', '--viewer', 'spawn', '--clock'], '--clock publishes a topic, so it'),
         (['--no-ros', '--viewer', 'nonsense'], 'nonsense'),
         (['--start-paused'], '--start-paused needs a terminal'),
         (['another.mcap'], 'unrecognized arguments: another'),
@@ -330,7 +330,7 @@ def test_bad_options_are_one_line_and_code_2(log, called, monkeypatch, options, 
 def test_absent_viewer_is_one_line_before_the_replay(log, called, monkeypatch):
     monkeypatch.setattr(rerun_view, '_ANSWER_SECONDS', 0.1)
     url = f'rerun+http://127.0.0.1:{free_address("127.0.0.1")[1]}/proxy'
-    words = f'no viewer answers at {re.escape(url)}: start one there first, with `rerun`'
+    words = f'no viewer answers at {re.escape(url)}: start one there first with `rerun`'
     assert_refused(*called(replay, log, '--no-ros', '--viewer', url), words)
 
 

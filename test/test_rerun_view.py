@@ -165,7 +165,7 @@ except ViewerError as error:
 view.close()
 """
     done = run_program(code, tmp_path / 'run.rrd')
-    assert done.stdout == f'{tmp_path}/run.rrd takes no more: is the disk full?\n'
+    assert done.stdout == f'{tmp_path}/run.rrd cannot be written: is the disk full?\n'
     assert done.stderr == ''  # without Rerun's own messages
 
 
@@ -179,12 +179,12 @@ VALID = re.escape('is not one of: spawn, web, rerun+http://HOST:PORT/proxy or a 
     ('target', 'overwrite', 'words'),
     [('', False, VALID), ('http://x/run.rrd', False, VALID),
      ('rerun+http://127.0.0.1:65536/proxy', False, VALID),
-     ('folder.rrd', False, 'exists already and is kept'),
+     ('folder.rrd', False, 'already exists'),
      ('none/run.rrd', False, 'cannot be written: No such file'),
-     ('pipe.rrd', False, 'exists already and is kept'),
+     ('pipe.rrd', False, 'already exists'),
      ('pipe.rrd', True, 'cannot be written'),
-     ('old.rrd', False, 'exists already and is kept: choose .* set log_overwrite'),
-     ('busy.rrd', True, 'is being written by another run and is kept')],
+     ('old.rrd', False, 'already exists: choose .* set log_overwrite'),
+     ('busy.rrd', True, 'is being written by another run')],
 )  # fmt: skip
 def test_wrong_target_is_refused_and_left_alone(tmp_path, monkeypatch, target, overwrite, words):
     monkeypatch.chdir(tmp_path)
@@ -265,7 +265,7 @@ def test_closing_the_window_does_not_disturb_the_run(window, end):
 @pytest.mark.parametrize(
     ('target', 'script', 'words'),
     [('spawn', 'echo noise >&2; echo "Error: winit: no X server" >&2; exit 1',
-      r'^the viewer has ended \(Error: winit: no X server\): start the run again'),
+      r'^the viewer has ended \(Error: winit: no X server\): restart the run'),
      ('spawn', 'kill -SEGV $$', r'^the viewer has ended \(signal 11, Segmentation'),
      ('web', 'echo "Port in use" >&2', r'^the viewer has ended \(Port in use\)')],
 )  # fmt: skip
@@ -390,7 +390,7 @@ def test_viewer_may_start_late_end_and_restart(tmp_path, monkeypatch):
         return view.dropped == before
 
     for n in range(2):
-        assert view.trouble.startswith(f'no viewer answers at {url}: states are left')
+        assert view.trouble.startswith(f'no viewer answers at {url}: states are dropped')
         assert not is_taken()
         saved = tmp_path / f'{n}.rrd'
         with running(port, '--save', saved):

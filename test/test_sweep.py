@@ -336,7 +336,7 @@ def test_ctrl_c_leaves_complete_rows_of_measured_designs(run, monkeypatch):
         (STUDY, 'base: quadrilateral\ntolerances: {rpm: 1.0}', 'measures []: choose from'),
         (STUDY, 'base: quadrilateral\nmeasures: swing', 'nothing varies'),
         (STUDY, 'base: quadrilateral\nranges: [1.0, 2.0]', 'write ranges: {NAME: VALUE}'),
-        (STUDY, '- base', 'where a mapping belongs'),
+        (STUDY, '- base', 'instead of a mapping'),
     ],
 )
 def test_invalid_study_gives_one_line(run, monkeypatch, old, new, found):

@@ -291,7 +291,7 @@ def test_values_within_four_ulp_of_the_largest_are_equal_and_others_reported(pat
     assert (
         f'DIFFERS: state 41, stamp {stamp} ns: /joint_states: velocity[coupler] = {other!r} '
         f'logged, {value!r} recomputed: {off}\n'
-        '  equal before it: 40 states; what follows was not compared\n'
+        '  equal before it: 40 states; later messages were not compared\n'
     ) in out
 
 

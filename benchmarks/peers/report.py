@@ -11,18 +11,18 @@ ERRORS = {
     'max_error_torque': 'torque, N m',
 }
 INTRODUCTION = """\
-# Peers, measured
+# Comparison with other software
 
-This page compares other software with this package on the same task, in one run. This command
-measured the figures and wrote the page on {date}, with {machine[cpu]}, {machine[cores]} cores,
+This page compares other software (peers) with this package on the same task. This command measured
+the figures in one run and wrote the page on {date}, with {machine[cpu]}, {machine[cores]} cores,
 {machine[os]}, Python {python}, NumPy {libraries[numpy]}{compiler}:
 
     python benchmarks/peers/run.py --markdown docs/peers.md
 
-The task is to solve the four-bar of document 1 (`config/quadrilateral.yaml`) at 150 rpm: to
-compute angle, rate and acceleration of coupler and rocker and, in the rows "with torque", the
-driving torque. A ratio is a peer's time divided by the time of this package: above 1, this
-package is faster. For one state at a time, a peer without torque is compared with the package's
+The task is to compute the angle, rate and acceleration of coupler and rocker of the four-bar of
+document 1 (`config/quadrilateral.yaml`) at 150 rpm and, in the rows "with torque", the driving
+torque. A ratio is a peer's time divided by the time of this package; above 1, this package is
+faster. For one state at a time, a peer without torque is compared with the package's
 kinematics alone; for arrays, with the package's program that includes the torque. The ratio is
 the median of {rounds} rounds, in which peer and package run alternately on the same machine.
 Set-up and compilation are not timed. Errors are the largest over {turn} crank angles, compared
@@ -65,7 +65,7 @@ def number(value, form):
 def speeds(records, mode):
     """Returns the lines of the table for single states or for arrays."""
     unit, factor = ('us', 1) if mode == 'one' else ('ns', 1000)
-    head = ['', 'work', f'{unit} a state', 'ratio', *ERRORS.values()]
+    head = ['', 'work', f'{unit} per state', 'ratio', *ERRORS.values()]
     rows = []
     for record in records:
         if record['mode'] == mode:

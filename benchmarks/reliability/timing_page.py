@@ -31,7 +31,7 @@ PAGE = """\
 This page shows the punctuality of the node at 1 kHz, and the cost of ticks, logs, motions under a
 torque, and states. [realtime.json](realtime.json), [log_speed.json](log_speed.json),
 [accuracy.json](accuracy.json) and [peers.json](peers.json) hold the figures; this command makes
-page and picture from them:
+the page and the picture from them:
 
     python benchmarks/reliability/timing_page.py
 
@@ -43,36 +43,38 @@ On an idle machine, this command measures ticks and logs:
 
     python benchmarks/reliability/realtime.py --out docs
 
-The contenders take turns in slices, 5 of 12 s unless other numbers are given; every other round
-has the reverse order. Each node has one subscriber in another process. The rclpy timers publish
-only joint states, without a log. Lateness is the time from a tick's deadline to its start: the
-table shows the medians over the slices of the median and the 99th percentile, and the largest
-value of all slices. For linkage_node, lateness includes the start-up before each slice; ticks,
-missed ticks and processor time do not. Processor time is that of the node's process in the median
-second, because other users of the computer may slow single seconds by half. In seven earlier runs,
-always in the same order, the log added 7 to 27 us to a tick, and the viewer 23 to 60 us. In two
-runs of the node with and without log alone, in alternating order, the log added 10 and 12 us.
+The programs run in turn, by default in 5 slices of 12 s each, and in reverse order in every other
+round. Each node has one subscriber in another process. The rclpy timers publish only joint states,
+without a log. Lateness is the time from a tick's deadline to its start. Of the median and the 99th
+percentile of each slice, the table shows the medians over all slices; it also shows the largest
+lateness of all slices. For linkage_node, lateness includes the start-up before each slice; ticks,
+missed ticks and processor time do not. The processor time is that of the node's process in the
+median second, because other users of the computer may slow down single seconds by half. In seven
+earlier runs, always in the same order, the log added 7 to 27 us to a tick, and the viewer 23 to
+60 us. In two runs of only the node with and without a log, in alternating order, the log added 10
+and 12 us.
 
 {ticks}
 
-In 14 of 296 starts of linkage_node, in this benchmark and in trials by hand, one tick waited for
-0.33 s soon after the start. The middleware causes it: when Fast DDS opens a port in shared memory,
-its discovery thread may sleep for a third of a second with a lock that publishing needs
-([#6535](https://github.com/eProsima/Fast-DDS/issues/6535)). The system calls of all threads, read
-in one of these starts, agree: the discovery thread slept, and the tick waited for a lock. The node
-counts the missed ticks.
+In 14 of 296 starts of linkage_node, in this benchmark and in manual trials, one tick waited for
+0.33 s soon after the start. The middleware causes this delay: when Fast DDS opens a port in shared
+memory, its discovery thread may sleep for a third of a second while it holds a lock that
+publishing needs ([#6535](https://github.com/eProsima/Fast-DDS/issues/6535)). A trace of all system
+calls in one of these starts agrees: the discovery thread slept, and the tick waited for a lock.
+The node counts the missed ticks.
 
 A thread of the node writes the log. A prototype with a separate recorder process, fed through
 shared memory, was measured in a loop of ticks without ROS on a busy machine: 99 % of the ticks
-were at most 106 us late with the process, 99 us with the thread, and 111 us without a log. So the
-process would gain nothing. The prototype is not kept, so no command repeats this comparison.
+were at most 106 us late with the process, 99 us with the thread, and 111 us without a log. A
+separate process would therefore gain nothing. The prototype was not kept, so no command repeats
+this comparison.
 
 ## Logs
 
 This table shows the processor time per state, for the quadrilateral at a given speed (four
 messages) and for the wind pump under its torque (three). Compression of the same bytes (zstd and
 crc32) is the minimum for writing a log. Each figure is a median over several rounds, so the last
-column is not exactly the ratio of the first.
+column is not exactly the ratio of the medians.
 
 {logs}
 
@@ -89,7 +91,7 @@ record, on average and in the slowest millisecond.
 
 This table shows the time per state of the quadrilateral, with its driving torque, in this package
 and in C and other software. Each figure is a median over several rounds, so the last column is not
-exactly the ratio of the first. [peers.md](peers.md) has all peers, and their errors.
+exactly the ratio of the medians. [peers.md](peers.md) lists all peers and their errors.
 
     python benchmarks/peers/run.py --markdown docs/peers.md
 
@@ -195,7 +197,7 @@ def page(ticks: Sequence[dict], logs: Sequence[dict], accuracy: dict, peers: dic
     keys = 'p50_us', 'p99_us', 'max_us'
     return PAGE.format(
         ticks=table(
-            ('', *late, 'ticks', 'missed', 'us of processor a tick'),
+            ('', *late, 'ticks', 'missed', 'processor time per tick, us'),
             [
                 (
                     CONTENDERS[one['contender']],
@@ -206,7 +208,7 @@ def page(ticks: Sequence[dict], logs: Sequence[dict], accuracy: dict, peers: dic
             ],
         ),
         logs=table(
-            ('', 'us a state', 'relative to compression'),
+            ('', 'us per state', 'relative to compression'),
             [
                 (
                     f'{one["work"]}, {one["case"]}',
@@ -217,11 +219,11 @@ def page(ticks: Sequence[dict], logs: Sequence[dict], accuracy: dict, peers: dic
             ],
         ),
         steps=table(
-            ('', 'us a ms', 'slowest ms, us'),
+            ('', 'us per ms', 'slowest ms, us'),
             [(words, f'{mean:.3g}', f'{most:.3g}') for words, mean, most in _steps(accuracy)],
         ),
         states=table(
-            ('', 'us a state', 'relative to linkage_ros'),
+            ('', 'us per state', 'relative to linkage_ros'),
             [(words, f'{time:.3g}', f'{ratio:.3g}') for words, time, ratio in _states(peers)],
         ),
         limits=table(

@@ -21,7 +21,7 @@ from linkage_ros.errors import ConfigurationError, missing_library
 
 
 def compiled_arrays(program: Program, *values: Any) -> Any:
-    """Runs a program on arrays of one shape, in machine code.
+    """Runs a program on arrays, in machine code.
 
     Args:
         program: The program to run. A program that calls Python functions, such as tables, runs
@@ -34,7 +34,7 @@ def compiled_arrays(program: Program, *values: Any) -> Any:
 
     Raises:
         ConfigurationError: Numba is not installed.
-        LinkageError: The program rejects some values; the error is that of the first of them.
+        LinkageError: The program rejects some values; the error describes the first of them.
     """
     if any(line.operation == 'call' for line in program.tape.lines):
         return program.arrays(*values)

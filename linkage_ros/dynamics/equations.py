@@ -86,8 +86,8 @@ class Model(NamedTuple):
         gravity: Acceleration of gravity, m/s^2.
         loads: Loads on the links, except weights and `joint_loads`.
         joint_loads: Loads caused by joint forces, such as friction.
-        refuse: Function that rejects q, u and a if a value or a result is not finite; for this and
-            the next three, None accepts everything.
+        refuse: Function that rejects q, u and a if a value or a result is not finite. None, here
+            and in the next three attributes, accepts everything.
         refuse_torque: Function that rejects q, u and a torque if a value or a result is not
             finite.
         refuse_forces: Function that rejects q if the joint forces are infinite.

@@ -217,7 +217,7 @@ def _compile(tape: Tape, arrays: frozenset[str], head: tuple[str, ...], *, by_ma
     run = space[program[len('def ') : program.index('(')]]
 
     def bound(numbers: Iterable[Any], **others: Any) -> Callable[..., Any]:
-        """Replaces the placeholders with numbers, because constants are faster than variables."""
+        """Replaces the placeholders with numbers; constants are faster than variables."""
         values = space['bind'](*numbers)
         constants = transformed(lambda x: values.get(x, x), run.__code__.co_consts)
         code = run.__code__.replace(co_consts=constants)
@@ -331,10 +331,10 @@ class Program:
             return self.code(varying, by_math=by_math).bound(self.constants.numbers)(*values)
 
     def arrays(self, *values: Real, by_math: bool = False) -> Any:
-        """Runs the program on arrays of one shape.
+        """Runs the program on arrays of the same shape.
 
         Args:
-            *values: Arrays of one shape, and floats that apply to all elements.
+            *values: Arrays of the same shape, and floats that apply to all elements.
             by_math: Whether to apply functions of `math`, element by element, so that results are
                 bit-identical to those of the scalar program. NumPy's functions are faster.
 

@@ -182,7 +182,7 @@ class Solver:
 
     @property
     def source(self) -> str:
-        """The Python source of the program behind `state`; with friction, that of one round."""
+        """The Python source of the program of `state`; with friction, of one iteration."""
         if self.model.joint_loads:
             return self.program(joint_load_round, *_ROUND).source
         return self.program(equations.state, 'q', 'u', 'a').source
@@ -395,7 +395,7 @@ class Solver:
         return found
 
     def alignment(self, q: Sequence[float]) -> tuple[float, str]:
-        """Returns how close a dyad is to being in line, where the motion may end.
+        """Measures how close a dyad is to being in line, where the motion may end.
 
         Args:
             q: Coordinates, a sequence of floats even for a single coordinate.

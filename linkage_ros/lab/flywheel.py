@@ -8,9 +8,9 @@ kinetic energy E = (M + J) u^2 / 2 changes with the crank angle:
     dE/dtheta = c + motor(u) - R,
 
 where R is the torque of weights, loads and friction, and c is a constant torque. Each iteration
-linearises R and the motor's torque in E, and solves the linear equation for one period, at whose
-end the energy must be the same as at its start. Without a motor, c keeps a given mean speed. With
-a motor, c is 0.
+linearises R and the motor's torque in E, and solves the linear equation for one period, with the
+same energy at its start and end. Without a motor, c keeps a given mean speed. With a motor, c is
+0.
 """
 
 import math
@@ -51,7 +51,7 @@ class Cycle(NamedTuple):
         crank: Crank angles, rad.
         velocity: Crank speed at these angles, rad/s.
         torque: Applied torque at these angles, N m.
-        demand: Torque needed by the mechanism at these angles, N m; the difference from the
+        demand: Torque required by the mechanism at these angles, N m; the difference from the
             applied torque accelerates the flywheel.
     """
 
@@ -149,7 +149,7 @@ class Crank:
         raise MechanismError('the motor cannot drive the cycle' if motor else words)
 
     def _resistance(self, velocity: Array, change: Array, motor: Motor) -> Array:
-        """Computes the torque of weights, loads and friction, minus the motor's, N m."""
+        """Computes the torque of weights, loads and friction, minus the motor's torque, N m."""
         taken = self._solver.state(self._angles, velocity, change).torque
         inertia = self._inertia * change + self._growth * velocity * velocity / 2
         return np.asarray(taken - inertia - motor.at(velocity))
@@ -249,7 +249,7 @@ def _demand(period: Period, name: str, average: float) -> str:
 
 
 def _attempt(compute: Callable[..., Cycle], *arguments: Any) -> tuple[Cycle | None, str]:
-    """Computes a cycle, if there is one; returns it with a description or the reason."""
+    """Computes a cycle; returns it with a description, or None with the reason for failure."""
     try:
         cycle = compute(*arguments)
     except LinkageError as error:

@@ -106,7 +106,7 @@ def chart(
 
 
 def over_crank(axes: Any, crank: Array, label: str, parts: int = 8) -> None:
-    """Formats axes over the crank angle: `parts` equal intervals, y label, line at y = 0."""
+    """Formats axes over the crank angle, with `parts` equal intervals and a line at y = 0."""
     end = math.degrees(crank[-1])
     axes.set(xlim=(0, end), xticks=np.linspace(0, end, parts + 1), ylabel=label)
     low, high = axes.get_ylim()

@@ -92,12 +92,12 @@ class Period:
 def period_to_show(
     source: str, design: Configuration, rpm: float | None, **options: Any
 ) -> tuple[Period, list[str]]:
-    """Computes the period of a design, as the user wants to see it.
+    """Computes the period of a design with the user's options.
 
     Args:
         source: Name of the parameter file or preset.
         design: The configuration in this file.
-        rpm: Crank speed, rpm; None for the file's.
+        rpm: Crank speed, rpm; None to use the file's speed.
         **options: Further options of linkage_chart that the user gave, by name.
 
     Returns:

@@ -22,7 +22,7 @@ def keep_other_files(path: Path | str) -> None:
     """
     with suppress(OSError), open_file(path) as old:
         if old.read(len(MCAP0_MAGIC)) not in {b'', MCAP0_MAGIC}:
-            raise LogError(f'{path} is not a log and is kept: choose another name')
+            raise LogError(f'{path} is not a log and was not replaced: choose another name')
 
 
 class LogFile:
@@ -47,7 +47,7 @@ class LogFile:
             LogError: The file exists and must not be replaced, is not an MCAP file, is being
                 written by another run, or cannot be created.
         """
-        self.path, self.advice = path, '; linkage_log recover saves what it holds'
+        self.path, self.advice = path, '; linkage_log recover saves its contents'
         if overwrite:
             keep_other_files(path)
         self.stream: Any = create_file(

@@ -112,7 +112,7 @@ class McapFile:
         self.left = _FREE + _COST_PER_BYTE * self.size
 
     def spend(self, size: int, count: int = 0) -> None:
-        """Deducts a cost from the remaining cost.
+        """Deducts a cost from the work still allowed.
 
         Args:
             size: Cost in units of decompressing one byte.
@@ -130,7 +130,7 @@ class McapFile:
             )
 
     def _read(self, at: int, size: int) -> bytes:
-        """Reads up to `size` bytes at an offset, fewer at the end of the file."""
+        """Reads up to `size` bytes at an offset; fewer at the end of the file."""
         self._stream.seek(at)
         return self._stream.read(max(0, min(size, self.size - at)))
 
@@ -207,7 +207,7 @@ class McapFile:
             The start offset and the end offset of each record.
 
         Raises:
-            ValueError: A length is wrong, or a record of this kind must not be in a chunk.
+            ValueError: A length is wrong, or a chunk must not contain records of this kind.
             LogError: The cost of the records exceeds the limit for the size of the file.
         """
         while at < len(data):

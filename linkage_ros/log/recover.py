@@ -163,7 +163,7 @@ class _Copy:
         new, starts = self._new, [0, *(end for _, end in self._file.records(data))]
         heads, sizes = message_heads(data, starts[:-1]), np.diff(starts)
         channels, is_message = heads['channel'], heads['opcode'] == Opcode.MESSAGE
-        if (heads['time'][is_message] >= TIME_END).any():  # no reader takes a log with it
+        if (heads['time'][is_message] >= TIME_END).any():  # readers would refuse the log
             raise ValueError('a time is too large')
         for i in np.flatnonzero(~is_message):
             new.declare(parsed(data[starts[i]], data[starts[i] + HEAD.size : starts[i + 1]]))

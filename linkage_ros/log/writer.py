@@ -71,7 +71,8 @@ class LogWriter(AbstractContextManager['LogWriter']):
         library: The writer of the mcap package.
         statistics: Message counts and times so far.
         channels: Channels declared so far, by number.
-        has_end: Whether to write an end record, which tells that the end of the run is logged.
+        has_end: Whether to write an end record, which shows that the log includes the end of the
+            run.
     """
 
     def __init__(

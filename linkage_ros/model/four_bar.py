@@ -258,7 +258,7 @@ class FourBar(Mechanism):
         return self.crank.length, self.coupler.length, self.rocker.length, self.frame.length
 
     def _sums(self) -> dict[str, tuple[float, ...]]:
-        """Returns the terms of the sums of lengths that vanish at change points, by formula."""
+        """Returns the terms of the length sums that vanish at change points, keyed by formula."""
         r, b, c, d = self._lengths()
         return {
             'coupler + rocker - frame - crank': (b, c, -d, -r),

@@ -33,8 +33,8 @@ class LoadCurve(AppliedLoad):
     Attributes:
         link: Loaded link: 'crank', 'rocker' or 'slider'.
         over: Independent variable. With 'crank_angle', the curve repeats every turn of the crank.
-            With 'position', it is the slider's position, or the rocker's angle made continuous
-            over its swing; outside the points, the end values apply.
+            With 'position', it is the slider's position, or the rocker's angle without a jump in
+            its swing; outside the points, the end values apply.
         at: Crank angles or positions of the points, in increasing order, rad or m.
         value: Load on the link at these points: torque, N m, positive counter-clockwise; on a
             slider, force along the guide, N.
@@ -66,10 +66,12 @@ class LoadCurve(AppliedLoad):
         default=None,
     )  # fmt: skip
     return_value: tuple[float, ...] | None = quantity(
-        'list', 'the same while the position decreases; if empty, as `value`', 'N or N m',
+        'list', 'the same while the position decreases; if empty, `value` is used', 'N or N m',
         span=_FORCES, default=None,
     )  # fmt: skip
-    file: str = quantity('text', 'CSV file with these lists as columns, given instead', default='')
+    file: str = quantity(
+        'text', 'CSV file with these lists as columns, used instead of them', default=''
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -100,14 +102,14 @@ class LoadCurve(AppliedLoad):
         if any(getattr(self, name) is not None for name in _COLUMNS):
             raise ConfigurationError(
                 f'load.file = {shown(self.file)}: leave out at, value and return_value, which the '
-                'file holds'
+                'file contains'
             )
         try:
             columns = _columns(self.file)
         except (OSError, ValueError) as error:
             raise ConfigurationError(
                 f'load.file = {shown(self.file)}: {getattr(error, "strerror", None) or error}; '
-                'give the path of a CSV file with the columns at, value and, if wanted, '
+                'give the path of a CSV file with the columns at, value and optionally '
                 'return_value'
             ) from error
         kinds = {field.name: field.metadata['quantity'] for field in fields(self)}

@@ -27,7 +27,7 @@ class Load(Protocol):
 
     A load on a single link may have an attribute `link`, the index of that link. The MJCF export
     then writes a motor on the link's joint. Two methods are optional. `resistance(links, rates)`
-    returns the part of the forces exerted by the frame, such as dampers and springs.
+    returns the part of the forces exerted by the frame, such as those of dampers and springs.
     `potential(links)` returns the potential energy up to a constant, J.
     """
 

@@ -46,9 +46,9 @@ class RigidLink(NamedTuple):
 def rigid_links(mechanism: Mechanism, joint_prefix: str = '') -> list[RigidLink]:
     """Returns the moving links of a mechanism, in the order of its joints.
 
-    The x axis of a link points from its first to its second pin, and that of a slider along its
-    guide. The boxes of bars are 1/20 as wide as the shortest bar is long. They are stacked along
-    z so that they do not intersect.
+    The x axis of a link points from its first to its second pin; for a slider, it points along the
+    guide. The width of the bars' boxes is 1/20 of the length of the shortest bar. They are stacked
+    along z so that they do not intersect.
 
     Args:
         mechanism: Mechanism to convert.

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The slider-crank: parameters, mobility and exact pose.
 
-The loop equation, in the guide's axes, is that of document 4 (eq. 2) with an added offset e:
+In the guide's axes, the loop equation is eq. 2 of document 4, with an added offset e:
 
     r e^(i alpha) + b e^(i beta) = x + i e
 
@@ -189,7 +189,7 @@ class SliderCrank(Mechanism):
         return largest(*map(abs, self._lengths()))
 
     def _sums(self) -> dict[str, tuple[float, ...]]:
-        """Returns the terms of the sums of lengths that vanish at change points, by formula."""
+        """Returns the terms of the length sums that vanish at change points, keyed by formula."""
         r, b, e = self._lengths()
         return {
             'coupler + offset - crank': (b, e, -r),

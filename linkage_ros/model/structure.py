@@ -71,7 +71,7 @@ class Link(NamedTuple):
 
     URDF does not support closed loops, so the loop is cut at the output link's pin. This pin is B
     between coupler and rocker or slider or, in a wind pump, D between rod and slider. Joint
-    positions are relative to the parent link: that of the coupler to the crank, that of the rod to
+    positions are relative to the parent link: the coupler is measured from the crank, the rod from
     the coupler.
 
     Attributes:

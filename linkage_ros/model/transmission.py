@@ -183,8 +183,9 @@ class Transmission(NamedTuple):
 
         Args:
             grashof: Grashof class of the linkage.
-            sums: Terms of the sums of lengths that vanish at change points, by formula. If the
-                first sum is negative, cos m limits the crank; if another one is, sin m does.
+            sums: Terms of the length sums that vanish at change points, keyed by formula. If the
+                first sum is negative, cos m limits the crank; if another sum is negative, sin m
+                does.
             cures: Changes that would let the crank turn fully; used only if it is limited.
             pass_by: Largest h at which the crank pin is close to the rocker pivot, rad; 0 if there
                 is no rocker pivot, or if the pin passes through it.

@@ -29,13 +29,13 @@ class SpeedDrive(Checked):
     )
     start_rpm: float | None = quantity(
         'number',
-        'crank speed at t = 0, from which it moves to rpm',
+        'crank speed at t = 0, which then approaches rpm',
         'rpm',
         span=(-1e6, 1e6),
         default=None,
     )
     crank_acceleration: float = quantity(
-        'number', 'acceleration at which the speed moves to rpm; 0: at once', 'rad/s^2',
+        'number', 'acceleration at which the speed approaches rpm; 0: immediately', 'rad/s^2',
         span=(0.0, 1e9), default=0.0,
     )  # fmt: skip
     crank_angle: float = quantity(
@@ -62,7 +62,11 @@ class Motor(Checked):
         live=True, default=0.0,
     )  # fmt: skip
     damping: float = quantity(
-        'number', 'loss of motor torque per crank speed', 'N m s', span=(0.0, 1e12), default=0.0
+        'number',
+        'decrease of motor torque per crank speed',
+        'N m s',
+        span=(0.0, 1e12),
+        default=0.0,
     )
 
     def at(self, speed: Real) -> Real:
@@ -90,7 +94,7 @@ class TorqueDrive(Checked):
         'number', 'crank angle at t = 0', 'rad', span=(-1e6, 1e6), default=0.0
     )
     torque_limit: float = quantity(
-        'number', 'largest torque of a command; a larger one is reduced to it',
+        'number', 'largest torque of a command; larger ones are limited to it',
         'N m', span=(0.0, 1e12), default=1e12,
     )  # fmt: skip
     command_timeout: float = quantity(
@@ -108,7 +112,7 @@ class FollowDrive(Checked):
     """
 
     follow_bandwidth: float = quantity(
-        'number', 'bandwidth of the filter that gives rates and accelerations; 0: they are 0',
+        'number', 'bandwidth of the filter for rates and accelerations; 0 sets them to 0',
         'Hz', span=(0.0, 1e4), default=20.0,
     )  # fmt: skip
 

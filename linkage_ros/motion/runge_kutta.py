@@ -34,7 +34,7 @@ class Method(NamedTuple):
     Attributes:
         stages: Weights for each point at which a slope after the first is evaluated.
         end: Weights for the values at the end of a step.
-        error: Weights for the error of a step; the last is that of the slope at its end.
+        error: Weights for the error of a step; the last weight is for the slope at its end.
     """
 
     stages: tuple[tuple[Real, ...], ...]

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Segments of a run's motion, as stored in logs, and the coordinates that they give.
+"""Segments of a run's motion, as stored in logs, and the coordinates that follow from them.
 
 A segment lasts until the next one starts.
 """

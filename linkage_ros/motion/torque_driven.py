@@ -70,7 +70,7 @@ class TorqueMotion:
         """Computes the coordinates at a stamp.
 
         Args:
-            stamp: Stamp not before that of the last call, ns.
+            stamp: Stamp, ns; must not be earlier than in the last call.
 
         Returns:
             The coordinates; see `published`.
@@ -86,7 +86,7 @@ class TorqueMotion:
         """Computes the coordinates at many stamps, bit-identical to those of `at`.
 
         Args:
-            stamps: Increasing stamps, ns, the first not before that of the last call.
+            stamps: Increasing stamps, ns; the first must not be earlier than in the last call.
 
         Returns:
             The coordinates as arrays. They are shorter than `stamps` if the motion ends or its
@@ -116,7 +116,7 @@ class TorqueMotion:
         """Sets the torque to add to the motor's torque from a stamp on.
 
         Args:
-            stamp: Stamp not before that of the last call, ns.
+            stamp: Stamp, ns; must not be earlier than in the last call.
             torque: Torque to add, N m.
 
         Raises:
@@ -134,7 +134,7 @@ class TorqueMotion:
         which the motion is paused.
 
         Args:
-            stamp: Stamp not before that of the last call, ns.
+            stamp: Stamp, ns; must not be earlier than in the last call.
             drive: The current `TorqueDrive`.
 
         Returns:
@@ -295,7 +295,7 @@ def all_published(driven: DrivenMechanism, moments: list[tuple[Values, int]]) ->
 
 
 def legible(driven: DrivenMechanism, y: Values) -> Values:
-    """Rounds y so that a conversion to joint angles and rates of messages and back is exact."""
+    """Rounds y so that converting it to the joint values of a message and back is exact."""
     crank, half = driven.solver.links[0], len(y) // 2
     values = list(y)
     for i, link in enumerate(driven.links):
@@ -314,7 +314,7 @@ def legible(driven: DrivenMechanism, y: Values) -> Values:
 
 
 def own_coordinates(solver: Solver, state: State, unwrapped: Real) -> Coordinates:
-    """Converts a state to own coordinates; the state is kept, because these leave it open.
+    """Converts a state to own coordinates; also keeps the state, as they may not determine it.
 
     Args:
         solver: Solver of the mechanism.

@@ -91,7 +91,7 @@ class _Reader:
                 for names, value in self.leaves(path):
                     self.take(names, value)
             elif isinstance(event, yaml.NodeEvent):
-                raise self.error(f'{_show(event)} where a mapping belongs; {self.layout}')
+                raise self.error(f'{_show(event)} instead of a mapping; {self.layout}')
         return {name: value for own in self.sections.values() for name, value in own.items()}
 
     def leaves(self, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], yaml.Event]]:
@@ -116,7 +116,7 @@ class _Reader:
         """Stores a value if its section applies to this node."""
         section = _section(path)
         if section is None or section == len(path) - 1:
-            raise self.error(f'{_show(event)} where a mapping belongs; {self.layout}')
+            raise self.error(f'{_show(event)} instead of a mapping; {self.layout}')
         node, name = '/'.join(path[:section]), '.'.join(path[section + 1 :])
         if section > 1:
             node = node.replace('//', '/')
@@ -181,10 +181,10 @@ class _Reader:
         self.line = getattr(event.start_mark, 'line', 0) + 1
         if isinstance(event, yaml.AliasEvent):
             raise self.error(
-                f'ROS accepts no alias (*{shortened(str(event.anchor), 40)}); write the value'
+                f'ROS rejects aliases (*{shortened(str(event.anchor), 40)}); write the value'
             )
         if isinstance(event, yaml.ScalarEvent) and re.search('[\0\ud800-\udfff]', event.value):
-            raise self.error(f'{_show(event)} holds a NUL or a surrogate; remove it')
+            raise self.error(f'{_show(event)} contains a NUL or a surrogate; remove it')
         return event
 
     def error(self, problem: str) -> ConfigurationError:

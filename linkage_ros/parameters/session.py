@@ -96,7 +96,7 @@ class FeedForward(Checked):
         pattern=_TOPIC, default='',
     )  # fmt: skip
     lead_time: float = quantity(
-        'number', 'time from the stamp to the moment for which the torque is computed', 's',
+        'number', 'time after the stamp for which the torque is computed', 's',
         span=(0.0, 10.0), default=0.0,
     )  # fmt: skip
 

@@ -1,3 +1,3 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Replay of a log: reader, pace, keys, topics and view."""
+"""Replays a log: reading, timing, keys, and publishing."""

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Reads an excerpt of a log ahead, and plays its messages when they are due, as keys demand."""
+"""Reads ahead in an excerpt of a log, and plays its messages on time, controlled by keys."""
 
 import itertools
 import math
@@ -78,8 +78,8 @@ def excerpt_of(
     Args:
         log: The log to read.
         offset: Time to skip at the beginning, s.
-        duration: Length of the excerpt, s; None: to the end of the log.
-        topics: Fully qualified names of the topics; None: all topics.
+        duration: Length of the excerpt, s; None to continue to the end of the log.
+        topics: Fully qualified names of the topics; None for all topics.
 
     Returns:
         The excerpt.
@@ -96,7 +96,7 @@ def feed(log: LogReader, excerpt: Excerpt, *, loop: bool) -> Iterator[Iterator[I
     """Reads an excerpt in a separate thread.
 
     Args:
-        log: The log; while the feed is open, nothing else may use it.
+        log: The log, which must not be used elsewhere while the feed is open.
         excerpt: The part to play; earlier latched messages come first.
         loop: Whether to repeat the excerpt indefinitely.
 
@@ -132,7 +132,7 @@ def _stored(log: LogReader, excerpt: Excerpt, *, loop: bool) -> Iterator[Item]:
         message = None
         for message in log.messages(excerpt.topics, excerpt.start, excerpt.end):
             yield Item(message.time + shift, message)
-        if message is None:  # nor has any other round messages
+        if message is None:  # other rounds would be empty as well
             return
 
 

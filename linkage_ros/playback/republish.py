@@ -40,7 +40,7 @@ def republishing(
 
     Args:
         name: Name of the node.
-        arguments: The arguments of ROS on the command line.
+        arguments: The ROS arguments of the command line.
         log: The log; determines types and quality of service.
         topics: Fully qualified names of the topics to publish.
         pace: Position in the log.
@@ -51,7 +51,7 @@ def republishing(
         A function that publishes a message.
 
     Raises:
-        ConfigurationError: The command line sets a parameter, of which the node has none.
+        ConfigurationError: The command line sets a parameter, but the node has none.
         LogError: A topic has a type that linkage_ros does not write, or an invalid name.
     """
     with ExitStack() as stack:

@@ -31,10 +31,10 @@ Arguments = dict[str, tuple[str, str]]  # default and meaning of launch argument
 NAMES: Arguments = {
     'namespace': ('', 'namespace of all nodes, such as left'),
     'use_sim_time': ('', 'true: take the time from /clock'),
-    'joint_prefix': ('', 'put before every joint and link name, such as left_'),
+    'joint_prefix': ('', 'prefix of every joint and link name, such as left_'),
 }
 # Arguments of launch files that start robot_state_publisher.
-FRAMES: Arguments = {'frame_prefix': ('', 'put before every tf frame, such as left/')}
+FRAMES: Arguments = {'frame_prefix': ('', 'prefix of every tf frame, such as left/')}
 OUTPUTS: Arguments = {
     'log': ('', '.mcap file to write'),
     'log_overwrite': ('', 'true: replace an existing log or .rrd file'),
@@ -108,8 +108,8 @@ def follow(arguments: Mapping[str, str]) -> tuple[Values, Values]:
 def demo(arguments: Mapping[str, str]) -> tuple[Values, Values]:
     """Returns the parameters of the demo: values of the file, overridden by arguments.
 
-    They are passed to the node instead of the file, because in rcl the order decides whether a
-    section of the file or an argument takes precedence.
+    They are passed to the node instead of the file, because in rcl the precedence of file sections
+    and arguments depends on their order.
 
     Args:
         arguments: All arguments of demo.launch.py.
@@ -143,7 +143,7 @@ def program(
     values: Mapping[str, object],
     remappings: Sequence[tuple[str, str]] = (),
 ) -> Any:
-    """Returns an action that starts a program of this package, and ends the launch with it.
+    """Returns an action that starts a program of this package; its exit ends the launch.
 
     Args:
         name: Name of the executable.

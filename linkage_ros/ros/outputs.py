@@ -16,7 +16,7 @@ from linkage_ros.run.simulator import Simulator
 from linkage_ros.run.threads import DiskSync, Worker, accompany_ticker
 from linkage_ros.wire.topics import Topic
 
-# Items queued for a stalled disk, enough for half a minute at 1 kHz, and for a slow viewer.
+# Queue lengths: for a stalled disk, enough for half a minute at 1 kHz; for a slow viewer.
 _LOG_CAPACITY, _VIEW_CAPACITY = 30_000, 4_000
 # s between batches, each of which is a chunk. A killed run loses at most this time plus delays of
 # a busy machine; the documentation promises 0.3 s. Between batches, the thread's code and data
@@ -80,8 +80,8 @@ class Outputs:
             logger.info(f'watch it in a browser: {view.page}')
         if session.viewer in (SPAWN, WEB) and not ip_address(session.viewer_bind).is_loopback:
             logger.warning(
-                f'the view is served at {session.viewer_bind} to whoever reaches it; viewer_bind '
-                '= 127.0.0.1 keeps it on this machine'
+                f'the view is served at {session.viewer_bind} to every host that can reach it; '
+                'viewer_bind = 127.0.0.1 restricts it to this machine'
             )
         self._start(
             'viewer', view, _VIEW_CAPACITY, view.period, 'the run continues without a view'
@@ -103,7 +103,7 @@ class Outputs:
     def _start(
         self, name: str, consumer: Any, capacity: int, period: float, consequence: str
     ) -> None:
-        """Starts the thread of a consumer; `consequence` describes the run after its failure."""
+        """Starts the thread of a consumer; `consequence` describes the effect of a failure."""
         logger = self._node.get_logger()
         self._workers[name] = Worker(
             name, consumer, capacity=capacity, period=period, on_start=accompany_ticker,
@@ -134,7 +134,7 @@ class Outputs:
             log = workers['log']
             found['log'] = Health(session.log, log.dropped, log.error or workers['sync'].error)
         if session.viewer:
-            # States are lost on the way to the view, and in the view if the viewer lags.
+            # States are lost before they reach the view, and in the view if the viewer lags.
             viewer, view = workers['viewer'], self._view
             lost = viewer.dropped + view.dropped
             found['viewer'] = Health(session.viewer, lost, viewer.error, view.trouble)

@@ -73,7 +73,7 @@ def run_program(
         _, unknown = parser.parse_known_args(others)
         if unknown:
             parser.error(
-                f'unknown: {" ".join(unknown)}; parameters stand behind --ros-args, as in '
+                f'unknown: {" ".join(unknown)}; parameters follow --ros-args, as in '
                 f'`{parser.prog} --ros-args -p rpm:=60.0`'
             )
         node = make(stop)
@@ -102,7 +102,9 @@ def _check_parameter_files(arguments: list[str], node: str) -> None:
                 )
             # A pipe can be read only once, and rcl has to read it.
             if path_exists(path) and not Path(path).is_file():
-                raise ConfigurationError(f'{path} is no file: give the path of a parameter file')
+                raise ConfigurationError(
+                    f'{path} is not a file: give the path of a parameter file'
+                )
             read_parameter_file(path, f'{given.get("__ns", "")}/{name}')
 
 
@@ -153,7 +155,7 @@ def reported_as_configuration() -> Iterator[None]:
 
 
 def _spin(executor: SingleThreadedExecutor, node: Node, ends: threading.Event) -> None:
-    """Spins until `ends` is set, despite exceptions, as for parameters without a type."""
+    """Spins until `ends` is set; continues after exceptions, as for untyped parameters."""
     accompany_ticker()  # a tick may wait for the interpreter lock that the callbacks hold
     while not ends.is_set():
         try:

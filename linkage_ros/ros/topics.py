@@ -94,7 +94,7 @@ def require_distinct(node: Node, topics: Iterable[Topic]) -> None:
             remapping = f'give {name} another name, -r {name}:=linkage/{name.lstrip("/")}'
             # A remapping would affect a parameter's topic, too.
             cure = 'change the parameter' if ' = ' in both else remapping
-            raise ConfigurationError(f'{both} are one topic, {resolved}: {cure}')
+            raise ConfigurationError(f'{both} are the same topic, {resolved}: {cure}')
         taken[resolved] = label
 
 
@@ -207,7 +207,7 @@ class PolledSubscription:
             else:
                 yield result
         if refused:
-            words = f'a message on {self.name} is left out: {refused}'
+            words = f'a message on {self.name} is rejected: {refused}'
             self._logger.warning(words, throttle_duration_sec=1.0)
 
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Messages of a run besides its states: commands, measurements and trajectories of the crank."""
+"""Messages of a run other than its states: commands, measurements, crank trajectories."""
 
 import math
 import time
@@ -82,7 +82,7 @@ class TorqueCommands:
 
         Args:
             names: Names of the joints.
-            efforts: Effort of each joint, N m; all but that of the crank are ignored.
+            efforts: Effort of each joint, N m; only the effort of the crank is used.
             age: Time since the command was received, s.
 
         Raises:
@@ -118,7 +118,8 @@ class TorqueCommands:
         """Returns a warning if no command was active at some tick in the last 10 s."""
         if time.monotonic() - self._timed_out_at >= WINDOW:
             return []
-        return [f'no command within command_timeout: the motor drove alone in the last {WINDOW} s']
+        alone = f'the motor alone drove the crank in the last {WINDOW} s'
+        return [f'no command within command_timeout: {alone}']
 
     def diagnostics(self) -> dict[str, str]:
         """Returns the active torque and the counts of commands, for diagnostics."""
@@ -131,7 +132,7 @@ class MeasuredCrank:
     """Reads measurements of the crank, in order of arrival.
 
     Attributes:
-        left_out: Number of rejected messages for each cause.
+        left_out: Number of rejected messages, by cause.
     """
 
     def __init__(self, simulator: Simulator) -> None:
@@ -206,7 +207,7 @@ class MeasuredCrank:
         """Returns the counts of rejected messages, for diagnostics."""
         # Copy in one step, because the tick thread may add a count meanwhile.
         counts = list(self.left_out.items())
-        return {f'left out, {cause}': str(count) for cause, count in counts}
+        return {f'rejected, {cause}': str(count) for cause, count in counts}
 
 
 def inputs_of(simulator: Simulator) -> dict[Topic, Any]:
@@ -248,8 +249,8 @@ class CrankTrajectory:
         """Returns the trajectory to send at a stamp, if one is due.
 
         Args:
-            motion: Motion in the segment that contains the stamp. If it differs from that of the
-                last call, the trajectory sent before is invalid, and a new one is due.
+            motion: Motion in the segment that contains the stamp. If it differs from the motion in
+                the last call, the previous trajectory is invalid, and a new one is due.
             stamp: Stamp of the current tick, ns.
 
         Returns:

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Threads of a run: settings that let them meet their deadlines, and workers for slow tasks.
 
-A worker moves slow work to its own thread, so that disk and viewer never delay a tick.
+A worker moves slow work to its own thread, so that the disk and the viewer never delay a tick.
 """
 
 import ctypes
@@ -192,7 +192,7 @@ class DiskSync:
         try:
             os.fdatasync(self._number)
         except OSError as error:
-            raise LogError(f'{self._path} does not reach the disk: {error.strerror}') from error
+            raise LogError(f'{self._path} cannot be synced: {error.strerror}') from error
 
     def close(self) -> None:
         """Closes the duplicated descriptor."""

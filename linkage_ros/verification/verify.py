@@ -58,7 +58,7 @@ def verify(log: LogReader, progress: Callable[[int], object] = lambda _: None) -
     done.run(progress)
     if log.lost and not done.difference:
         kind = 'missing' if log.lost > 0 else 'too many'
-        done.difference = f'logged messages {kind}: {abs(log.lost)}, by the record of its end'
+        done.difference = f'logged messages {kind}: {abs(log.lost)}, according to the end record'
     return done
 
 

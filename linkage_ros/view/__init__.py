@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The live view in Rerun; importing its SDK takes 60 MB and most of a second."""
+"""The live view in Rerun; importing its SDK takes 60 MB and nearly a second."""
 
 import os
 

@@ -46,13 +46,13 @@ Sample: TypeAlias = tuple[int, bytes]
 
 
 class View:
-    """Shows one run; it may be created in one thread and used in another.
+    """A view of one run, which may be created in one thread and used in another.
 
-    'spawn' opens a viewer window. As usual with Rerun, the window stays open with its contents
-    when the run ends, and closing it does not disturb the run. 'web' serves Rerun's page for a
-    browser while the run lasts. A URL names a viewer; samples are dropped while it does not
-    answer. A file contains everything except at most the last two seconds, however the run ends.
-    It has no index, which would grow in memory; `rerun rrd optimize` adds one.
+    'spawn' opens a viewer window. As is usual with Rerun, the window stays open when the run ends,
+    and closing it does not affect the run. 'web' serves Rerun's page for a browser while the run
+    lasts. A URL names a viewer; samples are dropped while it does not answer. A file contains
+    everything except at most the last two seconds, however the run ends. It has no index, which
+    would grow in memory; `rerun rrd optimize` adds one.
 
     Stamps are shown as dates and times of day, but small stamps are shown as durations: a record
     that starts at 0 has the labels 0 s, 1 s, 2 s, not dates in 1970.
@@ -154,9 +154,10 @@ class View:
             self.trouble = ''
         except RuntimeError as error:
             if not self._address:
-                raise ViewerError(f'{self._target} takes no more: is the disk full?') from error
+                words = f'{self._target} cannot be written: is the disk full?'
+                raise ViewerError(words) from error
             self.trouble = (
-                f'the viewer at {self._target} does not read: states are left out until it does'
+                f'the viewer at {self._target} is not reading: states are dropped until it does'
             )
             # The SDK may not notice that a viewer was killed.
             is_cut = 'severed' in str(error) or 'disconnected' in str(error)
@@ -170,7 +171,7 @@ class View:
             self._use(GrpcSink(self._target))
         else:
             self.trouble = (
-                f'no viewer answers at {self._target}: states are left out until one does'
+                f'no viewer answers at {self._target}: states are dropped until one does'
             )
 
     def _use(self, sink: GrpcSink | FileSink) -> None:

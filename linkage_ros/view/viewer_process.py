@@ -59,12 +59,12 @@ class ViewerProcess:
         self._errors.seek(0)
         *_, words = ['no reason given', *self._errors.read().decode(errors='replace').splitlines()]
         how = f'signal {-code}, {signal.strsignal(-code)}' if code < 0 else words[:300]
-        raise ViewerError(f'the viewer has ended ({how}): start the run again to have another')
+        raise ViewerError(f'the viewer has ended ({how}): restart the run to open another')
 
     def close(self) -> None:
-        """Ends the viewer, unless it outlives this process."""
+        """Stops the viewer, unless it was started to outlive this process."""
         if not self._outlives:
-            self.process.kill()  # it has nothing to save, and may be stopped
+            self.process.kill()  # it has nothing to save, and may be suspended
             self.process.wait()
         self._errors.close()
 
@@ -153,6 +153,6 @@ def free_address(bind: str) -> tuple[str, int]:
     except (ValueError, OSError) as error:
         raise ViewerError(
             f'viewer_bind = {shown(bind)} is not an address of this machine: 127.0.0.1 serves '
-            'this machine alone, 0.0.0.0 every network it is in'
+            'only this machine, 0.0.0.0 all its networks'
         ) from error
     return f'[{bind}]' if address.version == 6 else bind, port

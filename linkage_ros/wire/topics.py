@@ -169,7 +169,7 @@ MEASURED_JOINT_STATES = Topic(
     'measured_joint_states',
     JOINT_STATE,
     depth=1000,
-    meaning='best effort, with `drive: follow`: the measured crank; each message makes one state',
+    meaning='best effort, with `drive: follow`: the measured crank; each message gives one state',
 )
 # Depth 1, because a slow subscriber needs only the latest time.
 SIMULATED_CLOCK = Topic('/clock', CLOCK, depth=1, meaning='with `use_sim_time`: the time')

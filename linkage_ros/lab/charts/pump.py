@@ -39,7 +39,7 @@ _PARTS = 512  # of a turn
 _WIDEST = 138  # characters in a line below the panels
 _FEW_POINTS, _BETWEEN = 3, 12  # fewest points of a smooth curve, and points drawn between two
 _APART = 1e-6  # smallest distance of two points of a curve, relative to its size
-# Largest torque drawn, times the motor's: at least, and at most to show where ranges end.
+# Largest torque drawn, relative to the motor's: always, and at most if a range ends beyond it.
 _TORQUES, _FARTHEST = 2.0, 4.0
 # Heights of a panel, the room below it, the room above all, and a line of text; widths of the left
 # edge, a panel and the room to its right; inches.
@@ -51,8 +51,8 @@ _LABELS = {
     'stroke': 'Stroke s, m',
     'flow': 'Flow, m/s',
 }
-_RARE = 0.01  # share of the starts that is not worth a line
-_LARGE = 1e4  # multiplier of which only the magnitude is shown
+_RARE = 0.01  # share of the starts below which no line is printed
+_LARGE = 1e4  # multiplier above which only the magnitude is shown
 _Colors: TypeAlias = dict[Piece, tuple[float, float, float]]
 
 
@@ -141,7 +141,7 @@ def _draw_runs(axes: Axes, analysis: Analysis, colors: _Colors) -> None:
 
 
 def _draw_load_curve(axes: Axes, analysis: Analysis, colors: _Colors) -> None:
-    """Plots mean torque against mean speed, with the lines of the motor and of lost stability."""
+    """Plots mean torque against mean speed, with the motor line and the limits of stability."""
     _draw_branch(axes, analysis, colors, 'speed', 'load')
     _draw_motor_line(axes, analysis, 'motor', analysis.motor.torque, color=_MOTOR)
     for kind, motion in stability_lost(analysis.pieces):
@@ -156,7 +156,7 @@ def _draw_load_curve(axes: Axes, analysis: Analysis, colors: _Colors) -> None:
 def _draw_motor_line(
     axes: Axes, analysis: Analysis, name: str, torque: float, **style: Any
 ) -> None:
-    """Draws the torque-speed line of a motor with another torque at rest, N m."""
+    """Draws the torque-speed line of the motor for a given torque at rest, N m."""
     label = f'{name}, M0 = {torque:.4g} N m'
     axes.axline((0.0, torque), slope=-analysis.motor.damping, label=label, **style)
 
@@ -176,7 +176,7 @@ def _draw_over_torque(axes: Axes, analysis: Analysis, colors: _Colors, quantity:
     axes.axvline(analysis.motor.torque, color=_MOTOR, linewidth=1)
     _draw_branch(axes, analysis, colors, 'torque', quantity)
     if quantity == 'speed':
-        # Where a curve was not followed further, the range may extend further.
+        # The range may extend beyond the end of a curve that was not followed further.
         two = ', '.join(
             f'{"at most " * (one["low_is"] in {END, LOST})}{one["low"]:.4g} to '
             f'{"at least " * (one["high_is"] in {END, LOST})}{one["high"]:.4g}'
@@ -199,7 +199,7 @@ def _draw_branch(axes: Axes, analysis: Analysis, colors: _Colors, x: str, y: str
 
 
 def _smooth(rows: Array) -> Array:
-    """Interpolates points by cubic curves; each slope is that of a parabola through 3 points."""
+    """Interpolates points by cubic curves with slopes of parabolas through three points."""
     if len(rows) < _FEW_POINTS or not np.ptp(rows, axis=0).all():
         return rows
     moves = np.linalg.norm(np.diff(rows / np.ptp(rows, axis=0), axis=0), axis=1)
@@ -281,7 +281,7 @@ def _fixed(value: float, form: str = '.4f') -> str:
 
 
 def _changes_lines(analysis: Analysis) -> list[str]:
-    """Makes a table of the relative changes of each stable state if the motor torque changes."""
+    """Makes a table of the relative change of each stable state with the motor torque."""
     head = 'changes of the stable states with the torque', *CHANGED
     lines = ['{:<46}{:>10}{:>10}{:>10}'.format(*head)]
     for one in sorted(analysis.sensitivities, key=itemgetter('state')):
@@ -293,11 +293,11 @@ def _changes_lines(analysis: Analysis) -> list[str]:
 
 
 def _remarks(analysis: Analysis) -> Iterator[str]:
-    """Lines about states with fewer digits or in another assembly, and about the other starts."""
+    """Yields remarks on inaccurate states, states in other assemblies, and other starts."""
     for motion in (state.motion for state in analysis.states):
         if motion.tail > STATE.tail:
             error = 10 * motion.tail
-            yield f'{motion.name}: numbers are right to about {error:.0e} of their size'
+            yield f'{motion.name}: its numbers have a relative error of about {error:.0e}'
         if motion.assembly == BOTH:
             yield f'{motion.name}: stretches the dyad, and so alternates between the assemblies'
         elif motion.assembly != analysis.assembly:
@@ -310,18 +310,18 @@ def _remarks(analysis: Analysis) -> Iterator[str]:
             'no Fourier series was found for it, so its curve and multipliers are not known'
         )
     if analysis.stopped > _RARE:
-        yield f'{analysis.stopped:.1%} of {COUNT} starts come to rest, or rock to and fro'
+        yield f'{analysis.stopped:.1%} of {COUNT} starts come to rest, or rock back and forth'
     if analysis.unidentified > _RARE:
         yield (
-            f'warning: {analysis.unidentified:.1%} of {COUNT} starts settle at no state that is '
-            'listed: their motion is quasi-periodic, chaotic, of a long period, or had not '
-            'settled when its time ran out (slow where motor.damping or slider.damping is '
-            'small); draw such motions with --speeds'
+            f'warning: {analysis.unidentified:.1%} of {COUNT} starts settle in none of the '
+            'listed states: their motion is quasi-periodic, chaotic, of a long period, or had not '
+            'settled in time (small motor.damping or slider.damping); draw such motions with '
+            '--speeds'
         )
     if analysis.has_corners:
-        yield 'the load curve has corners: speeds are right to about 0.01 %, multipliers to 1 %'
+        yield 'the load curve has corners: speeds are accurate to about 0.01 %, multipliers to 1 %'
     if analysis.spread:
         yield (
             'the jump of load.return_value is spread over slider speeds of '
-            f'+-{analysis.spread:.2g} m/s: speeds are right to about 0.5 %, multipliers to 0.02'
+            f'+-{analysis.spread:.2g} m/s: speeds are accurate to about 0.5 %, multipliers to 0.02'
         )

@@ -59,7 +59,7 @@ from linkage_ros.palette import (
 from linkage_ros.parameters.configuration import load
 from linkage_ros.units import NS_PER_S, radians_per_second
 
-_LEAST, _CEILING = 1e-17, 10.0  # errors beyond these are drawn at these
+_LEAST, _CEILING = 1e-17, 10.0  # limits at which smaller and larger errors are drawn
 _BITS = (12, 14, 16, 18, 20)
 _BANDWIDTHS = (5.0, 7.0, 10.0, 14.0, 20.0, 30.0, 40.0, 60.0, 80.0, 120.0, 160.0, 240.0)  # Hz
 _RPM = 150.0
@@ -140,7 +140,7 @@ def accuracy(options: argparse.Namespace) -> None:
 
 
 def draw_accuracy(points: Sequence[Point], title: str, path: Path) -> None:
-    """Draws the chart of one linkage, a row per quantity, or of all motions, a row per motion.
+    """Draws the chart of a linkage (a row per quantity) or of all motions (a row per motion).
 
     Args:
         points: Points of a linkage, or of all motions.
@@ -234,7 +234,7 @@ def _draw_panel(axes: Axes, points: Sequence[Point]) -> None:
 
 
 def _places(points: Iterable[Point]) -> Any:
-    """Returns the places of points: times, us, and errors within the range of the axis."""
+    """Returns times, us, and errors of points, limited to the range of the axis."""
     places = [(p['us_per_state'], np.clip(p['max_error'], _LEAST, _CEILING)) for p in points]
     return np.reshape(places, (-1, 2)).T
 

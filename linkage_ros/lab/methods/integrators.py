@@ -65,7 +65,7 @@ class RungeKutta4:
 
 
 def _moved(phase: Phase, h: float, slope: Sequence[float]) -> Phase:
-    """Advances a phase by `h` along a slope; a sixth faster than in runge_kutta.py."""
+    """Advances a phase by `h` along a slope; a sixth faster than `runge_kutta.moved`."""
     return tuple([value + h * rate for value, rate in zip(phase, slope, strict=True)])
 
 
@@ -82,8 +82,8 @@ class OfScipy:
     ) -> None:
         """Starts a solver of scipy.integrate by name.
 
-        `tolerance` is relative to `units`, which are rad and crank lengths, and the same per
-        second, if the values to integrate are a phase.
+        If the values to integrate are a phase, `tolerance` is relative to `units`: rad and crank
+        lengths, and the same per second for rates.
         """
         self._driven = problem.driven
         self._steps: Any = getattr(integrate, solver)(

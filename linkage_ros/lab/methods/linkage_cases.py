@@ -94,7 +94,7 @@ class LinkageCase(Case):
 
     @cached_property
     def _sizes(self) -> dict[str, Any]:
-        """Largest magnitude of each quantity within the reach; 0 if it is only rounding error."""
+        """Largest magnitude of each quantity within the reach; rounding errors count as 0."""
         solver, parts = Solver(self.mechanism), (np.arange(_EVEN) + 0.5) / _EVEN
         turns = solver.reach.period_turns
         cranks = [start + (end - start) * turns * parts for start, end in solver.reach.arcs]
@@ -193,7 +193,7 @@ class TurnCase(LinkageCase):
         super().__init__(mechanism, cranks, _rough(mechanism, 0.1))
 
     def panels(self, method: Method, _: Setting) -> Panels:
-        """See `Case`; includes the quantities that later stages, the package's, compute."""
+        """See `Case`; includes the quantities computed by the package's own later stages."""
         first = QUANTITIES.index(stages.OWN[method.stage][0])
         return itertools.product(QUANTITIES[first:], method.modes)
 

@@ -41,7 +41,7 @@ class NumberCase(Case):
         given: Input of the methods. For a load curve: its points, rad and N m, and the crank
             angle, rad. For friction: the linkage, the crank angle, rad, b, N, and k.
         exact: Reference value.
-        size: Value to which errors are relative.
+        size: Scale of the relative errors.
     """
 
     def __init__(self, given: tuple[Any, ...], exact: float, size: float) -> None:
@@ -94,7 +94,7 @@ CURVE_METHODS = [
 
 
 def _curve(random: Random, crank_at: Callable[[list[float]], float], *edge: float) -> NumberCase:
-    """Makes a random curve; its points are 45 deg apart on average, and at the third, an edge."""
+    """Makes a random curve, with points 45 deg apart on average and an optional steep edge."""
     even = np.arange(_POINTS) + random.uniform(-0.4, 0.4, _POINTS) + 0.5
     at = (even * (math.tau / _POINTS)).tolist()
     crank = crank_at(at)

@@ -139,9 +139,9 @@ def followed(
 
 
 def with_gap(problem: InitialValueProblem, phase: Phase) -> Phase:
-    """Appends the gap of the loop, m, to a phase; takes the coordinates from all links.
+    """Returns coordinates, rates and the loop gap, m, given a phase of coordinates or all links.
 
-    A phase without a position is refused, as if the state were published.
+    Unreachable coordinates raise the same error as in a run.
     """
     solver, is_whole = problem.driven.solver, len(phase) > len(problem.start)
     state = State(*halves(phase), (), 0.0) if is_whole else solver.state(*halves(phase))
@@ -151,9 +151,9 @@ def with_gap(problem: InitialValueProblem, phase: Phase) -> Phase:
 
 
 def _slowest_time(seconds: float, begin: Callable[[], Any]) -> float:
-    """Measures the largest time, us, per simulated ms, the shortest of three in each ms.
+    """Measures the time, us, of the slowest simulated ms; the best of three runs for each ms.
 
-    It times 300 ms for each second of the motion, at most 1000 ms, from the start on.
+    It times the first 300 ms for each second of the motion, at most 1000 ms.
     """
     ticks = [(i + 1) * _TICK for i in range(min(1000, round(seconds * 300)))]
     runs = [[elapsed(at, [tick]) for tick in ticks] for at in [begin().at for _ in range(3)]]
@@ -231,7 +231,7 @@ def _stiff_guide(random: Random, i: int) -> MotionCase:
 
 
 def _settling(begin: float, end: float, rate: float, time: float) -> tuple[float, float]:
-    """Computes distance and speed, after a time, of a damped body that nears its final speed."""
+    """Computes distance and speed of a damped body that approaches its final speed."""
     settled = -math.expm1(-rate * time)
     return end * time + (begin - end) * settled / rate, begin + (end - begin) * settled
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Linkages for testing methods, most of them random, in situations where some methods fail."""
+"""Test linkages, most of them random, in situations where some methods fail."""
 
 import cmath
 import math

@@ -31,11 +31,11 @@ from linkage_ros.numeric import Array
 _CHANGES = (0.95, 1.05)  # of the motor's torque
 CHANGED = 'speed', 'stroke', 'flow'  # quantities of which changes are given
 _SLOWEST, _FASTEST = 1 / 3, 10.0  # ends of the load curve, relative to the extreme start speeds
-_ALIKE = 0.1  # largest relative difference in speed and stroke of a motion and its average
-# Of the starts: smallest speed of the crank; largest of the slider, relative to the crank pin's.
+_ALIKE = 0.1  # largest relative difference in speed and stroke between a motion and its average
+# Smallest crank speed, and largest slider speed relative to the crank pin, of the starts.
 _SLOW, _SLIDING = 0.03, 2.0
-# Number of starts, of which a state that attracts 2 % is missed in one run of 170; and largest
-# number of checks of the motions.
+# Number of starts: a state that attracts 2 % of them is missed in one of 170 runs. Largest number
+# of checks of the motions.
 COUNT, _CHECKS = 256, 64
 
 
@@ -67,12 +67,12 @@ class Analysis(NamedTuple):
             (rad/s) and period of the state; the changed torque (N m); the state at that torque and
             its relative changes, or the reason why that state is unknown.
         runs: Motions from named starts.
-        stopped: Fraction of the starts from which the crank comes to rest, or rocks to and fro.
+        stopped: Fraction of the starts from which the crank comes to rest or rocks back and forth.
         unidentified: Fraction of the starts with another or an unknown outcome.
         alternating: Records of motions that alternate between the assemblies and repeat, but were
             not found as Fourier series.
-        has_corners: Whether a load is a curve, which has corners.
-        spread: Slider speed below which loads that jump are smoothed, m/s; 0: no load jumps.
+        has_corners: Whether a load is given by a curve, which has corners.
+        spread: Slider speed below which loads that jump are smoothed, m/s; 0 if no load jumps.
     """
 
     motor: Motor

@@ -8,7 +8,7 @@ links determine both. They satisfy
 
     G = l1 sin phi1 + l2 sin phi2 + l3 sin phi3 = 0.
 
-The velocities are that of the crank, phi1', and that of the dyad, s'. With n2 = l2 cos phi2,
+The velocities are phi1' for the crank and s' for the dyad. With n2 = l2 cos phi2,
 n3 = l3 cos phi3 and N^2 = n2^2 + n3^2,
 
     phi2' = -(n2 / N^2) l1 cos phi1 phi1' - (n3 / N) s'
@@ -45,7 +45,7 @@ from linkage_ros.model.wind_pump import WindPump
 from linkage_ros.numeric import Array, Real
 
 BOTH = 'both'  # the assembly of a motion that stretches the dyad
-_WIDTH = 0.03  # of a smoothed jump of a load, relative to crank length x largest speed
+_WIDTH = 0.03  # width of a smoothed load jump, relative to crank length x largest speed
 
 
 class ByAngles(NamedTuple):
@@ -73,7 +73,7 @@ class ByAngles(NamedTuple):
         normal, lever = Vector(coupler.x / size, rod.x / size), crank.x / size
         pairs = list(zip(normal, normal.left(), strict=True))
         slopes = [(-lever * along, across) for along, across in pairs]
-        # G'' = 0 gives the part of (phi2'', phi3'') along the normal, the normal's turn the other.
+        # G'' = 0 gives (phi2'', phi3'') along the normal, the rotation of the normal the rest.
         low, mixed, high = (
             total(arm.y * (one[i] * one[j]) for arm, one in zip(arms, pairs, strict=True))
             for i, j in ((0, 0), (0, 1), (1, 1))
@@ -105,16 +105,16 @@ class ByAngles(NamedTuple):
 
 
 class PumpSolver(Solver):
-    """A solver with equations of motion for arrays of phases; they check nothing, to be fast.
+    """A solver with fast, unchecked equations of motion for arrays of phases.
 
-    A phase holds the crank angle, the positions of the `places`, the velocity of the crank, and
-    that of the dyad. If the slider is the only place, its velocity replaces the dyad's.
+    A phase holds the crank angle, the positions of the `places`, and the velocities of crank and
+    dyad. If the slider is the only place, its velocity replaces the dyad's.
 
     Attributes:
         by_slider: Whether the slider replaces coupler and rod.
-        places: Numbers of the links whose positions describe the motion, besides the crank.
-        units: Units of the places and of the last velocity, rad or m and per second: as large as
-            a crank at 1 rad/s makes their ranges.
+        places: Numbers of the links, other than the crank, whose positions describe the motion.
+        units: Units of the places and of the last velocity, rad or m and per second: their typical
+            sizes at a crank speed of 1 rad/s.
     """
 
     def __init__(self, mechanism: WindPump, by_slider: bool = False) -> None:
@@ -182,7 +182,7 @@ class PumpSolver(Solver):
 
         Args:
             torque: Torque on the crank, N m.
-            phase: The rows of the phases, in arrays of one shape.
+            phase: The rows of the phases, in arrays of the same shape.
 
         Returns:
             The derivatives, of shape (k, ...).
@@ -195,7 +195,7 @@ class PumpSolver(Solver):
         return cast('State', self._evaluate(_motion, *phase, torque))
 
     def residuals(self, crank: Array, places: Array, rates: Array, changes: Array) -> Array:
-        """Computes the forces that a motion lacks, without the motor's torque.
+        """Computes the residual forces of a motion, without the motor's torque.
 
         Args:
             crank: Crank angles, rad.
@@ -218,7 +218,7 @@ class PumpSolver(Solver):
 
 
 def assembly(coupler: Array, rod: Array) -> str:
-    """Returns the assembly of a pump in a motion: open, crossed, or both in turn."""
+    """Returns the assembly of a pump in a motion: open, crossed, or alternating between both."""
     is_open = np.sin(coupler - rod) > 0
     return OPEN if is_open.all() else BOTH if is_open.any() else CROSSED
 
@@ -240,7 +240,7 @@ def _motion(constants: _Constants, q: _Values, u: _Values, torque: Real) -> Stat
 def _residuals(constants: _Constants, q: _Values, rates: _Values, changes: _Values) -> _Values:
     model, places = constants
     pose = model.loop.pose(q)
-    ways = [pose.links[i].jacobian[1] for i in places]  # a unit vector, across the crank's share
+    ways = [pose.links[i].jacobian[1] for i in places]  # orthogonal to the crank's effect
     u = rates[0], total(map(operator.mul, ways, rates[1:]))
     held = accelerations(pose, u, ())
     gains = (change - held[i] for change, i in zip(changes[1:], places, strict=True))

@@ -11,8 +11,8 @@ crank angle, with H n, H n and H n - 1 harmonics:
 
 The residuals are the torque R2 on the dyad, the closure G, and the torque R1 on the crank (see
 `equations`). On average over the n turns, R2 times each function of the first series vanishes, and
-so do G times each function of the second and R1 times each function of the third. This gives as
-many equations as coefficients.
+so do G times each function of the second and R1 times each function of the third. The number of
+these equations equals the number of coefficients.
 
 With one harmonic, the slider's position xD replaces both angles, and the crank speed is constant.
 The equations are then the averaged equations of document 3, after Van der Pol. If a1, b1 and w0
@@ -47,10 +47,10 @@ AVERAGED, EXACT = 1, 16  # harmonics
 _SPEEDS, _PLACES = 12, 7  # harmonics of guesses with a slider at rest
 _ROUGH = 0.6  # harmonics of a guess, relative to the samples per turn
 _WILD = 100.0  # larger multipliers of averaged motions, near a stretched dyad, are meaningless
-_ROUGHEST = 1e-4  # largest coefficient of the last of the most harmonics, in crank lengths
+_ROUGHEST = 1e-4  # largest last coefficient with the largest number of harmonics, in crank lengths
 # Largest steps of Newton's method, relative; from a neighbouring motion, 4 or 5 steps suffice.
 _STEPS = (1.0,) * 4 + (0.1,) * 3 + (0.01,) * 5
-# A Jacobian is used again after a step below _CLOSE if the steps decrease to _FALLS.
+# A Jacobian is reused after a step below _CLOSE and below _FALLS times the step before it.
 _CLOSE, _FALLS = 0.1, 0.2
 _DOUBLED = 0.1  # amplitude of the added waves in the guess of a doubled motion, in its units
 _TINY = 1e-12  # smallest range of samples, m, rad or rad/s
@@ -58,12 +58,12 @@ _DIFFERENCE = 1e-7  # relative change of the values of a motion, for derivatives
 
 
 class Accuracy(NamedTuple):
-    """How exactly a motion is computed.
+    """Accuracy with which a motion is computed.
 
     Attributes:
-        error: Largest estimated error, relative.
-        tail: Largest coefficient of the last harmonic, in crank lengths. If the most harmonics do
-            not suffice, 1e-4 is allowed.
+        error: Largest estimated relative error.
+        tail: Largest coefficient of the last harmonic, in crank lengths. With the largest number
+            of harmonics, 1e-4 is allowed.
         most: Largest number of harmonics per period.
     """
 
@@ -106,11 +106,11 @@ class HarmonicBalance:
         self._parts = [slice(*pair) for pair in itertools.pairwise(ends)]
 
     def over(self, turns: int, harmonics: int = 0) -> 'HarmonicBalance':
-        """Returns the equations for another number of turns; 0 harmonics: as many as here."""
+        """Returns the equations for another number of turns; 0 keeps the number of harmonics."""
         return _balance(self._mechanism, self.damping, harmonics or self._harmonics, turns)
 
     def finer(self, most: int) -> 'HarmonicBalance | None':
-        """Returns the equations with twice as many harmonics; None if a period has the most."""
+        """Returns the equations with twice as many harmonics; None beyond the largest number."""
         harmonics = 2 * self._harmonics
         return self.over(self.turns, harmonics) if harmonics * self.turns <= most else None
 
@@ -138,7 +138,7 @@ class HarmonicBalance:
         return np.repeat(each, (*self.sizes, 1))
 
     def tangent(self, motion: PeriodicMotion) -> Array:
-        """Differentiates the unknowns by the mean crank speed, along the load curve."""
+        """Returns the derivative of the unknowns with respect to the mean crank speed."""
         jacobian = self.jacobian(self.unknowns(motion))
         row = jacobian[-1] = self.axis(of_speed=True)
         return np.linalg.solve(jacobian, np.eye(len(row))[-1])
@@ -179,8 +179,8 @@ class HarmonicBalance:
         rows = (_over_twice(row) for row in (*motion.places, motion.crank))
         unknowns = twice.sized(*rows, np.array([motion.torque]))
         units = twice.units(motion)
-        # The waves that twice the period adds. Along one direction of their coefficients, the
-        # equations are singular.
+        # Terms that appear only at twice the period. The equations are singular along one
+        # direction of their coefficients.
         new = np.concatenate([(np.arange(size) + 1) // 2 % 2 for size in (*twice.sizes, 1)]) > 0
         jacobian = twice.jacobian(unknowns)[:-1] * units
         way = np.zeros(len(unknowns))
@@ -212,8 +212,8 @@ class HarmonicBalance:
 
         Args:
             guess: Initial unknowns of Newton's method.
-            fixed: Direction in which the unknowns are not changed; None keeps the torque.
-            accuracy: How exactly the motion is computed.
+            fixed: Direction in which the unknowns are kept; None keeps the torque.
+            accuracy: Required accuracy of the motion.
 
         Returns:
             The motion; None if none was found.
@@ -271,7 +271,7 @@ class HarmonicBalance:
         places, slopes, _ = functions @ unknowns[:3]
         (m11, m12), (_, m22) = self.solver.matrix((self.angles, places))
         speed = unknowns[3]
-        # The forces by the rates of X0, a1, b1 and w0.
+        # Derivatives of the forces with respect to the rates of X0, a1, b1 and w0.
         push = np.column_stack((2 * speed * functions[1], slopes))
         push[:, 0], spin = 0.0, np.eye(1, 4, 3)
         inertia = np.vstack(
@@ -286,13 +286,13 @@ class HarmonicBalance:
         return by_size(np.exp(growth * (2 * math.pi / speed)))
 
     def residuals(self, unknowns: Array) -> Array:
-        """Computes the residuals of the equations; the last, that of `find`, is 0."""
+        """Computes the residuals; the last, of the condition that `find` adds, is 0."""
         lacks = self._lacks(self._values(unknowns)[:, None], unknowns[-1])
         means = [weights @ lack[0] for weights, lack in zip(self._weights, lacks, strict=True)]
         return np.concatenate((*means, [0.0]))
 
     def jacobian(self, unknowns: Array) -> Array:
-        """Computes the Jacobian of the equations; its last row, that of `find`, is 0."""
+        """Computes the Jacobian; its last row, for the condition that `find` adds, is 0."""
         values = self._values(unknowns)
         units = [*np.repeat(self.solver.units[:-1], 3), *[values[-2].max()] * 2]
         steps = _DIFFERENCE * np.array(units)

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The load curve of a pump: its periodic motions by mean crank speed, and their stability.
+"""The load curve of a pump: its periodic motions at all mean crank speeds, and their stability.
 
 The motor's torque M0 - m phi1' has the time average M0 - m w, where w is the mean speed. The load
 curve M0(w) - m w is therefore the mean load of the motion with the mean speed w. The steady states
@@ -28,13 +28,13 @@ ALONE = 'not followed further'  # ends of a piece with a single motion
 _GAP = 1e-2  # relative torque difference between a period doubling and the doubled motion
 # Longest step per turn and shortest step along a curve, in the units of the unknowns.
 _STEP, _SHORTEST = 0.3, 1e-2
-_SHARP, _STRAIGHT = 0.5, 0.9  # cosine of the angle between two steps: too small, and large
+_SHARP, _STRAIGHT = 0.5, 0.9  # cosines of the angle between two steps
 _MOST = 400  # largest number of steps along a curve
 _CURVE = Accuracy(1e-6, 1e-5, 128)  # along a curve
 _BOUNDARY = Accuracy(1e-10, 1e-5, 128)  # where the stability changes
 _FEW = 2  # most turns of states whose curves are followed: four turns take eight times as long
 _HALVINGS = 6  # of the way between two motions of a curve
-_NEARLY_HALF = 0.51  # of that way, the distance of motions between them from its middle
+_NEARLY_HALF = 0.51  # largest distance from the middle of that way
 _MOST_SECANTS, _UNIT = 12, 1e-6  # steps to a multiplier of modulus 1, and tolerance
 
 
@@ -75,8 +75,8 @@ class SteadyState(NamedTuple):
     Attributes:
         motion: The sustained motion.
         piece: The piece of the load curve that contains it.
-        averaged: The averaged motion near it; None: none was found.
-        share: Fraction of the starts that settle at it.
+        averaged: The averaged motion near it; None if none was found.
+        share: Fraction of the starts that settle in this state.
     """
 
     motion: PeriodicMotion
@@ -97,7 +97,7 @@ def steady_states(
         balance: Equations for the motor's damping.
         pieces: The pieces of the load curve.
         torque: Torque of the motor at rest, N m.
-        accuracy: How exactly the states are computed.
+        accuracy: Required accuracy of the states.
 
     Returns:
         The states in order of speed.
@@ -112,7 +112,7 @@ def steady_states(
     return sorted(states, key=lambda state: state.motion.speed)
 
 
-@functools.lru_cache(256)  # after each new curve, the same states are asked for
+@functools.lru_cache(256)  # the same states are requested after each new curve
 def _between(
     balance: HarmonicBalance,
     one: PeriodicMotion,
@@ -184,12 +184,13 @@ def with_curves(
 ) -> list[Piece]:
     """Completes the load curve with the curves of further motions.
 
-    At period doublings of motions of one turn, the motions of two turns are followed, too.
+    Where the period of a motion of one turn doubles, the motions of two turns are followed as
+    well.
 
     Args:
         balance: The equations for one turn.
         pieces: The known pieces.
-        seeds: The further motions; None is skipped.
+        seeds: Further motions; None values are skipped.
         speeds: Lowest and highest mean speed to which the curves are followed, rad/s.
 
     Returns:
@@ -244,7 +245,7 @@ def follow(
         speeds: Lowest and highest mean speed, rad/s.
 
     Returns:
-        The pieces of the curve; the first begins on the side of slower cranks.
+        The pieces of the curve, starting at its end with the slower crank.
     """
     (back, begins_at), (forth, ends_at) = (
         _continued(balance, seed, sign, speeds) for sign in (-1, 1)
@@ -308,7 +309,7 @@ def _continued(
 def _is_doubled(one: PeriodicMotion, other: PeriodicMotion) -> bool:
     """Returns whether the curve passes a period doubling between two motions.
 
-    Beyond it, the turns of a motion are in the opposite order.
+    Beyond a period doubling, the turns of a motion are in reverse order.
     """
     if one.turns % 2:
         return False

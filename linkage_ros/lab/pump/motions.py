@@ -21,16 +21,17 @@ _STAGES = *map(np.array, DORMAND_PRINCE.stages), np.array(DORMAND_PRINCE.end)
 _ERROR = np.array(DORMAND_PRINCE.error)
 # Tolerance of a step: rad and crank lengths; for rates, relative to the motor's speed.
 _TOLERANCE = 5e-4
-_FINE, _SAMPLES = 1e-7, 128  # tolerance of further turns, and samples of each
+_FINE, _SAMPLES = 1e-7, 128  # tolerance of further turns, and samples per turn
 _KEPT = 400  # steps that are searched for the last turns
 _LONGEST = 75.0  # longest time for a further turn, relative to that for 1 rad at no load
-# Of motions that alternate between the assemblies.
+# For motions that alternate between the assemblies.
 _PERIODS = 1, 2, 4  # turns
 _TURNS = 16  # last turns, all of which must repeat: a slowing motion repeats for a few turns
 # Largest relative differences of the speeds of turns that repeat, and of the means of two halves.
 _REPEATS, _DRIFT = 0.015, 0.001
-_LEAST = 0.02  # smallest share of the starts; fewer starts may only seem to repeat
-# Largest relative differences in mean speed: of two equal motions, of one on its way to a state.
+_LEAST = 0.02  # smallest share of the starts; fewer starts may repeat by chance
+# Largest relative difference in mean speed of equal motions, and of a motion and the state that it
+# approaches.
 _SAME, _ON_ITS_WAY = 0.005, 0.02
 
 
@@ -63,7 +64,7 @@ class Motions:
         self.times, self.phases = [np.zeros(starts.shape[1])], [starts.copy()]
 
     def advance(self, steps: int) -> None:
-        """Advances all motions by a number of steps; rejected steps count, too."""
+        """Advances all motions by a number of steps, including rejected steps."""
         with np.errstate(all='ignore'):  # non-finite values have no slope
             for _ in range(steps):
                 self._try()
@@ -117,7 +118,7 @@ class Motions:
             turns: Number of turns of the crank.
 
         Returns:
-            Phases at equal times, of shape (k, n); None if the crank does not turn so far.
+            Phases at equal time intervals, of shape (k, n); None if the crank stops before.
         """
         from scipy.integrate import solve_ivp
 
@@ -187,7 +188,8 @@ def alternating_motions(
     Args:
         courses: For each alternating motion without a known state, the mean speeds of its last
             turns, rad/s.
-        known: Mean speeds of the known states, rad/s; a motion near one of them may be on its way.
+        known: Mean speeds of the known states, rad/s; a motion near one of them may be approaching
+            it.
         starts: Number of all starts.
 
     Returns:

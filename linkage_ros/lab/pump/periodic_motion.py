@@ -76,8 +76,8 @@ class PeriodicMotion:
         crank: Coefficients of the crank's speed, rad/s.
         torque: Torque of the motor at rest, N m.
         turns: Number of turns after which the motion repeats.
-        slow_multipliers: Floquet multipliers of an averaged motion, for slow deviations in a turn;
-            empty: `multipliers` are computed from the motion.
+        slow_multipliers: Floquet multipliers of an averaged motion, for slow deviations over a
+            turn; if empty, `multipliers` are computed from the motion.
     """
 
     solver: PumpSolver
@@ -162,7 +162,7 @@ class PeriodicMotion:
 
     @functools.cached_property
     def assembly(self) -> str:
-        """Assembly of the dyad: open, crossed, or both in turn."""
+        """Assembly of the dyad: open, crossed, or alternating between both."""
         _, coupler, rod, _ = self._state.position
         return assembly(coupler, rod)
 
@@ -257,8 +257,8 @@ class PeriodicMotion:
     def efficiency(self) -> float | None:
         """Fraction of the crank's power that reaches the lift load; None if there is no lift load.
 
-        The lift load is the force and the load curve of the slider; a constant force takes no
-        power in a period.
+        The lift load is the force and the load curve of the slider; a constant force consumes no
+        power over a period.
         """
         pump = cast('WindPump', self.solver.mechanism)
         slider, lifts = pump.slider, (getattr(load, 'link', '') for load in pump.loads)
@@ -323,7 +323,7 @@ class PeriodicMotion:
 
     @property
     def name(self) -> str:
-        """Mean speed as text; also the number of turns if above 1, and 'unstable' if so."""
+        """Mean speed as text; also the number of turns if above 1, and 'unstable' if it is."""
         turns = f', {self.turns} turns' if self.turns > 1 else ''
         return f'{self.speed:.4g} rad/s{turns}{"" if self.stable else ", unstable"}'
 
@@ -364,7 +364,7 @@ def _shared(row: Array, part: int) -> Array:
 def by_size(values: Any) -> tuple[complex, ...]:
     """Sorts multipliers by magnitude, the largest first.
 
-    Of a complex pair, the multiplier with the positive imaginary part comes first.
+    In a complex pair, the multiplier with the positive imaginary part comes first.
     """
     ordered = sorted(values.tolist(), key=lambda one: (-round(abs(one), 9), -one.imag))
     return tuple(map(complex, ordered))

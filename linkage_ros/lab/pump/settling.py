@@ -29,26 +29,28 @@ _LONG = 200  # steps, in which a crank that has not stopped makes half a turn
 _ROWS = 10  # steps, about a turn
 _BACK = 50  # steps between two compared distances of a motion from a state
 # A motion has settled if its distance from a state, relative to crank length and speed, is below
-# _APPROACHING and below _INSIDE times the distance of the nearest unstable state, and if besides
-# one of these holds: the distance is below _NEAR; it was below _BEFORE times this limit and falls,
-# over many turns at half the rate of the state's largest multiplier, or to _HALF; or Newton's
-# method finds the state from the motion's last turns.
+# _APPROACHING and below _INSIDE times the distance of the nearest unstable state, and if one of
+# these conditions also holds: the distance is below _NEAR; it was below _BEFORE times this limit
+# and decreases, over many turns at half the rate of the state's largest multiplier, or to _HALF;
+# or Newton's method finds the state from the motion's last turns.
 _NEAR, _APPROACHING = 0.05, 0.5
 _HALF, _BEFORE = 0.5, 4.0
 _INSIDE = 0.3
 _COMPARED, _POINTS = 8, 256  # turns and points for the distance between two states
 _WAIT = 4  # checks before states are identified from motions
-# After so many checks, the search ends if fewer motions are unidentified at _AGAIN checks.
+# After _LATE checks, the search ends if the fraction of unidentified motions is below _RARE at
+# _AGAIN successive checks.
 _LATE, _RARE, _AGAIN = 10, 0.005, 3
-_TRIES = 4  # periods that are tried with one motion, at most
+_TRIES = 4  # largest number of periods to try for a motion
 _MOST_FAILURES = 12  # failed attempts to identify a state at one check
 _PERIODS = range(1, 9)  # turns after which a motion may repeat
-# Largest relative difference of the mean speeds of turns that may repeat; at the last attempt.
+# Largest relative difference of the mean speeds of turns that may repeat; the same at the last
+# attempt.
 _ALIKE, _ROUGHLY = 0.01, 0.05
 _REPEATS = 0.02  # allowed residual of a series over a period, relative to the motion's spread
-_FINER = 64  # harmonics per turn at the last attempt, at most
+_FINER = 64  # largest number of harmonics per turn at the last attempt
 _ASIDE = 0.1  # distance of starts from an unstable state, in the units of `_NEAR`
-_CHECKS = 80  # of a single motion
+_CHECKS = 80  # largest number of checks for a single motion
 
 
 class Search:
@@ -61,7 +63,7 @@ class Search:
         states: The known states, stable or not.
         unstable: The unstable states known at the start.
         belongs: Number of the state at which each motion settles; -1 if none is known.
-        stopped: Whether the crank of each motion has stopped, or rocks to and fro.
+        stopped: Whether the crank of each motion has stopped or rocks back and forth.
     """
 
     def __init__(
@@ -138,7 +140,7 @@ class Search:
         return self.belongs[first:].reshape(-1, 2).tolist()
 
     def _inside(self, state: PeriodicMotion, number: int) -> float:
-        """Returns the distance from a state below which motions surely settle at state `number`.
+        """Returns the distance from a state within which motions are expected to settle in it.
 
         An unstable state does not limit it if the motions on both of its sides settle there.
         """
@@ -156,7 +158,8 @@ class Search:
 
         Args:
             number: Number of the motion.
-            is_last: Whether to integrate the last turns anew, because errors may hide the period.
+            is_last: Whether to integrate further turns accurately, because errors may hide the
+                period.
 
         Returns:
             The number of failed attempts; 0 if a state was found.
@@ -221,7 +224,7 @@ def _falls(state: PeriodicMotion, before: Array, now: Array) -> Array:
     return np.clip(abs(state.multipliers[0]) ** (periods / 2), _HALF, 1.0)
 
 
-@functools.cache  # it is asked for at every check
+@functools.cache  # requested at every check
 def _apart(state: PeriodicMotion, other: PeriodicMotion) -> float:
     """Computes the distance of two states, over enough turns to compare different periods."""
     angles = np.linspace(0, 2 * np.pi * _COMPARED, _POINTS, endpoint=False)
@@ -316,6 +319,6 @@ def settle(
         turns = search.motions.phases[-1][0, 0] / (2 * np.pi)
         raise ConfigurationError(
             f'from {speed:g} rad/s the pump does not settle within {turns:.1f} turns: '
-            'linkage_chart pump draws what it does'
+            'linkage_chart pump draws its motion'
         )
     return search.states[int(search.belongs[0])]

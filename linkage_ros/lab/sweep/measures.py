@@ -41,7 +41,7 @@ class Task(NamedTuple):
         names: The parameters in which designs differ.
         measures: Names of the measures.
         angles: Number of crank angles in a turn.
-        points: Points that the coupler point should pass, x + iy, m.
+        points: Points that the coupler point should pass through, x + iy, m.
     """
 
     mechanism: Mechanism
@@ -201,7 +201,7 @@ def _extremes_of(constants: Any, *_: Real) -> tuple[Real, Real]:
 
 
 class Batch:
-    """Designs of one structure whose cranks turn fully, evaluated over a period.
+    """Designs with the same structure and fully turning cranks, evaluated over a period.
 
     All arrays have a row for each design.
     """
@@ -284,7 +284,7 @@ class Measure(NamedTuple):
         unit: Unit of the measure.
         of: Function that computes the measure for each design of a batch.
         needs: Requirement on the task in words.
-        applies: Whether a task meets the requirement.
+        applies: Function that returns whether a task meets the requirement.
     """
 
     unit: str

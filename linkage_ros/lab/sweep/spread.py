@@ -53,7 +53,7 @@ def spread(
                 del left[numbers[future]]
             return
     raise ConfigurationError(
-        f'worker processes died {_ATTEMPTS} times, perhaps because memory was short; give fewer '
+        f'worker processes died {_ATTEMPTS} times, perhaps for lack of memory; give fewer '
         '--workers, or fewer angles'
     )
 
@@ -97,7 +97,7 @@ def cluster(address: str) -> Iterator[Executor]:
     Raises:
         ConfigurationError: No scheduler answers, it has no workers, or its workers fail.
         BrokenExecutor: A result was lost with its worker.
-        TypeError: The work itself raised it.
+        TypeError: The work function raised a TypeError.
     """
     from distributed import Client, KilledWorker
     from distributed.comm.addressing import get_address_host_port

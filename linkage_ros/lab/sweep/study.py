@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A study: designs to try, measures to compute, and constraints and goals for the designs."""
+"""A study: the designs to evaluate, the measures to compute, constraints and goals."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -35,7 +35,7 @@ class Settings(Checked):
         seed: Seed of the random numbers.
         angles: Number of crank angles per turn.
         rpm: Crank speed, rpm; None for the speed of the base.
-        points: Points that the coupler point should pass, as x, y, x, y, ..., m.
+        points: Points that the coupler point should pass through, as x, y, x, y, ..., m.
     """
 
     base: str = quantity('text', 'preset, or parameter file, of the mechanism')
@@ -48,7 +48,11 @@ class Settings(Checked):
     angles: int = quantity('whole', 'crank angles in a turn', span=(12, 36000), default=360)
     rpm: float | None = quantity('number', 'crank speed', 'rpm', span=(-1e6, 1e6), default=None)
     points: tuple[float, ...] | None = quantity(
-        'list', 'points that the coupler point should pass', 'm', span=(-1e9, 1e9), default=None
+        'list',
+        'points that the coupler point should pass through',
+        'm',
+        span=(-1e9, 1e9),
+        default=None,
     )
 
 
@@ -113,7 +117,7 @@ def _read_groups(path: str) -> tuple[dict[str, dict[str, Any]], dict[str, Any]]:
     """Reads a study; returns its groups by name, and all its values.
 
     Raises:
-        ConfigurationError: The file cannot be read, or has an unknown name.
+        ConfigurationError: The file cannot be read, or contains an unknown name.
     """
     values: dict[str, Any] = read_study_file(path)
     known = [*leaves(Settings), *(Leaf(x, _NUMBER, None) for x in ('measures', *_GROUPS))]
@@ -162,7 +166,7 @@ def _span(name: str, value: object, allowed: Quantity) -> tuple[float, float]:
     """Reads a range: two numbers, the smaller one first.
 
     Raises:
-        ConfigurationError: The value is not such a pair.
+        ConfigurationError: The value is not a valid range.
     """
     low, high = cast('tuple[float, float]', replace(allowed, kind='pair').clean(name, value))
     if not low < high:
