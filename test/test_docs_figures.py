@@ -15,7 +15,7 @@ import linkage_ros
 from linkage_ros.lab.methods.linkage_cases import NEAR
 from linkage_ros.lab.methods.registry import DEFAULT, INTEGRATORS, LIVE, RECORDS
 from linkage_ros.log import writer
-from linkage_ros.log.mcap_file import LARGEST
+from linkage_ros.log.mcap_reader import LARGEST
 from linkage_ros.model.registry import MECHANISMS
 from linkage_ros.motion.drives import FollowDrive
 from linkage_ros.parameters.configuration import MechanismAndDrive, parameter_leaves

@@ -42,8 +42,8 @@ from linkage_ros import (
 )
 from linkage_ros import record as record_module
 from linkage_ros.errors import one_line, printable
-from linkage_ros.log import mcap_file
-from linkage_ros.log.mcap_file import LARGEST
+from linkage_ros.log import mcap_reader
+from linkage_ros.log.mcap_reader import LARGEST
 from linkage_ros.log.metadata import (
     CONFIGURATION_RECORD,
     MOTION_RECORD,
@@ -231,7 +231,7 @@ CROWDED = 'decompress to more than the limit'
 
 def test_more_messages_than_fit_into_the_file_are_refused(stored, out, monkeypatch):
     """Without the limit, verifying such a file of 0.13 MB took 40 s; 1.3 MB would take 400 s."""
-    monkeypatch.setattr(mcap_file, '_FREE', 1 << 22)
+    monkeypatch.setattr(mcap_reader, '_FREE', 1 << 22)
     path = stored(hostile_logs.clocks(2, 150))
     with LogReader(path) as log:
         for _ in range(3):  # each pass has its own limit, as a looping replay needs
@@ -252,12 +252,12 @@ def test_more_messages_than_fit_into_the_file_are_refused(stored, out, monkeypat
 def test_log_of_a_linkage_at_rest_stays_far_below_the_unpacking_limit(tmp_path, out, monkeypatch):
     path = tmp_path / 'run.mcap'
     record(configure({'rpm': 0.0, 'rate_hz': 1000.0}), path, duration=6.0)
-    monkeypatch.setattr(mcap_file, '_FREE', 0)
-    monkeypatch.setattr(mcap_file, '_COST_PER_BYTE', mcap_file._COST_PER_BYTE // 4)
+    monkeypatch.setattr(mcap_reader, '_FREE', 0)
+    monkeypatch.setattr(mcap_reader, '_COST_PER_BYTE', mcap_reader._COST_PER_BYTE // 4)
     recover(path, out)
     for file in (path, out):
         assert [len(messages) for messages in read(file)] == [24_001] * 2
-    monkeypatch.setattr(mcap_file, '_COST_PER_BYTE', mcap_file._COST_PER_BYTE // 2)
+    monkeypatch.setattr(mcap_reader, '_COST_PER_BYTE', mcap_reader._COST_PER_BYTE // 2)
     with pytest.raises(LogError, match=CROWDED):
         read(path)
 

@@ -14,9 +14,9 @@ from matplotlib.text import Text
 from scipy.integrate import solve_ivp
 
 from linkage_ros import ConfigurationError, Solver, UnreachableError
-from linkage_ros.lab.charts.pump import draw_pump, states_table
 from linkage_ros.lab.output import DPI
 from linkage_ros.lab.pump.analysis import analyse
+from linkage_ros.lab.pump.chart import draw_pump, states_table
 from linkage_ros.lab.pump.equations import BOTH, PumpSolver
 from linkage_ros.lab.pump.harmonic_balance import HarmonicBalance
 from linkage_ros.lab.pump.load_curve import (

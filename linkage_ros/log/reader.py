@@ -13,7 +13,7 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, ChunkIndex, MetadataIndex, Schema, Statistics
 
 from linkage_ros.errors import LinkageError, LogError
-from linkage_ros.log.mcap_file import McapFile, open_mcap
+from linkage_ros.log.mcap_reader import McapFile, open_mcap
 from linkage_ros.log.metadata import (
     CONFIGURATION_RECORD,
     END_RECORD,

@@ -15,7 +15,7 @@ from mcap.records import Attachment, Channel, Metadata, Schema
 from linkage_ros.errors import LogError
 from linkage_ros.files import is_same_file, replacement
 from linkage_ros.log.log_file import keep_other_files
-from linkage_ros.log.mcap_file import HEAD, MAGIC_SIZE, McapFile, open_mcap, parsed
+from linkage_ros.log.mcap_reader import HEAD, MAGIC_SIZE, McapFile, open_mcap, parsed
 from linkage_ros.log.metadata import (
     CHECKSUM,
     CONFIGURATION_RECORD,

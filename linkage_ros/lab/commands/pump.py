@@ -48,7 +48,7 @@ def pump(options: argparse.Namespace) -> None:
             analysis = worker.submit(
                 analyse, mechanism, drive.motor, speeds=options.speeds, progress=progress
             )
-            from linkage_ros.lab.charts.pump import draw_pump, states_table
+            from linkage_ros.lab.pump.chart import draw_pump, states_table
 
             found = analysis.result()
             save_records(records, [found.record()])
