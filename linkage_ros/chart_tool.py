@@ -21,7 +21,7 @@ _OUT: cli.Option = (('--out',), None, {
     'help': 'folder for the results; existing files are replaced (default: the current folder)',
 })  # fmt: skip
 _QUICK: cli.Option = (('--quick',), None, {
-    'action': 'store_true', 'help': 'fewer settings and cases: seconds, or a minute for stability',
+    'action': 'store_true', 'help': 'fewer settings and cases, in a fraction of the time',
 })  # fmt: skip
 
 

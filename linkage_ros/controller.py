@@ -140,6 +140,7 @@ class ControllerNode(ParameterNode):
             settings.lead_time if settings.feed_forward else None,
         )  # fmt: skip
         self._crank = f'{settings.joint_prefix}crank'
+        self._commanded = plant.session.crank_joint or self._crank
         self._last_stamp = -_LONGEST_GAP
         self._commands = self.create_publisher(JointState, 'joint_commands', 10)
         states = self.create_subscription(JointState, 'joint_states', self._answer, 10)
@@ -169,7 +170,7 @@ class ControllerNode(ParameterNode):
         gap, self._last_stamp = stamp - self._last_stamp, stamp
         elapsed = gap / NS_PER_S if 0 < gap < _LONGEST_GAP else 0.0
         torque = self._controller.torque(angle, speed, elapsed)
-        command = JointState(name=[self._crank], effort=[torque])
+        command = JointState(name=[self._commanded], effort=[torque])
         command.header.stamp = state.header.stamp
         self._commands.publish(command)
 

@@ -11,13 +11,13 @@ from xml.etree import ElementTree as ET
 
 from linkage_ros import cli
 from linkage_ros.errors import ConfigurationError
-from linkage_ros.files import create_file
+from linkage_ros.files import create_file, is_same_file
 from linkage_ros.model.kinematics import State
 from linkage_ros.model.loads import LinkForce, continuous
 from linkage_ros.model.rigid_links import RigidLink, rigid_links
 from linkage_ros.model.structure import Mechanism
 from linkage_ros.parameters.configuration import Configuration, configure, read_values
-from linkage_ros.parameters.presets import preset_names
+from linkage_ros.parameters.presets import find_file, preset_names
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.wire.codecs import joint_rows
 from linkage_ros.wire.urdf import comment, element, link_of, make_urdf, text_of
@@ -202,8 +202,13 @@ def _write(options: argparse.Namespace, text: str) -> None:
     """Writes text to the output file and prints its path.
 
     Raises:
-        ConfigurationError: The file exists, without --overwrite, or cannot be written.
+        ConfigurationError: The file is the parameter file, exists without --overwrite, or cannot
+            be written.
     """
+    if is_same_file(str(options.out), str(find_file(options.params))):
+        raise ConfigurationError(
+            f'{options.out} holds the parameters and is kept: choose another name'
+        )
     with create_file(
         options.out, ConfigurationError, overwrite=options.overwrite, cure='give --overwrite'
     ) as stream:

@@ -89,10 +89,12 @@ def test_killed_controller_is_reported_and_a_new_one_takes_over(tmp_path, monkey
     monkeypatch.setenv('FASTDDS_BUILTIN_TRANSPORTS', 'UDPv4')
     path, plant, domain = tmp_path / 'run.mcap', tmp_path / 'plant.yaml', fresh_domain()
     preset = preset_path('quadrilateral').read_text().rstrip()
-    plant.write_text(f'{preset}\n    joint_prefix: left_\n    frame_id: tool0\n')
+    names = {'joint_prefix': 'left_', 'frame_id': 'tool0', 'crank_joint': 'arm_motor'}
+    lines = (f'    {name}: {text}' for name, text in names.items())
+    plant.write_text('\n'.join([preset, *lines, '']))
     arguments = node_arguments(
         drive='torque', start_rpm=150.0, rate_hz=500.0, log=path, command_timeout=0.2,
-        joint_prefix='left_', frame_id='tool0', **{'motor.damping': 2.0},
+        **names, **{'motor.damping': 2.0},
     )  # fmt: skip
     follow = node_arguments(plant=plant, lead_time=0.003)
     with watched([STATES], *arguments, domain=domain) as (listener, node):
@@ -109,7 +111,7 @@ def test_killed_controller_is_reported_and_a_new_one_takes_over(tmp_path, monkey
     assert 'no command within command_timeout: the motor alone drove the crank' in output
     assert verified(path).others == ('/diagnostics', COMMANDS)
     (sent, *_) = logged(path)[1][COMMANDS]
-    assert decode_joint_state(sent.data).names == ['left_crank']
+    assert decode_joint_state(sent.data).names == ['arm_motor']
 
 
 # States of other robots, and of a crank without the values that a controller needs.

@@ -27,7 +27,7 @@ from linkage_ros.model.loads import LinkForce
 from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.motion.torque_driven import TorqueMotion
 from linkage_ros.parameters.configuration import configure, load
-from linkage_ros.parameters.presets import preset_names
+from linkage_ros.parameters.presets import preset_names, preset_path
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.units import NS_PER_S
 from linkage_ros.wire.urdf import make_urdf
@@ -283,6 +283,14 @@ def test_failed_export_gives_one_line(tmp_path, monkeypatch, called, words, said
     assert_refused(*called(export_tool, *words), re.escape(said))
     assert [path.name for path in tmp_path.iterdir()] == ['linkage.urdf']
     assert (tmp_path / 'linkage.urdf').read_text() == 'mine'
+
+
+def test_parameter_file_is_not_overwritten(tmp_path, called):
+    path = tmp_path / 'mine.yaml'
+    path.write_text(text := preset_path('quadrilateral').read_text())
+    refused = called(export_tool, 'mjcf', path, path, '--overwrite')
+    assert_refused(*refused, 'mine.yaml holds the parameters and is kept')
+    assert path.read_text() == text
 
 
 def test_the_program_of_the_page_turns_the_crank(tmp_path, monkeypatch, called, capfd):

@@ -328,6 +328,11 @@ def test_torque_drives_mechanism_and_flywheel_at_every_angle(preset):
     check_balance(configuration.mechanism, cycle)
 
 
+def test_linkage_without_masses_and_loads_needs_no_flywheel():
+    with pytest.raises(MechanismError, match='a flywheel has nothing to do: give links masses'):
+        Crank(FourBar(Frame(0.4), Body(0.05), Coupler(0.4), Body(0.1))).inertia_for(0.1, 6.0)
+
+
 @pytest.mark.parametrize('fluctuation', [0.02, 0.5, 2.0])
 def test_strong_damping_has_a_cycle_with_any_flywheel(fluctuation):
     """Damping dissipates all energy in a turn; fixed-point iteration of speeds would diverge."""

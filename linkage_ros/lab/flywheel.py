@@ -95,7 +95,11 @@ class Crank:
         return found.high - found.low
 
     def inertia_for(self, fluctuation: float, speed: float) -> float:
-        """Computes the inertia to add for a given fluctuation, kg m^2; 0 if none is needed."""
+        """Computes the inertia to add for a given fluctuation, kg m^2; 0 if none is needed.
+
+        Raises:
+            MechanismError: The mechanism has neither masses nor loads.
+        """
 
         def excess(added: float) -> float:
             try:
@@ -106,6 +110,11 @@ class Crank:
         if excess(0.0) <= 0:
             return 0.0
         enough = 2 * self.energy(speed) / (fluctuation * speed**2)
+        if not enough:
+            raise MechanismError(
+                'no torque varies over a turn, so that a flywheel has nothing to do: give links '
+                'masses or loads'
+            )
         while excess(enough) > 0:
             enough *= 2
         return float(brentq(excess, 0.0, enough, xtol=1e-12 * enough, rtol=1e-12))
@@ -211,7 +220,7 @@ def size_flywheel(
     crank, speed = Crank(period.solver.mechanism), period.speed
     added, energy = crank.inertia_for(fluctuation, speed), crank.energy(speed)
     steady, (bare, reason) = crank.cycle(speed, added), _attempt(crank.cycle, speed, 0.0)
-    without = f'{bare.fluctuation:.4g}' if bare else f'none: {reason}'
+    without = f'{bare.fluctuation:.4g}' if bare else reason
     total, torque = energy / (fluctuation * speed**2), period.mean_power / speed
     lines = [
         _demand(period, 'driving_torque', torque),
@@ -243,8 +252,8 @@ def _demand(period: Period, name: str, average: float) -> str:
     unit, values = period.columns[name]
     size = extent(period.crank, values)
     return (
-        f'{name.replace("_", " ")}: peak {max(-size.low, size.high):.4g} {unit}, '
-        f'rms {size.rms:.4g} {unit}, mean {average:.4g} {unit}'
+        f'{name.replace("_", " ")}: peak {max(-size.low, size.high) + 0.0:.4g} {unit}, '
+        f'rms {size.rms:.4g} {unit}, mean {average + 0.0:.4g} {unit}'
     )
 
 

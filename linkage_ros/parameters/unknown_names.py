@@ -28,7 +28,7 @@ _MEANINGS = {
     'damper viscous': ('damping',),
     'e eccentricity': ('offset',),
     'trace tracepoint coupler_point': ('point', 'coupler.point'),
-    'delta phi alpha theta angle': ('angle', 'crank_angle'),
+    'delta phi alpha theta angle start_angle': ('angle', 'crank_angle'),
     'speed velocity omega': ('velocity', 'rpm', 'start_rpm'),
     'acceleration': ('crank_acceleration',),
     'mu coefficient': ('pin', 'friction.pin'),

@@ -35,7 +35,7 @@ _COLORS = {
 _WORDS = {
     measure.RIGHT: 'right', measure.REFUSED: 'refused: an error states the reason',
     measure.DIVERGED: 'wrong: a finite value',
-    measure.WRONG_BRANCH: "wrong branch: the other assembly's",
+    measure.WRONG_BRANCH: 'wrong branch: the other assembly',
     measure.NAN: 'NaN, arithmetic error, no progress',
 }  # fmt: skip
 _SHORT = {measure.DIVERGED: 'wrong', measure.WRONG_BRANCH: 'branch'}  # in a cell
