@@ -224,9 +224,7 @@ def controlled(seconds, *, effort):
 
 def test_page_quotes_the_speed_errors_of_the_plant():
     fed, alone = (100 * controlled(4, effort=effort)[2000:].max() for effort in (True, False))
-    words = (
-        'the crank keeps its speed within {} %, or within {} % without the feed-forward torque'
-    )
+    words = 'the crank keeps its speed within {} %, or within {} % without the feed-forward torque'
     check_quote('docs/controllers.md', words, fed, alone)
     assert fed < alone / 5
 
