@@ -92,9 +92,10 @@ def test_killed_controller_is_reported_and_a_new_one_takes_over(tmp_path, monkey
     names = {'joint_prefix': 'left_', 'frame_id': 'tool0', 'crank_joint': 'arm_motor'}
     lines = (f'    {name}: {text}' for name, text in names.items())
     plant.write_text('\n'.join([preset, *lines, '']))
+    # Without a limit, a controller that is late on a busy machine lets the crank run away.
     arguments = node_arguments(
         drive='torque', start_rpm=150.0, rate_hz=500.0, log=path, command_timeout=0.2,
-        **names, **{'motor.damping': 2.0},
+        torque_limit=60.0, **names, **{'motor.damping': 2.0},
     )  # fmt: skip
     follow = node_arguments(plant=plant, lead_time=0.003)
     with watched([STATES], *arguments, domain=domain) as (listener, node):
