@@ -225,6 +225,7 @@ def test_truncated_log_is_reported_and_left_alone(tmp_path, size):
     motion = Simulator(configure({'rpm': 60.0})).begin(0)
     log.flush()
     os.truncate(path, size)
+    log.write_motion(motion.segment)
     with pytest.raises(LogError, match='another program truncates it or writes to it'):
-        log.write_motion(motion.segment)  # would fill the gap
+        log.flush()  # would fill the gap
     assert path.stat().st_size == size  # recoverable data remains intact

@@ -3,7 +3,6 @@
 """Log files: detects a full disk, a removed file, and changes by another program."""
 
 import os
-from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -53,14 +52,15 @@ class LogFile:
         self.stream: Any = create_file(
             path, LogError, overwrite=overwrite, cure='give --overwrite (a node: log_overwrite)'
         )
+        self._waiting: list[bytes] = []
 
     def write(self, data: bytes) -> None:
-        """Writes bytes to the buffer or the file.
+        """Keeps bytes for the next `flush`."""
+        self._waiting.append(data)
 
-        Raises:
-            LogError: The file cannot be written, or was removed or truncated.
-        """
-        self._attempt(self.stream.write, data)
+    def tell(self) -> int:
+        """Returns the number of bytes written so far, including those kept for `flush`."""
+        return int(self.stream.tell()) + sum(map(len, self._waiting))
 
     def flush(self) -> None:
         """Passes all bytes to the operating system, so that they survive if the run is killed.
@@ -68,22 +68,16 @@ class LogFile:
         Raises:
             LogError: The file cannot be written, or was removed or truncated.
         """
-        self._attempt(self.stream.flush)
-        self._check()
-
-    def tell(self) -> int:
-        """Returns the number of bytes written so far."""
-        return int(self.stream.tell())
-
-    def _attempt(self, work: Callable[..., object], *arguments: object) -> None:
         self._check()  # writing now would hide that the file was truncated
         try:
-            work(*arguments)
+            self.stream.write(b''.join(self._waiting))
+            self.stream.flush()
         except OSError as error:
             self.close()
             raise LogError(
                 f'{self.path} cannot be written: {error.strerror or error}{self.advice}'
             ) from error
+        self._waiting.clear()
 
     def _check(self) -> None:
         """Closes the file with an error unless it still exists and has the written length.

@@ -173,11 +173,11 @@ class _Copy:
                 new.declare(self._spare.pop(0))
         kept = is_message & np.isin(channels, [*new.channels])
         self._unknown += int(is_message.sum() - kept.sum())
-        places = np.cumsum(sizes * kept) - sizes
+        places = new.position + np.cumsum(sizes * kept) - sizes
         entries = np.column_stack([heads['time'], places.astype(np.uint64)])
         index = {n: entries[kept & (channels == n)] for n in numbers if n in new.channels}
         if not kept.all():
             spans = compress(pairwise(starts), kept.tolist())
             data = b''.join(data[start:end] for start, end in spans)
-        new.add_records(data, index)
+        new.add_records(data, heads['time'][kept], index)
         new.flush()

@@ -103,8 +103,7 @@ class LogWriter(AbstractContextManager['LogWriter']):
         self.channels: dict[int, Channel] = private['_Writer__channels']
         self.has_end = configuration is not None
         if configuration is not None:
-            record = encode_configuration(configuration)
-            self.library.add_metadata(CONFIGURATION_RECORD, record)
+            self.library.add_metadata(CONFIGURATION_RECORD, encode_configuration(configuration))
             self.flush()
 
     def add_topic(self, topic: Topic, name: str) -> int:
@@ -148,8 +147,10 @@ class LogWriter(AbstractContextManager['LogWriter']):
         Raises:
             LogError: The file cannot be written.
         """
-        record = message_record(channel, (stamp, stamp), data)
-        self.add_records(record, {channel: np.array([[stamp, 0]], np.uint64)})
+        index = np.array([[stamp, self.position]], np.uint64)
+        self.add_records(
+            message_record(channel, (stamp, stamp), data), index[:, 0], {channel: index}
+        )
 
     def write_rows(self, rows: bytes | bytearray) -> None:
         """Appends the messages of states; chunks end with a complete row.
@@ -162,12 +163,16 @@ class LogWriter(AbstractContextManager['LogWriter']):
         """
         layout = self._layout
         while rows:
-            room = max(0, CHUNK_SIZE - self._builder.count) // layout.size + 1
+            start = self.position
+            room = max(0, CHUNK_SIZE - start) // layout.size + 1
             some, rows = rows[: room * layout.size], rows[room * layout.size :]
-            index = np.empty((len(layout.channels), len(some) // layout.size, 2), np.uint64)
-            index[:, :, 0] = layout.column(some, layout.times)
-            index[:, :, 1] = np.add.outer(layout.starts, np.arange(0, len(some), layout.size))
-            self.add_records(some, dict(zip(layout.channels, index, strict=True)))
+            times = layout.column(some, layout.times)
+            index = np.empty((len(layout.channels), len(times), 2), np.uint64)
+            index[:, :, 0] = times
+            index[:, :, 1] = np.add.outer(
+                layout.starts, np.arange(start, start + len(some), layout.size)
+            )
+            self.add_records(some, times, dict(zip(layout.channels, index, strict=True)))
 
     def declare(self, record: Schema | Channel) -> None:
         """Appends a schema or channel, unless its number is in use or its schema is unknown."""
@@ -179,33 +184,42 @@ class LogWriter(AbstractContextManager['LogWriter']):
         self.statistics.schema_count = len(self._schemas)
         self.statistics.channel_count = len(self.channels)
 
+    @property
+    def position(self) -> int:
+        """Offset of the next record in the current chunk."""
+        return int(self._builder.count)
+
     def add_records(
-        self, data: bytes | bytearray, index: dict[int, npt.NDArray[np.uint64]]
+        self,
+        data: bytes | bytearray,
+        times: npt.NDArray[np.uint64],
+        index: dict[int, npt.NDArray[np.uint64]],
     ) -> None:
         """Appends message records to the current chunk.
 
         Args:
             data: Concatenated message records.
-            index: Log time, ns, and offset in `data` of each message, shape (messages, 2), by
+            times: Log times that include the first and the last, ns.
+            index: Log time, ns, and offset in the chunk of each message, shape (messages, 2), by
                 channel number.
         """
         builder, statistics = self._builder, self.statistics
-        for channel, entries in index.items():
-            first, last = int(entries[:, 0].min()), int(entries[:, 0].max())
+        builder.record_writer.write(data)
+        if len(times):
+            first, last = int(times.min()), int(times.max())
             for span, known in (
                 (builder, builder.num_messages), (statistics, statistics.message_count)
             ):  # fmt: skip
-                start = min(span.message_start_time, first) if known else first
-                span.message_start_time = start
+                span.message_start_time = min(first, span.message_start_time if known else first)
                 span.message_end_time = max(span.message_end_time, last)
-            entries[:, 1] += builder.count
-            indexes = builder.message_indices
-            indexes.setdefault(channel, _Index(channel, [])).records.append(entries.tobytes())
+        for channel, entries in index.items():
+            builder.message_indices.setdefault(channel, _Index(channel, [])).records.append(
+                entries.tobytes()
+            )
             builder.num_messages += len(entries)
             statistics.message_count += len(entries)
             statistics.channel_message_counts[channel] += len(entries)
-        builder.record_writer.write(data)
-        if builder.count > CHUNK_SIZE:
+        if self.position > CHUNK_SIZE:
             self.library.flush()
 
     def write_motion(self, segment: Segment) -> None:
@@ -219,12 +233,12 @@ class LogWriter(AbstractContextManager['LogWriter']):
             items: Rows, tuples of arguments for `write`, or segments of motion.
         """
         # Write adjacent rows together, which is much faster.
-        for is_rows, group in groupby(items, lambda item: isinstance(item, bytes)):
-            if is_rows:
+        for kind, group in groupby(items, type):
+            if kind is bytes:
                 self.write_rows(b''.join(group))
                 continue
             for item in group:
-                if isinstance(item, tuple):
+                if kind is tuple:
                     self.write(*item)
                 else:
                     self.write_motion(item)
