@@ -148,7 +148,7 @@ def test_messages_are_accepted_or_counted_by_cause_of_rejection(name):
     ):
         with pytest.raises(ValueError, match=f'^{cause}$'):
             crank.read(data, came + 1)
-    assert crank.left_out == {NO_JOINT_STATE: 3, NO_CRANK: 3, OUT_OF_REACH: 1}
+    assert crank.rejected == {NO_JOINT_STATE: 3, NO_CRANK: 3, OUT_OF_REACH: 1}
 
 
 @pytest.mark.parametrize('lead', [{}, {'effort_command_topic': '/torque', 'lead_time': 0.01}])
@@ -173,8 +173,8 @@ def test_extreme_measurements_do_not_end_the_motion(lead):
             answers += 1
             snapshot = simulator.snapshot(*heard, simulator.later(heard[1]))
             assert math.isfinite(snapshot.state.torque)
-        assert 0 < answers == 9 - crank.left_out.total()
-        assert crank.left_out[NOT_FINITE] >= 2
+        assert 0 < answers == 9 - crank.rejected.total()
+        assert crank.rejected[NOT_FINITE] >= 2
 
 
 # ---------------------------------------------------------------- the node
@@ -230,8 +230,8 @@ def test_each_accepted_measurement_is_answered_once_with_its_stamp(answered):
     assert [message.data for message in messages[ANSWERS]] == received
     assert len(messages[MEASURED]) == 309
     values = {one.key: one.value for one in diagnosis.status[0].values}
-    left_out = {key: value for key, value in values.items() if key.startswith('rejected')}
-    assert left_out == {f'rejected, {cause}': '3' for cause in (NO_CRANK, NOT_NEWER, NOT_FINITE)}
+    rejected = {key: value for key, value in values.items() if key.startswith('rejected')}
+    assert rejected == {f'rejected, {cause}': '3' for cause in (NO_CRANK, NOT_NEWER, NOT_FINITE)}
     assert len(re.findall('is rejected: ', output)) <= 6  # at most once a second
 
 

@@ -156,7 +156,7 @@ class PolledSubscription:
         Args:
             node: Node of the subscription.
             topic: Topic to subscribe to.
-            read: Decodes a message, given its time of receipt, ns; raises a ValueError to refuse
+            read: Decodes a message, given its time of receipt, ns; raises a ValueError to reject
                 it.
             log: Called for each message with time of receipt, ns, topic, and CDR bytes.
         """
@@ -190,7 +190,7 @@ class PolledSubscription:
         if not (self._publishers or self._has_changed):
             return
         self._has_changed = False
-        handle, refused = self._subscription.handle, ''
+        handle, cause = self._subscription.handle, ''
         for _ in range(self._depth):  # a flood of messages must not block the thread
             with handle:
                 found = handle.take_message(self._kind, True)
@@ -203,11 +203,11 @@ class PolledSubscription:
             try:
                 result = self._read(data, received)
             except ValueError as error:
-                refused = refused or str(error)
+                cause = cause or str(error)
             else:
                 yield result
-        if refused:
-            words = f'a message on {self.name} is rejected: {refused}'
+        if cause:
+            words = f'a message on {self.name} is rejected: {cause}'
             self._logger.warning(words, throttle_duration_sec=1.0)
 
 

@@ -28,9 +28,11 @@ from linkage_ros.wire.topics import (
 )
 
 _SILENCE = 2.0  # s without a measurement after which a warning is issued
-NO_CRANK, NO_JOINT_STATE, OUT_OF_REACH = 'without the crank', 'no JointState', 'out of reach'
-TAKEN, CUT, REFUSED, TIMEOUTS = (
-    'commands taken', 'commands cut to torque_limit', 'commands refused', 'command timeouts'
+NO_CRANK, NO_JOINT_STATE, OUT_OF_REACH = (
+    'without a position of the crank', 'no JointState', 'out of reach'
+)  # fmt: skip
+TAKEN, CUT, REJECTED, TIMEOUTS = (
+    'commands taken', 'commands cut to torque_limit', 'commands rejected', 'command timeouts'
 )  # fmt: skip
 
 # Time between points, ns; short, because the controller interpolates the effort linearly.
@@ -53,7 +55,7 @@ class TorqueCommands:
             drive: Drive with the limit and the timeout of commands.
             crank: Name of the crank's joint.
         """
-        self.counts = dict.fromkeys((TAKEN, CUT, REFUSED, TIMEOUTS), 0)
+        self.counts = dict.fromkeys((TAKEN, CUT, REJECTED, TIMEOUTS), 0)
         self._limit, self._timeout, self._crank = drive.torque_limit, drive.command_timeout, crank
         self._torque, self._end = 0.0, math.inf  # active torque, N m, and when it expires, s
         self._is_active = False
@@ -74,7 +76,7 @@ class TorqueCommands:
             age = max(0, time.time_ns() - received) / NS_PER_S
             self.receive(command.names, command.efforts, age)
         except ValueError:
-            self.counts[REFUSED] += 1
+            self.counts[REJECTED] += 1
             raise
 
     def receive(self, names: Sequence[str], efforts: Sequence[float], age: float) -> None:
@@ -132,7 +134,7 @@ class MeasuredCrank:
     """Reads measurements of the crank, in order of arrival.
 
     Attributes:
-        left_out: Number of rejected messages, by cause.
+        rejected: Number of rejected messages, by cause.
     """
 
     def __init__(self, simulator: Simulator) -> None:
@@ -143,7 +145,7 @@ class MeasuredCrank:
         """
         self._simulator = simulator
         self._motion = FollowMotion(cast('FollowDrive', simulator.configuration.drive))
-        self.left_out: Counter[str] = Counter()
+        self.rejected: Counter[str] = Counter()
         self._last = -math.inf  # time of the last accepted measurement, s
 
     def read(self, data: bytes, received: int) -> tuple[int, Coordinates]:
@@ -168,7 +170,7 @@ class MeasuredCrank:
             for one in filter(None, (found, self._simulator.later(found))):
                 self._require_state(one.q[0], one.u[0], one.a[0])
         except ValueError as error:
-            self.left_out[str(error)] += 1
+            self.rejected[str(error)] += 1
             raise
         self._last = time.monotonic()
         return stamp or received, found
@@ -206,7 +208,7 @@ class MeasuredCrank:
     def diagnostics(self) -> dict[str, str]:
         """Returns the counts of rejected messages, for diagnostics."""
         # Copy in one step, because the tick thread may add a count meanwhile.
-        counts = list(self.left_out.items())
+        counts = list(self.rejected.items())
         return {f'rejected, {cause}': str(count) for cause, count in counts}
 
 
