@@ -65,7 +65,7 @@ def create_file(
     try:
         return open_file(path, 'wb' if overwrite else 'xb')
     except FileExistsError:
-        problem = f'{_EXISTS} {cure}'
+        problem = 'is a folder: add a file name' if Path(path).is_dir() else f'{_EXISTS} {cure}'
     except BlockingIOError:
         problem = _WRITTEN
     except OSError as error:
@@ -96,12 +96,12 @@ def replacement(
             exception is of type `kind`.
     """
     problem = ''
-    if os.path.lexists(path) and not overwrite:
+    if os.path.lexists(path) and not os.path.isfile(path):  # noqa: PTH113, accepts invalid names
+        problem = 'is not a regular file: choose another name'
+    elif os.path.lexists(path) and not overwrite:
         problem = f'{_EXISTS} {cure}'
     elif is_written(path):
         problem = _WRITTEN
-    elif os.path.lexists(path) and not os.path.isfile(path):  # noqa: PTH113, accepts invalid names
-        problem = 'is not a regular file: choose another name'
     if problem:
         raise kind(f'{path} {problem}')
     try:

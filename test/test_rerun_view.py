@@ -179,7 +179,7 @@ VALID = re.escape('is not one of: spawn, web, rerun+http://HOST:PORT/proxy or a 
     ('target', 'overwrite', 'words'),
     [('', False, VALID), ('http://x/run.rrd', False, VALID),
      ('rerun+http://127.0.0.1:65536/proxy', False, VALID),
-     ('folder.rrd', False, 'already exists'),
+     ('folder.rrd', False, 'is a folder: add a file name'),
      ('none/run.rrd', False, 'cannot be written: No such file'),
      ('pipe.rrd', False, 'already exists'),
      ('pipe.rrd', True, 'cannot be written'),
