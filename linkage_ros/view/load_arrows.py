@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.model.kinematics import State
-from linkage_ros.model.structure import Mechanism
+from linkage_ros.model.structure import Link, Mechanism
 from linkage_ros.numeric import Array
 
 Complex: TypeAlias = npt.NDArray[np.complexfloating[Any, Any]]
@@ -80,7 +80,7 @@ class LoadArrows:
             found[name] = (
                 self._straight(slider_pin, share)
                 if link.slides
-                else self._curved(link.origin, positions[:, j], share)
+                else self._curved(self._pivot(link, positions), positions[:, j], share)
             )
         return found
 
@@ -105,11 +105,19 @@ class LoadArrows:
         forward = np.where(pulls, 1.0, -1.0) * self._outwards
         return self._with_head(body, forward, abs(share) * _LONGEST)
 
-    def _curved(self, pivot: complex, angle: Array, share: Array) -> Complex:
+    def _pivot(self, link: Link, positions: Array) -> Complex:
+        """Returns the positions of a turning link's first pin, shape (n,) or ()."""
+        if link.parent is None:
+            return np.asarray(link.origin)
+        axis = np.exp(1j * positions[:, link.parent])
+        parent = self._solver.structure.links[link.parent]
+        return self._pivot(parent, positions) + link.origin * axis
+
+    def _curved(self, pivot: Complex, angle: Array, share: Array) -> Complex:
         """Draws arrows about a pivot, from the link in the direction of the torque."""
         turned = np.exp(1j * (angle[:, np.newaxis] + share[:, np.newaxis] * _SWEEP))
         forward = 1j * np.sign(share) * turned[:, -1]
-        body = pivot + _RADIUS * self._mark * turned
+        body = pivot[..., np.newaxis] + _RADIUS * self._mark * turned
         return self._with_head(body, forward, abs(share) * _RADIUS * _SWEEP[-1])
 
     def _with_head(self, body: Complex, forward: Complex, length: Array) -> Complex:
