@@ -77,7 +77,7 @@ def _status(log: LogReader, excerpt: Excerpt, pace: Pace) -> Iterator[Show]:
     def show(moment: int) -> None:
         if not bar.disable:
             bar.update(max(0.0, min((moment - log.start) / NS_PER_S, end)) - bar.n)
-            words = f'rate {pace.rate:g}{", paused" if pace.paused else ""}'
+            words = f'rate {pace.rate:g}{", paused: press space" if pace.paused else ""}'
             if words != bar.postfix:
                 bar.set_postfix_str(words)
 
