@@ -237,7 +237,7 @@ KEPT = {  # what is at the path, whether to replace it, and the expected error
     'parameters': (lambda p: p.write_bytes(b'/**:\n  ros__parameters:\n'), True, OTHER_FILE),
     'text': (lambda p: p.write_bytes(b'x'), True, OTHER_FILE),
     'half': (lambda p: p.write_bytes(MCAP0_MAGIC[:4]), True, OTHER_FILE),
-    'folder': (Path.mkdir, False, EXISTS),
+    'folder': (Path.mkdir, False, 'is a folder: add a file name'),
     'folder to replace': (Path.mkdir, True, 'cannot be written: Is a directory'),
     'pipe': (os.mkfifo, False, EXISTS),
     'loop': (lambda p: p.symlink_to(p), False, EXISTS),
