@@ -295,6 +295,17 @@ def test_values_within_four_ulp_of_the_largest_are_equal_and_others_reported(pat
     ) in out
 
 
+def test_another_sign_of_zero_is_accepted_but_not_called_equal_to_the_bit(path, called):
+    _, place, _ = velocity(path, 0)
+    crank = place - 40  # the position of the crank, before two others, a length and a velocity
+    (value,) = struct.unpack_from('<d', logged(path)[1]['/joint_states'][0].data, crank)
+    assert value == 0.0
+    rewrite(path, written_over('/joint_states', 0, crank, -0.0))
+    code, out, _ = called(log_tool, 'verify', path)
+    assert code == 0
+    assert '100 states, every one equal within 1 ulp' in out
+
+
 @of_live_run
 @pytest.mark.parametrize('topic', [*QUADRILATERAL, '/robot_description'])
 def test_a_flipped_bit_is_found_in_every_byte(path, topic):

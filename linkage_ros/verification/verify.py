@@ -257,7 +257,8 @@ class RowComparison:
             differs[near, place.offset : place.offset + 8] = False
         wrong = differs.any(axis=1)
         count = int(wrong.argmax()) if wrong.any() else number
-        self.ulp = max(self.ulp, float(ulp[:, :count].max(initial=0.0)))
+        # Another sign of zero is no difference in ulp, but the rows are not equal to the bit.
+        self.ulp = max(self.ulp, float(ulp[:, :count].max(initial=math.ulp(0.0))))
         if count == number:
             return count, ''
         at, row = int(differs[count].argmax()), slice(count * size, (count + 1) * size)
