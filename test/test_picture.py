@@ -4,7 +4,7 @@
 
 import itertools
 import math
-from dataclasses import replace
+from dataclasses import fields, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,11 +13,13 @@ import rerun as rr
 from test_rerun_view import read, run_of, show
 
 from linkage_ros.dynamics.solver import Solver
-from linkage_ros.model.loads import Friction
+from linkage_ros.model.four_bar import FourBar
+from linkage_ros.model.loads import Friction, LinkForce
 from linkage_ros.motion.drives import FollowDrive, TorqueDrive
 from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.parameters.presets import preset_names
 from linkage_ros.view.drawing import Drawing
+from linkage_ros.view.load_arrows import LoadArrows
 from linkage_ros.view.picture import Picture
 
 # A crank that hangs, and swings within 157 deg about the line to the rocker's pivot.
@@ -180,6 +182,23 @@ def test_arrows_are_as_long_as_the_loads_and_point_their_way(drawn):
         )
         assert shown == pytest.approx(longest * exerted / largest, abs=1e-5 * longest)
         assert not exerted.any() or abs(shown).max() > 0.01 * longest
+
+
+def test_the_arrow_of_a_load_on_the_coupler_turns_about_the_crank_pin():
+    class Loaded(FourBar):
+        def link_loads(self):
+            return (LinkForce(1, force=2.0),)
+
+    plain, mark = load('quadrilateral').mechanism, 0.01
+    mechanism = Loaded(**{field.name: getattr(plain, field.name) for field in fields(plain)})
+    solver = Solver(mechanism)
+    states = [solver.state(crank, 1.0) for crank in (0.3, 1.2, 4.0)]
+    positions, rates = (np.array([row[i] for row in states]) for i in (0, 1))
+    drawn = LoadArrows(mechanism, mark, positions).lines(positions, rates, np.zeros(3))
+    pins = np.array([complex(*solver.point(state, 'A').position) for state in states])
+    arms = drawn['coupler'][:, :-3] - pins[:, np.newaxis]
+    assert abs(arms) == pytest.approx(np.full(arms.shape, abs(arms[0, 0])), rel=1e-12)
+    assert np.angle(arms[:, 0] / np.exp(1j * positions[:, 1])) == pytest.approx(0, abs=1e-12)
 
 
 def test_links_and_loads_are_thicker_than_ground_and_paths(drawn):
