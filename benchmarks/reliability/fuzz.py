@@ -28,6 +28,7 @@ SHARES = {'parameter file': 0.4, 'log': 0.35, 'replay options': 0.15, 'live para
 BATCH = 500  # cases per process
 LONGEST, MEMORY = 5.0, 1 << 30  # limits of a case: processor time, s, and memory, bytes
 LIMIT = 30.0  # s, for an executable, including its imports on a busy machine
+IMPORTS = 3 << 30  # bytes of address space that the imports of an executable may reserve
 # Negative controls: faults that must be detected.
 CONTROLS = {
     'hang': 'while True: pass', 'memory': 'bytearray(2**31)', 'error': '1 / 0',
@@ -97,11 +98,18 @@ def run_executable(rng, yaml, mcap):
     done = subprocess.run(
         [sys.executable, '-m', f'linkage_ros.{module}', *words],
         capture_output=True, text=True, errors='replace', timeout=LIMIT, check=False,
+        preexec_fn=lambda: limit_memory(IMPORTS + MEMORY),
     )  # fmt: skip
     allowed = (0, 1, 2) if {'verify', 'recover'} & {*words} else (0, 2)
     assert done.returncode in allowed, f'{module}: exit code {done.returncode}: {done.stderr}'
     assert done.stderr.count('\n') <= 1, f'{module}: {done.stderr}'
     return [done.stderr]
+
+
+def limit_memory(size):
+    """Limits the address space of this process, bytes."""
+    _, most = resource.getrlimit(resource.RLIMIT_AS)
+    resource.setrlimit(resource.RLIMIT_AS, (size, most))
 
 
 def out_of_time(*_):
@@ -131,7 +139,7 @@ def work(kind, seeds, out):
         folder = Path(name)
         draw = cases_of(kind, folder)
         taken = int(Path('/proc/self/statm').read_text().split()[0]) * resource.getpagesize()
-        resource.setrlimit(resource.RLIMIT_AS, (taken + MEMORY, taken + MEMORY))
+        limit_memory(taken + MEMORY)
         for seed in seeds:
             Path('/proc/self/clear_refs').write_text('5')  # resets the peak memory
             begin, failure, answers = sum(os.times()[:4]), '', []
