@@ -39,7 +39,9 @@ _TOLERANCE, _TRIALS = 1e-11, 10_000
 # by more than the difference from the logged state, the difference is accepted.
 _NUDGE = 1e-9
 _NOWHERE = 1e300  # predicted value if the motion cannot be integrated
-_LEAPS = 2  # number of steps between two states if all states are integrated at once
+# For all states at once: the usual motion in a step, in rad or crank lengths, and the
+# smallest and largest number of steps between two states.
+_STEP, _STEPS = 0.02, (2, 20)
 
 
 class TorqueStates(Timeline):
@@ -159,6 +161,8 @@ class TorqueStates(Timeline):
         if driven.solver.coordinates != self._own.solver.coordinates:
             return nothing
         rows, units = self._rows(driven), np.array(driven.units)[:, None]
+        usual = np.median(np.max(abs(origin[rows[half:]]) / units[half:], axis=0) * spans)
+        steps = int(np.clip(np.ceil(usual / _STEP), *_STEPS))
 
         def accelerations(*y: Array) -> Any:
             torque = self._motor.at(y[half]) + origin[-1]
@@ -169,13 +173,12 @@ class TorqueStates(Timeline):
         try:
             with np.errstate(all='ignore'):  # long steps may overflow
                 slope = slope_at(accelerations, phase)
-                for _ in range(_LEAPS):
-                    phase, slope, errors = leap(plant, phase, spans / _LEAPS, slope)
+                for _ in range(steps):
+                    phase, slope, errors = leap(plant, phase, spans / steps, slope)
                     error = np.maximum(error, np.max(errors, axis=0))
         except LinkageError:  # check the states one by one instead
             return nothing
-        before, due = origin[rows], np.array(phase)
-        follows = _agrees(units, before, due, found[rows], spans).all(axis=0)
+        follows = _agrees(units, origin[rows], np.array(phase), found[rows], spans).all(axis=0)
         follows &= error <= _APART / 10
         follows[0] &= self._last.solver is driven.solver
         return follows
@@ -266,5 +269,4 @@ def _agrees(
     sizes = units * np.maximum(1.0, pace * span)
     sizes[count:] *= np.maximum(1.0, pace)
     allowed = _APART * sizes + 4 * np.spacing(abs(values[0]))  # a crank angle of many turns
-    agrees: npt.NDArray[np.bool_] = abs(values - due) <= allowed
-    return agrees
+    return np.asarray(abs(values - due) <= allowed, bool)
