@@ -13,6 +13,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import LogLocator, NullLocator
 
 from linkage_ros import ConfigurationError, MechanismError, Solver
 from linkage_ros.lab import torque_models
@@ -332,9 +333,12 @@ def _draw_reduced(axes: Axes, own: Sequence[Saving]) -> None:
             )  # fmt: skip
     axes.axvline(full, color=fractions(BLACK), linewidth=1.2, label='full model')
     axes.set(
-        xlim=(0, 1.1 * full), ylabel='Torque error of reduced models',
+        xscale='log', xlim=(None, 1.1 * full), ylabel='Torque error of reduced models',
         xlabel=f'Time to compute one torque at {own[0]["rpm"]:g} rpm, \N{MICRO SIGN}s',
     )  # fmt: skip
+    axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axes.xaxis.set_major_formatter('{x:g}')
+    axes.xaxis.set_minor_locator(NullLocator())
 
 
 def _write_table(axes: Axes, own: Sequence[Saving], terms: Sequence[str]) -> None:
