@@ -129,7 +129,7 @@ def test_the_first_failure_is_reported_once_and_the_consumer_closed(period, opti
     assert consumer.closed == 1
 
 
-def test_items_queued_at_or_after_a_failure_are_counted():
+def test_items_of_a_failed_batch_and_later_ones_are_counted():
     consumer = Gated(is_open=False, fails=True)
     worker, errors = start(consumer)
     worker.offer(0)
@@ -139,7 +139,7 @@ def test_items_queued_at_or_after_a_failure_are_counted():
     consumer.gate.set()
     worker._thread.join(PATIENCE)  # ends without further calls
     for item in range(100):
-        assert worker.dropped == 3 + item
+        assert worker.dropped == 4 + item
         worker.offer(item)
     assert (consumer.items, len(errors)) == ([], 1)
 

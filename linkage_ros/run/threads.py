@@ -82,7 +82,7 @@ class Worker(Generic[_T]):
 
     `offer` never waits for the consumer and never fails. If the queue is full, the oldest item is
     dropped and counted. If the consumer fails, the error is reported once, the consumer is closed,
-    and later items are counted as dropped.
+    and the items of that batch and all later ones are counted as dropped.
 
     Attributes:
         error: The error raised by the consumer, or None.
@@ -155,7 +155,12 @@ class Worker(Generic[_T]):
             with self._lock:
                 items = list(self._queue)
                 self._queue.clear()
-            self._consumer.consume(items)
+            try:
+                self._consumer.consume(items)
+            except Exception:
+                with self._lock:
+                    self.dropped += len(items)
+                raise
 
     def _fail(self, error: Exception) -> None:
         if self.error is not None:
