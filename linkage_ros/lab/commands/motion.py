@@ -28,7 +28,7 @@ from linkage_ros.parameters.presets import find_file
 # Inches. Heights: linkage, diagram, gap for tick labels below a diagram, bottom margin. Widths:
 # margin left of the diagrams, text right of them.
 _LINKAGE, _ROW, _GAP, _FOOT = 2.8, 1.35, 0.5, 0.1
-_LEFT, _TEXT = 0.8, 4.5
+_LEFT, _TEXT = 0.8, 4.86
 _DRAWN_AT = 45.0  # crank angle of the drawing, deg, at which links rarely overlap
 _TITLES = {
     'deg': 'Direction', 'rad/s': 'Rate', 'rad/s^2': 'Accel.', 'N m': 'Driving torque',
@@ -254,7 +254,7 @@ def _by_unit(curves: Sequence[_Curve], title: str = '') -> Iterator[_Panel]:
 def _draw(axes: Axes, title: str, curves: Sequence[_Curve], words: Sequence[str]) -> None:
     """Draws the curves; writes their peaks, the angles of the peaks, and rms next to them."""
     unit = curves[0].unit
-    heading = f'{unit:<8}{"min":>11}{"at deg":>7}{"max":>11}{"at deg":>7}{"rms":>10}'
+    heading = f'{unit:<13}{"min":>11}{"at deg":>7}{"max":>11}{"at deg":>7}{"rms":>10}'
     lines = [Line2D([], [], color='0.4', linestyle='none')]
     # Force curves may coincide: dashes let the curve below show through.
     dashes = cycle(_DASHES if unit == 'N' else _DASHES[:1])
@@ -274,6 +274,6 @@ def _draw(axes: Axes, title: str, curves: Sequence[_Curve], words: Sequence[str]
 def _extent(curve: _Curve) -> str:
     low, low_at, high, high_at, rms = extent(curve.crank, curve.values)
     return (
-        f'{curve.name:<8.8}{low:>11.4g}{math.degrees(low_at):>7.1f}'
+        f'{curve.name:<13.13}{low:>11.4g}{math.degrees(low_at):>7.1f}'
         f'{high:>11.4g}{math.degrees(high_at):>7.1f}{rms:>10.4g}'
     )
