@@ -98,7 +98,7 @@ class Verification:
         self.difference = check_motions(simulator, log.motions)
         layouts = {t.interface.name: ('cdr', 'ros2msg', t.interface.definition) for t in TOPICS}
         for channel in log.topics:
-            foreign = channel.name in self.others and channel.type in _OF_STATES
+            foreign = channel.name not in self.compared and channel.type in _OF_STATES
             if foreign or layouts.get(channel.type, channel.layout) != channel.layout:
                 self.difference = (
                     f'{channel.name}: no run of this configuration has such a topic or schema'
