@@ -49,16 +49,18 @@ without a log. Lateness is the time from a tick's deadline to its start. Of the 
 percentile of each slice, the table shows the medians over all slices; it also shows the largest
 lateness of all slices. For linkage_node, lateness includes the start-up before each slice; ticks,
 missed ticks and processor time do not. The processor time is that of the node's process in the
-median second, because other users of the computer may slow down single seconds by half. In seven
-earlier runs, always in the same order, the log added 7 to 27 us to a tick, and the viewer 23 to
-60 us. In two runs of only the node with and without a log, in alternating order, the log added 10
-and 12 us. On another machine, half as fast (AMD EPYC of the first generation), with a later
-version whose log thread takes a seventh less time, the log added -27 to 18 us in eight runs, with
-a median of 9 us, and the viewer 17 to 37 us in three.
+median second, because other users of the computer may slow down single seconds by half.
+
+This table and that of logs are from a slow machine with two processors (AMD EPYC of the first
+generation); the other tables are from a machine that is twice as fast. In ten runs on the slow
+machine, the log added -27 to 18 us to a tick, with a median of 9 us, and in two of them more than
+the limit of 15 us; the viewer added 17 to 37 us in five runs. Equal programs differ so much from
+run to run that a single run cannot show the cost of the log to better than 15 us. On the fast
+machine, with an earlier version, the log added 5 us, and the viewer 26 us.
 
 {ticks}
 
-In 14 of 296 starts of linkage_node, in this benchmark and in manual trials, one tick waited for
+In 14 of 326 starts of linkage_node, in this benchmark and in manual trials, one tick waited for
 0.33 s soon after the start. The middleware causes this delay: when Fast DDS opens a port in shared
 memory, its discovery thread may sleep for a third of a second while it holds a lock that
 publishing needs ([#6535](https://github.com/eProsima/Fast-DDS/issues/6535)). A trace of all system
