@@ -75,8 +75,9 @@ class Timeline:
         self._simulator, self._layout = simulator, layout
         self._motions: tuple[Any, ...] = log.motions
         # A live run with simulated time may also start at 0, but always has diagnostics.
-        is_live = any(channel.type == DIAGNOSTICS.interface.name for channel in log.topics)
-        self.is_record = not is_live and log.motions[0].stamp == 0
+        self.is_record = log.motions[0].stamp == 0 and all(
+            channel.type != DIAGNOSTICS.interface.name for channel in log.topics
+        )
         steps = accumulate(motion.stamp - _moment(motion) for motion in log.motions)
         self._anchors = [log.motions[0].stamp + step for step in steps]  # stamps of tick 0
         self._ends = [*map(_moment, log.motions[1:]), TIME_END]
@@ -95,13 +96,12 @@ class Timeline:
         """
         for number in range(self._number, len(self._motions)):
             start, end = self._motions[number].stamp, self._ends[number]
-            if not start <= stamps[0] < end:
-                continue
-            elapsed = stamps.astype(object) - self._anchors[number]
+            fits = (start <= stamps) & (stamps < end)
+            inside = stamps if fits.all() else stamps[: int(fits.argmin())]
+            elapsed = inside.astype(object) - self._anchors[number]
             ticks = self._simulator.tick_at(elapsed)
             steps = np.diff(ticks, prepend=self._tick)
-            fits = (start <= stamps) & (stamps < end)
-            fits &= self._simulator.elapsed(ticks) == elapsed
+            fits = self._simulator.elapsed(ticks) == elapsed
             fits &= steps == 1 if self.is_record else steps > 0
             if count := len(fits) if fits.all() else int(fits.argmin()):
                 yield number, ticks[:count].tolist()

@@ -141,7 +141,7 @@ class Verification:
             self._rows += records
             if len(self._rows) >= _BATCH * size:
                 self._compare_rows(progress)
-                if len(self._rows) >= size:
+                if self.difference or len(self._rows) >= size:
                     break
         self._compare_rows(progress)
         if self._rows and not self.difference:
@@ -160,9 +160,11 @@ class Verification:
     def _compare_rows(self, progress: Callable[[int], object]) -> None:
         """Compares all complete rows read so far."""
         layout = self._layout
-        while not self.difference and (count := layout.count(self._rows, 0)):
-            count, self.difference = self._compare(bytes(self._rows[: count * layout.size]))
-            del self._rows[: count * layout.size]
+        rows = bytes(self._rows[: layout.count(self._rows, 0) * layout.size])
+        del self._rows[: len(rows)]
+        while rows and not self.difference:
+            count, self.difference = self._compare(rows)
+            rows = rows[count * layout.size :]
             self.states += count
             progress(count)
 
