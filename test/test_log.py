@@ -17,7 +17,9 @@ from pathlib import Path
 
 import pytest
 import yaml
+from hostile_logs import resummed
 from joint_codec import encode_float64
+from mcap.opcode import Opcode
 from mcap.reader import make_reader
 from mcap.writer import MCAP0_MAGIC
 from mcap_records import records_of, write_records
@@ -355,6 +357,16 @@ def test_a_copy_whose_summary_lacks_the_channels_is_refused(path, tmp_path):
     with pytest.raises(LogError, match='its index leaves out parts of it'):
         LogReader(copy)
     assert LogReader(write_records(copy, records)).topics
+
+
+@pytest.mark.parametrize('moment', [START + COUNT * PERIOD, 1 << 63])
+def test_messages_outside_the_indexed_times_of_their_chunk_are_refused(path, answer, moment):
+    data = path.read_bytes()
+    (at,) = struct.unpack_from('<Q', data, len(data) - 28)  # the summary
+    while data[at] != Opcode.CHUNK_INDEX:
+        at += 9 + struct.unpack_from('<Q', data, at + 1)[0]
+    forged = data[: at + 9] + struct.pack('<Q', moment) + data[at + 17 :]
+    assert answer(resummed(forged)) == 'refused'
 
 
 def test_a_cut_file_and_a_tail_of_zeros_or_of_garbage_are_reported(path, answer):

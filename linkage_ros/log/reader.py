@@ -139,10 +139,14 @@ class LogReader(AbstractContextManager['LogReader']):
              tuple(c.message_index_offsets))
             for c in summary[ChunkIndex]
         ]  # fmt: skip
-        self._count, self.start = statistics.message_count, statistics.message_start_time
-        self.end = statistics.message_end_time
-        counts = statistics.chunk_count, statistics.channel_count
-        if counts != (len(self._chunks), len(self.topics)) or (self._count and not self._chunks):
+        self._count, self.start, self.end = (
+            statistics.message_count, statistics.message_start_time, statistics.message_end_time
+        )  # fmt: skip
+        if (
+            statistics.chunk_count != len(self._chunks)
+            or statistics.channel_count != len(self.topics)
+            or (self._count and not self._chunks)
+        ):
             raise LogError('it is damaged: its index leaves out parts of it')
         if not self.start <= self.end < TIME_END:
             raise LogError(f'its times, {self.start} to {self.end} ns, are not valid ROS times')
@@ -170,22 +174,24 @@ class LogReader(AbstractContextManager['LogReader']):
         channels = {t.number for t in self.topics if topics is None or t.name in topics}
         times = range(start or 0, TIME_END if end is None else end)
         chunks = sorted(
-            (first, place)
+            (first, place, last)
             for first, last, place, held in self._chunks
-            if first < times.stop and last >= times.start
+            if (end is None or first < end) and last >= times.start
             and not channels.isdisjoint(held or channels)
         )  # fmt: skip
         # Messages not yet yielded, because messages of the next chunk may precede them. They are
         # sorted by time, chunk and offset.
         queue, waiting = list[tuple[int, int, int, LoggedMessage]](), 0
         with self._opened() as file:
-            for (_, place), (due, _) in pairwise([*chunks, (TIME_END, 0)]):
+            for (first, place, last), (due, *_) in pairwise([*chunks, (TIME_END, 0, 0)]):
                 _, data, _ = file.part(place)
-                for start, end in file.records(data):
-                    if data[start] == Opcode.MESSAGE:
-                        message = self._message(data, start, end)
+                for at, behind in file.records(data):
+                    if data[at] == Opcode.MESSAGE:
+                        message = self._message(data, at, behind)
+                        if not first <= message.time <= last:
+                            raise LogError('it is damaged: its index has wrong times of a chunk')
                         if message.channel in channels and message.time in times:
-                            heapq.heappush(queue, (message.time, place, start, message))
+                            heapq.heappush(queue, (message.time, place, at, message))
                             waiting += len(message.data) + _OVERHEAD
                     if waiting > _MOST_WAITING:
                         raise LogError('too many of its chunks overlap in time to be sorted')

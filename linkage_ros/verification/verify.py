@@ -3,10 +3,10 @@
 """Recomputes every state of a log from its configuration and its segments of motion.
 
 Messages are considered equal if their bytes are equal, or if each number differs by at most 4 ulp
-of the largest number in its field, because sines differ between machines. 0.0 and -0.0 are equal.
-The log times of a live run cannot be recomputed, so only their equality within a state is checked.
-Topics are identified by their types, because they may be remapped. Other topics of the log are
-listed but not compared.
+of the largest number so far in its field, because sines differ between machines. 0.0 and -0.0
+differ by less than 1 ulp. The log times of a live run cannot be recomputed, so only their equality
+within a state is checked. Topics are identified by their types, because they may be remapped.
+Other topics of the log are listed but not compared.
 """
 
 import math
