@@ -52,15 +52,17 @@ missed ticks and processor time do not. The processor time is that of the node's
 median second, because other users of the computer may slow down single seconds by half.
 
 This table and that of logs are from a slow machine with two processors (AMD EPYC of the first
-generation); the other tables are from a machine that is twice as fast. In ten runs on the slow
-machine, the log added -27 to 18 us to a tick, with a median of 9 us, and in two of them more than
-the limit of 15 us; the viewer added 17 to 37 us in five runs. Equal programs differ so much from
-run to run that a single run cannot show the cost of the log to better than 15 us. On the fast
+generation); the other tables are from a machine that is twice as fast. In twelve runs on the slow
+machine, the log added -27 to 34 us to a tick, with a median of 10 us, and in four of them more
+than the limit of 15 us; the viewer added 17 to 80 us in seven runs, and in two of them more than
+the limit of 40 us. In these two, with 34 and 16 us for the log, every program took more time than
+in the run shown here, even the bare loop, which took twice as much. Equal programs differ so much
+from run to run that a single run cannot show the cost of the log to better than 15 us. On the fast
 machine, with an earlier version, the log added 5 us, and the viewer 26 us.
 
 {ticks}
 
-In 14 of 326 starts of linkage_node, in this benchmark and in manual trials, one tick waited for
+In 15 of 356 starts of linkage_node, in this benchmark and in manual trials, one tick waited for
 0.33 s soon after the start. The middleware causes this delay: when Fast DDS opens a port in shared
 memory, its discovery thread may sleep for a third of a second while it holds a lock that
 publishing needs ([#6535](https://github.com/eProsima/Fast-DDS/issues/6535)). A trace of all system
