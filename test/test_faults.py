@@ -105,7 +105,7 @@ def remove_the_folder(_, path):
     ('breaks', 'words'),
     [
         (fill_the_disk, 'cannot be written: File too large; linkage_log recover saves its c'),
-        (remove_the_folder, 'was removed while it was written; until this process ends, save'),
+        (remove_the_folder, 'was removed while it was written; until this process ends, it can'),
     ],
 )
 def test_failing_log_ends_without_stopping_the_node(tmp_path, breaks, words):

@@ -56,9 +56,9 @@ generation); the other tables are from a machine that is twice as fast. In twelv
 machine, the log added -27 to 34 us to a tick, with a median of 10 us, and in four of them more
 than the limit of 15 us; the viewer added 17 to 80 us in seven runs, and in two of them more than
 the limit of 40 us. In these two, with 34 and 16 us for the log, every program took more time than
-in the run shown here, even the bare loop, which took twice as much. Equal programs differ so much
-from run to run that a single run cannot show the cost of the log to better than 15 us. On the fast
-machine, with an earlier version, the log added 5 us, and the viewer 26 us.
+in the run shown here, even the bare loop, which took twice as much. The results of the same
+program scatter so much that a single run does not show the cost of the log to within 15 us. On the
+fast machine, with an earlier version, the log added 5 us, and the viewer 26 us.
 
 {ticks}
 

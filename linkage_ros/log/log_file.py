@@ -89,7 +89,7 @@ class LogFile:
         status, written = os.fstat(number), os.lseek(number, 0, os.SEEK_CUR)
         if not status.st_nlink:  # a removed file still exists while it is open
             problem = (
-                'was removed while it was written; until this process ends, save it with '
+                'was removed while it was written; until this process ends, it can be saved with '
                 f'linkage_log recover /proc/{os.getpid()}/fd/{os.dup(number)} OUT.mcap'
             )
         elif status.st_size != written:

@@ -189,7 +189,7 @@ class LogReader(AbstractContextManager['LogReader']):
                     if data[at] == Opcode.MESSAGE:
                         message = self._message(data, at, behind)
                         if not first <= message.time <= last:
-                            raise LogError('it is damaged: its index has wrong times of a chunk')
+                            raise LogError('it is damaged: its index has wrong times for a chunk')
                         if message.channel in channels and message.time in times:
                             heapq.heappush(queue, (message.time, place, at, message))
                             waiting += len(message.data) + _OVERHEAD

@@ -96,14 +96,15 @@ class Timeline:
         """
         for number in range(self._number, len(self._motions)):
             start, end = self._motions[number].stamp, self._ends[number]
-            fits = (start <= stamps) & (stamps < end)
-            inside = stamps if fits.all() else stamps[: int(fits.argmin())]
-            elapsed = inside.astype(object) - self._anchors[number]
+            inside = (start <= stamps) & (stamps < end)
+            # With False at the end, argmin counts the leading true values.
+            leading = stamps[: np.append(inside, False).argmin()]
+            elapsed = leading.astype(object) - self._anchors[number]
             ticks = self._simulator.tick_at(elapsed)
             steps = np.diff(ticks, prepend=self._tick)
             fits = self._simulator.elapsed(ticks) == elapsed
             fits &= steps == 1 if self.is_record else steps > 0
-            if count := len(fits) if fits.all() else int(fits.argmin()):
+            if count := np.append(fits, False).argmin():
                 yield number, ticks[:count].tolist()
 
     def coordinates(

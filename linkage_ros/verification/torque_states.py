@@ -39,7 +39,7 @@ _TOLERANCE, _TRIALS = 1e-11, 10_000
 # by more than the difference from the logged state, the difference is accepted.
 _NUDGE = 1e-9
 _NOWHERE = 1e300  # predicted value if the motion cannot be integrated
-# For all states at once: the usual motion in a step, in rad or crank lengths, and the
+# If all states are integrated at once: median motion per step, in rad or crank lengths, and the
 # smallest and largest number of steps between two states.
 _STEP, _STEPS = 0.02, (2, 20)
 

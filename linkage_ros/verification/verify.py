@@ -4,7 +4,7 @@
 
 Messages are considered equal if their bytes are equal, or if each number differs by at most 4 ulp
 of the largest number so far in its field, because sines differ between machines. 0.0 and -0.0
-differ by less than 1 ulp. The log times of a live run cannot be recomputed, so only their equality
+are equal within 1 ulp. The log times of a live run cannot be recomputed, so only their equality
 within a state is checked. Topics are identified by their types, because they may be remapped.
 Other topics of the log are listed but not compared.
 """
@@ -259,7 +259,7 @@ class RowComparison:
             differs[near, place.offset : place.offset + 8] = False
         wrong = differs.any(axis=1)
         count = int(wrong.argmax()) if wrong.any() else number
-        # Another sign of zero is no difference in ulp, but the rows are not equal to the bit.
+        # Rows that differ only in the sign of a zero must not count as equal to the bit.
         self.ulp = max(self.ulp, float(ulp[:, :count].max(initial=math.ulp(0.0))))
         if count == number:
             return count, ''
