@@ -132,13 +132,13 @@ def measure(path: Path, rpm: float) -> tuple[dict[str, float], np.ndarray]:
         Figures of the second half of the log; and crank angle, deg, relative speed error and
         torque, N m, over the last whole turn, as an array of shape (3, states).
     """
-    with LogReader(path) as log:
-        difference = verify(log).difference
-        assert not difference, difference
-        data = b''.join(message.data for message in log.messages(['/joint_states']))
-        columns = Simulator(log.configuration).joint_states.read(data)
-        rows = list(zip(*(column.tolist() for column in columns), strict=True))
-        commands = list(log.messages(['/joint_commands']))
+    log = LogReader(path)
+    difference = verify(log).difference
+    assert not difference, difference
+    data = b''.join(message.data for message in log.messages(['/joint_states']))
+    columns = Simulator(log.configuration).joint_states.read(data)
+    rows = list(zip(*(column.tolist() for column in columns), strict=True))
+    commands = list(log.messages(['/joint_commands']))
     speed, effort = np.array([values[3] for _, values in rows]), np.array([v[6] for _, v in rows])
     half = len(rows) // 2
     ripple = speed / radians_per_second(rpm) - 1

@@ -43,8 +43,8 @@ def read(folder, path):
 def check(folder, log):
     """Compares the messages of a log with the expected ones; returns the number of errors."""
     name = log.path.parent.name
-    with LogReader(log.path) as reader:
-        motions = len(reader.motions)
+    reader = LogReader(log.path)
+    motions = len(reader.motions)
     about, found = read(folder, log.path)
     faults = list(about['faults'])
     expected = ['linkage_ros', *['linkage_ros/motion'] * motions, 'linkage_ros/end']

@@ -34,12 +34,12 @@ from linkage_ros.parameters.presets import preset_names, preset_path
 from linkage_ros.parameters.session import DRIVES
 from linkage_ros.quantities import Leaf, leaves
 from linkage_ros.wire.topics import (
+    EFFORT_COMMANDS,
     JOINT_COMMANDS,
     MEASURED_JOINT_STATES,
     SIMULATED_CLOCK,
     TOPICS,
-    effort_commands,
-    trajectory_commands,
+    TRAJECTORY_COMMANDS,
 )
 
 _LAUNCH = Path(__file__).parents[1] / 'launch'
@@ -106,13 +106,9 @@ def _sections(word: str, classes: Mapping[str, type]) -> str:
 
 
 def _topics() -> str:
-    commands = (
-        effort_commands('effort_command_topic'),
-        trajectory_commands('trajectory_command_topic'),
-    )
     rows = []
     subscribed = JOINT_COMMANDS, MEASURED_JOINT_STATES, SIMULATED_CLOCK
-    for topic in (*TOPICS, *commands, *subscribed):
+    for topic in (*TOPICS, EFFORT_COMMANDS, TRAJECTORY_COMMANDS, *subscribed):
         direction = ' (subscribed)' if topic in subscribed else ''
         latched = '; transient local' * topic.latched
         kind = topic.interface.name.replace('/msg/', '/')

@@ -195,12 +195,11 @@ def _sinks(
 def _run(arguments: list[str]) -> int:
     own, ros_arguments = _split(arguments)
     options = _parser().parse_args(own)
-    stop = cli.Stop()
+    stop, log = cli.Stop(), LogReader(options.log)
+    _check(options, log)
+    excerpt = excerpt_of(log, options.start_offset, options.playback_duration, options.topics)
+    pace = Pace(excerpt.start, options.rate)
     with ExitStack() as stack:
-        log = stack.enter_context(LogReader(options.log))
-        _check(options, log)
-        excerpt = excerpt_of(log, options.start_offset, options.playback_duration, options.topics)
-        pace = Pace(excerpt.start, options.rate)
         sinks = _sinks(stack, options, ros_arguments, log, excerpt, pace)
         keyboard = stack.enter_context(Keyboard())
         freeze_heap()

@@ -60,12 +60,12 @@ def log_file(path):
     out = path.with_suffix('.recovered')
 
     def look():
-        with LogReader(path) as log:
-            '\n'.join(info(log)).encode()
+        log = LogReader(path)
+        '\n'.join(info(log)).encode()
 
     def check(file):
-        with LogReader(file) as log:
-            '\n'.join(verdict(log, verify(log))).encode()
+        log = LogReader(file)
+        '\n'.join(verdict(log, verify(log))).encode()
 
     def save():
         saved(out, recover(path, out, overwrite=True))
@@ -77,19 +77,19 @@ def log_file(path):
 def play(path, words=()):
     """Reads the messages that a replay with some options would play."""
     options = replay._parser().parse_args([str(path), *words])
-    with LogReader(path) as log:
-        replay._check(options, log)
-        piece = excerpt_of(log, options.start_offset, options.playback_duration, options.topics)
-        codec = JointStateCodec(Simulator(log.configuration).joints)
-        shown = {channel.name for channel in paired(log, [JOINT_STATES]).values()}
-        with feed(log, piece, loop=False) as items:
-            for item in items:
-                assert 0 <= item.time < 2**31 * 10**9  # the range of /clock
-                if item.message.topic in shown:
-                    try:
-                        codec.decode(item.message.data)
-                    except ValueError:
-                        break
+    log = LogReader(path)
+    replay._check(options, log)
+    piece = excerpt_of(log, options.start_offset, options.playback_duration, options.topics)
+    codec = JointStateCodec(Simulator(log.configuration).joints)
+    shown = {channel.name for channel in paired(log, [JOINT_STATES]).values()}
+    with feed(log, piece, loop=False) as items:
+        for item in items:
+            assert 0 <= item.time < 2**31 * 10**9  # the range of /clock
+            if item.message.topic in shown:
+                try:
+                    codec.decode(item.message.data)
+                except ValueError:
+                    break
 
 
 def replay_options(words, path):

@@ -149,8 +149,8 @@ def assert_refused(code, out, err, words):
 
 def report_of(path):
     """Verifies a log; returns the report."""
-    with LogReader(path) as log:
-        return verify(log)
+    log = LogReader(path)
+    return verify(log)
 
 
 def verified(path):
@@ -162,11 +162,11 @@ def verified(path):
 
 def logged(path):
     """Reads a log; returns the reader and the messages by topic."""
-    with LogReader(path) as log:
-        messages = {topic.name: [] for topic in log.topics}
-        for message in log.messages():
-            messages[message.topic].append(message)
-        return log, messages
+    log = LogReader(path)
+    messages = {topic.name: [] for topic in log.topics}
+    for message in log.messages():
+        messages[message.topic].append(message)
+    return log, messages
 
 
 def decoded(messages):

@@ -104,8 +104,8 @@ def stored(put):
 
 def read(path):
     """Reads all messages of a log, in order of log time and in order of writing."""
-    with LogReader(path) as log:
-        return list(log.messages()), written(log)
+    log = LogReader(path)
+    return list(log.messages()), written(log)
 
 
 @contextmanager
@@ -203,10 +203,10 @@ def test_log_texts_are_escaped_and_shortened_on_the_terminal(stored, called):
     assert (code, err) == (0, '')
     assert '\\x1b[2J' in said
     assert '\x1b' not in said
-    with LogReader(path) as log:
-        topic = log.topics[0]._replace(name='x' * 1_000_000)
-        log.topics = (topic, *log.topics[1:])
-        assert sum(map(len, log_tool.info(log))) < 1_100_000
+    log = LogReader(path)
+    topic = log.topics[0]._replace(name='x' * 1_000_000)
+    log.topics = (topic, *log.topics[1:])
+    assert sum(map(len, log_tool.info(log))) < 1_100_000
 
 
 # ---------------------------------------------------------------- motions and settings
@@ -233,18 +233,18 @@ def test_more_messages_than_fit_into_the_file_are_refused(stored, out, monkeypat
     """Without the limit, verifying such a file of 0.13 MB took 40 s; 1.3 MB would take 400 s."""
     monkeypatch.setattr(mcap_reader, '_FREE', 1 << 22)
     path = stored(hostile_logs.clocks(2, 150))
-    with LogReader(path) as log:
-        for _ in range(3):  # each pass has its own limit, as a looping replay needs
-            assert len(list(log.messages())) == len(written(log)) == 300
+    log = LogReader(path)
+    for _ in range(3):  # each pass has its own limit, as a looping replay needs
+        assert len(list(log.messages())) == len(written(log)) == 300
     path = stored(hostile_logs.clocks(2, 1500))
-    with LogReader(path) as log:
-        for messages in (
-            log.messages,
-            lambda: written(log),
-            lambda: log.messages(['/joint_states']),
-        ):
-            with pytest.raises(LogError, match=CROWDED):
-                list(messages())
+    log = LogReader(path)
+    for messages in (
+        log.messages,
+        lambda: written(log),
+        lambda: log.messages(['/joint_states']),
+    ):
+        with pytest.raises(LogError, match=CROWDED):
+            list(messages())
     with pytest.raises(LogError, match=f'bad.mcap cannot be recovered: its .* {CROWDED}'):
         recover(path, out)
 

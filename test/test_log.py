@@ -89,9 +89,9 @@ def path(tmp_path_factory):
 
 def content(path):
     """Returns everything that LogReader reads from a file."""
-    with LogReader(path) as log:
-        about = (log.configuration, log.version, log.motions, log.topics, log.start, log.end)
-        return about, list(log.messages())
+    log = LogReader(path)
+    about = (log.configuration, log.version, log.motions, log.topics, log.start, log.end)
+    return about, list(log.messages())
 
 
 def written(log):
@@ -131,31 +131,30 @@ def test_mcap_reads_the_records_that_explain_the_log(path):
 
 
 def test_log_contains_its_definitions_and_returns_the_same_bytes_in_order(path):
-    with LogReader(path) as log:
-        assert (log.configuration, log.version) == (CONFIGURATION, __version__)
-        assert (log.start, log.end) == (START, CONTENTS[-1][1])
-        assert list(log.motions) == MOTIONS
-        assert [(t.name, t.type, t.messages, t.latched) for t in log.topics] == [
-            (JOINTS, 'sensor_msgs/msg/JointState', COUNT, False),
-            (TORQUE, 'std_msgs/msg/Float64', COUNT, False),
-            (ROBOT, 'std_msgs/msg/String', 1, True),
-        ]
-        assert [(m.topic, m.time, m.data) for m in log.messages()] == CONTENTS
+    log = LogReader(path)
+    assert (log.configuration, log.version) == (CONFIGURATION, __version__)
+    assert (log.start, log.end) == (START, CONTENTS[-1][1])
+    assert list(log.motions) == MOTIONS
+    assert [(t.name, t.type, t.messages, t.latched) for t in log.topics] == [
+        (JOINTS, 'sensor_msgs/msg/JointState', COUNT, False),
+        (TORQUE, 'std_msgs/msg/Float64', COUNT, False),
+        (ROBOT, 'std_msgs/msg/String', 1, True),
+    ]
+    assert [(m.topic, m.time, m.data) for m in log.messages()] == CONTENTS
 
 
 @pytest.mark.parametrize('topics', [None, [], [TORQUE], ['/nowhere']])
 @pytest.mark.parametrize('start', [None, START + 1, START + 8 * PERIOD])
 def test_topics_and_start_select_like_a_filter(path, topics, start):
-    with LogReader(path) as log:
-        expected = (
-            message
-            for message in log.messages()
-            if (topics is None or message.topic in topics)
-            and (start is None or message.time >= start)
-        )
-        # Two concurrent iterations do not interfere.
-        found = zip(log.messages(topics, start), expected, strict=True)
-        assert all(message == due for message, due in found)
+    log = LogReader(path)
+    expected = (
+        message
+        for message in log.messages()
+        if (topics is None or message.topic in topics) and (start is None or message.time >= start)
+    )
+    # Two concurrent iterations do not interfere.
+    found = zip(log.messages(topics, start), expected, strict=True)
+    assert all(message == due for message, due in found)
 
 
 def test_messages_come_by_log_time_whatever_the_order_of_writing(tmp_path):
@@ -207,10 +206,10 @@ def test_rows_have_the_bytes_that_the_library_would_write(tmp_path, start):
 @pytest.mark.parametrize('preset', ['compressor', 'wind_pump'])
 def test_the_configuration_that_info_prints_makes_the_same_run(tmp_path, preset):
     record(load(preset), path := tmp_path / 'run.mcap', duration=0.1)
-    with LogReader(path) as log:
-        lines = list(log_tool.info(log))
-        text = '\n'.join(lines[lines.index('configuration:') + 1 :])
-        assert configure(yaml.safe_load(text)) == log.configuration
+    log = LogReader(path)
+    lines = list(log_tool.info(log))
+    text = '\n'.join(lines[lines.index('configuration:') + 1 :])
+    assert configure(yaml.safe_load(text)) == log.configuration
     assert re.search(r'^  crank\.length: \S+  # m$', text, re.MULTILINE)
 
 

@@ -31,8 +31,7 @@ def path(tmp_path_factory):
 
 @pytest.fixture
 def log(path):
-    with LogReader(path) as log:
-        yield log
+    return LogReader(path)
 
 
 def taken(log, piece, loop=False, count=None):
@@ -99,7 +98,8 @@ def test_damage_is_raised_to_the_consumer(path, tmp_path):
     data[len(data) // 2] ^= 0xFF
     damaged = tmp_path / 'damaged.mcap'
     damaged.write_bytes(data)
-    with LogReader(damaged) as log, pytest.raises(LogError, match='damaged'):
+    log = LogReader(damaged)
+    with pytest.raises(LogError, match='damaged'):
         taken(log, excerpt_of(log, 0, None, None))
 
 

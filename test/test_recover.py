@@ -65,8 +65,8 @@ def several(tmp_path_factory):
 
 
 def messages(path):
-    with LogReader(path) as log:
-        return written(log)
+    log = LogReader(path)
+    return written(log)
 
 
 @pytest.fixture
@@ -233,9 +233,9 @@ def test_what_would_make_the_log_unreadable_is_left_out(tmp_path, part, places, 
     path.write_bytes(whole_log(good, part(), good))
     done = recover(path, out)
     assert (done.messages, done.places, done.unknown) == (2, places, unknown)
-    with LogReader(out) as log:
-        assert [message.time for message in log.messages()] == [5, 5]
-        assert log.configuration == load('quadrilateral')
+    log = LogReader(out)
+    assert [message.time for message in log.messages()] == [5, 5]
+    assert log.configuration == load('quadrilateral')
 
 
 # ---------------------------------------------------------------- refusals

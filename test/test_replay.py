@@ -59,8 +59,8 @@ def log(tmp_path_factory):
 
 
 def stored(path, topic, start=0, end=None):
-    with LogReader(path) as log:
-        return [message.data for message in log.messages([topic], start, end)]
+    log = LogReader(path)
+    return [message.data for message in log.messages([topic], start, end)]
 
 
 def played(log, *options):
@@ -239,8 +239,8 @@ def view(monkeypatch):
 
 def shown(log, until):
     """Shows a loop over 0.1 s of a log until a condition holds."""
+    reader = LogReader(log)
     with (
-        LogReader(log) as reader,
         showing(reader, 'spawn') as sink,
         feed(reader, excerpt_of(reader, 0, 0.1, None), loop=True) as items,
     ):
@@ -289,7 +289,8 @@ def test_memory_does_not_grow_with_the_log(tmp_path):
     path = tmp_path / 'long.mcap'
     record(configure({'rate_hz': 1000.0}), path, duration=20.0)  # in Python more than 7 MB
     # A chunk of 1 MB, and its decoded messages.
-    with little_memory(5.5e6), LogReader(path) as log:
+    with little_memory(5.5e6):
+        log = LogReader(path)
         excerpt = excerpt_of(log, 0, None, [qualified(JOINT_STATES)])
         with feed(log, excerpt, loop=False) as items:
             assert sum(1 for _ in items) == 20_000

@@ -50,9 +50,9 @@ def heard(path: Path, rate: float, seconds: float) -> dict:
 def compared(path: Path) -> dict:
     """Verifies a log; returns the errors of joints, rad, and relative errors of rates."""
     errors = []
-    with LogReader(path) as log:
-        simulator, difference = Simulator(log.configuration), verify(log).difference
-        data = b''.join(message.data for message in log.messages([ANSWERS]))
+    log = LogReader(path)
+    simulator, difference = Simulator(log.configuration), verify(log).difference
+    data = b''.join(message.data for message in log.messages([ANSWERS]))
     _, answers = simulator.joint_states.read(data)
     for values in answers[:: 1 + len(answers) // COMPARED].tolist():
         crank, coupler, rocker, speed, *rates = values[:6]

@@ -125,13 +125,13 @@ def read(path: Path) -> dict:
     """Verifies a log; returns stamps of states, and times of commands and of reported timeouts."""
     found: dict[str, list[int]] = {'/joint_states': [], '/joint_commands': [], '/diagnostics': []}
     try:
-        with LogReader(path) as log:
-            difference = verify(log).difference
-            for message in log.messages(list(found)):
-                if message.topic == '/joint_states':
-                    found[message.topic].append(stamp_of(message.data))
-                elif message.topic == '/joint_commands' or TIMED_OUT in message.data:
-                    found[message.topic].append(message.time)
+        log = LogReader(path)
+        difference = verify(log).difference
+        for message in log.messages(list(found)):
+            if message.topic == '/joint_states':
+                found[message.topic].append(stamp_of(message.data))
+            elif message.topic == '/joint_commands' or TIMED_OUT in message.data:
+                found[message.topic].append(message.time)
     except LogError as error:
         difference = str(error)
     states, commands, timed_out = map(np.array, found.values())

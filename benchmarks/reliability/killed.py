@@ -31,8 +31,8 @@ PROMISED = 0.3  # s, promised limit of the loss
 
 def last_state(path: Path) -> int:
     """Returns the stamp of the last state in a log, ns."""
-    with LogReader(path) as log:
-        *_, last = log.messages(['/joint_states'])
+    log = LogReader(path)
+    *_, last = log.messages(['/joint_states'])
     return stamp_of(last.data)
 
 

@@ -195,9 +195,9 @@ def check(path: Path) -> None:
     Raises:
         RuntimeError: The log differs from the recomputed states.
     """
-    with LogReader(path) as log:
-        if verify(log).difference:
-            raise RuntimeError(f'{path} differs')
+    log = LogReader(path)
+    if verify(log).difference:
+        raise RuntimeError(f'{path} differs')
 
 
 def timed(run) -> float:

@@ -116,12 +116,12 @@ def errors(log: LogReader, simulator: Simulator, stamps: set[int]) -> dict[int, 
 def account(path: Path, heard: Path, output: str) -> dict:
     """Counts published, logged and received messages, and checks the log."""
     published, missed = map(int, re.findall(r'(\d+) states, (\d+) ticks? missed', output)[0])
-    with LogReader(path) as log:
-        report = verify(log)
-        topics = Counter(message.topic for message in log.messages())
-        stamps = [stamp_of(m.data) for m in log.messages(['/joint_states'])]
-        simulator = Simulator(log.configuration)
-        ends = errors(log, simulator, {*stamps[:1000], *stamps[-1000:]})
+    log = LogReader(path)
+    report = verify(log)
+    topics = Counter(message.topic for message in log.messages())
+    stamps = [stamp_of(m.data) for m in log.messages(['/joint_states'])]
+    simulator = Simulator(log.configuration)
+    ends = errors(log, simulator, {*stamps[:1000], *stamps[-1000:]})
     received = np.load(heard)[:, 0]
     return {
         'published': published,

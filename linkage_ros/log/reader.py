@@ -4,7 +4,7 @@
 
 import heapq
 from collections.abc import Callable, Container, Iterable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
@@ -70,8 +70,8 @@ class LoggedTopic(NamedTuple):
     layout: tuple[str, str, str]
 
 
-class LogReader(AbstractContextManager['LogReader']):
-    """Reads a complete log of this package.
+class LogReader:
+    """Reads a complete log of this package; opens the file only while it reads.
 
     Attributes:
         path: Path of the log.
@@ -267,9 +267,6 @@ class LogReader(AbstractContextManager['LogReader']):
                     f'{self.path} is damaged or incomplete: linkage_log recover saves the '
                     f'readable data ({type(error).__name__}: {error})'
                 ) from error
-
-    def __exit__(self, *error: object) -> None:
-        """Does nothing: each pass closes its own file."""
 
 
 def _topic(channel: Channel, schemas: dict[int, Schema], statistics: Statistics) -> LoggedTopic:

@@ -20,7 +20,7 @@ from linkage_ros.ros.parameters import given_values
 from linkage_ros.ros.process import USER_ERRORS, reported_as_configuration, ros_context, spinning
 from linkage_ros.ros.topics import create_publisher, wait_for_subscribers
 from linkage_ros.wire.cdr import encode_clock
-from linkage_ros.wire.topics import SIMULATED_CLOCK, TOPICS, Topic, effort_commands
+from linkage_ros.wire.topics import EFFORT_COMMANDS, SIMULATED_CLOCK, TOPICS, Topic
 
 # Time limits, s: for the first subscriber to connect, because earlier messages are lost; for the
 # other subscribers; and for subscribers to receive the last messages.
@@ -102,7 +102,7 @@ def _await_receipt(publishers: Iterable[Publisher]) -> None:
 
 
 def _publishers(node: Node, log: LogReader, topics: set[str]) -> dict[str, Publisher]:
-    interfaces = (topic.interface for topic in (*TOPICS, effort_commands('')))
+    interfaces = (topic.interface for topic in (*TOPICS, EFFORT_COMMANDS))
     known = {interface.name: interface for interface in interfaces}
     publishers = {}
     for topic in log.topics:

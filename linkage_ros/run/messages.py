@@ -23,8 +23,8 @@ from linkage_ros.wire.codecs import crank_trajectory
 from linkage_ros.wire.topics import (
     JOINT_COMMANDS,
     MEASURED_JOINT_STATES,
+    TRAJECTORY_COMMANDS,
     Topic,
-    trajectory_commands,
 )
 
 _SILENCE = 2.0  # s without a measurement after which a warning is issued
@@ -240,7 +240,7 @@ class CrankTrajectory:
             simulator: Simulator of the run.
             drive: Drive with the topic and the duration of the trajectories.
         """
-        self.topic = trajectory_commands(drive.trajectory_command_topic)
+        self.topic = TRAJECTORY_COMMANDS._replace(name=drive.trajectory_command_topic)
         self._names = simulator.crank_joint, simulator.configuration.session.frame_id
         self._solver, self._horizon = simulator.solver, round(drive.trajectory_horizon * NS_PER_S)
         self._motion: SpeedMotion | None = None

@@ -47,10 +47,10 @@ from linkage_ros.wire.rows import STAMP_FIELDS, TIME_FIELDS, RowLayout, Template
 from linkage_ros.wire.topics import (
     COUPLER_POINT,
     DRIVING_TORQUE,
+    EFFORT_COMMANDS,
     JOINT_STATES,
     MECHANISM_STATE,
     Topic,
-    effort_commands,
 )
 from linkage_ros.wire.urdf import joint_names, make_urdf
 
@@ -122,9 +122,8 @@ class Simulator:
         self._lead: int | None = None  # ns
         drive = configuration.drive
         if isinstance(drive, FeedForward) and drive.effort_command_topic:
-            self._parts[effort_commands(drive.effort_command_topic)] = float64_array(
-                'torque ahead'
-            )
+            topic = EFFORT_COMMANDS._replace(name=drive.effort_command_topic)
+            self._parts[topic] = float64_array('torque ahead')
             self._names.append('torque ahead')
             self._lead = round(drive.lead_time * NS_PER_S)
         letters = 'position', 'velocity', 'acceleration'

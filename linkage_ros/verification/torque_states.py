@@ -65,8 +65,7 @@ class TorqueStates(Timeline):
         # The previous state, initially that at t = 0.
         begin = start(solver.mechanism, drive)
         state = solver.state(begin.q, begin.u)
-        before = [begin.unwrapped, *state.position[1:], *state.velocity, 0.0]
-        self._before = np.array(before)[:, None]
+        self._before = np.array([[begin.unwrapped, *state.position[1:], *state.velocity, 0.0]]).T
 
     def coordinates(
         self, number: int, _: list[int], rows: bytes
@@ -124,8 +123,8 @@ class TorqueStates(Timeline):
         Raises:
             LogError: A value is not a finite number.
         """
-        table = np.array([self._layout.column(rows, place) for place in self._places])
-        table = table.reshape(4, len(self._links), -1)
+        columns = [self._layout.column(rows, place) for place in self._places]
+        table = np.reshape(columns, (4, len(self._links), -1))
         if not np.isfinite(table).all():
             raise LogError('mechanism_state is not finite')
         crank = table[0, 0].copy()

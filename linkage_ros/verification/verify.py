@@ -3,7 +3,7 @@
 """Recomputes every state of a log from its configuration and its segments of motion.
 
 Messages are considered equal if their bytes are equal, or if each number differs by at most 4 ulp
-of the largest number so far in its field, because sines differ between machines. 0.0 and -0.0
+of the largest number of its field in the log, because sines differ between machines. 0.0 and -0.0
 are equal within 1 ulp. The log times of a live run cannot be recomputed, so only their equality
 within a state is checked. Topics are identified by their types, because they may be remapped.
 Other topics of the log are listed but not compared.
@@ -13,6 +13,7 @@ import math
 import struct
 from bisect import bisect_right
 from collections.abc import Callable
+from functools import cached_property
 
 import numpy as np
 
@@ -119,10 +120,11 @@ class Verification:
                 f'{log.path} cannot be verified: it has no motion record, or no '
                 f'{" or ".join(topic.name for topic in needed)}'
             )
-        pairs = self._channels.items()
-        self._layout = layout = simulator.layout_of((c.number, topic) for topic, c in pairs)
+        self._layout = layout = simulator.layout_of(
+            (channel.number, topic) for topic, channel in self._channels.items()
+        )
         self._names = [channel.name for channel in self._channels.values()]
-        self._comparison = RowComparison(layout, self._names)
+        self._comparison = RowComparison(log, layout, self._names)
         kind = TorqueStates if driven else Measurements if follows else Timeline
         self._timeline: Timeline | Measurements = kind(simulator, log, layout)
 
@@ -230,10 +232,9 @@ class RowComparison:
         ulp: Largest accepted difference so far, in ulp of the largest value of its field.
     """
 
-    def __init__(self, layout: RowLayout, names: list[str]) -> None:
-        self._names, self.ulp, self._layout = names, 0.0, layout
+    def __init__(self, log: LogReader, layout: RowLayout, names: list[str]) -> None:
+        self._log, self._names, self.ulp, self._layout = log, names, 0.0, layout
         self._doubles = [place for place in layout.places if place.code == 'd']
-        self._largest = np.zeros((len(self._doubles), 1))
 
     def compare(self, logged: bytes, recomputed: bytearray) -> tuple[int, str]:
         """Compares rows.
@@ -245,26 +246,37 @@ class RowComparison:
         Returns:
             The number of leading rows that are equal within the tolerance, and a description of
             the first difference in the next row.
+
+        Raises:
+            LogError: The log is damaged.
         """
-        due, size = self._values(recomputed), self._layout.size
-        number = len(logged) // size
-        self._largest = np.maximum(self._largest, abs(due).max(axis=1, keepdims=True))
+        size = self._layout.size
         if logged == recomputed:  # usual, unless another machine computes different sines
-            return number, ''
+            return len(logged) // size, ''
         with np.errstate(all='ignore'):  # logged values may be arbitrary
-            ulp = abs(self._values(logged) - due) / np.spacing(self._largest)
+            ulp = abs(self._values(logged) - self._values(recomputed)) / self._units
         found, made = (np.frombuffer(x, np.uint8) for x in (logged, recomputed))
         differs = np.not_equal(found, made).reshape(-1, size)
         for place, near in zip(self._doubles, ulp <= _TOLERANCE, strict=True):
             differs[near, place.offset : place.offset + 8] = False
         wrong = differs.any(axis=1)
-        count = int(wrong.argmax()) if wrong.any() else number
+        count = int(wrong.argmax()) if wrong.any() else wrong.size
         # Rows that differ only in the sign of a zero must not count as equal to the bit.
         self.ulp = max(self.ulp, float(ulp[:, :count].max(initial=math.ulp(0.0))))
-        if count == number:
+        if count == wrong.size:
             return count, ''
         at, row = int(differs[count].argmax()), slice(count * size, (count + 1) * size)
         return count, self._describe(at, logged[row], recomputed[row])
+
+    @cached_property
+    def _units(self) -> Array:
+        """One ulp of the largest finite number of each field in the log, shape (fields, 1)."""
+        largest = np.zeros((len(self._doubles), 1))
+        for rows in self._log.rows(self._layout, lambda _: None):
+            if self._layout.count(rows, 0):
+                values = np.nan_to_num(self._values(rows), nan=0, posinf=0, neginf=0)
+                largest = np.maximum(largest, abs(values).max(axis=1, keepdims=True))
+        return np.spacing(largest)
 
     def _values(self, rows: bytes | bytearray) -> Array:
         """Returns the doubles in rows, shape (fields, rows)."""
@@ -283,6 +295,6 @@ class RowComparison:
                     f'off by {abs(found - due):.3g}'
                 )
                 if place in self._doubles:
-                    (largest,) = self._largest[self._doubles.index(place)].tolist()
-                    words += f', {abs(found - due) / math.ulp(largest):.6g} ulp'
+                    (unit,) = self._units[self._doubles.index(place)].tolist()
+                    words += f', {abs(found - due) / unit:.6g} ulp'
         return f'{self._names[message]}: {words}'

@@ -175,24 +175,19 @@ MEASURED_JOINT_STATES = Topic(
 SIMULATED_CLOCK = Topic('/clock', CLOCK, depth=1, meaning='with `use_sim_time`: the time')
 
 
-def effort_commands(name: str) -> Topic:
-    """Returns the topic of the driving torque for a controller."""
-    return Topic(
-        name,
-        FLOAT64_MULTI_ARRAY,
-        meaning='one number: the driving torque `lead_time` later',
-        parameter='effort_command_topic',
-    )
-
-
-def trajectory_commands(name: str) -> Topic:
-    """Returns the topic of the crank's trajectory for a controller."""
-    return Topic(
-        name,
-        JOINT_TRAJECTORY,
-        meaning='motion and torque of the crank for `trajectory_horizon` from the stamp on',
-        parameter='trajectory_command_topic',
-    )
+# The parameter in place of the name holds the name.
+EFFORT_COMMANDS = Topic(
+    'effort_command_topic',
+    FLOAT64_MULTI_ARRAY,
+    meaning='one number: the driving torque `lead_time` later',
+    parameter='effort_command_topic',
+)
+TRAJECTORY_COMMANDS = Topic(
+    'trajectory_command_topic',
+    JOINT_TRAJECTORY,
+    meaning='motion and torque of the crank for `trajectory_horizon` from the stamp on',
+    parameter='trajectory_command_topic',
+)
 
 
 def qualified(topic: Topic) -> str:
