@@ -11,6 +11,7 @@ import os
 import sys
 import threading
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import pytest
 from ros_harness import finished
@@ -193,6 +194,19 @@ def in_thread(work):
 
 def policy():
     return os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK
+
+
+def test_the_system_shows_the_name_of_a_worker():
+    def shown():
+        return Path(f'/proc/self/task/{threading.get_native_id()}/comm').read_text()
+
+    found = []
+    worker = Worker(
+        'test', Gated(), capacity=1, period=QUICK, on_error=found.append,
+        on_start=lambda: found.append(shown()),
+    )  # fmt: skip
+    assert worker.close(PATIENCE)
+    assert found == ['test\n']
 
 
 def test_thread_wakes_at_the_requested_time():

@@ -11,6 +11,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections import Counter
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import NoReturn
@@ -102,13 +103,18 @@ class Process:
         text = Path(f'/proc/{self.pid}/smaps_rollup').read_text()
         return int(text.partition('\nPss:')[2].split()[0]) / 1024
 
-    def computed(self) -> float:
-        """Processor time of all threads, s, from the scheduler's counters, not from samples."""
-        total = 0
+    def by_thread(self) -> Counter[str]:
+        """Processor time by thread name, ns, from the scheduler's counters, not from samples."""
+        found = Counter[str]()
         for thread in Path(f'/proc/{self.pid}/task').iterdir():
             with suppress(FileNotFoundError):
-                total += int((thread / 'schedstat').read_text().split()[0])
-        return total * 1e-9
+                name = (thread / 'comm').read_text().strip()
+                found[name] += int((thread / 'schedstat').read_text().split()[0])
+        return found
+
+    def computed(self) -> float:
+        """Processor time of all threads, s."""
+        return self.by_thread().total() * 1e-9
 
 
 @contextmanager

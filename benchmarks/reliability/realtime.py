@@ -14,8 +14,9 @@ the same bytes.
 After every round, the figures are written to DIR/realtime.json and DIR/log_speed.json, and page
 and figure to DIR/timing.md and DIR/timing.png, so that Ctrl-C keeps what was measured. Each
 contender has median and p99 of the lateness, us (medians over the slices), its maximum, the
-numbers of missed ticks and of all ticks, and the processor time, s, as if all ticks took as much
-as those of the median second. The exit code is 1 if a limit is exceeded.
+numbers of missed ticks and of all ticks, the processor time, s, as if all ticks took as much as
+those of the median second. It also has the processor time per tick of groups of threads, us
+(medians over the slices). The exit code is 1 if a limit is exceeded.
 """
 
 import json
@@ -23,6 +24,7 @@ import sys
 import tempfile
 import time
 import zlib
+from collections import Counter
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -42,7 +44,7 @@ from harness import (
 )
 from mcap.records import Chunk
 from mcap.stream_reader import StreamReader
-from timing_page import CONTENDERS, limits, write
+from timing_page import CONTENDERS, PARTS, limits, write
 
 from linkage_ros import cli
 from linkage_ros.log.reader import LogReader
@@ -73,10 +75,12 @@ def bare_loop(seconds: int) -> dict[str, Any]:
         if tick >= RATE * len(computed):
             computed.append(time.process_time())
     late = np.quantile(lateness, (0.5, 0.99, 1.0)) * 1e-3
-    return figures(late, len(lateness), tick - len(lateness), computed)
+    return figures(late, len(lateness), tick - len(lateness), computed, Counter())
 
 
-def figures(late, ticks: int, missed: int, computed: list[float]) -> dict[str, Any]:
+def figures(
+    late, ticks: int, missed: int, computed: list[float], threads: Counter[str]
+) -> dict[str, Any]:
     """Collects the figures of a slice.
 
     Args:
@@ -84,10 +88,24 @@ def figures(late, ticks: int, missed: int, computed: list[float]) -> dict[str, A
         ticks: Number of ticks.
         missed: Number of missed ticks.
         computed: Processor time of the process so far, s, at the start and after each second.
+        threads: Processor time by thread name, ns.
     """
     p50, p99, most = map(float, late)
     words = {'p50_us': p50, 'p99_us': p99, 'max_us': most, 'missed': missed, 'ticks': ticks}
-    return {**words, 'computed': np.diff(computed).round(4).tolist()}
+    parts = dict.fromkeys(PARTS, 0.0)
+    for name, time_ns in threads.items():
+        parts[part_of(name)] += time_ns * 1e-3 / ticks
+    return {**words, 'computed': np.diff(computed).round(4).tolist(), 'parts_us': parts}
+
+
+def part_of(thread: str) -> str:
+    """Returns the part of a program to which a thread belongs, by the thread's name."""
+    if thread.startswith('dds.'):
+        return 'middleware'
+    if thread.startswith('python'):
+        return 'main thread'
+    # All other threads that are not named by linkage_ros are those of the Rerun SDK.
+    return {'ticker': 'ticks', 'log': 'log', 'sync': 'log'}.get(thread, 'viewer')
 
 
 def contender(name: str, folder: Path):
@@ -114,10 +132,11 @@ def slice_of(name: str, seconds: int, health: Diagnostics) -> dict[str, Any]:
         ):
             wait_for(lambda: 'heard' in listener.output)
             time.sleep(SETTLE)
-            computed = [process.computed()]
+            before, computed = process.by_thread(), [process.computed()]
             for _ in range(seconds):
                 time.sleep(1.0)
                 computed.append(process.computed())
+            threads = process.by_thread() - before
             assert process.end() == 0, process.output
         stamps = np.load(heard)[:, 0]
     if name.startswith('linkage_node'):
@@ -126,7 +145,7 @@ def slice_of(name: str, seconds: int, health: Diagnostics) -> dict[str, Any]:
     else:
         late = [float(word) for word in process.lines[-1][1].split()]
     stamps = stamps[stamps > stamps[-1] - seconds * 1e9]
-    return figures(late, len(stamps), missed(stamps, RATE), computed)
+    return figures(late, len(stamps), missed(stamps, RATE), computed, threads)
 
 
 def summary(name: str, slices: list[dict[str, Any]]) -> dict[str, object]:
@@ -143,6 +162,8 @@ def summary(name: str, slices: list[dict[str, Any]]) -> dict[str, object]:
         'max_us': round(max(one['max_us'] for one in slices), 1),
         'missed': sum(one['missed'] for one in slices), 'ticks': ticks,
         'cpu_seconds': round(ticks / RATE * median(seconds), 4),
+        'parts_us': {part: round(median(one['parts_us'][part] for one in slices), 2)
+                     for part in PARTS},
     }  # fmt: skip
 
 

@@ -25,6 +25,8 @@ CONTENDERS = {
     'linkage_node, log': 'linkage_node with log',
     'linkage_node, log, viewer': 'linkage_node with log and viewer',
 }
+# Groups of threads.
+PARTS = 'ticks', 'main thread', 'middleware', 'log', 'viewer'
 PAGE = """\
 # Timing
 
@@ -52,15 +54,23 @@ missed ticks and processor time do not. The processor time is that of the node's
 median second, because other users of the computer may slow down single seconds by half.
 
 This table and that of logs are from a slow machine with two processors (AMD EPYC of the first
-generation); the other tables are from a machine that is twice as fast. In twelve runs on the slow
-machine, the log added -27 to 34 us to a tick, with a median of 10 us, and in four of them more
-than the limit of 15 us; the viewer added 17 to 80 us in seven runs, and in two of them more than
-the limit of 40 us. In these two, with 34 and 16 us for the log, every program took more time than
-in the run shown here, even the bare loop, which took twice as much. The results of the same
-program scatter so much that a single run does not show the cost of the log to within 15 us. On the
-fast machine, with an earlier version, the log added 5 us, and the viewer 26 us.
+generation); the other tables are from a machine that is twice as fast. The results scatter with
+the load of the host. In eighteen runs on the slow machine, the log added -27 to 50 us to a tick,
+and in nine of them more than the limit of 15 us; the viewer added 2 to 80 us in thirteen runs, and
+in two of them more than the limit of 40 us. The threads of the log alone took 7 to 9 us in three
+runs. The rest is a difference in the thread of the ticks, whose time varies by 20 us from one
+start of the same program to the next. In 20 pairs of runs of 5 s, this thread took 0.5 us more
+with log than without (standard error 5.7 us); in 9 pairs of 12 s, 10.4 us (3.6 us). On the fast
+machine, with an earlier version, the log added 5 us, and the viewer 26 us.
 
 {ticks}
+
+This table shows the processor time per tick of the threads, us, measured separately. The log has a
+thread that writes and one that syncs the disk; the viewer has one of this package and those of the
+Rerun SDK. The rclpy timers run in the main thread. `top -H` lists the threads of this package by
+name: ticker, log, sync and viewer.
+
+{parts}
 
 In 15 of 356 starts of linkage_node, in this benchmark and in manual trials, one tick waited for
 0.33 s soon after the start. The middleware causes this delay: when Fast DDS opens a port in shared
@@ -126,7 +136,9 @@ def _limits(ticks: Sequence[dict], logs: Sequence[dict]) -> Iterator[tuple[str, 
     cost = {name: per_tick(record) for name, record in found.items()}
     log, viewer = 'linkage_node, log', 'linkage_node, log, viewer'
     yield 'the log adds to a tick, us', cost[log] - cost['linkage_node'], 15
+    yield 'the threads of the log, us per tick', found[log]['parts_us']['log'], 15
     yield 'the viewer adds to a tick, us', cost[viewer] - cost[log], 40
+    yield 'the threads of the viewer, us per tick', found[viewer]['parts_us']['viewer'], 40
     yield 'node with log, relative to the rclpy timer', cost[log] / cost['rclpy timer'], 0.55
     # twice that of the bare loop, or 300 us
     late = max(2 * found['bare loop']['p99_us'], 300.0)
@@ -211,6 +223,14 @@ def page(ticks: Sequence[dict], logs: Sequence[dict], accuracy: dict, peers: dic
                     f'{per_tick(one):.1f}',
                 )
                 for one in ticks
+            ],
+        ),
+        parts=table(
+            ('', *PARTS),
+            [
+                (CONTENDERS[one['contender']], *(f'{one["parts_us"][p]:.1f}' for p in PARTS))
+                for one in ticks
+                if any(one['parts_us'].values())
             ],
         ),
         logs=table(

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from linkage_ros.run.simulator import Simulator
-from linkage_ros.run.threads import take_real_time_priority, wake_on_time
+from linkage_ros.run.threads import show_name, take_real_time_priority, wake_on_time
 from linkage_ros.units import NS_PER_MS, NS_PER_S
 
 _LATENESS_SAMPLES = 10_000  # number of ticks whose lateness is stored
@@ -96,6 +96,7 @@ class Ticker:
             self._thread.join()
 
     def _run(self) -> None:
+        show_name()
         wake_on_time()
         self.counts.real_time_priority = take_real_time_priority()
         try:
