@@ -14,8 +14,8 @@ the same bytes.
 After every round, the figures are written to DIR/realtime.json and DIR/log_speed.json, and page
 and figure to DIR/timing.md and DIR/timing.png, so that Ctrl-C keeps what was measured. Each
 contender has median and p99 of the lateness, us (medians over the slices), its maximum, the
-numbers of missed ticks and of all ticks, the processor time, s, as if all ticks took as much as
-those of the median second. It also has the processor time per tick of groups of threads, us
+numbers of missed ticks and of all ticks, and the processor time, s, as if all ticks took as much
+as those of the median second. It also has the processor time per tick of groups of threads, us
 (medians over the slices). The exit code is 1 if a limit is exceeded.
 """
 
@@ -99,12 +99,12 @@ def figures(
 
 
 def part_of(thread: str) -> str:
-    """Returns the part of a program to which a thread belongs, by the thread's name."""
+    """Returns the group of `PARTS` to which a thread belongs, by the thread's name."""
     if thread.startswith('dds.'):
         return 'middleware'
     if thread.startswith('python'):
         return 'main thread'
-    # All other threads that are not named by linkage_ros are those of the Rerun SDK.
+    # The threads of the Rerun SDK have many names.
     return {'ticker': 'ticks', 'log': 'log', 'sync': 'log'}.get(thread, 'viewer')
 
 

@@ -25,7 +25,7 @@ CONTENDERS = {
     'linkage_node, log': 'linkage_node with log',
     'linkage_node, log, viewer': 'linkage_node with log and viewer',
 }
-# Groups of threads.
+# Groups of threads, whose processor time is measured separately.
 PARTS = 'ticks', 'main thread', 'middleware', 'log', 'viewer'
 PAGE = """\
 # Timing

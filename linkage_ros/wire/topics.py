@@ -175,7 +175,7 @@ MEASURED_JOINT_STATES = Topic(
 SIMULATED_CLOCK = Topic('/clock', CLOCK, depth=1, meaning='with `use_sim_time`: the time')
 
 
-# The parameter in place of the name holds the name.
+# Users choose the names of these topics: `name` is only the parameter that sets the name.
 EFFORT_COMMANDS = Topic(
     'effort_command_topic',
     FLOAT64_MULTI_ARRAY,
