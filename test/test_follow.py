@@ -7,10 +7,11 @@ import re
 import time
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from joint_codec import JointStateCodec
-from mechanisms import LIMITED, four_bar
+from mechanisms import CHANGE_POINTS, LIMITED, four_bar, of
 from mpmath import mp
 from rclpy.serialization import deserialize_message, serialize_message
 from ros_harness import (
@@ -24,6 +25,7 @@ from ros_harness import (
 )
 from sensor_msgs.msg import JointState
 
+from linkage_ros import Solver
 from linkage_ros.motion.drives import FollowDrive
 from linkage_ros.motion.follow import NOT_FINITE, NOT_NEWER, FollowMotion, ahead
 from linkage_ros.parameters.configuration import configure, load
@@ -35,8 +37,8 @@ MS = 1_000_000
 CODEC = JointStateCodec(('left_crank', 'left_coupler', 'left_rocker'), 'base_link')
 
 
-def followed(measurements, bandwidth=20.0):
-    motion = FollowMotion(FollowDrive(bandwidth))
+def followed(measurements, bandwidth=20.0, period_turns=1):
+    motion = FollowMotion(FollowDrive(bandwidth), period_turns)
     return [motion.at(*one) for one in measurements]
 
 
@@ -86,6 +88,45 @@ def test_a_steady_speed_and_a_steady_change_of_speed_are_followed(wrapped, has_v
     assert later.q[0] - last.q[0] == pytest.approx(last.u[0] * 0.01 + last.a[0] * 5e-5, rel=1e-12)
 
 
+@pytest.mark.parametrize('name', ['p0', 'q0_double_crank', 'kite_r_d', 'upper'])
+@pytest.mark.parametrize('bandwidth', [0.0, 20.0])
+def test_a_linkage_of_two_turns_moves_the_same_whatever_turn_its_sensor_starts(name, bandwidth):
+    """An unwrapped sensor gives the true angle; others restart each turn, and one pauses."""
+    solver = Solver(of(CHANGE_POINTS[name]))
+    assert solver.reach.period_turns == 2
+    # Through several change points, forwards and backwards; the gap is longer than 0.5 s.
+    times = [5 * MS * n + (600 * MS if n > 700 else 0) for n in range(1, 1500)]
+    angles = [1.0 + 25.0 * math.sin(0.004 * n) for n in range(1, 1500)]
+
+    def outputs(sensor):
+        found = followed(zip(times, map(sensor, angles), strict=True), bandwidth, 2)
+        return np.array([solver.state(*one.q).position[-1] for one in found])
+
+    true = np.array([solver.state(angle).position[-1] for angle in angles])
+    for sensor in (lambda x: x, lambda x: math.remainder(x, TURN), lambda x: x % TURN):
+        assert np.abs(np.sin(0.5 * (outputs(sensor) - true))).max() < 1e-13
+
+
+def test_an_unwrapped_sensor_is_believed_after_a_gap_and_a_restart():
+    jump = [(1, 97.0), (2, 97.1), (2000, 107.0), (2001, 107.1), (500, 0.0), (501, 0.1)]
+    found = followed([(t * MS, angle) for t, angle in jump], period_turns=2)
+    assert [math.remainder(one.q[0] - angle, 2 * TURN) for one, (_, angle) in zip(
+        found, jump, strict=True
+    )] == pytest.approx([0.0] * len(jump), abs=1e-13)  # fmt: skip
+
+
+@pytest.mark.parametrize('every', [1, 3, 10])
+@pytest.mark.parametrize('absent', [None, math.nan])
+def test_velocity_in_some_messages_gives_the_same_acceleration(every, absent):
+    change = 3.0
+    found = followed(
+        (n * MS, change * (n / 1000) ** 2 / 2, absent if n % every else change * n / 1000)
+        for n in range(1, 991)
+    )
+    assert found[-1].a[0] == pytest.approx(change, rel=1e-6)
+    assert found[-2].a[0] == pytest.approx(change, rel=0.01)
+
+
 def test_filter_restarts_after_a_gap_and_after_a_step_back():
     start, gap = 11_000 * MS, 501 * MS  # 10 / bandwidth is 500 ms
     found = followed(
@@ -99,8 +140,8 @@ def test_filter_restarts_after_a_gap_and_after_a_step_back():
 def test_old_or_nonfinite_measurements_are_rejected():
     good = [(1000 * MS, 0.1), (1005 * MS, 0.2), (1010 * MS, 0.4)]
     old = [(1005 * MS, 9.0), (1004 * MS, 9.0), (505 * MS, 9.0)]
-    bad = [(1006 * MS, math.nan), (1007 * MS, math.inf), (1008 * MS, 0.3, math.nan)]
-    motion = FollowMotion(FollowDrive())
+    bad = [(1006 * MS, math.nan), (1007 * MS, math.inf), (1008 * MS, 0.3, math.inf)]
+    motion = FollowMotion(FollowDrive(), 1)
     for measurement in good[:2]:
         motion.at(*measurement)
     for measurements, cause in ((old, NOT_NEWER), (bad, NOT_FINITE)):
@@ -242,5 +283,5 @@ def test_the_log_is_verified_by_following_its_measurements_again(answered, monke
     assert ANSWERS in report.compared
     assert MEASURED in report.others
     begin, other = FollowMotion.__init__, FollowDrive(21.0)
-    monkeypatch.setattr(FollowMotion, '__init__', lambda motion, _: begin(motion, other))
+    monkeypatch.setattr(FollowMotion, '__init__', lambda motion, _, turns: begin(motion, other, turns))
     assert re.search('^state .*recomputed: off by', report_of(path).difference)

@@ -13,15 +13,17 @@ measurements,
     e(t) = [e + (d - w e) t] exp(-w t)        d(t) = [d + w (d - w e) t] exp(-w t)
 
 exactly, for any time t. If m is the crank angle, v is the speed and w^2 e the acceleration. If the
-sensor also measures the speed, a second filter tracks it, and its v is the acceleration.
+sensor also measures the speed, a second filter tracks it, and its v is the acceleration. The
+speed may be missing from some measurements.
 """
 
 import math
+from fractions import Fraction
 from typing import NamedTuple
 
 from linkage_ros.motion.drives import FollowDrive
 from linkage_ros.motion.segments import Coordinates
-from linkage_ros.numeric import within_two_turns
+from linkage_ros.numeric import with_turns, within_two_turns
 from linkage_ros.units import NS_PER_S
 
 # ns. Stamps jump back farther than this only if a bag is looped or a simulator is restarted.
@@ -29,6 +31,7 @@ _RESTART = NS_PER_S
 # A longer gap between measurements, in units of 1 / bandwidth, resets the filter.
 _GAP = 10.0
 
+_TURN = 2 * math.pi  # rad
 # rad or rad/s. Larger values cannot be measurements, and their squares would overflow.
 _LARGEST = 1e12
 
@@ -39,46 +42,52 @@ class Tracked(NamedTuple):
     """The state of the filter for one signal.
 
     Attributes:
+        stamp: Stamp of the last measurement of the signal, ns.
         value: Last measured value of the signal, m.
         error: Last measured value minus the filter's value, m - x.
         rate: Rate of the filter, v.
     """
 
+    stamp: int
     value: float
     error: float
     rate: float
 
-    def advance(self, value: float, time: float, w: float) -> 'Tracked':
+    def advance(self, stamp: int, value: float, w: float) -> 'Tracked':
         """Updates the filter with a new measurement.
 
         Args:
+            stamp: Stamp of the measurement, ns.
             value: The new measured value of the signal.
-            time: Time since the last measurement, s.
             w: 2 pi times the bandwidth, rad/s.
 
         Returns:
             The new state of the filter.
         """
+        time = (stamp - self.stamp) / NS_PER_S
         slope = (value - self.value) / time
         gap = slope - self.rate
         drift, decay = gap - w * self.error, math.exp(-w * time)
         error = (self.error + drift * time) * decay
-        return Tracked(value, error, slope - (gap + w * drift * time) * decay)
+        return Tracked(stamp, value, error, slope - (gap + w * drift * time) * decay)
 
 
 class FollowMotion:
     """The motion of a measured crank."""
 
-    def __init__(self, drive: FollowDrive) -> None:
+    def __init__(self, drive: FollowDrive, period_turns: int) -> None:
         """Initializes the filter, which starts at the first measurement.
 
         Args:
             drive: Drive with the bandwidth of the filter.
+            period_turns: Number of crank turns after which the mechanism's motion repeats.
         """
         self._w = 2 * math.pi * drive.follow_bandwidth
         self._gap = _GAP / drive.follow_bandwidth if drive.follow_bandwidth else math.inf
-        self._stamp: int | None = None  # of the last measurement, ns
-        self._angle = self._speed = Tracked(0.0, 0.0, 0.0)
+        self._period_turns = period_turns
+        self._angle: Tracked | None = None
+        self._speed: Tracked | None = None
+        self._turns = 0  # turns by which the crank is ahead of the sensor's angle
 
     def at(self, stamp: int, position: float, velocity: float | None = None) -> Coordinates:
         """Updates the motion with a measurement, in order of arrival.
@@ -86,44 +95,57 @@ class FollowMotion:
         Args:
             stamp: Time of the measurement, ns.
             position: Crank angle, rad.
-            velocity: Crank speed, rad/s; None if it was not measured.
+            velocity: Crank speed, rad/s; None or NaN if it was not measured.
 
         Returns:
-            The coordinates at the stamp.
+            The coordinates at the stamp. The crank angle is the measured one; if the motion
+            repeats after two turns, it may differ by one turn, so that the motion is continuous
+            although the sensor restarts each turn.
 
         Raises:
             ValueError: The measurement is rejected. The error text is the cause.
         """
+        if velocity is not None and math.isnan(velocity):
+            velocity = None
         if not all(abs(value) <= _LARGEST for value in (position, velocity or 0.0)):
             raise ValueError(NOT_FINITE)
-        since = -math.inf if self._stamp is None else stamp - self._stamp
-        if -_RESTART <= since <= 0:
+        last = self._angle
+        if last and -_RESTART <= stamp - last.stamp <= 0:
             raise ValueError(NOT_NEWER)
-        if 0 < (time := since / NS_PER_S) <= self._gap:
-            self._advance(position, velocity, time)
-        else:
-            self._angle = Tracked(position, 0.0, velocity or 0.0)
-            self._speed = Tracked(velocity or 0.0, 0.0, 0.0)
-        self._stamp = stamp
-        angle, _ = within_two_turns(position)
-        return Coordinates((angle,), *self._rates(velocity), position)
-
-    def _advance(self, position: float, velocity: float | None, time: float) -> None:
-        # A sensor may restart at 0 each turn: choose the angle closest to the predicted one.
-        turn = 2 * math.pi
-        ahead = self._angle.value + self._angle.rate * time
-        turns = round((ahead - position) / turn)
-        self._angle = self._angle.advance(position + turns * turn, time, self._w)
-        self._angle = self._angle._replace(value=position)
+        if last and stamp < last.stamp:
+            last, self._speed, self._turns = None, None, 0
+        turns = self._turns_since(last, stamp, position) if last else 0
+        self._turns += turns
+        found = self._track(last, stamp, position + turns * _TURN, velocity or 0.0)
+        self._angle = found._replace(value=position)
+        rate, change = found.rate, self._w * self._w * found.error
         if velocity is not None:
-            self._speed = self._speed.advance(velocity, time, self._w)
-
-    def _rates(self, velocity: float | None) -> tuple[tuple[float], tuple[float]]:
+            self._speed = self._track(self._speed, stamp, velocity, 0.0)
+            rate, change = velocity, self._speed.rate
         if not self._w:
-            return (0.0,), (0.0,)
-        if velocity is None:
-            return (self._angle.rate,), (self._w * self._w * self._angle.error,)
-        return (velocity,), (self._speed.rate,)
+            rate = change = 0.0
+        angle, _ = within_two_turns(position)
+        if self._turns % self._period_turns:
+            angle = with_turns(angle, Fraction(-1 if angle > 0 else 1, 2))
+        return Coordinates((angle,), (rate,), (change,), position)
+
+    def _track(self, last: Tracked | None, stamp: int, value: float, rate: float) -> Tracked:
+        """Updates a filter, or restarts it with the given rate after a gap."""
+        if last is None or self._is_gap(last, stamp):
+            return Tracked(stamp, value, 0.0, rate if self._w else 0.0)
+        return last.advance(stamp, value, self._w)
+
+    def _is_gap(self, last: Tracked, stamp: int) -> bool:
+        return (stamp - last.stamp) / NS_PER_S > self._gap
+
+    def _turns_since(self, last: Tracked, stamp: int, position: float) -> int:
+        """Returns the turns by which a sensor that restarts at 0 each turn has fallen behind."""
+        ahead = last.value
+        if not self._is_gap(last, stamp):
+            ahead += last.rate * ((stamp - last.stamp) / NS_PER_S)
+        elif not self._turns:  # a sensor that never restarted may have turned far in the gap
+            return 0
+        return round((ahead - position) / _TURN)
 
 
 def ahead(coordinates: Coordinates, seconds: float) -> Coordinates:

@@ -144,7 +144,8 @@ class MeasuredCrank:
             simulator: Simulator of a configuration with `drive: follow`.
         """
         self._simulator = simulator
-        self._motion = FollowMotion(cast('FollowDrive', simulator.configuration.drive))
+        drive = cast('FollowDrive', simulator.configuration.drive)
+        self._motion = FollowMotion(drive, simulator.solver.reach.period_turns)
         self.rejected: Counter[str] = Counter()
         self._last = -math.inf  # time of the last accepted measurement, s
 

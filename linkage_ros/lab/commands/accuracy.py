@@ -268,7 +268,7 @@ def _measure_follow(*, quick: bool) -> tuple[list[dict[str, Any]], str]:
         speeds = (pace * np.rint(true.u[0] / pace)).tolist() if velocity else [None] * len(stamps)
         measured = list(zip(stamps, angles, speeds, strict=True))
         for bandwidth in bandwidths:
-            motion = FollowMotion(FollowDrive(bandwidth))
+            motion = FollowMotion(FollowDrive(bandwidth), solver.reach.period_turns)
             followed = stacked([motion.at(*one) for one in measured])
             points.append({
                 'bits': bit, 'measured_velocity': velocity, 'follow_bandwidth': bandwidth,
