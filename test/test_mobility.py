@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Mobility of crank and output: classes, reach, assemblies, period, swing and stroke."""
 
+import cmath
 import math
 import random
 import re
@@ -177,6 +178,24 @@ def test_period_is_the_fewest_turns_after_which_the_motion_repeats(name, assembl
         ]
         repeats.append(max(apart[1:]) < 1e-12)
     assert repeats.index(True) + 1 == TURNS.get(name, 1)
+
+
+@pytest.mark.parametrize('assembly', ASSEMBLIES)
+@pytest.mark.parametrize('angle', [-9.6, 3.0, 7 * math.pi / 4])
+@pytest.mark.parametrize('name', CHANGE_POINTS)
+def test_assembly_names_the_side_after_the_frame_angle_reduced_to_half_a_turn(
+    name, angle, assembly
+):
+    lengths, reduced = CHANGE_POINTS[name], math.remainder(angle, TURN)
+    solver = Solver(of(lengths, angle, assembly))
+    if len(lengths) == 3:
+        ahead = [solver.state(reduced).position[2] > lengths[0]]
+    else:
+        r, *_, d = lengths
+        crank = reduced + np.linspace(0.1, 3.0, 9)
+        diagonal = cmath.rect(d, angle) - r * np.exp(1j * crank)
+        ahead = np.angle(np.exp(1j * solver.state(crank).position[1]) / diagonal) > 0
+    assert set(ahead) == {assembly == 'open'}
 
 
 @pytest.mark.parametrize(('gap', 'found'), [(1e-14, 'crank-rocker'), (-1e-14, 'triple-rocker')])

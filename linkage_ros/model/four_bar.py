@@ -225,7 +225,7 @@ class FourBar(Mechanism):
         rocker: Output link, from B0.
         assembly: 'open' if B lies to the left of the line from A to B0, 'crossed' if to the
             right. For a linkage with change points, this holds at crank angles from 0 to pi,
-            measured from the frame.
+            measured from the frame's angle reduced by whole turns to [-pi, pi].
         gravity: Acceleration of gravity [x, y], m/s^2.
         loads: Load curves and friction. A `LinkLoad` given here is moved into the rocker.
     """

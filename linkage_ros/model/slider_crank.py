@@ -154,7 +154,8 @@ class SliderCrank(Mechanism):
             perpendicular from A0.
         frame: Fixed link with the direction of the guide.
         assembly: 'open' if the slider is ahead of the crank pin when the crank points along the
-            guide, 'crossed' if the slider is behind it.
+            guide, 'crossed' if the slider is behind it. With a change point, this holds at the
+            guide's angle reduced by whole turns to [-pi, pi].
         gravity: Acceleration of gravity [x, y], m/s^2.
         loads: Load curves and friction. A `LinkLoad` given here is moved into the slider.
     """
