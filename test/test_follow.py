@@ -283,5 +283,7 @@ def test_the_log_is_verified_by_following_its_measurements_again(answered, monke
     assert ANSWERS in report.compared
     assert MEASURED in report.others
     begin, other = FollowMotion.__init__, FollowDrive(21.0)
-    monkeypatch.setattr(FollowMotion, '__init__', lambda motion, _, turns: begin(motion, other, turns))
+    monkeypatch.setattr(
+        FollowMotion, '__init__', lambda motion, _, turns: begin(motion, other, turns)
+    )
     assert re.search('^state .*recomputed: off by', report_of(path).difference)
