@@ -139,9 +139,8 @@ class LinkageNode(ParameterNode):
         motion = self._continue(motion.follow(stamp, self._drive))
         if isinstance(motion, TorqueMotion):
             for subscription, commands in self._inputs:
-                for _ in subscription.take():  # this activates the received commands
-                    pass
-                motion.command(stamp, commands.torque())
+                elapsed = stamp - self._ticker.t0
+                motion.command(stamp, commands.torque(elapsed, subscription.take()))
         snapshot = self._simulator.snapshot_at(motion, stamp)
         self._continue(motion)  # the description may change here
         self._show(snapshot)

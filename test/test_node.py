@@ -346,6 +346,38 @@ def test_commands_move_the_plant_within_a_tick_and_time_out(tmp_path):
     assert [heard[0].tolist(), heard[-1].tolist()] == [[1.5], [1.0, 2.0]]  # invalid ones too
 
 
+def test_commands_expire_in_simulated_time(tmp_path):
+    """At 1 Hz, the last command acts for two ticks, however little real time passes."""
+    path = tmp_path / 'run.mcap'
+    arguments = node_arguments(
+        drive='torque', use_sim_time='true', log=path, rate_hz=1.0, command_timeout=2.0,
+        gravity='[0.0, 0.0]',
+    )  # fmt: skip
+    with watched([STATES], *arguments) as (listener, node):
+        times, commands = (
+            listener.node.create_publisher(kind, topic, 10)
+            for kind, topic in ((Clock, '/clock'), (JointState, 'joint_commands'))
+        )
+
+        def efforts():
+            return [round(numbers[6], 9) for _, numbers in decoded(listener.received[STATES])]
+
+        def tick():
+            """Publishes the time of the next tick until its state has arrived."""
+            message, states = Clock(), len(efforts())
+            message.clock.sec = 100 + states
+            wait_for(lambda: times.publish(message) or len(efforts()) > states)
+
+        while not any(efforts()):
+            commands.publish(JointState(name=['crank'], effort=[1e-3 + 1e-3 * len(efforts())]))
+            tick()
+        while efforts()[-1]:
+            tick()
+        stop(node)
+    assert verified(path).states == len(efforts())
+    assert efforts().count(efforts()[-2]) == 2
+
+
 def test_a_flood_of_commands_costs_neither_memory_nor_ticks(tmp_path):
     path = tmp_path / 'run.mcap'
     arguments = node_arguments(

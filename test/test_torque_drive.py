@@ -24,7 +24,7 @@ from linkage_ros.parameters.descriptions import summary
 from linkage_ros.record import record
 from linkage_ros.run import messages
 from linkage_ros.run.simulator import Simulator
-from linkage_ros.units import NS_PER_MS
+from linkage_ros.units import NS_PER_MS, NS_PER_S
 from linkage_ros.wire.codecs import trajectory
 
 PUMP = load('wind_pump')
@@ -92,33 +92,31 @@ def commands(clock):
     return messages.TorqueCommands(TorqueDrive(torque_limit=5.0, command_timeout=0.5), 'crank')
 
 
-def test_a_command_within_the_limit_counts_from_when_it_came_until_it_is_too_old(commands, clock):
-    assert commands.torque() == 0.0
-    # Time since the last step, command and its age, and the torque in force.
-    for wait, command, age, torque in (
-        *((0.0, 2.0, 0.0, 2.0), (0.5, None, 0.0, 2.0), (0.001, None, 0.0, 0.0)),
-        *((0.0, 5.1, 0.0, 5.0), (0.0, -1e300, 0.0, -5.0), (0.0, -5.0, 0.0, -5.0)),
-        *((0.0, 1.5, 0.6, 0.0), (0.0, 1.5, 0.4, 1.5), (0.2, None, 0.0, 0.0)),
-        (0.1, None, 0.0, 0.0),  # still the same timeout
+def test_a_command_acts_from_the_tick_that_reads_it_until_it_expires(commands):
+    assert commands.torque(0, []) == 0.0
+    # Time since the last tick, ms, commands read by this tick, and the torque that acts.
+    now = 0
+    for wait, efforts, torque in (
+        *((200, [2.0], 2.0), (499, [], 2.0), (1, [], 0.0), (200, [], 0.0)),
+        *((200, [1.0, 5.1], 5.0), (200, [-1e300], -5.0), (200, [-5.0], -5.0)),
+        *((499, [], -5.0), (500, [1.5], 1.5), (10_000, [0.5], 0.5), (501, [], 0.0)),
     ):
-        clock.time += wait
-        if command is not None:
-            commands.receive(['rocker', 'crank'], [9.0, command], age)
-        assert commands.torque() == torque
+        now += wait * NS_PER_MS
+        read = [commands.commanded(['rocker', 'crank'], [9.0, effort]) for effort in efforts]
+        assert commands.torque(now, read) == torque
         assert float(commands.diagnostics()['command, N m']) == torque
-    assert [*commands.counts.values()] == [6, 2, 0, 3]
+    assert [*commands.counts.values()] == [7, 2, 0, 2]
 
 
 def test_warning_about_command_gaps_stays_until_gaps_end(commands, clock):
-    commands.torque()
+    commands.torque(0, [])
     assert not commands.troubles('')  # no command was ever sent
-    for gap in [0.6] * 8 + [0.5] * 19:
-        commands.receive(['crank'], [1.5], 0.0)
-        clock.time += gap
-        commands.torque()
-        assert commands.troubles('')
-    clock.time += 0.5
-    assert not commands.troubles('')
+    commands.torque(0, [1.5])
+    commands.torque(500 * NS_PER_MS, [])
+    for wait, is_reported in ((0.0, True), (9.5, True), (0.5, False)):
+        clock.time += wait
+        commands.torque(NS_PER_S, [1.5])
+        assert bool(commands.troubles('')) == is_reported
 
 
 @pytest.mark.parametrize(
@@ -135,10 +133,10 @@ def test_warning_about_command_gaps_stays_until_gaps_end(commands, clock):
     ],
 )
 def test_a_bad_command_is_refused_and_the_good_one_before_goes_on(commands, names, efforts, words):
-    commands.receive(['crank'], [1.5], 0.0)
+    commands.torque(0, [commands.commanded(['crank'], [1.5])])
     with pytest.raises(ValueError, match=words):
-        commands.receive(names, efforts, 0.0)
-    assert (commands.torque(), commands.counts[messages.TAKEN]) == (1.5, 1)
+        commands.commanded(names, efforts)
+    assert (commands.torque(1, []), commands.counts[messages.TAKEN]) == (1.5, 1)
 
 
 # ---------------------------------------------------------------- record
@@ -201,6 +199,15 @@ def test_a_live_run_refuses_a_motion_that_takes_too_many_steps():
         with pytest.raises(ConfigurationError, match=words):
             Simulator(configure({'drive': 'torque', name: value})).prepare_live()
     Simulator(configure({'drive': 'torque', 'rocker.stiffness': 1e4})).prepare_live()
+
+
+@pytest.mark.parametrize(('rate', 'timeout'), [(5.0, 0.2), (3.0, 0.333333333), (62.5, 0.016)])
+def test_a_live_run_refuses_commands_that_expire_within_a_tick(rate, timeout):
+    values = {'drive': 'torque', 'rate_hz': rate}
+    Simulator(configure({**values, 'command_timeout': timeout})).prepare_live()
+    short = Simulator(configure({**values, 'command_timeout': 0.999 * timeout}))
+    with pytest.raises(ConfigurationError, match=f'must be at least a tick, {timeout} s'):
+        short.prepare_live()
 
 
 def test_the_first_tick_of_a_live_run_compiles_nothing(monkeypatch):

@@ -5,7 +5,7 @@
 import math
 import time
 from collections import Counter, deque
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, cast
 
 from linkage_ros.errors import LinkageError
@@ -42,8 +42,6 @@ _STEP = NS_PER_MS
 class TorqueCommands:
     """Stores the last valid command until it expires, and counts commands.
 
-    One thread may receive commands while another reads the torque.
-
     Attributes:
         counts: Numbers of commands, by their names in diagnostics.
     """
@@ -56,36 +54,40 @@ class TorqueCommands:
             crank: Name of the crank's joint.
         """
         self.counts = dict.fromkeys((TAKEN, CUT, REJECTED, TIMEOUTS), 0)
-        self._limit, self._timeout, self._crank = drive.torque_limit, drive.command_timeout, crank
-        self._torque, self._end = 0.0, math.inf  # active torque, N m, and when it expires, s
+        self._limit, self._crank = drive.torque_limit, crank
+        self._timeout = round(drive.command_timeout * NS_PER_S)
+        self._torque, self._end = 0.0, math.inf  # active torque, N m, and when it expires, ns
         self._is_active = False
         self._timed_out_at = -math.inf
 
-    def read(self, data: bytes, received: int) -> None:
-        """Decodes a message and activates its command.
+    def read(self, data: bytes, _: int) -> float:
+        """Decodes a message.
 
         Args:
             data: CDR bytes of a JointState.
-            received: Wall-clock time of receipt, ns.
+
+        Returns:
+            See `commanded`.
 
         Raises:
             ValueError: The message is not a command for this crank.
         """
         try:
             command = decode_joint_state(data)
-            age = max(0, time.time_ns() - received) / NS_PER_S
-            self.receive(command.names, command.efforts, age)
+            return self.commanded(command.names, command.efforts)
         except ValueError:
             self.counts[REJECTED] += 1
             raise
 
-    def receive(self, names: Sequence[str], efforts: Sequence[float], age: float) -> None:
-        """Activates a command.
+    def commanded(self, names: Sequence[str], efforts: Sequence[float]) -> float:
+        """Checks a command.
 
         Args:
             names: Names of the joints.
             efforts: Effort of each joint, N m; only the effort of the crank is used.
-            age: Time since the command was received, s.
+
+        Returns:
+            The commanded torque within `torque_limit`, N m.
 
         Raises:
             ValueError: The message is not a command for this crank.
@@ -102,19 +104,26 @@ class TorqueCommands:
             raise ValueError(f'effort {torque}: must be a finite number, N m')
         self.counts[TAKEN] += 1
         self.counts[CUT] += abs(torque) > self._limit
-        # Set the end first, so that a concurrent reader at worst uses the old torque once more.
-        self._end = time.monotonic() + self._timeout - age
-        self._torque = min(max(torque, -self._limit), self._limit)
-        self._is_active = True
+        return min(max(torque, -self._limit), self._limit)
 
-    def torque(self) -> float:
-        """Returns the active torque, N m; 0 before the first command and after a timeout."""
-        now = time.monotonic()
-        if now <= self._end:
-            return self._torque
-        self.counts[TIMEOUTS] += self._is_active
-        self._is_active, self._timed_out_at = False, now
-        return 0.0
+    def torque(self, now: int, received: Iterable[float]) -> float:
+        """Returns the torque from a tick until the next one.
+
+        A command acts from the tick that reads it until it expires.
+
+        Args:
+            now: Time from tick 0 to this tick, ns, which a step of the clock does not change.
+            received: Results of `read` since the last call.
+
+        Returns:
+            The torque, N m; 0 before the first command and after a timeout.
+        """
+        for torque in received:
+            self._torque, self._end, self._is_active = torque, now + self._timeout, True
+        if now >= self._end:
+            self.counts[TIMEOUTS] += self._is_active
+            self._torque, self._is_active, self._timed_out_at = 0.0, False, time.monotonic()
+        return self._torque
 
     def troubles(self, topic: str) -> list[str]:  # noqa: ARG002, the signature of all
         """Returns a warning if no command was active at some tick in the last 10 s."""
@@ -125,9 +134,8 @@ class TorqueCommands:
 
     def diagnostics(self) -> dict[str, str]:
         """Returns the active torque and the counts of commands, for diagnostics."""
-        torque = self._torque if time.monotonic() <= self._end else 0.0
         counts = {name: str(count) for name, count in self.counts.items()}
-        return {'command, N m': f'{torque:.6g}', **counts}
+        return {'command, N m': f'{self._torque:.6g}', **counts}
 
 
 class MeasuredCrank:

@@ -161,11 +161,19 @@ class Simulator:
         """Compiles the programs, and rejects a motion that is too fast for a live run.
 
         Raises:
-            ConfigurationError: As for `TorqueMotion.require_live`.
+            ConfigurationError: As for `TorqueMotion.require_live`, or commands would expire within
+                a tick.
         """
         drive = self.configuration.drive
         if isinstance(drive, TorqueDrive):
-            motion = TorqueMotion(self.solver, drive, 0, self.elapsed(1))
+            tick = self.elapsed(1)
+            if round(drive.command_timeout * NS_PER_S) < tick:
+                raise ConfigurationError(
+                    f'command_timeout = {drive.command_timeout} s: must be at least a tick, '
+                    f'{tick / NS_PER_S} s, because a command acts for whole ticks; raise '
+                    'command_timeout or rate_hz'
+                )
+            motion = TorqueMotion(self.solver, drive, 0, tick)
             motion.require_live()
             with suppress(LinkageError):  # the run will report this error
                 self.snapshot_at(motion, NS_PER_S)
