@@ -49,7 +49,9 @@ def info(log: LogReader) -> Iterator[str]:
         yield from (f'            {words}' for words in solver.mobility.equalities)
     yield 'topics:'
     width = min(max((len(topic.name) for topic in log.topics), default=0), _MAX_WIDTH)
-    yield from (f'  {t.name:{width}}  {t.messages:9d}  {t.type}' for t in log.topics)
+    for name, count, kind, role in ((t.name, t.messages, t.type, t.role) for t in log.topics):
+        renamed = f', {role}' if role and not name.endswith(f'/{role}') else ''
+        yield f'  {name:{width}}  {count:9d}  {kind}{renamed}'
     yield 'motion:'
     yield from (f'  {_time(segment.stamp)}: {_motion(segment)}' for segment in log.motions)
     yield 'configuration:'

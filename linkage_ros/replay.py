@@ -13,7 +13,7 @@ from typing import Any
 
 from linkage_ros import cli
 from linkage_ros.errors import ConfigurationError, ViewerError
-from linkage_ros.log.reader import LogReader, paired
+from linkage_ros.log.reader import LogReader
 from linkage_ros.parameters.session import VIEWERS
 from linkage_ros.playback.keyboard import Keyboard
 from linkage_ros.playback.player import (
@@ -149,12 +149,11 @@ def showing(log: LogReader, target: str) -> Iterator[Sink]:
 
     def show(item: Item) -> None:
         check()
-        if item.message.topic in topics:
+        if states and item.message.channel == states.number:
             # In a loop, the stamps of each round continue those of the previous round.
             worker.offer((item.time - item.message.time, item.message.data))
 
-    # Selected by name, because joint_commands has the same type.
-    topics = {channel.name for channel in paired(log, [JOINT_STATES]).values()}
+    states = log.channel(JOINT_STATES)
     view = View(log.configuration, target)
     if view.trouble:
         raise ViewerError(f'no viewer answers at {target}: start one there first with `rerun`')

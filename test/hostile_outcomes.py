@@ -11,7 +11,7 @@ from contextlib import redirect_stderr, redirect_stdout
 from joint_codec import JointStateCodec
 
 from linkage_ros import LinkageError, replay
-from linkage_ros.log.reader import LogReader, paired
+from linkage_ros.log.reader import LogReader
 from linkage_ros.log.recover import recover
 from linkage_ros.log_tool import info, saved, verdict
 from linkage_ros.parameters.configuration import load, parameter_leaves
@@ -81,11 +81,11 @@ def play(path, words=()):
     replay._check(options, log)
     piece = excerpt_of(log, options.start_offset, options.playback_duration, options.topics)
     codec = JointStateCodec(Simulator(log.configuration).joints)
-    shown = {channel.name for channel in paired(log, [JOINT_STATES]).values()}
+    states = log.channel(JOINT_STATES)
     with feed(log, piece, loop=False) as items:
         for item in items:
             assert 0 <= item.time < 2**31 * 10**9  # the range of /clock
-            if item.message.topic in shown:
+            if states and item.message.channel == states.number:
                 try:
                     codec.decode(item.message.data)
                 except ValueError:

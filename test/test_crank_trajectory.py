@@ -233,13 +233,13 @@ def test_page_quotes_the_speed_errors_of_the_plant():
 
 
 def test_node_publishes_and_logs_trajectories(tmp_path):
-    path = tmp_path / 'run.mcap'
+    path, topic = tmp_path / 'run.mcap', '/arm/mechanism_state'
     arguments = node_arguments(
-        trajectory_command_topic=TOPIC, rate_hz=1000.0, joint_prefix='left_', log=path
+        trajectory_command_topic=topic, rate_hz=1000.0, joint_prefix='left_', log=path
     )
-    topics = {TOPIC: 'trajectory_msgs/msg/JointTrajectory'}
-    with watched(topics, *arguments) as (listener, node):
-        received = listener.received[TOPIC]
+    topics, renamed = {topic: 'trajectory_msgs/msg/JointTrajectory'}, ('-r', 'mechanism_state:=s')
+    with watched(topics, *arguments, *renamed) as (listener, node):
+        received = listener.received[topic]
         wait_for(lambda: len(received) > 4)
         stop(node)
     messages = [deserialize_message(data, JointTrajectory) for data in received]
@@ -252,9 +252,11 @@ def test_node_publishes_and_logs_trajectories(tmp_path):
     for data, stamp in zip(received, stamps, strict=True):
         Controller(parameters).receive(data, stamp)
     _, kept = logged(path)
-    kept = [bytes(message.data) for message in kept[TOPIC]]
+    kept = [bytes(message.data) for message in kept[topic]]
     assert [data for data in received if bytes(data) in kept] == list(received)
-    assert verified(path).others == ('/diagnostics', TOPIC)
+    report = verified(path)
+    assert report.others == ('/diagnostics', topic)
+    assert '/s' in report.compared
 
 
 def test_launch_file_of_the_page_names_existing_topics_and_parameters():

@@ -305,24 +305,25 @@ def test_the_pump_runs_live_and_its_log_verifies(tmp_path):
 
 
 def test_commands_move_the_plant_within_a_tick_and_time_out(tmp_path):
-    path = tmp_path / 'run.mcap'
+    path, states, commands = tmp_path / 'run.mcap', '/plant/joint_states', '/ctrl/joint_states'
+    renamed = '-r', f'joint_states:={states}', '-r', f'joint_commands:={commands}'
     arguments = node_arguments(
         drive='torque', log=path, rate_hz=500.0, torque_limit=4.0, command_timeout=0.3,
         gravity='[0.0, 0.0]', **{'motor.damping': 0.1},
     )  # fmt: skip
-    with watched([STATES], *arguments) as (listener, node):
+    with watched([states], *arguments, *renamed) as (listener, node):
         reliable, best_effort = (
             listener.node.create_publisher(
-                JointState, 'joint_commands', QoSProfile(depth=10, reliability=reliability)
+                JointState, commands, QoSProfile(depth=10, reliability=reliability)
             )
             for reliability in (ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFORT)
         )
         wait_for(reliable.get_subscription_count)
-        listener.await_more(1)
+        listener.await_more(1, states)
 
         def acts(torque):
             """Returns whether the last state has the effort that belongs to its speed."""
-            _, numbers = CODEC.decode(listener.received[STATES][-1])
+            _, numbers = CODEC.decode(listener.received[states][-1])
             return numbers[6] == pytest.approx(torque - 0.1 * numbers[3], abs=1e-12)
 
         def held(command, torque, publisher):
@@ -334,15 +335,16 @@ def test_commands_move_the_plant_within_a_tick_and_time_out(tmp_path):
         for name, efforts in (('crank', [math.nan]), ('rocker', [1.0]), ('crank', [1.0, 2.0])):
             reliable.publish(JointState(name=[name], effort=efforts))
         wait_for(lambda: acts(0.0))
-        listener.await_more(100)
+        listener.await_more(100, states)
         output = stop(node)
     # Refused one by one, and reported at most once a second.
-    assert output.count('a message on /joint_commands is rejected: effort nan') == 1
+    assert output.count(f'a message on {commands} is rejected: effort nan') == 1
     assert output.count('is rejected') <= 2
     assert 'no command within command_timeout: the motor alone drove the crank' in output
-    assert '/joint_commands' in verified(path).others
+    report = verified(path)
+    assert (states in report.compared, commands in report.others) == (True, True)
     _, messages = logged(path)
-    heard = [deserialize_message(m.data, JointState).effort for m in messages['/joint_commands']]
+    heard = [deserialize_message(m.data, JointState).effort for m in messages[commands]]
     assert [heard[0].tolist(), heard[-1].tolist()] == [[1.5], [1.0, 2.0]]  # invalid ones too
 
 

@@ -21,6 +21,7 @@ from linkage_ros.log.metadata import (
     CONFIGURATION_RECORD,
     END_RECORD,
     MOTION_RECORD,
+    ROLE,
     seal,
 )
 from linkage_ros.log.reader import LogReader
@@ -410,6 +411,11 @@ def forge(records):
     channels['/diagnostics'].schema_id = channels['/driving_torque'].schema_id
 
 
+def repeat_role(records):
+    channels = {record.topic: record for record in records if isinstance(record, Channel)}
+    channels['/driving_torque'].metadata[ROLE] = 'joint_states'
+
+
 def narrow(records):
     schema = next(item for item in records if isinstance(item, Schema))
     schema.data = schema.data.replace(b'float64', b'float32')
@@ -440,6 +446,7 @@ TAMPERED = {
     'publish time': (delayed('/driving_torque', 7, publish=-1), '/driving_torque: publish ti'),
     'forged topic': (forge, '^/diagnostics: no run of this configuration has such a topic'),
     'schema': (narrow, r'/\w+: no run of this configuration has such a topic or schema'),
+    'repeated role': (repeat_role, 'it is damaged: its index .* repeats a role'),
     'two configurations': (
         lambda records: records + named(records, CONFIGURATION_RECORD),
         'it has 2 configuration records',

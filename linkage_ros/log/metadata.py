@@ -23,6 +23,7 @@ CONFIGURATION_RECORD = 'linkage_ros'
 MOTION_RECORD = 'linkage_ros/motion'
 END_RECORD = 'linkage_ros/end'  # its field `messages` is the number of logged messages
 
+ROLE = 'linkage_ros.role'  # key in the metadata of a channel; the value is `Topic.role`
 CHECKSUM = 'crc32'  # name of the field with the checksum
 
 

@@ -3,7 +3,7 @@
 """Reads MCAP logs of this package; rejects other files with a one-line error."""
 
 import heapq
-from collections.abc import Callable, Container, Iterable, Iterator
+from collections.abc import Callable, Container, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import pairwise
 from pathlib import Path
@@ -18,6 +18,7 @@ from linkage_ros.log.metadata import (
     CONFIGURATION_RECORD,
     END_RECORD,
     MOTION_RECORD,
+    ROLE,
     decode_configuration,
     decode_motion,
     unseal,
@@ -25,7 +26,7 @@ from linkage_ros.log.metadata import (
 from linkage_ros.motion.drives import FollowDrive
 from linkage_ros.units import TIME_END
 from linkage_ros.wire.rows import MESSAGE_HEAD, RowLayout, message_record
-from linkage_ros.wire.topics import MEASURED_JOINT_STATES, Topic
+from linkage_ros.wire.topics import EFFORT_COMMANDS, MEASURED_JOINT_STATES, TOPICS, Topic
 
 # Largest size of messages buffered because chunks overlap in time, and overhead of a message in
 # Python, bytes. The log of a simulator that was reset a hundred times requires a third of this.
@@ -60,6 +61,7 @@ class LoggedTopic(NamedTuple):
         messages: Number of messages.
         latched: Whether late subscribers receive the last message.
         layout: Message encoding, schema encoding, and schema text.
+        role: Role of the topic in the run; see `Topic.role`. Empty for topics of other programs.
     """
 
     number: int
@@ -68,6 +70,7 @@ class LoggedTopic(NamedTuple):
     messages: int
     latched: bool
     layout: tuple[str, str, str]
+    role: str
 
 
 class LogReader:
@@ -130,7 +133,12 @@ class LogReader:
         )  # fmt: skip
         schemas = {schema.id: schema for schema in summary[Schema]}
         channels = {channel.id: channel for channel in summary[Channel]}.values()
-        self.topics = tuple(_topic(channel, schemas, statistics) for channel in channels)
+        topics = [_topic(channel, schemas, statistics) for channel in channels]
+        if not any(topic.role for topic in topics):
+            follows = isinstance(self.configuration.drive, FollowDrive)
+            topics = _with_guessed_roles(topics, follows=follows)
+        self.topics = tuple(topics)
+        self._roles = {topic.role: topic for topic in topics if topic.role}
         self._names = {topic.number: topic.name for topic in self.topics}
         # First and last time, offset and channels of each chunk. Tuples save memory, because the
         # log of a day has hundreds of thousands of chunks.
@@ -145,11 +153,16 @@ class LogReader:
         if (
             statistics.chunk_count != len(self._chunks)
             or statistics.channel_count != len(self.topics)
+            or len(self._roles) < sum(bool(topic.role) for topic in self.topics)
             or (self._count and not self._chunks)
         ):
-            raise LogError('it is damaged: its index leaves out parts of it')
+            raise LogError('it is damaged: its index leaves out parts of it, or repeats a role')
         if not self.start <= self.end < TIME_END:
             raise LogError(f'its times, {self.start} to {self.end} ns, are not valid ROS times')
+
+    def channel(self, topic: Topic) -> LoggedTopic | None:
+        """Returns the channel with the role of a topic, whatever its name; None if none has."""
+        return self._roles.get(topic.role)
 
     def messages(
         self,
@@ -278,42 +291,28 @@ def _topic(channel: Channel, schemas: dict[int, Schema], statistics: Statistics)
         statistics.channel_message_counts.get(channel.id, 0),
         'transient_local' in channel.metadata.get('offered_qos_profiles', ''),
         (channel.message_encoding, schema.encoding, schema.data.decode(errors='replace')),
+        channel.metadata.get(ROLE, ''),
     )
 
 
-def paired(log: LogReader, topics: Iterable[Topic]) -> dict[Topic, LoggedTopic]:
-    """Finds the channels of given topics in a log, even if the topics were remapped.
-
-    If several channels have the type of a topic, one with the unchanged name is preferred. The
-    others are matched in the order of their declaration, which is the order of the topics.
+def _with_guessed_roles(topics: Sequence[LoggedTopic], *, follows: bool) -> list[LoggedTopic]:
+    """Guesses the roles in a log of a version that did not write them, by type, name and order.
 
     Args:
-        log: The log to search.
-        topics: The topics, in the order of the simulator.
+        topics: Channels without roles, in the order of their declaration.
+        follows: Whether the crank was measured. The measurements have the same type as
+            `joint_states`, and were declared last.
 
     Returns:
-        The channel of each topic in the log.
+        The channels. If several have the type of a role, the first one whose name ends in the
+        name of that role has it, or else the first one.
     """
-    measured, found = measured_channel(log), dict[Topic, LoggedTopic]()
-    free = [channel for channel in log.topics if channel != measured]
-    for topic in topics:
-        fitting = sorted(
-            (channel for channel in free if channel.type == topic.interface.name),
-            key=lambda channel: channel.name.rpartition('/')[2] != topic.name,
-        )
-        if fitting:
-            found[topic] = fitting[0]
-            free.remove(fitting[0])
-    return found
-
-
-def measured_channel(log: LogReader) -> LoggedTopic | None:
-    """Returns the channel with measurements of the crank; None if there is none.
-
-    It has the same message type as `joint_states`. Runs declare it last, so it has the larger
-    number.
-    """
-    kind = MEASURED_JOINT_STATES.interface.name
-    channels = [channel for channel in log.topics if channel.type == kind]
-    follows = isinstance(log.configuration.drive, FollowDrive) and len(channels) > 1
-    return max(channels, key=lambda channel: channel.number) if follows else None
+    roles = dict[int, str]()
+    measured = [t.number for t in topics if t.type == MEASURED_JOINT_STATES.interface.name]
+    if follows and len(measured) > 1:
+        roles[max(measured)] = MEASURED_JOINT_STATES.role
+    for role in (*TOPICS, EFFORT_COMMANDS):
+        fitting = [t for t in topics if t.type == role.interface.name and t.number not in roles]
+        for topic in sorted(fitting, key=lambda t: t.name.rpartition('/')[2] != role.name)[:1]:
+            roles[topic.number] = role.role
+    return [topic._replace(role=roles.get(topic.number, '')) for topic in topics]

@@ -21,6 +21,7 @@ from linkage_ros.log.metadata import (
     CONFIGURATION_RECORD,
     END_RECORD,
     MOTION_RECORD,
+    ROLE,
     encode_configuration,
     encode_motion,
     seal,
@@ -122,7 +123,10 @@ class LogWriter(AbstractContextManager['LogWriter']):
             schemas[interface.name] = self.library.register_schema(
                 interface.name, 'ros2msg', interface.definition.encode()
             )
-        metadata = {'offered_qos_profiles': _qos(topic), 'topic_type_hash': interface.hash}
+        metadata = {
+            'offered_qos_profiles': _qos(topic), 'topic_type_hash': interface.hash,
+            ROLE: topic.role,
+        }  # fmt: skip
         return self.library.register_channel(name, 'cdr', schemas[interface.name], metadata)
 
     def add_states(self, layout: RowLayout, topics: Iterable[tuple[Topic, str]]) -> None:

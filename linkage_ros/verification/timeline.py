@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from linkage_ros.log.reader import LoggedMessage, LogReader, measured_channel
+from linkage_ros.log.reader import LoggedMessage, LogReader
 from linkage_ros.motion.segments import Coordinates, Segment, SpeedSegment, stacked
 from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.run.messages import MeasuredCrank
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.units import TIME_END
 from linkage_ros.wire.rows import RowLayout
-from linkage_ros.wire.topics import DIAGNOSTICS
+from linkage_ros.wire.topics import DIAGNOSTICS, MEASURED_JOINT_STATES
 
 
 def _moment(segment: Segment) -> int:
@@ -75,9 +75,7 @@ class Timeline:
         self._simulator, self._layout = simulator, layout
         self._motions: tuple[Any, ...] = log.motions
         # A live run with simulated time may also start at 0, but always has diagnostics.
-        self.is_record = log.motions[0].stamp == 0 and all(
-            channel.type != DIAGNOSTICS.interface.name for channel in log.topics
-        )
+        self.is_record = log.motions[0].stamp == 0 and not log.channel(DIAGNOSTICS)
         steps = accumulate(motion.stamp - _moment(motion) for motion in log.motions)
         self._anchors = [log.motions[0].stamp + step for step in steps]  # stamps of tick 0
         self._ends = [*map(_moment, log.motions[1:]), TIME_END]
@@ -150,7 +148,7 @@ class Measurements:
     def __init__(self, simulator: Simulator, log: LogReader, _: RowLayout) -> None:
         """Initializes without a measurement; see `Timeline`."""
         self._simulator, self._crank = simulator, MeasuredCrank(simulator)
-        self._channel = measured_channel(log)
+        self._channel = log.channel(MEASURED_JOINT_STATES)
         # Stamps, ns, and coordinates of measurements whose states are still to be compared.
         self._next: list[tuple[int, Coordinates]] = []
 

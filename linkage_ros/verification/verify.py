@@ -5,7 +5,7 @@
 Messages are considered equal if their bytes are equal, or if each number differs by at most 4 ulp
 of the largest number of its field in the log, because sines differ between machines. 0.0 and -0.0
 are equal within 1 ulp. The log times of a live run cannot be recomputed, so only their equality
-within a state is checked. Topics are identified by their types, because they may be remapped.
+within a state is checked. Topics are identified by their roles, because they may be remapped.
 Other topics of the log are listed but not compared.
 """
 
@@ -18,28 +18,27 @@ from functools import cached_property
 import numpy as np
 
 from linkage_ros.errors import LinkageError, LogError
-from linkage_ros.log.reader import LoggedMessage, LogReader, paired
+from linkage_ros.log.reader import LoggedMessage, LogReader
 from linkage_ros.motion.drives import FollowDrive, TorqueDrive
 from linkage_ros.numeric import Array
+from linkage_ros.run.messages import inputs_of
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.verification.timeline import Measurements, Timeline, check_motions
 from linkage_ros.verification.torque_states import TorqueStates
 from linkage_ros.wire.rows import MESSAGE_HEAD, RowLayout
 from linkage_ros.wire.topics import (
     COUPLER_POINT,
-    DRIVING_TORQUE,
+    DIAGNOSTICS,
     JOINT_STATES,
     MECHANISM_STATE,
     ROBOT_DESCRIPTION,
-    TOPICS,
+    TRAJECTORY_COMMANDS,
 )
 
 _BATCH = 1024  # states per batch
 # ulp of the largest value of a field. On another machine, sines and all results may differ in the
 # last bits.
 _TOLERANCE = 4
-# Message types of topics that only a state has.
-_OF_STATES = (DRIVING_TORQUE.interface.name, COUPLER_POINT.interface.name)
 
 
 def verify(log: LogReader, progress: Callable[[int], object] = lambda _: None) -> 'Verification':
@@ -87,20 +86,22 @@ class Verification:
         self._simulator = simulator = Simulator(log.configuration)
         self.states, self.missed, self.ulp = 0, 0, 0.0
         self.cut: tuple[str, ...] = ()
-        own = simulator.topics
-        channels = paired(log, (*own, ROBOT_DESCRIPTION))
-        self._channels = {topic: channel for topic, channel in channels.items() if topic in own}
-        self.compared = tuple(
-            channel.name for topic, channel in channels.items()
-            if topic in own or log.has_same_urdf
-        )  # fmt: skip
-        self.others = tuple(c.name for c in log.topics if c.name not in self.compared)
-        self.absent = tuple(t.name for t in (*own, ROBOT_DESCRIPTION) if t not in channels)
+        own = (*simulator.topics, ROBOT_DESCRIPTION)
+        channels = {topic: channel for topic in own if (channel := log.channel(topic))}
+        self.absent = tuple(topic.name for topic in own if topic not in channels)
+        if not log.has_same_urdf:
+            channels.pop(ROBOT_DESCRIPTION, None)
+        self.compared = tuple(channel.name for channel in channels.values())
+        self.others = tuple(c.name for c in log.topics if c not in channels.values())
+        self._description = channels.pop(ROBOT_DESCRIPTION, None)
+        self._channels = channels
         self.difference = check_motions(simulator, log.motions)
-        layouts = {t.interface.name: ('cdr', 'ros2msg', t.interface.definition) for t in TOPICS}
+        topics = (*own, DIAGNOSTICS, TRAJECTORY_COMMANDS, *inputs_of(simulator))
+        schemas = {topic.role: topic.interface for topic in topics}
         for channel in log.topics:
-            foreign = channel.name not in self.compared and channel.type in _OF_STATES
-            if foreign or layouts.get(channel.type, channel.layout) != channel.layout:
+            due = schemas.get(channel.role)
+            layout = due and (due.name, 'cdr', 'ros2msg', due.definition)
+            if channel.role and layout != (channel.type, *channel.layout):
                 self.difference = (
                     f'{channel.name}: no run of this configuration has such a topic or schema'
                 )
@@ -154,7 +155,8 @@ class Verification:
         """Handles a message that is not part of a state; called in the order of writing."""
         if isinstance(self._timeline, Measurements):
             self._timeline.handle(message)
-        if message.topic in self.compared and message.data != self._simulator.description:
+        is_description = self._description and message.channel == self._description.number
+        if is_description and message.data != self._simulator.description:
             self.difference = (
                 f'{message.topic}: data at {message.time} ns is not the URDF of the configuration'
             )

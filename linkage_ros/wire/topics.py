@@ -127,6 +127,11 @@ class Topic(NamedTuple):
     meaning: str = ''
     parameter: str = ''
 
+    @property
+    def role(self) -> str:
+        """Name of the topic in logs, which neither a remapping nor a parameter changes."""
+        return self.parameter or self.name.lstrip('/')
+
 
 JOINT_STATES = Topic(
     'joint_states',
