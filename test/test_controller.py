@@ -102,8 +102,8 @@ def test_killed_controller_is_reported_and_a_new_one_takes_over(tmp_path, monkey
         with running('controller', *follow, domain=domain) as first:
             wait_for(lambda: has_speed(listener, 14.0, 17.5))
             first.kill()
-            # Without commands, the motor's damping slows the crank down.
-            wait_for(lambda: has_speed(listener, 0.0, 12.0))
+            # Without commands, the motor's damping stops the crank, which may swing back.
+            wait_for(lambda: has_speed(listener, -12.0, 12.0))
         with running('controller', *follow, domain=domain) as second:
             wait_for(lambda: has_speed(listener, 14.0, 17.5))
             stop(second)
