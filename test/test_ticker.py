@@ -23,12 +23,15 @@ class Clock:
 
     def __init__(self):
         self.mono, self.wall = 5_000, 1_700_000_000 * 10**9
+        self.delays = []  # ns, after the next readings of the wall clock, in reverse order
 
     def monotonic_ns(self):
         return self.mono
 
     def time_ns(self):
-        return self.wall
+        read = self.wall
+        self.advance(self.delays.pop() if self.delays else 0)
+        return read
 
     def sleep(self, seconds):
         self.advance(round(seconds * 1e9))
@@ -100,6 +103,19 @@ def test_a_step_of_the_wall_clock_moves_the_stamps_once_and_is_counted(clock, ju
     assert run.stamps[20:] == [t0 + moved + n * 10 * MS for n in range(20, 40)]
     assert run.moved == ([(t0 + 200 * MS, t0 + 200 * MS + jump)] if moved else [])
     assert run.counts.clock_steps == bool(moved)
+
+
+def test_a_thread_stopped_between_readings_of_the_clocks_sees_no_step(clock):
+    def act(tick):
+        if tick in (10, 20):
+            clock.delays = [3 * CLOCK_STEP, 2 * CLOCK_STEP]  # at two attempts in a row
+
+    clock.delays = [2 * CLOCK_STEP]  # at the reading of t0
+    run = real(100.0, 40, act)
+    assert (run.moved, run.counts.clock_steps) == ([], 0)
+    assert clock.delays == []
+    assert {(stamp - run.begun[0]) % (10 * MS) for stamp in run.stamps} == {0}
+    assert run.begun == [1_700_000_000 * 10**9]
 
 
 def test_ticker_at_a_low_rate_stops_at_once():
