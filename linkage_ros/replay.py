@@ -5,8 +5,9 @@
 import argparse
 import os
 import sys
+import webbrowser
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,7 @@ from typing import Any
 from linkage_ros import cli
 from linkage_ros.errors import ConfigurationError, ViewerError
 from linkage_ros.log.reader import LogReader
-from linkage_ros.parameters.session import VIEWERS
+from linkage_ros.parameters.session import VIEWERS, WEB
 from linkage_ros.playback.keyboard import Keyboard
 from linkage_ros.playback.player import (
     KEYS,
@@ -46,7 +47,8 @@ _OPTIONS: list[cli.Option] = [
      {'note': ' (default 1)', 'default': 1.0, 'metavar': 'R'}),
     (('-l', '--loop'), None,
      {'action': 'store_true',
-      'help': 'repeat the log until Ctrl-C; the time on /clock keeps increasing'}),
+      'help': 'repeat the log until Ctrl-C, as --viewer web --no-ros always does; the time on '
+              '/clock keeps increasing'}),
     (('--start-offset',), _OFFSET, {'default': 0.0, 'metavar': 'S'}),
     (('--playback-duration',), _DURATION, {'metavar': 'S'}),
     (('-p', '--start-paused'), None,
@@ -61,6 +63,9 @@ _OPTIONS: list[cli.Option] = [
      {'default': '', 'metavar': 'TARGET', 'help': f'also show the log in Rerun: {VIEWERS}'}),
     (('--no-ros',), None,
      {'action': 'store_true', 'help': 'show the log in the viewer without publishing it'}),
+    (('--no-open',), None,
+     {'action': 'store_true',
+      'help': 'with --viewer web: print the address of the page, but open no browser'}),
 ]  # fmt: skip
 
 
@@ -128,12 +133,16 @@ def _split(arguments: list[str]) -> tuple[list[str], list[str]]:
 
 
 @contextmanager
-def showing(log: LogReader, target: str) -> Iterator[Sink]:
+def showing(
+    log: LogReader, target: str, *, loop: bool = False, browser: bool = False
+) -> Iterator[Sink]:
     """Opens a view of a replay that only this machine can access.
 
     Args:
         log: The log to show.
         target: Target of the view; see `View`.
+        loop: Whether the replay repeats until Ctrl-C, which is printed with the page's address.
+        browser: Whether to open the page in a browser, if there is a screen.
 
     Yields:
         A function that shows a message if it contains joint states, and ignores other messages.
@@ -142,6 +151,7 @@ def showing(log: LogReader, target: str) -> Iterator[Sink]:
         ViewerError: No viewer answers, the view cannot be opened, or it has ended.
     """
     from linkage_ros.view.rerun_view import View
+    from linkage_ros.view.viewer_process import require_screen
 
     def check() -> None:
         if worker.error:
@@ -158,7 +168,12 @@ def showing(log: LogReader, target: str) -> Iterator[Sink]:
     if view.trouble:
         raise ViewerError(f'no viewer answers at {target}: start one there first with `rerun`')
     if view.page:
-        print(f'watch it in a browser: {view.page}', flush=True)
+        how = 'repeats until Ctrl-C; ' if loop else ''
+        print(f'{how}watch it in a browser: {view.page}', flush=True)
+        if browser:
+            with suppress(ViewerError):  # no screen
+                require_screen()
+                webbrowser.open(view.page)
     worker: Worker[Any] = Worker(
         'view', view, capacity=_VIEW_CAPACITY, period=view.period, on_error=lambda _: None
     )
@@ -181,7 +196,8 @@ def _sinks(
     # it, so that each message is published before it is shown.
     sinks: list[Sink] = []
     if options.viewer:
-        sinks.append(stack.enter_context(showing(log, options.viewer)))
+        view = showing(log, options.viewer, loop=options.loop, browser=not options.no_open)
+        sinks.append(stack.enter_context(view))
     if not options.no_ros:
         from linkage_ros.playback.republish import republishing
 
@@ -196,6 +212,8 @@ def _run(arguments: list[str]) -> int:
     options = _parser().parse_args(own)
     stop, log = cli.Stop(), LogReader(options.log)
     _check(options, log)
+    # A page that ends with the log would be gone before somebody opens it.
+    options.loop |= options.no_ros and options.viewer == WEB
     excerpt = excerpt_of(log, options.start_offset, options.playback_duration, options.topics)
     pace = Pace(excerpt.start, options.rate)
     with ExitStack() as stack:

@@ -261,6 +261,22 @@ def test_view_of_a_loop_has_rising_stamps_and_what_it_missed_is_reported(log, vi
     assert capfd.readouterr().err == words
 
 
+@pytest.mark.parametrize(
+    ('screen', 'browser', 'pages'), [(':0', True, ['http://x']), ('', True, []), (':0', False, [])]
+)
+def test_page_is_opened_in_a_browser_if_there_is_a_screen(
+    log, view, monkeypatch, screen, browser, pages
+):
+    opened, view.page = [], 'http://x'
+    monkeypatch.setattr('webbrowser.open', opened.append)
+    for name in ('WAYLAND_DISPLAY', 'WAYLAND_SOCKET'):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv('DISPLAY', screen)
+    with showing(LogReader(log), 'web', browser=browser):
+        pass
+    assert opened == pages
+
+
 def test_failed_view_ends_the_replay(log, view):
     view.fails = True
     with pytest.raises(ViewerError, match='the view ended: no window could be opened'):

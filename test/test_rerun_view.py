@@ -20,11 +20,14 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
-from ros_harness import wait_for
+from ros_harness import running as running_program
+from ros_harness import stop, wait_for
 
 from linkage_ros import ViewerError
 from linkage_ros.parameters.configuration import load
+from linkage_ros.record import record
 from linkage_ros.run.simulator import Simulator
+from linkage_ros.units import NS_PER_S
 from linkage_ros.view import rerun_view
 from linkage_ros.view.rerun_view import View
 from linkage_ros.view.viewer_process import free_address
@@ -124,6 +127,7 @@ PROLOGUE = """
 import os, resource, signal, socket, sys, threading, time
 from linkage_ros import ViewerError
 from linkage_ros.parameters.configuration import load
+from linkage_ros.record import record
 from linkage_ros.run.threads import Worker
 from linkage_ros.view import rerun_view
 from linkage_ros.view.rerun_view import View
@@ -360,6 +364,44 @@ time.sleep(60)
         run.kill()
         wait_for(lambda: not reached(page))
     wait_for(lambda: not Path(f'/proc/{pid}/exe').exists())
+
+
+@pytest.fixture(scope='module')
+def log(tmp_path_factory):
+    path = tmp_path_factory.mktemp('log') / 'run.mcap'
+    record(CONFIGURATION, path, duration=1.0)
+    return path
+
+
+@contextmanager
+def page_of(log, *options):
+    """Replays a log on a page, 20 times as fast; yields the process and the page's URL."""
+    words = log, '--viewer', 'web', '--no-ros', '--no-open', '--rate', 20, *options
+    with running_program('replay', *words, domain=0) as process:
+        yield process, re.search(r'until Ctrl-C; .*(http://\S+)\n', process.stdout.readline())[1]
+
+
+@contextmanager
+def late_viewer(page, saved):
+    """Connects a viewer to the data of a page; yields a function that returns its stamps."""
+    data = urllib.parse.parse_qs(urllib.parse.urlsplit(page).query)['url'][0]
+    with running(free_address('127.0.0.1')[1], data, '--save', saved):
+        yield lambda: stamps_in(saved)
+
+
+def test_page_of_a_replay_serves_late_viewers_until_ctrl_c(log, tmp_path):
+    first, late = tmp_path / 'first.rrd', tmp_path / 'late.rrd'
+    with page_of(log) as (process, page):
+        with late_viewer(page, first) as stamps:
+            wait_for(lambda: max(stamps(), default=0) > 20 * NS_PER_S)
+        passed = max(stamps_in(first))
+        with late_viewer(page, late) as stamps:
+            wait_for(lambda: max(stamps(), default=0) > passed + NS_PER_S)
+        assert 'rerun' in reached(page).lower()
+        stop(process)
+    assert '/linkage/fixed' in read(late)
+    assert read(late, blueprint=True)
+    assert not reached(page)
 
 
 # ---------------------------------------------------------------- remote viewer
