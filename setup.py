@@ -71,7 +71,7 @@ setup(
         ],
     },
     python_requires='>=3.10',
-    install_requires=['numpy>=1.26', 'mcap', 'lz4', 'zstandard', 'PyYAML', 'tqdm'],
+    install_requires=['numpy>=1.26', 'mcap>=1.1', 'lz4', 'zstandard', 'PyYAML', 'tqdm'],
     extras_require={
         'ros': [
             f'{name}; {has_ros_wheels}'

@@ -57,9 +57,9 @@ def write(path, configuration, names):
     with LogWriter(path, configuration, overwrite=True) as log:
         log.add_states(simulator.layout, [(t, used[t.role]) for t in simulator.topics])
         channels = {topic.role: log.add_topic(topic, used[topic.role]) for topic in others}
-        known, foreign = [*log.channels.values()], [*range(100, 100 + len(log.channels))]
+        known, foreign = [*log.mcap.channels.values()], [*range(100, 100 + len(used))]
         for number, like in zip(foreign, known, strict=True):
-            log.declare(Channel(number, next(names), 'cdr', {}, like.schema_id))
+            log.mcap.declare(Channel(number, next(names), 'cdr', {}, like.schema_id))
         log.write(channels['robot_description'], START, simulator.description)
         if not isinstance(drive, FollowDrive):
             motion = simulator.begin(START)

@@ -27,8 +27,6 @@ def keep_other_files(path: Path | str) -> None:
 class LogFile:
     """A new log file; not thread-safe.
 
-    The writer of the mcap package calls `write`, `tell` and `flush`.
-
     Attributes:
         path: Path of the file, for error messages.
         advice: End of the error message if the file cannot be written.
@@ -57,10 +55,6 @@ class LogFile:
     def write(self, data: bytes) -> None:
         """Keeps bytes for the next `flush`."""
         self._waiting.append(data)
-
-    def tell(self) -> int:
-        """Returns the number of bytes written so far, including those kept for `flush`."""
-        return int(self.stream.tell()) + sum(map(len, self._waiting))
 
     def flush(self) -> None:
         """Passes all bytes to the operating system, so that they survive if the run is killed.

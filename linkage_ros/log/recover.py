@@ -129,7 +129,7 @@ class _Copy:
             progress(at - before)
         if not self._is_configured:
             raise LogError('it has no configuration record')
-        found = self._new.statistics
+        found = self._new.mcap.statistics
         # Without an end record, verification says that states may be missing.
         self._new.has_end = found.message_count == self._logged
         duration = (found.message_end_time - found.message_start_time) / NS_PER_S
@@ -142,11 +142,11 @@ class _Copy:
             LogError: The record is damaged. Damaged data may raise other exceptions.
             ValueError: The name of a metadata record is damaged, or it is a second configuration.
         """
-        library = self._new.library
+        mcap = self._new.mcap
         if isinstance(content, bytes):
             self._take_chunk(content)
         elif isinstance(content, Attachment):
-            library.add_attachment(**vars(content))
+            mcap.add_attachment(content)
         elif isinstance(content, Metadata) and content.name == END_RECORD:
             self._logged = int(unseal(content.metadata)['messages'])
         elif isinstance(content, Metadata):
@@ -157,10 +157,10 @@ class _Copy:
                 if is_second or not is_named:
                     raise ValueError('the name of a record is damaged')
             self._is_configured |= content.name == CONFIGURATION_RECORD
-            library.add_metadata(content.name, content.metadata)
+            mcap.add_metadata(content)
 
     def _take_chunk(self, data: bytes) -> None:
-        new, starts = self._new, [0, *(end for _, end in self._file.records(data))]
+        new, starts = self._new.mcap, [0, *(end for _, end in self._file.records(data))]
         heads, sizes = message_heads(data, starts[:-1]), np.diff(starts)
         channels, is_message = heads['channel'], heads['opcode'] == Opcode.MESSAGE
         if (heads['time'][is_message] >= TIME_END).any():  # readers would refuse the log
