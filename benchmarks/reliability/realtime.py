@@ -102,7 +102,7 @@ def part_of(thread: str) -> str:
     """Returns the group of `PARTS` to which a thread belongs, by the thread's name."""
     if thread.startswith('dds.'):
         return 'middleware'
-    if thread.startswith('python'):
+    if thread.startswith('python') or thread == 'executor':
         return 'main thread'
     # The threads of the Rerun SDK have many names.
     return {'ticker': 'ticks', 'log': 'log', 'sync': 'log'}.get(thread, 'viewer')

@@ -32,7 +32,7 @@ from linkage_ros.errors import ConfigurationError, LinkageError, one_line
 from linkage_ros.files import path_exists
 from linkage_ros.parameters.parameter_file import read_parameter_file
 from linkage_ros.parameters.presets import preset_names, preset_path
-from linkage_ros.run.threads import accompany_ticker
+from linkage_ros.run.threads import accompany_ticker, show_name
 
 _PIPE_SIZE = 65536  # bytes, the size of a pipe
 _STDERR = 2  # its file descriptor
@@ -156,6 +156,7 @@ def reported_as_configuration() -> Iterator[None]:
 
 def _spin(executor: SingleThreadedExecutor, node: Node, ends: threading.Event) -> None:
     """Spins until `ends` is set; continues after exceptions, as for untyped parameters."""
+    show_name()
     accompany_ticker()  # a tick may wait for the interpreter lock that the callbacks hold
     while not ends.is_set():
         try:
@@ -179,7 +180,7 @@ def spinning(node: Node) -> Iterator[None]:
     Yields:
         None; the callbacks run during the block.
     """
-    executor = SingleThreadedExecutor()
+    executor = SingleThreadedExecutor(context=node.context)
     executor.add_node(node)
     ends = threading.Event()
     thread = threading.Thread(

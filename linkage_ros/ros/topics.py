@@ -13,7 +13,6 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.subscription import Subscription
 
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.units import NS_PER_S, TIME_END
@@ -123,22 +122,23 @@ def wait_for_subscribers(
 
 
 class _PolledGroup(ReentrantCallbackGroup):  # type: ignore[misc]  # rclpy has no types
-    """Hides the messages of a subscription from the executor, but not its events.
+    """Hides a subscription from the executor.
 
     Otherwise each message would wake the executor's thread, which then competes with the tick
     thread for the interpreter: at 10 kHz, five of six ticks were missed.
     """
 
-    def can_execute(self, entity: object) -> bool:
-        """Returns whether the executor may handle an entity of this group."""
-        return not isinstance(entity, Subscription)
+    def can_execute(self, _: object) -> bool:
+        """Returns False: no entity of this group is for the executor."""
+        return False
 
 
 class PolledSubscription:
     """Keeps the last messages of a topic until the tick thread takes them.
 
-    The subscription is best effort, so that it is compatible with every publisher. Lost messages
-    are not sent again.
+    The subscription is best effort and volatile, so that it is compatible with every publisher.
+    Lost messages are not sent again. It has no event handlers: with Fast DDS, an executor that
+    waits for an event of a subscription wakes up continuously while a message is queued.
 
     Attributes:
         name: Resolved name of the topic.
@@ -163,18 +163,12 @@ class PolledSubscription:
         self.name, self._logger = node.resolve_topic_name(topic.name), node.get_logger()
         self._topic, self._read, self._log = topic, read, log
         self._kind, self._depth = message_class(topic.interface.name), max(topic.depth, _DEPTH)
-        # Polling takes a fifth of a tick, so `take` polls only while there are publishers, and
-        # once after their number has changed.
-        self._publishers, self._has_changed = 0, True
         qos = QoSProfile(depth=self._depth, reliability=ReliabilityPolicy.BEST_EFFORT)
         self._subscription = node.create_subscription(
             self._kind, topic.name, lambda _: None, qos, raw=True, callback_group=_PolledGroup(),
-            event_callbacks=SubscriptionEventCallbacks(matched=self._count),
+            event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
         )  # fmt: skip
         self._wait_set = rclpy_implementation.WaitSet(1, 0, 0, 0, 0, 0, node.context.handle)
-
-    def _count(self, matched: Any) -> None:
-        self._publishers, self._has_changed = matched.current_count, True
 
     def receive(self) -> Iterator[Any]:
         """Waits briefly for messages; reads them, and yields the results of accepted messages."""
@@ -187,9 +181,6 @@ class PolledSubscription:
 
     def take(self) -> Iterator[Any]:
         """Reads the queued messages; yields the results of accepted messages."""
-        if not (self._publishers or self._has_changed):
-            return
-        self._has_changed = False
         handle, cause = self._subscription.handle, ''
         for _ in range(self._depth):  # a flood of messages must not block the thread
             with handle:

@@ -1,0 +1,104 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Polled subscriptions: they wake no other thread, and match every publisher."""
+
+import itertools
+import os
+import threading
+import time
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import pytest
+import rclpy
+from rclpy.context import Context
+from rclpy.duration import Duration
+from rclpy.node import Node
+from rclpy.qos import (
+    DurabilityPolicy,
+    LivelinessPolicy,
+    QoSProfile,
+    ReliabilityPolicy,
+)
+from ros_harness import fresh_domain, wait_for
+from sensor_msgs.msg import JointState
+
+from linkage_ros.ros import topics
+from linkage_ros.ros.process import spinning
+from linkage_ros.wire.topics import JOINT_COMMANDS
+
+MESSAGES = 300
+
+
+def reject(data, received):
+    raise ValueError(f'byte {data[-1] % 7}')
+
+
+@contextmanager
+def node_of(name, domain):
+    context = Context()
+    rclpy.init(context=context, domain_id=domain)
+    try:
+        yield Node(name, context=context, start_parameter_services=False)
+    finally:
+        with suppress(RuntimeError):
+            context.shutdown()
+
+
+@pytest.fixture
+def polled(monkeypatch):
+    """Returns a subscription with its node, and a publisher with the node of a robot."""
+    monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    domain = fresh_domain()
+    with node_of('subscriber', domain) as node, node_of('robot', domain) as robot:
+        subscription = topics.PolledSubscription(node, JOINT_COMMANDS, reject, lambda *_: None)
+        publisher = topics.create_publisher(robot, JOINT_COMMANDS)
+        wait_for(publisher.get_subscription_count)
+        yield node, subscription, publisher, robot
+
+
+def switches(thread):
+    """Returns how often a thread was switched to."""
+    status = Path(f'/proc/self/task/{thread.native_id}/status').read_text()
+    return sum(int(line.split()[1]) for line in status.splitlines() if 'ctxt_switches' in line)
+
+
+@pytest.mark.parametrize('real_time', [True, False], ids=['real-time priority', 'no priority'])
+def test_messages_do_not_wake_the_thread_of_the_executor(polled, monkeypatch, real_time):
+    """Even while a message is queued: an event handler would then keep the thread awake."""
+    node, subscription, publisher, _ = polled
+    if not real_time:
+        monkeypatch.delattr(os, 'SCHED_FIFO')  # as if the system refused it
+    taken = []
+    monkeypatch.setattr(subscription, '_read', lambda data, _: taken.append(data))
+    with spinning(node):
+        (thread,) = (one for one in threading.enumerate() if one.name == 'executor')
+        publisher.publish(b'\0\1\0\0first')
+        wait_for(lambda: [*subscription.receive()])
+        before, taken[:] = switches(thread), []
+        for number in range(MESSAGES):
+            publisher.publish(b'\0\1\0\0%d' % number)
+            time.sleep(1e-3)  # a tick, in which an awake thread runs
+            wait_for(lambda number=number: [*subscription.take()] or len(taken) > number)
+        assert len(taken) == MESSAGES
+        assert switches(thread) - before < MESSAGES / 10
+
+
+def test_every_publisher_is_compatible(polled):
+    """So a subscription without an event handler for incompatible publishers misses nothing."""
+    *_, robot = polled
+    times = Duration(), Duration(seconds=1)
+    policies = itertools.product(
+        (ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFORT),
+        (DurabilityPolicy.TRANSIENT_LOCAL, DurabilityPolicy.VOLATILE),
+        (LivelinessPolicy.AUTOMATIC, LivelinessPolicy.MANUAL_BY_TOPIC),
+        times, times,
+    )  # fmt: skip
+    publishers = []
+    for reliability, durability, liveliness, deadline, lease in policies:
+        qos = QoSProfile(
+            depth=1, reliability=reliability, durability=durability, liveliness=liveliness,
+            deadline=deadline, liveliness_lease_duration=lease,
+        )  # fmt: skip
+        publishers.append(robot.create_publisher(JointState, 'joint_commands', qos))
+    wait_for(lambda: all(one.get_subscription_count() for one in publishers))
