@@ -25,7 +25,7 @@ from linkage_ros.parameters.session import JOINT_PREFIX
 from linkage_ros.parameters.unknown_names import unknown_name
 from linkage_ros.quantities import Checked, build, flatten, leaves, quantity
 from linkage_ros.ros.parameters import ParameterNode, given_values
-from linkage_ros.ros.process import run_program
+from linkage_ros.ros.process import Throttle, run_program
 from linkage_ros.units import NS_PER_S, radians_per_second
 
 _NAME = 'linkage_controller'
@@ -141,7 +141,7 @@ class ControllerNode(ParameterNode):
         )  # fmt: skip
         self._crank = f'{settings.joint_prefix}crank'
         self._commanded = plant.session.crank_joint or self._crank
-        self._last_stamp = -_LONGEST_GAP
+        self._last_stamp, self._throttle = -_LONGEST_GAP, Throttle()
         self._commands = self.create_publisher(JointState, 'joint_commands', 10)
         states = self.create_subscription(JointState, 'joint_states', self._answer, 10)
         self.get_logger().info(
@@ -163,8 +163,10 @@ class ControllerNode(ParameterNode):
         measured = {name: (angle, speed) for name, angle, speed in joints}
         angle, speed = measured.get(self._crank, (math.nan, math.nan))
         if not math.isfinite(angle + speed):  # would make the integral non-finite permanently
-            words = f'a state without finite position and velocity of {self._crank} is ignored'
-            self.get_logger().warning(words, throttle_duration_sec=1.0)
+            if self._throttle.is_due():
+                self.get_logger().warning(
+                    f'a state without finite position and velocity of {self._crank} is ignored'
+                )
             return
         stamp = state.header.stamp.sec * NS_PER_S + state.header.stamp.nanosec
         gap, self._last_stamp = stamp - self._last_stamp, stamp

@@ -109,4 +109,4 @@ def test_way_2_commands_move_the_plant_whose_topics_are_remapped():
         wait_for(lambda: acts(0.75))
         wait_for(lambda: acts(-0.25))
         output = stop(node)
-    assert 'is rejected: effort nan' in output
+    assert 'are rejected: effort nan' in output

@@ -273,7 +273,7 @@ def test_each_accepted_measurement_is_answered_once_with_its_stamp(answered):
     values = {one.key: one.value for one in diagnosis.status[0].values}
     rejected = {key: value for key, value in values.items() if key.startswith('rejected')}
     assert rejected == {f'rejected, {cause}': '3' for cause in (NO_CRANK, NOT_NEWER, NOT_FINITE)}
-    assert len(re.findall('is rejected: ', output)) <= 6  # at most once a second
+    assert len(re.findall('are rejected: ', output)) <= 6  # at most once a second
 
 
 def test_the_log_is_verified_by_following_its_measurements_again(answered, monkeypatch):

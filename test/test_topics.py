@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Polled subscriptions: they wake no other thread, and match every publisher."""
+"""Polled subscriptions: they wake no other thread, match every publisher and report rarely."""
 
 import itertools
 import os
@@ -102,3 +102,22 @@ def test_every_publisher_is_compatible(polled):
         )  # fmt: skip
         publishers.append(robot.create_publisher(JointState, 'joint_commands', qos))
     wait_for(lambda: all(one.get_subscription_count() for one in publishers))
+
+
+def test_rejected_messages_call_the_logger_at_most_once_a_second(polled, monkeypatch):
+    """rclpy's throttled logger takes as long as several ticks for calls that it suppresses."""
+    node, subscription, publisher, _ = polled
+    lines, kinds, begin = [], [], time.monotonic()
+    monkeypatch.setattr(node.get_logger(), 'log', lambda words, *_, **__: lines.append(words))
+    monkeypatch.setattr(
+        subscription, '_log', lambda _, __, data: kinds.append(f'byte {data[-1] % 7}')
+    )
+    for number in range(MESSAGES):
+        publisher.publish(b'\0\1\0\0' + bytes([number % 251]))
+        wait_for(lambda number=number: [*subscription.take()] or len(kinds) > number)
+    assert 1 <= len(lines) <= 1 + time.monotonic() - begin
+    wait_for(lambda: [*subscription.take()] or len(lines) > 1)
+    said = ' '.join(lines)
+    assert 'byte 1 (' in said
+    assert 'other causes (' in said
+    assert sum(int(text.split()[0]) for text in said.split('(')[1:]) == MESSAGES

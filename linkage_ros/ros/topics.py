@@ -3,6 +3,7 @@
 """Topics of a node: publishers of CDR bytes, subscriptions to commands and measurements."""
 
 import time
+from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator
 from importlib import import_module
 from typing import Any
@@ -15,6 +16,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from linkage_ros.errors import ConfigurationError
+from linkage_ros.ros.process import Throttle
 from linkage_ros.units import NS_PER_S, TIME_END
 from linkage_ros.wire.cdr import LARGEST_COMMAND, stamp_of
 from linkage_ros.wire.topics import Topic
@@ -25,6 +27,9 @@ _DISCOVERY_SECONDS, _MATCH_SECONDS = 0.8, 0.2
 # dropped. It is also the queue length of /clock, and large enough for a burst.
 _DEPTH = 100
 _PATIENCE = 0.1  # s, longest wait for a message, by which the end of a node is delayed
+# Number of causes of rejection that are counted separately between two reports. Causes contain
+# received names and values, so a flood of messages may have any number of them.
+_CAUSES = 5
 # Topics of every rclpy node.
 _ROS_TOPICS = ('/rosout', '/parameter_events')
 
@@ -163,6 +168,8 @@ class PolledSubscription:
         self.name, self._logger = node.resolve_topic_name(topic.name), node.get_logger()
         self._topic, self._read, self._log = topic, read, log
         self._kind, self._depth = message_class(topic.interface.name), max(topic.depth, _DEPTH)
+        self._rejected: Counter[str] = Counter()  # since the last report, by cause
+        self._throttle = Throttle()
         qos = QoSProfile(depth=self._depth, reliability=ReliabilityPolicy.BEST_EFFORT)
         self._subscription = node.create_subscription(
             self._kind, topic.name, lambda _: None, qos, raw=True, callback_group=_PolledGroup(),
@@ -181,7 +188,7 @@ class PolledSubscription:
 
     def take(self) -> Iterator[Any]:
         """Reads the queued messages; yields the results of accepted messages."""
-        handle, cause = self._subscription.handle, ''
+        handle = self._subscription.handle
         for _ in range(self._depth):  # a flood of messages must not block the thread
             with handle:
                 found = handle.take_message(self._kind, True)
@@ -194,12 +201,17 @@ class PolledSubscription:
             try:
                 result = self._read(data, received)
             except ValueError as error:
-                cause = cause or str(error)
+                self._reject(str(error))
             else:
                 yield result
-        if cause:
-            words = f'a message on {self.name} is rejected: {cause}'
-            self._logger.warning(words, throttle_duration_sec=1.0)
+        if self._rejected and self._throttle.is_due():
+            counts = '; '.join(f'{cause} ({n} x)' for cause, n in self._rejected.items())
+            self._rejected.clear()
+            self._logger.warning(f'messages on {self.name} are rejected: {counts}')
+
+    def _reject(self, cause: str) -> None:
+        is_counted = cause in self._rejected or len(self._rejected) < _CAUSES
+        self._rejected[cause if is_counted else 'other causes'] += 1
 
 
 def read_clock(data: bytes, _: int) -> int:
