@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 import rclpy
+from rclpy import impl
 from rclpy.context import Context
 from rclpy.duration import Duration
 from rclpy.node import Node
@@ -23,6 +24,7 @@ from rclpy.qos import (
 from ros_harness import fresh_domain, wait_for
 from sensor_msgs.msg import JointState
 
+from linkage_ros.errors import ConfigurationError
 from linkage_ros.ros import topics
 from linkage_ros.ros.process import spinning
 from linkage_ros.wire.topics import JOINT_COMMANDS
@@ -121,3 +123,11 @@ def test_rejected_messages_call_the_logger_at_most_once_a_second(polled, monkeyp
     assert 'byte 1 (' in said
     assert 'other causes (' in said
     assert sum(int(text.split()[0]) for text in said.split('(')[1:]) == MESSAGES
+
+
+def test_another_rclpy_is_refused_in_one_line(polled, monkeypatch):
+    node, *_ = polled
+    with monkeypatch.context() as other:
+        other.setattr(impl.implementation_singleton, 'rclpy_implementation', object())
+        with pytest.raises(ConfigurationError, match=r'^this rclpy .*Jazzy[^\n]*$'):
+            topics.PolledSubscription(node, JOINT_COMMANDS, reject, lambda *_: None)

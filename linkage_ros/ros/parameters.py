@@ -16,7 +16,7 @@ from rclpy.parameter import Parameter
 
 from linkage_ros.parameters.configuration import without_ros_parameters
 from linkage_ros.quantities import Leaf, Quantity
-from linkage_ros.ros.process import reported_as_configuration
+from linkage_ros.ros.process import rclpy_internals, reported_as_configuration
 
 _TYPES = {
     'number': ParameterType.PARAMETER_DOUBLE,
@@ -30,7 +30,9 @@ _TYPES = {
 
 def given_values(node: Node) -> dict[str, object]:
     """Returns the node's own parameters that command line and parameter files set, by name."""
-    overrides = node._parameter_overrides  # noqa: SLF001, no public API
+    with rclpy_internals():
+        # The public automatic declaration refuses empty lists and accepts use_sim_time: 7.
+        overrides = node._parameter_overrides  # noqa: SLF001
     return without_ros_parameters({name: p.value for name, p in overrides.items()})
 
 

@@ -155,6 +155,22 @@ def ros_context(arguments: list[str]) -> Iterator[list[str]]:
 
 
 @contextmanager
+def rclpy_internals() -> Iterator[None]:
+    """Reports in one line that rclpy lacks a name which is not part of its public interface.
+
+    Raises:
+        ConfigurationError: This version of rclpy differs from that of ROS 2 Jazzy.
+    """
+    try:
+        yield
+    except (ImportError, AttributeError, TypeError) as error:
+        raise ConfigurationError(
+            f'this rclpy is not that of ROS 2 Jazzy, version 7.1 ({one_line(str(error))}): '
+            'install and source ROS 2 Jazzy'
+        ) from error
+
+
+@contextmanager
 def reported_as_configuration() -> Iterator[None]:
     """Converts errors of rclpy about user input to one-line ConfigurationErrors.
 

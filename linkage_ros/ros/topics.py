@@ -10,13 +10,12 @@ from typing import Any
 
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
-from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from linkage_ros.errors import ConfigurationError
-from linkage_ros.ros.process import Throttle
+from linkage_ros.ros.process import Throttle, rclpy_internals
 from linkage_ros.units import NS_PER_S, TIME_END
 from linkage_ros.wire.cdr import LARGEST_COMMAND, stamp_of
 from linkage_ros.wire.topics import Topic
@@ -164,6 +163,9 @@ class PolledSubscription:
             read: Decodes a message, given its time of receipt, ns; raises a ValueError to reject
                 it.
             log: Called for each message with time of receipt, ns, topic, and CDR bytes.
+
+        Raises:
+            ConfigurationError: This version of rclpy differs from that of ROS 2 Jazzy.
         """
         self.name, self._logger = node.resolve_topic_name(topic.name), node.get_logger()
         self._topic, self._read, self._log = topic, read, log
@@ -175,7 +177,13 @@ class PolledSubscription:
             self._kind, topic.name, lambda _: None, qos, raw=True, callback_group=_PolledGroup(),
             event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
         )  # fmt: skip
-        self._wait_set = rclpy_implementation.WaitSet(1, 0, 0, 0, 0, 0, node.context.handle)
+        with rclpy_internals():
+            # rclpy has no public way to take a message or to wait for one without an executor,
+            # which takes 0.3 ms for each message.
+            from rclpy.impl.implementation_singleton import rclpy_implementation
+
+            self._wait_set = rclpy_implementation.WaitSet(1, 0, 0, 0, 0, 0, node.context.handle)
+            self._take = self._subscription.handle.take_message
 
     def receive(self) -> Iterator[Any]:
         """Waits briefly for messages; reads them, and yields the results of accepted messages."""
@@ -191,7 +199,7 @@ class PolledSubscription:
         handle = self._subscription.handle
         for _ in range(self._depth):  # a flood of messages must not block the thread
             with handle:
-                found = handle.take_message(self._kind, True)
+                found = self._take(self._kind, True)
             if not found:
                 break
             data, info = found
