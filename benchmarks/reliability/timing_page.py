@@ -67,8 +67,9 @@ machine, with an earlier version, the log added 5 us, and the viewer 26 us.
 
 This table shows the processor time per tick of the threads, us, measured separately. The log has a
 thread that writes and one that syncs the disk; the viewer has one of this package and those of the
-Rerun SDK. The rclpy timers run in the main thread. `top -H` lists the threads of this package by
-name: ticker, log, sync and viewer.
+Rerun SDK. The rclpy timers run in the main thread; the executor's thread of linkage_node is
+counted with it. `top -H` lists the threads of this package by name: ticker, executor, log, sync
+and viewer.
 
 {parts}
 
