@@ -187,8 +187,11 @@ def test_messages_are_accepted_or_counted_by_cause_of_rejection(name):
         (message(0, (), (0.0, inside)), NO_CRANK),
         (message(0, names, (0.0, beyond)), OUT_OF_REACH),
     ):
-        with pytest.raises(ValueError, match=f'^{cause}$'):
+        with pytest.raises(ValueError, match=f'^{cause}(:|$)') as caught:
             crank.read(data, came + 1)
+    numbers = np.array(re.findall(r'\d+\.?\d*', str(caught.value)), float)
+    for angle in np.degrees((beyond, start, end)):  # the error names angle and reach
+        assert np.abs(numbers - angle).min() < 1e-3
     assert crank.rejected == {NO_JOINT_STATE: 3, NO_CRANK: 3, OUT_OF_REACH: 1}
 
 

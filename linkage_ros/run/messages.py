@@ -168,7 +168,8 @@ class MeasuredCrank:
             The stamp, ns, and the coordinates of the crank.
 
         Raises:
-            ValueError: The message is rejected and counted. The error text is the cause.
+            ValueError: The message is rejected and counted. The error text is the cause, which may
+                be followed by a colon and details.
         """
         try:
             stamp, position, velocity = self._decode(data)
@@ -179,7 +180,7 @@ class MeasuredCrank:
             for one in filter(None, (found, self._simulator.later(found))):
                 self._require_state(one.q[0], one.u[0], one.a[0])
         except ValueError as error:
-            self.rejected[str(error)] += 1
+            self.rejected[str(error).partition(':')[0]] += 1
             raise
         self._last = time.monotonic()
         return stamp or received, found
@@ -205,7 +206,7 @@ class MeasuredCrank:
         try:
             self._simulator.solver.state(*motion)
         except LinkageError as error:
-            raise ValueError(OUT_OF_REACH) from error
+            raise ValueError(f'{OUT_OF_REACH}: {error}') from error
 
     def troubles(self, topic: str) -> list[str]:
         """Returns a warning if no measurement has been accepted for 2 s."""
