@@ -97,6 +97,16 @@ def test_the_rate_is_that_of_the_last_seconds():
     assert (rates[:2], rates[-2:]) == (['50.00', '125.00'], ['185.00', '200.00'])
 
 
+def test_the_rate_begins_with_the_first_tick():
+    monitor, counts = HealthMonitor('node'), TickCounts()
+    rates = []
+    for now in range(1, 30):
+        counts.start, counts.kept = (0.0, 0) if now < 15 else (14.5, 1 + int(TICKS * (now - 14.5)))
+        (status,) = monitor.report(counts, {}, {}, [])
+        rates.append(status.message)
+    assert rates == ['0.0 Hz kept'] * 14 + ['200.0 Hz kept'] * 15
+
+
 # ---------------------------------------------------------------- log and viewer
 
 

@@ -76,9 +76,11 @@ def real(rate_hz, ticks, act=lambda tick: None):
 
 
 def test_stamps_are_the_start_plus_whole_periods_whatever_the_lateness(clock):
+    first = clock.mono
     run = real(30.0, 200, lambda tick: clock.advance((tick * 7919) % (20 * MS)))
     assert run.stamps == [run.begun[0] + n * 10**9 // 30 for n in range(200)]
     assert (run.counts.missed, run.counts.kept, run.moved) == (0, 200, [])
+    assert run.counts.start == (first + 7919) / 1e9  # after the first tick
 
 
 def test_ticks_missed_by_a_late_thread_are_skipped_and_counted(clock):

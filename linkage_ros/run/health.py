@@ -110,6 +110,8 @@ class HealthMonitor:
         if self._is_overloaded:
             troubles.append(_BUSY)
         rate = kept / (now - start)
+        if counts.start > start:  # the first tick was in this window
+            rate = (counts.kept - 1) / (now - counts.start)
         median, p99 = np.quantile(list(counts.lateness) or [0], (0.5, 0.99))
         values = {
             'rate kept, Hz': f'{rate:.2f}',

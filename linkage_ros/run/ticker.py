@@ -34,6 +34,7 @@ class TickCounts:
 
     Attributes:
         kept: Number of executed ticks.
+        start: Time of the first tick on the monotonic clock, s.
         missed: Number of ticks skipped because the thread was late by a period or more.
         clock_steps: Number of steps of the clock.
         lateness: Lateness of the most recent ticks, ns.
@@ -42,6 +43,7 @@ class TickCounts:
     """
 
     kept: int = 0
+    start: float = 0.0
     missed: int = 0
     clock_steps: int = 0
     lateness: deque[int] = field(default_factory=lambda: deque(maxlen=_LATENESS_SAMPLES))
@@ -103,6 +105,8 @@ class Ticker:
             for due in self._due():
                 self._tick(*due)
                 self.counts.kept += 1
+                if self.counts.kept == 1:
+                    self.counts.start = time.monotonic_ns() / NS_PER_S
         except BaseException as error:  # noqa: BLE001, the node must learn of every error
             self.error = error
             self._fail(error)
