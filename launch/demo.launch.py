@@ -38,7 +38,7 @@ def start(arguments: dict[str, str]) -> list:
     (node, publisher), namespace = demo(arguments), arguments['namespace']
     actions = [
         program('linkage_node', namespace, node),
-        state_publisher(namespace, publisher),
+        *state_publisher(arguments, publisher),
     ]
     if is_asked_for(arguments, 'rviz'):
         template = Path(__file__).parents[1] / 'rviz' / 'linkage.rviz'

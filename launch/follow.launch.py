@@ -20,6 +20,8 @@ ARGUMENTS = {
     'params': ('quadrilateral', 'parameter file or preset'),
     'measured': ('/joint_states', "the robot's topic with the crank"),
     'joint_states': ('linkage/joint_states', "the linkage's own topic"),
+    'crank_joint': ('', "the robot's name for the crank"),
+    'frame_id': ('', "the robot's link that carries the fixed pivots"),
     'follow_bandwidth': ('', 'bandwidth of the filter, Hz'),
     'effort_command_topic': ('', 'topic of the driving torque for a controller'),
     'lead_time': ('', 'time ahead of the stamp for which the torque is computed, s'),
@@ -41,7 +43,7 @@ def start(arguments: dict[str, str]) -> list:
     ]
     return [
         program('linkage_node', namespace, node, remappings),
-        state_publisher(namespace, publisher, [own]),
+        *state_publisher(arguments, publisher, [own]),
     ]
 
 

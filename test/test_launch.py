@@ -194,6 +194,12 @@ def test_frames_of_messages_and_rviz_are_those_of_tf(launched):
     assert model['Description Topic']['Value'] == topic
 
 
+@pytest.mark.parametrize('file', [DEMO, FOLLOW], ids=lambda path: path.name)
+def test_state_publisher_can_be_switched_off(file, launched):
+    nodes, words = launched(file, 'robot_state_publisher', state_publisher='false')
+    assert (list(nodes), words) == (['linkage_node'], [])
+
+
 @pytest.mark.parametrize('file', [DEMO, CONTROLLER, FOLLOW], ids=lambda path: path.name)
 def test_the_launch_ends_with_each_node_and_fails_if_it_failed(file, launched):
     nodes, _ = launched(file)
@@ -225,8 +231,10 @@ def test_following_node_accepts_the_parameters_of_its_launch_file(launched):
     """A preset contains a speed; parameters that a measured crank does not have are omitted."""
     nodes, _ = launched(
         FOLLOW, 'robot_state_publisher', params='quadrilateral', namespace='left',
-        follow_bandwidth='7',
+        follow_bandwidth='7', crank_joint='1e3', frame_id='shank',
     )  # fmt: skip
+    model = ET.fromstring(values_of(nodes['robot_state_publisher'])['robot_description'])
+    assert 'shank' in {link.get('name') for link in model.iter('link')}
     # The robot publishes both topics as well, with which these must not collide.
     for node in nodes.values():
         taken = dict(node.remappings)
@@ -239,7 +247,7 @@ def test_following_node_accepts_the_parameters_of_its_launch_file(launched):
     ):
         robot = heard.node.create_publisher(JointState, '/joint_states', 10)
         wait_for(lambda: robot.get_subscription_count())
-        wait_for(lambda: robot.publish(JointState(name=['crank'], position=[0.5]))
+        wait_for(lambda: robot.publish(JointState(name=['1e3'], position=[0.5]))
                  or heard.received[topic])  # fmt: skip
         output = stop(node)
     assert 'follows a measured crank, filter of 7 Hz' in output

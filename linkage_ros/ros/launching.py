@@ -34,14 +34,17 @@ NAMES: Arguments = {
     'joint_prefix': ('', 'prefix of every joint and link name, such as left_'),
 }
 # Arguments of launch files that start robot_state_publisher.
-FRAMES: Arguments = {'frame_prefix': ('', 'prefix of every tf frame, such as left/')}
+FRAMES: Arguments = {
+    'frame_prefix': ('', 'prefix of every tf frame, such as left/'),
+    'state_publisher': ('true', 'false: do not start robot_state_publisher'),
+}
 OUTPUTS: Arguments = {
     'log': ('', '.mcap file to write'),
     'log_overwrite': ('', 'true: replace an existing log or .rrd file'),
     'viewer': ('', VIEWERS),
 }
 # Arguments that are strings even if they look like numbers.
-_TEXTS = ('log', 'viewer', 'joint_prefix', 'effort_command_topic')
+_TEXTS = ('log', 'viewer', 'joint_prefix', 'effort_command_topic', 'crank_joint', 'frame_id')
 _COMMON = ('use_sim_time', 'joint_prefix', *OUTPUTS)
 
 
@@ -96,7 +99,10 @@ def follow(arguments: Mapping[str, str]) -> tuple[Values, Values]:
     Parameters of the file that do not apply to a measured crank are left out, because a preset
     defines the motion of its crank.
     """
-    names = ('follow_bandwidth', 'effort_command_topic', 'lead_time', *_COMMON)
+    names = (
+        'follow_bandwidth', 'effort_command_topic', 'lead_time', 'crank_joint', 'frame_id',
+        *_COMMON,
+    )  # fmt: skip
     file = read_values(arguments['params'], arguments['namespace'])
     configure(file)
     kind = MechanismAndDrive.of({'mechanism': 'four_bar', **file, 'drive': 'follow'})
@@ -166,31 +172,33 @@ def program(
 
 
 def state_publisher(
-    namespace: str,
+    arguments: Mapping[str, str],
     values: Mapping[str, object],
     remappings: Sequence[tuple[str, str]] = (),
-) -> Any:
-    """Returns an action that starts robot_state_publisher if it is installed.
+) -> list[Any]:
+    """Returns an action that starts robot_state_publisher if it is installed and not switched off.
 
     Args:
-        namespace: Namespace of its node.
+        arguments: All arguments of the launch file.
         values: Parameters of the node.
         remappings: Topic names and their replacements.
 
     Returns:
-        The action.
+        The action, or nothing.
     """
+    if not is_asked_for(arguments, 'state_publisher'):
+        return []
     # Otherwise both nodes would publish robot_description as latched messages; the log contains
     # that of linkage_node.
     own = 'robot_description', 'robot_state_publisher/robot_description'
     publisher = Node(
         package='robot_state_publisher',
         executable='robot_state_publisher',
-        namespace=namespace,
+        namespace=arguments['namespace'],
         parameters=[parameter_file(values)],
         remappings=[own, *remappings],
     )
-    return where_installed('robot_state_publisher', 'tf', publisher)
+    return [where_installed('robot_state_publisher', 'tf', publisher)]
 
 
 def where_installed(package: str, feature: str, action: Any) -> Any:
