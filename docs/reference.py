@@ -163,7 +163,7 @@ def _usage(action: argparse.Action) -> str:
 # ---------------------------------------------------------------- launch files
 
 
-def launch_arguments(path: Path) -> dict[str, tuple[str, str]]:
+def launch_arguments(path: Path) -> dict[str, tuple[str | None, str]]:
     """Returns default and meaning of the arguments of a launch file, by name.
 
     The file runs with mocks of ROS's launch modules, which need not be installed.
@@ -171,7 +171,7 @@ def launch_arguments(path: Path) -> dict[str, tuple[str, str]]:
     names = ('launch', 'launch.actions', 'launch_ros', 'launch_ros.actions')
     modules = {name: MagicMock() for name in names}
     with patch.dict(sys.modules, modules):
-        return cast('dict[str, tuple[str, str]]', runpy.run_path(str(path))['ARGUMENTS'])
+        return cast('dict[str, tuple[str | None, str]]', runpy.run_path(str(path))['ARGUMENTS'])
 
 
 def _launch_files() -> str:
@@ -184,7 +184,7 @@ def _launch(path: Path) -> Iterator[str]:
     yield purpose
     yield f'    {example}'
     rows = [
-        (f'`{name}`', f'`{default}`' if default else '-', meaning)
+        (f'`{name}`', f'`{default}`' if default else '-' if default == '' else 'required', meaning)
         for name, (default, meaning) in launch_arguments(path).items()
     ]
     yield _table('argument, default, meaning', rows)

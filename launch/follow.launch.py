@@ -17,7 +17,7 @@ from linkage_ros.ros.launching import (
 
 # An empty argument leaves the value of the parameter file.
 ARGUMENTS = {
-    'params': ('quadrilateral', 'parameter file or preset'),
+    'params': (None, 'parameter file or preset'),  # whose torque a controller may get
     'measured': ('/joint_states', "the robot's topic with the crank"),
     'joint_states': ('linkage/joint_states', "the linkage's own topic"),
     'crank_joint': ('', "the robot's name for the crank"),

@@ -234,8 +234,7 @@ def _parser() -> argparse.ArgumentParser:
         'Turn the crank of a linkage on ROS 2; publish its states and the driving torque.',
         ('', '--ros-args -p rpm:=60.0 -p log:=run.mcap',
          '--ros-args -p drive:=torque -p motor.torque:=9.0 -p motor.damping:=0.5',
-         '--ros-args -p drive:=follow -r joint_states:=linkage/joint_states',
-         '--ros-args --params-file linkage.yaml'),
+         '--ros-args --params-file linkage.yaml -r joint_states:=linkage/joint_states'),
         help_on_every_kind(),
     )  # fmt: skip
 

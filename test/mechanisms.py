@@ -26,7 +26,13 @@ from linkage_ros import (
     SliderCrank,
     WindPump,
 )
+from linkage_ros.parameters.configuration import read_values
 
+# Parameters of the quadrilateral whose crank is measured; a preset would also set its motion.
+FOLLOWED = {
+    **{k: v for k, v in read_values('quadrilateral').items() if k not in {'rpm', 'rate_hz'}},
+    'drive': 'follow',
+}
 TURN = 2 * math.pi
 ASSEMBLIES = 'open', 'crossed'
 

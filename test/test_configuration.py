@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mechanisms import FOLLOWED
 
 from linkage_ros import ConfigurationError, Solver, WindPump
 from linkage_ros.model.parts import Rocker
@@ -215,9 +216,9 @@ def test_frame_id_must_not_be_a_name_of_the_linkage_itself(name):
 def test_crank_joint_must_not_be_another_joint_of_the_linkage():
     words = "^crank_joint = 'l_coupler': must not be another joint .*, l_coupler, l_rocker; give"
     with pytest.raises(ConfigurationError, match=words):
-        configure({'drive': 'follow', 'joint_prefix': 'l_', 'crank_joint': 'l_coupler'})
+        configure({**FOLLOWED, 'joint_prefix': 'l_', 'crank_joint': 'l_coupler'})
     for name in ('l_crank', 'coupler'):
-        configure({'drive': 'follow', 'joint_prefix': 'l_', 'crank_joint': name})
+        configure({**FOLLOWED, 'joint_prefix': 'l_', 'crank_joint': name})
 
 
 def test_negative_zero_becomes_zero():

@@ -29,7 +29,8 @@ from trajectory_msgs.msg import JointTrajectory
 from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.motion.torque_driven import TorqueMotion
-from linkage_ros.parameters.configuration import configure, load
+from linkage_ros.parameters.configuration import configure, load, read_values
+from linkage_ros.parameters.presets import preset_path
 from linkage_ros.run.messages import CrankTrajectory
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.units import NS_PER_MS, NS_PER_S
@@ -234,11 +235,12 @@ def test_page_quotes_the_speed_errors_of_the_plant():
 
 def test_node_publishes_and_logs_trajectories(tmp_path):
     path, topic = tmp_path / 'run.mcap', '/arm/mechanism_state'
-    arguments = node_arguments(
+    given = node_arguments(
         trajectory_command_topic=topic, rate_hz=1000.0, joint_prefix='left_', log=path
     )
-    topics, renamed = {topic: 'trajectory_msgs/msg/JointTrajectory'}, ('-r', 'mechanism_state:=s')
-    with watched(topics, *arguments, *renamed) as (listener, node):
+    renamed = '-r', 'mechanism_state:=s', '--params-file', preset_path('quadrilateral')
+    topics = {topic: 'trajectory_msgs/msg/JointTrajectory'}
+    with watched(topics, *given, *renamed) as (listener, node):
         received = listener.received[topic]
         wait_for(lambda: len(received) > 4)
         stop(node)
@@ -262,7 +264,10 @@ def test_node_publishes_and_logs_trajectories(tmp_path):
 def test_launch_file_of_the_page_names_existing_topics_and_parameters():
     """ROS's launch and the programs of ros2_control are not available as Python packages."""
     code = re.sub(r'(?m)^from .*$', '', block(PAGE, 'generate_launch_description'))
-    names = {'Node': MagicMock(), 'LaunchDescription': list, 'Path': MagicMock()}
+    names = {
+        'Node': MagicMock(), 'LaunchDescription': list, 'Path': MagicMock(),
+        'preset_path': preset_path,
+    }  # fmt: skip
     exec(code, names)
     names['generate_launch_description']()
     calls = [call.kwargs for call in names['Node'].call_args_list]
@@ -272,7 +277,8 @@ def test_launch_file_of_the_page_names_existing_topics_and_parameters():
     assert (plant['namespace'], reference['namespace']) == ('plant', 'reference')
     assert plant['remappings'] == [('joint_commands', '/joint_commands')]
     assert publisher['remappings'] == [('joint_states', f'{plant["namespace"]}/joint_states')]
-    drive = configure(reference['parameters'][0]).drive
+    file, values = reference['parameters']
+    drive = configure({**read_values(str(file)), **values}).drive
     # C:1002: the topic is joint_trajectory in the controller's namespace.
     controller, _, word = drive.trajectory_command_topic.lstrip('/').partition('/')
     assert word == 'joint_trajectory'

@@ -235,7 +235,7 @@ def quick(words):
 def run_node(words, folder):
     """Runs a node until its joint states arrive, then sends Ctrl-C."""
     domain = fresh_domain()
-    is_following = 'drive:=follow' in words
+    is_following = 'joint_states:=linkage/joint_states' in words
     topic = '/linkage/joint_states' if is_following else '/joint_states'
     with (
         Listener(domain, {topic: 'sensor_msgs/msg/JointState'}) as listener,

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from joint_codec import JointStateCodec
-from mechanisms import CHANGE_POINTS, LIMITED, four_bar, of
+from mechanisms import CHANGE_POINTS, FOLLOWED, LIMITED, four_bar, of
 from mpmath import mp
 from rclpy.serialization import deserialize_message, serialize_message
 from ros_harness import (
@@ -170,7 +170,7 @@ def measured_crank(simulator):
 @pytest.mark.parametrize('name', ['crank', 'arm/motor'])
 def test_messages_are_accepted_or_counted_by_cause_of_rejection(name):
     limited = four_bar(LIMITED['rocker_crank'])
-    configuration = configure({'drive': 'follow', 'crank_joint': name})
+    configuration = configure({**FOLLOWED, 'crank_joint': name})
     crank = measured_crank(Simulator(replace(configuration, mechanism=limited)))
     (start, end), *_ = limited.reach().arcs
     inside, beyond = 0.5 * (start + end), end + 0.01 * (TURN - end + start)
@@ -201,7 +201,7 @@ def test_extreme_measurements_do_not_end_the_motion(lead):
     limited = four_bar(LIMITED['rocker_crank'])
     (start, end), *_ = limited.reach().arcs
     for mechanism, inside in ((load('quadrilateral').mechanism, 0.5), (limited, end - 1e-3)):
-        configuration = configure({'drive': 'follow', **lead})
+        configuration = configure({**FOLLOWED, **lead})
         simulator = Simulator(replace(configuration, mechanism=mechanism))
         crank, answers = measured_crank(simulator), 0
         nearest = math.nextafter(end, start)
@@ -236,7 +236,7 @@ def answered(tmp_path_factory):
         ANSWERS: 'sensor_msgs/msg/JointState',
         '/diagnostics': 'diagnostic_msgs/msg/DiagnosticArray',
     }
-    arguments = *node_arguments(drive='follow', log=path, joint_prefix='left_'), *REMAPS
+    arguments = *node_arguments(**FOLLOWED, log=path, joint_prefix='left_'), *REMAPS
     silent = b'no measurement of left_crank on /joint_states in the last 2 s'
     with watched(topics, *arguments) as (listener, process):
         said = listener.received['/diagnostics']

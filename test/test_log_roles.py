@@ -8,6 +8,7 @@ import pytest
 from joint_codec import JointStateCodec
 from live_logs import START, STATUSES
 from mcap.records import Channel
+from mechanisms import FOLLOWED
 from ros_harness import verified
 
 from linkage_ros.log.reader import LogReader
@@ -15,7 +16,7 @@ from linkage_ros.log.recover import recover
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.log_tool import info
 from linkage_ros.motion.drives import FollowDrive
-from linkage_ros.parameters.configuration import configure, load
+from linkage_ros.parameters.configuration import configure, load, read_values
 from linkage_ros.parameters.session import SpeedFeedForward
 from linkage_ros.run.messages import CrankTrajectory, inputs_of
 from linkage_ros.run.simulator import Simulator
@@ -31,11 +32,14 @@ from linkage_ros.wire.topics import (
 
 STATES = 20
 CRANK = JointStateCodec(('crank',))
-SPEED = {'effort_command_topic': '/effort', 'trajectory_command_topic': '/trajectory'}
 DRIVES = {
-    'speed': SPEED,
+    'speed': {
+        **read_values('quadrilateral'),
+        'effort_command_topic': '/effort',
+        'trajectory_command_topic': '/trajectory',
+    },
     'torque': {'drive': 'torque', 'motor.torque': 9.0, 'motor.damping': 0.5},
-    'follow': {'drive': 'follow', 'effort_command_topic': '/effort'},
+    'follow': {**FOLLOWED, 'effort_command_topic': '/effort'},
     'wind pump': load('wind_pump').parameters(),
 }
 

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from joint_codec import JointStateCodec
+from mechanisms import FOLLOWED
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message, serialize_message
 from ros_harness import (
@@ -125,6 +126,7 @@ def test_rpm_is_set_live_in_a_namespace_and_a_signal_ends_with_a_complete_log(tm
 # ---------------------------------------------------------------- refusals and help
 
 PUMP = ['--params-file', preset_path('wind_pump')]
+QUADRILATERAL = ['--params-file', preset_path('quadrilateral')]
 BAD = [
     (['-p', 'rpm:=fast'], r"rpm = 'fast': must be a number from -1e\+06 to 1e\+06 rpm"),
     (['-p', 'rpm:=.nan'], 'rpm = nan: must be'),
@@ -136,23 +138,27 @@ BAD = [
     (['-p', 'log:=/nowhere/run.mcap'], 'cannot be written: No such file'),
     (['-p', 'viewer:=nonsense'], 'nonsense'),
     (['-p', 'use_sim_time:=3'], 'use_sim_time'),
-    (['-p', 'effort_command_topic:=joint_states'], 'joint_states'),
+    ([*QUADRILATERAL, '-p', 'effort_command_topic:=joint_states'], 'joint_states'),
     (
-        ['-p', 'trajectory_command_topic:=mechanism_state'],
+        [*QUADRILATERAL, '-p', 'trajectory_command_topic:=mechanism_state'],
         ' mechanism_state and trajectory_.* = mechanism_state .*: change the parameter$',
     ),
     (
-        ['-p', 'effort_command_topic:=/cmd', '-p', 'trajectory_command_topic:=cmd'],
+        [
+            *node_arguments(effort_command_topic='/cmd', trajectory_command_topic='cmd')[1:],
+            *QUADRILATERAL,
+        ],
         'effort_command_topic = /cmd and trajectory_command_topic = cmd .*: change the parameter',
     ),
-    (['-p', 'effort_command_topic:=/rosout'], '/rosout: change the parameter'),  # of another type
+    # of another type
+    ([*QUADRILATERAL, '-p', 'effort_command_topic:=/rosout'], '/rosout: change the parameter'),
     (
         ['-r', 'driving_torque:=joint_states'],
         'joint_states and driving_torque .*, -r driving_torque:=linkage/driving_torque',
     ),
     *(
         (
-            ['-p', f'drive:={drive}', '-r', f'{heard}:={own}'],
+            [*node_arguments(**FOLLOWED | {'drive': drive})[1:], '-r', f'{heard}:={own}'],
             f'{heard} and {own} are the same topic, /{own}: .* -r {own}:=linkage/{own}$',
         )
         for drive, heard, own in (
@@ -162,10 +168,19 @@ BAD = [
         )
     ),
     (  # a remapping would affect both
-        ['-p', 'drive:=follow', '-p', 'effort_command_topic:=/measured_joint_states'],
+        node_arguments(**FOLLOWED, effort_command_topic='/measured_joint_states')[1:],
         'effort_command_topic = .*: change the parameter$',
     ),
     (['-r', '__ns:=9x'], 'remap rule'),
+    # Without a mechanism of its own, a machine must not get the quadrilateral's torque.
+    *(
+        (['-p', f'{name}:={value}'], f'{name} = .{value}.: a mechanism must be given')
+        for name, value in (
+            ('effort_command_topic', '/arm/commands'),
+            ('trajectory_command_topic', 'arm/joint_trajectory'),
+        )
+    ),
+    (['-p', 'drive:=follow'], 'drive = follow: a mechanism must be given'),
     (['--params-file', '/nowhere.yaml'], '/nowhere.yaml: No such file .*; give the path of a p'),
     (['--params-file', '/dev/null'], 'is not a file'),
     (['--params-file', 'quadrilateral'], r'is a preset, and --params-file takes a path: .*\.yaml'),
@@ -178,6 +193,20 @@ BAD = [
 @pytest.mark.parametrize(('arguments', 'words'), BAD, ids=[words for _, words in BAD])
 def test_a_bad_start_is_one_line_and_code_2(called, arguments, words):
     assert_refused(*called(node, '--ros-args', *arguments), words)
+
+
+@pytest.mark.parametrize('module', [node, controller], ids=['node', 'controller'])
+def test_a_file_for_other_nodes_is_refused_with_their_names(called, tmp_path, module):
+    """rcl ignores such a file, and the quadrilateral's torque would reach somebody's motor."""
+    path = tmp_path / 'left.yaml'
+    own = '{ros__parameters: {mechanism: slider_crank}}'
+    path.write_text(f'/left/*: {own}\nrobot: {{ros__parameters: {{a: 1}}}}\n')
+    words = r'left\.yaml has no parameters of /right/linkage_\w+, only of /left/\*, robot: write /'
+    options = '-r', '__ns:=/right', '--params-file', path, '-p', 'effort_command_topic:=/motor'
+    assert_refused(*called(module, '--ros-args', *options), words)
+    # With this namespace, the section applies.
+    options = '-r', '__ns:=/left', '--params-file', path
+    assert 'has no parameters' not in called(module, '--ros-args', *options)[2]
 
 
 @pytest.mark.parametrize('module', [node, controller], ids=['node', 'controller'])

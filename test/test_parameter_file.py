@@ -300,11 +300,14 @@ STRICTER = {
 
 
 def outcome(path, node='linkage_node'):
-    """Returns the values and their types as text, or the error message."""
+    """Returns the values and their types as text, or the error message.
+
+    rcl ignores a file without parameters of the node; the reader refuses it.
+    """
     try:
         return {name: repr(value) for name, value in read_parameter_file(path, node).items()}
     except ConfigurationError as error:
-        return str(error)
+        return {} if ' has no parameters of /' in str(error) else str(error)
 
 
 @pytest.fixture(scope='module')

@@ -5,6 +5,7 @@
 test_configuration.py and test_refusals.py test which values and linkages are refused.
 """
 
+import json
 import math
 import os
 import re
@@ -15,13 +16,14 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from joint_codec import encode_float64
+from mechanisms import FOLLOWED
 from ros_harness import CODEC, assert_refused, command, decoded, logged, wait_for
 
 from linkage_ros import ConfigurationError, Solver
 from linkage_ros import record as record_module
 from linkage_ros.motion.integrators import live_steps, record_steps
 from linkage_ros.motion.speed_driven import SpeedMotion
-from linkage_ros.parameters.configuration import configure, load
+from linkage_ros.parameters.configuration import configure, load, read_values
 from linkage_ros.record import count_states, record
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.wire.cdr import encode_string
@@ -115,7 +117,8 @@ RUNS = {
 def test_many_states_at_once_have_the_bits_of_each_alone(name, start, integrate):
     values = {**RUNS[name], 'rate_hz': 333.3}
     if values.get('drive') != 'torque':
-        values |= {'effort_command_topic': 'torque', 'lead_time': 0.01}
+        base = {} if 'mechanism' in values else read_values('quadrilateral')
+        values = {**base, **values, 'effort_command_topic': 'torque', 'lead_time': 0.01}
     simulator = Simulator(configure(values))
     stamps = [start + simulator.elapsed(tick) for tick in range(900)]
     together, alone = (simulator.begin(start, integrate) for _ in range(2))
@@ -277,13 +280,13 @@ BAD_FILES = {
     'no YAML': ('/**:\n\tros__parameters:\n', r'line 2: not YAML'),
     'binary': (bytes(range(256)) * 16, 'not YAML'),
     'measured crank': (
-        '/**: {ros__parameters: {drive: follow}}',
+        json.dumps({'/**': {'ros__parameters': FOLLOWED}}),
         'run linkage_node, or give drive: speed',
     ),
     # Otherwise a typing error in the node's name would record another linkage.
     'another node': (
         layout().replace('/**', 'linkage_mode'),
-        r'has no parameters of linkage_node: above ros__parameters write /\*\*',
+        r'has no parameters of /linkage_node, only of linkage_mode: write /\*\* or',
     ),
 }
 

@@ -30,7 +30,7 @@ from test_hostile import little_memory
 from linkage_ros import ViewerError, replay
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.writer import LogWriter
-from linkage_ros.parameters.configuration import configure, load
+from linkage_ros.parameters.configuration import configure, load, read_values
 from linkage_ros.playback import republish
 from linkage_ros.playback.player import excerpt_of, feed
 from linkage_ros.record import record
@@ -54,7 +54,8 @@ TYPES = {
 @pytest.fixture(scope='module')
 def log(tmp_path_factory):
     path = tmp_path_factory.mktemp('log') / 'run.mcap'
-    record(configure({'rpm': 60.0, 'effort_command_topic': COMMANDS}), path, duration=2.0)
+    given = {**read_values('quadrilateral'), 'rpm': 60.0, 'effort_command_topic': COMMANDS}
+    record(configure(given), path, duration=2.0)
     return path
 
 

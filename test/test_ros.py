@@ -11,6 +11,9 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 
 import pytest
+import rclpy
+from rclpy.context import Context
+from rclpy.node import Node
 from ros_harness import (
     Listener,
     command,
@@ -21,6 +24,8 @@ from ros_harness import (
     running,
     wait_for,
 )
+
+from linkage_ros.ros.process import full_name
 
 STATES = '/joint_states'
 
@@ -116,6 +121,24 @@ def test_repeated_signals_end_the_node_in_order(tmp_path):
             node.send_signal(signal.SIGINT)
             time.sleep(0.001)
         assert ' states, ' in node.stderr.read()
+
+
+NAMES = [
+    '-r __ns:=/a -r __ns:=/b',
+    '-r linkage_node:__ns:=/a -r __node:=x -r linkage_node:__node:=y',
+    '-r other:__node:=x -r __name:=y --remap y:__ns:=/a/b',
+    '-r __node:=x -r linkage_node:__ns:=/a',
+]
+
+
+@pytest.mark.parametrize('rules', NAMES)
+def test_a_node_is_renamed_as_by_rcl(rules):
+    context, arguments = Context(), ['--ros-args', *rules.split()]
+    rclpy.init(args=arguments, context=context, domain_id=fresh_domain())
+    node = Node('linkage_node', context=context)
+    assert full_name(arguments, 'linkage_node') == node.get_fully_qualified_name()
+    node.destroy_node()
+    context.shutdown()
 
 
 ELSEWHERE = """

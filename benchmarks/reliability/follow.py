@@ -25,12 +25,18 @@ from realtime import SETTLE
 
 from linkage_ros.lab.reference.states import Reference
 from linkage_ros.log.reader import LogReader
+from linkage_ros.parameters.configuration import read_values
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.verification.verify import verify
 
 RATES = (100.0, 500.0, 1000.0)  # Hz
 MEASURED, ANSWERS = '/joint_states', '/linkage/joint_states'
 REMAPS = ('measured_joint_states', MEASURED), ('joint_states', ANSWERS)
+# The parameters of the followed quadrilateral; the preset would also set its motion.
+FOLLOWED = {
+    **{k: v for k, v in read_values('quadrilateral').items() if k not in {'rpm', 'rate_hz'}},
+    'drive': 'follow',
+}
 COMPARED = 200  # number of states compared with the reference
 
 
@@ -72,7 +78,7 @@ def measure(rate: float, seconds: float) -> dict:
         with (
             listening(DOMAIN, first),
             listening(DOMAIN, second, topic=ANSWERS) as other,
-            node(DOMAIN, remaps=REMAPS, drive='follow', log=followed) as following,
+            node(DOMAIN, remaps=REMAPS, **FOLLOWED, log=followed) as following,
             node(DOMAIN, rate_hz=rate, log=log) as robot,
         ):
             wait_for(lambda: 'heard' in other.output)

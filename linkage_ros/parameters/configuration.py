@@ -10,7 +10,7 @@ from linkage_ros.dynamics.solver import Solver
 from linkage_ros.errors import ConfigurationError, UnreachableError
 from linkage_ros.model.registry import MECHANISMS
 from linkage_ros.model.structure import Mechanism
-from linkage_ros.motion.drives import Drive, SpeedDrive, TorqueDrive
+from linkage_ros.motion.drives import Drive, FollowDrive, SpeedDrive, TorqueDrive
 from linkage_ros.motion.torque_driven import start
 from linkage_ros.parameters.parameter_file import read_parameter_file
 from linkage_ros.parameters.presets import find_file, preset_path
@@ -99,7 +99,7 @@ def configure(values: Mapping[str, object]) -> Configuration:
 
     Args:
         values: Values by dotted parameter name. If 'mechanism' is missing, they override the
-            values of the quadrilateral preset.
+            values of the quadrilateral preset, unless its torque would be sent to a controller.
 
     Returns:
         The validated configuration.
@@ -119,6 +119,8 @@ def configure(values: Mapping[str, object]) -> Configuration:
             raise ConfigurationError(_not_a_parameter(name, kind))
     mechanism = build(MECHANISMS[kind.mechanism], chosen)
     drive, session = build(DRIVES[kind.drive], chosen), build(Session, chosen)
+    if 'mechanism' not in given:
+        _require_harmless(drive)
     session.require_names(mechanism)
     if isinstance(drive, TorqueDrive):
         try:
@@ -129,6 +131,24 @@ def configure(values: Mapping[str, object]) -> Configuration:
     elif isinstance(drive, SpeedDrive):
         Solver(mechanism).reach.require_full_turn()
     return Configuration(kind, mechanism, drive, session)
+
+
+def _require_harmless(drive: Drive) -> None:
+    """Rejects a drive whose messages another machine would follow, if no mechanism is given.
+
+    Raises:
+        ConfigurationError: The torque of the default preset might drive somebody's motor.
+    """
+    names = 'effort_command_topic', 'trajectory_command_topic'
+    risky = [f'{name} = {shown(topic)}' for name in names if (topic := getattr(drive, name, ''))]
+    if isinstance(drive, FollowDrive):
+        risky.append('drive = follow')
+    if risky:
+        raise ConfigurationError(
+            f'{" and ".join(risky)}: a mechanism must be given, because the torque of the default '
+            f'{DEFAULT_PRESET} would be wrong for any other machine; set mechanism and its links '
+            'in a parameter file (--params-file)'
+        )
 
 
 def _not_a_parameter(name: str, kind: MechanismAndDrive) -> str:
@@ -177,14 +197,7 @@ def read_values(source: str, namespace: str = '') -> Mapping[str, object]:
         ConfigurationError: There is no such file or preset, it cannot be read, or it has no
             parameters of linkage_node.
     """
-    node = f'{namespace}/linkage_node'.lstrip('/')
-    values = read_parameter_file(find_file(source), node)
-    if not values:
-        raise ConfigurationError(
-            f'{shown(source)} has no parameters of {node}: above ros__parameters write /** or '
-            f'/{node}'
-        )
-    return values
+    return read_parameter_file(find_file(source), f'{namespace}/linkage_node')
 
 
 def load(source: str) -> Configuration:

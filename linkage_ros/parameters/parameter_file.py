@@ -46,9 +46,18 @@ def read_parameter_file(path: Path | str, node_name: str = 'linkage_node') -> Pa
         The values by dotted name. If two sections set the same name, the later one wins.
 
     Raises:
-        ConfigurationError: The file cannot be read, or rcl would reject it or read it incorrectly.
+        ConfigurationError: The file cannot be read, rcl would reject it or read it incorrectly, or
+            none of its sections applies to the node, which would then run with defaults.
     """
-    return _Reader(path, 'parameter', node_name, _LAYOUT).read(())
+    reader, node = _Reader(path, 'parameter', node_name, _LAYOUT), f'/{node_name.strip("/")}'
+    values = reader.read(())
+    if not any(_matches(section, node) for section in reader.nodes):
+        others = shortened(', '.join(dict.fromkeys(reader.nodes)), 200)
+        raise ConfigurationError(
+            f'{reader.file} has no parameters of {node}{f", only of {others}" if others else ""}: '
+            f'write /** or {node} above {_SECTION}'
+        )
+    return values
 
 
 def read_study_file(path: Path | str) -> Parameters:
@@ -83,6 +92,7 @@ class _Reader:
             raise ConfigurationError(f'{self.file}: over {_MAX_BYTES} bytes; give a {kind} file')
         self.events = yaml.parse(self.data, Loader=CSafeLoader)
         self.sections: dict[str, Parameters] = {}
+        self.nodes: list[str] = []  # the node names of all sections, also of other nodes
 
     def read(self, path: tuple[str, ...]) -> Parameters:
         """Reads the file as if all its names were nested below a path of names."""
@@ -97,6 +107,8 @@ class _Reader:
     def leaves(self, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], yaml.Event]]:
         """Yields the path of names and the first event of each value in a mapping."""
         key, section = '', _section(path)
+        if section is not None and section == len(path) - 1:
+            self.nodes.append('/'.join(path[:section]))
         while following := self.key(path if section is None else path[section + 1 :]):
             if section is None and key.startswith(_SECTION):
                 raise self.error(f'{following!r} follows ros__parameters; move it before')

@@ -25,7 +25,8 @@ from linkage_ros.wire.codecs import ROOT_FRAME
 from linkage_ros.wire.urdf import make_urdf
 
 Values = dict[str, object]  # parameters of a node, by dotted name
-Arguments = dict[str, tuple[str, str]]  # default and meaning of launch arguments, by name
+# Default and meaning of launch arguments, by name; an argument without default must be given.
+Arguments = dict[str, tuple[str | None, str]]
 
 # Arguments of every launch file. An empty argument leaves the parameter unchanged.
 NAMES: Arguments = {

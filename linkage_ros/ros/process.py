@@ -105,17 +105,19 @@ def run_program(
 
 
 def _check_parameter_files(arguments: list[str], node: str) -> None:
-    """Checks parameter files before rcl reads them, to report clearer errors.
+    """Checks parameter files before rcl reads them.
+
+    rcl would ignore a file without parameters of the node, which would then run with defaults.
 
     Args:
         arguments: Arguments of the command line.
         node: Default name of the node, which the arguments may change.
 
     Raises:
-        ConfigurationError: A file has an error, or a preset is given instead of a path.
+        ConfigurationError: A file has an error or no parameters of the node, or a preset is given
+            instead of a path.
     """
-    given = dict(text.split(':=', 1) for text in arguments if re.match('__.*:=', text))
-    name = given.get('__node') or given.get('__name') or node
+    name = full_name(arguments, node)
     for option, path in itertools.pairwise(arguments):
         if option == '--params-file':
             if path in preset_names() and not path_exists(path):
@@ -127,7 +129,22 @@ def _check_parameter_files(arguments: list[str], node: str) -> None:
                 raise ConfigurationError(
                     f'{path} is not a file: give the path of a parameter file'
                 )
-            read_parameter_file(path, f'{given.get("__ns", "")}/{name}')
+            read_parameter_file(path, name)
+
+
+def full_name(arguments: list[str], node: str) -> str:
+    """Returns the name that rcl gives to a node, with its namespace.
+
+    Of the rules for the name, and then of those for the namespace, the first that applies counts.
+    """
+
+    def rule(kind: str, name: str) -> str:
+        pattern = f'(?:{re.escape(name)}:)?__(?:{kind}):=(.+)'
+        found = (re.fullmatch(pattern, text) for text in arguments)
+        return next((match[1] for match in found if match), '')
+
+    name = rule('node|name', node) or node
+    return f'{rule("ns", name)}/{name}'
 
 
 @contextmanager
