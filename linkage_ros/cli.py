@@ -10,6 +10,7 @@ import os
 import signal
 import sys
 import textwrap
+import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -27,6 +28,8 @@ Option: TypeAlias = tuple[tuple[str, ...], Quantity | None, dict[str, Any]]
 
 STOPPED_BY_USER = 130
 _POLL_SECONDS = 0.1  # between checks for a request to stop
+# After a request to stop, s: before a second signal makes it urgent, and for each thread after it.
+_ORDERLY_SECONDS, _URGENT_SECONDS = 1.0, 0.5
 
 
 class Parser(argparse.ArgumentParser):
@@ -131,10 +134,14 @@ class Stop:
 
     The main thread polls, because a threading.Event would deadlock if a signal arrived at the
     start of a wait, and Linux may deliver a signal to another thread, which does not wake it.
+
+    If the end takes longer than a second, a second signal makes it urgent: threads that hang are
+    abandoned.
     """
 
     def __init__(self) -> None:
-        self._is_set = False
+        self._set_at = math.inf  # monotonic time of the request, s
+        self._is_repeated = False
         is_kept = signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
         self._signals = [signal.SIGINT, signal.SIGTERM, *([] if is_kept else [signal.SIGHUP])]
         for number in self._signals:
@@ -143,17 +150,26 @@ class Stop:
             atexit.register(signal.signal, number, signal.SIG_IGN)
 
     def _request(self, *_: object) -> None:
-        for number in self._signals:  # because another signal would interrupt this handler
-            signal.signal(number, signal.SIG_IGN)
+        if self.is_set():
+            self._is_repeated = True
+            for number in self._signals:  # nothing more can be requested
+                signal.signal(number, signal.SIG_IGN)
         self.set()
 
     def set(self) -> None:
         """Requests the end of the program."""
-        self._is_set = True
+        self._set_at = min(self._set_at, time.monotonic())
 
     def is_set(self) -> bool:
         """Returns whether the end of the program was requested."""
-        return self._is_set
+        return self._set_at < math.inf
+
+    def is_urgent(self) -> bool:
+        """Returns whether a second signal asks not to wait for what hangs.
+
+        In the first second it does not, because a launch may send the same signal twice.
+        """
+        return self._is_repeated and time.monotonic() > self._set_at + _ORDERLY_SECONDS
 
     def wait(self, timeout: float | None = None) -> bool:
         """Waits until the end of the program is requested.
@@ -165,9 +181,22 @@ class Stop:
             Whether the end was requested.
         """
         end = math.inf if timeout is None else time.monotonic() + timeout
-        while not self._is_set and (left := end - time.monotonic()) > 0:
+        while not self.is_set() and (left := end - time.monotonic()) > 0:
             time.sleep(min(left, _POLL_SECONDS))
-        return self._is_set
+        return self.is_set()
+
+    def join(self, thread: threading.Thread, timeout: float = math.inf) -> None:
+        """Waits for the end of a thread, but not for one that hangs if the end is urgent.
+
+        Args:
+            thread: Thread to wait for.
+            timeout: Longest time to wait, s; by default, unlimited.
+        """
+        end = time.monotonic() + timeout
+        while thread.is_alive() and (left := end - time.monotonic()) > 0 and not self.is_urgent():
+            thread.join(min(left, _POLL_SECONDS))
+        if self.is_urgent():
+            thread.join(_URGENT_SECONDS)
 
 
 def run(name: str, command: Callable[[], int | None]) -> int:

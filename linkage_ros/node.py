@@ -112,14 +112,17 @@ class LinkageNode(ParameterNode):
         self._publish(ROBOT_DESCRIPTION, self._simulator.description)
         self._ticker.start()
         self._stop.wait()
-        self._ticker.stop()
+        ended = self._ticker.stop(self._stop.join)
         self._report_timer.cancel()  # no messages after the closing line
         try:
-            self._report()
+            if ended:
+                self._report()
+            else:
+                self.get_logger().error('a tick hangs, and the node ends without it')
             self._report_totals()
         finally:
-            succeeded = self._outputs.close()
-        return 0 if succeeded and not self._ticker.error else 1
+            succeeded = self._outputs.close(self._stop.join)
+        return 0 if succeeded and ended and not self._ticker.error else 1
 
     def _report_totals(self) -> None:
         counts, health = self._ticker.counts, self._outputs.health()

@@ -5,6 +5,7 @@
 import os
 import shlex
 import signal
+import subprocess
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -22,9 +23,11 @@ from ros_harness import (
     logged,
     node_arguments,
     running,
+    verified,
     wait_for,
 )
 
+from linkage_ros.log.recover import recover
 from linkage_ros.ros.process import full_name
 
 STATES = '/joint_states'
@@ -121,6 +124,57 @@ def test_repeated_signals_end_the_node_in_order(tmp_path):
             node.send_signal(signal.SIGINT)
             time.sleep(0.001)
         assert ' states, ' in node.stderr.read()
+
+
+HANGING = """
+import sys, threading
+from linkage_ros import cli, node
+from {module} import {kind} as Hanging
+
+act, calls = Hanging.{method}, iter(range({calls}))
+
+def hang(self, *arguments):
+    if next(calls, None) is None:
+        print('hangs', flush=True)
+        threading.Event().wait()
+    return act(self, *arguments)
+
+Hanging.{method} = hang
+sys.exit(cli.leave(node.main()))
+"""
+
+
+@pytest.mark.parametrize(
+    ('module', 'kind', 'method', 'calls', 'words'),
+    [
+        ('linkage_ros.run.simulator', 'Simulator', 'snapshot_at', 100, 'a tick hangs'),
+        ('linkage_ros.log.log_file', 'LogFile', 'flush', 20, 'the disk hangs'),
+    ],
+)
+def test_a_second_signal_ends_a_node_that_hangs_and_keeps_its_log(
+    tmp_path, module, kind, method, calls, words
+):
+    path, saved = tmp_path / 'run.mcap', tmp_path / 'saved.mcap'
+    code = HANGING.format(module=module, kind=kind, method=method, calls=calls)
+    program = [sys.executable, '-c', code]
+    with running(program, *node_arguments(log=path), domain=fresh_domain()) as node:
+        assert node.stdout.readline() == 'hangs\n'
+        size = path.stat().st_size
+        signals = 0
+        while node.poll() is None:
+            node.send_signal(signal.SIGINT)
+            signals += 1
+            with suppress(subprocess.TimeoutExpired):
+                node.wait(1.5)
+        # A busy machine may handle the first two late. Without the second, the disk has 30 s.
+        assert 2 <= signals <= 8
+        assert node.returncode == 1
+        assert words in node.stderr.read()
+    assert path.stat().st_size >= size
+    if kind == 'Simulator':
+        assert verified(path).states == 100
+    else:
+        assert recover(path, saved).messages > 0
 
 
 NAMES = [

@@ -140,14 +140,18 @@ class Outputs:
             found['viewer'] = Health(session.viewer, lost, viewer.error, view.trouble)
         return found
 
-    def close(self) -> bool:
-        """Completes log and view; returns whether the log succeeded."""
+    def close(self, join: Callable[..., object]) -> bool:
+        """Completes log and view; returns whether the log succeeded.
+
+        Args:
+            join: Waits for a thread, with a time limit.
+        """
         # The sync is closed last, after all data are written.
         workers = [self._workers[name] for name in ('log', 'sync') if name in self._workers]
-        closed = all(worker.close(_LOG_CLOSE_SECONDS) for worker in workers)
+        closed = all(worker.close(_LOG_CLOSE_SECONDS, join) for worker in workers)
         if not closed:
-            words = f'the log is not complete after {_LOG_CLOSE_SECONDS:g} s: the disk hangs'
+            words = 'the disk hangs: the log is incomplete; linkage_log recover saves its contents'
             cli.print_error(self._node.get_name(), words)
         if self._view:
-            self._workers['viewer'].close(_VIEW_CLOSE_SECONDS)
+            self._workers['viewer'].close(_VIEW_CLOSE_SECONDS, join)
         return closed and self.health()['log'].error is None

@@ -39,7 +39,8 @@ from linkage_ros.run.threads import accompany_ticker, show_name
 _PIPE_SIZE = 65536  # bytes, the size of a pipe
 _STDERR = 2  # its file descriptor
 _FLUSH_SECONDS = 1.0  # time limit for writing the program's last lines
-_DESTROY_SECONDS = 10.0  # a process whose node takes longer to end is killed
+# A process whose node takes longer to end is killed; the shorter time is for an urgent end.
+_DESTROY_SECONDS, _URGENT_SECONDS = 10.0, 2.0
 _REPORT_SECONDS = 1.0  # shortest time between two reports of the same kind
 
 # Errors of rclpy for invalid command lines, files, names and values. RCLError has no public name,
@@ -99,7 +100,7 @@ def run_program(
                 f'`{parser.prog} --ros-args -p rpm:=60.0`'
             )
         node = make(stop)
-        with spinning(node):
+        with spinning(node, stop.is_urgent):
             code: int = node.work()
     return code
 
@@ -228,11 +229,12 @@ def _spin(executor: SingleThreadedExecutor, node: Node, ends: threading.Event) -
 
 
 @contextmanager
-def spinning(node: Node) -> Iterator[None]:
+def spinning(node: Node, is_urgent: Callable[[], bool] = lambda: False) -> Iterator[None]:
     """Runs a node's callbacks in a thread; destroys the node at the end.
 
     Args:
         node: Node whose callbacks are run.
+        is_urgent: Returns whether the end must not wait for what hangs.
 
     Yields:
         None; the callbacks run during the block.
@@ -252,8 +254,9 @@ def spinning(node: Node) -> Iterator[None]:
         thread.join(2.0)
         # Fast DDS may hang in C code that holds the interpreter lock (eProsima/Fast-DDS#6513).
         # Then no Python thread could end the process.
+        seconds = _URGENT_SECONDS if is_urgent() else _DESTROY_SECONDS
         with Path(os.devnull).open('w') as devnull:
-            faulthandler.dump_traceback_later(_DESTROY_SECONDS, exit=True, file=devnull)
+            faulthandler.dump_traceback_later(seconds, exit=True, file=devnull)
             node.destroy_node()
             faulthandler.cancel_dump_traceback_later()
 

@@ -139,17 +139,18 @@ class Worker(Generic[_T]):
             self.dropped += len(self._queue) == self._queue.maxlen
             self._queue.append(item)
 
-    def close(self, timeout: float) -> bool:
+    def close(self, timeout: float, join: Callable[..., object] = threading.Thread.join) -> bool:
         """Passes the remaining items to the consumer, and ends the thread.
 
         Args:
             timeout: Longest time to wait for the thread, s.
+            join: Waits for a thread, with a time limit.
 
         Returns:
             Whether the consumer was closed in time.
         """
         self._stop.set()
-        self._thread.join(timeout)
+        join(self._thread, timeout)
         return not self._thread.is_alive()
 
     def _run(self) -> None:

@@ -91,11 +91,16 @@ class Ticker:
         """Starts the thread."""
         self._thread.start()
 
-    def stop(self) -> None:
-        """Ends the thread after the current tick, and waits for it."""
+    def stop(self, join: Callable[[threading.Thread], object] = threading.Thread.join) -> bool:
+        """Ends the thread after the current tick; returns whether it has ended.
+
+        Args:
+            join: Waits for the thread.
+        """
         self._stop.set()
         if self._thread.is_alive():
-            self._thread.join()
+            join(self._thread)
+        return not self._thread.is_alive()
 
     def _run(self) -> None:
         show_name()
