@@ -20,7 +20,7 @@ PROGRAM = next(filter(None, map(shutil.which, ('chromium', 'google-chrome'))), N
 _OPTIONS = (
     '--headless', '--no-sandbox', '--use-angle=swiftshader', '--enable-unsafe-swiftshader',
     '--no-first-run', '--disable-background-networking', '--disable-component-update',
-    '--disable-sync', '--disable-quic', '--window-size=800,600', '--remote-debugging-pipe',
+    '--disable-sync', '--disable-quic', '--window-size=600,400', '--remote-debugging-pipe',
 )  # fmt: skip
 
 
