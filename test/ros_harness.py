@@ -175,11 +175,16 @@ def decoded(messages):
 
 
 class Listener:
-    """Subscribes to topics in this process, and keeps the received bytes."""
+    """Subscribes to topics in this process, and keeps the received bytes.
+
+    Attributes:
+        received: Messages by topic.
+        sent: Times at which the publisher sent them, s, by topic.
+    """
 
     def __init__(self, domain, topics):
         self.received = {topic: [] for topic in topics}
-        self.arrived = {topic: [] for topic in topics}
+        self.sent = {topic: [] for topic in topics}
         self._context = Context()
         os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
         rclpy.init(context=self._context, domain_id=domain)
@@ -190,7 +195,7 @@ class Listener:
             self.node.create_subscription(
                 message_class(kind),
                 topic,
-                lambda data, topic=topic: self._hear(topic, data),
+                lambda data, info, topic=topic: self._hear(topic, data, info),
                 QoSProfile(depth=1 if latched else 1000, durability=durability),
                 raw=True,
             )
@@ -208,8 +213,8 @@ class Listener:
             if not self._is_closing:
                 raise
 
-    def _hear(self, topic, data):
-        self.arrived[topic].append(time.monotonic())
+    def _hear(self, topic, data, info):
+        self.sent[topic].append(info['source_timestamp'] / 1e9)
         self.received[topic].append(bytes(data))
 
     def await_more(self, count, topic='/joint_states'):

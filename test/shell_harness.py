@@ -46,11 +46,14 @@ class Shell:
         return re.search(words, self.said, re.DOTALL)
 
     def sees(self, words):
+        # Words that have been seen are dropped, so that they are not seen again.
         try:
             wait_for(lambda: self.says(words))
         except AssertionError:
             raise AssertionError(f'{words} is not in {self.said}') from None
-        return self.says(words)
+        found = self.says(words)
+        self.said = self.said[found.end() :]
+        return found
 
     def send(self, data):
         os.write(self.terminal, data)

@@ -81,10 +81,11 @@ def played(log, *options):
     return listener
 
 
-def period(times, together=20):
-    """Returns the median time between messages, s, because some may arrive together."""
-    spans = [late - early for early, late in zip(times, times[together:], strict=False)]
-    return statistics.median(spans) / together
+def assert_pace(times, period):
+    """Asserts that messages were sent a period, s, apart, except where the replay was late."""
+    # It catches up with at most 0.1 s.
+    assert times[-1] - times[0] > (len(times) - 1) * period - 0.1
+    assert min(late - early for early, late in zip(times, times[5:], strict=False)) < 6 * period
 
 
 def clock_times(listener):
@@ -100,9 +101,8 @@ def test_messages_are_replayed_byte_for_byte_at_their_times_with_a_clock(log):
     listener = played(log, '--rate', 0.5, '--playback-duration', 0.6, '--clock', 50)
     for topic in (STATES, TORQUE, DESCRIPTION, COMMANDS):
         assert listener.received[topic] == stored(log, topic, end=600_000_000), topic
-    times = listener.arrived[STATES]
-    assert times[-1] - times[0] >= 0.595 / 0.5 - 0.1
-    assert period(times) == pytest.approx(0.005 / 0.5, rel=0.3)
+    times = listener.sent[STATES]
+    assert_pace(times, 0.005 / 0.5)
     clock = clock_times(listener)
     assert clock == sorted(clock)
     assert clock[0] == 0  # published before the start
@@ -110,19 +110,19 @@ def test_messages_are_replayed_byte_for_byte_at_their_times_with_a_clock(log):
     steps = [later - earlier for earlier, later in pairwise(clock) if earlier > 0]
     assert statistics.median(steps) == pytest.approx(10_000_000, rel=0.5)
     # The clock has the time of the preceding messages.
-    heard = [bisect(times, moment) for moment in listener.arrived['/clock']]
+    heard = [bisect(times, moment) for moment in listener.sent['/clock']]
     ahead = [stamp - 5_000_000 * count for stamp, count in zip(clock, heard, strict=True)]
     assert abs(statistics.median(ahead)) < 20_000_000
 
 
 def test_excerpt_of_one_topic_at_a_higher_rate_ends_on_the_clock(log):
-    options = '--topics', TORQUE, '--rate', 4, '--start-offset', 1.0, '--playback-duration', 0.75
+    options = '--topics', TORQUE, '--rate', 2, '--start-offset', 1.0, '--playback-duration', 0.75
     listener = played(log, *options, '--clock', 0.1)
     piece = stored(log, TORQUE, 1_000_000_000, 1_750_000_000)
     assert listener.received[TORQUE] == piece
     assert len(piece) == 150
     assert not any(listener.received[topic] for topic in (STATES, DESCRIPTION, COMMANDS))
-    assert period(listener.arrived[TORQUE]) == pytest.approx(0.005 / 4, rel=0.3)
+    assert_pace(listener.sent[TORQUE], 0.005 / 2)
     # Every 10 s, and once more at the end.
     assert clock_times(listener)[-1] == 1_745_000_000
 
@@ -175,10 +175,10 @@ def quiet(listener, seconds=0.3):
 
 def test_keys_pause_step_change_the_rate_and_resume(log, player):
     start, listener = player
-    options = '--start-paused', '--delay', 0.1, '--clock', '--playback-duration', 1, '--rate', 0.5
+    options = '--start-paused', '--delay', 0.1, '--clock', '--loop', '--rate', 0.5
     with start(*options) as shell:
         shell.sees(
-            rb'waiting for subscribers.*begins in 0\.1 s.*0\.000/1\.000 s, rate 0\.5, paused'
+            rb'waiting for subscribers.*begins in 0\.1 s.*0\.000/1\.995 s, rate 0\.5, paused'
         )
         assert not held(shell.terminal)
         wait_for(lambda: len(clock_times(listener)) > 10)
@@ -190,24 +190,29 @@ def test_keys_pause_step_change_the_rate_and_resume(log, player):
         assert quiet(listener) == 3
         assert len(listener.received[TORQUE]) == 3  # a step plays all messages of one log time
         wait_for(lambda: clock_times(listener)[-1] == 10_000_000)
-        shell.sees(rb'0\.010/1\.000 s, rate 0\.5, paused')
+        shell.sees(rb'0\.010/1\.995 s, rate 0\.5, paused')
         shell.send(3 * b'\x1b[B' + b'\x1b[A')
-        shell.sees(rb'rate 0\.3, paused')
+        shell.sees(rb'rate 0\.2, paused.*rate 0\.3, paused')
         shell.send(b' ')
+        shell.sees(rb'rate 0\.3\s')
         wait_for(lambda: len(listener.received[STATES]) > 60)
         shell.send(b'\x1b[C')  # no effect while not paused
         shell.send(b' ')
-        shell.sees(rb'0\.\d+/1\.000 s, rate 0\.3, paused')
-        assert 60 < quiet(listener) < 200
-        assert period(listener.arrived[STATES][10:60]) == pytest.approx(0.005 / 0.3, rel=0.15)
-        stood = clock_times(listener)[-1]
-        time.sleep(0.1)
-        assert clock_times(listener)[-1] == stood < 10**9
+        shell.sees(rb'rate 0\.3, paused')
+        assert_pace(listener.sent[STATES][3:60], 0.005 / 0.3)
+        # The clock stands.
+        wait_for(lambda: len(set(clock_times(listener)[-20:])) == 1)
+        stood = quiet(listener)
         shell.send(9 * b'\x1b[A' + b' ')
+        shell.sees(rb'rate 1\.2\s')
+        wait_for(lambda: len(listener.received[STATES]) > stood)
+        shell.send(b'\x03')
         shell.sees(rb'messages replayed.*ended 0')
         assert held(shell.terminal)
-    for topic in (STATES, TORQUE, DESCRIPTION):
-        assert listener.received[topic] == stored(log, topic, end=10**9), topic
+    for topic in (STATES, TORQUE):
+        assert unbroken(listener.received[topic], 400 * stored(log, topic)), topic
+        assert listener.received[topic][0] == stored(log, topic)[0]
+    assert listener.received[DESCRIPTION] == stored(log, DESCRIPTION)
     assert clock_times(listener) == sorted(clock_times(listener))
 
 
