@@ -230,7 +230,7 @@ ANSWERS = '/linkage/joint_states'
 
 @pytest.fixture(scope='module')
 def answered(tmp_path_factory):
-    """Sends 300 measurements at 200 Hz, some invalid; returns answers, log and output."""
+    """Sends more than 300 measurements, some invalid; returns answers, log and output."""
     path = tmp_path_factory.mktemp('follow') / 'run.mcap'
     topics = {
         ANSWERS: 'sensor_msgs/msg/JointState',
@@ -239,27 +239,31 @@ def answered(tmp_path_factory):
     arguments = *node_arguments(**FOLLOWED, log=path, joint_prefix='left_'), *REMAPS
     silent = b'no measurement of left_crank on /joint_states in the last 2 s'
     with watched(topics, *arguments) as (listener, process):
-        said = listener.received['/diagnostics']
+        said, answers = listener.received['/diagnostics'], listener.received[ANSWERS]
         publisher = listener.node.create_publisher(JointState, MEASURED, 1000)
-        wait_for(lambda: publisher.get_subscription_count())
         wait_for(lambda: said and silent in said[-1])
         sent, start = [], time.time_ns()
+
+        def measure(*velocity):
+            stamp, angle = start + len(sent) * 5 * MS, math.remainder(0.06 * len(sent), TURN)
+            publisher.publish(message(stamp, ('arm', 'left_crank'), (0.0, angle), velocity))
+            sent.append((stamp, angle))
+            return stamp
+
+        def behind():
+            return (sent[-1][0] - CODEC.decode(answers[-1])[0]) // (5 * MS)
+
+        wait_for(lambda: measure() and answers)  # either direction may be connected late
         for n in range(300):
-            stamp = start + n * 5 * MS
-            velocity = (0.0, 12.0) if n < 150 else ()
-            data = message(
-                stamp, ('arm', 'left_crank'), (0.0, math.remainder(0.06 * n, TURN)), velocity
-            )
-            publisher.publish(data)
-            sent.append((stamp, math.remainder(0.06 * n, TURN), bool(velocity)))
+            stamp = measure(*(0.0, 12.0) if n < 150 else ())
             if n % 100 == 50:
                 publisher.publish(message(stamp, ('crank',), (0.3,)))
                 publisher.publish(message(stamp - MS, ('left_crank',), (0.3,)))
                 publisher.publish(message(stamp + MS, ('left_crank',), (math.nan,)))
             # The node keeps only the last 100 messages that it has not read.
-            wait_for(lambda n=n: len(listener.received[ANSWERS]) > n - 50)
+            wait_for(lambda: behind() < 50)
             time.sleep(0.004)
-        wait_for(lambda: len(listener.received[ANSWERS]) >= 300)
+        wait_for(lambda: not behind())
         heard_of = len(said)
         wait_for(lambda: silent in said[-1] and len(said) > heard_of)
         output = stop(process)
@@ -272,11 +276,12 @@ def answered(tmp_path_factory):
 def test_each_accepted_measurement_is_answered_once_with_its_stamp(answered):
     sent, received, messages, output, diagnosis, _ = answered
     found = [CODEC.decode(data) for data in received]
-    assert [stamp for stamp, _ in found] == [stamp for stamp, *_ in sent]
-    assert [values[0] for _, values in found] == [position for _, position, _ in sent]
-    assert '300 states' in output
-    assert [message.data for message in messages[ANSWERS]] == received
-    assert len(messages[MEASURED]) == 309
+    assert len(found) > 300
+    assert [(stamp, values[0]) for stamp, values in found] == sent[-len(found) :]
+    logged = [message.data for message in messages[ANSWERS]]
+    assert logged[-len(found) :] == received
+    assert f'{len(logged)} states' in output
+    assert len(messages[MEASURED]) == len(logged) + 9
     values = {one.key: one.value for one in diagnosis.status[0].values}
     rejected = {key: value for key, value in values.items() if key.startswith('rejected')}
     assert rejected == {f'rejected, {cause}': '3' for cause in (NO_CRANK, NOT_NEWER, NOT_FINITE)}
@@ -284,9 +289,9 @@ def test_each_accepted_measurement_is_answered_once_with_its_stamp(answered):
 
 
 def test_the_log_is_verified_by_following_its_measurements_again(answered, monkeypatch):
-    *_, path = answered
+    *_, messages, _, _, path = answered
     report = verified(path)
-    assert report.states == 300
+    assert report.states == len(messages[ANSWERS])
     assert ANSWERS in report.compared
     assert MEASURED in report.others
     begin, other = FollowMotion.__init__, FollowDrive(21.0)
