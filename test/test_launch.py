@@ -153,6 +153,7 @@ def test_arguments_replace_the_values_of_a_file_of_the_namespace(launched, tmp_p
     assert values['log_overwrite'] is values['use_sim_time'] is True
     values = values_of(nodes['robot_state_publisher'])
     assert values['use_sim_time'] is True
+    assert values['publish_frequency'] >= 100.0  # 20 Hz by default, too few for a turning crank
     assert {node.namespace for node in nodes.values()} == {'left'}
 
 

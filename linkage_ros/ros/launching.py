@@ -47,6 +47,9 @@ OUTPUTS: Arguments = {
 # Arguments that are strings even if they look like numbers.
 _TEXTS = ('log', 'viewer', 'joint_prefix', 'effort_command_topic', 'crank_joint', 'frame_id')
 _COMMON = ('use_sim_time', 'joint_prefix', *OUTPUTS)
+# Limit of the rate of tf, Hz. At the default of 20 Hz, a crank at 150 rpm turns by 45 deg between
+# two transforms.
+_TF_RATE = 200.0
 
 
 def description(arguments: Arguments, start: Callable[[dict[str, str]], list[Any]]) -> Any:
@@ -139,6 +142,7 @@ def _linkage(values: Values, arguments: Mapping[str, str]) -> tuple[Values, Valu
             configuration.mechanism, session.joint_prefix, session.frame_id
         ),
         'frame_prefix': prefix,
+        'publish_frequency': _TF_RATE,
         'use_sim_time': values.get('use_sim_time', False),
     }
     return {**values, 'frame_id': prefix + session.frame_id}, publisher
