@@ -100,6 +100,10 @@ def verdict(log: LogReader, report: Verification) -> Iterator[str]:
         yield f'  compared: {", ".join(report.compared) or "nothing"}'
     notes = (
         (report.others, f'not recomputable, so not compared: {", ".join(report.others)}'),
+        (log.dropped,
+         f'states and other messages dropped, because the disk was too slow: {log.dropped}'),
+        (report.stops_at_gap,
+         'states after this were not compared: they depend on measurements that the log lost'),
         (report.absent, f'not in the log: {", ".join(report.absent)}'),
         (report.missed,
          f'{cli.counted(report.missed, "tick")} without a state: the run was late or lost states'),

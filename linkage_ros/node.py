@@ -161,7 +161,7 @@ class LinkageNode(ParameterNode):
         """Sets the current motion, and logs its segment if it is new."""
         if motion.segment is not self._segment:
             self._segment = motion.segment
-            self._outputs.log(self._segment)
+            self._outputs.log(self._segment, keep=True)
         self._motion = motion
         return motion
 

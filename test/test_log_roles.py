@@ -8,9 +8,11 @@ import pytest
 from joint_codec import JointStateCodec
 from live_logs import START, STATUSES
 from mcap.records import Channel
+from mcap_records import records_of, write_records
 from mechanisms import FOLLOWED
 from ros_harness import verified
 
+from linkage_ros.log.metadata import ROLE
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.recover import recover
 from linkage_ros.log.writer import LogWriter
@@ -47,7 +49,7 @@ DRIVES = {
 def write(path, configuration, names):
     """Writes a log as the node does, with the given names of its topics.
 
-    The last names are those of topics of other programs, which have the types of the node's.
+    Further names are those of topics of other programs, which have the types of the node's.
 
     Returns:
         The names of the topics by role.
@@ -61,9 +63,10 @@ def write(path, configuration, names):
     with LogWriter(path, configuration, overwrite=True) as log:
         log.add_states(simulator.layout, [(t, used[t.role]) for t in simulator.topics])
         channels = {topic.role: log.add_topic(topic, used[topic.role]) for topic in others}
-        known, foreign = [*log.mcap.channels.values()], [*range(100, 100 + len(used))]
-        for number, like in zip(foreign, known, strict=True):
-            log.mcap.declare(Channel(number, next(names), 'cdr', {}, like.schema_id))
+        foreign = []
+        for like, name in zip([*log.mcap.channels.values()], names, strict=False):
+            foreign.append(100 + like.id)
+            log.mcap.declare(Channel(foreign[-1], name, 'cdr', {}, like.schema_id))
         log.write(channels['robot_description'], START, simulator.description)
         if not isinstance(drive, FollowDrive):
             motion = simulator.begin(START)
@@ -118,3 +121,19 @@ def test_log_is_verified_whatever_the_names_of_its_topics(tmp_path, drive, seed)
         for role, name in used.items():
             (line,) = [line for line in lines if line.startswith(f'  {name} ')]
             assert line.endswith(f', {role}') or name.endswith(f'/{role}')
+
+
+@pytest.mark.parametrize('drive', DRIVES)
+def test_log_of_an_older_version_without_roles_is_verified(tmp_path, drive):
+    path, configuration = tmp_path / 'run.mcap', configure(DRIVES[drive])
+    simulator = Simulator(configuration)
+    topics = [*simulator.topics, ROBOT_DESCRIPTION, DIAGNOSTICS, *inputs_of(simulator)]
+    names = [f'/left/{topic.name.strip("/")}' for topic in topics]
+    write(path, configuration, [*names, *['/ahead'] * (drive == 'speed')])
+    records = records_of(path)
+    for record in records:
+        if isinstance(record, Channel):
+            del record.metadata[ROLE]
+    report = verified(write_records(path, records))
+    assert report.states == STATES
+    assert len(report.compared) == len(simulator.topics) + 1

@@ -19,14 +19,14 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import MCAP0_MAGIC
 from ros_harness import assert_refused, report_of
 from test_log import spans, written
-from test_verify import CHANGES, live
+from test_verify import CHANGES, live, ticks
 
 from linkage_ros import LogError, log_tool
 from linkage_ros.log.metadata import encode_configuration
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.recover import recover
 from linkage_ros.log.writer import LogWriter
-from linkage_ros.parameters.configuration import load
+from linkage_ros.parameters.configuration import configure, load
 from linkage_ros.record import record
 
 
@@ -180,6 +180,24 @@ def test_damage_is_found_and_all_other_data_kept(
     assert (report.missed > 5) == (lost in ([0], [2]))
     with pytest.raises(LogError):
         report_of(tmp_path / 'broken.mcap')
+
+
+@pytest.mark.parametrize('kind', ['record', 'torque record', 'live torque'])
+def test_states_after_a_lost_chunk_are_verified(tmp_path, recovered, kind):
+    path = tmp_path / 'run.mcap'
+    values = {'drive': 'torque', 'motor.torque': 9.0, 'motor.damping': 0.5}
+    configuration = configure(values if 'torque' in kind else {})
+    if 'record' in kind:
+        record(configuration, path, duration=25.0)
+    else:
+        live(path, configuration, [('command', 5.0), *ticks(90), ('command', -5.0), *ticks(110)])
+    log = described(path)
+    data = bytearray(log.data)
+    data[log.chunks[1][0] + 300] ^= 1
+    _, saved, report = recovered(data)
+    assert (saved, report.difference, report.ulp) == (without(log, 1), '', 0.0)
+    lost = log.counts[2] - log.counts[1]
+    assert report.missed == pytest.approx(lost / 4, abs=2)
 
 
 def test_damaged_chunks_of_a_cut_file(whole, recovered):

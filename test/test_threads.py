@@ -96,6 +96,27 @@ def test_oldest_items_are_dropped_and_counted_exactly():
     assert (consumer.items, worker.dropped, errors) == ([0, *range(26, 36)], 25, [])
 
 
+def test_items_to_keep_are_never_dropped_and_stay_in_order():
+    consumer = Gated(is_open=False)
+    errors = []
+    worker = Worker(
+        'test',
+        consumer,
+        capacity=3,
+        period=QUICK,
+        on_error=errors.append,
+        gap=lambda n: f'gap {n}',
+    )
+    worker.offer(0)
+    assert consumer.entered.wait(PATIENCE)
+    for count in range(1, 11):
+        worker.offer(count, keep=count in {2, 9})
+    consumer.gate.set()
+    assert worker.close(PATIENCE)
+    assert consumer.items == [0, 'gap 5', 2, 7, 8, 9, 10]
+    assert (worker.dropped, errors) == (5, [])
+
+
 def test_concurrent_offers_keep_their_order_and_count_every_loss():
     consumer = Gated()
     worker, _ = start(consumer, capacity=50, period=0.0001)

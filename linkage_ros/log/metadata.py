@@ -10,7 +10,7 @@ import json
 import zlib
 from collections.abc import Callable, Mapping
 from fractions import Fraction
-from typing import Any
+from typing import Any, NamedTuple
 
 from linkage_ros import __version__
 from linkage_ros.errors import LogError
@@ -21,6 +21,7 @@ from linkage_ros.units import TIME_END
 
 CONFIGURATION_RECORD = 'linkage_ros'
 MOTION_RECORD = 'linkage_ros/motion'
+GAP_RECORD = 'linkage_ros/gap'  # messages are missing before the next chunk; see `Gap`
 END_RECORD = 'linkage_ros/end'  # its field `messages` is the number of logged messages
 
 ROLE = 'linkage_ros.role'  # key in the metadata of a channel; the value is `Topic.role`
@@ -49,6 +50,32 @@ def unseal(record: Mapping[str, str]) -> dict[str, str]:
     if record != seal(fields):
         raise LogError('a record of linkage_ros is damaged: its checksum is wrong')
     return fields
+
+
+class Gap(NamedTuple):
+    """A place in a log at which messages are missing.
+
+    Attributes:
+        dropped: Number of states and other messages that the run dropped there, because the disk
+            was too slow; 0 if the file was damaged there.
+    """
+
+    dropped: int
+
+
+def encode_gap(gap: Gap) -> dict[str, str]:
+    """Encodes a gap as a record."""
+    return seal({'dropped': str(gap.dropped)})
+
+
+def decode_gap(record: Mapping[str, str]) -> Gap:
+    """Decodes a record created by `encode_gap`.
+
+    Raises:
+        LogError: The record is damaged.
+        ValueError: The number is malformed. A missing number may raise other exceptions.
+    """
+    return Gap(int(unseal(record)['dropped']))
 
 
 def encode_configuration(configuration: Configuration) -> dict[str, str]:

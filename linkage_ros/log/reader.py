@@ -17,9 +17,11 @@ from linkage_ros.log.mcap_reader import McapFile, open_mcap
 from linkage_ros.log.metadata import (
     CONFIGURATION_RECORD,
     END_RECORD,
+    GAP_RECORD,
     MOTION_RECORD,
     ROLE,
     decode_configuration,
+    decode_gap,
     decode_motion,
     unseal,
 )
@@ -85,6 +87,8 @@ class LogReader:
         motions: The segments of motion, in order.
         lost: Number of logged messages missing from the file; None if this is unknown, because the
             log was recovered without its end record or written by an old version.
+        dropped: Number of states and other messages that the run dropped, because the disk was too
+            slow.
         topics: The channels of the log.
         start: Log time of the first message, ns.
         end: Log time of the last message, ns.
@@ -131,6 +135,11 @@ class LogReader:
              for record in records if record.name == END_RECORD),
             None,
         )  # fmt: skip
+        gaps = [
+            (index.offset, decode_gap(record.metadata).dropped)
+            for index, record in zip(indexes, records, strict=True) if record.name == GAP_RECORD
+        ]  # fmt: skip
+        self._gaps, self.dropped = [at for at, _ in gaps], sum(dropped for _, dropped in gaps)
         schemas = {schema.id: schema for schema in summary[Schema]}
         channels = {channel.id: channel for channel in summary[Channel]}.values()
         topics = [_topic(channel, schemas, statistics) for channel in channels]
@@ -213,12 +222,18 @@ class LogReader:
                     waiting -= len(message.data) + _OVERHEAD
                     yield message
 
-    def rows(self, layout: RowLayout, other: Callable[[LoggedMessage], object]) -> Iterator[bytes]:
+    def rows(
+        self,
+        layout: RowLayout,
+        other: Callable[[LoggedMessage], object] = lambda _: None,
+        gap: Callable[[], object] = lambda: None,
+    ) -> Iterator[bytes]:
         """Reads the messages of states in the order in which they were written.
 
         Args:
             layout: Layout of a row, with the channel numbers of the log.
             other: Called with the messages of other channels.
+            gap: Called where messages are missing; see `Gap`.
 
         Yields:
             MCAP records with sequence number 0: complete rows, or a single message that is not
@@ -227,9 +242,12 @@ class LogReader:
         Raises:
             LogError: The file is damaged.
         """
-        found = 0
+        found, gaps = 0, sorted(self._gaps, reverse=True)
         with self._opened() as file:
             for place in sorted(place for _, _, place, _ in self._chunks):
+                while gaps and gaps[-1] < place:
+                    gaps.pop()
+                    gap()
                 _, data, _ = file.part(place)
                 at = 0
                 while at < len(data):

@@ -20,7 +20,9 @@ from linkage_ros.log.metadata import (
     CHECKSUM,
     CONFIGURATION_RECORD,
     END_RECORD,
+    GAP_RECORD,
     MOTION_RECORD,
+    Gap,
     unseal,
 )
 from linkage_ros.log.writer import LogWriter
@@ -124,6 +126,7 @@ class _Copy:
                 if file.left < 0 or self._new.file.stream.closed:
                     raise
                 at = file.next_place(before + 1)
+                self._new.write_gap(Gap(0))
                 places += 1
                 damaged += at - before
             progress(at - before)
@@ -150,7 +153,7 @@ class _Copy:
         elif isinstance(content, Metadata) and content.name == END_RECORD:
             self._logged = int(unseal(content.metadata)['messages'])
         elif isinstance(content, Metadata):
-            is_named = content.name in {CONFIGURATION_RECORD, MOTION_RECORD}
+            is_named = content.name in {CONFIGURATION_RECORD, MOTION_RECORD, GAP_RECORD}
             if is_named or CHECKSUM in content.metadata:
                 unseal(content.metadata)
                 is_second = self._is_configured and content.name == CONFIGURATION_RECORD

@@ -16,9 +16,12 @@ from linkage_ros.log.mcap_writer import CHUNK_SIZE, McapWriter
 from linkage_ros.log.metadata import (
     CONFIGURATION_RECORD,
     END_RECORD,
+    GAP_RECORD,
     MOTION_RECORD,
     ROLE,
+    Gap,
     encode_configuration,
+    encode_gap,
     encode_motion,
     seal,
 )
@@ -157,11 +160,15 @@ class LogWriter(AbstractContextManager['LogWriter']):
         """Appends a segment of motion."""
         self._add(MOTION_RECORD, encode_motion(segment))
 
+    def write_gap(self, gap: Gap) -> None:
+        """Records that messages are missing here; call this after `flush`."""
+        self._add(GAP_RECORD, encode_gap(gap))
+
     def consume(self, items: Sequence[Any]) -> None:
         """Appends items and flushes them; see `Worker`.
 
         Args:
-            items: Rows, tuples of arguments for `write`, or segments of motion.
+            items: Rows, tuples of arguments for `write`, segments of motion, or gaps.
         """
         # Write adjacent rows together, which is much faster.
         for kind, group in groupby(items, type):
@@ -171,6 +178,8 @@ class LogWriter(AbstractContextManager['LogWriter']):
             for item in group:
                 if kind is tuple:
                     self.write(*item)
+                elif kind is Gap:
+                    self.write_gap(item)
                 else:
                     self.write_motion(item)
         self.flush()

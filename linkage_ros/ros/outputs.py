@@ -33,7 +33,8 @@ class Outputs:
     MCAP and Rerun are imported when they are needed, because they are optional.
 
     Attributes:
-        log: Function that queues an item for the `LogWriter`, such as the row of a state.
+        log: Function that queues an item for the `LogWriter`, such as the row of a state; with
+            keep=True, the item is never dropped.
     """
 
     def __init__(self, node: Node, simulator: Simulator, others: Iterable[Topic]) -> None:
@@ -55,7 +56,7 @@ class Outputs:
         self._view: Any = None
         if self._session.viewer:
             self._open_view(simulator)
-        self.log: Callable[[object], None] = lambda _: None
+        self.log: Callable[..., None] = lambda *_, **__: None
         if self._session.log:
             try:
                 self._open_log(simulator, others)
@@ -88,6 +89,7 @@ class Outputs:
         )
 
     def _open_log(self, simulator: Simulator, others: Iterable[Topic]) -> None:
+        from linkage_ros.log.metadata import Gap
         from linkage_ros.log.writer import LogWriter
 
         path, resolve = self._session.log, self._node.resolve_topic_name
@@ -95,19 +97,25 @@ class Outputs:
         log.add_states(simulator.layout, [(t, resolve(t.name)) for t in simulator.topics])
         self._channels = {t.name: log.add_topic(t, resolve(t.name)) for t in others}
         ended = 'the run continues without a log'
-        self._start('log', log, _LOG_CAPACITY, _LOG_PERIOD, ended)
+        self._start('log', log, _LOG_CAPACITY, _LOG_PERIOD, ended, gap=Gap)
         # A slow sync must not delay the flushes.
         sync = DiskSync(path, log.file.stream.fileno())
         self._start('sync', sync, 1, _SYNC_PERIOD, 'a power cut may lose part of the log')
 
     def _start(
-        self, name: str, consumer: Any, capacity: int, period: float, consequence: str
+        self,
+        name: str,
+        consumer: Any,
+        capacity: int,
+        period: float,
+        consequence: str,
+        gap: Callable[[int], Any] | None = None,
     ) -> None:
         """Starts the thread of a consumer; `consequence` describes the effect of a failure."""
         logger = self._node.get_logger()
         self._workers[name] = Worker(
             name, consumer, capacity=capacity, period=period, on_start=accompany_ticker,
-            on_error=lambda error: logger.error(f'{consequence}: {error}'),
+            on_error=lambda error: logger.error(f'{consequence}: {error}'), gap=gap,
         )  # fmt: skip
 
     def write(self, stamp: int, topic: Topic, message: bytes) -> None:
@@ -119,7 +127,8 @@ class Outputs:
             message: CDR bytes.
         """
         if self._channels:
-            self.log((self._channels[topic.name], stamp, message))
+            # A latched message is not repeated.
+            self.log((self._channels[topic.name], stamp, message), keep=topic.latched)
 
     def show(self, joint_states: bytes) -> None:
         """Shows the state in a message on joint_states, given as CDR bytes."""

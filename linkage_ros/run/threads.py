@@ -7,6 +7,7 @@ A worker moves slow work to its own thread, so that the disk and the viewer neve
 
 import ctypes
 import gc
+import operator
 import os
 import sys
 import threading
@@ -93,8 +94,8 @@ class Worker(Generic[_T]):
     """Passes batches of items from a bounded queue to a consumer, in a separate thread.
 
     `offer` never waits for the consumer and never fails. If the queue is full, the oldest item is
-    dropped and counted. If the consumer fails, the error is reported once, the consumer is closed,
-    and the items of that batch and all later ones are counted as dropped.
+    dropped and counted, unless it must be kept. If the consumer fails, the error is reported once,
+    the consumer is closed, and the items of that batch and all later ones are counted as dropped.
 
     Attributes:
         error: The error raised by the consumer, or None.
@@ -110,6 +111,7 @@ class Worker(Generic[_T]):
         period: float,
         on_error: Callable[[Exception], None],
         on_start: Callable[[], object] = lambda: None,
+        gap: Callable[[int], Any] | None = None,
     ) -> None:
         """Starts the thread.
 
@@ -121,23 +123,37 @@ class Worker(Generic[_T]):
             period: Time between batches, s.
             on_error: Called from the thread, once, if the consumer fails.
             on_start: Called from the thread when it starts.
+            gap: Creates an item that the consumer gets in place of dropped items, given their
+                number; None for no such item.
         """
         self.error: Exception | None = None
         self.dropped = 0
         self._consumer, self._on_error, self._on_start = consumer, on_error, on_start
-        self._period = period
-        self._queue: deque[_T] = deque(maxlen=capacity)
+        self._period, self._gap = period, gap
+        # Items with their numbers in order; those to keep are few, and not limited.
+        self._queue: deque[tuple[int, _T]] = deque(maxlen=capacity)
+        self._kept = list[tuple[int, _T]]()
+        self._offered = 0
         self._lock = threading.Lock()
         self._stop = threading.Event()
         # A daemon thread, because a hanging disk must not keep the process alive.
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
         self._thread.start()
 
-    def offer(self, item: _T) -> None:
-        """Adds an item to the queue; thread-safe."""
+    def offer(self, item: _T, *, keep: bool = False) -> None:
+        """Adds an item; thread-safe.
+
+        Args:
+            item: Item for the consumer.
+            keep: Whether the item must not be dropped while the consumer works.
+        """
         with self._lock:
+            self._offered += 1
+            if keep and self.error is None:
+                self._kept.append((self._offered, item))
+                return
             self.dropped += len(self._queue) == self._queue.maxlen
-            self._queue.append(item)
+            self._queue.append((self._offered, item))
 
     def close(self, timeout: float, join: Callable[..., object] = threading.Thread.join) -> bool:
         """Passes the remaining items to the consumer, and ends the thread.
@@ -163,17 +179,23 @@ class Worker(Generic[_T]):
                 self._fail(error)
 
     def _feed(self) -> None:
-        is_last = False
+        is_last, reported = False, 0
         while not is_last:
             is_last = self._stop.wait(self._period)
             with self._lock:
-                items = list(self._queue)
+                numbered = [*self._kept, *self._queue]
+                self._kept.clear()
                 self._queue.clear()
+                dropped = self.dropped
+            items: list[Any] = [x for _, x in sorted(numbered, key=operator.itemgetter(0))]
+            if self._gap and dropped > reported:  # the oldest were dropped: the gap comes first
+                items.insert(0, self._gap(dropped - reported))
+            reported = dropped
             try:
                 self._consumer.consume(items)
             except Exception:
                 with self._lock:
-                    self.dropped += len(items)
+                    self.dropped += len(numbered)
                 raise
 
     def _fail(self, error: Exception) -> None:
@@ -181,8 +203,9 @@ class Worker(Generic[_T]):
             return
         with self._lock:
             self.error = error
-            self.dropped += len(self._queue)
+            self.dropped += len(self._queue) + len(self._kept)
             self._queue = deque(maxlen=0)
+            self._kept.clear()
         self._on_error(error)
 
 

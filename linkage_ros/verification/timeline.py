@@ -71,7 +71,7 @@ class Timeline:
             log: The log, which must have at least one segment.
             layout: Layout of the log's rows.
         """
-        self.missed, self._tick, self._number = 0, -1, 0
+        self.missed, self._tick, self._number, self._is_after_gap = 0, -1, 0, False
         self._simulator, self._layout = simulator, layout
         self._motions: tuple[Any, ...] = log.motions
         # A live run with simulated time may also start at 0, but always has diagnostics.
@@ -79,6 +79,11 @@ class Timeline:
         steps = accumulate(motion.stamp - _moment(motion) for motion in log.motions)
         self._anchors = [log.motions[0].stamp + step for step in steps]  # stamps of tick 0
         self._ends = [*map(_moment, log.motions[1:]), TIME_END]
+
+    def cross_gap(self) -> bool:
+        """Prepares for the states after missing messages; returns whether they can be compared."""
+        self._is_after_gap = True
+        return True
 
     def fitting(self, stamps: npt.NDArray[np.int64]) -> Iterator[tuple[int, list[int]]]:
         """Finds the segments that may contain the next stamps, starting with the current one.
@@ -101,7 +106,9 @@ class Timeline:
             ticks = self._simulator.tick_at(elapsed)
             steps = np.diff(ticks, prepend=self._tick)
             fits = self._simulator.elapsed(ticks) == elapsed
-            fits &= steps == 1 if self.is_record else steps > 0
+            fits &= steps > 0
+            if self.is_record:
+                fits[self._is_after_gap :] &= steps[self._is_after_gap :] == 1
             if count := np.append(fits, False).argmin():
                 yield number, ticks[:count].tolist()
 
@@ -136,7 +143,7 @@ class Timeline:
             state, empty if all are consistent.
         """
         self.missed += ticks[-1] - self._tick - len(ticks)
-        self._number, self._tick = number, ticks[-1]
+        self._number, self._tick, self._is_after_gap = number, ticks[-1], False
         return len(ticks), ''
 
 
@@ -171,6 +178,10 @@ class Measurements:
         found = [coordinates for _, coordinates in self._next[: len(stamps)]]
         later = [x for one in found if (x := self._simulator.later(one))]
         return stacked(found), stacked(later) if later else None
+
+    def cross_gap(self) -> bool:
+        """Returns False, because later states depend on all measurements; see `Timeline`."""
+        return False
 
     def take(self, _: int, ticks: list[int]) -> tuple[int, str]:
         """Advances past measurements; see `Timeline.take`."""

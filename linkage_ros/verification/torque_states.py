@@ -145,6 +145,7 @@ class TorqueStates(Timeline):
             late[late > self._simulator.elapsed(1) + CATCH_UP] = 0
         spans = late / NS_PER_S
         follows = self._many_follow(driven, origin, found, spans) | (spans > _LONGEST)
+        follows[0] |= self._is_after_gap
         for i in map(int, np.flatnonzero(~follows)):
             before = driven if i else self._last
             if wrong := self._difference(before, origin[:, i], found[:, i], float(spans[i])):

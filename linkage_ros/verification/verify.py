@@ -71,6 +71,8 @@ class Verification:
         others: Names of the topics that cannot be recomputed.
         absent: Relative names of the mechanism's topics that are missing from the log.
         missed: Number of ticks without a state.
+        stops_at_gap: Whether the states after missing messages were not compared, because they
+            depend on the missing measurements.
         cut: Names of the topics that are missing from an incomplete last state.
         ulp: Largest difference, in ulp of the largest value of its field; 0 if all bits are equal.
         difference: Description of the first difference; empty if there is none.
@@ -86,6 +88,7 @@ class Verification:
         self._simulator = simulator = Simulator(log.configuration)
         self.states, self.missed, self.ulp = 0, 0, 0.0
         self.cut: tuple[str, ...] = ()
+        self.stops_at_gap = False
         own = (*simulator.topics, ROBOT_DESCRIPTION)
         channels = {topic: channel for topic in own if (channel := log.channel(topic))}
         self.absent = tuple(topic.name for topic in own if topic not in channels)
@@ -140,16 +143,24 @@ class Verification:
             return
         self._prepare()
         size = self._layout.size
-        for records in self._log.rows(self._layout, self._handle):
+        for records in self._log.rows(
+            self._layout, self._handle, lambda: self._cross_gap(progress)
+        ):
+            if self.difference or self.stops_at_gap:
+                break
             self._rows += records
             if len(self._rows) >= _BATCH * size:
                 self._compare_rows(progress)
                 if self.difference or len(self._rows) >= size:
                     break
-        self._compare_rows(progress)
-        if self._rows and not self.difference:
-            self._check_rest()
+        self._compare_last(progress)
         self.missed, self.ulp = self._timeline.missed, self._comparison.ulp
+
+    def _cross_gap(self, progress: Callable[[int], object]) -> None:
+        """Compares the states before missing messages, and prepares for those after them."""
+        self._compare_last(progress)
+        self._rows.clear()
+        self.cut, self.stops_at_gap = (), not self._timeline.cross_gap()
 
     def _handle(self, message: LoggedMessage) -> None:
         """Handles a message that is not part of a state; called in the order of writing."""
@@ -172,8 +183,11 @@ class Verification:
             self.states += count
             progress(count)
 
-    def _check_rest(self) -> None:
-        """Checks that the messages after the last complete row are the beginning of a state."""
+    def _compare_last(self, progress: Callable[[int], object]) -> None:
+        """Compares the last rows, after which there may be the beginning of a state."""
+        self._compare_rows(progress)
+        if not self._rows or self.difference:
+            return
         layout, end = self._layout, self._layout.fitting(self._rows)
         if end < len(self._rows):
             _, _, channel, _, time, _ = MESSAGE_HEAD.unpack_from(self._rows, end)
