@@ -91,7 +91,8 @@ def test_csv_equals_solver_to_the_last_bit(drawn, preset):
     columns = drawn[preset].columns
     solver = Solver(load(preset).mechanism)
     crank = columns['crank_angle [rad]']
-    assert (crank[0], crank[-1], len(crank)) == (0.0, 2 * math.pi, 721)
+    assert (crank[0], crank[-1]) == (0.0, 2 * math.pi)
+    assert (len(crank) == 721) == (solver.mechanism.loads == ())  # curves have corners
     state = solver.state(crank, 3 * math.pi, 2.5)
     assert np.array_equal(columns['driving_torque [N m]'], state.torque)
     assert np.array_equal(columns['driving_power [W]'], state.torque * (3 * math.pi))
@@ -207,7 +208,7 @@ def test_extents_match_the_motion():
     assert 8.475284394410188 < torque.high < 8.4755
     assert -8.5475 < torque.low < -8.54729141947143
     taken = mean(period.crank, period.columns['driving_torque'].values)
-    assert abs(taken) < 1e-14  # without loads, no work remains
+    assert abs(taken) < 1e-11  # without loads, no work remains
     wave = extent(period.crank, 3 * np.sin(period.crank - 1) - 2)
     assert (wave.high, wave.high_at) == pytest.approx((1.0, math.pi / 2 + 1), rel=1e-6)
     assert wave.rms == pytest.approx(math.sqrt(8.5), rel=1e-12)
@@ -296,7 +297,7 @@ def test_several_mechanisms_are_drawn_side_by_side_with_one_table(tmp_path, call
             'time ratio': found.time_ratio,
             'least transmission angle [deg]': min(low, 180 - high),
             'peak torque [N m]': np.abs(torque).max(),
-            'rms torque [N m]': math.sqrt(np.mean(torque[1:] ** 2)),
+            'rms torque [N m]': math.sqrt(trapezoid(torque**2, period.crank) / (2 * math.pi)),
             'mean power [W]': period.mean_power,
             'peak shaking force [N]': np.hypot(*forces).max(),
         }

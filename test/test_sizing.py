@@ -16,7 +16,10 @@ from linkage_ros import (
     Coupler,
     FourBar,
     Frame,
+    Friction,
     Guide,
+    LoadCurve,
+    Rocker,
     Slider,
     SliderCrank,
     Solver,
@@ -305,12 +308,18 @@ def driven(mechanism, law, start, turns=1):
 
 def check_balance(mechanism, cycle):
     """Asserts by inverse dynamics that the torque drives mechanism and flywheel at all angles."""
-    slope = CubicSpline(cycle.crank, cycle.velocity)(cycle.crank, 1)
+    slope, known = np.zeros_like(cycle.crank), np.zeros(len(cycle.crank), dtype=bool)
+    for part in np.split(range(len(slope)), np.flatnonzero(np.diff(cycle.crank) < 1e-9) + 1):
+        if len(part) > 2:  # the acceleration jumps where a load does
+            known[part] = True
+            slope[part] = CubicSpline(cycle.crank[part], cycle.velocity[part])(
+                cycle.crank[part], 1
+            )
     state = Solver(mechanism).state(cycle.crank, cycle.velocity, cycle.velocity * slope)
-    size = np.abs(state.torque).max()
-    away = np.abs(state.torque - cycle.demand)
-    assert np.median(away) < 1e-6 * size
-    assert (away < 1e-3 * size).mean() > 0.97  # acceleration jumps where a load does
+    away = np.abs(state.torque - cycle.demand)[known] / np.abs(state.torque).max()
+    assert known.mean() > 0.99
+    assert np.median(away) < 1e-8
+    assert away.max() < 1e-4
     assert cycle.velocity[-1] == pytest.approx(cycle.velocity[0], rel=1e-8)
 
 
@@ -351,6 +360,52 @@ def test_flywheel_is_the_same_in_both_directions():
     assert found == pytest.approx([found[0]] * 3, rel=1e-9)
     mechanism = with_crank_inertia(mechanism, 1.6)
     assert Crank(mechanism).inertia_for(0.02, 15.0) == 0.0
+
+
+def mirrored(mechanism):
+    """Mirrors a mechanism with curves over the slider's position about the x axis."""
+    bodies = {
+        name: replace(body, center=(body.center[0], -body.center[1]))
+        for name, body in vars(mechanism).items() if isinstance(body, Body)
+    }  # fmt: skip
+    x, y = mechanism.gravity
+    frame = replace(mechanism.frame, angle=-mechanism.frame.angle)
+    other = {'open': 'crossed', 'crossed': 'open'}[mechanism.assembly]
+    if isinstance(mechanism, FourBar):
+        bodies['assembly'] = other
+    else:
+        bodies['slider'] = replace(mechanism.slider, offset=-mechanism.slider.offset)
+    return replace(mechanism, frame=frame, gravity=(x, -y), **bodies)
+
+
+@pytest.mark.parametrize(
+    'mechanism',
+    [
+        FULL,
+        FourBar(  # almost a change point
+            Frame(0.3, 1.0),
+            Body(0.1, 1.0, 0.01, (0.05, 0.0)),
+            Coupler(0.3, 2.0, 0.02, (0.15, 0.0)),
+            Rocker(0.10005, 1.0, 0.01, (0.05, 0.0), damping=0.2),
+        ),
+        replace(
+            PRESS,
+            loads=(
+                LoadCurve('slider', 'position', (0.3, 0.35), (0.0, -90.0), (0.0, 30.0)),
+                Friction(pin=0.1, pin_radius=0.01, guide=0.1),
+            ),
+        ),
+    ],
+)
+def test_mirrored_mechanism_at_negative_speed_has_the_mirrored_flywheel(mechanism):
+    speed = 10.0
+    crank, other = Crank(mechanism), Crank(mirrored(mechanism))
+    added = crank.inertia_for(0.02, speed)
+    assert added > 0
+    assert other.inertia_for(0.02, -speed) == pytest.approx(added, rel=1e-8)
+    cycles = crank.cycle(speed, added), other.cycle(-speed, added)
+    assert cycles[1].torque.mean() == pytest.approx(-cycles[0].torque.mean(), rel=1e-8)
+    check_balance(mechanism, cycles[0])
 
 
 def test_no_cycle_without_inertia_or_at_too_low_a_speed():

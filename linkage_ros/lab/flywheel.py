@@ -20,12 +20,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
-from scipy.interpolate import CubicSpline
+from scipy.integrate import trapezoid
 from scipy.optimize import brentq
 
 from linkage_ros import ConfigurationError, LinkageError, MechanismError, Solver
 from linkage_ros.lab.output import chart, over_crank
 from linkage_ros.lab.period import Period, extent, mean
+from linkage_ros.lab.sampling import derivative, integral, samples
 from linkage_ros.model.structure import Mechanism
 from linkage_ros.motion.drives import Motor
 from linkage_ros.numeric import Array
@@ -36,8 +37,9 @@ from linkage_ros.units import radians_per_second
 _RPM = 1 / radians_per_second(1.0)
 # Angles per turn; enough for four digits of a flywheel's inertia if a load curve has corners.
 _PARTS = 2880
-_ROUNDS, _CLOSE = 30, 1e-11  # maximum iterations; relative speed change at convergence
+_ROUNDS, _CLOSE = 30, 1e-9  # maximum iterations; relative speed change at convergence
 _UNEVEN = 10.0  # fluctuation assigned to a crank without a steady cycle
+_OFF = 1e-5  # largest relative error of the mean speed
 _APART = 1e-6  # relative speed step of a finite difference
 _DROP = 0.25  # smallest ratio of the energies of two iterations under a motor
 _SLOWEST = 1e-13  # margin above the start energy that stops the crank, relative to the bracket
@@ -63,13 +65,18 @@ class Cycle(NamedTuple):
     @property
     def speed(self) -> float:
         """Mean speed over time, rad/s."""
-        return 1 / mean(self.crank, 1 / self.velocity)
+        return 1 / slowness(self.crank, self.velocity)
 
     @property
     def fluctuation(self) -> float:
         """Difference between the largest and the smallest speed, relative to the mean speed."""
         found = extent(self.crank, self.velocity)
         return (found.high - found.low) / abs(self.speed)
+
+
+def slowness(crank: Array, velocity: Array) -> float:
+    """Computes the mean time per angle, s/rad; near standstill, a spline would overshoot."""
+    return float(trapezoid(1 / velocity, crank) / (crank[-1] - crank[0]))
 
 
 class Crank:
@@ -79,9 +86,9 @@ class Crank:
         """Computes the inertia at the crank over a period; the crank must turn fully."""
         self._solver = Solver(mechanism)
         self._solver.reach.require_full_turn()
-        self._angles = self._solver.reach.samples(_PARTS)
+        self._angles = samples(self._solver, _PARTS)
         ((self._inertia,),) = self._solver.matrix(self._angles)
-        self._growth = CubicSpline(self._angles, self._inertia)(self._angles, 1)
+        self._growth = derivative(self._angles, self._inertia)
 
     def energy(self, speed: float) -> float:
         """Estimates the range of the kinetic energy over a period to first order, J.
@@ -91,7 +98,7 @@ class Crank:
         of this integral.
         """
         taken = self._solver.state(self._angles, np.full_like(self._angles, speed)).torque
-        found = extent(self._angles, self._integral(mean(self._angles, taken) - taken))
+        found = extent(self._angles, integral(self._angles, mean(self._angles, taken) - taken))
         return found.high - found.low
 
     def inertia_for(self, fluctuation: float, speed: float) -> float:
@@ -141,7 +148,7 @@ class Crank:
             raise ConfigurationError('the inertia at the crank is 0 at some crank angle')
         velocity, drive = np.full_like(self._angles, speed), motor or Motor()
         for _ in range(_ROUNDS):
-            last, slope = velocity, CubicSpline(self._angles, velocity)(self._angles, 1)
+            last, slope = velocity, derivative(self._angles, velocity)
             energy, change = inertia * last * last / 2, last * slope
             resistance = self._resistance(last, change, drive)
             faster = self._resistance((1 + _APART) * last, change, drive)
@@ -179,34 +186,40 @@ class Crank:
             RuntimeError: The mean speed was not reached.
         """  # fmt: skip
         way = 1 if speed > 0 else -1  # disturbances decay in the direction of motion
+        crank = way * self._angles[::way]
         slope, rest = way * slope[::way], way * (slope * last - resistance)[::way]
-        growth = np.exp(self._integral(slope))
-        fixed, even = (self._integral(growth * x) / growth for x in (rest, 1 + 0 * rest))
+        growth = np.exp(integral(crank, slope))
+        fixed, even = (integral(crank, growth * x) / growth for x in (rest, 1 + 0 * rest))
         # The energy is fixed + start * each; c makes it periodic.
         rise, fixed_c = (1 - 1 / growth[-1]) / even[-1], fixed[-1] / even[-1]
         fixed, each = fixed - fixed_c * even, 1 / growth + rise * even
         if motor is None:
-            start = self._start(fixed, each, inertia[::way], speed)
+            start = _start(crank, fixed, each, inertia[::way], speed)
             return (fixed + start * each)[::way], way * float(start * rise - fixed_c)
         if not rise > 0:
             raise ValueError('nothing limits the speed')
         found = fixed + fixed_c / rise * each
         return np.maximum(found[::way], _DROP * last), 0.0
 
-    def _start(self, fixed: Array, each: Array, inertia: Array, speed: float) -> float:
-        """Finds the energy at the start for which the mean speed has its given value."""
 
-        def slowness(start: float) -> float:
-            time = np.sqrt(inertia / (2 * (fixed + start * each)))
-            return mean(self._angles, time) * abs(speed) - 1
+def _start(crank: Array, fixed: Array, each: Array, inertia: Array, speed: float) -> float:
+    """Finds the energy at the start for which the mean speed has its given value.
 
-        least = float((-fixed / each).max())
-        most = float(((inertia * speed**2 / 2 - fixed) / each).max())
-        return float(brentq(slowness, least + _SLOWEST * (most - least), most, rtol=1e-14))
+    Raises:
+        ValueError: No energy gives this speed.
+        RuntimeError: Rounding errors of the energy hide it, because the crank almost stops.
+    """
 
-    def _integral(self, values: Array) -> Array:
-        """Integrates values over the crank angle, from 0 to each angle."""
-        return np.asarray(CubicSpline(self._angles, values).antiderivative()(self._angles))
+    def excess(start: float) -> float:
+        velocity = np.sqrt(2 * (fixed + start * each) / inertia)
+        return slowness(crank, velocity) * abs(speed) - 1
+
+    least = float((-fixed / each).max())
+    most = float(((inertia * speed**2 / 2 - fixed) / each).max())
+    start = float(brentq(excess, least + _SLOWEST * (most - least), most, rtol=1e-14))
+    if abs(excess(start)) > _OFF:
+        raise RuntimeError('the mean speed was not reached')
+    return start
 
 
 def size_flywheel(

@@ -6,12 +6,12 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.integrate import trapezoid
 
 from linkage_ros import ConfigurationError, Solver, State, travel
 from linkage_ros.lab.output import progress
 from linkage_ros.lab.pump.periodic_motion import PeriodicMotion
 from linkage_ros.lab.pump.settling import settle
+from linkage_ros.lab.sampling import SAME, integral, samples, with_breaks
 from linkage_ros.model.structure import Mechanism
 from linkage_ros.numeric import Array
 from linkage_ros.parameters.configuration import Configuration
@@ -147,7 +147,8 @@ def speed_driven_period(
 ) -> Period:
     """Computes one period with the same crank speed and acceleration at every crank angle.
 
-    The crank angles are 0.5 deg apart, and closer together near change points.
+    The crank angles are 0.5 deg apart, closer together near change points, and on both sides of
+    each corner or jump of a load.
 
     Args:
         mechanism: A mechanism whose crank turns fully.
@@ -165,7 +166,7 @@ def speed_driven_period(
     """
     solver = Solver(mechanism)
     solver.reach.require_full_turn()
-    crank = solver.reach.samples()
+    crank = samples(solver)
     state = solver.state(crank, speed, acceleration)
     ((inertia,),) = solver.matrix(crank)
     # At a constant speed, weights and inertia have zero mean power. Summing only the power of the
@@ -235,8 +236,9 @@ def _settled(
 
 
 def settled_period(motion: PeriodicMotion) -> Period:
-    """Samples one period of a wind pump's steady state in steps of 0.5 deg."""
+    """Samples one period of a wind pump's steady state in steps of at most 0.5 deg."""
     crank = np.linspace(0, 2 * math.pi * motion.turns, 720 * motion.turns + 1)
+    crank = with_breaks(crank, motion.solver, motion.states)
     state = motion.states(crank)
     power = mean(crank, state.torque) * motion.speed
     return Period(motion.solver, crank, state, speed=motion.speed, mean_power=power)
@@ -244,7 +246,7 @@ def settled_period(motion: PeriodicMotion) -> Period:
 
 def mean(crank: Array, values: Array) -> float:
     """Computes the mean of values over a period, given their crank angles in increasing order."""
-    return float(trapezoid(values, crank)) / float(crank[-1] - crank[0])
+    return float(integral(crank, values)[-1]) / float(crank[-1] - crank[0])
 
 
 def extent(crank: Array, values: Array) -> Extent:
@@ -271,8 +273,11 @@ def _peak(crank: Array, values: Array) -> tuple[float, float]:
     slopes = np.diff(values) / np.diff(crank)
     bends = np.diff(slopes) / (crank[2:] - crank[:-2])  # at all samples but the first and last
     bend, around = bends[top - 1], bends[max(0, top - 2) : top + 1]
-    # No parabola is fitted at a corner of a load curve.
-    if not (bend < 0 and np.all((2 * bend < around) & (around < 0.5 * bend))):
+    # No parabola is fitted at a corner of a load.
+    steps = np.diff(crank[top - 1 : top + 2])
+    if not (
+        steps.min() > SAME and bend < 0 and np.all((2 * bend < around) & (around < 0.5 * bend))
+    ):
         return float(values[top]), float(crank[top])
     slope = slopes[top - 1] + bend * (crank[top] - crank[top - 1])
     aside = -0.5 * slope / bend

@@ -7,7 +7,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, cast
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from linkage_ros.files import open_file
 from linkage_ros.formulas import Opaque, where
 from linkage_ros.model.kinematics import LinkPose
 from linkage_ros.model.loads import AppliedLoad, continuous
-from linkage_ros.numeric import Real, without_turns
+from linkage_ros.numeric import Array, Real, without_turns
 from linkage_ros.quantities import quantity, shown
 
 _TURN = 2 * math.pi
@@ -175,6 +175,12 @@ class CurveForce(NamedTuple):
             force = where(rates[self.link] >= 0, force, self.return_value(position))
         return {self.link: force}
 
+    def piece(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> Real:
+        """Numbers the lines between points, separately for each direction; see `Load`."""
+        position = continuous(links[self.over].position, self.middle)
+        line = cast('Table', self.value.function).line(position)
+        return 2 * line + (rates[self.over] >= 0)
+
 
 class Table:
     """A piecewise linear function; results are bit-identical for floats and arrays."""
@@ -207,6 +213,14 @@ class Table:
             x = without_turns(x, at[0])
         i = bisect.bisect_right(at, x) if is_float else np.searchsorted(at, x, 'right')
         return value[i] + slope[i] * (x - start[i])
+
+    def line(self, x: Array) -> Any:
+        """Returns the number of points up to x, in all turns."""
+        at = self._arrays[0]
+        if not self._turns:
+            return np.searchsorted(at, x, 'right')
+        within = without_turns(x, at[0])
+        return np.searchsorted(at, within, 'right') + len(at) * np.rint((x - within) / _TURN)
 
 
 def _columns(path: str) -> dict[str, list[float]]:

@@ -9,7 +9,7 @@ rate of the two links. Loads are named tuples of floats; in formulas, ZERO repla
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, NamedTuple, Protocol
 
@@ -26,9 +26,11 @@ class Load(Protocol):
     """Interface of a load: generalised forces on links, computed from their motion.
 
     A load on a single link may have an attribute `link`, the index of that link. The MJCF export
-    then writes a motor on the link's joint. Two methods are optional. `resistance(links, rates)`
+    then writes a motor on the link's joint. Three methods are optional. `resistance(links, rates)`
     returns the part of the forces exerted by the frame, such as those of dampers and springs.
-    `potential(links)` returns the potential energy up to a constant, J.
+    `potential(links)` returns the potential energy up to a constant, J. `piece(links, rates)`
+    returns the number of the smooth piece of the force, for arrays; between two pieces, the force
+    has a corner or a jump.
     """
 
     def forces(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> dict[int, Real]:
@@ -63,7 +65,8 @@ class Contact(NamedTuple):
 class JointLoad(Protocol):
     """Interface of a load caused by joint forces, such as friction.
 
-    These loads and the joint forces depend on each other and are solved together.
+    These loads and the joint forces depend on each other and are solved together. The method
+    `piece(pins, links, rates)` is optional; see `Load`.
     """
 
     def contacts(
@@ -280,19 +283,30 @@ class DryFriction(NamedTuple):
     ) -> list[Contact]:
         """Returns the contacts of the joints with friction, pins first; see `JointLoad`."""
         contacts = []
+        for joint, first, others, rate in self._rubbing(pins, links, rates):
+            lever = (self.guide if links[first].slides else self.arm) * _sign(rate)
+            levers = {first: -lever, **dict.fromkeys(others, lever)}
+            contacts.append(Contact(joint, levers))
+        return contacts
+
+    def piece(self, pins: Sequence[Any], links: Sequence[Any], rates: Sequence[Real]) -> Real:
+        """Returns a number for each combination of directions in the joints; see `Load`."""
+        joints = self._rubbing(pins, links, rates)
+        return sum((rate >= 0) * 2**i for i, (*_, rate) in enumerate(joints))
+
+    def _rubbing(
+        self, pins: Sequence[Any], links: Sequence[Any], rates: Sequence[Real]
+    ) -> Iterator[tuple[str, int, list[int], Real]]:
+        """Yields each joint with friction: its name, link, other link if it moves, and rate."""
         for pin in pins if self.arm is not ZERO else ():
             # A sliding link does not turn, because its guide transmits the couple to the frame.
             first, *others = (
                 j for j in (pin.second, pin.first) if j is not None and not links[j].slides
             )
-            apart = rates[first] - (rates[others[0]] if others else ZERO)
-            lever = self.arm * _sign(apart)
-            levers = {first: -lever, **dict.fromkeys(others, lever)}
-            contacts.append(Contact(pin.name, levers))
+            yield pin.name, first, others, rates[first] - (rates[others[0]] if others else ZERO)
         for j, link in enumerate(links):
             if link.slides and self.guide is not ZERO:
-                contacts.append(Contact(link.name, {j: -(self.guide * _sign(rates[j]))}))
-        return contacts
+                yield link.name, j, [], rates[j]
 
 
 def _sign(rate: Real) -> Real:

@@ -18,6 +18,7 @@ from matplotlib.ticker import LogLocator, NullLocator
 from linkage_ros import ConfigurationError, MechanismError, Solver
 from linkage_ros.lab import torque_models
 from linkage_ros.lab.output import NUMBERS, SMALL, TEXT, chart, folder, progress, save_records
+from linkage_ros.lab.sampling import samples
 from linkage_ros.lab.torque_models import STATIC, TERMS, TorqueProgram
 from linkage_ros.model.structure import Mechanism
 from linkage_ros.numeric import Array
@@ -113,11 +114,12 @@ class Economy:
         Raises:
             MechanismError: The crank does not turn fully.
         """
-        reach = Solver(mechanism).reach
-        reach.require_full_turn()
+        solver = Solver(mechanism)
+        solver.reach.require_full_turn()
         self._mechanism, self._name = mechanism, name
         self.terms = torque_models.terms(mechanism)
-        self._period, self._samples = reach.period_turns * 2 * math.pi, reach.samples()
+        self._period = solver.reach.period_turns * 2 * math.pi
+        self._samples = samples(solver)
 
     def measure(self, rpms: Sequence[float], rounds: int) -> list[Saving]:
         """Measures the error and the savings of each simpler model at each speed.
