@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Follows the crank's trajectory with the control law of joint_trajectory_controller of Jazzy.
+"""The crank's trajectory, and the control law of joint_trajectory_controller of Jazzy.
 
 `Controller` reimplements that controller, which is in no Python package. Comments cite the lines
 of ros2_controllers, branch jazzy, version 4.42.1 (commit ed360c9), in joint_trajectory_controller:
@@ -15,6 +15,7 @@ The controller manager is that of ros2_control, branch jazzy, version 4.46.0 (9f
 
 import math
 import re
+from typing import NamedTuple
 from unittest.mock import MagicMock
 
 import numpy as np
@@ -23,12 +24,10 @@ import yaml
 from pages import block, read
 from rclpy.serialization import deserialize_message
 from ros_harness import logged, node_arguments, stop, unbroken, verified, wait_for, watched
-from test_docs_figures import check_quote
 from trajectory_msgs.msg import JointTrajectory
 
-from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.motion.speed_driven import SpeedMotion
-from linkage_ros.motion.torque_driven import TorqueMotion
+from linkage_ros.numeric import wrap
 from linkage_ros.parameters.configuration import configure, load, read_values
 from linkage_ros.parameters.presets import preset_path
 from linkage_ros.run.messages import CrankTrajectory
@@ -120,12 +119,17 @@ class Controller:
         effort = a.effort[0] + t * (b.effort[0] - a.effort[0]) / T
         return position, velocity, effort
 
-    def update(self, now, position, velocity):
-        """Computes the effort for the hardware, C:321-427."""
-        desired, speed, _ = self.sample(now)  # C:322
+    def reference(self, now):
+        """Computes the desired position and velocity, and the effort of the next cycle."""
+        position, velocity, _ = self.sample(now)  # C:322
         _, _, effort = self.sample(now + PERIOD)  # C:327-329
+        return position, velocity, effort
+
+    def effort(self, reference, position, velocity):
+        """Computes the effort for the hardware, C:360-427, for arrays."""
+        desired, speed, effort = reference
         # C:110-116 and C:1500-1504: the crank is continuous in the URDF, so angles are wrapped.
-        error = math.remainder(desired - position, 2 * math.pi)
+        error = wrap(desired - position, np.rint)
         # C:420-425, with the default ff_velocity_scale of 0 (P:174-178).
         return effort + self.gains['p'] * error + self.gains['d'] * (speed - velocity)
 
@@ -133,6 +137,38 @@ class Controller:
 def parameters_of_the_page():
     text = block(PAGE, 'crank_controller:')
     return yaml.safe_load(text)['crank_controller']['ros__parameters']
+
+
+class Launched(NamedTuple):
+    """The launch file of the page.
+
+    Attributes:
+        nodes: Arguments of each node.
+        awaited: Command whose end is awaited.
+        started_afterwards: Arguments of the nodes that are started when this command has ended.
+    """
+
+    nodes: list
+    awaited: list
+    started_afterwards: list
+
+
+def launched_on_the_page():
+    """Runs the launch file; launch and ros2_control are not available as Python packages."""
+    code, nodes = re.sub(r'(?m)^from .*$', '', block(PAGE, 'generate_launch_description')), []
+
+    def node(**arguments):
+        nodes.append(arguments)
+        return arguments
+
+    names = {
+        'Node': node, 'ExecuteProcess': dict, 'OnProcessExit': dict, 'LaunchDescription': list,
+        'RegisterEventHandler': lambda event: event, 'Path': MagicMock(),
+        'preset_path': preset_path,
+    }  # fmt: skip
+    exec(code, names)
+    (handler,) = [x for x in names['generate_launch_description']() if 'on_exit' in x]
+    return Launched(nodes, handler['target_action']['cmd'], handler['on_exit'])
 
 
 # ---------------------------------------------------------------- messages
@@ -197,40 +233,6 @@ def test_speed_change_clock_step_and_pause_renew_the_trajectory_at_once(monkeypa
     assert len(solved) == 501  # the pause is not made up for
 
 
-# ---------------------------------------------------------------- the controller follows them
-
-
-def controlled(seconds, *, effort):
-    """Returns relative speed errors of our plant under the controller.
-
-    The controller manager reads a state (H:99-146) and writes the command (H:174-232), which acts
-    from the next tick of the plant on. The plant starts at rest.
-    """
-    one, controller = machine(), Controller(parameters_of_the_page())
-    ahead, motion = trajectory(one), one.begin(T0)
-    plant = TorqueMotion(one.solver, TorqueDrive(), T0, PERIOD)
-    command, errors = 0.0, []
-    for tick in range(seconds * 1000):
-        stamp = T0 + tick * PERIOD
-        if data := ahead.message_at(motion, stamp):
-            controller.receive(data, stamp)
-            if not effort:
-                for point in controller.points:
-                    point.effort[0] = 0.0
-        plant.command(stamp, command)
-        state = plant.at(stamp)
-        errors.append(state.u[0] / (5 * math.pi) - 1.0)
-        command = controller.update(stamp, state.unwrapped, state.u[0])
-    return np.abs(errors)
-
-
-def test_page_quotes_the_speed_errors_of_the_plant():
-    fed, alone = (100 * controlled(4, effort=effort)[2000:].max() for effort in (True, False))
-    words = 'the crank keeps its speed within {} %, or within {} % without the feed-forward torque'
-    check_quote('docs/controllers.md', words, fed, alone)
-    assert fed < alone / 5
-
-
 # ---------------------------------------------------------------- on DDS
 
 
@@ -266,16 +268,8 @@ def test_node_publishes_and_logs_trajectories(tmp_path):
 
 
 def test_launch_file_of_the_page_names_existing_topics_and_parameters():
-    """ROS's launch and the programs of ros2_control are not available as Python packages."""
-    code = re.sub(r'(?m)^from .*$', '', block(PAGE, 'generate_launch_description'))
-    names = {
-        'Node': MagicMock(), 'LaunchDescription': list, 'Path': MagicMock(),
-        'preset_path': preset_path,
-    }  # fmt: skip
-    exec(code, names)
-    names['generate_launch_description']()
-    calls = [call.kwargs for call in names['Node'].call_args_list]
-    plant, reference, publisher, manager, *spawners = calls
+    page = launched_on_the_page()
+    plant, reference, publisher, manager, spawner = page.nodes
     assert configure(plant['parameters'][0]).kind.drive == 'torque'
     # M:755-756: the manager subscribes to robot_description, so ours must have another name.
     assert (plant['namespace'], reference['namespace']) == ('plant', 'reference')
@@ -286,7 +280,7 @@ def test_launch_file_of_the_page_names_existing_topics_and_parameters():
     # C:1002: the topic is joint_trajectory in the controller's namespace.
     controller, _, word = drive.trajectory_command_topic.lstrip('/').partition('/')
     assert word == 'joint_trajectory'
-    spawned = [spawner['arguments'][0] for spawner in spawners]
+    *spawned, _, _ = spawner['arguments']
     assert spawned[-1] == controller
     text = block(PAGE, 'crank_controller:')
     managed = yaml.safe_load(text)['controller_manager']['ros__parameters']
@@ -294,3 +288,6 @@ def test_launch_file_of_the_page_names_existing_topics_and_parameters():
     assert managed[controller]['type'] == 'joint_trajectory_controller/JointTrajectoryController'
     assert managed['update_rate'] * PERIOD == NS_PER_S
     assert manager['executable'] == 'ros2_control_node'
+    # A controller that is active before the plant's first state reports an error in every cycle.
+    assert page.awaited[-2:] == ['/plant/joint_states', 'sensor_msgs/msg/JointState']
+    assert page.started_afterwards == [spawner]

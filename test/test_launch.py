@@ -6,20 +6,26 @@ launch is not available as a wheel. The tests therefore run the files with stubs
 that they import, and start the nodes as launch_ros would.
 """
 
+import math
 import runpy
 import sys
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from xml.etree import ElementTree as ET
 
+import numpy as np
 import pytest
 import yaml
 from rclpy.serialization import deserialize_message
 from ros_harness import Listener, fresh_domain, running, stop, wait_for
 from sensor_msgs.msg import JointState
+from test_control_loop import PERIOD, RUNS, SOLVER, START, delays, speed_errors
 
 from linkage_ros import ConfigurationError
+from linkage_ros.controller import Settings, SpeedController
 from linkage_ros.parameters.configuration import configure
+from linkage_ros.quantities import build
+from linkage_ros.units import NS_PER_S
 
 ROOT = Path(__file__).resolve().parents[1]
 DEMO, CONTROLLER, FOLLOW, TWO = (
@@ -229,6 +235,29 @@ def test_controller_and_plant_accept_the_parameters_of_their_launch_file(launche
         stop(other)
         stop(node)
     assert b'l_crank\0' in heard.received[topic][0]
+
+
+def test_controller_of_the_launch_file_keeps_its_speed_in_a_loop_with_delays(launched):
+    nodes, _ = launched(CONTROLLER)
+    plant, given = (values_of(nodes[f'linkage_{name}']) for name in ('node', 'controller'))
+    settings, rng = build(Settings, given), np.random.default_rng(3)
+    controllers = [
+        SpeedController(SOLVER.mechanism, settings.rpm, settings.bandwidth, settings.lead_time)
+        for _ in range(RUNS)
+    ]
+    active, last = rng.integers(0, START, RUNS), np.full(RUNS, -NS_PER_S)
+    command = np.full(RUNS, math.nan)
+
+    def law(measured, _, angle, speed):
+        elapsed = (measured - last) * PERIOD / NS_PER_S
+        for run in np.flatnonzero((measured >= active) & (measured > last)):
+            gap = elapsed[run] if elapsed[run] < 0.1 else 0.0
+            command[run] = controllers[run].torque(angle[run], speed[run], gap)
+            last[run] = measured[run]
+        return command
+
+    angle, speed = np.zeros(RUNS), np.full(RUNS, plant['start_rpm'] * math.pi / 30)
+    assert speed_errors(law, delays(), plant['torque_limit'], angle, speed).max() < 0.05
 
 
 def test_following_node_accepts_the_parameters_of_its_launch_file(launched):
