@@ -206,7 +206,7 @@ def test_frames_of_messages_and_rviz_are_those_of_tf(launched):
 
 @pytest.mark.parametrize('file', [DEMO, FOLLOW], ids=lambda path: path.name)
 def test_state_publisher_can_be_switched_off(file, launched):
-    nodes, words = launched(file, 'robot_state_publisher', state_publisher='false')
+    nodes, words = launched(file, 'robot_state_publisher', params='wiper', state_publisher='false')
     assert (list(nodes), words) == (['linkage_node'], [])
 
 
