@@ -122,6 +122,24 @@ def test_figures_of_the_follow_page_are_measured():
         assert one['follow']['missed'] == one['speed']['missed']
 
 
+def test_figures_of_received_messages_are_measured():
+    found = content('inputs')
+    for number in (2, 4):
+        keys = 'robot_hz', 'robot_percent', 'node_percent', 'answered_percent'
+        figures = [found[f'{number} followers'][key] for key in keys]
+        check_quote(
+            'docs/follow.md', f'| {number} | {{}} Hz | {{}} % | {{}} % | {{}} % |', *figures
+        )
+    commands = {
+        'controller': '`linkage_controller`, 1000 a second', 'no commands': 'none',
+        'commands 0.0': '0.0 N m, 1000 a second', 'commands NaN': 'NaN, rejected, 1000 a second',
+    }  # fmt: skip
+    for name, words in commands.items():
+        keys = ['missed_percent', 'node_percent', *['source_percent'] * (name != 'no commands')]
+        row = f'| {words} |' + ' {} % |' * len(keys)
+        check_quote('docs/controllers.md', row, *(found[name][key] for key in keys))
+
+
 def test_figures_of_the_reliability_page_are_measured():
     page, found = 'docs/reliability.md', content('reliability')
     for one in found['many']:

@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Publishes the joint states of linkage_node from an rclpy timer, for comparison.
 
-Usage: python timer_node.py HZ NAME. On SIGINT it prints its lateness, us: p50, p99, maximum. If
-NAME contains 'events', the timer runs in rclpy's EventsExecutor instead of the default executor.
+Usage: python timer_node.py HZ NAME. On SIGINT it prints the number of messages and the time that
+they took, s, and on the last line its lateness, us: p50, p99, maximum. If NAME contains 'events',
+the timer runs in rclpy's EventsExecutor instead of the default executor.
 """
 
 import sys
@@ -17,6 +18,7 @@ from sensor_msgs.msg import JointState
 
 from linkage_ros import cli
 from linkage_ros.parameters.configuration import load
+from linkage_ros.ros.topics import wait_for_subscribers
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.wire.codecs import joint_rows
 
@@ -44,6 +46,7 @@ def main() -> None:
         message.header.frame_id = 'base_link'
         publisher.publish(message)
 
+    wait_for_subscribers([publisher])  # as linkage_node does
     node.create_timer(period, tick)
     origin = node.get_clock().now().nanoseconds
     motion = simulator.begin(origin)
@@ -53,6 +56,7 @@ def main() -> None:
     stop = cli.Stop()
     while not stop.is_set():  # spin() of the EventsExecutor does not call timers
         executor.spin_once(timeout_sec=0.1)
+    print(len(late), (node.get_clock().now().nanoseconds - origin) * 1e-9)
     print(*(np.quantile(late, (0.5, 0.99, 1.0)) * 1e-3).round(1))
 
 
