@@ -20,7 +20,7 @@ from typing import Any, NamedTuple, NoReturn, TypeAlias
 from tqdm import tqdm
 
 from linkage_ros import __version__
-from linkage_ros.errors import ConfigurationError, LinkageError, missing_library, one_line
+from linkage_ros.errors import ConfigurationError, LinkageError, import_failure, one_line
 from linkage_ros.quantities import Quantity, shown
 
 # Option names, `Quantity` of a numeric option, and keyword arguments for argparse.
@@ -223,7 +223,7 @@ def run(name: str, command: Callable[[], int | None]) -> int:
     except BrokenPipeError:  # the reader of stdout has closed the pipe
         _discard_stdout()
     except (LinkageError, ImportError, OSError) as error:  # stdout may be a file on a full disk
-        words = missing_library(error.name or '') if isinstance(error, ImportError) else error
+        words = import_failure(error) if isinstance(error, ImportError) else error
         print_error(name, words)
         if isinstance(error, OSError):
             _discard_stdout()

@@ -58,7 +58,7 @@ _LIBRARIES = {
     'lz4': ('logs need lz4', 'mcap lz4 zstandard'),
     'zstandard': ('logs need zstandard', 'mcap lz4 zstandard'),
     # A new rerun-sdk installs NumPy 2, which is incompatible with Ubuntu's SciPy and Matplotlib.
-    'rerun': ('the viewer needs rerun-sdk', '--upgrade rerun-sdk scipy matplotlib'),
+    'rerun': ('the viewer needs rerun-sdk', 'rerun-sdk scipy matplotlib'),
     'matplotlib': ('charts need matplotlib', 'matplotlib'),
     'mpmath': ('accuracy and stability charts need mpmath', 'mpmath'),
     'scipy': ('charts, and records of a motion under a torque, need scipy', 'scipy'),
@@ -68,26 +68,46 @@ _LIBRARIES = {
 }
 
 
-def missing_library(module: str) -> str:
+_UBUNTU = 'with the ROS 2 of Ubuntu, use a virtual environment (docs/ros2.md)'
+
+
+def missing_library(name: str, reason: str = '') -> str:
     """Returns the error message for a missing library.
 
     Args:
-        module: Name of the module that cannot be imported.
+        name: Name of the library, without submodules.
+        reason: Reason why it cannot be imported although it is installed; empty if it is not.
 
     Returns:
         One line that states which feature requires the library and how to install it.
     """
-    name = module.partition('.')[0]
+    state = f'is too old or damaged ({reason})' if reason else 'is not installed'
     if name.startswith('rcl') or name.endswith('_msgs'):
         return (
-            f'ROS 2 topics need {name}, which is not installed: source ROS 2 Jazzy, or, without '
+            f'ROS 2 topics need {name}, which {state}: source ROS 2 Jazzy, or, without '
             "ROS 2 on Linux x86-64, pip install 'linkage_ros[ros]'"
         )
     need, packages = _LIBRARIES.get(name, (f'linkage_ros needs {name}', name))
-    return (
-        f'{need}, which is missing or too old: pip install {packages}; with the ROS 2 of Ubuntu, '
-        'use a virtual environment (docs/ros2.md)'
-    )
+    return f'{need}, which {state}: pip install --upgrade {packages}; {_UBUNTU}'
+
+
+def import_failure(error: ImportError) -> str:
+    """Returns the error message for a failed import.
+
+    Args:
+        error: The error, which names a module, or none if a library fails while it is loaded.
+
+    Returns:
+        One line with the cause and a remedy.
+    """
+    module, reason = error.name or '', one_line(str(error))
+    name = module.partition('.')[0]
+    if not name:
+        return f'a library does not fit the others ({reason}): install it again; {_UBUNTU}'
+    if name == __name__.partition('.')[0]:
+        return f'{name} is incomplete or mixes two versions ({reason}): install it again'
+    is_absent = isinstance(error, ModuleNotFoundError) and module == name
+    return missing_library(name, '' if is_absent else reason)
 
 
 class LinkageError(Exception):

@@ -8,7 +8,7 @@ import sys
 import pytest
 from ros_harness import assert_refused, finished, stop, watched
 
-from linkage_ros.errors import missing_library
+from linkage_ros import cli
 from linkage_ros.parameters.configuration import load
 from linkage_ros.record import record
 
@@ -78,9 +78,9 @@ NODE = 'node', '--ros-args', '-p', 'log:=run.mcap', '-p'
     ('hidden', 'words', 'said'),
     [
         (['mcap'], (*NODE, 'viewer:=run.rrd'),
-         'node: logs need mcap, which .*: pip install mcap lz4 zstandard;'),
+         'node: logs need mcap, which .*: pip install --upgrade mcap lz4 zstandard;'),
         (['rerun', 'rerun_cli'], (*NODE, 'viewer:=web'),
-         'node: the viewer needs rerun-sdk, which is missing'),
+         'node: the viewer needs rerun-sdk, which is not installed'),
         (['rclpy'], ['node'], 'linkage_node: ROS 2 topics need rclpy, .*: source ROS 2 Jazzy'),
         (['mcap'], ('replay', 'x.mcap'), 'linkage_replay: logs need mcap, '),
         (['scipy'], ('record', 'wind_pump', 'x.mcap'),
@@ -98,8 +98,22 @@ def test_a_tool_names_the_library_that_it_lacks(hide, tmp_path, monkeypatch, hid
     assert [path.name for path in tmp_path.iterdir()] == ['site']
 
 
-def test_an_unknown_library_is_named_too():
-    assert missing_library('unheard.of') == (
-        'linkage_ros needs unheard, which is missing or too old: pip install unheard; '
-        'with the ROS 2 of Ubuntu, use a virtual environment (docs/ros2.md)'
-    )
+FAILURES = {
+    # Raised by Ubuntu's Matplotlib after pip has installed NumPy 2; it names no module.
+    "raise ImportError('numpy.core.multiarray failed to import')": 'numpy.core.mul',
+    'import numpy.core.nothing': 'numpy, .*damaged .*No module named.*pip install .*numpy;',
+    'import rclpy.nothing': "rclpy, .*No module named 'rclpy.nothing'.*source ROS 2",
+    'from mcap.writer import nothing': 'logs need mcap, .*cannot import name.*pip install',
+    'from linkage_ros.files import nothing': 'linkage_ros .*cannot import name.*again',
+    'import unheard.of': 'needs unheard, which is not installed: pip install --upgrade unheard;',
+}
+
+
+@pytest.mark.parametrize(('statement', 'words'), FAILURES.items())
+def test_a_failed_import_is_reported_with_its_cause_and_remedy(statement, words, capsys):
+    """A library that is installed, or this package itself, is not called missing."""
+    assert cli.run('linkage_x', lambda: exec(statement)) == 2
+    out, err = capsys.readouterr()
+    assert_refused(2, out, err, words)
+    assert 'not installed' not in err or 'unheard' in err
+    assert 'pip install --upgrade linkage_ros' not in err
