@@ -64,12 +64,12 @@ def create_file(
     """
     try:
         return open_file(path, 'wb' if overwrite else 'xb')
-    except FileExistsError:
+    except (FileExistsError, IsADirectoryError):
         problem = 'is a folder: add a file name' if Path(path).is_dir() else f'{_EXISTS} {cure}'
     except BlockingIOError:
         problem = _WRITTEN
     except OSError as error:
-        problem = f'cannot be written: {_reason(error)}'
+        problem = f'cannot be written: {reason(error, path)}'
     raise kind(f'{path} {problem}')
 
 
@@ -106,22 +106,26 @@ def replacement(
         raise kind(f'{path} {problem}')
     try:
         target = Path(os.path.realpath(path))
-        temporary = target.with_name(f'.{os.getpid()}.part')
+        temporary = target.with_name(f'.{os.getpid()}.part{target.suffix}')
         temporary.touch()
     except (OSError, ValueError) as error:  # ValueError for a NUL or a lone surrogate in the name
-        raise kind(f'{path} cannot be written: {_reason(error)}') from error
+        raise kind(f'{path} cannot be written: {reason(error, path)}') from error
     try:
         yield temporary
         try:
             temporary.replace(target)
         except OSError as error:
-            raise kind(f'{path} cannot be written: {_reason(error)}') from error
+            raise kind(f'{path} cannot be written: {reason(error, path)}') from error
     finally:
         temporary.unlink(missing_ok=True)
 
 
-def _reason(error: Exception) -> str:
-    """Returns the message of an OSError without its number and path."""
+def reason(error: Exception, path: Path | str) -> str:
+    """Returns why a file cannot be written: the missing folder, or the message of the error."""
+    if isinstance(error, FileNotFoundError):
+        for folder in reversed(Path(path).parents):
+            if not path_exists(folder):
+                return f'there is no folder {folder}'
     return getattr(error, 'strerror', None) or str(error)
 
 

@@ -224,6 +224,8 @@ def _run(arguments: list[str]) -> int:
         if options.delay:
             with cli.waiting(f'the replay begins in {options.delay:g} s'):
                 stop.wait(options.delay)
+        if options.start_paused:  # the line of the status needs a wide enough terminal
+            print('paused: press the space bar to start', flush=True)
         items = stack.enter_context(feed(log, excerpt, loop=options.loop))
         show = stack.enter_context(_status(log, excerpt, pace))
         count = play(items, sinks, pace, keyboard, stop, show, paused=options.start_paused)

@@ -57,7 +57,7 @@ def parameter_file(path):
 
 def log_file(path):
     """Inspects, verifies, plays and recovers a log, and verifies the recovered log."""
-    out = path.with_suffix('.recovered')
+    out = path.with_suffix('.recovered.mcap')
 
     def look():
         log = LogReader(path)

@@ -413,7 +413,7 @@ def test_a_path_that_the_terminal_cannot_show_is_recorded_to(tmp_path, called):
         (record_module, 'quadrilateral', path, '--duration', '0.1'),
         (log_tool, 'info', path),
         (log_tool, 'verify', path),
-        (log_tool, 'recover', path, f'{path}.out'),
+        (log_tool, 'recover', path, f'{path}.out.mcap'),
     ):
         code, out, err = called(module, *words)
         assert (code, err) == (0, '')

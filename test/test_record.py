@@ -272,7 +272,7 @@ BAD_FILES = {
     'crank stopped': (
         lengths(2.0, 2.0, 2.1, 2.3),
         # 360 -+ cos^-1((2^2 + 2.3^2 - 4.1^2) / (2 2 2.3))
-        r'triple-rocker .* = -0.2 m is negative; .* at most 1.8 m .* 215.176 to 504.824 deg$',
+        r'triple-rocker .* = -0.2 m is negative; .* at most 1.8 m .* 215.176 to 504.824 deg;',
     ),
     'value out of range': (layout(crank='{length: 0.0}'), r'crank.length = 0.0: must be a number'),
     'value missing': (layout(crank='{mass: 1.0}'), r'crank.length is missing: must be a number'),
@@ -332,7 +332,9 @@ def test_a_degenerate_but_possible_file_is_recorded(called, out, params, text):
         (['missing.yaml', 'run.mcap'], 'missing.yaml: No such file or directory'),
         (['.', 'run.mcap'], 'Is a directory'),
         (['quadrilateral', 'missing/run.mcap'], 'cannot be written'),
-        (['quadrilateral', '.', '--overwrite'], 'is no file that could be replaced|Is a dir'),
+        (['quadrilateral', '.', '--overwrite'], '. is a folder: add a file name'),
+        (['quadrilateral', 'run.csv'], 'run.csv is not a name for a log, .*: write NAME.mcap'),
+        (['quadrilateral', 'no/way/run.mcap'], 'cannot be written: there is no folder no$'),
         (['quadrilateral', '/dev/full', '--overwrite'], 'is not a log and was not replaced'),
         (['quadrilateral', 'run.mcap', '--speed', '1'], 'unrecognized arguments: --speed'),
         (['quadrilateral', 'run.mcap', '--rate', '1e6'], "--rate: '1e6': must be a number fr"),

@@ -318,7 +318,11 @@ def test_target_appears_only_when_complete(tmp_path, whole):
 
 
 def test_target_in_use_or_not_a_file_is_kept(tmp_path, whole):
-    target, folder, missing = tmp_path / 'out.mcap', tmp_path / 'folder', tmp_path / 'no' / 'out'
+    target, folder, missing = (
+        tmp_path / 'out.mcap',
+        tmp_path / 'folder',
+        tmp_path / 'no' / 'out.mcap',
+    )
     with LogWriter(target, load('quadrilateral'), overwrite=False):
         size = target.stat().st_size
         refused(whole.path, target, 'is being written by another run', overwrite=True)
@@ -326,9 +330,9 @@ def test_target_in_use_or_not_a_file_is_kept(tmp_path, whole):
     folder.mkdir()
     refused(whole.path, folder, 'is not a regular file', overwrite=True)
     refused(whole.path, '/dev/null', '/dev/null is not a regular file', overwrite=True)
-    refused(whole.path, missing, 'no/out cannot be written: No such file', overwrite=True)
-    refused(missing, tmp_path / 'new', 'no/out cannot be read: No such file')
-    refused(folder, tmp_path / 'new', 'folder cannot be read: Is a directory')
+    refused(whole.path, missing, 'cannot be written: there is no folder .*/no$', overwrite=True)
+    refused(missing, tmp_path / 'new.mcap', 'no/out.mcap cannot be read: No such file')
+    refused(folder, tmp_path / 'new.mcap', 'folder cannot be read: Is a directory')
 
 
 def test_full_disk_ends_a_recovery(tmp_path, whole):
@@ -338,8 +342,8 @@ def test_full_disk_ends_a_recovery(tmp_path, whole):
         resource.setrlimit(resource.RLIMIT_FSIZE, (size, most[1]))
         try:
             # The file is gone: there is nothing to recover from it.
-            words = r'^[^;]*/out cannot be written: File too large$'
-            refused(whole.path, tmp_path / 'out', words, overwrite=True)
+            words = r'^[^;]*/out.mcap cannot be written: File too large$'
+            refused(whole.path, tmp_path / 'out.mcap', words, overwrite=True)
         finally:
             resource.setrlimit(resource.RLIMIT_FSIZE, most)
 

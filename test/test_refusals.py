@@ -410,6 +410,7 @@ BAD_ARGUMENTS = [
             ('torque (3,)', lambda: Solver(PUMP).accelerations((TWO, 1.5), (1.0, 0.0), THREE)),
         )
     ),
+    (lambda: travel(FOUR_BAR), '…: must be a Solver, as in Solver(mechanism)'),
     (lambda: Solver(FOUR_BAR).energy(0.3, 1e160), TOO_MUCH),
     (lambda: Solver(SLIDER_CRANK).energy(0.3, 1e160), TOO_MUCH),
     (lambda: Solver(PUMP).energy((0.3, 1.5), (1e160, 0.0)), TOO_MUCH),
@@ -482,7 +483,7 @@ def test_crank_that_cannot_turn_is_refused_with_class_limits_and_cure(
     """A state out of reach has the same message; test_mobility.py tests reach and cures."""
     words = refused(
         lambda: configure(parameters(kind, lengths)),
-        f'the crank of this {grashof} linkage cannot turn fully: … it reaches … deg',
+        f'the crank of this {grashof} linkage cannot turn fully: … it reaches … deg…',
         MechanismError,
     )
     found, cures = limits(words)
@@ -491,7 +492,9 @@ def test_crank_that_cannot_turn_is_refused_with_class_limits_and_cure(
     solver = Solver(described(kind, lengths))
     crank = solver.reach.arcs[0][1] + 0.02
     moved = refused(lambda: solver.state(crank, 1.0), '…', UnreachableError)
-    assert moved == words.replace('turn fully', f'move at {math.degrees(crank):.9g} deg')
+    lengths_alone, _, drives = words.partition('; drive: ')
+    assert 'torque' in drives
+    assert moved == lengths_alone.replace('turn fully', f'move at {math.degrees(crank):.9g} deg')
     assert np.isfinite(solver.state(crank - 0.04, 1.0).torque)
 
 

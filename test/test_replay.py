@@ -173,6 +173,14 @@ def quiet(listener, seconds=0.3):
     return before
 
 
+def test_a_replay_that_waits_for_a_key_says_so_without_its_status_line(log, tmp_path):
+    words = shlex.join(command('replay', log, '--start-paused', '--no-ros', '--viewer', 'x.rrd'))
+    with Shell('-c', f'cd {tmp_path}; exec {words} 2>errors') as shell:
+        shell.sees(rb'press the space bar')
+        shell.send(b' ')
+        shell.sees(rb'messages replayed')
+
+
 def test_keys_pause_step_change_the_rate_and_resume(log, player):
     start, listener = player
     options = '--start-paused', '--delay', 0.1, '--clock', '--loop', '--rate', 0.5

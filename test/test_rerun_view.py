@@ -184,7 +184,7 @@ VALID = re.escape('is not one of: spawn, web, rerun+http://HOST:PORT/proxy or a 
     [('', False, VALID), ('http://x/run.rrd', False, VALID),
      ('rerun+http://127.0.0.1:65536/proxy', False, VALID),
      ('folder.rrd', False, 'is a folder: add a file name'),
-     ('none/run.rrd', False, 'cannot be written: No such file'),
+     ('none/run.rrd', False, 'cannot be written: there is no folder none'),
      ('pipe.rrd', False, 'already exists'),
      ('pipe.rrd', True, 'cannot be written'),
      ('old.rrd', False, 'already exists: choose .* set log_overwrite'),

@@ -67,8 +67,11 @@ def travel(solver: Solver) -> Travel:
         has only a second-order effect on an extreme position.
 
     Raises:
+        ConfigurationError: The argument is not a `Solver`.
         MechanismError: The crank does not turn fully.
     """
+    if not isinstance(solver, Solver):
+        raise ConfigurationError(f'{shown(solver)}: must be a Solver, as in Solver(mechanism)')
     reach = solver.reach
     reach.require_full_turn()
     period = reach.period_turns * 2 * math.pi

@@ -17,6 +17,7 @@ import numpy as np
 
 from linkage_ros import ConfigurationError, __version__
 from linkage_ros.cli import progress_bar
+from linkage_ros.files import reason
 from linkage_ros.numeric import Array
 
 # Charts must be readable at half size, 700 pixels wide; the smallest text is then 8 pixels high.
@@ -35,13 +36,14 @@ def folder(path: Path) -> Iterator[None]:
     """Creates the output folder; converts write errors in the context to a one-line error.
 
     Raises:
-        ConfigurationError: The folder or a file cannot be written.
+        ConfigurationError: The folder or a file cannot be written, or the folder's parent does not
+            exist, as after a typing error.
     """
     try:
-        path.mkdir(parents=True, exist_ok=True)
+        path.mkdir(exist_ok=True)
         yield
     except OSError as error:
-        raise ConfigurationError(f'{path} cannot be written: {error.strerror}') from error
+        raise ConfigurationError(f'{path} cannot be written: {reason(error, path)}') from error
 
 
 def progress(items: Iterable[Any], words: str) -> Iterable[Any]:

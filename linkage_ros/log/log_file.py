@@ -10,7 +10,7 @@ from typing import Any
 from mcap.writer import MCAP0_MAGIC
 
 from linkage_ros.errors import LogError
-from linkage_ros.files import create_file, open_file
+from linkage_ros.files import create_file, open_file, path_exists
 
 
 def keep_other_files(path: Path | str) -> None:
@@ -22,6 +22,16 @@ def keep_other_files(path: Path | str) -> None:
     with suppress(OSError), open_file(path) as old:
         if old.read(len(MCAP0_MAGIC)) not in {b'', MCAP0_MAGIC}:
             raise LogError(f'{path} is not a log and was not replaced: choose another name')
+
+
+def require_name(path: Path | str) -> None:
+    """Checks that the name of a new log ends with .mcap; a device may have any name.
+
+    Raises:
+        LogError: Other programs would take the file for one of another kind.
+    """
+    if Path(path).suffix != '.mcap' and (os.path.isfile(path) or not path_exists(path)):  # noqa: PTH113, accepts invalid names
+        raise LogError(f'{path} is not a name for a log, which is an MCAP file: write NAME.mcap')
 
 
 class LogFile:
@@ -41,12 +51,14 @@ class LogFile:
             overwrite: Whether to replace an existing log.
 
         Raises:
-            LogError: The file exists and must not be replaced, is not an MCAP file, is being
-                written by another run, or cannot be created.
+            LogError: The name does not end with .mcap, or the file exists and must not be
+                replaced, is not an MCAP file, is being written by another run, or cannot be
+                created.
         """
         self.path, self.advice = path, '; linkage_log recover saves its contents'
         if overwrite:
             keep_other_files(path)
+        require_name(path)
         self.stream: Any = create_file(
             path, LogError, overwrite=overwrite, cure='give --overwrite (a node: log_overwrite)'
         )

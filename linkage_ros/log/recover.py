@@ -14,7 +14,7 @@ from mcap.records import Attachment, Channel, Metadata, Schema
 
 from linkage_ros.errors import LogError
 from linkage_ros.files import is_same_file, replacement
-from linkage_ros.log.log_file import keep_other_files
+from linkage_ros.log.log_file import keep_other_files, require_name
 from linkage_ros.log.mcap_reader import HEAD, MAGIC_SIZE, McapFile, open_mcap, parsed
 from linkage_ros.log.metadata import (
     CHECKSUM,
@@ -75,6 +75,7 @@ def recover(
             raise LogError(f'{target} is the damaged log itself: choose another name')
         if overwrite:
             keep_other_files(target)
+        require_name(target)
         with (
             replacement(target, LogError, overwrite=overwrite, cure='give --overwrite') as path,
             LogWriter(path, None, overwrite=True) as new,

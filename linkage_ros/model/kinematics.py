@@ -120,14 +120,17 @@ class Reach(NamedTuple):
         low, high = self.transmission or (1.0, 1.0)
         return self.turns_fully and (low == 0 or high == math.pi)
 
-    def require_full_turn(self) -> None:
+    def require_full_turn(self, otherwise: str = '') -> None:
         """Rejects a mechanism whose crank cannot turn fully.
+
+        Args:
+            otherwise: Remedy other than a change of lengths, added to the message.
 
         Raises:
             MechanismError: The crank is limited. The message states class, causes and arcs.
         """
         if not self.turns_fully:
-            raise MechanismError(self._refusal('turn fully'))
+            raise MechanismError(self._refusal('turn fully') + otherwise)
 
     def refuse(self, crank: float) -> NoReturn:
         """Rejects a crank angle at which no state exists or the rates are infinite.

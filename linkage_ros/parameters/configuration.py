@@ -129,7 +129,9 @@ def configure(values: Mapping[str, object]) -> Configuration:
         except UnreachableError as error:
             raise ConfigurationError(f'the motion cannot start: {error}') from error
     elif isinstance(drive, SpeedDrive):
-        Solver(mechanism).reach.require_full_turn()
+        Solver(mechanism).reach.require_full_turn(
+            '; drive: torque or drive: follow moves it within these angles'
+        )
     return Configuration(kind, mechanism, drive, session)
 
 
