@@ -35,7 +35,7 @@ from linkage_ros.run.messages import CrankTrajectory, inputs_of
 from linkage_ros.run.simulator import Simulator, Snapshot
 from linkage_ros.run.threads import freeze_heap
 from linkage_ros.run.ticker import RealTimeTicker, SimTimeTicker, Ticker
-from linkage_ros.units import NS_PER_MS, NS_PER_S
+from linkage_ros.units import NS_PER_MS
 from linkage_ros.wire.cdr import WARN, encode_diagnostics
 from linkage_ros.wire.topics import (
     DIAGNOSTICS,
@@ -168,7 +168,6 @@ class LinkageNode(ParameterNode):
     def _restamp(self, old: int, new: int) -> None:
         if self._motion is not None:
             self._continue(self._motion.restamp(old, new))
-        self.get_logger().warning(f'the clock was stepped by {(new - old) / NS_PER_S:+.3f} s')
 
     def _show(self, snapshot: Snapshot) -> None:
         """Publishes, logs and shows a state."""

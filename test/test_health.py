@@ -14,7 +14,7 @@ from linkage_ros.run.ticker import TickCounts
 from linkage_ros.wire.cdr import ERROR, OK, WARN
 
 TICKS = 200  # per second
-STEPPED = 'the clock was stepped in the last 10 s'
+STEPPED = 'the clock was stepped by +0.000 s in the last 10 s'
 
 
 @pytest.fixture(autouse=True)

@@ -182,6 +182,17 @@ def test_wrong_values_are_refused_before_anything_is_started(launched, tmp_path,
         launched(DEMO, **given)
 
 
+def test_a_misspelt_argument_is_refused_unless_it_is_for_another_file(launched, monkeypatch):
+    monkeypatch.setattr(sys, 'argv', ['ros2', 'launch', 'linkage_ros', DEMO.name, 'rmp:=60'])
+    with pytest.raises(ConfigurationError, match=r"^'rmp' is not an arg.*: did you mean rpm"):
+        launched(DEMO)
+    monkeypatch.setattr(sys, 'argv', ['ros2', 'launch', str(DEMO), 'rpm:=60', 'rviz:=false'])
+    launched(DEMO)
+    # Another file includes this one, and has arguments of its own.
+    monkeypatch.setattr(sys, 'argv', ['ros2', 'launch', 'robot', 'robot.launch.py', 'rmp:=60'])
+    launched(DEMO)
+
+
 def test_frames_of_messages_and_rviz_are_those_of_tf(launched):
     nodes, _ = launched(
         DEMO, 'robot_state_publisher', 'rviz2', frame_prefix='left/', joint_prefix='l_',

@@ -6,6 +6,7 @@ import random
 import re
 import resource
 import struct
+from io import BytesIO
 from itertools import accumulate, pairwise
 from pathlib import Path
 from typing import NamedTuple
@@ -16,7 +17,7 @@ from hostile_logs import packed, record_bytes, tight
 from hostile_logs import whole as whole_log
 from mcap.records import Channel, Chunk, Message, Metadata
 from mcap.stream_reader import StreamReader, breakup_chunk
-from mcap.writer import MCAP0_MAGIC
+from mcap.writer import MCAP0_MAGIC, Writer
 from ros_harness import assert_refused, report_of
 from test_log import spans, written
 from test_verify import CHANGES, live, ticks
@@ -279,7 +280,7 @@ def test_existing_files_are_kept(tmp_path, whole):
     assert whole.path.read_bytes() == whole.data
 
 
-LACKS = 'has no configuration record'
+LACKS = 'has no configuration record of linkage_ros'
 # The last two are refused after their first messages: what they unpack to is too much, or they
 # lack the record without which no command reads them.
 REFUSED = {
@@ -303,6 +304,40 @@ def test_refused_log_leaves_target_as_it_was(tmp_path, whole, made, words, old):
     refused(source, target, words, overwrite=old)
     assert sorted(tmp_path.iterdir()) == before
     assert not old or target.read_bytes() == whole.data
+
+
+def foreign(*_):
+    """Returns the log of another program that was killed."""
+    with BytesIO() as stream:
+        writer = Writer(stream, chunk_size=100)
+        writer.start(profile='ros2', library='robot')
+        schema = writer.register_schema('std_msgs/msg/Empty', 'ros2msg', b'')
+        channel = writer.register_channel('/a', 'cdr', schema)
+        for time in range(100):
+            writer.add_message(channel, time, b'\0\1\0\0', time)
+        return stream.getvalue()
+
+
+@pytest.mark.parametrize(
+    'made',
+    [
+        foreign,
+        lambda data, *_: data[: len(data) // 2],
+        lambda data, start, _: MCAP0_MAGIC + bytes(start - 8) + data[start : len(data) // 2],
+        lambda data, start, end: data[: start + 40] + bytes(9) + data[start + 49 : end + 5000],
+    ],
+    ids=['of another program', 'cut', 'damaged header', 'damaged configuration'],
+)
+def test_reader_advises_a_recovery_only_where_it_works(tmp_path, whole, made):
+    source, works = tmp_path / 'broken.mcap', True
+    source.write_bytes(made(whole.data, *spans(whole.data, 'metadata')[0]))
+    try:
+        recover(source, tmp_path / 'out.mcap')
+    except LogError:
+        works = False
+    with pytest.raises(LogError, match='incomplete') as error:
+        LogReader(source)
+    assert ('linkage_log recover saves' in str(error.value)) == works
 
 
 def test_target_appears_only_when_complete(tmp_path, whole):

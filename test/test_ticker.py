@@ -175,6 +175,7 @@ def test_tick_0_is_the_first_clock_time_and_others_follow_the_clock(times, stamp
     assert run.moved == ([(1015 * MS, 300 * MS)] if is_back else [])
     assert (run.counts.kept, run.counts.clock_steps) == (len(stamps), is_back + is_jump)
     assert run.counts.missed == (10**6 // 5 - 1 if is_jump else 0)
+    assert run.counts.last_step == (10**6 * is_jump - 715 * is_back) * MS
 
 
 @given(st.lists(st.integers(0, 40 * MS), max_size=60))

@@ -4,7 +4,7 @@
 
 import heapq
 from collections.abc import Callable, Container, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
@@ -13,7 +13,7 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, ChunkIndex, MetadataIndex, Schema, Statistics
 
 from linkage_ros.errors import LinkageError, LogError
-from linkage_ros.log.mcap_reader import McapFile, open_mcap
+from linkage_ros.log.mcap_reader import MAGIC_SIZE, McapFile, open_mcap
 from linkage_ros.log.metadata import (
     CONFIGURATION_RECORD,
     END_RECORD,
@@ -33,6 +33,12 @@ from linkage_ros.wire.topics import EFFORT_COMMANDS, MEASURED_JOINT_STATES, TOPI
 # Largest size of messages buffered because chunks overlap in time, and overhead of a message in
 # Python, bytes. The log of a simulator that was reset a hundred times requires a third of this.
 _MOST_WAITING, _OVERHEAD = 1 << 29, 500
+
+
+NO_CONFIGURATION = (
+    'it has no configuration record of linkage_ros, so linkage_log cannot recover it; for logs of '
+    'other programs there is "mcap recover"'
+)
 
 
 class LoggedMessage(NamedTuple):
@@ -111,8 +117,7 @@ class LogReader:
         summary = file.summary()
         if summary is None:
             raise LogError(
-                'it is incomplete: its run was killed or is still running; linkage_log recover '
-                'saves the readable data'
+                f'it is incomplete: its run was killed or is still running; {_remedy(file)}'
             )
         statistics = summary[Statistics][-1]
         indexes = summary[MetadataIndex]
@@ -295,9 +300,20 @@ class LogReader:
                 raise LogError(f'{self.path} cannot be used: {error}') from error
             except Exception as error:  # on damaged data the parser may raise any exception
                 raise LogError(
-                    f'{self.path} is damaged or incomplete: linkage_log recover saves the '
-                    f'readable data ({type(error).__name__}: {error})'
+                    f'{self.path} is damaged or incomplete: {_remedy(McapFile(stream))} '
+                    f'({type(error).__name__}: {error})'
                 ) from error
+
+
+def _remedy(file: McapFile) -> str:
+    """Returns what saves an incomplete or damaged file; `recover` needs the configuration."""
+    with suppress(Exception):  # on damaged data the parser may raise any exception
+        # Runs of this package write it first.
+        _, record, _ = file.part(file.next_place(MAGIC_SIZE))
+        unseal(record.metadata)
+        if record.name == CONFIGURATION_RECORD:
+            return 'linkage_log recover saves the readable data'
+    return NO_CONFIGURATION
 
 
 def _topic(channel: Channel, schemas: dict[int, Schema], statistics: Statistics) -> LoggedTopic:

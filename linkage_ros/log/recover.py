@@ -25,6 +25,7 @@ from linkage_ros.log.metadata import (
     Gap,
     unseal,
 )
+from linkage_ros.log.reader import NO_CONFIGURATION
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.units import NS_PER_S, TIME_END
 from linkage_ros.wire.rows import message_heads
@@ -132,7 +133,7 @@ class _Copy:
                 damaged += at - before
             progress(at - before)
         if not self._is_configured:
-            raise LogError('it has no configuration record')
+            raise LogError(NO_CONFIGURATION)
         found = self._new.mcap.statistics
         # Without an end record, verification says that states may be missing.
         self._new.has_end = found.message_count == self._logged

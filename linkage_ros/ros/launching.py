@@ -4,6 +4,7 @@
 
 import json
 import os
+import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument, LogInfo, OpaqueFunction, Shutdown
 from launch_ros.actions import Node
 
+from linkage_ros.errors import ConfigurationError
 from linkage_ros.parameters.configuration import (
     MechanismAndDrive,
     configure,
@@ -20,7 +22,8 @@ from linkage_ros.parameters.configuration import (
 )
 from linkage_ros.parameters.parameter_file import read_scalar
 from linkage_ros.parameters.session import VIEWERS
-from linkage_ros.quantities import Quantity
+from linkage_ros.parameters.unknown_names import nearest
+from linkage_ros.quantities import Quantity, shown
 from linkage_ros.wire.codecs import ROOT_FRAME
 from linkage_ros.wire.urdf import make_urdf
 
@@ -64,6 +67,7 @@ def description(arguments: Arguments, start: Callable[[dict[str, str]], list[Any
     """
 
     def begin(context: LaunchContext) -> list[Any]:
+        _require_known(arguments, Path(start.__code__.co_filename).name)
         return start({name: context.launch_configurations[name] for name in arguments})
 
     declared = (
@@ -71,6 +75,26 @@ def description(arguments: Arguments, start: Callable[[dict[str, str]], list[Any
         for name, (default, meaning) in arguments.items()
     )
     return LaunchDescription([*declared, OpaqueFunction(function=begin)])
+
+
+def _require_known(arguments: Arguments, file: str) -> None:
+    """Rejects misspelt launch arguments, which `ros2 launch` ignores.
+
+    Args:
+        arguments: Arguments of the launch file.
+        file: Name of the launch file. If another file includes it, the command line is for that.
+
+    Raises:
+        ConfigurationError: The command line of `ros2 launch` has an unknown argument.
+    """
+    names = [word.partition(':=')[0] for word in sys.argv if ':=' in word]
+    unknown = [name for name in names if name not in arguments]
+    if unknown and file in [Path(word).name for word in sys.argv]:
+        near = nearest(unknown[0], arguments)
+        raise ConfigurationError(
+            f'{shown(unknown[0])} is not an argument of {file}: '
+            f'{f"did you mean {near}? It" if near else "it"} has {", ".join(arguments)}'
+        )
 
 
 def given(arguments: Mapping[str, str], names: Iterable[str]) -> Values:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from linkage_ros.run.ticker import TickCounts
-from linkage_ros.units import NS_PER_MS
+from linkage_ros.units import NS_PER_MS, NS_PER_S
 from linkage_ros.wire.cdr import ERROR, OK, WARN, Status
 
 # Window over which the health of a run is evaluated, s; there is one report per second.
@@ -102,7 +102,8 @@ class HealthMonitor:
         (start, first, _), (now, counts, _) = self._past[0], self._past[-1]
         kept, missed = counts.kept - first.kept, counts.missed - first.missed
         if counts.clock_steps > first.clock_steps:
-            troubles.append(f'the clock was stepped in the last {WINDOW} s')
+            step = counts.last_step / NS_PER_S
+            troubles.append(f'the clock was stepped by {step:+.3f} s in the last {WINDOW} s')
             missed = 0  # these ticks were skipped by the clock, not by a slow machine
         limit = _RECOVERED if self._is_overloaded else _OVERLOADED
         is_full = len(self._past) > WINDOW

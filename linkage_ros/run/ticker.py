@@ -37,6 +37,7 @@ class TickCounts:
         start: Time of the first tick on the monotonic clock, s.
         missed: Number of ticks skipped because the thread was late by a period or more.
         clock_steps: Number of steps of the clock.
+        last_step: Size of the last of them, ns.
         lateness: Lateness of the most recent ticks, ns.
         max_lateness: Largest lateness of all ticks, ns.
         real_time_priority: Whether the thread has real-time priority.
@@ -46,6 +47,7 @@ class TickCounts:
     start: float = 0.0
     missed: int = 0
     clock_steps: int = 0
+    last_step: int = 0
     lateness: deque[int] = field(default_factory=lambda: deque(maxlen=_LATENESS_SAMPLES))
     max_lateness: int = 0
     real_time_priority: bool = False
@@ -129,6 +131,7 @@ class Ticker:
         old = self._stamp(tick)
         self.t0 += shift
         self.counts.clock_steps += 1
+        self.counts.last_step = shift
         self._restamp(old, old + shift)
 
 
@@ -190,11 +193,12 @@ class SimTimeTicker(Ticker):
                 elif now < last:
                     # Stamp the next state with the new time, without a jump of the motion.
                     self._step_clock(tick, now - self._stamp(tick))
-                last = now
+                jump, last = 0 if last is None else now - last, now
                 due = self._simulator.tick_at(now - self.t0) if now >= self.t0 else -1
                 if due - tick >= _MAX_TICKS_PER_MESSAGE:
                     self.counts.missed += due - tick
                     self.counts.clock_steps += 1
+                    self.counts.last_step = jump
                     tick = due
                 while tick <= due and not self._stop.is_set():
                     yield (self._stamp(tick),)
