@@ -26,9 +26,9 @@ from typing import cast
 from unittest.mock import MagicMock, patch
 
 from linkage_ros import executables
-from linkage_ros.controller import Settings
 from linkage_ros.lab.commands.stability import GRIDS
 from linkage_ros.model.registry import MECHANISMS
+from linkage_ros.parameters.command_lines import PARSERS, Settings
 from linkage_ros.parameters.configuration import MechanismAndDrive, Session
 from linkage_ros.parameters.presets import preset_names, preset_path
 from linkage_ros.parameters.session import DRIVES
@@ -122,7 +122,12 @@ def _topics() -> str:
 def programs() -> dict[str, argparse.ArgumentParser]:
     """Returns the argument parser of each executable, by name."""
     starts = [value.args for value in vars(executables).values() if isinstance(value, partial)]
-    return {name: import_module(f'linkage_ros.{module}')._parser() for name, module in starts}  # noqa: SLF001
+    return {
+        name: PARSERS[module]()
+        if module in PARSERS
+        else import_module(f'linkage_ros.{module}')._parser()  # noqa: SLF001
+        for name, module in starts
+    }
 
 
 def _executables() -> str:

@@ -7,10 +7,9 @@ the desired motion is added as feed-forward, computed for the crank angle at whi
 takes effect.
 """
 
-import argparse
 import math
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from sensor_msgs.msg import JointState
@@ -19,11 +18,10 @@ from linkage_ros import cli
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.model.structure import Mechanism
-from linkage_ros.parameters.configuration import DEFAULT_PRESET, load
-from linkage_ros.parameters.descriptions import help_on
-from linkage_ros.parameters.session import JOINT_PREFIX
+from linkage_ros.parameters.command_lines import PARAMETERS, Settings, controller_parser
+from linkage_ros.parameters.configuration import load
 from linkage_ros.parameters.unknown_names import unknown_name
-from linkage_ros.quantities import Checked, build, flatten, leaves, quantity
+from linkage_ros.quantities import build, flatten
 from linkage_ros.ros.parameters import ParameterNode, given_values
 from linkage_ros.ros.process import Throttle, run_program
 from linkage_ros.units import NS_PER_S, radians_per_second
@@ -32,43 +30,6 @@ _NAME = 'linkage_controller'
 # Longest gap between two states, ns. After a longer gap, caused by a step of the clock, a restart
 # of the plant or a lost connection, the integral is reset.
 _LONGEST_GAP = NS_PER_S // 10
-
-
-@dataclass(frozen=True)
-class Settings(Checked):
-    """The parameters of linkage_controller.
-
-    Attributes:
-        plant: Parameter file or preset of the controlled mechanism.
-        rpm: Set crank speed, turns per minute.
-        bandwidth: Bandwidth of the speed loop, Hz.
-        feed_forward: Whether to add the exact torque.
-        lead_time: Delay from a measurement to the middle of the period in which its command acts,
-            s.
-        joint_prefix: Prefix of the plant's joint names; None to use the prefix in its parameter
-            file.
-    """
-
-    plant: str = quantity(
-        'text', 'parameter file, or preset, of the controlled mechanism',
-        default=DEFAULT_PRESET,
-    )  # fmt: skip
-    rpm: float = quantity('number', 'crank speed to keep', 'rpm', span=(-1e6, 1e6), default=150.0)
-    bandwidth: float = quantity(
-        'number', 'bandwidth of the speed loop', 'Hz', span=(0.0, 1e6), default=15.0
-    )
-    feed_forward: bool = quantity('switch', 'whether the exact torque is added', default=True)
-    lead_time: float = quantity(
-        'number', 'delay from a measurement to the middle of the period of its command', 's',
-        span=(0.0, 10.0), default=0.0015,
-    )  # fmt: skip
-    joint_prefix: str | None = quantity(
-        'text', "prefix of the plant's joints; default: joint_prefix in plant's parameter file",
-        pattern=JOINT_PREFIX, default=None,
-    )  # fmt: skip
-
-
-PARAMETERS = leaves(Settings)
 
 
 class SpeedController:
@@ -177,18 +138,9 @@ class ControllerNode(ParameterNode):
         self._commands.publish(command)
 
 
-def _parser() -> argparse.ArgumentParser:
-    return cli.make_parser(
-        _NAME,
-        'Keep a torque-driven crank at a speed.',
-        ('', '--ros-args -p rpm:=600.0 -p feed_forward:=false'),
-        'parameters:\n' + help_on(PARAMETERS),
-    )
-
-
 def main() -> int:
     """Runs `linkage_controller`; returns the exit code."""
-    return cli.run(_NAME, lambda: run_program(sys.argv, _parser(), ControllerNode))
+    return cli.run(_NAME, lambda: run_program(sys.argv, controller_parser(), ControllerNode))
 
 
 if __name__ == '__main__':

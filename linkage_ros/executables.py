@@ -13,7 +13,16 @@ from linkage_ros import cli
 
 
 def _start(name: str, module: str) -> int:
-    return cli.run(name, lambda: cli.leave(import_module(f'linkage_ros.{module}').main()))
+    return cli.run(name, lambda: cli.leave(_main(module)))
+
+
+def _main(module: str) -> int:
+    if module in {'node', 'controller'}:  # --help needs no rclpy
+        from linkage_ros.parameters.command_lines import PARSERS
+
+        PARSERS[module]().parse_known_args()
+    code: int = import_module(f'linkage_ros.{module}').main()
+    return code
 
 
 node = partial(_start, 'linkage_node', 'node')

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """linkage_node: runs a mechanism on ROS 2, and publishes its states and driving torque."""
 
-import argparse
 import sys
 import time
 
@@ -15,8 +14,9 @@ from linkage_ros.motion.drives import FollowDrive
 from linkage_ros.motion.segments import Coordinates, Segment
 from linkage_ros.motion.speed_driven import SpeedMotion
 from linkage_ros.motion.torque_driven import Motion, TorqueMotion
+from linkage_ros.parameters.command_lines import node_parser
 from linkage_ros.parameters.configuration import configure, parameter_leaves, preset_note
-from linkage_ros.parameters.descriptions import help_on_every_kind, summary
+from linkage_ros.parameters.descriptions import summary
 from linkage_ros.parameters.session import SpeedFeedForward
 from linkage_ros.quantities import build, flatten
 from linkage_ros.ros.outputs import Outputs
@@ -230,20 +230,9 @@ class LinkageNode(ParameterNode):
         self._stop.set()
 
 
-def _parser() -> argparse.ArgumentParser:
-    return cli.make_parser(
-        _NAME,
-        'Turn the crank of a linkage on ROS 2; publish its states and the driving torque.',
-        ('', '--ros-args -p rpm:=60.0 -p log:=run.mcap',
-         '--ros-args -p drive:=torque -p motor.torque:=9.0 -p motor.damping:=0.5',
-         '--ros-args --params-file linkage.yaml -r joint_states:=linkage/joint_states'),
-        help_on_every_kind(),
-    )  # fmt: skip
-
-
 def main() -> int:
     """Runs `linkage_node`; returns the exit code."""
-    return cli.run(_NAME, lambda: run_program(sys.argv, _parser(), LinkageNode))
+    return cli.run(_NAME, lambda: run_program(sys.argv, node_parser(), LinkageNode))
 
 
 if __name__ == '__main__':

@@ -37,9 +37,9 @@ from ros_harness import Listener, environment, fresh_domain, wait_for
 from sensor_msgs.msg import JointState
 
 from linkage_ros import cli
-from linkage_ros.controller import Settings
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.motion.drives import SpeedDrive
+from linkage_ros.parameters.command_lines import Settings
 from linkage_ros.parameters.configuration import configure, read_values
 from linkage_ros.quantities import build, leaves
 from linkage_ros.wire.topics import TOPICS, qualified

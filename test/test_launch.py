@@ -22,7 +22,8 @@ from sensor_msgs.msg import JointState
 from test_control_loop import PERIOD, RUNS, SOLVER, START, delays, speed_errors
 
 from linkage_ros import ConfigurationError
-from linkage_ros.controller import Settings, SpeedController
+from linkage_ros.controller import SpeedController
+from linkage_ros.parameters.command_lines import Settings
 from linkage_ros.parameters.configuration import configure
 from linkage_ros.quantities import build
 from linkage_ros.units import NS_PER_S

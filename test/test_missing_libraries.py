@@ -71,6 +71,14 @@ def test_record_needs_no_ros_no_viewer_and_no_charts(hide, tmp_path):
     assert (tmp_path / 'run.mcap').read_bytes() == (tmp_path / 'here.mcap').read_bytes()
 
 
+@pytest.mark.parametrize('entry', ['node', 'controller'])
+def test_help_needs_no_ros(hide, entry):
+    hide(*OF_ROS)
+    done = run(entry, '--help')
+    assert (done.returncode, done.stderr) == (0, '')
+    assert '  rpm: ' in done.stdout
+
+
 NODE = 'node', '--ros-args', '-p', 'log:=run.mcap', '-p'
 
 
