@@ -405,7 +405,7 @@ class Oracle:
     @functools.cached_property
     def middle(self):
         """Middle of the rocker's swing, from the package; test_loads.py checks it."""
-        return mp.mpf(self.mechanism.swing_middle(''))
+        return mp.mpf(self.mechanism.swing_middle('', 0.0))
 
     def reduced(self, at):
         """Returns the points of a curve; angles of a rocker are shifted by whole turns."""
@@ -466,7 +466,14 @@ class Oracle:
             height = dot(complex_of(self.mechanism.gravity), place)
             total += mp.mpf(body.mass) * (abs(velocity) ** 2 / 2 - height)
             total += mp.mpf(getattr(body, 'inertia', 0)) * rate**2 / 2
-        return total + mp.mpf(self.bodies[-1].stiffness) * self.stretch(vectors) ** 2 / 2
+        output = self.bodies[-1]
+        force = mp.mpf(getattr(output, output.load_fields[0]))
+        if force:
+            place = vectors[-1] if self.slides else mp.arg(vectors[-1])
+            if not self.slides:
+                place = self.middle + wrap(place - self.middle)
+            total -= force * place
+        return total + mp.mpf(output.stiffness) * self.stretch(vectors) ** 2 / 2
 
     def natural(self, speed, acceleration):
         """Estimates the size of each quantity in a mechanism of this size at this speed."""

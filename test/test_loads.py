@@ -237,7 +237,7 @@ def test_the_middle_of_the_swing_is_between_its_ends(lengths, angle, assembly):
     inside = 1e-6 * (end - start)
     cranks = np.linspace(start + inside, end - inside, 20_001)
     swung = np.unwrap(solver.state(cranks).position[2])
-    middle = mechanism.swing_middle('')
+    middle = mechanism.swing_middle('', 0.0)
     assert abs(middle) <= math.pi
     low, high = swung.min(), swung.max()
     if solver.reach.turns_fully:
@@ -354,6 +354,70 @@ def test_curves_over_a_position_at_their_points():
         for points in (places, steep):
             loads = curve(points, (5.0, -7.0, 30.0), 'position', return_value=(0.0, 2.0, -4.0))
             assert error(loads, cranks, speed) < 1e-11
+
+
+@pytest.mark.parametrize('name', MECHANISMS)
+@pytest.mark.parametrize('loads', [('spring',), ('force',), ('curve',), ('spring', 'curve')])
+def test_energy_of_loads_with_a_potential_closes_the_power_balance(name, loads):
+    """The curve has its corners in the motion, which also leaves its ends."""
+    mechanism = MECHANISMS[name]
+    link = 'rocker' if isinstance(mechanism, FourBar) else 'slider'
+    middle = mechanism.swing_middle('', 0.0) or 1.6
+    places = tuple(middle + x for x in (-0.4, 0.05, 0.3))
+    kinds = {
+        'spring': LinkLoad(link, stiffness=11.0, rest=middle + 0.4),
+        'force': LinkLoad(link, 3.0),
+        'curve': LoadCurve(link, 'position', places, (5.0, -7.0, 30.0)),
+    }
+    mechanism = with_loads(mechanism, *(kinds[kind] for kind in loads))
+    solver = Solver(mechanism)
+    for crank in np.linspace(-6.0, 6.5, 25).tolist():
+        q, u, _ = motion(mechanism, crank)
+        torque, step = 4.0, 1e-5
+        a = solver.accelerations(q, u, torque)
+
+        def energy(time, q=q, u=u, a=a):
+            moved = [x + time * (y + 0.5 * time * z) for x, y, z in zip(q, u, a, strict=True)]
+            rates = [y + time * z for y, z in zip(u, a, strict=True)]
+            return sum(solver.energy(tuple(moved), tuple(rates)))
+
+        power = (energy(step) - energy(-step)) / (2 * step)
+        size = abs(torque * u[0]) + abs(energy(0.0))
+        assert power == pytest.approx(torque * u[0], abs=1e-6 * size)
+
+
+def test_torque_on_a_rocker_that_turns_fully_has_no_potential():
+    bare = four_bar(FULL['double_crank'])
+    loads = with_loads(bare), with_loads(bare, LinkLoad('rocker', 7.0))
+    energies = [Solver(mechanism).energy(CRANKS, 2.0) for mechanism in loads]
+    assert np.array_equal(*energies)
+
+
+@pytest.mark.parametrize('angle', [0.3, 3.0])
+def test_spring_and_curve_of_a_double_rocker_are_reduced_to_the_swing_of_each_circuit(angle):
+    """Each arc of the crank is a circuit: the rocker stays on one side of the frame's line."""
+    bare = with_loads(four_bar(LIMITED['double_rocker_two_arcs'], angle))
+    arcs = Solver(bare).reach.arcs
+    assert len(arcs) == 2
+    for low, high in arcs:
+        cranks = np.linspace(low, high, 402)[1:-1]
+        both = [
+            Solver(replace(bare, assembly=assembly)).state(cranks).position[2]
+            for assembly in ('open', 'crossed')
+        ]
+        swung = np.unwrap(np.concatenate([both[0], both[1][::-1]]))
+        middle = 0.5 * (swung.min() + swung.max())
+        for rest in np.linspace(-9.0, 9.0, 61).tolist():
+            near = middle + math.remainder(rest - middle, TURN)
+            spring = Solver(with_loads(bare, LinkLoad('rocker', stiffness=2.0, rest=rest)))
+            state = spring.state(cranks)
+            pull = spring.load_forces(state)['rocker']
+            assert pull == pytest.approx(-2.0 * (swung[:400] - near), abs=1e-9)
+            points, value = (rest - 0.5, rest + 0.5), (3.0, 8.0)
+            curve = Solver(with_loads(bare, LoadCurve('rocker', 'position', points, value)))
+            push = curve.load_forces(curve.state(cranks))['rocker']
+            expected = np.interp(swung[:400], (near - 0.5, near + 0.5), value)
+            assert push == pytest.approx(expected, abs=1e-9)
 
 
 @pytest.mark.parametrize('turns', [-3, 0, 1])

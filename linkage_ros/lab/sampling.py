@@ -22,9 +22,11 @@ _PARTS = 8  # least number of steps between two corners or jumps
 
 def samples(solver: Solver, steps_per_turn: int = 720) -> Array:
     """Returns crank angles over one period; see `Reach.samples` and `with_breaks`."""
+    mechanism, crank = solver.mechanism, solver.reach.samples(steps_per_turn)
+    if not mechanism.loads:
+        return crank
     # At a given speed, friction and load curves do not change the motion.
-    moving = Solver(replace(cast('Any', solver.mechanism), loads=()))
-    crank = solver.reach.samples(steps_per_turn)
+    moving = Solver(replace(cast('Any', mechanism), loads=()))
     return with_breaks(crank, solver, lambda angles: moving.state(angles, 1.0))
 
 

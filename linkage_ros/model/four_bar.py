@@ -60,18 +60,22 @@ from linkage_ros.model.transmission import Square, Transmission, swing_middle
 from linkage_ros.numeric import (
     HALF_PI,
     Real,
+    by_element,
     exact_sum,
     largest,
     nearest_turns,
     rounded,
     short_sum,
     two_sum,
+    wrap,
 )
 from linkage_ros.quantities import quantity
 
 # If |d - r| is below this fraction of d + r, `_mean_near_pivot` computes the rates. Above, the
 # error of the plain formula is at most about an ulp divided by the square of this fraction.
 _CLOSE = 1 / 64
+
+_reduced = by_element(wrap)
 
 
 class FourBarLoop(NamedTuple):
@@ -363,7 +367,7 @@ class FourBar(Mechanism):
         equal = rounded((d + r) / 2, up=True)
         yield f'make coupler and rocker equal, at least {equal} m each'
 
-    def swing_middle(self, what: str) -> float:
+    def swing_middle(self, what: str, near: float) -> float:
         """Returns the middle of the rocker's swing; see `Mechanism.swing_middle`.
 
         Raises:
@@ -372,13 +376,24 @@ class FourBar(Mechanism):
         lengths, arcs = self._lengths(), self.reach().arcs
         links, _ = self.loop().pose((0.5 * sum(arcs[0]),))
         rocker = links[2].position
-        middle = swing_middle(lengths, self.frame.angle, rocker, both_sides=len(arcs) > 1)
+        middle = swing_middle(lengths, self.frame.angle, rocker, near if len(arcs) > 1 else None)
         if middle is None:
             raise ConfigurationError(
                 f'{what}: the rocker of this {self.grashof} linkage turns fully, so that its '
                 'swing has no middle; use a load over crank_angle'
             )
         return middle
+
+    def swing_side(self) -> Real | None:
+        """See `Mechanism.swing_side`."""
+        r, b, c, d = self._lengths()
+        longest, angle = largest(r, b, c, d), self.frame.angle
+        # The rocker's end is too far from the crank pivot, or too close, to be in line with it.
+        if short_sum(longest, b, r, -c, -d) < 0:
+            return _reduced(angle + math.pi)
+        if abs(short_sum(longest, c, -d)) < abs(short_sum(longest, b, -r)):
+            return _reduced(angle)
+        return None
 
     def structure(self) -> Structure:
         """Returns the links, points and joints; the loop is cut at B."""

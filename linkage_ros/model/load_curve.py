@@ -13,7 +13,7 @@ import numpy as np
 
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.files import open_file
-from linkage_ros.formulas import Opaque, where
+from linkage_ros.formulas import ZERO, Opaque, where
 from linkage_ros.model.kinematics import LinkPose
 from linkage_ros.model.loads import AppliedLoad, continuous
 from linkage_ros.numeric import Array, Real, without_turns
@@ -142,12 +142,16 @@ class LoadCurve(AppliedLoad):
         link, at, value = mechanism.output(self.link, 'load.link'), self.at or (), self.value or ()
         if self.over == 'crank_angle':
             return CurveForce(link, 0, None, Opaque(Table(at, value, turns=True)))
-        middle = mechanism.swing_middle("load.over = 'position'")
+        half_way = 0.5 * (at[0] + at[-1])
+        middle = mechanism.swing_middle("load.over = 'position'", half_way)
         if middle is not None:
-            turns = round((0.5 * (at[0] + at[-1]) - middle) / _TURN)
+            turns = round((half_way - middle) / _TURN)
             at = tuple(angle - turns * _TURN for angle in at)
-        back = Opaque(Table(at, self.return_value)) if self.return_value else None
-        return CurveForce(link, link, middle, Opaque(Table(at, value)), back)
+        table = Table(at, value)
+        if self.return_value:
+            back = Opaque(Table(at, self.return_value))
+            return CurveForce(link, link, middle, Opaque(table), back)
+        return CurveForce(link, link, middle, Opaque(table), None, Opaque(table.integral))
 
 
 class CurveForce(NamedTuple):
@@ -159,6 +163,7 @@ class CurveForce(NamedTuple):
         middle: Middle of the swing of that link, rad; None to use its position unchanged.
         value: The load as a function of this position.
         return_value: The load while the position decreases, or None to use `value`.
+        work: The work of the load from the first point to a position; None if it depends on more.
     """
 
     link: int
@@ -166,6 +171,7 @@ class CurveForce(NamedTuple):
     middle: Real
     value: Opaque
     return_value: Opaque | None = None
+    work: Opaque | None = None
 
     def forces(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> dict[int, Real]:
         """See `Load.forces`."""
@@ -174,6 +180,12 @@ class CurveForce(NamedTuple):
         if self.return_value is not None:
             force = where(rates[self.link] >= 0, force, self.return_value(position))
         return {self.link: force}
+
+    def potential(self, links: Sequence[LinkPose]) -> Real:
+        """Returns the potential energy, J, or ZERO if there is none; see `Load`."""
+        if self.work is None:
+            return ZERO
+        return -self.work(continuous(links[self.over].position, self.middle))
 
     def piece(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> Real:
         """Numbers the lines between points, separately for each direction; see `Load`."""
@@ -201,18 +213,28 @@ class Table:
         slopes = np.diff(value) / np.diff(at)
         # Slopes outside the points, because rounding may put a direction just beyond the ends.
         before, after = (slopes[-1], slopes[0]) if turns else (0.0, 0.0)
-        rows = at, [at[0], *at], [value[0], *value], [before, *slopes, after]
+        # The integral from the first point to the start of each line.
+        areas = np.cumsum(0.5 * np.diff(at) * np.add(value[1:], value[:-1]))
+        starts = [at[0], *at], [value[0], *value], [0.0, 0.0, *areas]
+        rows = at, *starts, [before, *slopes, after]
         self._arrays = [np.array(row) for row in rows]
         self._lists = [row.tolist() for row in self._arrays]
 
     def __call__(self, x: Real) -> Real:
         """Evaluates the function at x, a float or an array."""
         is_float = isinstance(x, float)
-        at, start, value, slope = self._lists if is_float else self._arrays
+        at, start, value, _, slope = self._lists if is_float else self._arrays
         if self._turns:
             x = without_turns(x, at[0])
         i = bisect.bisect_right(at, x) if is_float else np.searchsorted(at, x, 'right')
         return value[i] + slope[i] * (x - start[i])
+
+    def integral(self, x: Real) -> Real:
+        """Integrates the function of a position from the first point to x, a float or an array."""
+        is_float = isinstance(x, float)
+        at, start, value, area, slope = self._lists if is_float else self._arrays
+        i = bisect.bisect_right(at, x) if is_float else np.searchsorted(at, x, 'right')
+        return area[i] + (value[i] + 0.5 * slope[i] * (x - start[i])) * (x - start[i])
 
     def line(self, x: Array) -> Any:
         """Returns the number of points up to x, in all turns."""

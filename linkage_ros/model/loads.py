@@ -175,7 +175,9 @@ class LinkForce(NamedTuple):
         damping: Damping coefficient, N m s or N s/m.
         stiffness: Stiffness of the spring, N m/rad or N/m.
         rest: Position at which the spring exerts no force, rad or m.
-        middle: Middle of the link's swing, rad; None for a sliding link. See `continuous`.
+        middle: Middle of the link's swing, rad; None for a sliding link, or for a link that turns
+            fully. See `continuous`.
+        turns: Whether the link turns fully, so that the constant torque has no potential.
     """
 
     link: int
@@ -184,6 +186,7 @@ class LinkForce(NamedTuple):
     stiffness: Real = 0.0
     rest: Real = 0.0
     middle: Real = None
+    turns: bool = False
 
     def forces(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> dict[int, Real]:
         """See `Load.forces`."""
@@ -195,9 +198,12 @@ class LinkForce(NamedTuple):
         return {self.link: -lost}
 
     def potential(self, links: Sequence[LinkPose]) -> Real:
-        """Returns the energy of the spring, J; see `Load`."""
+        """Returns the energy of the spring and of the constant force, J; see `Load`."""
         stretch = self._stretch(links)
-        return 0.5 * (self.stiffness * (stretch * stretch))
+        spring = 0.5 * (self.stiffness * (stretch * stretch))
+        if self.turns:
+            return spring
+        return spring - self.force * continuous(links[self.link].position, self.middle)
 
     def _stretch(self, links: Sequence[LinkPose]) -> Real:
         if self.stiffness is ZERO:

@@ -265,11 +265,14 @@ class Mechanism(Checked):
         force, damping, stiffness, rest = (getattr(part, field) for field in part.load_fields)
         if not (force or damping or stiffness):
             return None
-        middle = self.swing_middle(f'{name}.stiffness') if stiffness else None
-        if middle is not None:
-            rest -= round((rest - middle) / (2 * math.pi)) * 2 * math.pi
         link = self.output(name, name)
-        return LinkForce(link, force, damping, stiffness, rest, middle)
+        middle = self.swing_side()
+        turns = middle is None and not self.structure().links[link].slides
+        if stiffness:
+            middle = self.swing_middle(f'{name}.stiffness', rest)
+        if stiffness and middle is not None:
+            rest -= round((rest - middle) / (2 * math.pi)) * 2 * math.pi
+        return LinkForce(link, force, damping, stiffness, rest, middle, turns)
 
     def joint_loads(self) -> tuple[JointLoad, ...]:
         """Returns the loads caused by joint forces, such as friction."""
@@ -295,17 +298,28 @@ class Mechanism(Checked):
             )
         return names.index(name)
 
-    def swing_middle(self, _what: str) -> float | None:
+    def swing_middle(self, _what: str, _near: float) -> float | None:
         """Returns the middle of the output link's swing.
 
         Args:
             _what: Name of the setting, for the error message.
+            _near: A direction of the link that the setting gives, rad. If the link swings in one
+                of two circuits, the middle is chosen so that this direction, within pi of the
+                middle, is also within pi of the middle of each circuit.
 
         Returns:
             The direction of the link there, rad in [-pi, pi]; None for a sliding link.
 
         Raises:
             ConfigurationError: The link turns fully, so its swing has no middle.
+        """
+        return None
+
+    def swing_side(self) -> Real | None:
+        """Returns the direction opposite to one that the output link never reaches.
+
+        Returns:
+            The direction, rad in [-pi, pi]; None for a link that slides or turns fully.
         """
         return None
 

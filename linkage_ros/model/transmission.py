@@ -228,7 +228,7 @@ def _normalized(start: float, end: float) -> Arc:
 
 
 def swing_middle(
-    lengths: tuple[float, ...], frame: float, rocker: float, *, both_sides: bool
+    lengths: tuple[float, ...], frame: float, rocker: float, near: float | None
 ) -> float | None:
     """Computes the middle of the swing of a four-bar's rocker.
 
@@ -239,7 +239,8 @@ def swing_middle(
         lengths: Lengths of crank, coupler, rocker and frame, m.
         frame: Direction of the frame, rad.
         rocker: A direction of the rocker during its swing, rad.
-        both_sides: Whether the rocker can swing to both sides of the line of the fixed pivots.
+        near: See `Mechanism.swing_middle` if there are two circuits, one on each side of the line
+            of the fixed pivots; otherwise None.
 
     Returns:
         The middle direction, rad in [-pi, pi]; None if the rocker turns fully.
@@ -253,9 +254,11 @@ def swing_middle(
     if low == 0 and high == math.pi:
         return None
     found = 0.5 * (low + high)
-    if low == 0 or high == math.pi or both_sides:
-        found = math.pi if high == math.pi else 0.0
     back: float = wrap(frame + math.pi)  # from B0 to A0
+    if near is not None:
+        return back if abs(wrap(near - back)) <= math.pi - found else float(wrap(frame))
+    if low == 0 or high == math.pi:
+        found = math.pi if high == math.pi else 0.0
     return float(wrap(back + math.copysign(found, wrap(rocker - back))))
 
 
