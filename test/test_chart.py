@@ -5,6 +5,7 @@
 import csv
 import io
 import itertools
+import json
 import math
 import re
 import sys
@@ -17,6 +18,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from matplotlib.text import Text
+from mechanisms import FOLLOWED
 from PIL import Image, ImageSequence
 from ros_harness import assert_refused
 from scipy.integrate import cumulative_trapezoid, trapezoid
@@ -378,6 +380,7 @@ def test_invalid_chart_arguments_give_one_line(called, arguments, words):
 @pytest.mark.parametrize('drive', ['torque', 'follow'])
 def test_file_without_crank_speed_needs_rpm_option(tmp_path, called, kind, rest, drive):
     path = tmp_path / 'crank.yaml'
-    path.write_text(f'/**: {{ros__parameters: {{drive: {drive}}}}}')
+    values = {**FOLLOWED, 'drive': drive}
+    path.write_text(json.dumps({'/**': {'ros__parameters': values}}))
     words = 'crank.yaml has no crank speed of its own: give a speed, such as --rpm 60'
     assert_refused(*called(chart_tool, kind, path, *rest), words)
