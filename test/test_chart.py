@@ -326,7 +326,7 @@ def test_several_mechanisms_are_drawn_side_by_side_with_one_table(tmp_path, call
         (['motion', 'quadrilateral', '--out', '/proc/nowhere'], 'cannot be written'),
         (
             ['motion', 'wiper', '--out', 'no/way'],
-            'no/way cannot be written: there is no folder no$',
+            'no/way cannot be written: there is no folder no',
         ),
         (
             ['motion', 'wind_pump', '--reactions'],
