@@ -26,6 +26,10 @@ from linkage_ros.ros.topics import message_class
 from linkage_ros.verification.verify import verify
 from linkage_ros.wire.topics import JOINT_COMMANDS, SIMULATED_CLOCK, TOPICS
 
+# Time, s, after which a wait counts as a hang. On a machine with ten busy processes per core, a
+# program that imports Rerun takes 20 s to start.
+PATIENCE = 60.0
+
 # Each test process (pytest -n 3) uses a third of these domains. Benchmarks use domains from 90
 # on; a test also runs one, in a separate network but with the same shared memory.
 _WORKER = int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0')[2:]) % 3
@@ -127,7 +131,7 @@ def watched(topics, *arguments, module='node', domain=None):
 def stop(process, number=signal.SIGINT, code=0):
     """Ends a process by a signal, checks its exit code, and returns its output."""
     process.send_signal(number)
-    printed = ''.join(process.communicate(timeout=20))
+    printed = ''.join(process.communicate(timeout=PATIENCE))
     assert process.returncode == code, printed
     assert 'Traceback' not in printed
     return printed
@@ -135,7 +139,7 @@ def stop(process, number=signal.SIGINT, code=0):
 
 def finished(module, *arguments, **options):
     """Runs a process to its end; returns it."""
-    options = {'env': environment(fresh_domain()), 'text': True, 'timeout': 60} | options
+    options = {'env': environment(fresh_domain()), 'text': True, 'timeout': PATIENCE} | options
     return subprocess.run(command(module, *arguments), capture_output=True, **options)
 
 
@@ -243,11 +247,8 @@ def unbroken(heard, sent):
     return heard == sent[begin : begin + len(heard)]
 
 
-def wait_for(condition, seconds=60.0):
-    """Waits until a condition holds; the test fails if it does not in time.
-
-    The time limit detects a hang; a busy machine may need most of it.
-    """
+def wait_for(condition, seconds=PATIENCE):
+    """Waits until a condition holds; the test fails if it does not in time."""
     end = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < end, f'not within {seconds} s'

@@ -15,6 +15,7 @@ from itertools import pairwise
 import pytest
 from joint_codec import JointStateCodec
 from ros_harness import (
+    PATIENCE,
     Listener,
     assert_refused,
     command,
@@ -132,7 +133,7 @@ def test_loop_repeats_the_bytes_and_its_clock_never_goes_back(log):
     with watched(TYPES, log, *options, module='replay') as (listener, process):
         listener.await_more(160)
         process.send_signal(signal.SIGINT)
-        out, err = process.communicate(timeout=20)
+        out, err = process.communicate(timeout=PATIENCE)
     assert process.returncode == 0
     assert not err or 'no subscribers yet' in err  # if discovery is slow
     heard = listener.received[STATES]

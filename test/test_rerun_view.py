@@ -20,8 +20,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
+from ros_harness import PATIENCE, stop, wait_for
 from ros_harness import running as running_program
-from ros_harness import stop, wait_for
 
 from linkage_ros import ViewerError
 from linkage_ros.parameters.configuration import load
@@ -35,7 +35,6 @@ from linkage_ros.view.viewer_process import free_address
 rerun_chunk = pytest.importorskip('rerun.chunk')
 
 PROGRAM = Path(rerun_view.rr.__file__).parents[1] / 'rerun_cli' / 'rerun'
-PATIENCE = 20.0  # s, time after which a wait counts as a hang
 WALL = 1_795_000_000_000_000_000
 CONFIGURATION = load('quadrilateral')
 
