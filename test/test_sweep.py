@@ -21,7 +21,7 @@ import mortal
 import numpy as np
 import pytest
 
-from linkage_ros import chart_tool
+from linkage_ros import Body, Frame, chart_tool
 from linkage_ros.dynamics.program import Program
 from linkage_ros.dynamics.solver import Solver
 from linkage_ros.dynamics.travel import travel
@@ -124,8 +124,22 @@ def test_measures_match_the_solver(preset):
             assert np.isnan(row).all()
             continue
         for name, value in zip(measures, row, strict=True):
-            digits = {'time_ratio': 1e-14, 'point_distance': 1e-4}.get(name, 1e-15)
+            digits = {'time_ratio': 1e-14, 'point_distance': 1e-8}.get(name, 1e-15)
             assert value == pytest.approx(wanted[name], rel=digits, nan_ok=True), name
+
+
+@pytest.mark.parametrize('angles', [24, 360])
+def test_points_on_the_path_have_no_distance_from_it(angles):
+    mechanism = load('coupler_point').mechanism
+    solver = Solver(mechanism)
+    points = [
+        complex(*solver.point(solver.state(crank), 'C').position)
+        for crank in np.random.default_rng(2).uniform(0, 7, 20).tolist()
+    ]
+    for point in points:
+        task = Task(mechanism, None, ('frame.length',), ('point_distance',), angles, (point,))
+        ((_, distance),) = measure(task, np.array([[mechanism.frame.length]]))
+        assert distance < 1e-15
 
 
 def test_designs_with_change_points_have_torques_but_no_forces():
@@ -198,6 +212,26 @@ tolerances: {rpm: 15.0}
 measures: [time_ratio]
 constraints: {transmission_angle: [20.0, .inf]}
 goals: {peak_torque: least, swing: most}
+"""
+
+
+SPRUNG = """
+/**:
+  ros__parameters:
+    mechanism: four_bar
+    rpm: 60.0
+    frame: {length: 0.3}
+    crank: {length: 0.1}
+    coupler: {length: 0.4}
+    rocker: {length: 0.5, stiffness: 5.0}
+"""
+SPRUNG_STUDY = """
+base: sprung.yaml
+designs: 60
+ranges:
+  frame.length: [0.05, 0.5]
+  crank.length: [0.05, 0.6]
+measures: [peak_torque]
 """
 
 
@@ -277,6 +311,27 @@ def check_words(words, table):
     ]
     assert np.array_equal(~np.array(beaten), good['outcome'] == FRONT)
     assert Path('study.png').read_bytes().startswith(b'\x89PNG')
+
+
+def test_designs_whose_spring_does_not_fit_are_counted_apart(run):
+    """A spring does not fit a rocker that turns fully, although the crank turns as well."""
+    Path('sprung.yaml').write_text(SPRUNG)
+    mechanism, counts = load('sprung.yaml').mechanism, collections.Counter()
+    _, words, _ = run(SPRUNG_STUDY)
+    rows = np.genfromtxt('study.csv', delimiter=',', names=True, dtype=None, encoding='utf8')
+    for frame, crank, outcome in zip(
+        rows['framelength_m'], rows['cranklength_m'], rows['outcome'], strict=True
+    ):
+        bare = replace(mechanism, rocker=Body(0.5), frame=Frame(frame), crank=Body(crank))
+        if not Solver(bare).reach.turns_fully:
+            expected = 'cannot turn'
+        else:
+            is_fit = bare.grashof != 'double-crank'
+            expected = 'valid' if is_fit else 'a spring or load curve does not fit'
+        assert outcome == expected
+        counts[outcome] += 1
+    assert len(counts) == 3
+    assert all(f'{count} {outcome}' in words for outcome, count in counts.items())
 
 
 def test_killed_process_loses_no_designs(tmp_path, monkeypatch):

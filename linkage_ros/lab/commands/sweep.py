@@ -15,14 +15,15 @@ import numpy as np
 from linkage_ros.cli import counted, progress_bar
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.lab.output import chart, folder, save_csv
-from linkage_ros.lab.sweep.measures import MEASURES, measure
+from linkage_ros.lab.sweep.measures import CANNOT_TURN, MEASURES, REFUSED, TURNS, measure
 from linkage_ros.lab.sweep.spread import cluster, processes, spread
 from linkage_ros.lab.sweep.study import Study, read_study
 from linkage_ros.numeric import Array
 from linkage_ros.palette import BLUE, GREY, SKY, VERMILION, fractions
 
-CANNOT_TURN, OUTSIDE, VALID, FRONT = OUTCOMES = (
-    'cannot turn', 'outside the constraints', 'valid', 'on the Pareto front',
+LIMITED, UNFIT, OUTSIDE, VALID, FRONT = OUTCOMES = (
+    'cannot turn', 'a spring or load curve does not fit', 'outside the constraints', 'valid',
+    'on the Pareto front',
 )  # fmt: skip
 _BLOCK = 2048  # designs per block, independent of the number of workers
 _LOOKS: dict[str, dict[str, Any]] = {
@@ -100,9 +101,10 @@ class _Results:
         self.of = dict(zip(study.task.measures, found.T[1:], strict=True))
         limits = study.constraints.items()
         held = [(self.of[name] >= low) & (self.of[name] <= high) for name, (low, high) in limits]
-        self.good = np.all([self._turns == 1, *held], axis=0)
-        outcomes = np.where(self.good, VALID, OUTSIDE)
-        self.outcomes = np.where(self._turns == 0, CANNOT_TURN, outcomes).astype(object)
+        self.good = np.all([self._turns == TURNS, *held], axis=0)
+        self.outcomes = np.where(self.good, VALID, OUTSIDE).astype(object)
+        self.outcomes[self._turns == CANNOT_TURN] = LIMITED
+        self.outcomes[self._turns == REFUSED] = UNFIT
         if study.goals:
             self.outcomes[self._front()] = FRONT
         counts = [f'{(self.outcomes == x).sum()} {x}' for x in OUTCOMES if x in self.outcomes]

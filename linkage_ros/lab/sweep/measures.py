@@ -30,6 +30,7 @@ from linkage_ros.numeric import Array, Real, wrap
 from linkage_ros.units import radians_per_second
 
 RPM = 'rpm'
+CANNOT_TURN, TURNS, REFUSED = range(3)
 
 
 class Task(NamedTuple):
@@ -60,11 +61,11 @@ def measure(task: Task, designs: Array) -> Array:
         designs: Parameter values; a row for each design, a column for each name in the task.
 
     Returns:
-        A row for each design: 1 if its crank turns fully, else 0; then the measures, NaN where one
-        does not apply.
+        A row for each design: TURNS, CANNOT_TURN, or REFUSED if it can turn but a spring or load
+        curve does not fit; then the measures, NaN where one does not apply.
     """
     found = np.full((len(designs), 1 + len(task.measures)), math.nan)
-    found[:, 0] = 0
+    found[:, 0] = CANNOT_TURN
     columns = dict(zip(task.names, designs.T, strict=True))
     rpms = columns.pop(RPM, np.full(len(designs), task.rpm or 0.0))
     at_once = max(1, 16384 // task.angles)  # few enough values for the processor's cache
@@ -72,12 +73,18 @@ def measure(task: Task, designs: Array) -> Array:
     np.empty(3_000_000)
     with np.errstate(all='ignore'):
         for rows, transmission, constants in groups(task.mechanism, columns, len(designs)):
-            for start in range(0, len(rows) if transmission.turns_fully else 0, at_once):
+            if not transmission.turns_fully:
+                continue
+            if constants is None:
+                found[rows, 0] = REFUSED
+                continue
+            found[rows, 0] = TURNS
+            for start in range(0, len(rows), at_once):
                 part = slice(start, start + at_once)
                 speed: Real = radians_per_second(rpms[rows[part], None])
                 batch = Batch(constants.part(part), transmission, speed, task)
-                measured = [MEASURES[name].of(batch) for name in task.measures]
-                found[rows[part]] = np.column_stack([np.ones(len(speed)), *measured])
+                for i, name in enumerate(task.measures, 1):
+                    found[rows[part], i] = MEASURES[name].of(batch)
     return found
 
 
@@ -100,7 +107,7 @@ class _Designs(np.ndarray[Any, Any]):
 
 def groups(
     mechanism: Mechanism, columns: Mapping[str, Array], count: int
-) -> Iterator[tuple[npt.NDArray[np.intp], Transmission, Constants]]:
+) -> Iterator[tuple[npt.NDArray[np.intp], Transmission, Constants | None]]:
     """Divides designs into groups that share a structure.
 
     Args:
@@ -110,8 +117,8 @@ def groups(
 
     Yields:
         For each group, the indices of its designs, their transmission, and the constants of the
-        formulas, in which varied numbers are arrays of shape (designs, 1). Designs that cannot be
-        assembled are omitted.
+        formulas, in which varied numbers are arrays of shape (designs, 1), or None if a load does
+        not fit. Designs that cannot be assembled are omitted.
 
     Raises:
         TypeError: The mechanism cannot be computed for arrays.
@@ -134,14 +141,20 @@ def groups(
 
 def _constants(
     mechanism: Mechanism, columns: Mapping[str, Array], rows: npt.NDArray[np.intp]
-) -> tuple[Transmission, Constants]:
-    """Returns the transmission and the constants of the formulas below, for designs `rows`."""
+) -> tuple[Transmission, Constants | None]:
+    """Returns the transmission and the constants of the formulas below, for designs `rows`.
+
+    The constants are None if a load does not fit the mechanism.
+    """
     for name, column in columns.items():
         value = float(column[rows[0]]) if len(rows) == 1 else column[rows, None].view(_Designs)
         mechanism = with_value(mechanism, name, value)
-    structure = mechanism.structure()
-    model = Model.of(mechanism, structure)
-    transmission = cast('Any', model.loop).transmission
+    structure, loop = mechanism.structure(), mechanism.loop()
+    transmission = cast('Any', loop).transmission
+    try:
+        model = Model.of(mechanism, structure, loop)
+    except LinkageError:
+        return transmission, None
     constants = model, structure.points.get('C'), transmission.extremes()
     return transmission, Constants(constants)
 
@@ -184,10 +197,19 @@ def _output_of(constants: Any, angle: Real, _: Real) -> tuple[Real, Real, Real]:
 
 def _path_of(constants: Any, angle: Real, _: Real) -> Vector:
     """Computes the position of the coupler point, m."""
+    return _path_motion_of(constants, angle, _)[0]
+
+
+def _path_motion_of(constants: Any, angle: Real, _: Real) -> tuple[Vector, Vector, Vector]:
+    """Computes the coupler point's position and its derivatives with respect to the angle, m."""
     model, point, *_ = constants
-    directions = [link.direction for link in model.loop.pose((angle,)).links]
-    at_rest = [ZERO] * len(directions)
-    return cast('Vector', point.follow(directions, at_rest, at_rest)[0])
+    links = model.loop.pose((angle,)).links
+    found = point.follow(
+        [link.direction for link in links],
+        [link.jacobian[0] for link in links],
+        [link.curvature[0] for link in links],
+    )
+    return cast('tuple[Vector, Vector, Vector]', found)
 
 
 def _force_of(constants: Any, angle: Real, speed: Real) -> Vector:
@@ -272,9 +294,21 @@ class Batch:
         x, y = self._run(_path_of, self._angles)
         path = x + 1j * y
         step = np.roll(path, -1, axis=-1) - path
-        ways = (np.array(self._points)[:, None, None] - path) / step
-        away = np.abs(step * (ways - np.clip(ways.real, 0.0, 1.0)))
-        return np.asarray(away.min(-1).max(0))
+        points = np.array(self._points)
+        ways = (points[:, None, None] - path) / step
+        parts = np.clip(ways.real, 0.0, 1.0)
+        nearest = np.abs(step * (ways - parts)).argmin(-1)[..., None]
+        before = self._angles[nearest[..., 0].T]
+        at = before + self._step * np.take_along_axis(parts, nearest, -1)[..., 0].T
+        found: Array = np.full_like(at, math.inf)
+        for _ in range(8):  # Newton steps from the chord to the path
+            place, slope, bend = (u + 1j * v for u, v in self._run(_path_motion_of, at))
+            gap, square = place - points, np.abs(slope) ** 2
+            found = np.fmin(found, np.abs(gap))
+            grows = square + (gap * bend.conj()).real
+            way = (gap * slope.conj()).real / np.where(grows > 0, grows, square)
+            at = np.clip(at - way, before - self._step, before + 2 * self._step)
+        return np.asarray(found.max(-1))
 
 
 class Measure(NamedTuple):
