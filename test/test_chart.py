@@ -35,7 +35,7 @@ from linkage_ros.dynamics.travel import travel
 from linkage_ros.lab.commands import movie
 from linkage_ros.lab.commands.motion import DESIGN_COLORS
 from linkage_ros.lab.period import extent, mean, settled_period, speed_driven_period
-from linkage_ros.lab.pump.settling import settle
+from linkage_ros.lab.pump.analysis import settle
 from linkage_ros.parameters.configuration import load
 
 # A coupler point, a guide and a load curve run at a given speed; a wind pump runs at the speed at
@@ -178,7 +178,9 @@ def test_wind_pump_is_drawn_in_its_settled_state(drawn):
 
 def test_mean_power_of_a_settled_pump_equals_the_loss_at_its_slider():
     pump = load('wind_pump')
-    turn = settled_period(settle(pump.mechanism, pump.drive.motor, 2.0, lambda items, _: items))
+    motor = pump.drive.motor
+    settled = settle(pump.mechanism, motor.torque, motor.damping, 2.0, lambda items, _: items)
+    turn = settled_period(settled)
     rate, slide = (turn.columns[f'{name}.velocity'].values for name in ('crank', 'slider'))
     time = elapsed(turn.crank, rate)
     taken = trapezoid(60.0 * slide**2, time) / time[-1]

@@ -3,14 +3,14 @@
 """Motion, torque and forces of a mechanism over one period, as named columns."""
 
 import math
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
-from linkage_ros import ConfigurationError, Solver, State, travel
+from linkage_ros import ConfigurationError, Solver, State, WindPump, travel
 from linkage_ros.lab.output import progress
-from linkage_ros.lab.pump.periodic_motion import PeriodicMotion
-from linkage_ros.lab.pump.settling import settle
+from linkage_ros.lab.pump.analysis import settle
+from linkage_ros.lab.pump.shooting import PeriodicMotion
 from linkage_ros.lab.sampling import SAME, integral, samples, with_breaks
 from linkage_ros.model.structure import Mechanism
 from linkage_ros.numeric import Array
@@ -223,8 +223,8 @@ def _settled(
             f'{name} = {given:g}: must be above 0 rpm, because a wind_pump is started '
             'forwards before its motor drives it; try --rpm 20'
         )
-    speed = radians_per_second(given)
-    settled = settle(design.mechanism, drive.motor, speed, progress)  # type: ignore[arg-type]
+    speed, mechanism = radians_per_second(given), cast('WindPump', design.mechanism)
+    settled = settle(mechanism, drive.motor.torque, drive.motor.damping, speed, progress)
     low, high = settled.turning_points.min(), settled.turning_points.max()
     repeats = f', repeats after {settled.turns} turns' if settled.turns > 1 else ''
     return settled_period(settled), [
@@ -238,10 +238,10 @@ def _settled(
 def settled_period(motion: PeriodicMotion) -> Period:
     """Samples one period of a wind pump's steady state in steps of at most 0.5 deg."""
     crank = np.linspace(0, 2 * math.pi * motion.turns, 720 * motion.turns + 1)
-    crank = with_breaks(crank, motion.solver, motion.states)
+    crank = with_breaks(crank, motion.shooting.solver, motion.states)
     state = motion.states(crank)
     power = mean(crank, state.torque) * motion.speed
-    return Period(motion.solver, crank, state, speed=motion.speed, mean_power=power)
+    return Period(motion.shooting.solver, crank, state, speed=motion.speed, mean_power=power)
 
 
 def mean(crank: Array, values: Array) -> float:

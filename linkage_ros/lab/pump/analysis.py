@@ -2,44 +2,63 @@
 # SPDX-License-Identifier: Apache-2.0
 """Computes the steady states of a wind pump under its motor, as in document 3's figure 3."""
 
+import itertools
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import asdict, replace
-from typing import Any, NamedTuple, cast
+from contextlib import suppress
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from linkage_ros.lab.pump.equations import BOTH
-from linkage_ros.lab.pump.harmonic_balance import AVERAGED, HarmonicBalance
-from linkage_ros.lab.pump.load_curve import (
-    ALONE,
+from linkage_ros import ConfigurationError, MotionError, WindPump
+from linkage_ros.lab.pump.averaged import AveragedMotion, averaged
+from linkage_ros.lab.pump.continuation import (
+    LOST,
     Piece,
-    SteadyState,
     bistable_ranges,
+    follow,
     stability_lost,
-    steady_states,
-    with_curves,
 )
-from linkage_ros.lab.pump.motions import alternating_motions
-from linkage_ros.lab.pump.periodic_motion import PeriodicMotion
-from linkage_ros.lab.pump.settling import Search, prepared, require_slow
-from linkage_ros.model.load_curve import LoadCurve
-from linkage_ros.model.wind_pump import WindPump
-from linkage_ros.motion.drives import Motor
+from linkage_ros.lab.pump.shooting import ROUGH, TURN, PeriodicMotion, Shooting
 from linkage_ros.numeric import Array
 
-_CHANGES = (0.95, 1.05)  # of the motor's torque
-CHANGED = 'speed', 'stroke', 'flow'  # quantities of which changes are given
-_SLOWEST, _FASTEST = 1 / 3, 10.0  # ends of the load curve, relative to the extreme start speeds
-_ALIKE = 0.1  # largest relative difference in speed and stroke between a motion and its average
-# Smallest crank speed, and largest slider speed relative to the crank pin, of the starts.
-_SLOW, _SLIDING = 0.03, 2.0
-# Number of starts: a state that attracts 2 % of them is missed in one of 170 runs. Largest number
-# of checks of the motions.
-COUNT, _CHECKS = 256, 64
+# Starts at crank angle 0: parts of the slider's range and of the no-load speed, and slider speeds
+# relative to that of the crank pin at the no-load speed.
+_GRID = (0.1, 0.5, 0.9), (0.15, 0.4, 0.65, 0.9), (-0.5, 0.5)
+_PERIODS = 1, 2, 4  # turns after which a motion may repeat
+# No-load turns between two checks of a motion; number of checks, and how many of them use Newton's
+# method.
+_CHUNK, _CHUNKS, _EACH = 8, 30, 4
+# A motion has settled if its last _PASSAGES of crank angle 0 are within _NEAR of a stable state,
+# and within _INSIDE of the state's distance from the nearest unstable one. It repeats if its
+# distance from an earlier passage is below _REPEATS.
+_PASSAGES, _NEAR, _INSIDE, _REPEATS = 6, 0.05, 0.3, 0.01
+_ASIDE, _SAMPLES = 0.01, 1500  # distance of starts from an unstable state; samples of a run
+# Reasons why starts settle in no listed state.
+STRETCHED, STOPPED, UNSETTLED = REASONS = (
+    'stretches or folds the dyad of coupler and rod',
+    'comes to rest, or rocks back and forth',
+    'settles too slowly or in no motion that repeats after 1, 2 or 4 turns',
+)
 
 
-class Start(NamedTuple):
+class SteadyState(NamedTuple):
+    """A periodic motion that the motor sustains.
+
+    Attributes:
+        motion: The motion.
+        piece: The piece of a curve that contains it.
+        averaged: The averaged motion near it; None if none was found.
+        share: Fraction of the starts that settle in this state.
+    """
+
+    motion: PeriodicMotion
+    piece: Piece
+    averaged: AveragedMotion | None = None
+    share: float = 0.0
+
+
+class Run(NamedTuple):
     """A motion from a named start.
 
     Attributes:
@@ -59,56 +78,51 @@ class Analysis(NamedTuple):
     """The results for one pump under one motor.
 
     Attributes:
-        motor: Motor of the pump.
-        assembly: Assembly of the pump.
+        torque: Torque of the motor at rest, N m.
+        damping: Decrease of this torque per unit of crank speed, N m s.
         states: Steady states in order of speed, stable or not.
-        pieces: The load curve.
-        sensitivities: One record for each stable state and each changed torque: number, speed
-            (rad/s) and period of the state; the changed torque (N m); the state at that torque and
-            its relative changes, or the reason why that state is unknown.
+        pieces: The curves of periodic motions over the torque.
         runs: Motions from named starts.
-        stopped: Fraction of the starts from which the crank comes to rest or rocks back and forth.
-        unidentified: Fraction of the starts with another or an unknown outcome.
-        alternating: Records of motions that alternate between the assemblies and repeat, but were
-            not found as Fourier series.
-        has_corners: Whether a load is given by a curve, which has corners.
-        spread: Slider speed below which loads that jump are smoothed, m/s; 0 if no load jumps.
+        starts: Number of starts.
+        lost: Fractions of the starts that settle in none of the states, by reason.
     """
 
-    motor: Motor
-    assembly: str
+    torque: float
+    damping: float
     states: list[SteadyState]
     pieces: list[Piece]
-    sensitivities: list[dict[str, Any]]
-    runs: list[Start]
-    stopped: float
-    unidentified: float
-    alternating: list[dict[str, Any]]
-    has_corners: bool
-    spread: float
+    runs: list[Run]
+    starts: int
+    lost: dict[str, float]
 
     def record(self) -> dict[str, Any]:
         """Returns the analysis as a JSON record, in SI units."""
+        stretched, stopped, unsettled = (
+            self.lost.get(reason, 0.0) for reason in (STRETCHED, STOPPED, UNSETTLED)
+        )
         return {
-            'motor': asdict(self.motor),
+            'motor': {'torque': self.torque, 'damping': self.damping},
             'states': [
                 {**state.motion.record(), 'share_of_starts': state.share}
                 for state in self.states
             ],
             'averaged_states': [
-                state.averaged and state.averaged.numbers for state in self.states
+                state.averaged and {
+                    'torque': self.torque,
+                    'load': self.torque - self.damping * state.averaged.speed,
+                    **state.averaged.numbers,
+                }
+                for state in self.states
             ],
             'starts': {
-                'count': COUNT, 'stopped': self.stopped, 'unidentified': self.unidentified,
+                'count': self.starts, 'stopped': stopped, 'stretched': stretched,
+                'unidentified': unsettled,
             },
-            'alternating_motions': self.alternating,
-            'jump_spread_over_slider_speed': self.spread,
             'torques_with_two_stable_states': bistable_ranges(self.pieces),
             'stability_lost': [
                 {'kind': kind, **motion.record()}
                 for kind, motion in stability_lost(self.pieces)
             ],
-            'sensitivities': self.sensitivities,
             'load_curve': [
                 {**motion.numbers, 'stable': piece.stable}
                 for piece in self.pieces
@@ -126,16 +140,18 @@ class Analysis(NamedTuple):
 
 def analyse(
     mechanism: WindPump,
-    motor: Motor,
+    torque: float,
+    damping: float,
     *,
     speeds: Sequence[float],
-    progress: Callable[[Iterable[Any], str], Any],
+    progress: Callable[[Iterable[Any], str], Iterable[Any]],
 ) -> Analysis:
     """Finds the steady states of a pump, their shares of the starts, and their torques.
 
     Args:
         mechanism: The pump, with the start of its slider.
-        motor: Motor of the pump.
+        torque: Torque of the motor at rest, N m.
+        damping: Decrease of this torque per unit of crank speed, N m s.
         speeds: Crank speeds at angle 0 from which the pump is started, positive, rad/s.
         progress: Wraps an iterable in a progress bar with a label.
 
@@ -143,123 +159,213 @@ def analyse(
         The analysis.
 
     Raises:
-        ConfigurationError: The motor does not turn the crank forwards, or the damping is too
-            strong.
+        ConfigurationError: The motor does not turn the crank forwards.
         UnreachableError: The pump cannot be assembled with its slider at the start position.
     """
-    balance, given, pace = prepared(mechanism, motor, speeds)
-    require_slow(mechanism, motor, pace)
-    limits = _SLOWEST * min(speeds), _FASTEST * max(speeds)
-    pump = cast('WindPump', balance.solver.mechanism)
-    inside = 2 * limits[0], limits[1] / 2
-    resting = (next(balance.resting_sliders(*way), None) for way in (inside, inside[::-1]))
-    pieces = with_curves(balance, [], resting, limits)
-    known = [state.motion for state in steady_states(balance, pieces, motor.torque)]
-    box = balance.solver.converted(_box(mechanism, pace))
-    search = Search(balance, motor, np.hstack((given, box)), known, len(speeds))
-    search.run(progress, _CHECKS)
-    pieces = with_curves(balance, pieces, search.states, limits)
-    states = steady_states(balance, pieces, motor.torque)
-    for found in search.states:
-        if not any(found.is_same(state.motion) for state in states):
-            pieces.append(Piece([found], ALONE, ALONE))
-            states.append(SteadyState(found, pieces[-1]))
-    states.sort(key=lambda state: state.motion.speed)
-    numbers = [
-        next(number for number, state in enumerate(states) if state.motion.is_same(found))
-        for found in search.states
-    ]
-    settled, motions = np.array([*numbers, -1])[search.belongs], search.motions
-    of_box = range(len(speeds), len(speeds) + COUNT)
-    states = [
-        state._replace(
-            averaged=_averaged(pump, state.motion),
-            share=float(np.mean(settled[of_box] == number)),
-        )
-        for number, state in enumerate(states)
-    ]
-    lost = [number for number in of_box if search.unidentified[number]]
-    alternating = alternating_motions(
-        (motions.speeds(number) for number in lost if motions.assembly(number) == BOTH),
-        [state.motion.speed for state in states], COUNT,
-    )  # fmt: skip
-    named = sum(one['share_of_starts'] for one in alternating)
+    shooting = _shooting(mechanism, torque, damping, speeds)
+    search, starts = _Search(shooting), list(_starts(mechanism, shooting))
+    for start in progress(starts, "Newton's method"):
+        search.try_newton(np.array(start))
+    ends = [search.settled(start)[0] for start in progress(starts, 'starts')]
+    runs = list(_runs(search, mechanism, speeds))
+    states = sorted(search.states, key=lambda state: state.motion.speed)
+    numbers = {state.motion: number for number, state in enumerate(states)}
     return Analysis(
-        motor,
-        mechanism.assembly,
-        states,
-        pieces,
+        torque,
+        damping,
         [
-            one
-            for change in _CHANGES
-            for one in _changed(balance, pieces, states, change * motor.torque)
+            state._replace(
+                averaged=averaged(state.motion), share=ends.count(state.motion) / len(starts)
+            )
+            for state in states
         ],
-        list(_runs(search, speeds, settled.tolist())),
-        float(np.mean(search.stopped[of_box])),
-        max(0.0, len(lost) / COUNT - named),
-        alternating,
-        any(isinstance(load, LoadCurve) for load in pump.loads),
-        max((getattr(load, 'width', 0.0) for load in pump.loads), default=0.0),
+        search.pieces,
+        [Run(name, *course, numbers.get(end)) for name, course, end in runs],
+        len(starts),
+        {reason: ends.count(reason) / len(starts) for reason in REASONS if reason in ends},
     )
 
 
-def _runs(search: Search, speeds: Sequence[float], settled: Sequence[int]) -> Iterator[Start]:
-    """Names the motions for the chart: the first ones, and those beside unstable states."""
-    times, phases = np.array(search.motions.times), np.array(search.motions.phases)
-    beside = [
-        f'beside {state.speed:.4g} rad/s, {word}'
-        for state in search.unstable
-        for word in ('slower', 'faster')
-    ]
-    names = [*(f'{speed:g} rad/s' for speed in speeds), *[''] * COUNT, *beside]
-    for number, (name, state) in enumerate(zip(names, settled, strict=True)):
-        if name:
-            crank_speeds = phases[:, -2, number]
-            yield Start(name, times[:, number], crank_speeds, None if state < 0 else state)
-
-
-def _averaged(pump: WindPump, motion: PeriodicMotion) -> PeriodicMotion | None:
-    """Finds the averaged motion near a motion of one turn in one assembly; None if none exists."""
-    if motion.turns > 1 or motion.assembly == BOTH:
-        return None
-    averaging = HarmonicBalance(replace(pump, assembly=motion.assembly), motion.damping, AVERAGED)
-    found = averaging.find(averaging.sized(motion.slider, motion.crank, np.array([motion.torque])))
-    changes = [getattr(found, x) / getattr(motion, x) - 1 for x in ('speed', 'stroke') if found]
-    return found if found and np.abs(changes).max() < _ALIKE else None
-
-
-def _box(mechanism: WindPump, pace: float) -> Array:
-    """Distributes starts over slider positions and speeds at crank angle 0; shape (4, n)."""
-    r, b, c = (link.length for link in (mechanism.crank, mechanism.coupler, mechanism.rod))
-    side = math.copysign(1.0, mechanism.slider.position)
-    low = np.array((0.0, side * (abs(b - c) + r), _SLOW * pace, -_SLIDING * r * pace))
-    high = np.array((0.0, side * (b + c - r), pace, _SLIDING * r * pace))
-    shares = np.random.default_rng(0).random((COUNT, 4))
-    return (low + shares * (high - low)).T
-
-
-def _changed(
-    balance: HarmonicBalance,
-    found: Sequence[Piece],
-    states: Sequence[SteadyState],
+def settle(
+    mechanism: WindPump,
     torque: float,
-) -> Iterator[dict[str, Any]]:
-    """Makes records of the stable states at another motor torque, N m."""
-    pieces = [piece for piece in found if piece.stable]
-    others = {state.piece: state.motion for state in steady_states(balance, pieces, torque)}
-    for number, (state, piece, *_) in enumerate(states):
-        if state.stable:
-            motion = others.get(piece)
-            end, kind = piece.ends[1 if torque > state.torque else 0]
-            ended = f'its curve ends at {end.torque:.4g} N m: {kind}'
-            reason = 'its curve was not followed' if kind == ALONE else ended
-            yield {
-                'state': number, 'speed': state.speed, 'period': state.turns, 'torque': torque,
-                'motion': motion and motion.record(),
-                'changes': {
-                    name: getattr(motion, name) / getattr(state, name) - 1
-                    for name in CHANGED
-                    if motion
-                },
-                'reason': None if motion else reason,
-            }  # fmt: skip
+    damping: float,
+    speed: float,
+    progress: Callable[[Iterable[Any], str], Iterable[Any]],
+) -> PeriodicMotion:
+    """Integrates a pump until it is near a stable periodic motion.
+
+    Args:
+        mechanism: The pump, with the start of its slider.
+        torque: Torque of the motor at rest, N m.
+        damping: Decrease of this torque per unit of crank speed, N m s.
+        speed: Speed of the crank at angle 0, above 0, rad/s.
+        progress: Wraps an iterable in a progress bar with a label.
+
+    Returns:
+        The motion.
+
+    Raises:
+        ConfigurationError: The motor does not turn the crank forwards, or the pump does not
+            settle.
+        UnreachableError: The pump cannot be assembled with its slider at the start position.
+    """
+    search = _Search(_shooting(mechanism, torque, damping, [speed]), follows=False)
+    start = mechanism.slider.position, speed, mechanism.slider.velocity
+    end, duration = search.settled(start, progress(range(_CHUNKS), 'motion'))
+    if isinstance(end, str):
+        raise ConfigurationError(
+            f'from {speed:g} rad/s the pump does not settle within {duration:.3g} s, because '
+            f'it {end}: try another speed, or linkage_record'
+        )
+    return end
+
+
+def _shooting(
+    mechanism: WindPump, torque: float, damping: float, speeds: Sequence[float]
+) -> Shooting:
+    """Prepares the map of a pump.
+
+    Raises:
+        ConfigurationError: The motor does not turn the crank forwards.
+        UnreachableError: The pump cannot be assembled with its slider at the start position.
+    """
+    if not torque > 0:
+        raise ConfigurationError(
+            f'motor.torque = {torque:g}: must be above 0 N m, so that the motor turns the crank'
+        )
+    pace = torque / damping if damping else max(speeds)
+    shooting = Shooting(mechanism, torque, damping, pace)
+    x, v = mechanism.slider.position, mechanism.slider.velocity
+    shooting.solver.accelerations((0.0, x), (max(speeds), v), torque)
+    return shooting
+
+
+def _starts(mechanism: WindPump, shooting: Shooting) -> Iterator[tuple[float, ...]]:
+    """Distributes starts over slider position, crank speed and slider velocity."""
+    r, b, c = (link.length for link in (mechanism.crank, mechanism.coupler, mechanism.rod))
+    near, far = abs(b - c) + r, b + c - r
+    side = math.copysign(1.0, mechanism.slider.position)
+    _, pace, slide, _ = shooting.units.tolist()
+    for x, w, v in itertools.product(*_GRID):
+        yield side * (near + x * (far - near)), w * pace, v * slide
+
+
+def _runs(
+    search: '_Search', mechanism: WindPump, speeds: Sequence[float]
+) -> Iterator[tuple[str, tuple[Array, Array], Any]]:
+    """Computes the motions for the chart, from given speeds and from beside unstable states."""
+    x, v = mechanism.slider.position, mechanism.slider.velocity
+    starts = [(f'{speed:g} rad/s', (x, speed, v)) for speed in speeds]
+    for state in search.unstable:
+        values, vectors = np.linalg.eig(state.derivative[:, :3])
+        way = vectors[:, np.abs(values).argmax()].real
+        way *= np.copysign(_ASIDE, way[1]) * search.shooting.units[:3]
+        starts += [
+            (f'beside {state.speed:.4g} rad/s, {word}', (state.phase[:3] + sign * way).tolist())
+            for word, sign in (('slower', -1), ('faster', 1))
+        ]
+    ends = [search.settled(start) for _, start in starts]
+    times = np.linspace(0.0, max(duration for _, duration in ends), _SAMPLES)
+    for (name, start), (end, _) in zip(starts, ends, strict=True):
+        found = search.shooting.run(np.array((0.0, *start)), times[-1], times)
+        yield name, (found.t, np.reshape(found.y, (4, -1))[2]), end
+
+
+class _Search:
+    """The steady states of a pump that are known so far.
+
+    Attributes:
+        shooting: The map of the pump.
+        states: The states, stable or not.
+        pieces: The curves through them.
+    """
+
+    def __init__(self, shooting: Shooting, *, follows: bool = True) -> None:
+        """Starts with no state; `follows` tells whether to follow the curves of the states."""
+        self.shooting, self._follows = shooting, follows
+        self.states: list[SteadyState] = []
+        self.pieces: list[Piece] = []
+
+    @property
+    def unstable(self) -> list[PeriodicMotion]:
+        """The unstable states."""
+        return [state.motion for state in self.states if not state.motion.stable]
+
+    def _add(self, motion: PeriodicMotion) -> None:
+        """Adds a state, its curve, and the other states on this curve."""
+        pieces = follow(motion) if self._follows else [Piece([motion], LOST)]
+        self.pieces += pieces
+        for piece in pieces:
+            own = [motion] if motion in piece.motions else []
+            for state in (*own, *piece.states(motion.torque)):
+                if not self._known(state):
+                    self.states.append(SteadyState(state, piece))
+
+    def settled(
+        self, start: Sequence[float], chunks: Iterable[Any] = range(_CHUNKS)
+    ) -> tuple[Any, float]:
+        """Finds the state in which a motion settles.
+
+        Args:
+            start: Slider position, crank speed and slider velocity at crank angle 0.
+            chunks: Periods of time after each of which the motion is checked.
+
+        Returns:
+            The state, or the reason why none is known; and the time until then, s.
+        """
+        values, time = np.array((0.0, *start)), 0.0
+        chunk = _CHUNK * TURN / self.shooting.units[1]
+        passages = np.empty((3, 0))
+        for check, _ in enumerate(chunks, 1):
+            found = self.shooting.run(values, chunk)
+            time += found.t[-1]
+            if not found.success:
+                return STRETCHED, time
+            if not len(found.y_events[0]):
+                return STOPPED, time
+            new = found.y_events[0].T
+            passages = np.hstack((passages, new[1:, np.cos(new[0]) > 0]))
+            values = found.y[:, -1]
+            values[0] %= TURN
+            if not check % _EACH:
+                self._identify(passages)
+            state = self._reached(passages)
+            if state:
+                return state, time
+        return UNSETTLED, time
+
+    def _reached(self, passages: Array) -> PeriodicMotion | None:
+        """Returns the stable state that a motion has reached after its passages, if any."""
+        last, count = passages[:, -_PASSAGES:], passages.shape[1]
+        for state in (state.motion for state in self.states if state.motion.stable):
+            edges = [state.distance(one.sections[:3]).min() for one in self.unstable]
+            near = min([_NEAR, *(_INSIDE * edge for edge in edges)])
+            if count > _PASSAGES and state.distance(last).max() < near:
+                return state
+        return None
+
+    def try_newton(self, passage: Array, turns: int = 1) -> PeriodicMotion | None:
+        """Adds the state that Newton's method finds from a passage, and returns it, if any."""
+        with suppress(MotionError):
+            guess = np.append(passage, self.shooting.torque)
+            motion = self.shooting.find(guess, turns, tolerance=ROUGH)
+            if not self._known(motion):
+                self._add(self.shooting.find(motion.phase, motion.turns))
+            return self._known(motion)
+        return None
+
+    def _identify(self, passages: Array) -> None:
+        """Adds the stable state that a motion approaches, if Newton's method finds one."""
+        last, units = passages[:, -1], self.shooting.units[:3]
+        for turns in _PERIODS:
+            if passages.shape[1] > turns:
+                moved = (last - passages[:, -1 - turns]) / units
+                if np.abs(moved).max() < _REPEATS:
+                    found = self.try_newton(last, turns)
+                    if found and found.stable:
+                        return
+
+    def _known(self, motion: PeriodicMotion) -> PeriodicMotion | None:
+        same = (state.motion for state in self.states if motion.is_same(state.motion))
+        return next(same, None)

@@ -1,0 +1,330 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Periodic motions of a wind pump, found by shooting.
+
+As long as the crank turns forwards, its angle replaces time as the independent variable (M. Henon,
+Physica D 5 (1982), 412-414). A phase holds slider position, crank speed, slider velocity and motor
+torque at rest, M0, at crank angle 0. P maps a phase to the phase one turn later, where M0 is the
+same. A motion that repeats after n turns satisfies P^n(y) = y, which Newton's method solves. The
+eigenvalues of the derivative of P^n at constant M0 are its Floquet multipliers.
+
+Loads that jump need no special treatment, because the integrator's step control resolves a jump.
+"""
+
+import functools
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from linkage_ros import LinkageError, MotionError, Solver, State, WindPump
+from linkage_ros.numeric import Array
+
+TURN = 2 * math.pi
+# Relative tolerances of the integration: of states, along a curve, and of guesses.
+STATE, CURVE, ROUGH = 1e-10, 1e-7, 1e-6
+_TORQUE = np.array((0.0, 0.0, 0.0, 1.0))  # the direction of M0
+_FIRST_STEP, _MOST = 0.1, 20_000  # rad; evaluations per turn, of which a jump needs up to 5 000
+_DIFFERENCE = 1e-5  # for derivatives by central differences, in the units of a phase
+_MOVES: Any = _DIFFERENCE * np.hstack((np.zeros((4, 1)), np.eye(4), -np.eye(4)))
+# Number of Newton steps; length of the longest, in the units of a phase; length of the last, in
+# tolerances.
+_STEPS, _LONGEST, _LAST = 8, 2.0, 10.0
+_IN_LINE = 0.02  # smallest sine of the angle between coupler and rod
+SAME = 1e-4  # distance below which two phases count as equal, in the units of a phase
+
+
+class Shooting:
+    """The map P of a pump with a motor.
+
+    Attributes:
+        solver: Solver of the pump.
+        torque: Torque of the motor at rest, N m.
+        damping: Decrease of this torque per unit of crank speed, N m s.
+        units: Typical sizes of the values of a phase: m, rad/s, m/s and N m.
+    """
+
+    def __init__(self, mechanism: WindPump, torque: float, damping: float, pace: float) -> None:
+        """Prepares the map; `pace` is a typical crank speed, rad/s."""
+        self.solver, self.torque, self.damping = Solver(mechanism), torque, damping
+        r = mechanism.crank.length
+        self.units: Any = np.array((r, pace, r * pace, torque))
+        self._lengths = r, mechanism.coupler.length, mechanism.rod.length
+        self._at_rest = torque  # torque at rest in the next evaluation
+        self._driven = self.solver.driven_by(lambda w: self._at_rest - damping * w)
+
+    def shoot(
+        self, phases: Array, turns: int = 1, tolerance: float = STATE, *, dense: bool = False
+    ) -> Any:
+        """Integrates motions in common steps, which makes their differences accurate.
+
+        Args:
+            phases: Phases at crank angle 0, of shape (4, n).
+            turns: Number of turns.
+            tolerance: Relative tolerance.
+            dense: Whether to add the continuous solution.
+
+        Returns:
+            The result of `solve_ivp` over the crank angle. After each turn, `y` has n values for
+            each value of a phase, and n times. `y_events` are the values of the first motion where
+            its slider reverses.
+
+        Raises:
+            MotionError: The crank stops, the dyad is stretched, or a turn takes too many steps.
+        """
+        count, evaluations = phases.shape[1], 0
+
+        def slopes(angle: float, values: Array) -> Array:
+            nonlocal evaluations
+            evaluations += 1
+            if evaluations > _MOST * turns:
+                return math.nan * values
+            rows = [self._slope(angle, *row) for row in values.reshape(5, count).T.tolist()]
+            return np.array(rows).T.ravel()
+
+        def reversal(_: float, values: Array) -> float:
+            return float(values[2 * count])
+
+        sizes = tolerance * np.repeat((*self.units, 1 / self.units[1]), count)
+        with np.errstate(all='ignore'):
+            found = solve_ivp(
+                slopes, (0.0, TURN * turns), np.append(phases, np.zeros(count)), 'DOP853',
+                TURN * np.arange(1, turns + 1), dense, reversal,
+                first_step=_FIRST_STEP, rtol=tolerance, atol=sizes,
+            )  # fmt: skip
+        if not found.success:
+            raise MotionError(
+                'the crank stops, the dyad is stretched, or a load jumps too often',
+                time=0.0, coordinates=(0.0, float(phases[0, 0])),
+            )  # fmt: skip
+        return found
+
+    def _slope(
+        self, angle: float, x: float, w: float, v: float, torque: float, _: float
+    ) -> tuple[float, ...]:
+        """Computes the derivatives of a phase and of the time over the crank angle.
+
+        They are not numbers where the motion cannot be; the integrator then shortens its step.
+        """
+        self._at_rest = torque
+        crank, slider = self._accelerations(angle, x, w, v)
+        return (v / w, crank / w, slider / w, 0.0, 1 / w) if w > 0 else (math.nan,) * 5
+
+    def _accelerations(self, angle: float, x: float, w: float, v: float) -> tuple[float, ...]:
+        """Computes the accelerations; they are not numbers if the dyad is nearly in line."""
+        r, b, c = self._lengths
+        square = x * x + r * r - 2 * x * r * math.cos(angle)  # of the dyad's length
+        sines = ((b + c) ** 2 - square) * (square - (b - c) ** 2)
+        if not sines > (2 * b * c * _IN_LINE) ** 2:
+            return math.nan, math.nan
+        try:
+            return self._driven(angle, x, w, v)
+        except LinkageError:
+            return math.nan, math.nan
+
+    def find(
+        self, guess: Array, turns: int = 1, fixed: Array = _TORQUE, tolerance: float = STATE
+    ) -> 'PeriodicMotion':
+        """Finds a periodic motion by Newton's method.
+
+        Args:
+            guess: Approximate phase of the motion.
+            turns: Number of turns after which the motion repeats.
+            fixed: Direction in which the phase is kept, in the units of a phase; by default, that
+                of the torque.
+            tolerance: Relative tolerance of the integration.
+
+        Returns:
+            The motion, with fewer turns if it repeats earlier.
+
+        Raises:
+            MotionError: No motion was found.
+        """
+        phase, units = guess, self.units[:, None]
+        for _ in range(_STEPS):
+            found = self.shoot(phase[:, None] + units * _MOVES, turns, tolerance)
+            *ends, times = found.y.reshape(5, 9, turns)
+            rows = np.array(ends) / units[..., None]
+            derivative = (rows[:3, 1:5, -1] - rows[:3, 5:, -1]) / (2 * _DIFFERENCE)
+            moved = rows[:, 0] - phase[:, None] / units
+            matrix = np.vstack((derivative - np.eye(3, 4), fixed))
+            step = -np.linalg.solve(matrix, np.append(moved[:3, -1], 0.0))
+            if np.abs(step).max() < _LAST * tolerance:
+                earliest = int(np.argmax(np.abs(moved).max(axis=0) < SAME)) + 1
+                if earliest < turns:
+                    return self.find(phase, earliest, fixed, tolerance)
+                starts = np.hstack((phase[:, None], units * rows[:, 0, :-1]))
+                points = found.y_events[0][:, 0]
+                return PeriodicMotion(self, starts, derivative, times[0], points)
+            if not np.abs(step).max() < _LONGEST:
+                break
+            phase = phase + self.units * step
+        raise MotionError(
+            "Newton's method finds no periodic motion",
+            time=0.0, coordinates=(0.0, float(guess[0])),
+        )  # fmt: skip
+
+    def run(self, values: Array, duration: float, samples: Array | None = None) -> Any:
+        """Integrates a motion over time; the crank may also turn backwards.
+
+        Args:
+            values: Crank angle, slider position, and their rates.
+            duration: Duration, s.
+            samples: Times of the samples, s; None for one per step.
+
+        Returns:
+            The result of `solve_ivp`. `y_events` are the values where the sine of the crank angle
+            becomes positive. The motion ends early if the dyad is stretched.
+        """
+        evaluations, most = 0, _MOST * (1 + duration * self.units[1] / TURN)
+        self._at_rest = self.torque
+
+        def slopes(_: float, values: Array) -> tuple[float, ...]:
+            nonlocal evaluations
+            evaluations += 1
+            rates = self._accelerations(*values.tolist())
+            return (*values[2:], *rates) if evaluations < most else (math.nan,) * 4
+
+        def passage(_: float, values: Array) -> float:
+            return math.sin(values[0])
+
+        passage.direction = 1.0  # type: ignore[attr-defined]
+        with np.errstate(all='ignore'):
+            return solve_ivp(
+                slopes, (0.0, duration), values, 'DOP853', samples, False, passage,
+                first_step=_FIRST_STEP / self.units[1], rtol=ROUGH, atol=ROUGH,
+            )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class PeriodicMotion:
+    """A motion that repeats after one or more turns.
+
+    Attributes:
+        shooting: The map of the pump.
+        sections: Phase at the start of each turn, of shape (4, turns).
+        derivative: Derivative of slider position, crank speed and slider velocity after a period
+            with respect to the phase before it, in the units of a phase; of shape (3, 4).
+        times: Time at the end of each turn, s.
+        turning_points: Positions at which the slider reverses, in order, m.
+    """
+
+    shooting: Shooting
+    sections: Array
+    derivative: Array
+    times: Array
+    turning_points: Array
+
+    @property
+    def turns(self) -> int:
+        """Number of turns after which the motion repeats."""
+        return len(self.times)
+
+    @property
+    def phase(self) -> Array:
+        """Phase at crank angle 0."""
+        return self.sections[:, 0]
+
+    @property
+    def torque(self) -> float:
+        """Torque of the motor at rest, N m."""
+        return float(self.sections[3, 0])
+
+    @property
+    def speed(self) -> float:
+        """Mean crank speed over time, rad/s."""
+        return float(TURN * self.turns / self.times[-1])
+
+    @property
+    def speeds(self) -> list[float]:
+        """Mean crank speed over time in each turn, rad/s."""
+        return (TURN / np.diff(self.times, prepend=0.0)).tolist()
+
+    @property
+    def load(self) -> float:
+        """Mean torque on the crank over time, N m."""
+        return self.torque - self.shooting.damping * self.speed
+
+    @property
+    def stroke(self) -> float:
+        """Distance between the ends of the slider's motion, m."""
+        return float(np.ptp(self.turning_points))
+
+    @property
+    def flow(self) -> float:
+        """Forward travel of the slider per turn, times the speed, m/s (proportional to flow)."""
+        points = self.turning_points
+        forth = np.abs(points - np.roll(points, 1)).sum() / 2
+        return float(forth / self.turns * self.speed)
+
+    @functools.cached_property
+    def multipliers(self) -> tuple[complex, ...]:
+        """Floquet multipliers, the largest first: factors of small deviations over a period."""
+        values = np.linalg.eigvals(self.derivative[:, :3])
+        return tuple(values[np.lexsort((-values.imag, -np.abs(values)))].tolist())
+
+    @property
+    def stable(self) -> bool:
+        """Whether small deviations decay."""
+        return abs(self.multipliers[0]) < 1
+
+    @functools.cached_property
+    def _orbit(self) -> Any:
+        return self.shooting.shoot(self.phase[:, None], self.turns, dense=True).sol
+
+    def at(self, angles: Array) -> Array:
+        """Evaluates slider position, crank speed and slider velocity at crank angles, rad."""
+        return self._orbit(angles)[:3]
+
+    def states(self, angles: Array) -> State:
+        """Computes the motion of all links at crank angles within the period, rad."""
+        solver, (x, w, v) = self.shooting.solver, self.at(angles)
+        q, u = (angles, x), (w, v)
+        torque = self.torque - self.shooting.damping * w
+        return solver.state(q, u, solver.accelerations(q, u, torque))
+
+    def distance(self, phases: Array) -> Array:
+        """Computes the distances of phases at crank angle 0 from this motion, in their units.
+
+        Args:
+            phases: Slider positions, crank speeds and slider velocities, of shape (3, n).
+        """
+        away = (phases[:, :, None] - self.sections[:3, None]) / self.shooting.units[:3, None, None]
+        return np.abs(away).max(axis=0).min(axis=1)
+
+    def is_same(self, other: 'PeriodicMotion') -> bool:
+        """Returns whether another motion at the same torque is the same."""
+        return self.turns == other.turns and bool(self.distance(other.sections[:3]).max() < SAME)
+
+    @property
+    def name(self) -> str:
+        """Mean speed as text; also the number of turns if above 1, and 'unstable' if it is."""
+        turns = f', {self.turns} turns' if self.turns > 1 else ''
+        return f'{self.speed:.4g} rad/s{turns}{"" if self.stable else ", unstable"}'
+
+    @property
+    def numbers(self) -> dict[str, Any]:
+        """Main numbers of the motion, for JSON, in SI units."""
+        return {
+            'torque': self.torque,
+            'load': self.load,
+            'speed': self.speed,
+            'stroke': self.stroke,
+            'flow': self.flow,
+            'multipliers': [[value.real, value.imag] for value in self.multipliers],
+        }
+
+    def record(self) -> dict[str, Any]:
+        """Returns the motion as a JSON record, in SI units; period in turns."""
+        x, w, v, _ = self.phase.tolist()
+        return {
+            **self.numbers,
+            'stable': self.stable,
+            'period': self.turns,
+            'speeds': self.speeds,
+            'slider_lowest': float(self.turning_points.min()),
+            'slider_highest': float(self.turning_points.max()),
+            'at_crank_angle_0': {'slider_position': x, 'crank_speed': w, 'slider_velocity': v},
+        }
