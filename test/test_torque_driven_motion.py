@@ -23,6 +23,7 @@ from linkage_ros import (
     Frame,
     LoadCurve,
     MechanismError,
+    MotionError,
     Solver,
     UnreachableError,
 )
@@ -403,3 +404,18 @@ def test_errors_of_angle_and_speed_and_lost_turns_are_measured(cases):
     assert error(1e-3) == pytest.approx(1e-3)
     assert error(0.0, 1e-3 * length) == pytest.approx(1e-3)
     assert error(2 * math.pi) == pytest.approx(2 * math.pi)  # a lost turn is an error
+
+
+@pytest.mark.parametrize('integrate', [live_steps, record_steps])
+@pytest.mark.parametrize('link', ['rocker', 'slider'])
+def test_a_load_that_holds_the_linkage_at_rest_is_named(link, integrate):
+    """The load opposes the motion in both directions, like dry friction."""
+    mechanism = load('quadrilateral' if link == 'rocker' else 'slider_crank').mechanism
+    holds = LoadCurve(link, 'position', at=(0.0,), value=(-9.0,), return_value=(9.0,))
+    crank = replace(mechanism.crank, inertia=0.02)
+    mechanism = replace(mechanism, crank=crank, gravity=(0.0, 0.0), loads=(holds,))
+    drive = TorqueDrive(Motor(0.05), start_rpm=40.0)
+    motion = TorqueMotion(Solver(mechanism), drive, 0, 10_000_000, integrate)
+    with pytest.raises(MotionError, match='holds the linkage at rest') as raised:
+        motion.at(20_000_000_000)
+    assert raised.value.time > 0.1

@@ -236,6 +236,17 @@ class DrivenMechanism:
         system = np.vstack([np.eye(count, 2 * count, count), np.transpose(by_value)])
         return np.linalg.eigvals(system)
 
+    def _is_held(self, y: tuple[float, ...], i: int) -> bool:
+        """Returns whether a coordinate rests, and any motion of it would be stopped at once."""
+        place = len(y) // 2 + i
+        found = []
+        if abs(y[place]) <= _SLOW:
+            for rate in (_SLOW, -_SLOW):
+                with suppress(LinkageError):
+                    changed = self.accelerations(*y[:place], rate, *y[place + 1 :])[i]
+                    found.append(changed * rate)
+        return len(found) == 2 and max(found) < 0
+
     def fail(self, time: float, y: tuple[float, ...], cause: Exception | None) -> NoReturn:
         """Reports the end of a motion that cannot continue.
 
@@ -261,6 +272,12 @@ class DrivenMechanism:
             reason = (
                 f'{words}, and the motion can continue in more than one way; start more slowly or '
                 'at another position, or change torque, masses or lengths'
+            )
+        elif any(self._is_held(y, i) for i in range(half)):
+            reason = (
+                'a load that reverses with the direction of motion (value and return_value) holds '
+                'the linkage at rest, which the equations of motion do not describe; raise the '
+                'torque, or lower the load'
             )
         else:
             reason = (
