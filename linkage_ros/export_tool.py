@@ -20,7 +20,7 @@ from linkage_ros.parameters.configuration import Configuration, configure, read_
 from linkage_ros.parameters.presets import find_file, preset_names
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.wire.codecs import joint_rows
-from linkage_ros.wire.urdf import comment, element, link_of, make_urdf, text_of
+from linkage_ros.wire.urdf import comment, element, link_of, make_urdf, rgba, text_of
 
 _NAME = 'linkage_export'
 # MuJoCo raises the time constant of a constraint, the first number of solref, to at least twice
@@ -120,7 +120,7 @@ def _body(link: RigidLink, at: float) -> ET.Element:
         ),
         element(
             'geom', type='box', size=text_of(*(size / 2 for size in link.box)),
-            pos=text_of(*link.place), rgba=link.color, contype='0', conaffinity='0',
+            pos=text_of(*link.place), rgba=rgba(link), contype='0', conaffinity='0',
         ),
         name=link_of(link.name), pos=text_of(place.real, place.imag, 0.0),
         euler=text_of(0.0, 0.0, angle),

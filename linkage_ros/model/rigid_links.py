@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 
 from linkage_ros.model.parts import Body
 from linkage_ros.model.structure import Link, Mechanism
-from linkage_ros.palette import color_of, fractions
 
 # Simulators reject a moving link without mass or inertia, so such a link is given this fraction
 # of the linkage's total mass.
@@ -29,7 +28,6 @@ class RigidLink(NamedTuple):
             neither is.
         box: Length, width and height of the box, m.
         place: Centre of the box in the link's axes, m.
-        color: Red, green, blue and opacity, each from 0 to 1, separated by spaces.
     """
 
     joint: Link
@@ -40,7 +38,6 @@ class RigidLink(NamedTuple):
     note: str
     box: tuple[float, float, float]
     place: tuple[float, float, float]
-    color: str
 
 
 def rigid_links(mechanism: Mechanism, joint_prefix: str = '') -> list[RigidLink]:
@@ -70,13 +67,12 @@ def rigid_links(mechanism: Mechanism, joint_prefix: str = '') -> list[RigidLink]
         inertia = (turns and body.inertia) or max(box / 12, _LEAST)
         zeros = [word for word in ('mass', 'inertia') if getattr(body, word, 1.0) == 0]
         note = f' {" and ".join(zeros)} 0 in the parameters; simulators refuse 0, so small here '
-        color = ' '.join(f'{part:.3f}' for part in fractions(color_of(joint.name)))
         links.append(
             RigidLink(
                 joint, f'{joint_prefix}{joint.name}', mass, inertia,
                 body.center if turns else (0.0, 0.0), note if zeros else '',
                 (length, height, width),
-                (length / 2 if turns else 0.0, 0.0, layer * width), f'{color} 1',
+                (length / 2 if turns else 0.0, 0.0, layer * width),
             )
         )  # fmt: skip
     return links

@@ -9,6 +9,7 @@ from xml.etree import ElementTree as ET
 
 from linkage_ros.model.rigid_links import RigidLink, rigid_links
 from linkage_ros.model.structure import Link, Mechanism
+from linkage_ros.palette import color_of, fractions
 from linkage_ros.wire.codecs import ROOT_FRAME
 
 # URDF requires effort and velocity limits for a prismatic joint, which the model does not have.
@@ -85,6 +86,11 @@ def comment(link: RigidLink) -> list[Any]:
     return [ET.Comment(link.note)] if link.note else []
 
 
+def rgba(link: RigidLink) -> str:
+    """Returns red, green, blue and opacity of a link, each from 0 to 1."""
+    return ' '.join(f'{part:.3f}' for part in fractions(color_of(link.joint.name))) + ' 1'
+
+
 def _link(link: RigidLink) -> ET.Element:
     # The parameters define only izz; for a flat body, ixx + iyy = izz.
     half = repr(link.inertia / 2)
@@ -94,7 +100,7 @@ def _link(link: RigidLink) -> ET.Element:
             'visual',
             _origin(*link.place),
             element('geometry', element('box', size=text_of(*link.box))),
-            element('material', element('color', rgba=link.color), name=link.name),
+            element('material', element('color', rgba=rgba(link)), name=link.name),
         ),
         *comment(link),
         element(
