@@ -36,7 +36,7 @@ _PASSAGES, _NEAR, _INSIDE, _REPEATS = 6, 0.05, 0.3, 0.01
 _ASIDE, _SAMPLES = 0.01, 1500  # distance of starts from an unstable state; samples of a run
 # Reasons why starts settle in no listed state.
 STRETCHED, STOPPED, UNSETTLED = REASONS = (
-    'stretches or folds the dyad of coupler and rod',
+    'stretches or folds the dyad of coupler and rod, or its load jumps too often',
     'comes to rest, or rocks back and forth',
     'settles too slowly or in no motion that repeats after 1, 2 or 4 turns',
 )
@@ -351,7 +351,9 @@ class _Search:
             guess = np.append(passage, self.shooting.torque)
             motion = self.shooting.find(guess, turns, tolerance=ROUGH)
             if not self._known(motion):
-                self._add(self.shooting.find(motion.phase, motion.turns))
+                motion = self.shooting.find(motion.phase, motion.turns)
+            if not self._known(motion):
+                self._add(motion)
             return self._known(motion)
         return None
 

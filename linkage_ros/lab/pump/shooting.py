@@ -23,15 +23,16 @@ from linkage_ros import LinkageError, MotionError, Solver, State, WindPump
 from linkage_ros.numeric import Array
 
 TURN = 2 * math.pi
-# Relative tolerances of the integration: of states, along a curve, and of guesses.
-STATE, CURVE, ROUGH = 1e-10, 1e-7, 1e-6
+# Relative tolerances of the integration: of states, along a curve, of guesses, and over time.
+STATE, CURVE, ROUGH, _OVER_TIME = 1e-10, 1e-7, 1e-6, 1e-5
 _TORQUE = np.array((0.0, 0.0, 0.0, 1.0))  # the direction of M0
 _FIRST_STEP, _MOST = 0.1, 20_000  # rad; evaluations per turn, of which a jump needs up to 5 000
 _DIFFERENCE = 1e-5  # for derivatives by central differences, in the units of a phase
 _MOVES: Any = _DIFFERENCE * np.hstack((np.zeros((4, 1)), np.eye(4), -np.eye(4)))
-# Number of Newton steps; length of the longest, in the units of a phase; length of the last, in
-# tolerances.
-_STEPS, _LONGEST, _LAST = 8, 2.0, 10.0
+# Number of Newton steps, and length of the longest, in the units of a phase. The last step is
+# shorter than _LAST tolerances, or, as with loads that jump, below _NOISE tolerances and not much
+# shorter than the step before it.
+_STEPS, _LONGEST, _LAST, _NOISE = 8, 2.0, 10.0, 1e3
 _IN_LINE = 0.02  # smallest sine of the angle between coupler and rod
 SAME = 1e-4  # distance below which two phases count as equal, in the units of a phase
 
@@ -142,7 +143,7 @@ class Shooting:
         Raises:
             MotionError: No motion was found.
         """
-        phase, units = guess, self.units[:, None]
+        phase, units, size = guess, self.units[:, None], math.inf
         for _ in range(_STEPS):
             found = self.shoot(phase[:, None] + units * _MOVES, turns, tolerance)
             *ends, times = found.y.reshape(5, 9, turns)
@@ -151,14 +152,15 @@ class Shooting:
             moved = rows[:, 0] - phase[:, None] / units
             matrix = np.vstack((derivative - np.eye(3, 4), fixed))
             step = -np.linalg.solve(matrix, np.append(moved[:3, -1], 0.0))
-            if np.abs(step).max() < _LAST * tolerance:
+            before, size = size, float(np.abs(step).max())
+            if size < _LAST * tolerance or before / 2 < size < _NOISE * tolerance:
                 earliest = int(np.argmax(np.abs(moved).max(axis=0) < SAME)) + 1
                 if earliest < turns:
                     return self.find(phase, earliest, fixed, tolerance)
                 starts = np.hstack((phase[:, None], units * rows[:, 0, :-1]))
                 points = found.y_events[0][:, 0]
                 return PeriodicMotion(self, starts, derivative, times[0], points)
-            if not np.abs(step).max() < _LONGEST:
+            if not size < _LONGEST:
                 break
             phase = phase + self.units * step
         raise MotionError(
@@ -194,7 +196,8 @@ class Shooting:
         with np.errstate(all='ignore'):
             return solve_ivp(
                 slopes, (0.0, duration), values, 'DOP853', samples, False, passage,
-                first_step=_FIRST_STEP / self.units[1], rtol=ROUGH, atol=ROUGH,
+                first_step=_FIRST_STEP / self.units[1], rtol=_OVER_TIME,
+                atol=_OVER_TIME * np.array((1.0, *self.units[:3])),
             )  # fmt: skip
 
 
