@@ -4,7 +4,7 @@
 
 import functools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from fractions import Fraction
 from typing import Any, TypeAlias
@@ -21,28 +21,6 @@ Real: TypeAlias = Any
 Array: TypeAlias = npt.NDArray[np.float64]
 
 
-def by_element(function: Callable[..., float]) -> Callable[..., Real]:
-    """Extends a function of floats to arrays by calling it for each element.
-
-    Results for arrays are bit-identical to those for floats, which NumPy does not guarantee.
-    """
-
-    @functools.wraps(function)
-    def apply(*values: Real) -> Real:
-        arrays = [x for x in values if isinstance(x, np.ndarray)]
-        if not arrays:
-            return function(*values)
-        rows = np.broadcast_arrays(*values)
-        found = np.fromiter(map(function, *(row.ravel().tolist() for row in rows)), float)
-        return found.reshape(rows[0].shape).view(type(arrays[0]))
-
-    return apply
-
-
-largest = by_element(max)
-
-
-@by_element
 def exact_sum(*terms: float) -> float:
     """Returns the sum of the terms, rounded only once."""
     return math.fsum(terms)
@@ -78,7 +56,6 @@ def wrap(angle: Real, to_whole: Callable[[Real], Real] = round) -> Real:
     return (angle - turns * _TWO_PI[0]) - turns * _TWO_PI[1]
 
 
-@by_element
 def nearest_turns(angle: float) -> int:
     """Rounds an angle to the nearest whole number of turns, exactly.
 
@@ -138,7 +115,6 @@ def without_turns(angle: Real, first: float) -> Real:
     return (angle - turns * _SHORT_TWO_PI[0]) - turns * _SHORT_TWO_PI[1]
 
 
-@by_element
 def short_sum(longest: float, *terms: float) -> float:
     """Sums link lengths with a single rounding; a sum below 4 ulp of the longest becomes 0.
 
@@ -194,39 +170,55 @@ def require_finite(**named: Real) -> None:
             raise ConfigurationError(f'{words} = {bad}: must be a finite number')
 
 
-def real_numbers(**named: object) -> tuple[list[Real], tuple[int, ...]]:
+def real_numbers(
+    names: Sequence[str], values: Sequence[object]
+) -> tuple[list[Real], tuple[int, ...] | None]:
     """Converts arguments to floats or arrays of floats.
 
     Args:
-        **named: Numbers, arrays or nested sequences, by their names in error messages, with _ for
-            spaces.
+        names: Names of the values in error messages, with _ for spaces.
+        values: Numbers, arrays or nested sequences of numbers.
 
     Returns:
-        A float or an array of floats for each argument, and the shape to which they broadcast.
+        A float or an array of floats for each value, and the shape to which the arrays broadcast;
+        None if all values are single numbers.
 
     Raises:
         ConfigurationError: A value is not a real number, or the shapes do not broadcast.
     """
-    values = [float(x) if isinstance(x, float) else _real(name, x) for name, x in named.items()]
-    shapes = [np.shape(value) for value in values]
+    found = [*map(_number, names, values)]
+    shapes = {x.shape for x in found if type(x) is not float}
     try:
-        return values, np.broadcast_shapes(*shapes)
+        return found, np.broadcast_shapes(*shapes) if len(shapes) > 1 else next(iter(shapes), None)
     except ValueError:
         words = ', '.join(
-            f'{name.replace("_", " ")} {shape}'
-            for name, shape in zip(named, shapes, strict=True)
-            if shape
+            f'{name.replace("_", " ")} {np.shape(x)}'
+            for name, x in zip(names, found, strict=True)
+            if np.shape(x)
         )
         raise ConfigurationError(
             f'the shapes of {words} do not broadcast: give one shape for all, or single numbers'
         ) from None
 
 
-def _real(name: str, value: object) -> Real:
+_SINGLE = float, int, np.floating, np.integer
+
+
+def _number(name: str, value: object) -> Real:
+    """Converts a single number to a float, and an array or a nested sequence to an array.
+
+    Raises:
+        ConfigurationError: The value is not a real number, or is a masked array.
+    """
+    if type(value) is np.ndarray and value.dtype.char == 'd':
+        return value
     with suppress(TypeError, ValueError, OverflowError):
-        array = np.asarray(value)
-        if array.dtype.kind in 'iufO':  # not bool, complex or text
-            return array.astype(float, copy=False) if array.ndim else float(array)
+        if isinstance(value, _SINGLE) and not isinstance(value, bool):
+            return float(value)
+        array = np.asanyarray(value)
+        is_masked = isinstance(array, np.ma.MaskedArray)  # its mask would be lost
+        if array.dtype.kind in 'iufO' and not is_masked:  # not bool, complex or text
+            return np.asarray(array, dtype=np.float64) if array.ndim else float(array)
     raise ConfigurationError(
         f'{name.replace("_", " ")} = {shown(value)}: must be a finite number, or an array of them'
     )

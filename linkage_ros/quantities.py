@@ -7,10 +7,11 @@ declarations also define the ROS parameters, their descriptors, checks and error
 """
 
 import dataclasses
+import functools
 import math
 import re
 import typing
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import MISSING, dataclass
 from numbers import Real
 from typing import Any, NamedTuple, TypeVar
@@ -93,23 +94,26 @@ class Quantity:
             numbers = tuple(map(self._number, items))
             is_valid = None not in numbers and (self.kind == 'list' or len(numbers) == 2)
             return numbers if is_valid else None
-        is_valid = {
-            'whole': isinstance(value, int) and self._number(value) is not None,
-            'choice': isinstance(value, str) and value in self.choices,
-            'text': isinstance(value, str) and bool(re.fullmatch(self.pattern or _ANY, value)),
-            'switch': isinstance(value, bool),
-        }[self.kind]
+        if self.kind == 'switch':
+            is_valid = isinstance(value, bool)
+        elif self.kind == 'whole':
+            is_valid = isinstance(value, int) and self._number(value) is not None
+        elif self.kind == 'choice':
+            is_valid = isinstance(value, str) and value in self.choices
+        else:
+            is_valid = isinstance(value, str) and bool(re.fullmatch(self.pattern or _ANY, value))
         return value if is_valid else None
 
     def _number(self, value: object) -> float | None:
-        if isinstance(value, bool) or not isinstance(value, Real):
-            return None
-        try:
-            number = float(value)
-        except OverflowError:  # 10**400
-            return None
+        if not isinstance(value, float):
+            if isinstance(value, bool) or not isinstance(value, Real):
+                return None
+            try:
+                value = float(value)
+            except OverflowError:  # 10**400
+                return None
         # Adding 0.0 converts -0.0 to 0.0, so that equal settings give equal bytes.
-        return number + 0.0 if self.low <= number <= self.high else None
+        return float(value) + 0.0 if self.low <= value <= self.high else None
 
 
 def shown(value: object) -> str:
@@ -162,13 +166,18 @@ class _Held(NamedTuple):
     is_group: bool
 
 
-def _parts(cls: Any) -> Iterator[tuple[dataclasses.Field[Any], Quantity | _Held]]:
-    """Yields each field of a dataclass with its `Quantity` or its valid objects."""
+def _read_parts(cls: Any) -> tuple[tuple[dataclasses.Field[Any], Quantity | _Held], ...]:
+    """Returns each field of a dataclass with its `Quantity` or its valid objects."""
     hints = typing.get_type_hints(cls)
+    found = []
     for field in dataclasses.fields(cls):
         kind = hints[field.name]
         held = _Held({field.name: kind}, kind, is_group=False)
-        yield field, field.metadata.get('quantity', held)
+        found.append((field, field.metadata.get('quantity', held)))
+    return tuple(found)
+
+
+_parts: Callable[[Any], Any] = functools.cache(_read_parts)  # type hints are slow to resolve
 
 
 class Checked:

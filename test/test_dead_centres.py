@@ -13,7 +13,8 @@ from mechanisms import LIMITED, of, wind_pump
 from ros_harness import logged, report_of, verified
 
 from linkage_ros import Solver
-from linkage_ros.dynamics import program, tape
+from linkage_ros.dynamics import program
+from linkage_ros.dynamics.tracer import Tape
 from linkage_ros.errors import LinkageError, MotionError
 from linkage_ros.lab.methods.integrators import Multipliers
 from linkage_ros.lab.reference.motions import InitialValueProblem
@@ -190,11 +191,13 @@ def test_wrong_coordinates_in_a_segment_are_detected(forged, words, tmp_path, mo
 
 def test_live_run_compiles_the_programs_of_its_dead_centres_in_advance(monkeypatch):
     """Compiling during the run would delay hundreds of ticks."""
-    tape._known.clear()  # as in a new process
+    program._known.clear()  # as in a new process
     simulator = Simulator(configuration(of((2.03, 1.5, 1.2, 2.2), 0.31)))
     simulator.prepare_live()
-    motion, compiled, write = simulator.begin(0), [], program.Writer.text
-    monkeypatch.setattr(program.Writer, 'text', lambda one: compiled.append(one) or write(one))
+    motion, compiled, compile_ = simulator.begin(0), [], Tape._compiled
+    monkeypatch.setattr(
+        Tape, '_compiled', lambda tape, *given: compiled.append(given) or compile_(tape, *given)
+    )
     described = set()
     for tick in range(300):
         simulator.snapshot_at(motion, tick * 10 * NS_PER_MS)

@@ -310,6 +310,13 @@ def test_links_pictures_and_named_files_exist(page):
             assert (ROOT / name).exists() or (ROOT / 'linkage_ros' / name).exists(), name
 
 
+def test_tracer_page_shows_what_its_example_prints(capsys):
+    example, tape, program, result, _ = blocks(read('docs/tracer.md'))
+    exec(compile(example, 'docs/tracer.md', 'exec'), {})
+    printed = re.sub(r' +$', '', capsys.readouterr().out, flags=re.MULTILINE)
+    assert printed == f'{tape}\n{program}\n\n{result}\n'
+
+
 # ---------------------------------------------------------------- README
 
 

@@ -36,14 +36,3 @@ def test_ruff_sees_every_file():
     """A folder may have the name of one that builds leave behind."""
     seen = finished([sys.executable, '-m', 'ruff', 'check', '--show-files'], cwd=ROOT).stdout
     assert {str(path) for path in PACKAGE_FILES} <= set(seen.splitlines())
-
-
-def statements(path):
-    nodes = list(ast.walk(ast.parse(path.read_text())))
-    docstrings = [ast.get_docstring(node) for node in nodes if isinstance(node, DOCUMENTED)]
-    return sum(isinstance(node, ast.stmt) for node in nodes) - sum(map(bool, docstrings))
-
-
-def test_files_are_short():
-    found = {path.name: statements(path) for path in PACKAGE_FILES}
-    assert {name: number for name, number in found.items() if number > 200} == {}

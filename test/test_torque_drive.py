@@ -13,7 +13,8 @@ from ros_harness import decoded, logged, report_of, verified
 from test_playback import Clock
 
 from linkage_ros import ConfigurationError, LogError, MotionError, Solver
-from linkage_ros.dynamics import program, tape
+from linkage_ros.dynamics import program
+from linkage_ros.dynamics.tracer import Tape
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.motion.drives import Motor, TorqueDrive
 from linkage_ros.motion.integrators import AdaptiveSteps
@@ -211,10 +212,10 @@ def test_a_live_run_refuses_commands_that_expire_within_a_tick(rate, timeout):
 
 
 def test_the_first_tick_of_a_live_run_compiles_nothing(monkeypatch):
-    tape._known.clear()  # as in a new process
+    program._known.clear()  # as in a new process
     simulator = Simulator(STEEP)
     simulator.prepare_live()
-    monkeypatch.delattr(program, '_compile')
+    monkeypatch.delattr(Tape, '_compiled')
     assert simulator.begin(START).at(START + NS_PER_MS).u[0] == pytest.approx(5 * math.pi)
 
 

@@ -6,8 +6,7 @@ import numpy as np
 from contract import Peer
 
 from linkage_ros import Solver
-from linkage_ros.dynamics.program import Program
-from linkage_ros.dynamics.tape import Constants
+from linkage_ros.dynamics.program import Constants, Program
 
 
 def pose(loop, crank):
@@ -29,7 +28,7 @@ class Adapter(Peer):
     def __init__(self, mechanism, speed, first):
         super().__init__(mechanism, speed, first)
         self.state = Solver(mechanism).state
-        self.pose = Program(pose, Constants(mechanism.loop()), ('crank',)).scalar
+        self.pose = Program(pose, Constants(mechanism.loop()), ('crank',)).floats
 
     def torque(self, angles):
         state, speed = self.state, self.speed

@@ -6,53 +6,49 @@ The extra `fast` installs Numba. It is imported only for a `Solver` with `compil
 call of each program takes about a second.
 """
 
-import ast
 import functools
 import math
-import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
 
+from linkage_ros.dynamics.nested import leaves
 from linkage_ros.dynamics.program import Program
-from linkage_ros.dynamics.tape import leaves, transformed
-from linkage_ros.errors import ConfigurationError, missing_library
+from linkage_ros.dynamics.tracer import Tape
+from linkage_ros.errors import ConfigurationError, import_failure
+from linkage_ros.numeric import Real
 
 
-def compiled_arrays(program: Program, *values: Any) -> Any:
-    """Runs a program on arrays, in machine code.
+class CompiledProgram(Program):
+    """A program that evaluates arrays in machine code.
 
-    Args:
-        program: The program to run. A program that calls Python functions, such as tables, runs
-            without Numba.
-        *values: Arrays and floats that broadcast.
-
-    Returns:
-        The result as arrays. It equals that of the scalar program, except for the last digits of
-        functions such as the sine.
-
-    Raises:
-        ConfigurationError: Numba is not installed.
-        LinkageError: The program rejects some values; the error describes the first of them.
+    The results equal those for floats, except for the last digits of functions such as the sine.
     """
-    if any(line.operation == 'call' for line in program.tape.lines):
-        return program.arrays(*values)
-    rows = np.broadcast_arrays(*values)
-    given = np.array([row.ravel() for row in rows], dtype=np.float64)
-    tree = program.tape.result
-    found = np.empty((len(leaves(tree)), given.shape[1]))
-    constants = (x if isinstance(x, float) else math.nan for x in program.constants.numbers)
-    refused = _loop(program.source)(*constants, given, found)
-    if refused >= 0 and given.size:
-        program.scalar(*given[:, refused].tolist())
-    filled = iter(found)
-    return transformed(lambda _: next(filled).reshape(rows[0].shape), tree)
+
+    def arrays(
+        self, rows: Iterable[Real], shape: tuple[int, ...], *, by_math: bool = False
+    ) -> Any:
+        """See `Program.arrays`. A program that calls Python functions runs without Numba.
+
+        Raises:
+            ConfigurationError: Numba is not installed.
+            LinkageError: The program rejects some values; the error describes the first of them.
+        """
+        if by_math or self.tape.calls_functions:
+            return super().arrays(rows, shape, by_math=by_math)
+        given = np.array([np.broadcast_to(row, shape).ravel() for row in rows])
+        found = np.empty((len(leaves(self.tape.result)), given.shape[1]))
+        constants = (x if isinstance(x, float) else math.nan for x in self.constants.numbers)
+        refused = _loop(self.tape)(*constants, given, found)
+        if refused >= 0 and given.size:
+            self.floats(*given[:, refused].tolist())
+        return self.tape.shaped(*found.reshape(len(found), *shape))
 
 
 @functools.cache
-def _loop(source: str) -> Callable[..., int]:
-    """Compiles the source of a scalar program as a loop over columns.
+def _loop(tape: Tape) -> Callable[..., int]:
+    """Compiles a program as a loop over columns.
 
     The parameters of the loop are the constants, an array with a row per argument, and an array
     to fill with a row per result. It returns the index of the first column rejected by a guard,
@@ -63,35 +59,19 @@ def _loop(source: str) -> Callable[..., int]:
     """
     try:
         import numba
-    except ImportError:
-        raise ConfigurationError(missing_library('numba')) from None
-    functions: Any = ast.parse(source).body
-    bind, body = functions
-    *before, _ = bind.body
-    *statements, result = body.body
+    except ImportError as error:
+        raise ConfigurationError(import_failure(error)) from None
+    source = tape.source('if not {0}: return i')
     lines = [
-        *(_statement_source('0', x) for x in before),
+        f'def loop({", ".join([*source.constants, "given", "found"])}):',
+        'i = 0',
+        *source.before,
         'for i in range(given.shape[1]):',
-        *(f'    {name.arg} = given[{n}, i]' for n, name in enumerate(body.args.args)),
-        *(f'    {_statement_source("i", x)}' for x in statements),
-        *(f'    found[{n}, i] = {text}' for n, text in enumerate(_number_sources(result.value))),
+        *(f'    {name} = given[{n}, i]' for n, name in enumerate(source.inputs)),
+        *(f'    {statement}' for statement in source.within),
+        *(f'    found[{n}, i] = {text}' for n, text in enumerate(leaves(source.result))),
         'return -1',
     ]
-    head = f'def loop({ast.unparse(bind.args)}, given, found):'
-    space = vars(math) | {}
-    exec('\n    '.join([head, *lines]), space)  # noqa: S102
+    space = vars(math) | {'rint': round}
+    exec('\n    '.join(lines), space)  # noqa: S102
     return numba.njit(space['loop'], error_model='numpy')  # type: ignore[no-any-return]
-
-
-def _statement_source(column: str, statement: ast.stmt) -> str:
-    """Returns the source of a statement; a guard becomes a return of the rejected column."""
-    return re.sub(r'\n +.*', f' return {column}', ast.unparse(statement))
-
-
-def _number_sources(tree: ast.expr) -> list[str]:
-    """Returns the source of each number in a nested result."""
-    if isinstance(tree, ast.Call) and isinstance(tree.args[0], ast.Tuple):  # a named tuple
-        tree = tree.args[0]
-    if isinstance(tree, ast.Tuple):
-        return [text for part in tree.elts for text in _number_sources(part)]
-    return [ast.unparse(tree)]

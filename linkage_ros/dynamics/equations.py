@@ -212,7 +212,7 @@ def balance(
     forces = [model.inertia(j) * change for j, change in enumerate(changes)]
     for load in model.all_loads():
         for j, force in load.forces(pose.links, rates).items():
-            forces[j] -= force
+            forces[j] = forces[j] - force  # -= would modify an array
     for j, k in itertools.combinations(range(len(forces)), 2):
         a, b = model.coupled(pose, j, k)
         forces[j] = forces[j] + a * changes[k] - b * (rates[k] * rates[k])
@@ -252,6 +252,18 @@ def state(model: Model, q: Sequence[Real], u: Sequence[Real], a: Sequence[Real] 
     return State(positions, tuple(rates), tuple(changes), torque)
 
 
+def torque(
+    model: Model, q: Sequence[Real], u: Sequence[Real], a: Sequence[Real] = ()
+) -> tuple[Real]:
+    """Computes the driving torque alone; if `a` is empty, for q'' = 0."""
+    require(is_finite(*q), model.refuse, *q, *u, *a)
+    loop = getattr(model.loop, 'plain', None) or model.loop
+    pose = loop.pose(tuple(q))
+    found, *_ = balance(model, pose, velocities(pose, u), accelerations(pose, u, a))
+    require(is_finite(found, *u, *a), model.refuse, *q, *u, *a)
+    return (found,)
+
+
 def forward(model: Model, q: Sequence[Real], u: Sequence[Real], torque: Real) -> tuple[Real, ...]:
     """Solves M q'' + h - Q = torque for q'', given the torque on the crank."""
     require(is_finite(*q), model.refuse_torque, *q, *u, torque)
@@ -265,12 +277,6 @@ def forward(model: Model, q: Sequence[Real], u: Sequence[Real], torque: Real) ->
     require(inertia > 0, model.massless)
     found = solved(matrix, driven, inertia)
     require(is_finite(*found, *u, torque), model.refuse_torque, *q, *u, torque)
-    return found
-
-
-def acceleration(model: Model, q: Sequence[Real], u: Sequence[Real], torque: Real) -> Real:
-    """Computes the acceleration of a single coordinate under a torque on the crank."""
-    (found,) = forward(model, q, u, torque)
     return found
 
 

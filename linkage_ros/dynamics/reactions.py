@@ -136,7 +136,7 @@ class _Balance:
             center, _, acceleration = body.center.follow(self._directions, rates, changes)
             self._centers.append(center)
             self._known[j].append((center, (model.gravity - acceleration) * body.mass))
-            self._couples[j] -= body.inertia * change
+            self._couples[j] = self._couples[j] - body.inertia * change
         for load in model.loads:
             for j, force in load.forces(pose.links, rates).items():
                 self._add_load(j, j, force)
@@ -149,7 +149,7 @@ class _Balance:
         if self._links[j].slides:
             self._known[body].append((self._centers[j], self._directions[j] * force))
         else:
-            self._couples[body] += force
+            self._couples[body] = self._couples[body] + force
 
     def force(self, j: int) -> Vector:
         """Returns the force, N, that is missing from the force balance of body j."""
@@ -325,7 +325,7 @@ def _caused_loads(
     for contact, size in zip(contacts, sizes, strict=True):
         row = inner if len(contact.levers) > 1 else outer
         for j, lever in contact.levers.items():
-            row[j] += lever * (share * size)
+            row[j] = row[j] + lever * (share * size)
     return FoundLoad(tuple(inner), tuple(outer))
 
 

@@ -4,7 +4,7 @@
 
 The driving torque of a state comes from `equations.state`: the pose of the mechanism's `loop()`
 gives positions, rates and accelerations of the links, from which `equations.balance` computes the
-torque. `program.py` compiles such a formula once for all mechanisms of one structure; the solver
+torque. `tracer.py` compiles such a formula once for all mechanisms of one structure; the solver
 binds it to the numbers of its mechanism.
 """
 
@@ -16,9 +16,10 @@ from typing import Any, NoReturn, cast
 import numpy as np
 
 from linkage_ros.dynamics import equations
-from linkage_ros.dynamics.compiled import compiled_arrays
+from linkage_ros.dynamics.compiled import CompiledProgram
 from linkage_ros.dynamics.equations import DyadSine, Model
-from linkage_ros.dynamics.program import Program
+from linkage_ros.dynamics.nested import leaves
+from linkage_ros.dynamics.program import Constants, Program
 from linkage_ros.dynamics.reactions import (
     Reactions,
     Round,
@@ -26,7 +27,7 @@ from linkage_ros.dynamics.reactions import (
     reactions,
     search_names,
 )
-from linkage_ros.dynamics.tape import Constants, leaves
+from linkage_ros.dynamics.tracer import Tape
 from linkage_ros.errors import ConfigurationError, MechanismError, UnreachableError
 from linkage_ros.formulas import ZERO, Opaque, Vector
 from linkage_ros.model.kinematics import LinkPose, PointMotion, Reach, State
@@ -40,20 +41,6 @@ _ROUNDS = 1000
 _IN_LINE = (
     'all links are in line: the joint forces are infinite at a change point; choose another angle'
 )
-# First lines of programs that accept floats directly, for mechanisms with one coordinate.
-_HEADS = {
-    'state': (
-        'def state(q, u=0.0, a=0.0, by_math=False):',
-        'if (q.__class__ is not float or u.__class__ is not float',
-        '    or a.__class__ is not float): return otherwise(q, u, a, by_math=by_math)',
-        'if a: return accelerated.scalar(q, u, a)',
-    ),
-    'accelerations': (
-        'def accelerations(q, u, torque, by_math=False):',
-        'if (q.__class__ is not float or u.__class__ is not float',
-        '    or torque.__class__ is not float): return otherwise(q, u, torque, by_math=by_math)',
-    ),
-}
 
 
 class Solver:
@@ -78,6 +65,7 @@ class Solver:
         self,
         mechanism: Mechanism,
         *,
+        traced: bool = True,
         compiled: bool = False,
         description: Description | None = None,
     ) -> None:
@@ -85,6 +73,8 @@ class Solver:
 
         Args:
             mechanism: The mechanism to solve.
+            traced: Whether to turn formulas into programs. Otherwise, the formulas themselves run,
+                with the same results, so that a debugger can stop in them.
             compiled: Whether Numba compiles the programs for arrays to machine code.
             description: Coordinates and assembly; by default, the mechanism's own. A solver in
                 other coordinates supports only `driven_state`, `driven_by` and `dyad_sines`; the
@@ -96,7 +86,8 @@ class Solver:
         """
         if not isinstance(mechanism, Mechanism):
             raise MechanismError(f'{shown(mechanism)}: must be a mechanism, such as a FourBar')
-        self.mechanism, structure, self._compiled = mechanism, mechanism.structure(), compiled
+        self.mechanism, structure = mechanism, mechanism.structure()
+        self._traced, self._compiled = traced, compiled
         self.description = description or mechanism.description
         self.coordinates = self.description.coordinates
         if self.coordinates != mechanism.coordinates:
@@ -107,6 +98,7 @@ class Solver:
         slides = {link.name: link.slides for link in structure.links}
         self.links = tuple(slides)
         self._moving = [self.links.index(name) for name in self.coordinates]
+        self._count = len(self._moving)
         self.names: dict[str, Any] = {
             'q': tuple(f'{x}_{"position" if slides[x] else "angle"}' for x in self.coordinates),
             'u': tuple(f'{x}_speed' for x in self.coordinates),
@@ -126,27 +118,16 @@ class Solver:
         if self.model.joint_loads:
             self.names['search'] = search_names(self._constants.tree)
         self._programs: dict[tuple[Any, ...], Program] = {}
-        if len(self.coordinates) == 1 and not self.model.joint_loads:
-            self._shorten(self.state, equations.state, 'q', 'u')
-            self._shorten(self.accelerations, equations.acceleration, 'q', 'u', 'torque')
-
-    def _shorten(self, method: Any, formula: Callable[..., Any], *letters: str) -> None:
-        """Replaces a method of this solver with one that passes floats directly to the program."""
-        name = method.__name__
-
-        def first(*given: Any, **named: Any) -> Any:
-            if vars(self)[name] is first:
-                (q,), (u,), *_ = self.names.values()
-                head = *_HEADS[name], f'{q}, {u} = q, u'
-                vars(self)[name] = self.program(formula, *letters).entry(
-                    *head, otherwise=method, accelerated=self.program(formula, 'q', 'u', 'a')
-                )
-            return vars(self)[name](*given, **named)
-
-        vars(self)[name] = first
+        # Whether floats can be passed to the programs as they are.
+        self._takes_floats = len(self.coordinates) == 1 and not self.model.joint_loads
 
     def __reduce__(self) -> tuple[Any, tuple[Mechanism]]:
-        make = functools.partial(type(self), compiled=self._compiled, description=self.description)
+        make = functools.partial(
+            type(self),
+            traced=self._traced,
+            compiled=self._compiled,
+            description=self.description,
+        )
         return make, (self.mechanism,)
 
     @functools.cached_property
@@ -158,8 +139,12 @@ class Solver:
         key = formula, letters
         if key not in self._programs:
             arguments = tuple(self.names[letter] for letter in letters)
-            self._programs[key] = Program(formula, self._constants, arguments)
+            self._programs[key] = self._bound(formula, self._constants, arguments)
         return self._programs[key]
+
+    def _bound(self, formula: Callable[..., Any], constants: Constants, names: Any) -> Program:
+        kind = CompiledProgram if self._compiled else Program
+        return kind(formula, constants, names, traced=self._traced)
 
     @functools.cached_property
     def mobility(self) -> Reach | None:
@@ -181,11 +166,16 @@ class Solver:
         return self.mobility
 
     @property
+    def tape(self) -> Tape:
+        """The operations of the program of `state`; with friction, of one iteration."""
+        if self.model.joint_loads:
+            return self.program(joint_load_round, *_ROUND).tape
+        return self._accelerated.tape
+
+    @property
     def source(self) -> str:
         """The Python source of the program of `state`; with friction, of one iteration."""
-        if self.model.joint_loads:
-            return self.program(joint_load_round, *_ROUND).source
-        return self.program(equations.state, 'q', 'u', 'a').source
+        return self.tape.text
 
     def state(self, q: Any, u: Any = 0.0, a: Any = 0.0, *, by_math: bool = False) -> State:
         """Computes positions, rates and accelerations of all links, and the driving torque.
@@ -207,12 +197,57 @@ class Solver:
                 that the rates are infinite.
             ConfigurationError: A value is not a finite number, or the torque overflows.
         """
+        if self._takes_floats and type(q) is type(u) is type(a) is float:
+            found = self._accelerated.floats(q, u, a) if a else self._steady.floats(q, u)
+        elif self.model.joint_loads:
+            found = self._settle(q, u, a, by_math=by_math).state
+        else:
+            motion = *self._row('q', q), *self._row('u', u)
+            if type(a) is float and not a:
+                found = self._steady(*motion, by_math=by_math)
+            else:
+                found = self._accelerated(*motion, *self._row('a', a), by_math=by_math)
+        return cast('State', found)
+
+    def torque(self, q: Any, u: Any = 0.0, a: Any = 0.0, *, by_math: bool = False) -> Real:
+        """Computes the driving torque alone, which costs less than the state.
+
+        Args:
+            q: Coordinates, rad and m, as for `state`.
+            u: Rates of the coordinates, rad/s and m/s.
+            a: Accelerations of the coordinates, rad/s^2 and m/s^2.
+            by_math: See `state`.
+
+        Returns:
+            The torque on the crank, N m, positive counter-clockwise. Far from change points, its
+            last digits may differ from those of `state`, since the positions are computed by
+            another formula (`linkage_ros.model.plain`).
+
+        Raises:
+            LinkageError: As for `state`.
+        """
+        if self._takes_floats and type(q) is type(u) is type(a) is float:
+            return self._torque.floats(q, u, a)[0]
         if self.model.joint_loads:
-            return self._settle(q, u, a, by_math=by_math).state
-        given = {'q': q, 'u': u, 'a': a}
-        if all(type(change) is float and not change for change in self._row('a', a)):
-            del given['a']
-        return cast('State', self._run(equations.state, by_math=by_math, **given))
+            return self._settle(q, u, a, by_math=by_math).state.torque
+        motion = *self._row('q', q), *self._row('u', u), *self._row('a', a)
+        return self._torque(*motion, by_math=by_math)[0]
+
+    @functools.cached_property
+    def _torque(self) -> Program:
+        return self.program(equations.torque, 'q', 'u', 'a')
+
+    @functools.cached_property
+    def _steady(self) -> Program:
+        return self.program(equations.state, 'q', 'u')
+
+    @functools.cached_property
+    def _accelerated(self) -> Program:
+        return self.program(equations.state, 'q', 'u', 'a')
+
+    @functools.cached_property
+    def _forward(self) -> Program:
+        return self.program(equations.forward, 'q', 'u', 'torque')
 
     def accelerations(self, q: Any, u: Any, torque: Any, *, by_math: bool = False) -> Any:
         """Solves M q'' + h - Q = torque for the accelerations q'' under a given torque.
@@ -233,12 +268,15 @@ class Solver:
             ConfigurationError: A value is not a finite number, or an acceleration overflows.
             MechanismError: A moving coordinate has no mass.
         """
+        if self._takes_floats and type(q) is type(u) is type(torque) is float:
+            return self._forward.floats(q, u, torque)[0]
         if self.model.joint_loads:
             raise MechanismError(
                 'dry friction under a given torque has no unique acceleration at rest: leave '
                 'friction out where the torque is given, or give the speed'
             )
-        found = self._run(equations.forward, q=q, u=u, torque=torque, by_math=by_math)
+        given = (*self._row('q', q), *self._row('u', u), torque)
+        found = self._forward(*given, by_math=by_math)
         return found if len(self.coordinates) > 1 or isinstance(q, tuple) else found[0]
 
     def driven_state(self, q: Any, u: Any, torque: Any, *, by_math: bool = False) -> State:
@@ -271,7 +309,7 @@ class Solver:
         """
         arguments = self.names['q'], self.names['u']
         constants = Constants((self.model, Opaque(torque)))
-        return Program(equations.driven, constants, arguments).scalar
+        return self._bound(equations.driven, constants, arguments).floats
 
     def dyad_sines(self, y: Sequence[float]) -> tuple[DyadSine, ...]:
         """Computes the sine of the angle between the two links of each dyad.
@@ -286,7 +324,7 @@ class Solver:
             LinkageError: As for `state`.
         """
         program = self.program(equations.dyad_sines, 'q', 'u')
-        return cast('tuple[DyadSine, ...]', program.scalar(*y))
+        return cast('tuple[DyadSine, ...]', program.floats(*y))
 
     def energy(self, q: Any, u: Any) -> tuple[Real, Real]:
         """Computes the mechanical energy of the mechanism.
@@ -340,8 +378,8 @@ class Solver:
         names = tuple(tuple(f'{link}_{word}' for link in self.links) for word in words)
         row = [value for values in self._rows(state) for value in values]
         constants = points[name], _refusal(*sum(names, ()))
-        program = Program(equations.point_motion, Constants(constants), names)
-        return cast('PointMotion', self._run_program(program, *row, by_math=by_math))
+        program = self._bound(equations.point_motion, Constants(constants), names)
+        return cast('PointMotion', program(*row, by_math=by_math))
 
     def reactions(self, state: State) -> Reactions:
         """Computes the forces in the joints, the shaking force and the shaking moment.
@@ -430,17 +468,7 @@ class Solver:
             The result of the formula, with arrays if an argument is an array.
         """
         values = [x for letter, row in given.items() for x in self._row(letter, row)]
-        return self._run_program(self.program(formula, *given), *values, by_math=by_math)
-
-    def _run_program(self, program: Program, *given: Any, by_math: bool = False) -> Any:
-        if all(type(value) is float for value in given):
-            return program.scalar(*given)
-        values, shape = real_numbers(**dict(zip(program.names, given, strict=True)))
-        if not shape:
-            return program.scalar(*values)
-        if self._compiled and not by_math:
-            return compiled_arrays(program, *values)
-        return program.arrays(*values, by_math=by_math)
+        return self.program(formula, *given)(*values, by_math=by_math)
 
     def _settle(self, q: Any, u: Any, a: Any, *, by_math: bool = False) -> Round:
         """Iterates until the joint forces and the loads caused by them are consistent.
@@ -454,12 +482,12 @@ class Solver:
         """
         program = self.program(joint_load_round, *_ROUND)
         given = (*self._row('q', q), *self._row('u', u), *self._row('a', a))
-        motion, shape = real_numbers(**dict(zip(program.names, given, strict=False)))
+        motion, shape = real_numbers(program.names[: len(given)], given)
         search: list[Real] = [1.0, 0.0, math.inf, *[0.0] * (len(program.names) - len(given) - 3)]
-        if shape:  # arrays from the start, so that all rounds use one program
+        if shape is not None:  # arrays from the start, so that all rounds use one program
             search = [np.full(shape, value) for value in search]
         for _ in range(_ROUNDS):
-            found = cast('Round', self._run_program(program, *motion, *search, by_math=by_math))
+            found = cast('Round', program(*motion, *search, by_math=by_math))
             if not np.any(found.left) or np.any(np.less(found.left, 0)):
                 break
             search = leaves(found.search)
@@ -478,9 +506,12 @@ class Solver:
         Raises:
             ConfigurationError: The number of values is wrong.
         """
-        count = len(self._moving)
-        if letter == 'torque' or (count == 1 and not isinstance(row, tuple)):
-            return (row,)
+        count = self._count
+        if type(row) is not tuple:
+            if count == 1 or letter == 'torque':
+                return (row,)
+        elif len(row) == count:
+            return row
         if letter != 'q' and type(row) is float and not row:
             return (row,) * count  # the default: at rest
         found = row if isinstance(row, (tuple, list)) or np.ndim(row) else ()

@@ -135,9 +135,9 @@ def assemblies(mechanism: FourBar | SliderCrank, crank: float) -> tuple[tuple[fl
     Raises:
         ConfigurationError: The crank angle is not a single finite number.
     """
-    if np.shape(crank):
+    (crank,), shape = real_numbers(['crank angle'], [crank])
+    if shape is not None:
         raise ConfigurationError(f'crank angle = {shown(crank)}: give one number')
-    (crank,), _ = real_numbers(crank_angle=crank)
     require_finite(crank_angle=crank)
     solvers = [Solver(replace(mechanism, assembly=name)) for name in (OPEN, CROSSED)]
     reach, (within, _) = solvers[0].reach, within_two_turns(crank)

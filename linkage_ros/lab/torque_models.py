@@ -6,7 +6,6 @@ A term is omitted by setting its parameters to 0. Reduced models replace the cou
 masses, or the torque by a series or a table.
 """
 
-import ast
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import replace
@@ -15,9 +14,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from linkage_ros import Body, Solver
-from linkage_ros.dynamics.equations import Model, accelerations, balance, velocities
-from linkage_ros.dynamics.program import Program
-from linkage_ros.dynamics.tape import Constants
+from linkage_ros.dynamics.equations import Model, torque, velocities
+from linkage_ros.dynamics.program import Constants, Program
+from linkage_ros.dynamics.tracer import Tape
 from linkage_ros.formulas import ZERO, Opaque, Vector, total
 from linkage_ros.model.parts import LOADS
 from linkage_ros.model.structure import Mechanism
@@ -44,7 +43,6 @@ TERMS: dict[str, tuple[str, ...]] = {
     'slider.stiffness': ('slider.stiffness', 'slider.rest_position'),
     **{kind.group: (kind.group,) for kind in LOADS if kind.group},
 }
-_COUNTED = ast.BinOp | ast.UnaryOp | ast.Compare | ast.Call | ast.IfExp
 
 
 def terms(mechanism: Mechanism) -> dict[str, dict[str, int]]:
@@ -117,11 +115,11 @@ class TorqueProgram(NamedTuple):
     Attributes:
         scalar: Function of the crank angle, rad, and the constant speed, rad/s, that returns the
             torque, N m, in a tuple.
-        source: Python source of the program; with friction, the source of one iteration.
+        tape: Operations of the program; with friction, those of one iteration.
     """
 
     scalar: Callable[[float, float], tuple[Any]]
-    source: str
+    tape: Tape
 
     def torques(self, angles: Array, speed: float) -> Array:
         """Computes the torque, N m, at each crank angle, rad, for a constant speed, rad/s."""
@@ -130,7 +128,7 @@ class TorqueProgram(NamedTuple):
 
 def _program(formula: Callable[..., Any], constants: Any) -> TorqueProgram:
     program = Program(formula, Constants(constants), ('angle', 'speed'))
-    return TorqueProgram(program.scalar, program.source)
+    return TorqueProgram(program.floats, program.tape)
 
 
 def torque_program(mechanism: Mechanism, *, static: bool = False) -> TorqueProgram:
@@ -148,16 +146,13 @@ def torque_program(mechanism: Mechanism, *, static: bool = False) -> TorqueProgr
         pace, values = (1e-6 if static else 1.0), flatten(mechanism)
         damped = {x: y / pace for x, y in values.items() if x.endswith('.damping')}  # type: ignore[operator]
         solver = Solver(build(type(mechanism), values | damped))
-        return TorqueProgram(lambda q, u: (solver.state(q, pace * u).torque,), solver.source)
+        return TorqueProgram(lambda q, u: (solver.state(q, pace * u).torque,), solver.tape)
     model = Model.of(mechanism, mechanism.structure())
-    return _program(_static_torque if static else driving_torque, model)
+    return _program(_static_torque if static else _driving_torque, model)
 
 
-def driving_torque(model: Model, angle: Real, speed: Real) -> tuple[Real]:
-    """Computes the driving torque at a crank angle and constant speed; returns (torque,), N m."""
-    pose = model.loop.pose((angle,))
-    rates = velocities(pose, (speed,))
-    return (balance(model, pose, rates, accelerations(pose, (speed,), ()))[0],)
+def _driving_torque(model: Model, angle: Real, speed: Real) -> tuple[Real]:
+    return torque(model, (angle,), (speed,))
 
 
 def _static_torque(model: Model, angle: Real, speed: Real) -> tuple[Real]:
@@ -212,17 +207,3 @@ def _table_torque(table: Any, angle: Real, _: Real) -> tuple[Real]:
     place = per_angle * angle
     node = floor(place)
     return (value(node) + slope(node) * (place - node),)
-
-
-def operations(source: str) -> int:
-    """Counts the arithmetic operations in a program's source, including its guard conditions."""
-    _, run = ast.parse(source).body
-    parts = [x.test if isinstance(x, ast.If) else x for x in run.body]  # type: ignore[attr-defined]
-    return sum(
-        isinstance(x, _COUNTED)
-        # The sign of a literal and the construction of the result do not count.
-        and not isinstance(getattr(x, 'operand', None), ast.Constant)
-        and not isinstance(next(iter(getattr(x, 'args', [])), None), ast.Tuple)
-        for part in parts
-        for x in ast.walk(part)
-    )

@@ -47,6 +47,7 @@ from linkage_ros.model.parts import (
     gravity_quantity,
     loads_field,
 )
+from linkage_ros.model.plain import PlainFourBar, is_far
 from linkage_ros.model.structure import (
     Link,
     Mechanism,
@@ -60,9 +61,7 @@ from linkage_ros.model.transmission import Square, Transmission, swing_middle
 from linkage_ros.numeric import (
     HALF_PI,
     Real,
-    by_element,
     exact_sum,
-    largest,
     nearest_turns,
     rounded,
     short_sum,
@@ -74,8 +73,7 @@ from linkage_ros.quantities import quantity
 # If |d - r| is below this fraction of d + r, `_mean_near_pivot` computes the rates. Above, the
 # error of the plain formula is at most about an ulp divided by the square of this fraction.
 _CLOSE = 1 / 64
-
-_reduced = by_element(wrap)
+_APART = 1 / 4  # |d - r| above this fraction of d + r does not limit the plain formula
 
 
 class FourBarLoop(NamedTuple):
@@ -94,6 +92,7 @@ class FourBarLoop(NamedTuple):
         quotient: Quotient of the two brackets above, +1 or -1; used only if `length` is None.
         close: Whether the crank pin passes so close to the rocker pivot that L becomes much
             shorter than d.
+        plain: Plain formula, if it is as accurate.
     """
 
     transmission: Transmission
@@ -106,6 +105,7 @@ class FourBarLoop(NamedTuple):
     arm: tuple[float, float]
     quotient: int
     close: bool
+    plain: PlainFourBar | None
 
     def pose(self, q: tuple[Real, ...]) -> Pose:
         """Computes the pose at a crank angle.
@@ -291,16 +291,18 @@ class FourBar(Mechanism):
     def loop(self) -> FourBarLoop:
         """Returns the kinematic constants; the coordinate is the crank angle."""
         r, b, c, d = self._lengths()
-        longest, side = largest(r, b, c, d), 1 if self.assembly == OPEN else -1
+        longest, side = max(r, b, c, d), 1 if self.assembly == OPEN else -1
         far, near, other = (short_sum(longest, *terms) for terms in self._sums().values())
         ground, (diff_bc, sum_bc) = self._pairs(far, near, other)
         diff_dr, sum_dr = ground
         transmission = self._transmission(far, near, other, sum_dr + sum_bc)
         concentric = diff_dr == 0 and diff_bc == 0
+        axis = Vector.at(self.frame.angle)
+        is_apart = transmission.turns_fully and abs(diff_dr) > _APART * sum_dr
         return FourBarLoop(
             transmission,
             side,
-            axis=Vector.at(self.frame.angle),
+            axis=axis,
             ground=ground,
             dyad=(diff_bc, side * sum_bc),
             length=None if concentric else (diff_dr * diff_dr, 4 * r * d),
@@ -308,7 +310,10 @@ class FourBar(Mechanism):
             arm=(-r * diff_dr, 2 * r * d),
             quotient=1 if side * transmission.kappa > 0 else -1,
             # If the crank cannot reach theta = 0, L never becomes short.
-            close=not transmission.sin.limits and bool(abs(diff_dr) < _CLOSE * sum_dr),
+            close=not transmission.sin.limits and abs(diff_dr) < _CLOSE * sum_dr,
+            plain=PlainFourBar(r, b, c, axis * d, float(side))
+            if is_apart and is_far(transmission.extremes())
+            else None,
         )
 
     def _pairs(self, far: float, near: float, other: float) -> tuple[tuple[float, float], ...]:
@@ -384,15 +389,15 @@ class FourBar(Mechanism):
             )
         return middle
 
-    def swing_side(self) -> Real | None:
+    def swing_side(self) -> float | None:
         """See `Mechanism.swing_side`."""
         r, b, c, d = self._lengths()
-        longest, angle = largest(r, b, c, d), self.frame.angle
+        longest, angle = max(r, b, c, d), self.frame.angle
         # The rocker's end is too far from the crank pivot, or too close, to be in line with it.
         if short_sum(longest, b, r, -c, -d) < 0:
-            return _reduced(angle + math.pi)
+            return float(wrap(angle + math.pi))
         if abs(short_sum(longest, c, -d)) < abs(short_sum(longest, b, -r)):
-            return _reduced(angle)
+            return float(wrap(angle))
         return None
 
     def structure(self) -> Structure:

@@ -34,6 +34,7 @@ from linkage_ros.model.parts import (
     gravity_quantity,
     loads_field,
 )
+from linkage_ros.model.plain import PlainSliderCrank, is_far
 from linkage_ros.model.structure import (
     Link,
     Mechanism,
@@ -47,7 +48,6 @@ from linkage_ros.model.transmission import Square, Transmission
 from linkage_ros.numeric import (
     HALF_PI,
     Real,
-    largest,
     nearest_turns,
     rounded,
     short_sum,
@@ -67,6 +67,7 @@ class SliderCrankLoop(NamedTuple):
         coupler: Length b of the coupler, m.
         offset: Offset e of the guide, m.
         refuse: Function that rejects a position of the slider.
+        plain: Plain formula, if it is as accurate.
     """
 
     transmission: Transmission
@@ -76,6 +77,7 @@ class SliderCrankLoop(NamedTuple):
     coupler: float
     offset: float
     refuse: Opaque
+    plain: PlainSliderCrank | None
 
     def pose(self, q: tuple[Real, ...]) -> Pose:
         """Computes the pose at a crank angle.
@@ -186,8 +188,8 @@ class SliderCrank(Mechanism):
     def _lengths(self) -> tuple[float, float, float]:
         return self.crank.length, self.coupler.length, self.slider.offset
 
-    def _longest(self) -> Real:
-        return largest(*map(abs, self._lengths()))
+    def _longest(self) -> float:
+        return max(*map(abs, self._lengths()))
 
     def _sums(self) -> dict[str, tuple[float, ...]]:
         """Returns the terms of the length sums that vanish at change points, keyed by formula."""
@@ -228,13 +230,16 @@ class SliderCrank(Mechanism):
 
     def loop(self) -> SliderCrankLoop:
         """Returns the kinematic constants; the coordinate is the crank angle."""
-        guide = self.frame.angle
+        transmission, guide = self._transmission(), Vector.at(self.frame.angle)
+        lengths, side = self._lengths(), 1 if self.assembly == OPEN else -1
+        is_plain = transmission.turns_fully and is_far(transmission.extremes())
         return SliderCrankLoop(
-            self._transmission(),
-            1 if self.assembly == OPEN else -1,
-            Vector.at(guide),
-            *self._lengths(),
+            transmission,
+            side,
+            guide,
+            *lengths,
             Opaque(self._refuse_slide),
+            PlainSliderCrank(*lengths, guide, float(side)) if is_plain else None,
         )
 
     def other_loop(self) -> BySlider:

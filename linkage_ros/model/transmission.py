@@ -23,9 +23,9 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
-from linkage_ros.formulas import ZERO, Opaque, atan2, cos, number, require, sin, sqrt, where
+from linkage_ros.formulas import ZERO, Opaque, cos, require, sin, sqrt
 from linkage_ros.model.kinematics import Arc, Reach
-from linkage_ros.numeric import Real, is_rounding, largest, short_sum, two_sum, wrap
+from linkage_ros.numeric import Real, is_rounding, short_sum, two_sum, wrap
 
 
 class Square(NamedTuple):
@@ -48,9 +48,9 @@ class Square(NamedTuple):
     def of(cls, least: float, most: float) -> 'Square':
         """Creates the function from its smallest and largest values."""
         # In a loop that can only just close, rounding could make the largest value negative.
-        most = largest(most, 0.0)
-        limits = bool(least < 0)
-        return cls(least or ZERO, most, limits, limits and bool(most < -least))
+        most = max(most, 0.0)
+        limits = least < 0
+        return cls(least or ZERO, most, limits, limits and most < -least)
 
     def root(self, x: Real, other: Real, refuse: Opaque, crank: Real) -> Real:
         """Computes cos m or sin m.
@@ -167,9 +167,9 @@ class Transmission(NamedTuple):
         They occur at h = 0 and h = pi/2. If the crank cannot reach one of these positions, its
         reach ends where the transmission angle is 0 (folded) or pi (stretched), respectively.
         """
-        near, far = (largest(number(square.least), 0.0) for square in (self.sin, self.cos))
-        low = 2 * atan2(sqrt(near), sqrt(where(near > 0, self.cos.most, 1.0)))
-        high = 2 * atan2(sqrt(where(far > 0, self.sin.most, 1.0)), sqrt(far))
+        near, far = (max(float(square.least), 0.0) for square in (self.sin, self.cos))
+        low = 2 * math.atan2(math.sqrt(near), math.sqrt(self.cos.most if near > 0 else 1.0))
+        high = 2 * math.atan2(math.sqrt(self.sin.most if far > 0 else 1.0), math.sqrt(far))
         return low, high
 
     def reach(

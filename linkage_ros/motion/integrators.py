@@ -32,8 +32,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from linkage_ros.dynamics.program import Program
-from linkage_ros.dynamics.tape import Constants
+from linkage_ros.dynamics.program import Constants, Program
 from linkage_ros.errors import LinkageError
 from linkage_ros.formulas import Opaque
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
@@ -107,7 +106,7 @@ class FixedSteps:
             tuple(f'{word}{i}' for i in range(len(driven.units))) for word in ('value', 'slope')
         )
         self.driven = driven
-        self._leap = Program(self._formula, constants, (values, 'h', slope)).scalar
+        self._leap = Program(self._formula, constants, (values, 'h', slope)).floats
 
     def changed(self) -> None:
         """Discards the slope, because the torque has changed."""

@@ -15,9 +15,8 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from linkage_ros.dynamics.program import Program
+from linkage_ros.dynamics.program import Constants, Program
 from linkage_ros.dynamics.solver import Solver
-from linkage_ros.dynamics.tape import Constants
 from linkage_ros.errors import ConfigurationError, LinkageError
 from linkage_ros.formulas import Vector
 from linkage_ros.model.kinematics import State
@@ -277,7 +276,7 @@ class Simulator:
         state = self._state(coordinates, by_math=by_math)
         (*rows, torque), program = state, self._numbers
         values = *itertools.chain(*rows), torque, coordinates.unwrapped
-        numbers = program.arrays(*values, by_math=True) if by_math else program.scalar(*values)
+        numbers = program(*values, by_math=True) if by_math else program.floats(*values)
         if ahead is not None:
             numbers = *numbers, self._state(ahead, by_math=by_math).torque + 0.0
         return state, numbers

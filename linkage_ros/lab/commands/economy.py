@@ -208,20 +208,20 @@ class Economy:
 
         The programs are timed in turn, so that a busy machine slows all of them equally.
         """
-        programs = {program.source: program.scalar for program, _ in models.values()}
+        programs = {program.tape: program.scalar for program, _ in models.values()}
         best, angles = dict.fromkeys(programs, math.inf), self._samples[::_TIMED].tolist()
         for _ in rounds:
-            for source, run in programs.items():
+            for tape, run in programs.items():
                 start = time.perf_counter()
                 for angle in angles:
                     run(angle, 1.0)
-                best[source] = min(best[source], time.perf_counter() - start)
+                best[tape] = min(best[tape], time.perf_counter() - start)
         return {
             name: {
-                'operations': torque_models.operations(source),
-                'microseconds': best[source] / len(angles) * 1e6, 'parameters': count,
+                'operations': tape.operations,
+                'microseconds': best[tape] / len(angles) * 1e6, 'parameters': count,
             }
-            for name, ((_, source), count) in models.items()
+            for name, ((_, tape), count) in models.items()
         }  # fmt: skip
 
     def _error(self, program: TorqueProgram, rpm: float) -> float:

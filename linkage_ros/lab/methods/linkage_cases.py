@@ -19,8 +19,7 @@ import numpy as np
 from mpmath import mp
 
 from linkage_ros import LinkageError, Solver, UnreachableError
-from linkage_ros.dynamics.program import Program
-from linkage_ros.dynamics.tape import Constants
+from linkage_ros.dynamics.program import Constants, Program
 from linkage_ros.lab.methods import stages
 from linkage_ros.lab.methods.measure import (
     DIVERGED,
@@ -146,8 +145,8 @@ class LinkageCase(Case):
         formula = stages.formula(quantity, method.stage, method.solve)
         program = Program(formula, links, ('crank',))
         if method.narrow:
-            return lambda crank: program.arrays(np.asarray(crank, np.float32))
-        return program.scalar if mode == ONE else program.arrays
+            return lambda crank: program.arrays([np.asarray(crank, np.float32)], np.shape(crank))
+        return program.floats if mode == ONE else program
 
     def rows(self, method: Method, setting: Setting, quantity: str, mode: str) -> Sequence[Row]:
         """See `Case`."""

@@ -16,8 +16,7 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
 from linkage_ros import ConfigurationError, Solver
-from linkage_ros.dynamics.program import Program
-from linkage_ros.dynamics.tape import Constants
+from linkage_ros.dynamics.program import Constants, Program
 from linkage_ros.lab.methods import stages
 from linkage_ros.lab.methods.integrators import Multipliers, OfPackage, OfScipy, RungeKutta4
 from linkage_ros.lab.methods.linkage_cases import LinkageCase
@@ -45,7 +44,7 @@ def newton_raphson(case: LinkageCase, setting: Setting) -> Locate:
         Function from the crank angle, rad, to coupler and output.
     """
     names = 'crank', 'coupler', 'output'
-    step = Program(stages.newton_step, Constants(stages.Links.of(case.mechanism)), names).scalar
+    step = Program(stages.newton_step, Constants(stages.Links.of(case.mechanism)), names).floats
     place, tolerance = case.guess, setting['tolerance']
 
     def locate(crank: float) -> Pair:

@@ -2,28 +2,27 @@
 # SPDX-License-Identifier: Apache-2.0
 """Measures of designs, computed for many designs and all crank angles of a period at once.
 
-The constants of many designs are computed by the code for a single mechanism, whose description
-then contains arrays in place of numbers. Where this code branches on a value, all designs must
-take the same branch. If they do not, the condition divides them into two groups, and the
-computation restarts for each group. Every group therefore has one structure and one program.
+Designs whose constants have the same structure form a group. Their constants are stacked in
+arrays, so that one call of the program computes all of them.
 """
 
 import copy
 import math
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from functools import cached_property
 from typing import Any, NamedTuple, cast
 
 import numpy as np
 import numpy.typing as npt
 
-from linkage_ros.dynamics.equations import Model
-from linkage_ros.dynamics.program import Program
+from linkage_ros.dynamics.equations import Model, torque
+from linkage_ros.dynamics.nested import transformed
+from linkage_ros.dynamics.program import Constants, Program
 from linkage_ros.dynamics.reactions import reactions
-from linkage_ros.dynamics.tape import Constants, transformed
 from linkage_ros.errors import LinkageError
 from linkage_ros.formulas import ZERO, Vector
-from linkage_ros.lab.torque_models import driving_torque
+from linkage_ros.model.load_curve import Table
 from linkage_ros.model.structure import Mechanism
 from linkage_ros.model.transmission import Transmission
 from linkage_ros.numeric import Array, Real, wrap
@@ -91,24 +90,10 @@ def measure(task: Task, designs: Array) -> Array:
 # ---------------------------------------------------------------- groups of one structure
 
 
-class _DivideError(Exception):
-    """A condition holds only for some designs; the argument is its value for each design."""
-
-
-class _Designs(np.ndarray[Any, Any]):
-    """A quantity of many designs, of shape (designs, 1)."""
-
-    def __bool__(self) -> bool:
-        holds = np.asarray(self).ravel() != 0
-        if holds.all() or not holds.any():
-            return bool(holds[0])
-        raise _DivideError(holds)
-
-
 def groups(
     mechanism: Mechanism, columns: Mapping[str, Array], count: int
 ) -> Iterator[tuple[npt.NDArray[np.intp], Transmission, Constants | None]]:
-    """Divides designs into groups that share a structure.
+    """Divides designs into groups that share a structure, and therefore a program.
 
     Args:
         mechanism: The base mechanism of all designs.
@@ -116,39 +101,35 @@ def groups(
         count: Number of designs.
 
     Yields:
-        For each group, the indices of its designs, their transmission, and the constants of the
-        formulas, in which varied numbers are arrays of shape (designs, 1), or None if a load does
-        not fit. Designs that cannot be assembled are omitted.
-
-    Raises:
-        TypeError: The mechanism cannot be computed for arrays.
+        For each group, the indices of its designs, the transmission of the first one, and the
+        constants of the formulas, in which numbers are arrays of shape (designs, 1), or None if a
+        load does not fit. Designs that cannot be assembled are omitted.
     """
-    waiting = [np.arange(count)]
-    while waiting:
-        rows = waiting.pop()
-        try:
-            yield rows, *_constants(mechanism, columns, rows)
-        except _DivideError as error:
-            (holds,) = error.args
-            waiting += [rows[holds], rows[~holds]]
-        except TypeError:  # some constants of this mechanism accept only floats
-            if len(rows) == 1:
-                raise
-            waiting += np.split(rows, len(rows))
-        except LinkageError:
-            continue
+    found: dict[Any, list[tuple[int, Transmission, Constants]]] = {}
+    for row in range(count):
+        with suppress(LinkageError):
+            transmission, constants = _constants(mechanism, columns, row)
+            if constants is None:
+                yield np.array([row]), transmission, None
+                continue
+            # A load curve is a function, which cannot be stacked.
+            is_alone = any(isinstance(x, Table) for x in constants.numbers)
+            key = row if is_alone else id(constants.tapes)
+            found.setdefault(key, []).append((row, transmission, constants))
+    for group in found.values():
+        rows, transmissions, each = zip(*group, strict=True)
+        yield np.array(rows), transmissions[0], Constants.stacked(each)
 
 
 def _constants(
-    mechanism: Mechanism, columns: Mapping[str, Array], rows: npt.NDArray[np.intp]
+    mechanism: Mechanism, columns: Mapping[str, Array], row: int
 ) -> tuple[Transmission, Constants | None]:
-    """Returns the transmission and the constants of the formulas below, for designs `rows`.
+    """Returns the transmission and the constants of the formulas below, for one design.
 
     The constants are None if a load does not fit the mechanism.
     """
     for name, column in columns.items():
-        value = float(column[rows[0]]) if len(rows) == 1 else column[rows, None].view(_Designs)
-        mechanism = with_value(mechanism, name, value)
+        mechanism = with_value(mechanism, name, float(column[row]))
     structure, loop = mechanism.structure(), mechanism.loop()
     transmission = cast('Any', loop).transmission
     try:
@@ -186,7 +167,7 @@ def with_value(part: Any, name: str, value: Any) -> Any:
 
 def torque_of(constants: Any, angle: Real, speed: Real) -> Real:
     """Computes the driving torque, N m."""
-    return driving_torque(constants[0], angle, speed)[0]
+    return torque(constants[0], (angle,), (speed,))[0]
 
 
 def _output_of(constants: Any, angle: Real, _: Real) -> tuple[Real, Real, Real]:
