@@ -83,11 +83,12 @@ def live(
         description = log.add_topic(ROBOT_DESCRIPTION, f'{prefix}robot_description')
         log.write(description, START, simulator.description)
         for motion, tick, stamp in moments(simulator, plan):
-            if motion.segment != segment:
+            snapshot = None if stamp is None else simulator.snapshot_at(motion, stamp)
+            if motion.segment != segment:  # computing the state may change its description
                 log.write_motion(segment := motion.segment)
-            if stamp is None:
+            if snapshot is None:
                 continue
-            messages = alter(next(number), simulator.snapshot_at(motion, stamp))
+            messages = alter(next(number), snapshot)
             now = stamp + 40_000 + tick % 7
             for i, channel in channels.items():
                 log.write(channel, now, messages[i])

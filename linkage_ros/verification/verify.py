@@ -2,18 +2,21 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recomputes every state of a log from its configuration and its segments of motion.
 
-Messages are considered equal if their bytes are equal, or if each number differs by at most 4 ulp
-of the largest number of its field in the log, because sines differ between machines. 0.0 and -0.0
-are equal within 1 ulp. The log times of a live run cannot be recomputed, so only their equality
-within a state is checked. Topics are identified by their roles, because they may be remapped.
-Other topics of the log are listed but not compared.
+Messages are considered equal if their bytes are equal, or if each number differs by at most 4 ulp,
+because sines differ between machines. The ulp is that of the largest number of the field in the
+log or, if larger, the change of the number if crank angle, rates and accelerations change by one
+part in 2^52: the terms of the number may cancel, or depend strongly on the angle. 0.0 and -0.0 are
+equal within 1 ulp. The log times of a live run cannot be recomputed, so only their equality within
+a state is checked. Topics are identified by their roles, because they may be remapped. Other
+topics of the log are listed but not compared.
 """
 
+import functools
 import math
 import struct
 from bisect import bisect_right
 from collections.abc import Callable
-from functools import cached_property
+from contextlib import suppress
 
 import numpy as np
 
@@ -23,7 +26,13 @@ from linkage_ros.motion.drives import FollowDrive, TorqueDrive
 from linkage_ros.numeric import Array
 from linkage_ros.run.messages import inputs_of
 from linkage_ros.run.simulator import Simulator
-from linkage_ros.verification.timeline import Measurements, Timeline, check_motions
+from linkage_ros.verification.timeline import (
+    NO_CHANGE,
+    Change,
+    Measurements,
+    Timeline,
+    check_motions,
+)
 from linkage_ros.verification.torque_states import TorqueStates
 from linkage_ros.wire.rows import MESSAGE_HEAD, RowLayout
 from linkage_ros.wire.topics import (
@@ -36,9 +45,11 @@ from linkage_ros.wire.topics import (
 )
 
 _BATCH = 1024  # states per batch
-# ulp of the largest value of a field. On another machine, sines and all results may differ in the
-# last bits.
+# ulp. On another machine, sines and all results may differ in the last bits.
 _TOLERANCE = 4
+# Changes of the coordinates, large enough to show in a number despite its rounding error.
+_LAST_BIT, _CHANGE = 2.0**-52, 2.0**-40
+_CHANGES = Change(angle=_CHANGE), Change(rates=_CHANGE), Change(accelerations=_CHANGE)
 
 
 def verify(log: LogReader, progress: Callable[[int], object] = lambda _: None) -> 'Verification':
@@ -74,7 +85,7 @@ class Verification:
         stops_at_gap: Whether the states after missing messages were not compared, because they
             depend on the missing measurements.
         cut: Names of the topics that are missing from an incomplete last state.
-        ulp: Largest difference, in ulp of the largest value of its field; 0 if all bits are equal.
+        ulp: Largest difference, ulp; 0 if all bits are equal.
         difference: Description of the first difference; empty if there is none.
     """
 
@@ -216,7 +227,8 @@ class Verification:
                     return self._compare(rows[: len(ticks) // 2 * self._layout.size])
                 wrong = wrong or str(error)
                 continue
-            count, difference = self._comparison.compare(logged, made)
+            again = functools.partial(self._again, number, stamps[: len(ticks)].tolist(), logged)
+            count, difference = self._comparison.compare(logged, made, again)
             wrong = wrong or difference
             if count:
                 count, wrong = self._timeline.take(number, ticks[:count])
@@ -230,13 +242,15 @@ class Verification:
             wrong = f'state {self.states + count + 1}, stamp {stamps[count]} ns: {wrong}'
         return count, wrong
 
-    def _again(self, number: int, stamps: list[int], rows: bytes) -> bytearray:
+    def _again(
+        self, number: int, stamps: list[int], rows: bytes, change: Change = NO_CHANGE
+    ) -> bytearray:
         """Recomputes the rows at the given stamps of a segment.
 
         Raises:
             LinkageError: A logged row does not describe a valid state.
         """
-        coordinates, ahead = self._timeline.coordinates(number, stamps, rows)
+        coordinates, ahead = self._timeline.coordinates(number, stamps, rows, change)
         times = None if self._timeline.is_record else self._layout.column(rows, self._layout.times)
         return self._simulator.rows(stamps, coordinates, ahead, times=times, layout=self._layout)
 
@@ -245,19 +259,22 @@ class RowComparison:
     """Compares the rows of a log with recomputed rows.
 
     Attributes:
-        ulp: Largest accepted difference so far, in ulp of the largest value of its field.
+        ulp: Largest accepted difference so far, ulp.
     """
 
     def __init__(self, log: LogReader, layout: RowLayout, names: list[str]) -> None:
         self._log, self._names, self.ulp, self._layout = log, names, 0.0, layout
         self._doubles = [place for place in layout.places if place.code == 'd']
 
-    def compare(self, logged: bytes, recomputed: bytearray) -> tuple[int, str]:
+    def compare(
+        self, logged: bytes, recomputed: bytearray, again: Callable[[Change], bytearray]
+    ) -> tuple[int, str]:
         """Compares rows.
 
         Args:
             logged: One or more logged rows.
             recomputed: The same number of recomputed rows.
+            again: Recomputes the rows with changed coordinates.
 
         Returns:
             The number of leading rows that are equal within the tolerance, and a description of
@@ -269,8 +286,14 @@ class RowComparison:
         size = self._layout.size
         if logged == recomputed:  # usual, unless another machine computes different sines
             return len(logged) // size, ''
+        values = self._values(recomputed)
         with np.errstate(all='ignore'):  # logged values may be arbitrary
-            ulp = abs(self._values(logged) - self._values(recomputed)) / self._units
+            moved = np.zeros_like(values)
+            for change in _CHANGES:
+                with suppress(LinkageError):  # beyond a limit of the crank
+                    moved += abs(self._values(again(change)) - values)
+            units = np.maximum(np.spacing(self._largest), moved * (_LAST_BIT / _CHANGE))
+            ulp = abs(self._values(logged) - values) / units
         found, made = (np.frombuffer(x, np.uint8) for x in (logged, recomputed))
         differs = np.not_equal(found, made).reshape(-1, size)
         for place, near in zip(self._doubles, ulp <= _TOLERANCE, strict=True):
@@ -282,23 +305,23 @@ class RowComparison:
         if count == wrong.size:
             return count, ''
         at, row = int(differs[count].argmax()), slice(count * size, (count + 1) * size)
-        return count, self._describe(at, logged[row], recomputed[row])
+        return count, self._describe(at, logged[row], recomputed[row], units[:, count])
 
-    @cached_property
-    def _units(self) -> Array:
-        """One ulp of the largest finite number of each field in the log, shape (fields, 1)."""
+    @functools.cached_property
+    def _largest(self) -> Array:
+        """The largest finite number of each field in the log, shape (fields, 1)."""
         largest = np.zeros((len(self._doubles), 1))
         for rows in self._log.rows(self._layout, lambda _: None):
             if self._layout.count(rows, 0):
                 values = np.nan_to_num(self._values(rows), nan=0, posinf=0, neginf=0)
                 largest = np.maximum(largest, abs(values).max(axis=1, keepdims=True))
-        return np.spacing(largest)
+        return largest
 
     def _values(self, rows: bytes | bytearray) -> Array:
         """Returns the doubles in rows, shape (fields, rows)."""
         return np.array([self._layout.column(rows, place) for place in self._doubles])
 
-    def _describe(self, at: int, logged: bytes, recomputed: bytearray) -> str:
+    def _describe(self, at: int, logged: bytes, recomputed: bytearray, units: Array) -> str:
         """Describes the difference between two rows at their first different byte."""
         message = bisect_right(self._layout.starts, at) - 1
         byte = at - self._layout.starts[message] - MESSAGE_HEAD.size
@@ -311,6 +334,6 @@ class RowComparison:
                     f'off by {abs(found - due):.3g}'
                 )
                 if place in self._doubles:
-                    (unit,) = self._units[self._doubles.index(place)].tolist()
+                    unit = units[self._doubles.index(place)]
                     words += f', {abs(found - due) / unit:.6g} ulp'
         return f'{self._names[message]}: {words}'

@@ -1,0 +1,98 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Verification of logs from another processor, whose C library has other sines.
+
+glibc computes sines with FMA instructions if the processor has them. A setting of glibc switches
+them off in a process, which then computes as a processor without them does.
+"""
+
+import json
+import math
+import os
+import struct
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from joint_codec import JointStateCodec
+from live_logs import live, ticks
+from ros_harness import CODEC, PACKAGE_PATH, logged, report_of
+from test_verify import rewrite, written_over
+
+from linkage_ros import Solver
+from linkage_ros.parameters.configuration import configure
+from linkage_ros.record import record
+from linkage_ros.wire.codecs import trajectory
+
+# The names of the switches depend on the version of glibc, which ignores unknown ones.
+TUNABLES = 'glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX2_Usable,-FMA_Usable,-FMA4_Usable'
+# A fast crank: the terms of the torque are tens of times larger than the torque.
+FAST = configure(
+    {'drive': 'torque', 'motor.torque': 0.5, 'motor.damping': 0.01, 'start_rpm': 1000.0}
+)
+NAMES = 'crank', 'coupler', 'rocker'
+
+
+def write(folder):
+    """Writes a live log with commands, and a record."""
+    plan = [(('command', math.sin(n)), *ticks(7)) for n in range(150)]
+    live(folder / 'live.mcap', FAST, [item for part in plan for item in part])
+    record(FAST, folder / 'record.mcap', duration=5.0)
+
+
+def outcome(folder):
+    """Verifies the logs in a folder; returns sines of this process, and results by name."""
+    found = {path.name: report_of(path) for path in sorted(folder.glob('*.mcap'))}
+    sines = [math.sin(0.001 * n) for n in range(10_000)]
+    return [sines, {name: [r.difference, r.states, r.ulp] for name, r in found.items()}]
+
+
+def test_logs_of_processors_with_and_without_fma_are_equal(tmp_path):
+    own, other = tmp_path / 'own', tmp_path / 'other'
+    own.mkdir()
+    other.mkdir()
+    write(own)
+    program = (
+        'import json, sys; from pathlib import Path; import test_other_processors as test\n'
+        'test.write(Path(sys.argv[2])); print(json.dumps(test.outcome(Path(sys.argv[1]))))'
+    )
+    paths = os.pathsep.join((str(Path(__file__).parent), PACKAGE_PATH))
+    done = subprocess.run(
+        [sys.executable, '-c', program, own, other], capture_output=True, check=True, timeout=120,
+        env={**os.environ, 'GLIBC_TUNABLES': TUNABLES, 'PYTHONPATH': paths},
+    )  # fmt: skip
+    sines, there = json.loads(done.stdout)
+    here_sines, here = outcome(other)
+    if sines == here_sines:
+        pytest.skip('the C library has the same sines with and without FMA on this processor')
+    for name, (difference, states, ulp) in (*here.items(), *there.items()):
+        assert (name, difference) == (name, '')
+        assert states == (1050 if name == 'live.mcap' else 1000)
+        assert ulp <= 4
+
+
+@pytest.mark.parametrize(('ulp', 'words'), [(3.8, ''), (5.0, 'effort[crank] = ')])
+def test_torque_may_change_as_much_as_by_the_last_bits_of_the_motion(tmp_path, ulp, words):
+    write(tmp_path)
+    path = tmp_path / 'live.mcap'
+    _, messages = logged(path)
+    codec, solver = JointStateCodec(NAMES, parts=trajectory), Solver(FAST.mechanism)
+    rows = [codec.decode(message.data)[1] for message in messages['/mechanism_state']]
+    q, u, a, torque = np.array(rows)[:, [0, 3, 6, 9]].T
+    h = 2.0**-40
+    moved = (
+        abs(solver.state(*motion).torque - torque)
+        for motion in ((q + h, u, a), (q, u * (1 + h), a), (q, u, a * (1 + h)))
+    )
+    units = sum(moved) * 2.0**-52 / h
+    number = int(units.argmax())
+    assert units[number] > 8 * math.ulp(max(abs(torque)))
+    data = messages['/joint_states'][number].data
+    place = data.index(struct.pack('<d', CODEC.decode(data)[1][6]))
+    wrong = torque[number] + ulp * units[number]
+    rewrite(path, written_over('/joint_states', number, place, wrong))
+    report = report_of(path)
+    assert words in report.difference
+    assert (report.states == number) == bool(words) == bool(report.difference)
