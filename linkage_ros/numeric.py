@@ -5,7 +5,6 @@
 import functools
 import math
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from fractions import Fraction
 from typing import Any, TypeAlias
 
@@ -212,13 +211,15 @@ def _number(name: str, value: object) -> Real:
     """
     if type(value) is np.ndarray and value.dtype.char == 'd':
         return value
-    with suppress(TypeError, ValueError, OverflowError):
+    try:
         if isinstance(value, _SINGLE) and not isinstance(value, bool):
             return float(value)
         array = np.asanyarray(value)
         is_masked = isinstance(array, np.ma.MaskedArray)  # its mask would be lost
         if array.dtype.kind in 'iufO' and not is_masked:  # not bool, complex or text
             return np.asarray(array, dtype=np.float64) if array.ndim else float(array)
+    except (TypeError, ValueError, OverflowError):
+        pass
     raise ConfigurationError(
         f'{name.replace("_", " ")} = {shown(value)}: must be a finite number, or an array of them'
     )
