@@ -105,19 +105,19 @@ def rint(value: Real) -> Real:
 
 
 def is_finite(*values: Real) -> Any:
-    """Returns the condition that the sum of the values, and therefore each value, is finite.
+    """Returns the condition that all values are finite.
 
     A program omits values whose finiteness is implied by that of another value.
     """
     recorded = next((x for x in values if hasattr(x, 'tape')), None)
     if recorded is not None:
         values = recorded.tape.without_implied(values)
-    value = number(total(values))
-    return value - value >= 0.0  # inf - inf is NaN, for which every comparison is false
+    # inf - inf is NaN, for which every comparison is false.
+    return number(total(value - value for value in values)) >= 0.0
 
 
 def where(condition: Any, then: Real, otherwise: Real) -> Real:
-    """Selects one of two values, both of which must be finite.
+    """Selects one of two values, both of which are computed and must be finite.
 
     Args:
         condition: Result of a comparison.

@@ -240,7 +240,7 @@ def test_a_quadrilateral_without_loads_computes_nothing_for_them():
         return [program.tape.operations for program in programs]
 
     bare = counts(DOCUMENT_1)
-    assert all(count <= most for count, most in zip(bare, (137, 146, 146, 102), strict=True))
+    assert all(count <= most for count, most in zip(bare, (133, 141, 141, 103), strict=True))
     nothing = LinkLoad('rocker'), Friction()
     assert counts(replace(DOCUMENT_1, loads=nothing)) == bare
     braked = counts(replace(DOCUMENT_1, loads=(LinkLoad('rocker', damping=1.0),)))
@@ -296,18 +296,19 @@ def test_guard_runs_before_the_guarded_operation():
 
 
 @pytest.mark.parametrize(
-    ('made', 'sums'),
-    [(lambda x, y: x - 3.0 * y, 0), (lambda x, y: abs(x - y) * (x / 2), 0),
-     (lambda x, y: x / y, 1), (lambda x, y: where(x > y, x, y), 2)],
+    ('made', 'values'),
+    [(lambda x, y: x - 3.0 * y, 1), (lambda x, y: abs(x - y) * (x / 2), 1),
+     (lambda x, y: x / y, 2), (lambda x, y: where(x > y, x, y), 3)],
 )  # fmt: skip
-def test_guard_of_finite_values_checks_only_as_many_as_necessary(made, sums):
+def test_guard_of_finite_values_checks_only_as_many_as_necessary(made, values):
     def formula(refusal, x, y):
         found = made(x, y)
         require(is_finite(found, x, y), refusal, x)
         return found
 
     program = Program(formula, Constants(Opaque(refuse)), ('x', 'y'))
-    assert sum(' + ' in operation for operation in operations(program)) == sums
+    checked = [x for x in program.tape.lines if x.operation == '-' and len({*x.operands}) == 1]
+    assert len(checked) == values
     assert bits(program.floats(1.5, 2.0)) == bits(program.untraced(1.5, 2.0))
     for x, y in itertools.product((1.5, math.inf, -math.inf, math.nan), repeat=2):
         if (x, y) != (1.5, 1.5):

@@ -56,7 +56,7 @@ class Constants:
                 structure.append(kind)
                 self.numbers.append(part.function)
             else:
-                structure.append(part)
+                structure += kind, part  # True and 1 are different
         self.tapes: dict[Any, Tape] = _known.setdefault(tuple(structure), {})
 
     @functools.cached_property
@@ -146,7 +146,7 @@ class Program:
         return transformed(formulas.number, self.formula(self.constants.tree, *arguments))
 
     def designs(self, *values: Real, by_math: bool = False) -> Any:
-        """Evaluates the formula on floats and arrays that broadcast with those of the constants.
+        """Runs the program on floats and arrays that broadcast with those of the constants.
 
         Args:
             *values: Arguments of the formula.
@@ -156,8 +156,6 @@ class Program:
         Returns:
             The result of the formula, with floats for values that do not depend on an array.
         """
-        if not self._traced:
-            return self.untraced(*values)
         bind = self.tape.by_math if by_math else self.tape.for_arrays
         return bind(*self.constants.numbers)(*values)
 
@@ -208,11 +206,12 @@ class Program:
         # by page. Freeing this larger, untouched block raises that threshold.
         np.empty(3_000_000)
         found, tree = np.empty((0, size)), None
+        run = functools.partial(self.designs, by_math=by_math) if self._traced else self.untraced
         for start in range(0, max(size, 1), _CHUNK):
             part = slice(start, start + _CHUNK)
             given = (x if isinstance(x, float) else x[part] for x in rows)
             with np.errstate(over='ignore', invalid='ignore', under='ignore'):
-                tree = self.designs(*given, by_math=by_math)
+                tree = run(*given)
             values = leaves(tree)
             if not len(found):
                 found = np.empty((len(values), size))

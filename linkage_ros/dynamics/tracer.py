@@ -2,16 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Turns a formula into a program; `docs/tracer.md` shows an example.
 
-A formula is an ordinary function of constants and arguments. It is called once with symbolic
-numbers, which record every operation on a `Tape`. Equal terms are shared and unused terms are
-dropped. The rest is written as Python source: `bind` takes the numbers of the constants, computes
-all terms that depend on them alone, and returns the program as a closure. The order of operations
-is kept, so that results are bit-identical to those of the formula.
-
-Constants are floats, complex numbers and `Opaque` functions in nested tuples. None, booleans,
-integers, strings and the value 0.0 belong to the structure: a formula may branch on them, and
-terms that vanish because of a 0.0 are not computed. A structure is traced once; other numbers only
-bind its program again.
+A formula is an ordinary function of constants, prepared by `program.Constants`, and arguments. It
+is called once with symbolic numbers, which record every operation on a `Tape`. Equal terms are
+shared and unused terms are dropped. The rest is written as Python source: `bind` takes the numbers
+of the constants, computes all terms that depend on them alone, and returns the program as a
+closure. No sum or product is regrouped, so that results for floats are bit-identical to those of
+the formula.
 """
 
 import functools
@@ -62,6 +58,9 @@ class Symbol:
     def binary(self, sign: str, a: Real, b: Real) -> Real:
         """Records a binary operation; if an operand is ZERO, lets ZERO handle the operation."""
         return NotImplemented if a is ZERO or b is ZERO else self.tape.record(sign, a, b)
+
+    def __repr__(self) -> str:
+        return f'<line {self.line}: {" ".join(map(str, self.tape.lines[self.line]))}>'
 
     def __neg__(self) -> 'Symbol':
         return self.tape.record('neg', self)
@@ -122,7 +121,7 @@ class Source(NamedTuple):
 
 
 class Tape:
-    """The operations of a formula in order of execution, each recorded once.
+    """The operations of a formula in the order in which it calls them, each recorded once.
 
     Attributes:
         title: Name of the formula.
@@ -164,7 +163,7 @@ class Tape:
         return Symbol(self, self._known[line])
 
     def record(self, operation: str, *operands: Real) -> Symbol:
-        """Records an operation, unless it is already on the tape.
+        """Records an operation, unless it is already on the tape, or is one of four identities.
 
         Args:
             operation: Name of the operation, or its sign.
@@ -256,7 +255,9 @@ class Tape:
         before, within = list[str](), list[str]()
         for i in self._live:
             operation, operands, text = lines[i]
-            read, is_inner = [words[x] for x in operands], i in self._inner
+            # Guards stay in order, so that the same error is raised as by the formula.
+            is_inner = i in self._inner or operation == 'require'
+            read = [words[x] for x in operands]
             if text:
                 words[i] = text
                 continue
@@ -305,7 +306,7 @@ class Tape:
 
     @functools.cached_property
     def by_math(self) -> Callable[..., Any]:
-        """Function `bind` of the same program, with functions of `math`, element by element."""
+        """Function `bind` of the same program, with `math`'s sin, cos and atan2, by element."""
         elementwise = {name: _by_element(function) for name, function in _BY_ELEMENT.items()}
         return self._compiled(self._array_text, _ARRAYS | elementwise)
 
