@@ -35,7 +35,7 @@ from linkage_ros.parameters.descriptions import motor_line
 from linkage_ros.units import radians_per_second
 
 _RPM = 1 / radians_per_second(1.0)
-# Angles per turn; enough for four digits of a flywheel's inertia if a load curve has corners.
+# Angles per turn; enough for six digits of a flywheel's inertia, also if a load has corners.
 _PARTS = 2880
 _ROUNDS, _CLOSE = 30, 1e-9  # maximum iterations; relative speed change at convergence
 _UNEVEN = 10.0  # fluctuation assigned to a crank without a steady cycle
