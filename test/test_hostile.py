@@ -338,7 +338,7 @@ FORGED = {
         'checksum is wrong',
     ),
     'empty': (b'', f'is not an MCAP file on a disk: it is empty or a pipe{CURE}'),
-    'magic alone': (MCAP0_MAGIC, 'is damaged or incomplete: linkage_log recover'),
+    'magic alone': (MCAP0_MAGIC, 'is damaged or incomplete: it has no configuration record'),
     'text': (b'/**:\n  ros__parameters:\n', rf"{BEGINS} b'/..:\\n r'{CURE}"),
     'bytes': (b'\xff\0' * 4_096, rf"{BEGINS} b'(\\xff\\x00){{4}}'{CURE}"),
     'misplaced': (misplaced(), 'must be at most 16777216'),

@@ -223,12 +223,13 @@ def test_a_flipped_byte_anywhere_never_ends_in_another_error_or_other_values(tmp
         try:
             recover(path, out, overwrite=True)
         except LogError as error:
-            refusals.add(str(error).partition(' has ')[2])
+            refusals.add(str(error))
             continue
         order = [numbers[message] for message in messages(out)]
         assert order == sorted(order), place
         assert len(order) > 0.5 * len(numbers), place
-    assert refusals == {'no configuration record'}
+    assert all('no configuration record' in words for words in refusals)
+    assert refusals
 
 
 TOPIC = Channel(9, '/other', 'cdr', {}, 7)
