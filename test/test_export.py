@@ -270,7 +270,10 @@ def canonical(element):
     ('words', 'said'),
     [
         (('urdf', 'quadrilateral', 'linkage.urdf'), 'linkage.urdf already exists: '),
-        (('mjcf', 'quadrilateral', 'no/linkage.xml'), 'no/linkage.xml cannot be written: there is no folder no'),
+        (
+            ('mjcf', 'quadrilateral', 'no/linkage.xml'),
+            'no/linkage.xml cannot be written: there is no folder no',
+        ),
         (('mjcf', 'quadrilateral', 'a.xml', '--joint-prefix', 'a b'), "joint_prefix = 'a b'"),
         (('mjcf', 'triangle', 'a.xml'), "no preset 'triangle': choose one of"),
         (('sdf', 'quadrilateral', 'a.sdf'), "invalid choice: 'sdf'"),

@@ -215,7 +215,7 @@ def test_damaged_chunks_of_a_cut_file(whole, recovered):
 def test_a_flipped_byte_anywhere_never_ends_in_another_error_or_other_values(tmp_path, whole):
     """Every recovered message was in the log, in the same order."""
     numbers = {message: number for number, message in enumerate(whole.messages)}
-    path, out, rng, refusals = tmp_path / 'broken', tmp_path / 'out', random.Random(5), set()
+    path, out, rng, refusals = tmp_path / 'broken', tmp_path / 'out.mcap', random.Random(5), set()
     for place in [*range(8, 60, 4), *(rng.randrange(8, len(whole.data)) for _ in range(60))]:
         bad = bytearray(whole.data)
         bad[place] ^= 1 << rng.randrange(8)
@@ -228,8 +228,7 @@ def test_a_flipped_byte_anywhere_never_ends_in_another_error_or_other_values(tmp
         order = [numbers[message] for message in messages(out)]
         assert order == sorted(order), place
         assert len(order) > 0.5 * len(numbers), place
-    assert all('no configuration record' in words for words in refusals)
-    assert refusals
+    assert {'no configuration record' in words for words in refusals} == {True}
 
 
 TOPIC = Channel(9, '/other', 'cdr', {}, 7)
