@@ -32,6 +32,7 @@ from linkage_ros.parameters.configuration import configure, from_strings, load, 
 from linkage_ros.record import record
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.verification.verify import verify
+from linkage_ros.wire.cdr import encode_string
 from linkage_ros.wire.topics import (
     ROBOT_DESCRIPTION,
 )
@@ -315,6 +316,42 @@ def test_another_sign_of_zero_is_accepted_but_not_called_equal_to_the_bit(path, 
     code, out, _ = called(log_tool, 'verify', path)
     assert code == 0
     assert '100 states, every one equal within 1 ulp' in out
+
+
+NOT_THE_URDF = 'is not the URDF of the configuration'
+
+
+@of_live_run
+@pytest.mark.parametrize(
+    ('attribute', 'edit', 'expected'),
+    [
+        ('xyz', lambda x: x + 3 * math.ulp(x), 'every one equal within 3 ulp'),
+        ('xyz', lambda x: x - 5 * math.ulp(x), NOT_THE_URDF),
+        ('xyz', lambda x: x * (1 + 1e-9), NOT_THE_URDF),
+        ('xyz', lambda x: f'{x}0', NOT_THE_URDF),
+        ('xyz', lambda x: f'{x} {x}', NOT_THE_URDF),
+        ('xyz', lambda _: '1e999', NOT_THE_URDF),
+        ('mass value', lambda x: x + math.ulp(x), NOT_THE_URDF),
+    ],
+)
+def test_positions_of_the_urdf_may_differ_by_four_ulp_and_the_rest_not_at_all(
+    path, called, attribute, edit, expected
+):
+    """The sine and cosine of frame.angle are in a position."""
+
+    def change(records, at, *_):
+        (size,) = struct.unpack_from('<i', records[at].data, 4)
+        text = records[at].data[8 : 7 + size].decode()
+        changed = re.sub(
+            f'(?<={attribute}=")([1-9][0-9.e-]+|0.[0-9]+[1-9][0-9.e-]*)',
+            lambda found: str(edit(float(found[0]))), text, count=1,
+        )  # fmt: skip
+        assert changed != text
+        records[at].data = encode_string(changed)
+
+    rewrite(path, at('/robot_description', 0, change))
+    code, out, _ = called(log_tool, 'verify', path)
+    assert (code, expected in out) == (int(expected == NOT_THE_URDF), True), out
 
 
 @of_live_run

@@ -6,13 +6,15 @@ Messages are considered equal if their bytes are equal, or if each number differ
 because sines differ between machines. The ulp is that of the largest number of the field in the
 log or, if larger, the change of the number if crank angle, rates and accelerations change by one
 part in 2^52: the terms of the number may cancel, or depend strongly on the angle. 0.0 and -0.0 are
-equal within 1 ulp. The log times of a live run cannot be recomputed, so only their equality within
-a state is checked. Topics are identified by their roles, because they may be remapped. Other
-topics of the log are listed but not compared.
+equal within 1 ulp. In robot_description, only positions depend on sines: they may differ by 4 ulp
+of their largest coordinate. The log times of a live run cannot be recomputed, so only their
+equality within a state is checked. Topics are identified by their roles, because they may be
+remapped. Other topics of the log are listed but not compared.
 """
 
 import functools
 import math
+import re
 import struct
 from bisect import bisect_right
 from collections.abc import Callable
@@ -34,6 +36,7 @@ from linkage_ros.verification.timeline import (
     check_motions,
 )
 from linkage_ros.verification.torque_states import TorqueStates
+from linkage_ros.wire.cdr import ENCAPSULATION, encode_string
 from linkage_ros.wire.rows import MESSAGE_HEAD, RowLayout
 from linkage_ros.wire.topics import (
     COUPLER_POINT,
@@ -43,6 +46,7 @@ from linkage_ros.wire.topics import (
     ROBOT_DESCRIPTION,
     TRAJECTORY_COMMANDS,
 )
+from linkage_ros.wire.urdf import text_of
 
 _BATCH = 1024  # states per batch
 # ulp. On another machine, sines and all results may differ in the last bits.
@@ -50,6 +54,9 @@ _TOLERANCE = 4
 # Changes of the coordinates, large enough to show in a number despite its rounding error.
 _LAST_BIT, _CHANGE = 2.0**-52, 2.0**-40
 _CHANGES = Change(angle=_CHANGE), Change(rates=_CHANGE), Change(accelerations=_CHANGE)
+# A position in the URDF.
+_NUMBER = r'(-?\d+(?:\.\d+)?(?:e[+-]\d+)?)'
+_POSITION = re.compile(f'xyz="{_NUMBER} {_NUMBER} {_NUMBER}"')
 
 
 def verify(log: LogReader, progress: Callable[[int], object] = lambda _: None) -> 'Verification':
@@ -165,7 +172,7 @@ class Verification:
                 if self.difference or len(self._rows) >= size:
                     break
         self._compare_last(progress)
-        self.missed, self.ulp = self._timeline.missed, self._comparison.ulp
+        self.missed, self.ulp = self._timeline.missed, max(self.ulp, self._comparison.ulp)
 
     def _cross_gap(self, progress: Callable[[int], object]) -> None:
         """Compares the states before missing messages, and prepares for those after them."""
@@ -177,11 +184,14 @@ class Verification:
         """Handles a message that is not part of a state; called in the order of writing."""
         if isinstance(self._timeline, Measurements):
             self._timeline.handle(message)
-        is_description = self._description and message.channel == self._description.number
-        if is_description and message.data != self._simulator.description:
-            self.difference = (
-                f'{message.topic}: data at {message.time} ns is not the URDF of the configuration'
-            )
+        if self._description and message.channel == self._description.number:
+            ulp = _description_ulp(message.data, self._simulator.description)
+            self.ulp = max(self.ulp, ulp)
+            if ulp > _TOLERANCE:
+                self.difference = (
+                    f'{message.topic}: data at {message.time} ns is not the URDF of the '
+                    'configuration'
+                )
 
     def _compare_rows(self, progress: Callable[[int], object]) -> None:
         """Compares all complete rows read so far."""
@@ -253,6 +263,33 @@ class Verification:
         coordinates, ahead = self._timeline.coordinates(number, stamps, rows, change)
         times = None if self._timeline.is_record else self._layout.column(rows, self._layout.times)
         return self._simulator.rows(stamps, coordinates, ahead, times=times, layout=self._layout)
+
+
+def _description_ulp(logged: bytes, due: bytes) -> float:
+    """Returns the largest difference of positions in two robot descriptions, ulp.
+
+    Args:
+        logged: CDR bytes of a String, which may be arbitrary.
+        due: CDR bytes of the recomputed String.
+
+    Returns:
+        The difference, in ulp of the largest coordinate of a position; inf if the rest differs.
+    """
+    if logged == due:
+        return 0.0
+    start = len(ENCAPSULATION) + 4  # after the length of the text
+    text, urdf = (data[start:].rstrip(b'\0').decode(errors='replace') for data in (logged, due))
+    if encode_string(text) != logged or _POSITION.sub('', text) != _POSITION.sub('', urdf):
+        return math.inf
+    ulp = 0.0
+    for found, made in zip(_POSITION.findall(text), _POSITION.findall(urdf), strict=True):
+        if found != made:
+            numbers, right = [float(word) for word in found], [float(word) for word in made]
+            if text_of(*numbers) != ' '.join(found):
+                return math.inf
+            off = max(abs(x - y) for x, y in zip(numbers, right, strict=True))
+            ulp = max(ulp, off / math.ulp(max(map(abs, right))))
+    return ulp
 
 
 class RowComparison:
