@@ -350,6 +350,17 @@ def test_outputs_that_turn_fully_rest_or_take_two_turns(mechanism, span, ratio):
     assert '-0 ' not in words
 
 
+@pytest.mark.parametrize('crank', [1e-3, 0.3, 0.9])
+@pytest.mark.parametrize('angle', [0.0, 1.0, 2.5, -0.7])
+def test_rocker_of_a_crossed_kite_rests(crank, angle):
+    """Its rate is not exactly 0, but a rounding error with a changing sign."""
+    found = travel(Solver(four_bar((crank, crank, 1.0, 1.0), angle, 'crossed')))
+    (low, high), apart = found.extremes, found.extremes[0] - (angle + math.pi)
+    assert low == high
+    assert math.remainder(apart, TURN) == pytest.approx(0.0, abs=1e-15)
+    assert (found.at, found.time_ratio) == ((), None)
+
+
 @settings(max_examples=15)
 @given(
     st.sampled_from([(1, 2, 2, 1), (1, 2, 1, 2), (1, 3, 2, 2), (1, 1, 1, 1), (1.5, 3, 2.5, 1)]),

@@ -87,6 +87,8 @@ def travel(solver: Solver) -> Travel:
         return 0.0 if slides else 2 * math.pi * round(float(angle) / (2 * math.pi))
 
     position = position if slides else np.unwrap(position)
+    if not slides and np.ptp(position) <= _SAME:  # at rest: its rate is a rounding error
+        position, rate = np.full_like(position, np.median(position)), np.zeros_like(rate)
     before = np.flatnonzero(np.sign(rate[:-1]) * np.sign(rate[1:]) < 0)
     at = [_reversal(solver, *crank[i : i + 2].tolist()) for i in before]
     found = [solver.state(angle).position[-1] for angle in at]
