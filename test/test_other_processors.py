@@ -9,6 +9,7 @@ them off in a process, which then computes as a processor without them does.
 import json
 import math
 import os
+import re
 import struct
 import subprocess
 import sys
@@ -16,15 +17,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from joint_codec import JointStateCodec
 from live_logs import live, ticks
 from ros_harness import CODEC, PACKAGE_PATH, logged, report_of
 from test_verify import rewrite, written_over
 
-from linkage_ros import Solver
+from linkage_ros.dynamics.elementwise import noise
+from linkage_ros.dynamics.program import Constants, Program
 from linkage_ros.parameters.configuration import configure
 from linkage_ros.record import record
-from linkage_ros.wire.codecs import trajectory
 
 # The names of the switches depend on the version of glibc, which ignores unknown ones.
 TUNABLES = 'glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX2_Usable,-FMA_Usable,-FMA4_Usable'
@@ -32,7 +32,6 @@ TUNABLES = 'glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX2_Usable,-FMA_Usable,-FMA4_Usa
 FAST = configure(
     {'drive': 'torque', 'motor.torque': 0.5, 'motor.damping': 0.01, 'start_rpm': 1000.0}
 )
-NAMES = 'crank', 'coupler', 'rocker'
 
 
 def write(folder):
@@ -74,25 +73,40 @@ def test_logs_of_processors_with_and_without_fma_are_equal(tmp_path):
 
 
 @pytest.mark.parametrize(('ulp', 'words'), [(3.8, ''), (5.0, 'effort[crank] = ')])
-def test_torque_may_change_as_much_as_by_the_last_bits_of_the_motion(tmp_path, ulp, words):
+def test_torque_may_change_by_a_few_of_its_units(tmp_path, ulp, words):
+    """Verification states the unit of a difference, which is that of the largest term."""
     write(tmp_path)
-    path = tmp_path / 'live.mcap'
-    _, messages = logged(path)
-    codec, solver = JointStateCodec(NAMES, parts=trajectory), Solver(FAST.mechanism)
-    rows = [codec.decode(message.data)[1] for message in messages['/mechanism_state']]
-    q, u, a, torque = np.array(rows)[:, [0, 3, 6, 9]].T
-    h = 2.0**-40
-    moved = (
-        abs(solver.state(*motion).torque - torque)
-        for motion in ((q + h, u, a), (q, u * (1 + h), a), (q, u, a * (1 + h)))
-    )
-    units = sum(moved) * 2.0**-52 / h
-    number = int(units.argmax())
-    assert units[number] > 8 * math.ulp(max(abs(torque)))
+    path, number = tmp_path / 'live.mcap', 700
+    before, (_, messages) = path.read_bytes(), logged(path)
     data = messages['/joint_states'][number].data
-    place = data.index(struct.pack('<d', CODEC.decode(data)[1][6]))
-    wrong = torque[number] + ulp * units[number]
-    rewrite(path, written_over('/joint_states', number, place, wrong))
-    report = report_of(path)
-    assert words in report.difference
-    assert (report.states == number) == bool(words) == bool(report.difference)
+    torque = CODEC.decode(data)[1][6]
+    place = data.index(struct.pack('<d', torque))
+
+    def report(wrong):
+        path.write_bytes(before)
+        rewrite(path, written_over('/joint_states', number, place, wrong))
+        return report_of(path)
+
+    off, units = map(
+        float, re.search(r'off by (\S+), (\S+) ulp', report(torque + 1.0).difference).groups()
+    )
+    assert math.ulp(torque) < off / units < 1e4 * math.ulp(torque)
+    found = report(torque + ulp * off / units)
+    assert words in found.difference
+    assert (found.states == number) == bool(words) == bool(found.difference)
+
+
+def test_noise_shows_the_largest_terms_of_a_sum():
+    """The terms cancel, so that rounding errors of the sum exceed those of its value."""
+    program = Program(cancelling, Constants((1e8,)), ('x',))
+    x = np.linspace(1.0, 2.0, 50)
+    right = program(x, by_math=True)
+    with noise(2.0**-40, 1):
+        moved = abs(program(x, by_math=True) - right)
+        assert program.floats(1.5) == cancelling((1e8,), 1.5)
+    assert np.array_equal(program(x, by_math=True), right)
+    assert np.abs(right).max() * 2.0**-40 < 1e-6 * moved.max() < 2.0**-40 * 1e3
+
+
+def cancelling(k, x):
+    return (x + k[0]) - k[0]

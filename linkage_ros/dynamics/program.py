@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from linkage_ros import formulas
+from linkage_ros.dynamics.elementwise import is_noisy
 from linkage_ros.dynamics.nested import leaves, rebuilt, transformed
 from linkage_ros.dynamics.tracer import Argument, Tape
 from linkage_ros.formulas import ZERO, Opaque, Vector
@@ -157,6 +158,8 @@ class Program:
             The result of the formula, with floats for values that do not depend on an array.
         """
         bind = self.tape.by_math if by_math else self.tape.for_arrays
+        if by_math and is_noisy():
+            bind = self.tape.with_noise
         return bind(*self.constants.numbers)(*values)
 
     def __call__(self, *values: Any, by_math: bool = False) -> Any:
@@ -179,7 +182,7 @@ class Program:
     ) -> Any:
         """Evaluates the formula on floats and arrays that broadcast to a shape; see `__call__`."""
         size = math.prod(shape)
-        if size == 1:
+        if size == 1 and not is_noisy():
             tree = self.floats(*[x if isinstance(x, float) else x.item() for x in rows])
             values = self.tape.flat(tree) if self._traced else leaves(tree)
             return self._shaped(tree, np.array(values).reshape(-1, *shape))

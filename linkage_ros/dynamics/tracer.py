@@ -18,9 +18,8 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, NamedTuple, TypeAlias
 
-import numpy as np
-
 from linkage_ros import formulas
+from linkage_ros.dynamics.elementwise import SCALAR, by_element, noisy
 from linkage_ros.dynamics.nested import leaves, names, places, transformed
 from linkage_ros.formulas import ZERO, Opaque
 from linkage_ros.numeric import Real
@@ -33,13 +32,9 @@ _SIGNS = {
     'gt': '>', 'ge': '>=', 'lt': '<', 'le': '<=',
 }  # fmt: skip
 _COMPARISONS = '>', '>=', '<', '<='
-_BY_ELEMENT: dict[str, Callable[..., float]] = {
-    'sin': math.sin,
-    'cos': math.cos,
-    'atan2': math.atan2,
-}
-_FLOATS = {**_BY_ELEMENT, 'sqrt': math.sqrt, 'rint': round}
+_FLOATS = {**SCALAR, 'sqrt': math.sqrt, 'rint': round}
 _ARRAYS = {name: getattr(formulas, name) for name in (*_FLOATS, 'where', 'require')}
+_BY_MATH = _ARRAYS | {name: by_element(function) for name, function in SCALAR.items()}
 # Number of leading operands that are necessarily finite if the result is finite.
 _PASSED_ON = {'+': 2, '-': 2, '*': 2, '/': 1, 'neg': 1, 'abs': 1}
 _LONG = 200  # characters; Python limits the nesting of an expression, so a longer one gets a name
@@ -237,7 +232,7 @@ class Tape:
         """Whether the program calls an opaque function for a value."""
         return any(line.operation == 'call' for line in self.lines)
 
-    def source(self, guard: str, *, for_arrays: bool = False) -> Source:
+    def source(self, guard: str, *, for_arrays: bool = False, term: str = '{}') -> Source:
         """Writes the program.
 
         Args:
@@ -245,6 +240,7 @@ class Tape:
                 after the condition, {2} the call that rejects them.
             for_arrays: Whether values may be arrays. Every term then gets a name, which is deleted
                 after the last use, so that the memory of an array can be reused.
+            term: Expression for the value of a term; {} is the operation.
         """
         lines, words, taken = self.lines, dict[int, str](), {line.text for line in self.lines}
         results = [x.line for x in leaves(self.result) if isinstance(x, Symbol)]
@@ -269,7 +265,8 @@ class Tape:
                 if is_inner and uses[i] == 1 and len(expression) < _LONG and not for_arrays:
                     continue
                 words[i] = next(free)
-                statement = f'{words[i]} = {expression}'
+                is_number = operation not in (*_COMPARISONS, 'call')
+                statement = f'{words[i]} = {term.format(expression) if is_number else expression}'
             done = [words[x] for x in sorted({*operands} & self._inner) if last[x] == i]
             end = f'; del {", ".join(done)}' if for_arrays and done else ''
             (within if is_inner else before).append(statement + end)
@@ -307,8 +304,13 @@ class Tape:
     @functools.cached_property
     def by_math(self) -> Callable[..., Any]:
         """Function `bind` of the same program, with `math`'s sin, cos and atan2, by element."""
-        elementwise = {name: _by_element(function) for name, function in _BY_ELEMENT.items()}
-        return self._compiled(self._array_text, _ARRAYS | elementwise)
+        return self._compiled(self._array_text, _BY_MATH)
+
+    @functools.cached_property
+    def with_noise(self) -> Callable[..., Any]:
+        """Function `bind` of the same program, with noise in every term; see `elementwise`."""
+        source = self.source('require({0}, {1})', for_arrays=True, term='noisy({})')
+        return self._compiled(self._text(source), _BY_MATH | {'noisy': noisy})
 
     @functools.cached_property
     def _array_text(self) -> str:
@@ -334,19 +336,6 @@ class Tape:
         exec(compile(text, path, 'exec'), space)  # noqa: S102
         bind: Callable[..., Any] = space['bind']
         return bind
-
-
-def _by_element(function: Callable[..., float]) -> Callable[..., Real]:
-    """Extends a function of floats to arrays by calling it for each element."""
-
-    def apply(*values: Real) -> Real:
-        if not any(isinstance(x, np.ndarray) for x in values):
-            return function(*values)
-        rows = np.broadcast_arrays(*values)
-        found = np.fromiter(map(function, *(row.ravel().tolist() for row in rows)), float)
-        return found.reshape(rows[0].shape)
-
-    return apply
 
 
 def _expression(operation: str, read: list[str], *, for_arrays: bool) -> str:

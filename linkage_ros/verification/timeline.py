@@ -5,10 +5,10 @@
 A step of the clock starts a new segment, but tick numbers continue.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import suppress
 from itertools import accumulate, takewhile
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -53,39 +53,6 @@ def check_motions(simulator: Simulator, motions: tuple[Segment, ...]) -> str:
                 return f'motion record {number} has {name} = {found}, recomputed {value}'
         past = logged
     return ''
-
-
-class Change(NamedTuple):
-    """A small change of coordinates, which shows how much a value depends on their last bits.
-
-    Attributes:
-        angle: Added to the crank angle, rad; other coordinates move by as many crank lengths.
-        rates: Relative change of the rates.
-        accelerations: Relative change of the accelerations, or of the torque in their place.
-    """
-
-    angle: float = 0.0
-    rates: float = 0.0
-    accelerations: float = 0.0
-
-    def of(self, coordinates: Coordinates, units: Sequence[float] = (1.0,)) -> Coordinates:
-        """Returns changed coordinates.
-
-        Args:
-            coordinates: Coordinates without a state.
-            units: One radian or crank length for each coordinate.
-        """
-        if not any(self):  # adding 0.0 would change the sign of -0.0
-            return coordinates
-        q, u, a, *_ = coordinates
-        return coordinates._replace(
-            q=tuple(x + self.angle * unit for x, unit in zip(q, units, strict=True)),
-            u=tuple(x * (1.0 + self.rates) for x in u),
-            a=tuple(x * (1.0 + self.accelerations) for x in a),
-        )
-
-
-NO_CHANGE = Change()
 
 
 class Timeline:
@@ -146,7 +113,7 @@ class Timeline:
                 yield number, ticks[:count].tolist()
 
     def coordinates(
-        self, number: int, stamps: list[int], rows: bytes, change: Change  # noqa: ARG002
+        self, number: int, stamps: list[int], rows: bytes  # noqa: ARG002, others read them
     ) -> tuple[Coordinates, Coordinates | None]:  # fmt: skip
         """Recomputes the coordinates of states.
 
@@ -154,7 +121,6 @@ class Timeline:
             number: Index of the states' segment.
             stamps: Stamps of the states, ns.
             rows: Logged rows of the states.
-            change: Change of the coordinates.
 
         Returns:
             The coordinates, and those for the feed-forward torque or None.
@@ -163,8 +129,7 @@ class Timeline:
             LinkageError: The messages do not describe valid states.
         """
         motion = SpeedMotion(self._motions[number])
-        ahead = self._simulator.ahead(motion, stamps)
-        return change.of(motion.at_all(stamps)), ahead and change.of(ahead)
+        return motion.at_all(stamps), self._simulator.ahead(motion, stamps)
 
     def take(self, number: int, ticks: list[int]) -> tuple[int, str]:
         """Advances past states whose messages are equal.
@@ -207,12 +172,12 @@ class Measurements:
             yield 0, fit
 
     def coordinates(
-        self, _: int, stamps: list[int], __: bytes, change: Change
+        self, _: int, stamps: list[int], __: bytes
     ) -> tuple[Coordinates, Coordinates | None]:
         """Returns the coordinates of the next measurements; see `Timeline.coordinates`."""
         found = [coordinates for _, coordinates in self._next[: len(stamps)]]
         later = [x for one in found if (x := self._simulator.later(one))]
-        return change.of(stacked(found)), change.of(stacked(later)) if later else None
+        return stacked(found), stacked(later) if later else None
 
     def cross_gap(self) -> bool:
         """Returns False, because later states depend on all measurements; see `Timeline`."""

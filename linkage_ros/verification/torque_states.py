@@ -24,7 +24,7 @@ from linkage_ros.motion.torque_driven import CATCH_UP, own_coordinates, start
 from linkage_ros.numeric import Array, with_turns, within_two_turns, wrap
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.units import NS_PER_S
-from linkage_ros.verification.timeline import NO_CHANGE, Change, Timeline
+from linkage_ros.verification.timeline import Timeline
 from linkage_ros.wire.codecs import joint_numbers
 from linkage_ros.wire.rows import RowLayout
 
@@ -68,7 +68,7 @@ class TorqueStates(Timeline):
         self._before = np.array([[begin.unwrapped, *state.position[1:], *state.velocity, 0.0]]).T
 
     def coordinates(
-        self, number: int, _: list[int], rows: bytes, change: Change
+        self, number: int, _: list[int], rows: bytes
     ) -> tuple[Coordinates, Coordinates | None]:
         """Reads coordinates, rates and accelerations from mechanism_state, as arrays.
 
@@ -83,18 +83,10 @@ class TorqueStates(Timeline):
         q, u, a = (tuple(row[moving]) for row in table[:3])
         # Use the logged torque of live runs, because it includes commands.
         torque = self._motor.at(table[1, 0]) if self.is_record else table[3, 0]
-        is_own, units = solver.coordinates == self._own.solver.coordinates, driven.units[: len(q)]
-        if is_own and self.is_record:
-            a = solver.accelerations(q, u, torque, by_math=True)
-        (torque,) = change.of(Coordinates(q, u, (torque,), crank), units).a
-        q, u, a = change.of(Coordinates(q, u, a, crank), units)[:3]
-        if is_own:
-            state = solver.state(q, u, a, by_math=True)
-            if self.is_record and change != NO_CHANGE:
-                # From these accelerations, the same torque would follow at any coordinates.
+        if solver.coordinates == self._own.solver.coordinates:
+            if self.is_record:
                 a = solver.accelerations(q, u, torque, by_math=True)
-                state = solver.state(q, u, a, by_math=True)._replace(torque=state.torque)
-            return Coordinates(q, u, a, crank, state), None
+            return Coordinates(q, u, a, crank, solver.state(q, u, a, by_math=True)), None
         state = solver.driven_state(q, u, torque, by_math=True)
         if not driven.has_crank:
             pairs = zip(state.position[0].tolist(), crank.tolist(), strict=True)

@@ -4,12 +4,12 @@
 
 Messages are considered equal if their bytes are equal, or if each number differs by at most 4 ulp,
 because sines differ between machines. The ulp is that of the largest number of the field in the
-log or, if larger, the change of the number if crank angle, rates and accelerations change by one
-part in 2^52: the terms of the number may cancel, or depend strongly on the angle. 0.0 and -0.0 are
-equal within 1 ulp. In robot_description, only positions depend on sines: they may differ by 4 ulp
-of their largest coordinate. The log times of a live run cannot be recomputed, so only their
-equality within a state is checked. Topics are identified by their roles, because they may be
-remapped. Other topics of the log are listed but not compared.
+log or, if larger, the change of the number under noise of one part in 2^54 in every operation: the
+terms of the number may cancel, or depend strongly on the angle. 0.0 and -0.0 are equal within 1
+ulp. In robot_description, only positions depend on sines: they may differ by 4 ulp of their largest
+coordinate. The log times of a live run cannot be recomputed, so only their equality within a state
+is checked. Topics are identified by their roles, because they may be remapped. Other topics of the
+log are listed but not compared.
 """
 
 import functools
@@ -22,6 +22,7 @@ from contextlib import suppress
 
 import numpy as np
 
+from linkage_ros.dynamics.elementwise import noise
 from linkage_ros.errors import LinkageError, LogError
 from linkage_ros.log.reader import LoggedMessage, LogReader
 from linkage_ros.motion.drives import FollowDrive, TorqueDrive
@@ -29,8 +30,6 @@ from linkage_ros.numeric import Array
 from linkage_ros.run.messages import inputs_of
 from linkage_ros.run.simulator import Simulator
 from linkage_ros.verification.timeline import (
-    NO_CHANGE,
-    Change,
     Measurements,
     Timeline,
     check_motions,
@@ -51,9 +50,9 @@ from linkage_ros.wire.urdf import text_of
 _BATCH = 1024  # states per batch
 # ulp. On another machine, sines and all results may differ in the last bits.
 _TOLERANCE = 4
-# Changes of the coordinates, large enough to show in a number despite its rounding error.
-_LAST_BIT, _CHANGE = 2.0**-52, 2.0**-40
-_CHANGES = Change(angle=_CHANGE), Change(rates=_CHANGE), Change(accelerations=_CHANGE)
+# Relative noise in every operation that gives the unit of a difference, noise that is large enough
+# to show in a number despite its rounding error, and the number of samples.
+_LAST_BIT, _NOISE, _SAMPLES = 2.0**-54, 2.0**-40, 4
 # A position in the URDF.
 _NUMBER = r'(-?\d+(?:\.\d+)?(?:e[+-]\d+)?)'
 _POSITION = re.compile(f'xyz="{_NUMBER} {_NUMBER} {_NUMBER}"')
@@ -252,15 +251,13 @@ class Verification:
             wrong = f'state {self.states + count + 1}, stamp {stamps[count]} ns: {wrong}'
         return count, wrong
 
-    def _again(
-        self, number: int, stamps: list[int], rows: bytes, change: Change = NO_CHANGE
-    ) -> bytearray:
+    def _again(self, number: int, stamps: list[int], rows: bytes) -> bytearray:
         """Recomputes the rows at the given stamps of a segment.
 
         Raises:
             LinkageError: A logged row does not describe a valid state.
         """
-        coordinates, ahead = self._timeline.coordinates(number, stamps, rows, change)
+        coordinates, ahead = self._timeline.coordinates(number, stamps, rows)
         times = None if self._timeline.is_record else self._layout.column(rows, self._layout.times)
         return self._simulator.rows(stamps, coordinates, ahead, times=times, layout=self._layout)
 
@@ -304,14 +301,14 @@ class RowComparison:
         self._doubles = [place for place in layout.places if place.code == 'd']
 
     def compare(
-        self, logged: bytes, recomputed: bytearray, again: Callable[[Change], bytearray]
+        self, logged: bytes, recomputed: bytearray, again: Callable[[], bytearray]
     ) -> tuple[int, str]:
         """Compares rows.
 
         Args:
             logged: One or more logged rows.
             recomputed: The same number of recomputed rows.
-            again: Recomputes the rows with changed coordinates.
+            again: Recomputes the rows.
 
         Returns:
             The number of leading rows that are equal within the tolerance, and a description of
@@ -326,10 +323,10 @@ class RowComparison:
         values = self._values(recomputed)
         with np.errstate(all='ignore'):  # logged values may be arbitrary
             moved = np.zeros_like(values)
-            for change in _CHANGES:
-                with suppress(LinkageError):  # beyond a limit of the crank
-                    moved += abs(self._values(again(change)) - values)
-            units = np.maximum(np.spacing(self._largest), moved * (_LAST_BIT / _CHANGE))
+            for seed in range(_SAMPLES):
+                with suppress(LinkageError), noise(_NOISE, seed):  # beyond a limit of the crank
+                    moved = np.maximum(moved, abs(self._values(again()) - values))
+            units = np.maximum(np.spacing(self._largest), moved * (_LAST_BIT / _NOISE))
             ulp = abs(self._values(logged) - values) / units
         found, made = (np.frombuffer(x, np.uint8) for x in (logged, recomputed))
         differs = np.not_equal(found, made).reshape(-1, size)

@@ -1,0 +1,55 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Functions of `math` for arrays, and noise that shows how far a result depends on last bits.
+
+NumPy's sine may differ from that of `math` in the last bit, and the latter between processors with
+and without fused multiply-add. From there on, all rounding errors differ.
+"""
+
+import math
+import random
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import numpy as np
+
+from linkage_ros.numeric import Real
+
+SCALAR: dict[str, Callable[..., float]] = {
+    'sin': math.sin, 'cos': math.cos, 'atan2': math.atan2,
+}  # fmt: skip
+_factors: list[Iterator[float]] = []  # factors of the noise; empty without noise
+
+
+@contextmanager
+def noise(size: float, seed: int) -> Iterator[None]:
+    """Multiplies every term of the programs run by `math` by 1 + size or 1 - size, at random."""
+    signs = random.Random(seed)
+    _factors.append(iter(lambda: 1.0 + signs.choice((-size, size)), None))
+    try:
+        yield
+    finally:
+        _factors.clear()
+
+
+def is_noisy() -> bool:
+    """Returns whether programs are run with noise."""
+    return bool(_factors)
+
+
+def noisy(value: Real) -> Real:
+    """Adds noise to a value."""
+    return value * next(_factors[0])
+
+
+def by_element(function: Callable[..., float]) -> Callable[..., Real]:
+    """Extends a function of floats to arrays by calling it for each element."""
+
+    def apply(*values: Real) -> Real:
+        if not any(isinstance(x, np.ndarray) for x in values):
+            return function(*values)
+        rows = np.broadcast_arrays(*values)
+        found = np.fromiter(map(function, *(row.ravel().tolist() for row in rows)), float)
+        return found.reshape(rows[0].shape)
+
+    return apply
