@@ -6,7 +6,7 @@ Messages are considered equal if their bytes are equal, or if each number differ
 because sines differ between machines. The ulp is that of the largest number of the field in the
 log or, if larger, the change of the number under noise of one part in 2^54 in every operation: the
 terms of the number may cancel, or depend strongly on the angle. 0.0 and -0.0 are equal within 1
-ulp. In robot_description, only positions depend on sines: they may differ by 4 ulp of their largest
+ulp. In robot_description, only positions depend on sines: they may differ by 4 ulp of the largest
 coordinate. The log times of a live run cannot be recomputed, so only their equality within a state
 is checked. Topics are identified by their roles, because they may be remapped. Other topics of the
 log are listed but not compared.
