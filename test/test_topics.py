@@ -4,6 +4,7 @@
 
 import itertools
 import os
+import re
 import threading
 import time
 from contextlib import contextmanager, suppress
@@ -33,7 +34,7 @@ MESSAGES = 300
 
 
 def reject(data, received):
-    raise ValueError(f'byte {data[-1] % 7}')
+    raise ValueError(f'byte {data[-1] % 7}: its value is {data[-1]}')
 
 
 @contextmanager
@@ -111,16 +112,16 @@ def test_rejected_messages_call_the_logger_at_most_once_a_second(polled, monkeyp
     node, subscription, publisher, _ = polled
     lines, kinds, begin = [], [], time.monotonic()
     monkeypatch.setattr(node.get_logger(), 'log', lambda words, *_, **__: lines.append(words))
-    monkeypatch.setattr(
-        subscription, '_log', lambda _, __, data: kinds.append(f'byte {data[-1] % 7}')
-    )
+    monkeypatch.setattr(subscription, '_log', lambda _, __, data: kinds.append(data[-1]))
     for number in range(MESSAGES):
         publisher.publish(b'\0\1\0\0' + bytes([number % 251]))
         wait_for(lambda number=number: [*subscription.take()] or len(kinds) > number)
     assert 1 <= len(lines) <= 1 + time.monotonic() - begin
     wait_for(lambda: [*subscription.take()] or len(lines) > 1)
     said = ' '.join(lines)
-    assert 'byte 1 (' in said
+    causes = re.findall(r'byte (\d): its value is (\d+) \(', said)
+    assert all(int(value) % 7 == int(cause) for cause, value in causes)
+    assert 5 <= len(causes) <= 5 * len(lines)  # the last one of each cause
     assert 'other causes (' in said
     assert sum(int(text.split()[0]) for text in said.split('(')[1:]) == MESSAGES
 

@@ -134,7 +134,8 @@ class Reach(NamedTuple):
             MechanismError: The crank is limited. The message states class, causes and arcs.
         """
         if not self.turns_fully:
-            raise MechanismError(self._refusal('turn fully') + otherwise)
+            cures = f'; {" or ".join(self.cures)}'
+            raise MechanismError(self._refusal('turn fully', cures) + otherwise)
 
     def refuse(self, crank: float) -> NoReturn:
         """Rejects a crank angle at which no state exists or the rates are infinite.
@@ -143,18 +144,18 @@ class Reach(NamedTuple):
             crank: Crank angle, rad.
 
         Raises:
-            UnreachableError: Always. The message states class, causes, cures and reachable arcs.
+            UnreachableError: Always. The message states class, causes and reachable arcs.
         """
         purpose = f'move at {math.degrees(crank):.9g} deg'
         raise UnreachableError(self._refusal(purpose), crank_angle=crank, arcs=self.arcs)
 
-    def _refusal(self, purpose: str) -> str:
+    def _refusal(self, purpose: str, cures: str = '') -> str:
         arcs = ' and '.join(
             f'{math.degrees(start):.6g} to {math.degrees(end):.6g} deg' for start, end in self.arcs
         )
         return (
             f'the crank of this {self.grashof} linkage cannot {purpose}: '
-            f'{"; ".join(self.limits)}; {" or ".join(self.cures)}; it reaches {arcs}'
+            f'{"; ".join(self.limits)}{cures}; it reaches {arcs}'
         )
 
     def samples(self, steps_per_turn: int = 720) -> Array:

@@ -127,7 +127,8 @@ def configure(values: Mapping[str, object]) -> Configuration:
             q, u, *_ = start(mechanism, drive)
             Solver(mechanism).accelerations(q, u, drive.motor.at(u[0]))
         except UnreachableError as error:
-            raise ConfigurationError(f'the motion cannot start: {error}') from error
+            where = f'crank_angle = {drive.crank_angle} rad: ' if error.arcs else ''
+            raise ConfigurationError(f'{where}the motion cannot start: {error}') from error
     elif isinstance(drive, SpeedDrive):
         Solver(mechanism).reach.require_full_turn(
             '; drive: torque or drive: follow moves it within these angles'

@@ -3,7 +3,6 @@
 """Topics of a node: publishers of CDR bytes, subscriptions to commands and measurements."""
 
 import time
-from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator
 from importlib import import_module
 from typing import Any
@@ -161,7 +160,7 @@ class PolledSubscription:
             node: Node of the subscription.
             topic: Topic to subscribe to.
             read: Decodes a message, given its time of receipt, ns; raises a ValueError to reject
-                it.
+                it, with the cause, which may be followed by a colon and details.
             log: Called for each message with time of receipt, ns, topic, and CDR bytes.
 
         Raises:
@@ -170,7 +169,8 @@ class PolledSubscription:
         self.name, self._logger = node.resolve_topic_name(topic.name), node.get_logger()
         self._topic, self._read, self._log = topic, read, log
         self._kind, self._depth = message_class(topic.interface.name), max(topic.depth, _DEPTH)
-        self._rejected: Counter[str] = Counter()  # since the last report, by cause
+        # Number of rejected messages since the last report, and the last error, by cause.
+        self._rejected: dict[str, tuple[int, str]] = {}
         self._throttle = Throttle()
         qos = QoSProfile(depth=self._depth, reliability=ReliabilityPolicy.BEST_EFFORT)
         self._subscription = node.create_subscription(
@@ -213,13 +213,16 @@ class PolledSubscription:
             else:
                 yield result
         if self._rejected and self._throttle.is_due():
-            counts = '; '.join(f'{cause} ({n} x)' for cause, n in self._rejected.items())
+            counts = '; '.join(f'{words} ({n} x)' for n, words in self._rejected.values())
             self._rejected.clear()
             self._logger.warning(f'messages on {self.name} are rejected: {counts}')
 
-    def _reject(self, cause: str) -> None:
-        is_counted = cause in self._rejected or len(self._rejected) < _CAUSES
-        self._rejected[cause if is_counted else 'other causes'] += 1
+    def _reject(self, words: str) -> None:
+        cause = words.partition(':')[0]
+        if cause not in self._rejected and len(self._rejected) >= _CAUSES:
+            cause = words = 'other causes'
+        count, _ = self._rejected.get(cause, (0, ''))
+        self._rejected[cause] = count + 1, words
 
 
 def read_clock(data: bytes, _: int) -> int:
