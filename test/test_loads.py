@@ -455,3 +455,10 @@ def test_friction_is_solved_until_it_locks(friction, crank, locks):
         Solver(rubs(1 + 1e-9)).state(crank, 2.0, 1.5)
     with pytest.raises(ArithmeticError, match='no friction'):
         Oracle(rubs(1 + 1e-6)).state(crank, 2.0, 1.5)
+
+
+def test_strong_friction_that_does_not_lock_is_solved_in_many_small_steps():
+    """It takes more than 1000 rounds; a lock was reported there, where the forces are small."""
+    bare = slider_crank(FULL['short_coupler'], -0.0144)
+    for friction in (Friction(23.15, 0.05, 23.15), Friction(30.0, 0.05, 30.0)):
+        assert error(with_loads(bare, friction), [1.613]) < CLOSE

@@ -37,7 +37,7 @@ from linkage_ros.numeric import Real, real_numbers, require_finite
 from linkage_ros.quantities import shown
 
 _ROUND = 'q', 'u', 'a', 'search'  # arguments of `joint_load_round`
-_ROUNDS = 1000
+_ROUNDS = 10_000
 _IN_LINE = (
     'all links are in line: the joint forces are infinite at a change point; choose another angle'
 )
