@@ -113,6 +113,8 @@ def _check(options: argparse.Namespace, log: LogReader) -> None:
         (unknown, f'--topics {" ".join(unknown)}: the log has {", ".join(names)}'),
         (options.no_ros and not options.viewer,
          '--no-ros leaves nothing to do: give --viewer as well'),
+        (options.no_open and options.viewer != WEB,
+         '--no-open is for a page in a browser: give --viewer web as well'),
         (options.no_ros and options.clock is not None,
          '--clock publishes a topic, so it cannot be used with --no-ros'),
         (options.start_paused and not os.isatty(0),

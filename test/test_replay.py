@@ -344,6 +344,7 @@ def test_memory_does_not_grow_with_the_log(tmp_path):
         (['--no-ros'], '--no-ros leaves nothing to do'),
         (['--no-ros', '--viewer', 'spawn', '--clock'], '--clock publishes a topic, so it'),
         (['--no-ros', '--viewer', 'nonsense'], 'nonsense'),
+        (['--no-open'], '--no-open is for a page in a browser: give --viewer web'),
         (['--start-paused'], '--start-paused needs a terminal'),
         (['another.mcap'], 'unrecognized arguments: another'),
         (
