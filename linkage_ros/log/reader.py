@@ -36,7 +36,7 @@ _MOST_WAITING, _OVERHEAD = 1 << 29, 500
 
 
 NO_CONFIGURATION = (
-    'it has no configuration record of linkage_ros, so linkage_log cannot recover it; for logs of '
+    'it has no configuration record of linkage_ros, which linkage_log recover needs; for logs of '
     'other programs there is "mcap recover"'
 )
 
