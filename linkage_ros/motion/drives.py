@@ -83,7 +83,7 @@ class TorqueDrive(Checked):
         start_rpm: Crank speed at t = 0, turns per minute.
         crank_angle: Crank angle at t = 0, rad.
         torque_limit: Magnitude to which commanded torques are clipped, N m.
-        command_timeout: Time for which a command acts, s; in a live run, at least a tick.
+        command_timeout: Time for which a command acts, s; a live run refuses less than a tick.
     """
 
     motor: Motor = field(default_factory=Motor)
@@ -98,8 +98,8 @@ class TorqueDrive(Checked):
         'N m', span=(0.0, 1e12), default=1e12,
     )  # fmt: skip
     command_timeout: float = quantity(
-        'number', 'time for which a command acts, at least a tick', 's', span=(1e-3, 1e9),
-        default=0.1,
+        'number', 'time for which a command acts; refused if shorter than a tick',
+        's', span=(1e-3, 1e9), default=0.1,
     )  # fmt: skip
 
 
