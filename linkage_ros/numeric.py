@@ -211,19 +211,19 @@ def _number(name: str, value: object) -> Real:
     """
     if type(value) is np.ndarray and value.dtype.char == 'd':
         return value
+    try:
+        if isinstance(value, _SINGLE) and not isinstance(value, bool):
+            return float(value)
+        array = np.asarray(value)
+        if array.dtype.kind in 'iufO' and not isinstance(value, np.ma.MaskedArray):
+            return np.asarray(array, dtype=np.float64) if array.ndim else float(array)
+    except (TypeError, ValueError, OverflowError):
+        pass
     if isinstance(value, np.ma.MaskedArray):
         raise ConfigurationError(
             f'{name.replace("_", " ")} is a masked array, whose mask would be lost: give its '
             'compressed() or filled() values'
         )
-    try:
-        if isinstance(value, _SINGLE) and not isinstance(value, bool):
-            return float(value)
-        array = np.asarray(value)
-        if array.dtype.kind in 'iufO':  # not bool, complex or text
-            return np.asarray(array, dtype=np.float64) if array.ndim else float(array)
-    except (TypeError, ValueError, OverflowError):
-        pass
     raise ConfigurationError(
         f'{name.replace("_", " ")} = {shown(value)}: must be a finite number, or an array of them'
     )
