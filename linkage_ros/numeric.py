@@ -203,6 +203,17 @@ def real_numbers(
 _SINGLE = float, int, np.floating, np.integer
 
 
+def single_numbers(*values: Any) -> list[float]:
+    """Returns the values as floats; empty if one of them is not a single number."""
+    if type(values[0]) is np.ndarray:
+        return []
+    try:
+        found = [float(x) for x in values if isinstance(x, _SINGLE) and not isinstance(x, bool)]
+    except OverflowError:  # 10**400
+        return []
+    return found if len(found) == len(values) else []
+
+
 def _number(name: str, value: object) -> Real:
     """Converts a single number to a float, and an array or a nested sequence to an array.
 

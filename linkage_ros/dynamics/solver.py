@@ -33,7 +33,7 @@ from linkage_ros.formulas import ZERO, Opaque, Vector
 from linkage_ros.model.kinematics import LinkPose, PointMotion, Reach, State
 from linkage_ros.model.loads import Load
 from linkage_ros.model.structure import Description, Mechanism
-from linkage_ros.numeric import Real, real_numbers, require_finite
+from linkage_ros.numeric import Real, real_numbers, require_finite, single_numbers
 from linkage_ros.quantities import shown
 
 _ROUND = 'q', 'u', 'a', 'search'  # arguments of `joint_load_round`
@@ -228,6 +228,8 @@ class Solver:
         """
         if self._takes_floats and type(q) is type(u) is type(a) is float:
             return self._torque.floats(q, u, a)[0]
+        if self._takes_floats and (single := single_numbers(q, u, a)):
+            return self._torque.floats(*single)[0]
         if self.model.joint_loads:
             return self._settle(q, u, a, by_math=by_math).state.torque
         motion = *self._row('q', q), *self._row('u', u), *self._row('a', a)
@@ -270,12 +272,14 @@ class Solver:
         """
         if self._takes_floats and type(q) is type(u) is type(torque) is float:
             return self._forward.floats(q, u, torque)[0]
+        if self._takes_floats and (single := single_numbers(q, u, torque)):
+            return self._forward.floats(*single)[0]
         if self.model.joint_loads:
             raise MechanismError(
                 'dry friction under a given torque has no unique acceleration at rest: leave '
                 'friction out where the torque is given, or give the speed'
             )
-        given = (*self._row('q', q), *self._row('u', u), torque)
+        given = *self._row('q', q), *self._row('u', u), *self._row('torque', torque)
         found = self._forward(*given, by_math=by_math)
         return found if len(self.coordinates) > 1 or isinstance(q, tuple) else found[0]
 
@@ -506,9 +510,9 @@ class Solver:
         Raises:
             ConfigurationError: The number of values is wrong.
         """
-        count = self._count
+        count = 1 if letter == 'torque' else self._count
         if type(row) is not tuple:
-            if count == 1 or letter == 'torque':
+            if count == 1:
                 return (row,)
         elif len(row) == count:
             return row
