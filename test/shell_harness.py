@@ -10,6 +10,7 @@ import select
 import signal
 import struct
 import termios
+from contextlib import suppress
 
 from ros_harness import wait_for
 
@@ -41,8 +42,9 @@ class Shell:
         os.close(self.terminal)
 
     def says(self, words):
-        while select.select([self.terminal], [], [], 0)[0]:
-            self.said += os.read(self.terminal, 1000)
+        with suppress(OSError):  # EIO: the last program has ended, and all it said has been read
+            while select.select([self.terminal], [], [], 0)[0]:
+                self.said += os.read(self.terminal, 1000)
         return re.search(words, self.said, re.DOTALL)
 
     def sees(self, words):
