@@ -60,7 +60,7 @@ install = { n=0; while [ -t 2 ] && sleep 1 && kill -0 $$$$ 2>/dev/null; do n=$$(
 	fi >&2; exit 1; }
 
 demo: $(VENV)/demo-ready
-	@$(RUN) -m linkage_ros.demo
+	@$(RUN) -m linkage_ros.programs.demo
 
 controller: $(VENV)/demo-ready
 	@$(RUN) benchmarks/controller.py --quick --out controller

@@ -30,12 +30,12 @@ from sensor_msgs.msg import JointState
 
 from linkage_ros.cli import progress_bar
 from linkage_ros.log.reader import LogReader
+from linkage_ros.log.verify import verify
+from linkage_ros.messages.cdr import decode_joint_state
 from linkage_ros.palette import FIRST, SECOND, fractions
-from linkage_ros.parameters.presets import preset_path
-from linkage_ros.run.simulator import Simulator
+from linkage_ros.run.states import Simulator
+from linkage_ros.settings.presets import preset_path
 from linkage_ros.units import radians_per_second
-from linkage_ros.verification.verify import verify
-from linkage_ros.wire.cdr import decode_joint_state
 
 RATE, SECONDS = 1000.0, 6.0
 TICK = 1 / RATE
@@ -112,7 +112,7 @@ def run(path: Path, rpm: float, plant: Path, delay: float, *, feed_forward: bool
     with ExitStack() as stack:
         if delay:
             stack.callback(Relay(delay).close)
-        command = '-m', 'linkage_ros.controller', *given, *remap
+        command = '-m', 'linkage_ros.programs.controller', *given, *remap
         controller = stack.enter_context(running(*command, domain=DOMAIN))
         time.sleep(1.5)
         with node(DOMAIN, **driven) as turning:

@@ -17,12 +17,12 @@ from dataclasses import replace
 import numpy as np
 
 from linkage_ros import Body, Coupler, FourBar, Frame, Guide, Piston, Slider, SliderCrank, WindPump
-from linkage_ros.dynamics.solver import Solver
 from linkage_ros.errors import LinkageError
 from linkage_ros.lab.methods.integrators import Multipliers
 from linkage_ros.lab.reference.motions import InitialValueProblem
-from linkage_ros.motion.integrators import live_steps, record_steps
-from linkage_ros.motion.torque_driven import published
+from linkage_ros.mechanism.solver import Solver
+from linkage_ros.motion.steps import live_steps, record_steps
+from linkage_ros.motion.under_torque import published
 
 _LOOK = 0.05  # s between compared states
 _CHAOTIC = 1e-9  # rad between motions whose starts differ by 1e-12 rad

@@ -16,10 +16,10 @@ import math
 from pathlib import Path
 
 from linkage_ros.cli import progress_bar
-from linkage_ros.dynamics.solver import Solver
-from linkage_ros.motion.torque_driven import TorqueMotion
+from linkage_ros.mechanism.solver import Solver
+from linkage_ros.motion.under_torque import TorqueMotion
 from linkage_ros.palette import FIRST, fractions
-from linkage_ros.parameters.configuration import configure
+from linkage_ros.settings.configuration import configure
 from linkage_ros.units import NS_PER_S, radians_per_second
 
 RATE, RPM, TURNS = 1000.0, 150.0, 10

@@ -17,7 +17,7 @@ import tempfile
 from pathlib import Path
 
 from linkage_ros.log.reader import LogReader
-from linkage_ros.parameters.presets import preset_names
+from linkage_ros.settings.presets import preset_names
 
 HERE = Path(__file__).resolve().parent
 

@@ -25,8 +25,8 @@ from PIL import Image
 from linkage_ros import cli
 from linkage_ros.errors import ViewerError
 from linkage_ros.motion.drives import SpeedDrive
-from linkage_ros.parameters.configuration import Configuration, load
-from linkage_ros.run.simulator import Simulator
+from linkage_ros.run.states import Simulator
+from linkage_ros.settings.configuration import Configuration, load
 from linkage_ros.units import NS_PER_S
 from linkage_ros.view.picture import TIMELINE, Picture
 from linkage_ros.view.rerun_view import View

@@ -27,13 +27,8 @@ from unittest.mock import MagicMock, patch
 
 from linkage_ros import executables
 from linkage_ros.lab.commands.stability import GRIDS
-from linkage_ros.model.registry import MECHANISMS
-from linkage_ros.parameters.command_lines import PARSERS, Settings
-from linkage_ros.parameters.configuration import MechanismAndDrive, Session
-from linkage_ros.parameters.presets import preset_names, preset_path
-from linkage_ros.parameters.session import DRIVES
-from linkage_ros.quantities import Leaf, leaves
-from linkage_ros.wire.topics import (
+from linkage_ros.mechanism.registry import MECHANISMS
+from linkage_ros.messages.topics import (
     EFFORT_COMMANDS,
     JOINT_COMMANDS,
     MEASURED_JOINT_STATES,
@@ -41,6 +36,11 @@ from linkage_ros.wire.topics import (
     TOPICS,
     TRAJECTORY_COMMANDS,
 )
+from linkage_ros.quantities import Leaf, leaves
+from linkage_ros.settings.command_lines import PARSERS, Settings
+from linkage_ros.settings.configuration import MechanismAndDrive, Session
+from linkage_ros.settings.presets import preset_names, preset_path
+from linkage_ros.settings.session import DRIVES
 
 _LAUNCH = Path(__file__).parents[1] / 'launch'
 

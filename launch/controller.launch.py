@@ -5,7 +5,7 @@
 ros2 launch linkage_ros controller.launch.py rpm:=600.0 feed_forward:=false log:=run.mcap
 """
 
-from linkage_ros.ros.launching import NAMES, OUTPUTS, description, given, program
+from linkage_ros.node.launching import NAMES, OUTPUTS, description, given, program
 
 ARGUMENTS = {
     'rpm': ('150.0', 'speed to keep'),

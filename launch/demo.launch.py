@@ -9,7 +9,7 @@ from pathlib import Path
 
 from launch_ros.actions import Node
 
-from linkage_ros.ros.launching import (
+from linkage_ros.node.launching import (
     FRAMES,
     NAMES,
     OUTPUTS,

@@ -5,7 +5,7 @@
 ros2 launch linkage_ros follow.launch.py params:=linkage.yaml measured:=/joint_states
 """
 
-from linkage_ros.ros.launching import (
+from linkage_ros.node.launching import (
     FRAMES,
     NAMES,
     OUTPUTS,

@@ -10,7 +10,7 @@ from pathlib import Path
 from launch.actions import GroupAction, IncludeLaunchDescription
 from launch_ros.actions import Node
 
-from linkage_ros.ros.launching import description, where_installed
+from linkage_ros.node.launching import description, where_installed
 
 ARGUMENTS = {
     'left': ('quadrilateral', 'parameter file or preset of the linkage that turns'),

@@ -9,9 +9,6 @@ torques are positive counter-clockwise. Coordinates and rates may be floats or a
 
 __version__ = '0.1.0'
 
-from linkage_ros.dynamics.reactions import Reactions
-from linkage_ros.dynamics.solver import Solver
-from linkage_ros.dynamics.travel import Travel, assemblies, travel
 from linkage_ros.errors import (
     ConfigurationError,
     LinkageError,
@@ -21,11 +18,12 @@ from linkage_ros.errors import (
     UnreachableError,
     ViewerError,
 )
-from linkage_ros.model.four_bar import FourBar
-from linkage_ros.model.kinematics import PointMotion, Reach, State
-from linkage_ros.model.load_curve import LoadCurve
-from linkage_ros.model.loads import Friction, LinkLoad
-from linkage_ros.model.parts import (
+from linkage_ros.mechanism.four_bar import FourBar
+from linkage_ros.mechanism.joint_forces import Reactions
+from linkage_ros.mechanism.kinematics import PointMotion, Reach, State
+from linkage_ros.mechanism.load_curve import LoadCurve
+from linkage_ros.mechanism.loads import Friction, LinkLoad
+from linkage_ros.mechanism.parts import (
     CROSSED,
     OPEN,
     Body,
@@ -36,8 +34,10 @@ from linkage_ros.model.parts import (
     Rocker,
     Slider,
 )
-from linkage_ros.model.slider_crank import SliderCrank
-from linkage_ros.model.wind_pump import WindPump
+from linkage_ros.mechanism.slider_crank import SliderCrank
+from linkage_ros.mechanism.solver import Solver
+from linkage_ros.mechanism.travel import Travel, assemblies, travel
+from linkage_ros.mechanism.wind_pump import WindPump
 
 __all__ = [
     'CROSSED',

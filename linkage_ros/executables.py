@@ -17,18 +17,18 @@ def _start(name: str, module: str) -> int:
 
 
 def _main(module: str) -> int:
-    if module in {'node', 'controller'}:  # --help needs no rclpy
-        from linkage_ros.parameters.command_lines import PARSERS
+    if module in {'node.linkage_node', 'programs.controller'}:  # --help needs no rclpy
+        from linkage_ros.settings.command_lines import PARSERS
 
         PARSERS[module]().parse_known_args()
     code: int = import_module(f'linkage_ros.{module}').main()
     return code
 
 
-node = partial(_start, 'linkage_node', 'node')
-record = partial(_start, 'linkage_record', 'record')
-replay = partial(_start, 'linkage_replay', 'replay')
-log = partial(_start, 'linkage_log', 'log_tool')
-export = partial(_start, 'linkage_export', 'export_tool')
-chart = partial(_start, 'linkage_chart', 'chart_tool')
-controller = partial(_start, 'linkage_controller', 'controller')
+node = partial(_start, 'linkage_node', 'node.linkage_node')
+record = partial(_start, 'linkage_record', 'programs.record')
+replay = partial(_start, 'linkage_replay', 'programs.replay')
+log = partial(_start, 'linkage_log', 'programs.log_tool')
+export = partial(_start, 'linkage_export', 'programs.export_tool')
+chart = partial(_start, 'linkage_chart', 'programs.chart_tool')
+controller = partial(_start, 'linkage_controller', 'programs.controller')

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Functions for formulas of floats, arrays and symbolic numbers (`dynamics/tracer`).
+"""Functions for formulas of floats, arrays and symbolic numbers (`mechanism/tracer`).
 
 Terms that a mechanism does not have are `ZERO`. They drop out of sums, and their products are
 `ZERO`.

@@ -18,7 +18,7 @@ from test_packaging import ROOT, build_wheel, copy_tree, run
 BUILD_SDIST = 'import sys, setuptools.build_meta as b; b.build_sdist(sys.argv[1])'
 EXTRAS = 'ros,viewer,chart,record'
 TRIED = (
-    'python -m linkage_ros.demo',
+    'python -m linkage_ros.programs.demo',
     'linkage_record wiper run.mcap',
     'linkage_log verify run.mcap',
     'linkage_log verify demo/quadrilateral.mcap',

@@ -13,8 +13,9 @@ from pathlib import Path
 _PROCESSES = multiprocessing.get_context('forkserver')
 _PROCESSES.set_forkserver_preload(
     [
-        *(f'linkage_ros.{name}' for name in ('node', 'record', 'replay', 'log_tool')),
-        *('linkage_ros.chart_tool', 'linkage_ros.lab.commands.motion'),
+        'linkage_ros.node.linkage_node',
+        *(f'linkage_ros.programs.{name}' for name in ('record', 'replay', 'log_tool')),
+        *('linkage_ros.programs.chart_tool', 'linkage_ros.lab.commands.motion'),
         *('matplotlib.figure', 'matplotlib.backends.backend_agg', 'rerun'),
     ]
 )

@@ -10,8 +10,8 @@ import json
 import math
 from dataclasses import replace
 
-from linkage_ros.parameters.configuration import MechanismAndDrive, load, parameter_leaves
-from linkage_ros.parameters.presets import preset_names, preset_path
+from linkage_ros.settings.configuration import MechanismAndDrive, load, parameter_leaves
+from linkage_ros.settings.presets import preset_names, preset_path
 
 TEXTS = (
     '', ' ', 'a\0b', '\x1b[31m\x1b]0;x\x07', '\u202eevil\u2066', '\ud800', '\U0010ffff', 'é' * 300,

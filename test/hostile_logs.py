@@ -28,11 +28,11 @@ from mcap.records import (
 from mcap.writer import CompressionType, IndexType
 from mcap_records import packed_records, records_of
 
-from linkage_ros.log.metadata import encode_configuration, encode_motion, seal
-from linkage_ros.parameters.configuration import configure, load
-from linkage_ros.record import record
-from linkage_ros.run.simulator import Simulator
-from linkage_ros.wire.topics import JOINT_STATES
+from linkage_ros.log.records import encode_configuration, encode_motion, seal
+from linkage_ros.messages.topics import JOINT_STATES
+from linkage_ros.programs.record import record
+from linkage_ros.run.states import Simulator
+from linkage_ros.settings.configuration import configure, load
 
 MAGIC = b'\x89MCAP0\r\n'
 

@@ -10,18 +10,19 @@ from contextlib import redirect_stderr, redirect_stdout
 
 from joint_codec import JointStateCodec
 
-from linkage_ros import LinkageError, replay
+from linkage_ros import LinkageError
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.recover import recover
-from linkage_ros.log_tool import info, saved, verdict
-from linkage_ros.parameters.configuration import load, parameter_leaves
-from linkage_ros.parameters.descriptions import summary
-from linkage_ros.playback.player import excerpt_of, feed
+from linkage_ros.log.verify import verify
+from linkage_ros.messages.topics import JOINT_STATES
+from linkage_ros.programs import replay
+from linkage_ros.programs.log_tool import info, saved, verdict
+from linkage_ros.programs.player import excerpt_of, feed
+from linkage_ros.programs.record import record
 from linkage_ros.quantities import build, flatten
-from linkage_ros.record import record
-from linkage_ros.run.simulator import Simulator
-from linkage_ros.verification.verify import verify
-from linkage_ros.wire.topics import JOINT_STATES
+from linkage_ros.run.states import Simulator
+from linkage_ros.settings.configuration import load, parameter_leaves
+from linkage_ros.settings.help import summary
 
 LONGEST = 700  # characters: at most 600 of an error, plus what the command line adds
 
@@ -114,7 +115,7 @@ class LiveNode:
     """
 
     def __init__(self, configuration, context):
-        from linkage_ros.ros.parameters import ParameterNode
+        from linkage_ros.node.parameters import ParameterNode
 
         self.configuration = configuration
         self.node = ParameterNode('live', context=context, enable_rosout=False)

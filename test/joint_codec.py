@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Encodes and decodes single messages; the package itself works on arrays of numbers."""
 
-from linkage_ros.wire.codecs import float64, joint_state
-from linkage_ros.wire.rows import Template
+from linkage_ros.messages.rows import Template
+from linkage_ros.messages.templates import float64, joint_state
 
 
 class JointStateCodec:

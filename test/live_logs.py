@@ -6,9 +6,9 @@ import itertools
 from dataclasses import replace
 
 from linkage_ros.log.writer import LogWriter
-from linkage_ros.run.simulator import Simulator
-from linkage_ros.wire.cdr import OK, Status, encode_diagnostics
-from linkage_ros.wire.topics import DIAGNOSTICS, ROBOT_DESCRIPTION
+from linkage_ros.messages.cdr import OK, Status, encode_diagnostics
+from linkage_ros.messages.topics import DIAGNOSTICS, ROBOT_DESCRIPTION
+from linkage_ros.run.states import Simulator
 
 START = 1_795_000_000_123_456_789
 STATUSES = [Status(OK, 'motion', 'kept', {'rate': '200'})]

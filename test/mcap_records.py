@@ -10,7 +10,7 @@ from mcap.records import Channel, DataEnd, Header, Message, MessageIndex, Metada
 from mcap.stream_reader import StreamReader
 from mcap.writer import Writer
 
-from linkage_ros.log.metadata import END_RECORD
+from linkage_ros.log.records import END_RECORD
 
 
 def records_of(log):

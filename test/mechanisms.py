@@ -26,7 +26,7 @@ from linkage_ros import (
     SliderCrank,
     WindPump,
 )
-from linkage_ros.parameters.configuration import read_values
+from linkage_ros.settings.configuration import read_values
 
 # Parameters of the quadrilateral whose crank is measured; a preset would also set its motion.
 FOLLOWED = {

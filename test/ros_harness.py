@@ -22,9 +22,9 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from linkage_ros.log.reader import LogReader
-from linkage_ros.ros.topics import message_class
-from linkage_ros.verification.verify import verify
-from linkage_ros.wire.topics import JOINT_COMMANDS, SIMULATED_CLOCK, TOPICS
+from linkage_ros.log.verify import verify
+from linkage_ros.messages.topics import JOINT_COMMANDS, SIMULATED_CLOCK, TOPICS
+from linkage_ros.node.topics import message_class
 
 # Time, s, after which a wait counts as a hang. On a machine with ten busy processes per core, a
 # program that imports Rerun takes 20 s to start.
@@ -83,8 +83,9 @@ def environment(domain):
 
 def command(module, *arguments):
     """Returns the command that runs a module of the package, or a program."""
-    words = module if isinstance(module, list) else [sys.executable, '-m', f'linkage_ros.{module}']
-    return [*words, *map(str, arguments)]
+    place = 'node.linkage_node' if module == 'node' else f'programs.{module}'
+    words = [sys.executable, '-m', f'linkage_ros.{place}']
+    return [*(module if isinstance(module, list) else words), *map(str, arguments)]
 
 
 def node_arguments(**parameters):

@@ -8,16 +8,16 @@ equality means equal bits; otherwise 0.0 and -0.0 would compare equal.
 
 import struct
 
-from linkage_ros.dynamics.solver import Solver
-from linkage_ros.wire.codecs import joint_rows
-from linkage_ros.wire.topics import (
+from linkage_ros.mechanism.solver import Solver
+from linkage_ros.messages.templates import joint_rows
+from linkage_ros.messages.topics import (
     FLOAT64,
     JOINT_STATE,
     JOINT_TRAJECTORY,
     POINT_STAMPED,
     STRING,
 )
-from linkage_ros.wire.urdf import make_urdf
+from linkage_ros.messages.urdf import make_urdf
 
 TYPES = {
     '/joint_states': JOINT_STATE.name,

@@ -29,14 +29,14 @@ from linkage_ros import (
     FourBar,
     Frame,
     Solver,
-    chart_tool,
 )
-from linkage_ros.dynamics.travel import travel
 from linkage_ros.lab.commands import movie
 from linkage_ros.lab.commands.motion import DESIGN_COLORS
 from linkage_ros.lab.period import extent, mean, settled_period, speed_driven_period
 from linkage_ros.lab.pump.analysis import settle
-from linkage_ros.parameters.configuration import load
+from linkage_ros.mechanism.travel import travel
+from linkage_ros.programs import chart_tool
+from linkage_ros.settings.configuration import load
 
 # A coupler point, a guide and a load curve run at a given speed; a wind pump runs at the speed at
 # which it settles.

@@ -12,8 +12,7 @@ from joint_codec import JointStateCodec, encode_float64
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from solved_messages import plain, time_of
 
-from linkage_ros.ros.topics import message_class
-from linkage_ros.wire.cdr import (
+from linkage_ros.messages.cdr import (
     ERROR,
     OK,
     WARN,
@@ -21,9 +20,9 @@ from linkage_ros.wire.cdr import (
     encode_diagnostics,
     encode_string,
 )
-from linkage_ros.wire.codecs import float64_array, point, trajectory
-from linkage_ros.wire.rows import Template
-from linkage_ros.wire.topics import (
+from linkage_ros.messages.rows import Template
+from linkage_ros.messages.templates import float64_array, point, trajectory
+from linkage_ros.messages.topics import (
     CLOCK,
     DIAGNOSTIC_ARRAY,
     FLOAT64,
@@ -34,6 +33,7 @@ from linkage_ros.wire.topics import (
     STRING,
     TOPICS,
 )
+from linkage_ros.node.topics import message_class
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 JOINTS = ('crank', 'coupler', 'rocker')

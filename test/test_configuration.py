@@ -12,10 +12,11 @@ import pytest
 from mechanisms import FOLLOWED
 
 from linkage_ros import ConfigurationError, Solver, WindPump
-from linkage_ros.model.parts import Rocker
-from linkage_ros.model.registry import MECHANISMS
-from linkage_ros.parameters import unknown_names
-from linkage_ros.parameters.configuration import (
+from linkage_ros.mechanism.parts import Rocker
+from linkage_ros.mechanism.registry import MECHANISMS
+from linkage_ros.quantities import MISSING
+from linkage_ros.settings import unknown_names
+from linkage_ros.settings.configuration import (
     DEFAULT_PRESET,
     MechanismAndDrive,
     configure,
@@ -24,8 +25,7 @@ from linkage_ros.parameters.configuration import (
     parameter_leaves,
     to_strings,
 )
-from linkage_ros.parameters.session import DRIVES
-from linkage_ros.quantities import MISSING
+from linkage_ros.settings.session import DRIVES
 
 CONFIG = Path(__file__).resolve().parents[1] / 'config'
 LEAVES = {leaf.name: leaf for leaf in parameter_leaves(MechanismAndDrive('four_bar'))}

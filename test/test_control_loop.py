@@ -24,7 +24,7 @@ from test_docs_figures import check_quote
 
 from linkage_ros import Solver
 from linkage_ros.motion.runge_kutta import Plant, leap, slope_at
-from linkage_ros.parameters.configuration import load
+from linkage_ros.settings.configuration import load
 from linkage_ros.units import NS_PER_S
 
 RUNS = 200

@@ -22,12 +22,13 @@ from ros_harness import (
 )
 from sensor_msgs.msg import JointState
 
-from linkage_ros import Solver, controller
-from linkage_ros.controller import SpeedController
-from linkage_ros.motion.torque_driven import TorqueMotion
-from linkage_ros.parameters.configuration import configure, load
-from linkage_ros.parameters.presets import preset_path
-from linkage_ros.wire.cdr import decode_joint_state
+from linkage_ros import Solver
+from linkage_ros.messages.cdr import decode_joint_state
+from linkage_ros.motion.under_torque import TorqueMotion
+from linkage_ros.programs import controller
+from linkage_ros.programs.controller import SpeedController
+from linkage_ros.settings.configuration import configure, load
+from linkage_ros.settings.presets import preset_path
 
 MECHANISM = load('quadrilateral').mechanism
 STATES, COMMANDS = '/joint_states', '/joint_commands'

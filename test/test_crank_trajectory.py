@@ -26,14 +26,14 @@ from rclpy.serialization import deserialize_message
 from ros_harness import logged, node_arguments, stop, unbroken, verified, wait_for, watched
 from trajectory_msgs.msg import JointTrajectory
 
-from linkage_ros.motion.speed_driven import SpeedMotion
+from linkage_ros.messages.cdr import stamp_of
+from linkage_ros.motion.at_speed import SpeedMotion
 from linkage_ros.numeric import wrap
-from linkage_ros.parameters.configuration import configure, load, read_values
-from linkage_ros.parameters.presets import preset_path
-from linkage_ros.run.messages import CrankTrajectory
-from linkage_ros.run.simulator import Simulator
+from linkage_ros.run.commands import CrankTrajectory
+from linkage_ros.run.states import Simulator
+from linkage_ros.settings.configuration import configure, load, read_values
+from linkage_ros.settings.presets import preset_path
 from linkage_ros.units import NS_PER_MS, NS_PER_S
-from linkage_ros.wire.cdr import stamp_of
 
 PAGE = read('docs/controllers.md')
 TOPIC = '/crank_controller/joint_trajectory'

@@ -13,20 +13,20 @@ from mechanisms import LIMITED, of, wind_pump
 from ros_harness import logged, report_of, verified
 
 from linkage_ros import Solver
-from linkage_ros.dynamics import program
-from linkage_ros.dynamics.tracer import Tape
 from linkage_ros.errors import LinkageError, MotionError
 from linkage_ros.lab.methods.integrators import Multipliers
 from linkage_ros.lab.reference.motions import InitialValueProblem
 from linkage_ros.log.writer import LogWriter
-from linkage_ros.model.structure import Description
-from linkage_ros.motion.driven_mechanism import DrivenMechanism
+from linkage_ros.mechanism import program
+from linkage_ros.mechanism.structure import Description
+from linkage_ros.mechanism.tracer import Tape
+from linkage_ros.motion.coordinates import DrivenMechanism
 from linkage_ros.motion.drives import Motor, TorqueDrive
-from linkage_ros.motion.integrators import live_steps, record_steps
-from linkage_ros.motion.torque_driven import legible
-from linkage_ros.parameters.configuration import configure, load
-from linkage_ros.record import record
-from linkage_ros.run.simulator import Simulator
+from linkage_ros.motion.steps import live_steps, record_steps
+from linkage_ros.motion.under_torque import legible
+from linkage_ros.programs.record import record
+from linkage_ros.run.states import Simulator
+from linkage_ros.settings.configuration import configure, load
 from linkage_ros.units import NS_PER_MS
 
 STRETCHED = wind_pump((0.5, 0.6, 0.7), 'open')

@@ -13,13 +13,13 @@ from pathlib import Path
 
 from ros_harness import environment, fresh_domain
 
-PROGRAM = 'python -m linkage_ros.demo'
-SHORT = 'from linkage_ros import demo; demo._SECONDS = 2.0; demo._main()'
+PROGRAM = 'python -m linkage_ros.programs.demo'
+SHORT = 'from linkage_ros.programs import demo; demo._SECONDS = 2.0; demo._main()'
 
 
 def test_demo_refuses_arguments(tmp_path):
     done = subprocess.run(
-        [sys.executable, '-m', 'linkage_ros.demo', '--rate'],
+        [sys.executable, '-m', 'linkage_ros.programs.demo', '--rate'],
         capture_output=True, text=True, cwd=tmp_path, timeout=60,
     )  # fmt: skip
     words = f'{PROGRAM}: unrecognized arguments: --rate; see {PROGRAM} --help\n'

@@ -38,14 +38,18 @@ from sensor_msgs.msg import JointState
 
 from linkage_ros import cli
 from linkage_ros.errors import ConfigurationError
+from linkage_ros.messages.topics import TOPICS, qualified
 from linkage_ros.motion.drives import SpeedDrive
-from linkage_ros.parameters.command_lines import Settings
-from linkage_ros.parameters.configuration import configure, read_values
 from linkage_ros.quantities import build, leaves
-from linkage_ros.wire.topics import TOPICS, qualified
+from linkage_ros.settings.command_lines import Settings
+from linkage_ros.settings.configuration import configure, read_values
 
-MODULES = {'linkage_log': 'log_tool', 'linkage_chart': 'chart_tool',
-           'linkage_export': 'export_tool'}  # fmt: skip
+MODULES = {
+    'linkage_node': 'node.linkage_node',
+    'linkage_log': 'programs.log_tool',
+    'linkage_chart': 'programs.chart_tool',
+    'linkage_export': 'programs.export_tool',
+}  # fmt: skip
 CHARTS = [('linkage_chart', word) for word in ('motion', 'economy', 'sweep')]
 CHEAP = ('linkage_record', 'linkage_replay', 'linkage_log', 'linkage_export')
 # The programs of these pages need a log or a node; other tests run them.
@@ -61,7 +65,7 @@ README = read('README.md')
 
 
 def module_of(executable):
-    return MODULES.get(executable, executable.removeprefix('linkage_'))
+    return MODULES.get(executable, executable.replace('linkage_', 'programs.'))
 
 
 def without_ros2_run(words):
@@ -235,11 +239,12 @@ def quick(words):
 def run_node(words, folder):
     """Runs a node until its joint states arrive, then sends Ctrl-C."""
     domain = fresh_domain()
+    variables = environment(domain)
     is_following = 'joint_states:=linkage/joint_states' in words
     topic = '/linkage/joint_states' if is_following else '/joint_states'
     with (
         Listener(domain, {topic: 'sensor_msgs/msg/JointState'}) as listener,
-        forked('node', *words, folder=folder, variables=environment(domain)) as process,
+        forked(module_of('linkage_node'), *words, folder=folder, variables=variables) as process,
     ):
         robot = listener.node.create_publisher(JointState, '/joint_states', 10)
 

@@ -15,12 +15,12 @@ import linkage_ros
 from linkage_ros.lab.methods.linkage_cases import NEAR
 from linkage_ros.lab.methods.registry import DEFAULT, INTEGRATORS, LIVE, RECORDS
 from linkage_ros.log import writer
-from linkage_ros.log.mcap_reader import LARGEST
-from linkage_ros.model.registry import MECHANISMS
+from linkage_ros.log.scan import LARGEST
+from linkage_ros.mechanism.registry import MECHANISMS
+from linkage_ros.messages.topics import JOINT_COMMANDS, MEASURED_JOINT_STATES, TOPICS, qualified
 from linkage_ros.motion.drives import FollowDrive
-from linkage_ros.parameters.configuration import MechanismAndDrive, parameter_leaves
-from linkage_ros.parameters.session import DRIVES
-from linkage_ros.wire.topics import JOINT_COMMANDS, MEASURED_JOINT_STATES, TOPICS, qualified
+from linkage_ros.settings.configuration import MechanismAndDrive, parameter_leaves
+from linkage_ros.settings.session import DRIVES
 
 DOCS = ROOT / 'docs'
 

@@ -19,7 +19,7 @@ from linkage_ros import (
     Solver,
 )
 from linkage_ros.lab.period import speed_driven_period
-from linkage_ros.parameters.configuration import load
+from linkage_ros.settings.configuration import load
 from linkage_ros.units import radians_per_second
 
 ERRATA = ' '.join(read('docs/mechanisms.md').partition('## Errata')[2].split())

@@ -20,17 +20,18 @@ from pages import block, read, run_python
 from ros_harness import assert_refused
 from test_mujoco import slipped
 
-from linkage_ros import ConfigurationError, SliderCrank, export_tool
-from linkage_ros.export_tool import make_mjcf
-from linkage_ros.model.load_curve import CurveForce
-from linkage_ros.model.loads import LinkForce
+from linkage_ros import ConfigurationError, SliderCrank
+from linkage_ros.mechanism.load_curve import CurveForce
+from linkage_ros.mechanism.loads import LinkForce
+from linkage_ros.messages.urdf import make_urdf
 from linkage_ros.motion.drives import TorqueDrive
-from linkage_ros.motion.torque_driven import TorqueMotion
-from linkage_ros.parameters.configuration import configure, load
-from linkage_ros.parameters.presets import preset_names, preset_path
-from linkage_ros.run.simulator import Simulator
+from linkage_ros.motion.under_torque import TorqueMotion
+from linkage_ros.programs import export_tool
+from linkage_ros.programs.export_tool import make_mjcf
+from linkage_ros.run.states import Simulator
+from linkage_ros.settings.configuration import configure, load
+from linkage_ros.settings.presets import preset_names, preset_path
 from linkage_ros.units import NS_PER_S
-from linkage_ros.wire.urdf import make_urdf
 
 PAGE = read('docs/urdf.md')
 PRESETS = [name for name in preset_names() if name != 'press']  # has friction

@@ -23,12 +23,12 @@ from linkage_ros import LogError
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.recover import recover
 from linkage_ros.log.writer import LogWriter
-from linkage_ros.parameters.configuration import configure, load
-from linkage_ros.run.simulator import Simulator
-from linkage_ros.run.threads import DiskSync
+from linkage_ros.messages.cdr import ERROR, OK, WARN
+from linkage_ros.messages.topics import DRIVING_TORQUE
+from linkage_ros.node.workers import DiskSync
+from linkage_ros.run.states import Simulator
+from linkage_ros.settings.configuration import configure, load
 from linkage_ros.view.viewer_process import free_address
-from linkage_ros.wire.cdr import ERROR, OK, WARN
-from linkage_ros.wire.topics import DRIVING_TORQUE
 
 STATES, HEARD = '/joint_states', ('/joint_states', '/diagnostics')
 

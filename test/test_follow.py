@@ -27,10 +27,10 @@ from sensor_msgs.msg import JointState
 
 from linkage_ros import Solver
 from linkage_ros.motion.drives import FollowDrive
-from linkage_ros.motion.follow import NOT_FINITE, NOT_NEWER, FollowMotion, ahead
-from linkage_ros.parameters.configuration import configure, load
-from linkage_ros.run.messages import NO_CRANK, NO_JOINT_STATE, OUT_OF_REACH, inputs_of
-from linkage_ros.run.simulator import Simulator
+from linkage_ros.motion.measured import NOT_FINITE, NOT_NEWER, FollowMotion, ahead
+from linkage_ros.run.commands import NO_CRANK, NO_JOINT_STATE, OUT_OF_REACH, inputs_of
+from linkage_ros.run.states import Simulator
+from linkage_ros.settings.configuration import configure, load
 
 TURN = 2 * math.pi
 MS = 1_000_000

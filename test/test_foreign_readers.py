@@ -30,12 +30,12 @@ from rosbags.interfaces import (
 from solved_messages import TYPES, plain, solved_messages, time_of
 
 from linkage_ros.log.reader import LogReader
-from linkage_ros.motion.integrators import AdaptiveSteps
-from linkage_ros.motion.speed_driven import SpeedMotion
-from linkage_ros.parameters.configuration import Configuration, configure, load
-from linkage_ros.record import record
-from linkage_ros.run.simulator import Simulator
-from linkage_ros.wire.topics import DIAGNOSTIC_ARRAY
+from linkage_ros.messages.topics import DIAGNOSTIC_ARRAY
+from linkage_ros.motion.at_speed import SpeedMotion
+from linkage_ros.motion.steps import AdaptiveSteps
+from linkage_ros.programs.record import record
+from linkage_ros.run.states import Simulator
+from linkage_ros.settings.configuration import Configuration, configure, load
 
 DOCUMENT = read('docs/mcap.md')
 DIAGNOSTICS = {'/diagnostics': DIAGNOSTIC_ARRAY.name}

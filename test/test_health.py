@@ -8,10 +8,10 @@ from itertools import pairwise
 
 import pytest
 
-from linkage_ros.run import health
-from linkage_ros.run.health import Health, HealthMonitor
-from linkage_ros.run.ticker import TickCounts
-from linkage_ros.wire.cdr import ERROR, OK, WARN
+from linkage_ros.messages.cdr import ERROR, OK, WARN
+from linkage_ros.node import health
+from linkage_ros.node.health import Health, HealthMonitor
+from linkage_ros.node.ticker import TickCounts
 
 TICKS = 200  # per second
 STEPPED = 'the clock was stepped by +0.000 s in the last 10 s'

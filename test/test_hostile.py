@@ -37,27 +37,26 @@ from linkage_ros import (
     LinkageError,
     LogError,
     MotionError,
-    log_tool,
-    replay,
 )
-from linkage_ros import record as record_module
 from linkage_ros.errors import one_line, printable
-from linkage_ros.log import mcap_reader
-from linkage_ros.log.mcap_reader import LARGEST
-from linkage_ros.log.metadata import (
+from linkage_ros.log import scan as mcap_reader
+from linkage_ros.log.reader import LogReader
+from linkage_ros.log.records import (
     CONFIGURATION_RECORD,
     MOTION_RECORD,
     encode_configuration,
     encode_motion,
     seal,
 )
-from linkage_ros.log.reader import LogReader
 from linkage_ros.log.recover import recover
+from linkage_ros.log.scan import LARGEST
 from linkage_ros.log.writer import LogWriter
-from linkage_ros.parameters.configuration import configure, load, to_strings
-from linkage_ros.parameters.parameter_file import read_parameter_file
-from linkage_ros.record import record
-from linkage_ros.run.simulator import Simulator
+from linkage_ros.programs import log_tool, replay
+from linkage_ros.programs import record as record_module
+from linkage_ros.programs.record import record
+from linkage_ros.run.states import Simulator
+from linkage_ros.settings.configuration import configure, load, to_strings
+from linkage_ros.settings.yaml_file import read_parameter_file
 
 MOTION = encode_motion(Simulator(load('quadrilateral')).begin(0).segment)
 STEERING = '\x1b]0;title\x07\x1b[31m\u202e'

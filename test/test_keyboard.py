@@ -13,11 +13,11 @@ import pytest
 from ros_harness import wait_for
 from shell_harness import Shell, held
 
-from linkage_ros.playback.keyboard import DOWN, RIGHT, SPACE, UP, Keyboard
+from linkage_ros.programs.keyboard import DOWN, RIGHT, SPACE, UP, Keyboard
 
 PROGRAM = """
 import os
-from linkage_ros.playback.keyboard import Keyboard
+from linkage_ros.programs.keyboard import Keyboard
 with Keyboard() as keyboard:
     print('ready', os.getpid(), flush=True)
     while True:

@@ -22,10 +22,10 @@ from sensor_msgs.msg import JointState
 from test_control_loop import PERIOD, RUNS, SOLVER, START, delays, speed_errors
 
 from linkage_ros import ConfigurationError
-from linkage_ros.controller import SpeedController
-from linkage_ros.parameters.command_lines import Settings
-from linkage_ros.parameters.configuration import configure
+from linkage_ros.programs.controller import SpeedController
 from linkage_ros.quantities import build
+from linkage_ros.settings.command_lines import Settings
+from linkage_ros.settings.configuration import configure
 from linkage_ros.units import NS_PER_S
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -66,7 +66,7 @@ OF_LAUNCH = {
 
 def stand_in(monkeypatch):
     """Replaces launch and launch_ros by classes that only record their arguments."""
-    monkeypatch.delitem(sys.modules, 'linkage_ros.ros.launching', raising=False)
+    monkeypatch.delitem(sys.modules, 'linkage_ros.node.launching', raising=False)
     for module, classes in OF_LAUNCH.items():
         made = ModuleType(module)
         for name in classes:

@@ -40,7 +40,7 @@ from linkage_ros import (
     UnreachableError,
     WindPump,
 )
-from linkage_ros.parameters.configuration import load
+from linkage_ros.settings.configuration import load
 
 every = pytest.mark.parametrize('name', ALL)
 any_of = pytest.mark.parametrize('kind', ANY)

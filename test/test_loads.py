@@ -33,10 +33,10 @@ from linkage_ros import (
     Rocker,
     Solver,
     UnreachableError,
-    chart_tool,
 )
-from linkage_ros import record as record_module
-from linkage_ros.model.parts import LOADS
+from linkage_ros.mechanism.parts import LOADS
+from linkage_ros.programs import chart_tool
+from linkage_ros.programs import record as record_module
 from linkage_ros.quantities import build, flatten
 
 SLIDER = 'mechanism: slider_crank, rpm: 60.0, crank: {length: 0.1}, coupler: {length: 0.3}'

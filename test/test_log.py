@@ -25,17 +25,18 @@ from mcap.writer import MCAP0_MAGIC
 from mcap_records import records_of, write_records
 from ros_harness import CODEC, assert_refused
 
-from linkage_ros import LogError, __version__, log_tool, replay
-from linkage_ros.log.metadata import CONFIGURATION_RECORD, END_RECORD, MOTION_RECORD
+from linkage_ros import LogError, __version__
 from linkage_ros.log.reader import LogReader
+from linkage_ros.log.records import CONFIGURATION_RECORD, END_RECORD, MOTION_RECORD
 from linkage_ros.log.recover import recover
 from linkage_ros.log.writer import LogWriter
-from linkage_ros.motion.speed_driven import SpeedMotion
-from linkage_ros.parameters.configuration import configure, load
-from linkage_ros.record import record
-from linkage_ros.run.simulator import Simulator
-from linkage_ros.wire.cdr import encode_string
-from linkage_ros.wire.topics import DRIVING_TORQUE, JOINT_STATES, ROBOT_DESCRIPTION
+from linkage_ros.messages.cdr import encode_string
+from linkage_ros.messages.topics import DRIVING_TORQUE, JOINT_STATES, ROBOT_DESCRIPTION
+from linkage_ros.motion.at_speed import SpeedMotion
+from linkage_ros.programs import log_tool, replay
+from linkage_ros.programs.record import record
+from linkage_ros.run.states import Simulator
+from linkage_ros.settings.configuration import configure, load
 
 START = 1_795_000_000_000_000_000
 PERIOD = 5_000_000

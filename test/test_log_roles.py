@@ -12,18 +12,12 @@ from mcap_records import records_of, write_records
 from mechanisms import FOLLOWED
 from ros_harness import verified
 
-from linkage_ros.log.metadata import ROLE
 from linkage_ros.log.reader import LogReader
+from linkage_ros.log.records import ROLE
 from linkage_ros.log.recover import recover
 from linkage_ros.log.writer import LogWriter
-from linkage_ros.log_tool import info
-from linkage_ros.motion.drives import FollowDrive
-from linkage_ros.parameters.configuration import configure, load, read_values
-from linkage_ros.parameters.session import SpeedFeedForward
-from linkage_ros.run.messages import CrankTrajectory, inputs_of
-from linkage_ros.run.simulator import Simulator
-from linkage_ros.wire.cdr import encode_diagnostics
-from linkage_ros.wire.topics import (
+from linkage_ros.messages.cdr import encode_diagnostics
+from linkage_ros.messages.topics import (
     DIAGNOSTICS,
     JOINT_COMMANDS,
     JOINT_STATES,
@@ -31,6 +25,12 @@ from linkage_ros.wire.topics import (
     ROBOT_DESCRIPTION,
     TOPICS,
 )
+from linkage_ros.motion.drives import FollowDrive
+from linkage_ros.programs.log_tool import info
+from linkage_ros.run.commands import CrankTrajectory, inputs_of
+from linkage_ros.run.states import Simulator
+from linkage_ros.settings.configuration import configure, load, read_values
+from linkage_ros.settings.session import SpeedFeedForward
 
 STATES = 20
 CRANK = JointStateCodec(('crank',))

@@ -14,7 +14,7 @@ from oracle import Oracle
 from pages import ROOT
 from test_errata import CRANKS, B, positions
 
-from linkage_ros import ConfigurationError, Solver, __version__, chart_tool
+from linkage_ros import ConfigurationError, Solver, __version__
 from linkage_ros.lab.commands.stability import GRIDS
 from linkage_ros.lab.methods import situations
 from linkage_ros.lab.methods.linkage_cases import NEAR, LinkageCase, TurnCase
@@ -30,7 +30,8 @@ from linkage_ros.lab.methods.registry import (
 from linkage_ros.lab.methods.stages import ACCELERATION, OWN, QUANTITIES, SPEED
 from linkage_ros.lab.reference import states
 from linkage_ros.lab.reference.states import Reference
-from linkage_ros.parameters.configuration import load
+from linkage_ros.programs import chart_tool
+from linkage_ros.settings.configuration import load
 
 EPSILON = 2.0**-52
 BY_NAME = {method.name: method for method in METHODS}

@@ -9,8 +9,8 @@ import pytest
 from ros_harness import assert_refused, finished, stop, watched
 
 from linkage_ros import cli
-from linkage_ros.parameters.configuration import load
-from linkage_ros.record import record
+from linkage_ros.programs.record import record
+from linkage_ros.settings.configuration import load
 
 HIDE = """
 import os

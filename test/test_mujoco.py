@@ -19,11 +19,11 @@ import pytest
 from mechanisms import ALL
 
 from linkage_ros import FourBar, SliderCrank, Solver
-from linkage_ros.parameters.configuration import load
-from linkage_ros.parameters.presets import preset_names
+from linkage_ros.messages.urdf import make_urdf
 from linkage_ros.quantities import build, flatten
+from linkage_ros.settings.configuration import load
+from linkage_ros.settings.presets import preset_names
 from linkage_ros.units import radians_per_second
-from linkage_ros.wire.urdf import make_urdf
 
 # Promised accuracy of the torque, and ten times the measured error, both relative to the largest
 # torque in the turn.

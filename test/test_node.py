@@ -35,10 +35,11 @@ from sensor_msgs.msg import JointState
 from test_node_parameters import set_parameter
 from test_torque_drive import MASSLESS
 
-from linkage_ros import controller, node
-from linkage_ros.parameters.configuration import load
-from linkage_ros.parameters.presets import preset_path
-from linkage_ros.run.simulator import Simulator
+from linkage_ros.node import linkage_node as node
+from linkage_ros.programs import controller
+from linkage_ros.run.states import Simulator
+from linkage_ros.settings.configuration import load
+from linkage_ros.settings.presets import preset_path
 
 STATES = '/joint_states'
 OUTPUTS = (STATES, '/driving_torque', '/mechanism_state', '/coupler_point')

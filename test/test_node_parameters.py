@@ -18,8 +18,8 @@ from rcl_interfaces.srv import (
 from rclpy.parameter import parameter_value_to_python
 from ros_harness import decoded, node_arguments, stop, wait_for, watched
 
-from linkage_ros.model.parts import LOADS
-from linkage_ros.parameters.configuration import MechanismAndDrive, load, parameter_leaves
+from linkage_ros.mechanism.parts import LOADS
+from linkage_ros.settings.configuration import MechanismAndDrive, load, parameter_leaves
 
 RPM = -42.5
 

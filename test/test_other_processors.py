@@ -21,10 +21,10 @@ from live_logs import live, ticks
 from ros_harness import CODEC, PACKAGE_PATH, logged, report_of
 from test_verify import rewrite, written_over
 
-from linkage_ros.dynamics.elementwise import noise
-from linkage_ros.dynamics.program import Constants, Program
-from linkage_ros.parameters.configuration import configure
-from linkage_ros.record import record
+from linkage_ros.mechanism.elementwise import noise
+from linkage_ros.mechanism.program import Constants, Program
+from linkage_ros.programs.record import record
+from linkage_ros.settings.configuration import configure
 
 # The names of the switches depend on the version of glibc, which ignores unknown ones.
 TUNABLES = 'glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX2_Usable,-FMA_Usable,-FMA4_Usable'

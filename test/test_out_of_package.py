@@ -22,10 +22,10 @@ from test_rerun_view import read
 
 from linkage_ros import Body, Coupler, MechanismError, Solver
 from linkage_ros.lab.methods.registry import METHODS
-from linkage_ros.model.parts import Guide, Slider
-from linkage_ros.model.registry import MECHANISMS
+from linkage_ros.mechanism.parts import Guide, Slider
+from linkage_ros.mechanism.registry import MECHANISMS
+from linkage_ros.messages.urdf import make_urdf
 from linkage_ros.view.drawing import Drawing
-from linkage_ros.wire.urdf import make_urdf
 
 EXAMPLES = ROOT / 'docs' / 'examples'
 GEAR = EXAMPLES / 'cardan_gear.yaml'

@@ -19,7 +19,7 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 import linkage_ros
-from linkage_ros.parameters.presets import preset_names, preset_path
+from linkage_ros.settings.presets import preset_names, preset_path
 
 ROOT = Path(__file__).resolve().parents[1]
 EXECUTABLES = (
@@ -33,7 +33,7 @@ SHARED = (
     'share/linkage_ros/config/quadrilateral.yaml',
 )
 FIND = """
-import json, linkage_ros, linkage_ros.parameters.presets as presets
+import json, linkage_ros, linkage_ros.settings.presets as presets
 names = presets.preset_names()
 path = presets.preset_path('quadrilateral')
 print(json.dumps([linkage_ros.__file__, names, str(path), path.read_text()]))
@@ -173,7 +173,7 @@ def test_pip_install_gives_executables_and_presets(
 
 def site_packages(prefix: Path) -> Path:
     """Returns the folder that an installation prefix adds to the module search path."""
-    (module,) = prefix.glob('**/linkage_ros/parameters/presets.py')
+    (module,) = prefix.glob('**/linkage_ros/settings/presets.py')
     return module.parents[2]
 
 

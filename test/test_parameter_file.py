@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from linkage_ros import ConfigurationError
-from linkage_ros.parameters.parameter_file import read_parameter_file
+from linkage_ros.settings.yaml_file import read_parameter_file
 
 # Reads every file as a node does. Each result is a line of JSON, so that a crash shows its case;
 # the lines go to a file, because the middleware may write to stdout.

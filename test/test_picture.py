@@ -12,12 +12,12 @@ import pytest
 import rerun as rr
 from test_rerun_view import read, run_of, show
 
-from linkage_ros.dynamics.solver import Solver
-from linkage_ros.model.four_bar import FourBar
-from linkage_ros.model.loads import Friction, LinkForce
+from linkage_ros.mechanism.four_bar import FourBar
+from linkage_ros.mechanism.loads import Friction, LinkForce
+from linkage_ros.mechanism.solver import Solver
 from linkage_ros.motion.drives import FollowDrive, TorqueDrive
-from linkage_ros.parameters.configuration import configure, load
-from linkage_ros.parameters.presets import preset_names
+from linkage_ros.settings.configuration import configure, load
+from linkage_ros.settings.presets import preset_names
 from linkage_ros.view.drawing import Drawing
 from linkage_ros.view.load_arrows import LoadArrows
 from linkage_ros.view.picture import Picture

@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 
 from linkage_ros.errors import LogError
 from linkage_ros.log.reader import LoggedMessage, LogReader
-from linkage_ros.parameters.configuration import configure
-from linkage_ros.playback.keyboard import RIGHT
-from linkage_ros.playback.player import MAX_RATE, Item, Pace, excerpt_of, feed, play
-from linkage_ros.record import record
+from linkage_ros.programs.keyboard import RIGHT
+from linkage_ros.programs.player import MAX_RATE, Item, Pace, excerpt_of, feed, play
+from linkage_ros.programs.record import record
+from linkage_ros.settings.configuration import configure
 
 PERIOD = 5_000_000
 STATES = ['/joint_states']

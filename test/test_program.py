@@ -33,14 +33,14 @@ from linkage_ros import (
     UnreachableError,
     WindPump,
 )
-from linkage_ros.dynamics import equations
-from linkage_ros.dynamics.compiled import CompiledProgram
-from linkage_ros.dynamics.nested import leaves
-from linkage_ros.dynamics.program import Constants, Program
-from linkage_ros.dynamics.reactions import reactions
-from linkage_ros.dynamics.tracer import Tape
 from linkage_ros.formulas import Opaque, cos, is_finite, require, sin, sqrt, total, where
-from linkage_ros.parameters.configuration import load
+from linkage_ros.mechanism import equations
+from linkage_ros.mechanism.joint_forces import reactions
+from linkage_ros.mechanism.nested import leaves
+from linkage_ros.mechanism.numba_program import CompiledProgram
+from linkage_ros.mechanism.program import Constants, Program
+from linkage_ros.mechanism.tracer import Tape
+from linkage_ros.settings.configuration import load
 
 STRICT = np.errstate  # the original: a test replaces the package's
 
@@ -546,9 +546,9 @@ def test_sums_may_be_long_and_programs_may_contain_loops():
 
 NO_COMPILER = """
 import sys
-import linkage_ros.record, linkage_ros.replay, linkage_ros.log_tool, linkage_ros.chart_tool
+from linkage_ros.programs import chart_tool, log_tool, record, replay
 from linkage_ros import Solver
-from linkage_ros.parameters.configuration import load
+from linkage_ros.settings.configuration import load
 Solver(load('quadrilateral').mechanism).state(0.3, 1.0)
 print(*sys.modules)
 """

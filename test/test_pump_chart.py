@@ -28,7 +28,7 @@ from linkage_ros.lab.pump.continuation import (
 from linkage_ros.lab.pump.shooting import Shooting
 from linkage_ros.lab.reference.motions import InitialValueProblem, MotionReference
 from linkage_ros.motion.drives import Motor
-from linkage_ros.parameters.configuration import load
+from linkage_ros.settings.configuration import load
 
 PUMP = load('wind_pump').mechanism
 MOTOR = Motor(8.4, 1.2)

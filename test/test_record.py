@@ -20,14 +20,14 @@ from mechanisms import FOLLOWED
 from ros_harness import CODEC, assert_refused, command, decoded, logged, wait_for
 
 from linkage_ros import ConfigurationError, Solver
-from linkage_ros import record as record_module
-from linkage_ros.motion.integrators import live_steps, record_steps
-from linkage_ros.motion.speed_driven import SpeedMotion
-from linkage_ros.parameters.configuration import configure, load, read_values
-from linkage_ros.record import count_states, record
-from linkage_ros.run.simulator import Simulator
-from linkage_ros.wire.cdr import encode_string
-from linkage_ros.wire.urdf import make_urdf
+from linkage_ros.messages.cdr import encode_string
+from linkage_ros.messages.urdf import make_urdf
+from linkage_ros.motion.at_speed import SpeedMotion
+from linkage_ros.motion.steps import live_steps, record_steps
+from linkage_ros.programs import record as record_module
+from linkage_ros.programs.record import count_states, record
+from linkage_ros.run.states import Simulator
+from linkage_ros.settings.configuration import configure, load, read_values
 
 STATES = '/joint_states'
 

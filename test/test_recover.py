@@ -22,13 +22,14 @@ from ros_harness import assert_refused, report_of
 from test_log import spans, written
 from test_verify import CHANGES, live, ticks
 
-from linkage_ros import LogError, log_tool
-from linkage_ros.log.metadata import encode_configuration
+from linkage_ros import LogError
 from linkage_ros.log.reader import LogReader
+from linkage_ros.log.records import encode_configuration
 from linkage_ros.log.recover import recover
 from linkage_ros.log.writer import LogWriter
-from linkage_ros.parameters.configuration import configure, load
-from linkage_ros.record import record
+from linkage_ros.programs import log_tool
+from linkage_ros.programs.record import record
+from linkage_ros.settings.configuration import configure, load
 
 
 class Good(NamedTuple):

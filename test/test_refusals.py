@@ -37,7 +37,7 @@ from linkage_ros import (
     travel,
 )
 from linkage_ros.motion.drives import SpeedDrive
-from linkage_ros.parameters.configuration import configure
+from linkage_ros.settings.configuration import configure
 
 FOUR, SLIDER = 'four_bar', 'slider_crank'
 GOOD = {

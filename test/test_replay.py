@@ -28,18 +28,18 @@ from ros_harness import (
 from shell_harness import Shell, held
 from test_hostile import little_memory
 
-from linkage_ros import ViewerError, replay
+from linkage_ros import ViewerError
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.writer import LogWriter
-from linkage_ros.parameters.configuration import configure, load, read_values
-from linkage_ros.playback import republish
-from linkage_ros.playback.player import excerpt_of, feed
-from linkage_ros.record import record
-from linkage_ros.replay import showing
-from linkage_ros.run.simulator import Simulator
+from linkage_ros.messages.topics import DRIVING_TORQUE, JOINT_COMMANDS, JOINT_STATES, qualified
+from linkage_ros.programs import replay, republish
+from linkage_ros.programs.player import excerpt_of, feed
+from linkage_ros.programs.record import record
+from linkage_ros.programs.replay import showing
+from linkage_ros.run.states import Simulator
+from linkage_ros.settings.configuration import configure, load, read_values
 from linkage_ros.view import rerun_view
 from linkage_ros.view.viewer_process import free_address
-from linkage_ros.wire.topics import DRIVING_TORQUE, JOINT_COMMANDS, JOINT_STATES, qualified
 
 STATES, TORQUE, DESCRIPTION = '/joint_states', '/driving_torque', '/robot_description'
 COMMANDS = '/effort_controller/commands'

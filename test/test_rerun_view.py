@@ -24,9 +24,9 @@ from ros_harness import PATIENCE, stop, wait_for
 from ros_harness import running as running_program
 
 from linkage_ros import ViewerError
-from linkage_ros.parameters.configuration import load
-from linkage_ros.record import record
-from linkage_ros.run.simulator import Simulator
+from linkage_ros.programs.record import record
+from linkage_ros.run.states import Simulator
+from linkage_ros.settings.configuration import load
 from linkage_ros.units import NS_PER_S
 from linkage_ros.view import rerun_view
 from linkage_ros.view.rerun_view import View
@@ -125,12 +125,12 @@ def test_large_batches_and_later_rounds_are_all_shown(tmp_path, monkeypatch):
 PROLOGUE = """
 import os, resource, signal, socket, sys, threading, time
 from linkage_ros import ViewerError
-from linkage_ros.parameters.configuration import load
-from linkage_ros.record import record
-from linkage_ros.run.threads import Worker
+from linkage_ros.settings.configuration import load
+from linkage_ros.programs.record import record
+from linkage_ros.node.workers import Worker
 from linkage_ros.view import rerun_view
 from linkage_ros.view.rerun_view import View
-from linkage_ros.run.simulator import Simulator
+from linkage_ros.run.states import Simulator
 template = Simulator(load('quadrilateral')).joint_states
 messages = [template.pack(*divmod(k * 10**7, 10**9), k / 7, 1.0, 2.0, *[0.0] * 6)
             for k in range(1000)]

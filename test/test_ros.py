@@ -28,14 +28,14 @@ from ros_harness import (
 )
 
 from linkage_ros.log.recover import recover
-from linkage_ros.ros.process import full_name
+from linkage_ros.node.process import full_name
 
 STATES = '/joint_states'
 
 STUCK = """
 import rclpy
 from rclpy.node import Node
-from linkage_ros.ros import process
+from linkage_ros.node import process
 
 process._DESTROY_SECONDS = 0.5
 rclpy.init()
@@ -128,7 +128,8 @@ def test_repeated_signals_end_the_node_in_order(tmp_path):
 
 HANGING = """
 import sys, threading
-from linkage_ros import cli, node
+from linkage_ros import cli
+from linkage_ros.node import linkage_node as node
 from {module} import {kind} as Hanging
 
 act, calls = Hanging.{method}, iter(range({calls}))
@@ -147,7 +148,7 @@ sys.exit(cli.leave(node.main()))
 @pytest.mark.parametrize(
     ('module', 'kind', 'method', 'calls', 'words'),
     [
-        ('linkage_ros.run.simulator', 'Simulator', 'snapshot_at', 100, 'a tick hangs'),
+        ('linkage_ros.run.states', 'Simulator', 'snapshot_at', 100, 'a tick hangs'),
         ('linkage_ros.log.log_file', 'LogFile', 'flush', 20, 'the disk hangs'),
     ],
 )

@@ -23,9 +23,7 @@ from linkage_ros import (
     Slider,
     SliderCrank,
     Solver,
-    chart_tool,
 )
-from linkage_ros.dynamics.program import Constants, Program
 from linkage_ros.errors import ConfigurationError, MechanismError
 from linkage_ros.formulas import Opaque, require, sin
 from linkage_ros.lab.commands.economy import POINT_MASSES, Economy, handover
@@ -38,10 +36,12 @@ from linkage_ros.lab.torque_models import (
     with_point_masses,
     without,
 )
-from linkage_ros.motion.driven_mechanism import DrivenMechanism
+from linkage_ros.mechanism.program import Constants, Program
+from linkage_ros.motion.coordinates import DrivenMechanism
 from linkage_ros.motion.drives import Motor
-from linkage_ros.motion.integrators import AdaptiveSteps
-from linkage_ros.parameters.configuration import load
+from linkage_ros.motion.steps import AdaptiveSteps
+from linkage_ros.programs import chart_tool
+from linkage_ros.settings.configuration import load
 from linkage_ros.units import radians_per_second
 
 ANGLES = np.linspace(0, 2 * math.pi, 721)

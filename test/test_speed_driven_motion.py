@@ -15,9 +15,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mpmath import mp
 
-from linkage_ros.log.metadata import decode_motion, encode_motion
+from linkage_ros.log.records import decode_motion, encode_motion
+from linkage_ros.motion.at_speed import SpeedMotion
 from linkage_ros.motion.drives import SpeedDrive
-from linkage_ros.motion.speed_driven import SpeedMotion
 
 MINUTE = 60 * 10**9
 # Stamp of a live run: 21 November 2026.

@@ -19,9 +19,9 @@ from ros_harness import node_arguments, report_of, stop, wait_for, watched
 from sensor_msgs.msg import JointState
 from test_node_parameters import set_parameter
 
-from linkage_ros import log_tool
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.recover import recover
+from linkage_ros.programs import log_tool
 
 _FREEZE, _THAW = 0xC0045877, 0xC0045878  # requests of ioctl, from linux/fs.h
 STATES = '/joint_states'
@@ -30,8 +30,9 @@ DRIVES = {
 }  # fmt: skip
 # A node whose queue is full after a second.
 PROGRAM = """
-from linkage_ros import cli, node
-from linkage_ros.ros import outputs
+from linkage_ros import cli
+from linkage_ros.node import linkage_node as node
+from linkage_ros.node import outputs
 outputs._LOG_CAPACITY = 200
 cli.leave(node.main())
 """

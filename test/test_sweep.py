@@ -21,10 +21,7 @@ import mortal
 import numpy as np
 import pytest
 
-from linkage_ros import Body, Frame, chart_tool
-from linkage_ros.dynamics.program import Program
-from linkage_ros.dynamics.solver import Solver
-from linkage_ros.dynamics.travel import travel
+from linkage_ros import Body, Frame
 from linkage_ros.errors import ConfigurationError, MechanismError
 from linkage_ros.lab.commands import sweep as command
 from linkage_ros.lab.commands.sweep import FRONT
@@ -32,8 +29,12 @@ from linkage_ros.lab.sweep import spread as command_spread
 from linkage_ros.lab.sweep.measures import Task, groups, measure, torque_of, with_value
 from linkage_ros.lab.sweep.spread import cluster, processes, spread
 from linkage_ros.lab.sweep.study import Settings, _designs, parameters
-from linkage_ros.parameters.configuration import load
+from linkage_ros.mechanism.program import Program
+from linkage_ros.mechanism.solver import Solver
+from linkage_ros.mechanism.travel import travel
+from linkage_ros.programs import chart_tool
 from linkage_ros.quantities import Leaf, Quantity, build, flatten
+from linkage_ros.settings.configuration import load
 from linkage_ros.units import radians_per_second
 
 RPM = 150.0

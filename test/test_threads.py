@@ -18,8 +18,8 @@ from pathlib import Path
 import pytest
 from ros_harness import finished
 
-from linkage_ros.run import threads
-from linkage_ros.run.threads import Worker
+from linkage_ros.node import workers
+from linkage_ros.node.workers import Worker
 
 PATIENCE = 20.0  # s, time after which a wait counts as a hang
 QUICK = 0.001
@@ -182,7 +182,7 @@ def test_close_gives_up_on_a_hanging_consumer():
 
 HANGING = """
 import sys, threading
-from linkage_ros.run.threads import Worker
+from linkage_ros.node.workers import Worker
 
 class Consumer:
     entered = threading.Event()
@@ -237,7 +237,7 @@ def test_thread_wakes_at_the_requested_time():
         prctl = ctypes.CDLL(None).prctl
         prctl(29, 50_000, 0, 0, 0)  # PR_SET_TIMERSLACK, which other tests may have changed
         before = prctl(30)
-        threads.wake_on_time()
+        workers.wake_on_time()
         return before, prctl(30)
 
     assert in_thread(work) == (50_000, 1)
@@ -245,10 +245,10 @@ def test_thread_wakes_at_the_requested_time():
 
 def test_real_time_priority_is_not_inherited():
     def work():
-        return threads.take_real_time_priority(), policy(), in_thread(policy)
+        return workers.take_real_time_priority(), policy(), in_thread(policy)
 
     def beside():
-        threads.accompany_ticker()
+        workers.accompany_ticker()
         return policy(), os.sched_getparam(0).sched_priority
 
     granted, own, child = in_thread(work)
@@ -262,13 +262,13 @@ def test_missing_real_time_permission_is_reported(monkeypatch):
         raise PermissionError(1, 'Operation not permitted')
 
     monkeypatch.setattr(os, 'sched_setscheduler', refuse)
-    assert threads.take_real_time_priority() is False
+    assert workers.take_real_time_priority() is False
     monkeypatch.delattr(os, 'SCHED_FIFO')  # as on other systems
-    assert threads.take_real_time_priority() is False
+    assert workers.take_real_time_priority() is False
 
 
 def test_frozen_objects_are_not_garbage_collected():
-    threads.freeze_heap()
+    workers.freeze_heap()
     assert gc.get_freeze_count() > 0
     gc.unfreeze()
 
@@ -292,7 +292,7 @@ def pause_and_work(interval):
     usual = sys.getswitchinterval()
     with ThreadPoolExecutor(1) as pool:
         try:
-            pool.submit(threads.wake_on_time).result()
+            pool.submit(workers.wake_on_time).result()
             sys.setswitchinterval(interval or sys.getswitchinterval())
             waiting = pool.submit(wait)
             for _ in range(20):

@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from linkage_ros.parameters.configuration import configure
-from linkage_ros.run import ticker as ticker_module
-from linkage_ros.run.simulator import Simulator
-from linkage_ros.run.ticker import CLOCK_STEP, RealTimeTicker, SimTimeTicker
+from linkage_ros.node import ticker as ticker_module
+from linkage_ros.node.ticker import CLOCK_STEP, RealTimeTicker, SimTimeTicker
+from linkage_ros.run.states import Simulator
+from linkage_ros.settings.configuration import configure
 
 MS = 1_000_000
 

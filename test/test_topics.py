@@ -26,9 +26,9 @@ from ros_harness import fresh_domain, wait_for
 from sensor_msgs.msg import JointState
 
 from linkage_ros.errors import ConfigurationError
-from linkage_ros.ros import topics
-from linkage_ros.ros.process import spinning
-from linkage_ros.wire.topics import JOINT_COMMANDS
+from linkage_ros.messages.topics import JOINT_COMMANDS
+from linkage_ros.node import topics
+from linkage_ros.node.process import spinning
 
 MESSAGES = 300
 

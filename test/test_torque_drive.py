@@ -13,20 +13,20 @@ from ros_harness import decoded, logged, report_of, verified
 from test_playback import Clock
 
 from linkage_ros import ConfigurationError, LogError, MotionError, Solver
-from linkage_ros.dynamics import program
-from linkage_ros.dynamics.tracer import Tape
 from linkage_ros.log.writer import LogWriter
+from linkage_ros.mechanism import program
+from linkage_ros.mechanism.tracer import Tape
+from linkage_ros.messages.templates import trajectory
 from linkage_ros.motion.drives import Motor, TorqueDrive
-from linkage_ros.motion.integrators import AdaptiveSteps
 from linkage_ros.motion.segments import Coordinates, stacked
+from linkage_ros.motion.steps import AdaptiveSteps
 from linkage_ros.numeric import within_two_turns
-from linkage_ros.parameters.configuration import configure, load
-from linkage_ros.parameters.descriptions import summary
-from linkage_ros.record import record
-from linkage_ros.run import messages
-from linkage_ros.run.simulator import Simulator
+from linkage_ros.programs.record import record
+from linkage_ros.run import commands as commands_module
+from linkage_ros.run.states import Simulator
+from linkage_ros.settings.configuration import configure, load
+from linkage_ros.settings.help import summary
 from linkage_ros.units import NS_PER_MS, NS_PER_S
-from linkage_ros.wire.codecs import trajectory
 
 PUMP = load('wind_pump')
 QUADRILATERAL = configure({'drive': 'torque', 'motor.torque': 2.0, 'motor.damping': 0.05})
@@ -85,13 +85,15 @@ def test_a_limited_crank_may_be_driven_by_a_torque_but_not_at_a_speed():
 @pytest.fixture
 def clock(monkeypatch):
     clock = Clock(100.0)
-    monkeypatch.setattr(messages.time, 'monotonic', clock)
+    monkeypatch.setattr(commands_module.time, 'monotonic', clock)
     return clock
 
 
 @pytest.fixture
 def commands(clock):
-    return messages.TorqueCommands(TorqueDrive(torque_limit=5.0, command_timeout=0.5), 'crank')
+    return commands_module.TorqueCommands(
+        TorqueDrive(torque_limit=5.0, command_timeout=0.5), 'crank'
+    )
 
 
 def test_a_command_acts_from_the_tick_that_reads_it_until_it_expires(commands):
@@ -138,7 +140,7 @@ def test_a_bad_command_is_refused_and_the_good_one_before_goes_on(commands, name
     commands.torque(0, [commands.commanded(['crank'], [1.5])])
     with pytest.raises(ValueError, match=words):
         commands.commanded(names, efforts)
-    assert (commands.torque(1, []), commands.counts[messages.TAKEN]) == (1.5, 1)
+    assert (commands.torque(1, []), commands.counts[commands_module.TAKEN]) == (1.5, 1)
 
 
 # ---------------------------------------------------------------- record

@@ -47,18 +47,18 @@ from linkage_ros.lab.reference.motions import (
     free_pump,
 )
 from linkage_ros.lab.reference.multibody import eliminate
-from linkage_ros.motion.driven_mechanism import DrivenMechanism
+from linkage_ros.motion.coordinates import DrivenMechanism
 from linkage_ros.motion.drives import Motor, TorqueDrive
-from linkage_ros.motion.integrators import (
+from linkage_ros.motion.steps import (
     AdaptiveSteps,
     FixedSteps,
     StiffSteps,
     live_steps,
     record_steps,
 )
-from linkage_ros.motion.torque_driven import TorqueMotion
+from linkage_ros.motion.under_torque import TorqueMotion
 from linkage_ros.numeric import with_turns, within_two_turns
-from linkage_ros.parameters.configuration import load
+from linkage_ros.settings.configuration import load
 
 PUMP = load('wind_pump').mechanism
 QUADRILATERAL = load('quadrilateral').mechanism

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 
-from linkage_ros.wire.cdr import ENCAPSULATION, decode_joint_state
+from linkage_ros.messages.cdr import ENCAPSULATION, decode_joint_state
 
 NUMBERS = st.lists(st.floats(), max_size=5)
 

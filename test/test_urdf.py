@@ -24,11 +24,11 @@ from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
 
 from linkage_ros import Body, Coupler, FourBar, Frame
-from linkage_ros.parameters.configuration import configure, load
-from linkage_ros.parameters.presets import preset_names
-from linkage_ros.run.simulator import Simulator
-from linkage_ros.wire.topics import COUPLER_POINT, JOINT_STATES, MECHANISM_STATE
-from linkage_ros.wire.urdf import make_urdf
+from linkage_ros.messages.topics import COUPLER_POINT, JOINT_STATES, MECHANISM_STATE
+from linkage_ros.messages.urdf import make_urdf
+from linkage_ros.run.states import Simulator
+from linkage_ros.settings.configuration import configure, load
+from linkage_ros.settings.presets import preset_names
 
 STAMP = 123_456_789  # ns
 DOCUMENTED = yaml.safe_load(block(read('docs/urdf.md'), 'ros__parameters'))

@@ -16,26 +16,27 @@ from mcap.records import Channel, Message, Metadata, Schema
 from mcap_records import records_of, write_records
 from ros_harness import assert_refused, command, decoded, logged, report_of, verified
 
-from linkage_ros import LogError, log_tool, replay
-from linkage_ros.log.metadata import (
+from linkage_ros import LogError
+from linkage_ros.log.reader import LogReader
+from linkage_ros.log.records import (
     CONFIGURATION_RECORD,
     END_RECORD,
     MOTION_RECORD,
     ROLE,
     seal,
 )
-from linkage_ros.log.reader import LogReader
 from linkage_ros.log.recover import recover
+from linkage_ros.log.verify import verify
 from linkage_ros.log.writer import LogWriter
-from linkage_ros.log_tool import verdict
-from linkage_ros.parameters.configuration import configure, from_strings, load, to_strings
-from linkage_ros.record import record
-from linkage_ros.run.simulator import Simulator
-from linkage_ros.verification.verify import verify
-from linkage_ros.wire.cdr import encode_string
-from linkage_ros.wire.topics import (
+from linkage_ros.messages.cdr import encode_string
+from linkage_ros.messages.topics import (
     ROBOT_DESCRIPTION,
 )
+from linkage_ros.programs import log_tool, replay
+from linkage_ros.programs.log_tool import verdict
+from linkage_ros.programs.record import record
+from linkage_ros.run.states import Simulator
+from linkage_ros.settings.configuration import configure, from_strings, load, to_strings
 
 PRESETS = ('quadrilateral', 'coupler_point', 'slider_crank', 'compressor')
 CHANGE_POINTS = {  # a parallelogram, whose motion repeats after two turns

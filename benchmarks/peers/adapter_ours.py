@@ -6,7 +6,7 @@ import numpy as np
 from contract import Peer
 
 from linkage_ros import Solver
-from linkage_ros.dynamics.program import Constants, Program
+from linkage_ros.mechanism.program import Constants, Program
 
 
 def pose(loop, crank):

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, replace
 
 from linkage_ros import Body, Coupler, FourBar, Frame
-from linkage_ros.parameters.configuration import load
+from linkage_ros.settings.configuration import load
 
 DEGREE = math.pi / 180
 

@@ -20,7 +20,7 @@ import numpy as np
 import registry
 from oracle import Oracle
 
-from linkage_ros.parameters.configuration import load
+from linkage_ros.settings.configuration import load
 
 SPEED = 5 * math.pi  # 150 rpm
 TURN = 360  # states per turn

@@ -31,7 +31,7 @@ from harness import (
 )
 from killed import recovered
 
-from linkage_ros.wire.cdr import ERROR
+from linkage_ros.messages.cdr import ERROR
 
 RATE = 1000.0
 SIZE = '3m'

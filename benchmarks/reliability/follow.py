@@ -25,9 +25,9 @@ from realtime import SETTLE
 
 from linkage_ros.lab.reference.states import Reference
 from linkage_ros.log.reader import LogReader
-from linkage_ros.parameters.configuration import read_values
-from linkage_ros.run.simulator import Simulator
-from linkage_ros.verification.verify import verify
+from linkage_ros.log.verify import verify
+from linkage_ros.run.states import Simulator
+from linkage_ros.settings.configuration import read_values
 
 RATES = (100.0, 500.0, 1000.0)  # Hz
 MEASURED, ANSWERS = '/joint_states', '/linkage/joint_states'

@@ -71,7 +71,7 @@ def cases_of(kind, folder):
     if kind == 'live parameters':
         import rclpy
 
-        from linkage_ros.parameters.configuration import load
+        from linkage_ros.settings.configuration import load
 
         rclpy.init()
         presets = ('quadrilateral', 'wind_pump')
@@ -96,7 +96,7 @@ def run_executable(rng, yaml, mcap):
         ('chart_tool', 'motion', yaml, '--out', out),
     ))  # fmt: skip
     done = subprocess.run(
-        [sys.executable, '-m', f'linkage_ros.{module}', *words],
+        [sys.executable, '-m', f'linkage_ros.programs.{module}', *words],
         capture_output=True, text=True, errors='replace', timeout=LIMIT, check=False,
         preexec_fn=lambda: limit_memory(IMPORTS + MEMORY),
     )  # fmt: skip

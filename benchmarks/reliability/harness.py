@@ -57,7 +57,7 @@ class Process:
         """Starts Python with arguments.
 
         Args:
-            *arguments: Arguments of Python, such as '-m', 'linkage_ros.node'.
+            *arguments: Arguments of Python, such as '-m', 'linkage_ros.node.linkage_node'.
             domain: ROS domain.
             prefix: Command before the interpreter, such as 'nsenter' and its options.
         """
@@ -136,7 +136,7 @@ def node(
 ):
     """Runs linkage_node with parameters and remapped topics."""
     names = (word for pair in remaps for word in ('-r', ':='.join(pair)))
-    arguments = '-m', 'linkage_ros.node', *words(parameters), *names
+    arguments = '-m', 'linkage_ros.node.linkage_node', *words(parameters), *names
     return running(*arguments, domain=domain, prefix=prefix)
 
 
@@ -151,7 +151,7 @@ def listening(domain: int, path: Path, prefix: tuple[str, ...] = (), topic: str 
 
 def tool(*arguments: object) -> subprocess.CompletedProcess[str]:
     """Runs `linkage_log ARGUMENTS` in another process."""
-    command = [sys.executable, '-m', 'linkage_ros.log_tool', *map(str, arguments)]
+    command = [sys.executable, '-m', 'linkage_ros.programs.log_tool', *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, check=False)
 
 

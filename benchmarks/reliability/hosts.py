@@ -36,8 +36,8 @@ from network import Host, two_hosts
 
 from linkage_ros.errors import LogError
 from linkage_ros.log.reader import LogReader
-from linkage_ros.verification.verify import verify
-from linkage_ros.wire.cdr import stamp_of
+from linkage_ros.log.verify import verify
+from linkage_ros.messages.cdr import stamp_of
 
 RATE, SETTLED, PATIENCE = 200.0, 2.0, 40.0
 TIMED_OUT = b'no command within command_timeout'
@@ -76,7 +76,7 @@ def run(there: Host, here: Host, kinds: list[tuple[str, float]], folder: Path) -
     with (
         listening(DOMAIN, times, on(here)) as listener,
         listening(DOMAIN, folder / 'commands.npy', on(here), 'joint_commands') as answers,
-        running('-m', 'linkage_ros.controller', *tame, domain=DOMAIN, prefix=on(here)),
+        running('-m', 'linkage_ros.programs.controller', *tame, domain=DOMAIN, prefix=on(here)),
     ):
         time.sleep(1.0)
         with node(DOMAIN, on(there), rate_hz=RATE, log=log, **driven) as turning:

@@ -113,7 +113,7 @@ def main() -> int:
     """Prints the cells of the tables in docs/follow.md and docs/controllers.md."""
     given = options(__doc__, seconds=(15.0, 's for each case'), rounds=(3, 'rounds of all cases'))
     health, seconds = Diagnostics(DOMAIN), given.seconds
-    controller = '-m', 'linkage_ros.controller', *words({'rpm': RPM})
+    controller = '-m', 'linkage_ros.programs.controller', *words({'rpm': RPM})
     cases: dict[str, Callable[[], dict[str, float]]] = {
         '2 followers': lambda: following(2, seconds),
         '4 followers': lambda: following(4, seconds),

@@ -22,7 +22,7 @@ import numpy as np
 from harness import DOMAIN, finish, listening, node, options, tool, wait_for
 
 from linkage_ros.log.reader import LogReader
-from linkage_ros.wire.cdr import stamp_of
+from linkage_ros.messages.cdr import stamp_of
 
 RATE = 1000.0
 EARLIEST, LATEST = 1.0, 5.0  # s from the first state to the kill

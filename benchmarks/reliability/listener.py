@@ -20,7 +20,7 @@ from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 
 from linkage_ros import cli
-from linkage_ros.wire.cdr import stamp_of
+from linkage_ros.messages.cdr import stamp_of
 
 
 def main() -> None:

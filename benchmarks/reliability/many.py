@@ -51,7 +51,7 @@ def listen(health: Diagnostics, seconds: float) -> np.ndarray:
 
 def start(stack: ExitStack, number: int) -> list[Process]:
     """Starts a number of nodes."""
-    command = ('-m', 'linkage_ros.node', *words({'rate_hz': RATE}), '-r')
+    command = ('-m', 'linkage_ros.node.linkage_node', *words({'rate_hz': RATE}), '-r')
     return [
         stack.enter_context(running(*command, f'__ns:=/m{index}', domain=DOMAIN))
         for index in range(number)

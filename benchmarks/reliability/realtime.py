@@ -49,9 +49,9 @@ from timing_page import CONTENDERS, PARTS, limits, write
 from linkage_ros import cli
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.recover import recover
-from linkage_ros.parameters.configuration import configure, load
-from linkage_ros.record import record
-from linkage_ros.verification.verify import verify
+from linkage_ros.log.verify import verify
+from linkage_ros.programs.record import record
+from linkage_ros.settings.configuration import configure, load
 
 TIMER_NODE = Path(__file__).with_name('timer_node.py')
 RATE = 1000.0  # Hz

@@ -30,10 +30,10 @@ from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
 
 from linkage_ros.log.reader import LogReader
-from linkage_ros.run.simulator import Simulator
-from linkage_ros.verification.verify import verify
+from linkage_ros.log.verify import verify
+from linkage_ros.messages.cdr import stamp_of
+from linkage_ros.run.states import Simulator
 from linkage_ros.view.viewer_process import find_viewer, free_address
-from linkage_ros.wire.cdr import stamp_of
 
 # The reference is in a module of the test suite.
 sys.path.append(str(Path(__file__).resolve().parents[2] / 'test'))

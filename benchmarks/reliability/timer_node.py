@@ -17,10 +17,10 @@ from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 
 from linkage_ros import cli
-from linkage_ros.parameters.configuration import load
-from linkage_ros.ros.topics import wait_for_subscribers
-from linkage_ros.run.simulator import Simulator
-from linkage_ros.wire.codecs import joint_rows
+from linkage_ros.messages.templates import joint_rows
+from linkage_ros.node.topics import wait_for_subscribers
+from linkage_ros.run.states import Simulator
+from linkage_ros.settings.configuration import load
 
 
 def main() -> None:

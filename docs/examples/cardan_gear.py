@@ -20,11 +20,11 @@ from typing import NamedTuple
 
 from linkage_ros.errors import MechanismError
 from linkage_ros.formulas import ZERO, Vector, atan2, cos, sin
-from linkage_ros.model.kinematics import LinkPose, Pose, Reach
-from linkage_ros.model.loads import Load
-from linkage_ros.model.parts import OPEN, Body, Coupler, Guide, Slider, gravity_quantity
-from linkage_ros.model.registry import MECHANISMS
-from linkage_ros.model.structure import Link, Mechanism, Point, Structure, coupler_point
+from linkage_ros.mechanism.kinematics import LinkPose, Pose, Reach
+from linkage_ros.mechanism.loads import Load
+from linkage_ros.mechanism.parts import OPEN, Body, Coupler, Guide, Slider, gravity_quantity
+from linkage_ros.mechanism.registry import MECHANISMS
+from linkage_ros.mechanism.structure import Link, Mechanism, Point, Structure, coupler_point
 from linkage_ros.numeric import Real, two_sum
 from linkage_ros.quantities import Checked, quantity
 
@@ -48,7 +48,7 @@ class Spring(Checked):
 
 
 class SpringLoad(NamedTuple):
-    """The spring as a load; see `linkage_ros.model.loads.Load`.
+    """The spring as a load; see `linkage_ros.mechanism.loads.Load`.
 
     Attributes:
         link: Index of the link on which it acts.

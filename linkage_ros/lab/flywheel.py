@@ -27,11 +27,11 @@ from linkage_ros import ConfigurationError, LinkageError, MechanismError, Solver
 from linkage_ros.lab.output import chart, over_crank
 from linkage_ros.lab.period import Period, extent, mean
 from linkage_ros.lab.sampling import derivative, integral, samples
-from linkage_ros.model.structure import Mechanism
+from linkage_ros.mechanism.structure import Mechanism
 from linkage_ros.motion.drives import Motor
 from linkage_ros.numeric import Array
 from linkage_ros.palette import BLACK, COLORS, FIRST, GREY, SECOND, fractions
-from linkage_ros.parameters.descriptions import motor_line
+from linkage_ros.settings.help import motor_line
 from linkage_ros.units import radians_per_second
 
 _RPM = 1 / radians_per_second(1.0)

@@ -12,11 +12,11 @@ from linkage_ros.lab.output import progress
 from linkage_ros.lab.pump.analysis import settle
 from linkage_ros.lab.pump.shooting import PeriodicMotion
 from linkage_ros.lab.sampling import SAME, integral, samples, with_breaks
-from linkage_ros.model.structure import Mechanism
+from linkage_ros.mechanism.structure import Mechanism
 from linkage_ros.numeric import Array
-from linkage_ros.parameters.configuration import Configuration
-from linkage_ros.parameters.descriptions import motor_line
-from linkage_ros.parameters.presets import find_file
+from linkage_ros.settings.configuration import Configuration
+from linkage_ros.settings.help import motor_line
+from linkage_ros.settings.presets import find_file
 from linkage_ros.units import radians_per_second
 
 _MOTION = ('position', ''), ('velocity', '/s'), ('acceleration', '/s^2')

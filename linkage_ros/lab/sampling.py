@@ -12,7 +12,7 @@ from scipy.interpolate import CubicSpline
 
 from linkage_ros import Solver, State
 from linkage_ros.formulas import ZERO, Vector
-from linkage_ros.model.kinematics import LinkPose
+from linkage_ros.mechanism.kinematics import LinkPose
 from linkage_ros.numeric import Array
 
 _BISECTIONS = 64  # halvings of a step, after which its ends differ only by rounding

@@ -14,12 +14,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from linkage_ros import Body, Solver
-from linkage_ros.dynamics.equations import Model, torque, velocities
-from linkage_ros.dynamics.program import Constants, Program
-from linkage_ros.dynamics.tracer import Tape
 from linkage_ros.formulas import ZERO, Opaque, Vector, total
-from linkage_ros.model.parts import LOADS
-from linkage_ros.model.structure import Mechanism
+from linkage_ros.mechanism.equations import Model, torque, velocities
+from linkage_ros.mechanism.parts import LOADS
+from linkage_ros.mechanism.program import Constants, Program
+from linkage_ros.mechanism.structure import Mechanism
+from linkage_ros.mechanism.tracer import Tape
 from linkage_ros.numeric import Array, Real
 from linkage_ros.quantities import build, flatten
 

@@ -13,8 +13,7 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, ChunkIndex, MetadataIndex, Schema, Statistics
 
 from linkage_ros.errors import LinkageError, LogError
-from linkage_ros.log.mcap_reader import MAGIC_SIZE, McapFile, open_mcap
-from linkage_ros.log.metadata import (
+from linkage_ros.log.records import (
     CONFIGURATION_RECORD,
     END_RECORD,
     GAP_RECORD,
@@ -25,10 +24,11 @@ from linkage_ros.log.metadata import (
     decode_motion,
     unseal,
 )
+from linkage_ros.log.scan import MAGIC_SIZE, McapFile, open_mcap
+from linkage_ros.messages.rows import MESSAGE_HEAD, RowLayout, message_record
+from linkage_ros.messages.topics import EFFORT_COMMANDS, MEASURED_JOINT_STATES, TOPICS, Topic
 from linkage_ros.motion.drives import FollowDrive
 from linkage_ros.units import TIME_END
-from linkage_ros.wire.rows import MESSAGE_HEAD, RowLayout, message_record
-from linkage_ros.wire.topics import EFFORT_COMMANDS, MEASURED_JOINT_STATES, TOPICS, Topic
 
 # Largest size of messages buffered because chunks overlap in time, and overhead of a message in
 # Python, bytes. The log of a simulator that was reset a hundred times requires a third of this.

@@ -15,8 +15,8 @@ from mcap.records import Attachment, Channel, Metadata, Schema
 from linkage_ros.errors import LogError
 from linkage_ros.files import is_same_file, replacement
 from linkage_ros.log.log_file import keep_other_files, require_name
-from linkage_ros.log.mcap_reader import HEAD, MAGIC_SIZE, McapFile, open_mcap, parsed
-from linkage_ros.log.metadata import (
+from linkage_ros.log.reader import NO_CONFIGURATION
+from linkage_ros.log.records import (
     CHECKSUM,
     CONFIGURATION_RECORD,
     END_RECORD,
@@ -25,10 +25,10 @@ from linkage_ros.log.metadata import (
     Gap,
     unseal,
 )
-from linkage_ros.log.reader import NO_CONFIGURATION
+from linkage_ros.log.scan import HEAD, MAGIC_SIZE, McapFile, open_mcap, parsed
 from linkage_ros.log.writer import LogWriter
+from linkage_ros.messages.rows import message_heads
 from linkage_ros.units import NS_PER_S, TIME_END
-from linkage_ros.wire.rows import message_heads
 
 
 class Recovered(NamedTuple):

@@ -13,7 +13,7 @@ from mcap.records import Channel, Metadata, Schema
 
 from linkage_ros.log.log_file import LogFile
 from linkage_ros.log.mcap_writer import CHUNK_SIZE, McapWriter
-from linkage_ros.log.metadata import (
+from linkage_ros.log.records import (
     CONFIGURATION_RECORD,
     END_RECORD,
     GAP_RECORD,
@@ -25,10 +25,10 @@ from linkage_ros.log.metadata import (
     encode_motion,
     seal,
 )
+from linkage_ros.messages.rows import RowLayout, message_record
+from linkage_ros.messages.topics import Topic
 from linkage_ros.motion.segments import Segment
-from linkage_ros.parameters.configuration import Configuration
-from linkage_ros.wire.rows import RowLayout, message_record
-from linkage_ros.wire.topics import Topic
+from linkage_ros.settings.configuration import Configuration
 
 _FOREVER = '{sec: 9223372036, nsec: 854775807}'
 

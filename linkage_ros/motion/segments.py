@@ -12,8 +12,8 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from linkage_ros.model.kinematics import State
-from linkage_ros.model.structure import Description
+from linkage_ros.mechanism.kinematics import State
+from linkage_ros.mechanism.structure import Description
 from linkage_ros.numeric import Array, Real
 
 

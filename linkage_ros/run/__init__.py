@@ -1,3 +1,3 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Runs a configured mechanism: ticks, states, messages and health."""
+"""States of a configured mechanism as messages, and the messages that it receives."""

@@ -11,8 +11,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from linkage_ros.dynamics.solver import Solver
-from linkage_ros.model.structure import Mechanism, Point, Structure
+from linkage_ros.mechanism.solver import Solver
+from linkage_ros.mechanism.structure import Mechanism, Point, Structure
 from linkage_ros.numeric import Array
 from linkage_ros.view.load_arrows import Complex, LoadArrows
 

@@ -10,9 +10,9 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from linkage_ros.dynamics.solver import Solver
-from linkage_ros.model.kinematics import State
-from linkage_ros.model.structure import Link, Mechanism
+from linkage_ros.mechanism.kinematics import State
+from linkage_ros.mechanism.solver import Solver
+from linkage_ros.mechanism.structure import Link, Mechanism
 from linkage_ros.numeric import Array
 
 Complex: TypeAlias = npt.NDArray[np.complexfloating[Any, Any]]

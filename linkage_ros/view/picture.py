@@ -19,7 +19,7 @@ import rerun.blueprint as rrb
 from linkage_ros.motion.drives import FollowDrive, SpeedDrive, TorqueDrive
 from linkage_ros.numeric import Array
 from linkage_ros.palette import GREY, SECOND, color_of
-from linkage_ros.parameters.configuration import Configuration
+from linkage_ros.settings.configuration import Configuration
 from linkage_ros.view.drawing import Drawing
 
 TIMELINE = 'ros2_timestamp'  # Rerun's name for the stamps in an MCAP log

@@ -24,9 +24,9 @@ from rerun import FileSink, GrpcSink  # missing in old versions
 from linkage_ros.errors import ViewerError
 from linkage_ros.files import create_file
 from linkage_ros.numeric import Array
-from linkage_ros.parameters.configuration import Configuration
-from linkage_ros.parameters.session import SPAWN, WEB, is_recording, viewer_address, viewer_error
-from linkage_ros.run.simulator import Simulator
+from linkage_ros.run.states import Simulator
+from linkage_ros.settings.configuration import Configuration
+from linkage_ros.settings.session import SPAWN, WEB, is_recording, viewer_address, viewer_error
 from linkage_ros.view.picture import TIMELINE, Picture, Rows
 from linkage_ros.view.viewer_process import ViewerProcess, open_viewer
 

@@ -24,7 +24,6 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullLocator
 
-from linkage_ros.dynamics.solver import Solver
 from linkage_ros.lab.methods.linkage_cases import NEAR, linkages
 from linkage_ros.lab.methods.measure import (
     BATCH,
@@ -39,10 +38,11 @@ from linkage_ros.lab.methods.motion_cases import ENERGY, MEAN, SLOWEST, TRAJECTO
 from linkage_ros.lab.methods.registry import DEFAULT, INTEGRATORS, LIVE, METHODS, RECORDS
 from linkage_ros.lab.methods.stages import QUANTITIES
 from linkage_ros.lab.output import SMALL, TEXT, about, chart, folder, progress, save_records
+from linkage_ros.mechanism.solver import Solver
 from linkage_ros.motion.drives import FollowDrive, Motor, TorqueDrive
-from linkage_ros.motion.follow import FollowMotion
+from linkage_ros.motion.measured import FollowMotion
 from linkage_ros.motion.segments import Coordinates, stacked
-from linkage_ros.motion.torque_driven import TorqueMotion
+from linkage_ros.motion.under_torque import TorqueMotion
 from linkage_ros.numeric import Array
 from linkage_ros.palette import (
     BLACK,
@@ -56,7 +56,7 @@ from linkage_ros.palette import (
     Color,
     fractions,
 )
-from linkage_ros.parameters.configuration import load
+from linkage_ros.settings.configuration import load
 from linkage_ros.units import NS_PER_S, radians_per_second
 
 _LEAST, _CEILING = 1e-17, 10.0  # limits at which smaller and larger errors are drawn

@@ -20,7 +20,7 @@ from linkage_ros.lab import torque_models
 from linkage_ros.lab.output import NUMBERS, SMALL, TEXT, chart, folder, progress, save_records
 from linkage_ros.lab.sampling import samples
 from linkage_ros.lab.torque_models import STATIC, TERMS, TorqueProgram
-from linkage_ros.model.structure import Mechanism
+from linkage_ros.mechanism.structure import Mechanism
 from linkage_ros.numeric import Array
 from linkage_ros.palette import (
     BLACK,
@@ -34,8 +34,8 @@ from linkage_ros.palette import (
     fractions,
     mixed,
 )
-from linkage_ros.parameters.configuration import load
-from linkage_ros.parameters.presets import find_file
+from linkage_ros.settings.configuration import load
+from linkage_ros.settings.presets import find_file
 from linkage_ros.units import radians_per_second
 
 POINT_MASSES = 'coupler as two point masses'

@@ -22,8 +22,8 @@ from linkage_ros.lab.output import NUMBERS, TEXT, WIDTH, chart, folder, over_cra
 from linkage_ros.lab.period import Period, extent, period_to_show
 from linkage_ros.numeric import Array
 from linkage_ros.palette import BLACK, COLORS, DARK, Color, color_of, fractions
-from linkage_ros.parameters.configuration import load
-from linkage_ros.parameters.presets import find_file
+from linkage_ros.settings.configuration import load
+from linkage_ros.settings.presets import find_file
 
 # Inches. Heights: linkage, diagram, gap for tick labels below a diagram, bottom margin. Widths:
 # margin left of the diagrams, text right of them.

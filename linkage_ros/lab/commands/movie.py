@@ -20,7 +20,7 @@ from linkage_ros.lab.output import SMALL, STYLE, TEXT, folder, over_crank, progr
 from linkage_ros.lab.period import Period, period_to_show
 from linkage_ros.numeric import Array
 from linkage_ros.palette import COLORS, DARK, GREY, Color, color_of, fractions
-from linkage_ros.parameters.configuration import load
+from linkage_ros.settings.configuration import load
 from linkage_ros.view.drawing import Drawing
 
 _SECONDS = 3.0  # duration of a crank turn in the movie

@@ -7,11 +7,11 @@ import argparse
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.lab.output import DPI, folder, progress, save_records
 from linkage_ros.lab.pump.analysis import analyse
-from linkage_ros.model.wind_pump import WindPump
+from linkage_ros.mechanism.wind_pump import WindPump
 from linkage_ros.motion.drives import TorqueDrive
-from linkage_ros.parameters.configuration import load
-from linkage_ros.parameters.descriptions import motor_line
-from linkage_ros.parameters.presets import find_file
+from linkage_ros.settings.configuration import load
+from linkage_ros.settings.help import motor_line
+from linkage_ros.settings.presets import find_file
 
 
 def pump(options: argparse.Namespace) -> None:

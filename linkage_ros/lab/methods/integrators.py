@@ -5,7 +5,7 @@
 Each integrator starts at the initial values of a problem. `at(time)` integrates to a time, s, not
 earlier than the previous one, and returns the phase: coordinates, then rates, with an unwrapped
 crank angle. `Multipliers` returns positions, then rates, of all links. The package has one method
-for live runs and one for records (motion/integrators.py).
+for live runs and one for records (motion/steps.py).
 """
 
 import math
@@ -18,8 +18,8 @@ from scipy import integrate
 from linkage_ros.formulas import Vector
 from linkage_ros.lab.reference.motions import InitialValueProblem, Phase, halves
 from linkage_ros.lab.reference.multibody import Multibody
-from linkage_ros.motion.integrators import Integrate
-from linkage_ros.motion.torque_driven import published
+from linkage_ros.motion.steps import Integrate
+from linkage_ros.motion.under_torque import published
 from linkage_ros.numeric import Array
 
 _FIRST_STEP = 1e-4  # s

@@ -19,7 +19,6 @@ import numpy as np
 from mpmath import mp
 
 from linkage_ros import LinkageError, Solver, UnreachableError
-from linkage_ros.dynamics.program import Constants, Program
 from linkage_ros.lab.methods import stages
 from linkage_ros.lab.methods.measure import (
     DIVERGED,
@@ -37,8 +36,9 @@ from linkage_ros.lab.methods.measure import (
 )
 from linkage_ros.lab.methods.stages import ACCELERATION, POSITION, QUANTITIES, SPEED
 from linkage_ros.lab.reference.states import Linkage, Reference, other_assembly
+from linkage_ros.mechanism.program import Constants, Program
 from linkage_ros.numeric import Array, Real
-from linkage_ros.parameters.configuration import load
+from linkage_ros.settings.configuration import load
 
 NEAR = 'near a change point'
 _EVEN = 48  # number of evenly spaced angles in a period or an arc

@@ -87,7 +87,7 @@ def _nodes(at: list[float], value: list[float], crank: float) -> float:
 
 STRAIGHT = 'straight lines'
 CURVE_METHODS = [
-    Method(STRAIGHT, 'load', 'nothing', 'this package: model/load_curve.py', _own_curve),
+    Method(STRAIGHT, 'load', 'nothing', 'this package: mechanism/load_curve.py', _own_curve),
     Method('cubic spline', 'load', 'a smooth curve', 'SciPy, CubicSpline, periodic', _spline),
     Method('even nodes', 'load', 'load points that are nodes', f'{_NODES} nodes, linear', _nodes),
 ]
@@ -149,7 +149,7 @@ def _newton(_: SliderCrank, __: float, push: float, gain: float) -> float:
 GROWN = 'Newton, growing'
 FRICTION_METHODS = [
     Method(
-        GROWN, 'friction', 'nothing', 'this package: dynamics/reactions.py',
+        GROWN, 'friction', 'nothing', 'this package: mechanism/joint_forces.py',
         _grown,
     ),
     Method(

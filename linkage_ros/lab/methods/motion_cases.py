@@ -33,7 +33,7 @@ from linkage_ros.lab.reference.motions import (
     free_pump,
     halves,
 )
-from linkage_ros.model.kinematics import State
+from linkage_ros.mechanism.kinematics import State
 from linkage_ros.motion.drives import Motor
 
 TRAJECTORY, ENERGY, LOOP = 'trajectory', 'energy', 'loop'  # compared quantities

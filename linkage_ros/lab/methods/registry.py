@@ -16,14 +16,14 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
 from linkage_ros import ConfigurationError, Solver
-from linkage_ros.dynamics.program import Constants, Program
 from linkage_ros.lab.methods import stages
 from linkage_ros.lab.methods.integrators import Multipliers, OfPackage, OfScipy, RungeKutta4
 from linkage_ros.lab.methods.linkage_cases import LinkageCase
 from linkage_ros.lab.methods.measure import BATCH, ONE, Method, Setting
 from linkage_ros.lab.methods.stages import POSITION, RATES, STATE, Locate, Pair
 from linkage_ros.lab.reference.states import Linkage, lengths
-from linkage_ros.motion.integrators import LONGEST_STEP, TOLERANCE, live_steps, record_steps
+from linkage_ros.mechanism.program import Constants, Program
+from linkage_ros.motion.steps import LONGEST_STEP, TOLERANCE, live_steps, record_steps
 from linkage_ros.numeric import Real
 
 CAP = 50
@@ -132,7 +132,7 @@ DEFAULT = 'factored closed form'
 
 METHODS = [
     Method(
-        DEFAULT, STATE, 'nothing', 'this package: model/transmission.py, docs/mechanisms.md',
+        DEFAULT, STATE, 'nothing', 'this package: mechanism/transmission.py, docs/mechanisms.md',
         stages.factored,
     ),
     Method(
@@ -206,7 +206,7 @@ INTEGRATORS = (
     ),
     Method(
         RECORDS, 'motion', 'SciPy; a torque without jumps',
-        f'{_DOP853}; motion/integrators.py',
+        f'{_DOP853}; motion/steps.py',
         lambda problem, _: OfPackage(problem, record_steps),
     ),
     Method(

@@ -6,7 +6,7 @@ A method computes one stage; the package's own formulas compute the other stages
 rates receives the position as unit vectors. After a method for positions, the 2x2 solve of
 documents 1 and 4 computes rates that are consistent with these positions. The torque always comes
 from the package's own formula. Every method can therefore be compared in the charts of its own
-stage and of all later stages. All formulas are compiled to programs (dynamics/tracer.py), so that
+stage and of all later stages. All formulas are compiled to programs (mechanism/tracer.py), so that
 the comparison is fair. The loop equation of documents 1 (eq. 7 and 8) and 4 (eq. 2) is:
 
     gap = r e^(i alpha) + b e^(i beta) - B(y) = 0
@@ -21,12 +21,12 @@ import operator
 from collections.abc import Callable
 from typing import Any, NamedTuple, TypeAlias
 
-from linkage_ros.dynamics.equations import Model, accelerations, balance, torque, velocities
-from linkage_ros.dynamics.nested import leaves
 from linkage_ros.formulas import ZERO, Opaque, Vector, atan2, cos, cross, dot, sin, sqrt
 from linkage_ros.lab.reference.states import Linkage, lengths
-from linkage_ros.model.kinematics import LinkPose, Pose
-from linkage_ros.model.parts import OPEN
+from linkage_ros.mechanism.equations import Model, accelerations, balance, torque, velocities
+from linkage_ros.mechanism.kinematics import LinkPose, Pose
+from linkage_ros.mechanism.nested import leaves
+from linkage_ros.mechanism.parts import OPEN
 from linkage_ros.numeric import Real
 
 QUANTITIES = ('position', 'rate', 'acceleration', 'torque')

@@ -21,12 +21,12 @@ import numpy as np
 from mpmath import mp
 from scipy import optimize
 
-from linkage_ros.dynamics.solver import Solver
 from linkage_ros.formulas import Vector, cross, dot
 from linkage_ros.lab.reference.multibody import Multibody, eliminate
-from linkage_ros.motion.driven_mechanism import DrivenMechanism
+from linkage_ros.mechanism.solver import Solver
+from linkage_ros.motion.coordinates import DrivenMechanism
 from linkage_ros.motion.drives import Motor
-from linkage_ros.parameters.configuration import load
+from linkage_ros.settings.configuration import load
 
 _CONTEXT = Context(prec=34)
 _LOOK = 0.02  # s between two checks for a singularity of the coordinates

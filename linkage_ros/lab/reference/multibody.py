@@ -19,8 +19,8 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeAlias, cast
 
 from linkage_ros.formulas import ZERO, Vector, dot
-from linkage_ros.model.four_bar import FourBar
-from linkage_ros.model.structure import Mechanism
+from linkage_ros.mechanism.four_bar import FourBar
+from linkage_ros.mechanism.structure import Mechanism
 
 Row: TypeAlias = list[Any]  # of floats, Decimals or mpfs
 

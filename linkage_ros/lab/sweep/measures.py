@@ -16,15 +16,15 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 import numpy.typing as npt
 
-from linkage_ros.dynamics.equations import Model, torque
-from linkage_ros.dynamics.nested import transformed
-from linkage_ros.dynamics.program import Constants, Program
-from linkage_ros.dynamics.reactions import reactions
 from linkage_ros.errors import LinkageError
 from linkage_ros.formulas import ZERO, Vector
-from linkage_ros.model.load_curve import Table
-from linkage_ros.model.structure import Mechanism
-from linkage_ros.model.transmission import Transmission
+from linkage_ros.mechanism.equations import Model, torque
+from linkage_ros.mechanism.joint_forces import reactions
+from linkage_ros.mechanism.load_curve import Table
+from linkage_ros.mechanism.nested import transformed
+from linkage_ros.mechanism.program import Constants, Program
+from linkage_ros.mechanism.structure import Mechanism
+from linkage_ros.mechanism.transmission import Transmission
 from linkage_ros.numeric import Array, Real, wrap
 from linkage_ros.units import radians_per_second
 

@@ -12,12 +12,12 @@ from scipy.stats import qmc
 
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.lab.sweep.measures import MEASURES, RPM, Task
-from linkage_ros.model.structure import Mechanism
+from linkage_ros.mechanism.structure import Mechanism
 from linkage_ros.numeric import Array
-from linkage_ros.parameters.configuration import load
-from linkage_ros.parameters.parameter_file import read_study_file
-from linkage_ros.parameters.unknown_names import unknown_name
 from linkage_ros.quantities import Checked, Leaf, Quantity, build, flatten, leaves, quantity, shown
+from linkage_ros.settings.configuration import load
+from linkage_ros.settings.unknown_names import unknown_name
+from linkage_ros.settings.yaml_file import read_study_file
 
 _GROUPS = 'ranges', 'tolerances', 'constraints', 'goals'
 _NUMBER = Quantity('number', '')

@@ -1,6 +1,0 @@
-# Copyright 2026 The linkage_ros authors
-# SPDX-License-Identifier: Apache-2.0
-"""Exact states, driving torque, joint forces and equations of motion. Requires only NumPy.
-
-References to documents 1 to 4 are to the sources listed in docs/mechanisms.md.
-"""

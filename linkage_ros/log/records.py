@@ -1,0 +1,150 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Metadata records of a log: configuration, segments of motion, and end of the log.
+
+MCAP does not protect metadata with checksums. Each record therefore includes one, so that a
+flipped bit cannot change a setting unnoticed.
+"""
+
+import json
+import zlib
+from collections.abc import Callable, Mapping
+from fractions import Fraction
+from typing import Any, NamedTuple
+
+from linkage_ros import __version__
+from linkage_ros.errors import LogError
+from linkage_ros.mechanism.structure import Description
+from linkage_ros.motion.segments import Segment, SpeedSegment, TorqueSegment
+from linkage_ros.settings.configuration import Configuration, from_strings, to_strings
+from linkage_ros.units import TIME_END
+
+CONFIGURATION_RECORD = 'linkage_ros'
+MOTION_RECORD = 'linkage_ros/motion'
+GAP_RECORD = 'linkage_ros/gap'  # messages are missing before the next chunk; see `Gap`
+END_RECORD = 'linkage_ros/end'  # its field `messages` is the number of logged messages
+
+ROLE = 'linkage_ros.role'  # key in the metadata of a channel; the value is `Topic.role`
+CHECKSUM = 'crc32'  # name of the field with the checksum
+
+
+def seal(fields: dict[str, str]) -> dict[str, str]:
+    """Adds a checksum to the fields of a record."""
+    checksum = zlib.crc32(json.dumps(sorted(fields.items())).encode())
+    return {**fields, CHECKSUM: f'{checksum:08x}'}
+
+
+def unseal(record: Mapping[str, str]) -> dict[str, str]:
+    """Verifies and removes the checksum of a record.
+
+    Args:
+        record: A record created by `seal`.
+
+    Returns:
+        The fields without the checksum.
+
+    Raises:
+        LogError: The checksum is wrong.
+    """
+    fields = {name: text for name, text in record.items() if name != CHECKSUM}
+    if record != seal(fields):
+        raise LogError('a record of linkage_ros is damaged: its checksum is wrong')
+    return fields
+
+
+class Gap(NamedTuple):
+    """A place in a log at which messages are missing.
+
+    Attributes:
+        dropped: Number of states and other messages that the run dropped there, because the disk
+            was too slow; 0 if the file was damaged there.
+    """
+
+    dropped: int
+
+
+def encode_gap(gap: Gap) -> dict[str, str]:
+    """Encodes a gap as a record."""
+    return seal({'dropped': str(gap.dropped)})
+
+
+def decode_gap(record: Mapping[str, str]) -> Gap:
+    """Decodes a record created by `encode_gap`.
+
+    Raises:
+        LogError: The record is damaged.
+        ValueError: The number is malformed. A missing number may raise other exceptions.
+    """
+    return Gap(int(unseal(record)['dropped']))
+
+
+def encode_configuration(configuration: Configuration) -> dict[str, str]:
+    """Encodes a configuration as a record, with the version of this package."""
+    return seal({'version': __version__, **to_strings(configuration)})
+
+
+def decode_configuration(record: Mapping[str, str]) -> tuple[str, Configuration]:
+    """Decodes the version and the configuration from a record.
+
+    Args:
+        record: A record created by `encode_configuration`.
+
+    Returns:
+        The version of linkage_ros that wrote the record, and the configuration.
+
+    Raises:
+        LogError: The record is damaged.
+        ConfigurationError: This version cannot use the configuration.
+    """
+    settings = unseal(record)
+    version = settings.pop('version', 'unknown')
+    return version, from_strings(settings)
+
+
+def _fraction(text: str) -> Fraction:
+    """Parses 'p/q'; unlike `Fraction(text)`, does not expand exponents such as 1e999999999."""
+    return Fraction(*map(int, text.split('/')))
+
+
+def _description(text: str) -> Description:
+    """Parses the output of `str(description)`."""
+    *coordinates, assembly = text.split()
+    return Description(tuple(coordinates), assembly)
+
+
+_NAMES = {'old_stamp': 'before'}  # field names of segments that differ in records
+_PARSERS: dict[str, Callable[[str], Any]] = {
+    'stamp': int, 'phase': _fraction, 'speed': _fraction, 'rpm': float, 'acceleration': float,
+    'torque': float, 'old_stamp': int, 'description': _description,
+}  # fmt: skip
+_LARGEST = {int: TIME_END - 1, float: 1e30, Fraction: 1e30}
+
+
+def encode_motion(segment: Segment) -> dict[str, str]:
+    """Encodes a segment of motion as a record; phase and speed are exact fractions."""
+    return seal({_NAMES.get(n, n): str(v) for n, v in vars(segment).items() if v is not None})
+
+
+def decode_motion(record: Mapping[str, str]) -> Segment:
+    """Decodes a segment of motion from a record.
+
+    Args:
+        record: A record created by `encode_motion`.
+
+    Returns:
+        The segment, which is bit-identical to the encoded one.
+
+    Raises:
+        LogError: The record is damaged.
+        ValueError: A value is malformed or too large. Unknown or missing fields may raise other
+            exceptions.
+    """
+    fields = unseal(record)
+    kind = TorqueSegment if 'torque' in fields else SpeedSegment
+    names = {name: _NAMES.get(name, name) for name in _PARSERS}
+    given = {n: _PARSERS[n](fields[key]) for n, key in names.items() if key in fields}
+    for name, value in given.items():
+        largest = _LARGEST.get(type(value))
+        if largest and not abs(value) <= largest:
+            raise ValueError(f'{name} = {fields[names[name]]}: must be at most {largest:g}')
+    return kind(**given)

@@ -1,0 +1,189 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Matches the stamps of a log to segments of motion or to measurements.
+
+A step of the clock starts a new segment, but tick numbers continue.
+"""
+
+from collections.abc import Iterator
+from contextlib import suppress
+from itertools import accumulate, takewhile
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from linkage_ros.log.reader import LoggedMessage, LogReader
+from linkage_ros.messages.rows import RowLayout
+from linkage_ros.messages.topics import DIAGNOSTICS, MEASURED_JOINT_STATES
+from linkage_ros.motion.at_speed import SpeedMotion
+from linkage_ros.motion.segments import Coordinates, Segment, SpeedSegment, stacked
+from linkage_ros.run.commands import MeasuredCrank
+from linkage_ros.run.states import Simulator
+from linkage_ros.units import TIME_END
+
+
+def _moment(segment: Segment) -> int:
+    """Returns the start of a segment on the clock of the previous segment, ns."""
+    return segment.stamp if segment.old_stamp is None else segment.old_stamp
+
+
+def check_motions(simulator: Simulator, motions: tuple[Segment, ...]) -> str:
+    """Checks that each segment follows from the configuration and from the previous segment.
+
+    The time of a change and the new rpm, torque or clock are user inputs, which are not checked.
+
+    Args:
+        simulator: Simulator of the logged configuration.
+        motions: The logged segments.
+
+    Returns:
+        Description of the first difference; empty if there is none.
+    """
+    past: Segment | None = None
+    for number, logged in enumerate(motions, 1):
+        due = simulator.begin(logged.stamp).segment if past is None else logged
+        if isinstance(past, SpeedSegment) and isinstance(logged, SpeedSegment):
+            restamp = None if logged.old_stamp is None else logged.stamp
+            due = SpeedMotion(past).change(_moment(logged), logged.rpm, restamp).segment
+        if past and (type(past) is not type(logged) or _moment(logged) < past.stamp):
+            return f'motion record {number} starts before the previous one or has another drive'
+        for name, value in reversed(vars(due).items()):  # compare values set by users first
+            if (found := vars(logged).get(name)) != value:
+                return f'motion record {number} has {name} = {found}, recomputed {value}'
+        past = logged
+    return ''
+
+
+class Timeline:
+    """Matches the states of a speed-driven log to ticks in the logged segments.
+
+    Attributes:
+        missed: Number of ticks so far without a state.
+        is_record: Whether linkage_record wrote the log, so that every tick has a state.
+    """
+
+    def __init__(self, simulator: Simulator, log: LogReader, layout: RowLayout) -> None:
+        """Starts with the first segment.
+
+        Args:
+            simulator: Simulator of the logged configuration.
+            log: The log, which must have at least one segment.
+            layout: Layout of the log's rows.
+        """
+        self.missed, self._tick, self._number, self._is_after_gap = 0, -1, 0, False
+        self._simulator, self._layout = simulator, layout
+        self._motions: tuple[Any, ...] = log.motions
+        # A live run with simulated time may also start at 0, but always has diagnostics.
+        self.is_record = log.motions[0].stamp == 0 and not log.channel(DIAGNOSTICS)
+        steps = accumulate(motion.stamp - _moment(motion) for motion in log.motions)
+        self._anchors = [log.motions[0].stamp + step for step in steps]  # stamps of tick 0
+        self._ends = [*map(_moment, log.motions[1:]), TIME_END]
+
+    def cross_gap(self) -> bool:
+        """Prepares for the states after missing messages; returns whether they can be compared."""
+        self._is_after_gap = True
+        return True
+
+    def fitting(self, stamps: npt.NDArray[np.int64]) -> Iterator[tuple[int, list[int]]]:
+        """Finds the segments that may contain the next stamps, starting with the current one.
+
+        If the clock was set back, segments may overlap. The caller must then compare the states to
+        find the right one.
+
+        Args:
+            stamps: The next stamps, ns; at least one.
+
+        Yields:
+            Index of a segment, and the ticks of all leading stamps that fit the segment.
+        """
+        for number in range(self._number, len(self._motions)):
+            start, end = self._motions[number].stamp, self._ends[number]
+            inside = (start <= stamps) & (stamps < end)
+            # With False at the end, argmin counts the leading true values.
+            leading = stamps[: np.append(inside, False).argmin()]
+            elapsed = leading.astype(object) - self._anchors[number]
+            ticks = self._simulator.tick_at(elapsed)
+            steps = np.diff(ticks, prepend=self._tick)
+            fits = self._simulator.elapsed(ticks) == elapsed
+            fits &= steps > 0
+            if self.is_record:
+                fits[self._is_after_gap :] &= steps[self._is_after_gap :] == 1
+            if count := np.append(fits, False).argmin():
+                yield number, ticks[:count].tolist()
+
+    def coordinates(
+        self, number: int, stamps: list[int], rows: bytes  # noqa: ARG002, others read them
+    ) -> tuple[Coordinates, Coordinates | None]:  # fmt: skip
+        """Recomputes the coordinates of states.
+
+        Args:
+            number: Index of the states' segment.
+            stamps: Stamps of the states, ns.
+            rows: Logged rows of the states.
+
+        Returns:
+            The coordinates, and those for the feed-forward torque or None.
+
+        Raises:
+            LinkageError: The messages do not describe valid states.
+        """
+        motion = SpeedMotion(self._motions[number])
+        return motion.at_all(stamps), self._simulator.ahead(motion, stamps)
+
+    def take(self, number: int, ticks: list[int]) -> tuple[int, str]:
+        """Advances past states whose messages are equal.
+
+        Args:
+            number: Index of the states' segment.
+            ticks: Ticks of the states.
+
+        Returns:
+            The number of states consistent with their predecessors, and the error of the next
+            state, empty if all are consistent.
+        """
+        self.missed += ticks[-1] - self._tick - len(ticks)
+        self._number, self._tick, self._is_after_gap = number, ticks[-1], False
+        return len(ticks), ''
+
+
+class Measurements:
+    """Matches the states of a log to logged measurements; has the interface of `Timeline`."""
+
+    missed, is_record = 0, False
+
+    def __init__(self, simulator: Simulator, log: LogReader, _: RowLayout) -> None:
+        """Initializes without a measurement; see `Timeline`."""
+        self._simulator, self._crank = simulator, MeasuredCrank(simulator)
+        self._channel = log.channel(MEASURED_JOINT_STATES)
+        # Stamps, ns, and coordinates of measurements whose states are still to be compared.
+        self._next: list[tuple[int, Coordinates]] = []
+
+    def handle(self, message: LoggedMessage) -> None:
+        """Reads a measurement; must be called in the order in which messages were written."""
+        if self._channel and message.channel == self._channel.number:
+            with suppress(ValueError):  # a rejected measurement has no state
+                self._next.append(self._crank.read(message.data, message.time))
+
+    def fitting(self, stamps: npt.NDArray[np.int64]) -> Iterator[tuple[int, list[int]]]:
+        """Yields the leading stamps that match the next measurements; see `Timeline.fitting`."""
+        pairs = zip(stamps.tolist(), self._next, strict=False)
+        if fit := [stamp for stamp, _ in takewhile(lambda pair: pair[0] == pair[1][0], pairs)]:
+            yield 0, fit
+
+    def coordinates(
+        self, _: int, stamps: list[int], __: bytes
+    ) -> tuple[Coordinates, Coordinates | None]:
+        """Returns the coordinates of the next measurements; see `Timeline.coordinates`."""
+        found = [coordinates for _, coordinates in self._next[: len(stamps)]]
+        later = [x for one in found if (x := self._simulator.later(one))]
+        return stacked(found), stacked(later) if later else None
+
+    def cross_gap(self) -> bool:
+        """Returns False, because later states depend on all measurements; see `Timeline`."""
+        return False
+
+    def take(self, _: int, ticks: list[int]) -> tuple[int, str]:
+        """Advances past measurements; see `Timeline.take`."""
+        del self._next[: len(ticks)]
+        return len(ticks), ''

@@ -1,0 +1,373 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Recomputes every state of a log from its configuration and its segments of motion.
+
+Messages are considered equal if their bytes are equal, or if each number differs by at most 4 ulp,
+because sines differ between machines. The ulp is that of the largest number of the field in the
+log or, if larger, the change of the number under noise of one part in 2^54 in every operation: the
+terms of the number may cancel, or depend strongly on the angle. 0.0 and -0.0 are equal within 1
+ulp. In robot_description, only positions depend on sines: they may differ by 4 ulp of the largest
+coordinate. The log times of a live run cannot be recomputed, so only their equality within a state
+is checked. Topics are identified by their roles, because they may be remapped. Other topics of the
+log are listed but not compared.
+"""
+
+import functools
+import math
+import re
+import struct
+from bisect import bisect_right
+from collections.abc import Callable
+from contextlib import suppress
+
+import numpy as np
+
+from linkage_ros.errors import LinkageError, LogError
+from linkage_ros.log.reader import LoggedMessage, LogReader
+from linkage_ros.log.timeline import (
+    Measurements,
+    Timeline,
+    check_motions,
+)
+from linkage_ros.log.verify_torque import TorqueStates
+from linkage_ros.mechanism.elementwise import noise
+from linkage_ros.messages.cdr import ENCAPSULATION, encode_string
+from linkage_ros.messages.rows import MESSAGE_HEAD, RowLayout
+from linkage_ros.messages.topics import (
+    COUPLER_POINT,
+    DIAGNOSTICS,
+    JOINT_STATES,
+    MECHANISM_STATE,
+    ROBOT_DESCRIPTION,
+    TRAJECTORY_COMMANDS,
+)
+from linkage_ros.messages.urdf import text_of
+from linkage_ros.motion.drives import FollowDrive, TorqueDrive
+from linkage_ros.numeric import Array
+from linkage_ros.run.commands import inputs_of
+from linkage_ros.run.states import Simulator
+
+_BATCH = 1024  # states per batch
+# ulp. On another machine, sines and all results may differ in the last bits.
+_TOLERANCE = 4
+# Relative noise in every operation that gives the unit of a difference, noise that is large enough
+# to show in a number despite its rounding error, and the number of samples.
+_LAST_BIT, _NOISE, _SAMPLES = 2.0**-54, 2.0**-40, 4
+# A position in the URDF.
+_NUMBER = r'(-?\d+(?:\.\d+)?(?:e[+-]\d+)?)'
+_POSITION = re.compile(f'xyz="{_NUMBER} {_NUMBER} {_NUMBER}"')
+
+
+def verify(log: LogReader, progress: Callable[[int], object] = lambda _: None) -> 'Verification':
+    """Recomputes and compares the messages of a log, up to the first difference.
+
+    Args:
+        log: The log to verify.
+        progress: Called with the number of states compared since the last call.
+
+    Returns:
+        The completed comparison.
+
+    Raises:
+        LogError: The file is damaged, or lacks the topics or segments required to recompute it.
+    """
+    done = Verification(log)
+    done.run(progress)
+    if log.lost and not done.difference:
+        kind = 'missing' if log.lost > 0 else 'too many'
+        done.difference = f'logged messages {kind}: {abs(log.lost)}, according to the end record'
+    return done
+
+
+class Verification:
+    """Compares the messages of a log with recomputed messages, up to the first difference.
+
+    Attributes:
+        states: Number of equal states.
+        compared: Names of the compared topics.
+        others: Names of the topics that cannot be recomputed.
+        absent: Relative names of the mechanism's topics that are missing from the log.
+        missed: Number of ticks without a state.
+        stops_at_gap: Whether the states after missing messages were not compared, because they
+            depend on the missing measurements.
+        cut: Names of the topics that are missing from an incomplete last state.
+        ulp: Largest difference, ulp; 0 if all bits are equal.
+        difference: Description of the first difference; empty if there is none.
+    """
+
+    def __init__(self, log: LogReader) -> None:
+        """Compares the topics and segments of the log with those of a run.
+
+        Args:
+            log: The log to verify.
+        """
+        self._log, self._rows = log, bytearray()
+        self._simulator = simulator = Simulator(log.configuration)
+        self.states, self.missed, self.ulp = 0, 0, 0.0
+        self.cut: tuple[str, ...] = ()
+        self.stops_at_gap = False
+        own = (*simulator.topics, ROBOT_DESCRIPTION)
+        channels = {topic: channel for topic in own if (channel := log.channel(topic))}
+        self.absent = tuple(topic.name for topic in own if topic not in channels)
+        if not log.has_same_urdf:
+            channels.pop(ROBOT_DESCRIPTION, None)
+        self.compared = tuple(channel.name for channel in channels.values())
+        self.others = tuple(c.name for c in log.topics if c not in channels.values())
+        self._description = channels.pop(ROBOT_DESCRIPTION, None)
+        self._channels = channels
+        self.difference = check_motions(simulator, log.motions)
+        topics = (*own, DIAGNOSTICS, TRAJECTORY_COMMANDS, *inputs_of(simulator))
+        schemas = {topic.role: topic.interface for topic in topics}
+        for channel in log.topics:
+            due = schemas.get(channel.role)
+            layout = due and (due.name, 'cdr', 'ros2msg', due.definition)
+            if channel.role and layout != (channel.type, *channel.layout):
+                self.difference = (
+                    f'{channel.name}: no run of this configuration has such a topic or schema'
+                )
+
+    def _prepare(self) -> None:
+        """Prepares the comparison of states.
+
+        Raises:
+            LogError: The log lacks the topics or segments required to recompute its states.
+        """
+        log, simulator = self._log, self._simulator
+        drive = simulator.configuration.drive
+        driven, follows = isinstance(drive, TorqueDrive), isinstance(drive, FollowDrive)
+        needed = [MECHANISM_STATE] if driven else [MECHANISM_STATE, JOINT_STATES, COUPLER_POINT]
+        if not self._channels.keys() & {*needed} or not (log.motions or follows):
+            raise LogError(
+                f'{log.path} cannot be verified: it has no motion record, or no '
+                f'{" or ".join(topic.name for topic in needed)}'
+            )
+        self._layout = layout = simulator.layout_of(
+            (channel.number, topic) for topic, channel in self._channels.items()
+        )
+        self._names = [channel.name for channel in self._channels.values()]
+        self._comparison = RowComparison(log, layout, self._names)
+        kind = TorqueStates if driven else Measurements if follows else Timeline
+        self._timeline: Timeline | Measurements = kind(simulator, log, layout)
+
+    def run(self, progress: Callable[[int], object]) -> None:
+        """Compares the messages, up to the first difference; see `verify`.
+
+        Raises:
+            LogError: The file is damaged, or lacks the topics or segments required to recompute
+                it.
+        """
+        if self.difference or not any(c.messages for c in self._channels.values()):
+            return
+        self._prepare()
+        size = self._layout.size
+        for records in self._log.rows(
+            self._layout, self._handle, lambda: self._cross_gap(progress)
+        ):
+            if self.difference or self.stops_at_gap:
+                break
+            self._rows += records
+            if len(self._rows) >= _BATCH * size:
+                self._compare_rows(progress)
+                if self.difference or len(self._rows) >= size:
+                    break
+        self._compare_last(progress)
+        self.missed, self.ulp = self._timeline.missed, max(self.ulp, self._comparison.ulp)
+
+    def _cross_gap(self, progress: Callable[[int], object]) -> None:
+        """Compares the states before missing messages, and prepares for those after them."""
+        self._compare_last(progress)
+        self._rows.clear()
+        self.cut, self.stops_at_gap = (), not self._timeline.cross_gap()
+
+    def _handle(self, message: LoggedMessage) -> None:
+        """Handles a message that is not part of a state; called in the order of writing."""
+        if isinstance(self._timeline, Measurements):
+            self._timeline.handle(message)
+        if self._description and message.channel == self._description.number:
+            ulp = _description_ulp(message.data, self._simulator.description)
+            self.ulp = max(self.ulp, ulp)
+            if ulp > _TOLERANCE:
+                self.difference = (
+                    f'{message.topic}: data at {message.time} ns is not the URDF of the '
+                    'configuration'
+                )
+
+    def _compare_rows(self, progress: Callable[[int], object]) -> None:
+        """Compares all complete rows read so far."""
+        layout = self._layout
+        rows = bytes(self._rows[: layout.count(self._rows, 0) * layout.size])
+        del self._rows[: len(rows)]
+        while rows and not self.difference:
+            count, self.difference = self._compare(rows)
+            rows = rows[count * layout.size :]
+            self.states += count
+            progress(count)
+
+    def _compare_last(self, progress: Callable[[int], object]) -> None:
+        """Compares the last rows, after which there may be the beginning of a state."""
+        self._compare_rows(progress)
+        if not self._rows or self.difference:
+            return
+        layout, end = self._layout, self._layout.fitting(self._rows)
+        if end < len(self._rows):
+            _, _, channel, _, time, _ = MESSAGE_HEAD.unpack_from(self._rows, end)
+            self.difference = (
+                f'{self._names[layout.channels.index(channel)]}: the message logged at {time} ns '
+                f'is not the next message of state {self.states + 1}'
+            )
+        else:
+            starts = zip(layout.starts, self._names, strict=True)
+            self.cut = tuple(name for start, name in starts if start >= end)
+
+    def _compare(self, rows: bytes) -> tuple[int, str]:
+        """Compares the leading rows that belong to one segment.
+
+        Returns:
+            The number of equal states, and a description of the error in the next state. The
+            description is empty if the next state was not compared.
+        """
+        stamps, count, wrong = self._layout.stamps(rows), 0, ''
+        for number, ticks in self._timeline.fitting(stamps):
+            logged = rows[: len(ticks) * self._layout.size]
+            try:
+                made = self._again(number, stamps[: len(ticks)].tolist(), logged)
+            except LinkageError as error:
+                if len(ticks) > 1:  # bisect to find the first invalid state
+                    return self._compare(rows[: len(ticks) // 2 * self._layout.size])
+                wrong = wrong or str(error)
+                continue
+            again = functools.partial(self._again, number, stamps[: len(ticks)].tolist(), logged)
+            count, difference = self._comparison.compare(logged, made, again)
+            wrong = wrong or difference
+            if count:
+                count, wrong = self._timeline.take(number, ticks[:count])
+                break
+        else:
+            wrong = wrong or (
+                'no tick or measurement that can come next has this stamp; earlier states may be '
+                'lost, because a record has one at every tick'
+            )
+        if wrong:
+            wrong = f'state {self.states + count + 1}, stamp {stamps[count]} ns: {wrong}'
+        return count, wrong
+
+    def _again(self, number: int, stamps: list[int], rows: bytes) -> bytearray:
+        """Recomputes the rows at the given stamps of a segment.
+
+        Raises:
+            LinkageError: A logged row does not describe a valid state.
+        """
+        coordinates, ahead = self._timeline.coordinates(number, stamps, rows)
+        times = None if self._timeline.is_record else self._layout.column(rows, self._layout.times)
+        return self._simulator.rows(stamps, coordinates, ahead, times=times, layout=self._layout)
+
+
+def _description_ulp(logged: bytes, due: bytes) -> float:
+    """Returns the largest difference of positions in two robot descriptions, ulp.
+
+    Args:
+        logged: CDR bytes of a String, which may be arbitrary.
+        due: CDR bytes of the recomputed String.
+
+    Returns:
+        The difference, in ulp of the largest coordinate of a position; inf if the rest differs.
+    """
+    if logged == due:
+        return 0.0
+    start = len(ENCAPSULATION) + 4  # after the length of the text
+    text, urdf = (data[start:].rstrip(b'\0').decode(errors='replace') for data in (logged, due))
+    if encode_string(text) != logged or _POSITION.sub('', text) != _POSITION.sub('', urdf):
+        return math.inf
+    ulp = 0.0
+    for found, made in zip(_POSITION.findall(text), _POSITION.findall(urdf), strict=True):
+        if found != made:
+            numbers, right = [float(word) for word in found], [float(word) for word in made]
+            if text_of(*numbers) != ' '.join(found):
+                return math.inf
+            off = max(abs(x - y) for x, y in zip(numbers, right, strict=True))
+            ulp = max(ulp, off / math.ulp(max(map(abs, right))))
+    return ulp
+
+
+class RowComparison:
+    """Compares the rows of a log with recomputed rows.
+
+    Attributes:
+        ulp: Largest accepted difference so far, ulp.
+    """
+
+    def __init__(self, log: LogReader, layout: RowLayout, names: list[str]) -> None:
+        self._log, self._names, self.ulp, self._layout = log, names, 0.0, layout
+        self._doubles = [place for place in layout.places if place.code == 'd']
+
+    def compare(
+        self, logged: bytes, recomputed: bytearray, again: Callable[[], bytearray]
+    ) -> tuple[int, str]:
+        """Compares rows.
+
+        Args:
+            logged: One or more logged rows.
+            recomputed: The same number of recomputed rows.
+            again: Recomputes the rows.
+
+        Returns:
+            The number of leading rows that are equal within the tolerance, and a description of
+            the first difference in the next row.
+
+        Raises:
+            LogError: The log is damaged.
+        """
+        size = self._layout.size
+        if logged == recomputed:  # usual, unless another machine computes different sines
+            return len(logged) // size, ''
+        values = self._values(recomputed)
+        with np.errstate(all='ignore'):  # logged values may be arbitrary
+            moved = np.zeros_like(values)
+            for seed in range(_SAMPLES):
+                with suppress(LinkageError), noise(_NOISE, seed):  # beyond a limit of the crank
+                    moved = np.maximum(moved, abs(self._values(again()) - values))
+            units = np.maximum(np.spacing(self._largest), moved * (_LAST_BIT / _NOISE))
+            ulp = abs(self._values(logged) - values) / units
+        found, made = (np.frombuffer(x, np.uint8) for x in (logged, recomputed))
+        differs = np.not_equal(found, made).reshape(-1, size)
+        for place, near in zip(self._doubles, ulp <= _TOLERANCE, strict=True):
+            differs[near, place.offset : place.offset + 8] = False
+        wrong = differs.any(axis=1)
+        count = int(wrong.argmax()) if wrong.any() else wrong.size
+        # Rows that differ only in the sign of a zero must not count as equal to the bit.
+        self.ulp = max(self.ulp, float(ulp[:, :count].max(initial=math.ulp(0.0))))
+        if count == wrong.size:
+            return count, ''
+        at, row = int(differs[count].argmax()), slice(count * size, (count + 1) * size)
+        return count, self._describe(at, logged[row], recomputed[row], units[:, count])
+
+    @functools.cached_property
+    def _largest(self) -> Array:
+        """The largest finite number of each field in the log, shape (fields, 1)."""
+        largest = np.zeros((len(self._doubles), 1))
+        for rows in self._log.rows(self._layout, lambda _: None):
+            if self._layout.count(rows, 0):
+                values = np.nan_to_num(self._values(rows), nan=0, posinf=0, neginf=0)
+                largest = np.maximum(largest, abs(values).max(axis=1, keepdims=True))
+        return largest
+
+    def _values(self, rows: bytes | bytearray) -> Array:
+        """Returns the doubles in rows, shape (fields, rows)."""
+        return np.array([self._layout.column(rows, place) for place in self._doubles])
+
+    def _describe(self, at: int, logged: bytes, recomputed: bytearray, units: Array) -> str:
+        """Describes the difference between two rows at their first different byte."""
+        message = bisect_right(self._layout.starts, at) - 1
+        byte = at - self._layout.starts[message] - MESSAGE_HEAD.size
+        words = f'byte {byte} = {logged[at]:#04x} logged, {recomputed[at]:#04x} recomputed'
+        for place in self._layout.places:
+            if place.offset <= at < place.offset + struct.calcsize(place.code):
+                found, due = (self._layout.column(x, place).item() for x in (logged, recomputed))
+                words = (
+                    f'{place.name} = {found!r} logged, {due!r} recomputed: '
+                    f'off by {abs(found - due):.3g}'
+                )
+                if place in self._doubles:
+                    unit = units[self._doubles.index(place)]
+                    words += f', {abs(found - due) / unit:.6g} ulp'
+        return f'{self._names[message]}: {words}'

@@ -1,0 +1,272 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Recomputes the states of a torque-driven log from its accelerations and commands.
+
+Coordinates, rates and accelerations are read from mechanism_state. In a record, which has no
+commands, the accelerations are instead computed from the motor's torque. From these values, the
+motion of all links and the torque, tau = M q'' + h - Q, are recomputed for comparison. Each state
+must also follow from the previous state under the torque logged there.
+"""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from linkage_ros.errors import LinkageError, LogError
+from linkage_ros.log.reader import LogReader
+from linkage_ros.log.timeline import Timeline
+from linkage_ros.messages.rows import RowLayout
+from linkage_ros.messages.templates import joint_numbers
+from linkage_ros.motion.coordinates import DrivenMechanism, turns_between
+from linkage_ros.motion.runge_kutta import Plant, leap, slope_at
+from linkage_ros.motion.segments import Coordinates, TorqueSegment
+from linkage_ros.motion.steps import live_method
+from linkage_ros.motion.under_torque import CATCH_UP, own_coordinates, start
+from linkage_ros.numeric import Array, with_turns, within_two_turns, wrap
+from linkage_ros.run.states import Simulator
+from linkage_ros.units import NS_PER_S
+
+# Tolerance between a state and its prediction from the previous state: rad and crank lengths; for
+# rates, the same per second or relative. It covers the errors of different integrators.
+_APART = 1e-7
+# Longest time between two states, s. States farther apart are not predicted.
+_LONGEST = 10.0
+# Tolerance and trials of the integrator that checks a deviating state again.
+_TOLERANCE, _TRIALS = 1e-11, 10_000
+# Perturbation of a state, in rad and crank lengths, and per second. If it changes the prediction
+# by more than the difference from the logged state, the difference is accepted.
+_NUDGE = 1e-9
+_NOWHERE = 1e300  # predicted value if the motion cannot be integrated
+# If all states are integrated at once: median motion per step, in rad or crank lengths, and the
+# smallest and largest number of steps between two states.
+_STEP, _STEPS = 0.02, (2, 20)
+
+
+class TorqueStates(Timeline):
+    """Recomputes the states of a torque-driven log.
+
+    A state is stored as a column: positions of all links, including all turns of the crank;
+    their rates; and the torque added to the motor's torque, N m.
+    """
+
+    def __init__(self, simulator: Simulator, log: LogReader, layout: RowLayout) -> None:
+        """Prepares the check; see `Timeline`. The layout must contain mechanism_state."""
+        super().__init__(simulator, log, layout)
+        drive: Any = simulator.configuration.drive
+        solver, self._motor = simulator.solver, drive.motor
+        self._links = solver.structure.links
+        # If fields have the same name, `fields` holds the last, which is that of mechanism_state.
+        self._places = [layout.fields[name] for name in joint_numbers(simulator.joints)]
+        self._own = self._last = DrivenMechanism(solver, drive.motor.at)
+        length = solver.mechanism.crank.length
+        self._units = np.array([length if link.slides else 1.0 for link in self._links] * 2)
+        # The previous state, initially that at t = 0.
+        begin = start(solver.mechanism, drive)
+        state = solver.state(begin.q, begin.u)
+        self._before = np.array([[begin.unwrapped, *state.position[1:], *state.velocity, 0.0]]).T
+
+    def coordinates(
+        self, number: int, _: list[int], rows: bytes
+    ) -> tuple[Coordinates, Coordinates | None]:
+        """Reads coordinates, rates and accelerations from mechanism_state, as arrays.
+
+        Raises:
+            LogError: A value is not finite, or the mechanism has no such coordinates.
+        """
+        self._driven = self._described(self._motions[number])
+        table, crank = self._read(rows)
+        self._found = np.array([crank, *table[0, 1:], *table[1], table[3, 0]])
+        driven, solver = self._driven, self._driven.solver
+        moving = self._rows(driven)[: len(driven.links)]
+        q, u, a = (tuple(row[moving]) for row in table[:3])
+        # Use the logged torque of live runs, because it includes commands.
+        torque = self._motor.at(table[1, 0]) if self.is_record else table[3, 0]
+        if solver.coordinates == self._own.solver.coordinates:
+            if self.is_record:
+                a = solver.accelerations(q, u, torque, by_math=True)
+            return Coordinates(q, u, a, crank, solver.state(q, u, a, by_math=True)), None
+        state = solver.driven_state(q, u, torque, by_math=True)
+        if not driven.has_crank:
+            pairs = zip(state.position[0].tolist(), crank.tolist(), strict=True)
+            crank = np.array([with_turns(x, turns_between(x, y)) for x, y in pairs])
+        return own_coordinates(solver, state, crank), None
+
+    def _described(self, segment: TorqueSegment) -> DrivenMechanism:
+        """Returns the driven mechanism in the description of a segment.
+
+        Raises:
+            LogError: The mechanism has no such coordinates.
+            ConfigurationError: The mechanism has no such assembly.
+        """
+        mechanism = self._own.solver.mechanism
+        description = segment.description or mechanism.description
+        if description.coordinates not in {mechanism.coordinates, mechanism.other_coordinates}:
+            raise LogError(
+                f'the mechanism has no description by {", ".join(description.coordinates)}'
+            )
+        return self._own.described(description)
+
+    def _rows(self, driven: DrivenMechanism) -> list[int]:
+        """Returns the indices of the coordinates and their rates in a state."""
+        moving = [driven.solver.links.index(name) for name in driven.solver.coordinates]
+        return [*moving, *(len(self._links) + i for i in moving)]
+
+    def _read(self, rows: bytes) -> tuple[Array, Array]:
+        """Reads mechanism_state.
+
+        Returns:
+            Positions, rates, accelerations and efforts of all links, shape (4, links, states),
+            with the crank angle within two turns; and the crank angle including all turns.
+
+        Raises:
+            LogError: A value is not a finite number.
+        """
+        columns = [self._layout.column(rows, place) for place in self._places]
+        table = np.reshape(columns, (4, len(self._links), -1))
+        if not np.isfinite(table).all():
+            raise LogError('mechanism_state is not finite')
+        crank = table[0, 0].copy()
+        table[0, 0] = [within_two_turns(angle)[0] for angle in crank.tolist()]
+        for i, link in enumerate(self._links):
+            if link.parent is not None:  # the angle of a joint is relative to its parent link
+                table[:3, i] += table[:3, link.parent]
+        return table, crank
+
+    def take(self, number: int, ticks: list[int]) -> tuple[int, str]:
+        """Checks that states follow from their predecessors; see `Timeline.take`."""
+        driven, found = self._driven, self._found[:, : len(ticks)]
+        found[-1] -= self._motor.at(found[len(self._links)])
+        origin = np.concatenate([self._before, found[:, :-1]], axis=1)
+        numbers = np.array([max(self._tick, 0), *ticks], object)  # of any size
+        late = np.diff(self._simulator.elapsed(numbers)).astype(float)
+        if not self.is_record:  # the plant is paused in longer gaps
+            late[late > self._simulator.elapsed(1) + CATCH_UP] = 0
+        spans = late / NS_PER_S
+        follows = self._many_follow(driven, origin, found, spans) | (spans > _LONGEST)
+        follows[0] |= self._is_after_gap
+        for i in map(int, np.flatnonzero(~follows)):
+            before = driven if i else self._last
+            if wrong := self._difference(before, origin[:, i], found[:, i], float(spans[i])):
+                return i, f'it does not follow from the previous state: {wrong}'
+        self._before, self._last = found[:, -1:], driven
+        return super().take(number, ticks)
+
+    def _many_follow(
+        self, driven: DrivenMechanism, origin: Array, found: Array, spans: Array
+    ) -> npt.NDArray[np.bool_]:
+        """Returns which states follow from their predecessors, integrating all at once."""
+        nothing, half = np.zeros(len(spans), bool), len(driven.links)
+        if driven.solver.coordinates != self._own.solver.coordinates:
+            return nothing
+        rows, units = self._rows(driven), np.array(driven.units)[:, None]
+        usual = np.median(np.max(abs(origin[rows[half:]]) / units[half:], axis=0) * spans)
+        steps = int(np.clip(np.ceil(usual / _STEP), *_STEPS))
+
+        def accelerations(*y: Array) -> Any:
+            torque = self._motor.at(y[half]) + origin[-1]
+            return driven.solver.accelerations(y[:half], y[half:], torque)
+
+        plant, phase = Plant(driven.units, accelerations), tuple(origin[rows])
+        error = np.zeros(len(spans))
+        try:
+            with np.errstate(all='ignore'):  # long steps may overflow
+                slope = slope_at(accelerations, phase)
+                for _ in range(steps):
+                    phase, slope, errors = leap(plant, phase, spans / steps, slope)
+                    error = np.maximum(error, np.max(errors, axis=0))
+        except LinkageError:  # check the states one by one instead
+            return nothing
+        follows = _agrees(units, origin[rows], np.array(phase), found[rows], spans).all(axis=0)
+        follows &= error <= _APART / 10
+        follows[0] &= self._last.solver is driven.solver
+        return follows
+
+    def _difference(
+        self, before: DrivenMechanism, origin: Array, found: Array, span: float
+    ) -> str:
+        """Describes the difference between a state and its prediction from the previous state.
+
+        Args:
+            before: The driven mechanism in the description of the previous state.
+            origin: The previous state.
+            found: The logged state to check.
+            span: Time between the two states, s.
+
+        Returns:
+            The description; empty if the difference is within the tolerance, or if rounding errors
+            of the previous state explain it.
+        """
+        values = found[:-1]
+        due = self._predicted(before, origin, values, span)
+        wrong = ~_agrees(self._units, origin[:-1], due, values, span)
+        if wrong.any():
+            nudged = origin + _NUDGE * np.array([*self._units, 0.0])
+            spread = abs(self._predicted(before, nudged, values, span) - due)
+            wrong &= ~(abs(values - due) <= spread)
+        names = [f'{link.name} {word}' for word in ('position', 'speed') for link in self._links]
+        i = int(wrong.argmax())
+        return f'{names[i]} {values[i]:.9g}, expected {due[i]:.9g}' if wrong[i] else ''
+
+    def _predicted(
+        self, before: DrivenMechanism, origin: Array, values: Array, span: float
+    ) -> Array:
+        """Predicts positions and rates from the previous state.
+
+        The predicted angles, except that of the crank, are shifted by whole turns to be closest to
+        the logged angles.
+
+        Args:
+            before: See `_difference`.
+            origin: The previous state.
+            values: Logged positions and rates.
+            span: Time between the two states, s.
+        """
+        driven = replace(
+            before,
+            torque=lambda speed: self._motor.at(speed) + float(origin[-1]),
+            middle=before.arc_middle(float(origin[0])),
+        )
+        phase = tuple(origin[self._rows(driven)].tolist())
+        try:
+            steps = live_method(self._own)(driven, phase, tolerance=_TOLERANCE, trials=_TRIALS)
+            steps.advance(span)
+            driven, half = steps.driven, len(phase) // 2
+            state = driven.solver.state(steps.phase[:half], steps.phase[half:])
+            crank = driven.crank(steps.phase, steps.pairs)
+        except LinkageError:
+            return np.full(len(values), _NOWHERE)
+        due = np.array([crank, *state.position[1:], *state.velocity])
+        turning = [i for i, link in enumerate(self._links) if i and not link.slides]
+        apart = values[turning] - due[turning]
+        due[turning] += apart - wrap(apart, np.rint)
+        return due
+
+
+def _agrees(
+    units: Array, before: Array, due: Array, values: Array, span: Array | float
+) -> npt.NDArray[np.bool_]:
+    """Returns whether logged positions and rates agree with predicted values.
+
+    The integrators' error of a rate is relative to that rate. The tolerance of a position
+    therefore grows with the distance travelled, and that of a rate also with the largest rate.
+
+    Args:
+        units: Unit of each value.
+        before: Positions, starting with the crank, and rates of the previous state.
+        due: Predicted positions and rates.
+        values: Logged positions and rates.
+        span: Time between the states, s.
+
+    Returns:
+        A boolean for each value.
+    """
+    count = len(due) // 2
+    # Use the smaller rate, so that a forged rate cannot widen its own tolerance.
+    ends = np.minimum(abs(due[count:]), abs(values[count:]))
+    pace = (np.maximum(abs(before[count:]), ends) / units[count:]).max(axis=0)
+    sizes = units * np.maximum(1.0, pace * span)
+    sizes[count:] *= np.maximum(1.0, pace)
+    allowed = _APART * sizes + 4 * np.spacing(abs(values[0]))  # a crank angle of many turns
+    return np.asarray(abs(values - due) <= allowed, bool)

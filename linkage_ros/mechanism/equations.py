@@ -1,0 +1,385 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Equations of motion by virtual power: driving torque or accelerations from pose and loads.
+
+Every centre of mass is a fixed linear combination of the link directions, G = sum_j rho_j
+e^(i phi_j) (+ constant). The power balance in document 1 and the virtual work in document 3 sum
+m v . a, J w eps and P . v over the bodies. These sums depend on the bodies only through the
+constants
+
+    C_jk = sum_bodies m conj(rho_j) rho_k  (+ J on the diagonal)      W_j = sum_bodies m rho_j,
+
+which are computed once. With A + i B = C_jk e^(i (phi_k - phi_j)), the generalised inertia force
+on link j is sum_k A phi_k'' - B phi_k'^2. A sliding link contributes its mass times its
+acceleration. The forces of the loads are subtracted. Weighted with the jacobian and summed over
+the links, these forces give M q'' + h - Q, which equals the driving torque for the crank and 0 for
+undriven coordinates. Pin reactions do not appear.
+"""
+
+import itertools
+import operator
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+from linkage_ros.formulas import (
+    ZERO,
+    Opaque,
+    Vector,
+    cross,
+    dot,
+    is_finite,
+    number,
+    require,
+    total,
+    where,
+)
+from linkage_ros.mechanism.kinematics import LinkPose, Loop, PointMotion, Pose, State
+from linkage_ros.mechanism.loads import JointLoad, Load
+from linkage_ros.mechanism.structure import Dyad, Link, Mechanism, Pin, Point, Structure
+from linkage_ros.numeric import Real
+
+
+class Weight(NamedTuple):
+    """The weights of all bodies, as a load; see `linkage_ros.mechanism.loads.Load`.
+
+    Attributes:
+        links: The moving links of the mechanism.
+        gravity: Acceleration of gravity, m/s^2.
+    """
+
+    links: tuple[Link, ...]
+    gravity: Vector
+
+    def _moment(self, j: int) -> Vector:
+        """Returns conj(W_j) g as a vector, N m; for a sliding link, m g, N."""
+        if self.links[j].slides:
+            return self.gravity * self.links[j].mass
+        turning = (link for link in self.links if not link.slides)
+        arm = total(link.center.weights[j] * link.mass for link in turning)
+        return Vector(dot(arm, self.gravity), cross(arm, self.gravity))
+
+    def forces(self, links: Sequence[LinkPose], _rates: Sequence[Real]) -> dict[int, Real]:
+        """Computes the forces; the torque on a turning link is Re(conj(i W_j e^(i phi_j)) g)."""
+        return {
+            j: (dot if self.links[j].slides else cross)(link.direction, self._moment(j))
+            for j, link in enumerate(links)
+        }
+
+    def potential(self, links: Sequence[LinkPose]) -> Real:
+        """Computes the potential energy of the weights, J."""
+        return total(
+            -dot(link.direction, self._moment(j)) * (link.position if body.slides else 1.0)
+            for j, (link, body) in enumerate(zip(links, self.links, strict=True))
+        )
+
+
+class Model(NamedTuple):
+    """The constants used by the formulas of a mechanism.
+
+    Attributes:
+        loop: Kinematic constants.
+        links: The moving links of the mechanism.
+        pins: The pin joints; empty if joint forces are not supported.
+        pin_points: The points of the pins, in the same order.
+        dyads: The dyads in the chosen coordinates.
+        other_dyads: The dyads in the mechanism's other coordinates.
+        gravity: Acceleration of gravity, m/s^2.
+        loads: Loads on the links, except weights and `joint_loads`.
+        joint_loads: Loads caused by joint forces, such as friction.
+        refuse: Function that rejects q, u and a if a value or a result is not finite. None, here
+            and in the next three attributes, accepts everything.
+        refuse_torque: Function that rejects q, u and a torque if a value or a result is not
+            finite.
+        refuse_forces: Function that rejects q if the joint forces are infinite.
+        massless: Function that rejects a mass matrix that is not positive definite.
+    """
+
+    loop: Loop
+    links: tuple[Link, ...]
+    pins: tuple[Pin, ...]
+    pin_points: tuple[Point, ...]
+    dyads: tuple[Dyad, ...]
+    other_dyads: tuple[Dyad, ...]
+    gravity: Vector
+    loads: tuple[Load, ...]
+    joint_loads: tuple[JointLoad, ...]
+    refuse: Opaque | None = None
+    refuse_torque: Opaque | None = None
+    refuse_forces: Opaque | None = None
+    massless: Opaque | None = None
+
+    @classmethod
+    def of(
+        cls,
+        mechanism: Mechanism,
+        structure: Structure,
+        loop: Loop | None = None,
+        **refusals: Opaque,
+    ) -> 'Model':
+        """Collects the constants of a mechanism.
+
+        Args:
+            mechanism: The mechanism, with its loads.
+            structure: Links, points and joints of the mechanism.
+            loop: Kinematic constants; by default, those in the mechanism's own coordinates.
+            **refusals: Functions that reject values, by field name; by default, all values are
+                accepted.
+
+        Returns:
+            The constants of the formulas.
+
+        Raises:
+            ConfigurationError: A load does not fit the mechanism.
+        """
+        return cls(
+            loop or mechanism.loop(),
+            structure.links,
+            structure.pins,
+            tuple(structure.points[pin.name] for pin in structure.pins),
+            structure.dyads,
+            structure.other_dyads,
+            Vector(*mechanism.gravity),
+            mechanism.link_loads(),
+            mechanism.joint_loads(),
+            **refusals,
+        )
+
+    def all_loads(self) -> tuple[Load, ...]:
+        """Returns all loads on the links except `joint_loads`, including weights."""
+        return (Weight(self.links, self.gravity), *self.loads)
+
+    def coupling(self, j: int, k: int) -> Vector:
+        """Returns C_jk as (real, imaginary), kg m^2; both ZERO if no body couples the links."""
+        result = Vector(ZERO, ZERO)
+        for link in self.links:
+            if not link.slides:
+                first, second = link.center.weights[j] * link.mass, link.center.weights[k]
+                result += Vector(dot(first, second), cross(first, second))
+        return result
+
+    def inertia(self, j: int) -> Real:
+        """Returns C_jj of a link, kg m^2; for a sliding link, its mass, kg."""
+        link = self.links[j]
+        return link.mass if link.slides else self.coupling(j, j).x + link.inertia
+
+    def coupled(self, pose: Pose, j: int, k: int) -> tuple[Real, Real]:
+        """Returns A and B, the real and imaginary parts of C_jk e^(i (phi_k - phi_j))."""
+        coupling, first, second = (
+            self.coupling(j, k), pose.links[j].direction, pose.links[k].direction,
+        )  # fmt: skip
+        cos, sin = dot(first, second), cross(first, second)
+        return coupling.x * cos - coupling.y * sin, coupling.x * sin + coupling.y * cos
+
+
+def velocities(pose: Pose, u: Sequence[Real]) -> list[Real]:
+    """Computes the velocity of each link, rad/s or m/s, from the rates of the coordinates."""
+    return [_product(link.jacobian, u) for link in pose.links]
+
+
+def accelerations(pose: Pose, u: Sequence[Real], a: Sequence[Real]) -> list[Real]:
+    """Computes the acceleration of each link, rad/s^2 or m/s^2.
+
+    If `a`, the accelerations of the coordinates, is empty, the rates `u` are constant.
+    """
+    products = [x * y for x, y in itertools.combinations_with_replacement(u, 2)]
+    return [
+        _product(link.curvature, products) + (_product(link.jacobian, a) if a else ZERO)
+        for link in pose.links
+    ]
+
+
+def _product(row: Iterable[Real], column: Iterable[Real]) -> Real:
+    return total(map(operator.mul, row, column))
+
+
+def balance(
+    model: Model, pose: Pose, rates: Sequence[Real], changes: Sequence[Real]
+) -> list[Real]:
+    """Computes M q'' + h - Q, the generalised force required for the given accelerations.
+
+    For the actual accelerations, the force on the crank angle is the driving torque. For the
+    accelerations at q'' = 0, the forces are h - Q.
+
+    Args:
+        model: Constants of the mechanism.
+        pose: Positions of the links.
+        rates: Velocity of each link, rad/s or m/s.
+        changes: Acceleration of each link, rad/s^2 or m/s^2.
+
+    Returns:
+        The generalised force on each coordinate: N m for an angle, N for a slider's position.
+    """
+    forces = [model.inertia(j) * change for j, change in enumerate(changes)]
+    for load in model.all_loads():
+        for j, force in load.forces(pose.links, rates).items():
+            forces[j] = forces[j] - force  # -= would modify an array
+    for j, k in itertools.combinations(range(len(forces)), 2):
+        a, b = model.coupled(pose, j, k)
+        forces[j] = forces[j] + a * changes[k] - b * (rates[k] * rates[k])
+        forces[k] = forces[k] + a * changes[j] + b * (rates[j] * rates[j])
+    return [_product(column, forces) for column in _columns(pose)]
+
+
+def mass_matrix(model: Model, pose: Pose) -> list[list[Real]]:
+    """Computes the mass matrix M; see `Solver.matrix` for the units."""
+    size, columns = len(pose.links), _columns(pose)
+    inertias = [[ZERO] * size for _ in range(size)]
+    for j in range(size):
+        inertias[j][j] = model.inertia(j)
+    for j, k in itertools.combinations(range(size), 2):
+        inertias[j][k] = inertias[k][j] = model.coupled(pose, j, k)[0]
+    momenta = [[_product(row, column) for row in inertias] for column in columns]
+    # M is symmetric, so min and max let the tape share equal entries.
+    return [
+        [_product(columns[min(i, j)], momenta[max(i, j)]) for j in range(len(columns))]
+        for i in range(len(columns))
+    ]
+
+
+def _columns(pose: Pose) -> list[tuple[Real, ...]]:
+    """Returns the columns of the jacobian, one per coordinate."""
+    return list(zip(*(link.jacobian for link in pose.links), strict=True))
+
+
+def state(model: Model, q: Sequence[Real], u: Sequence[Real], a: Sequence[Real] = ()) -> State:
+    """Computes the motion of all links and the driving torque; if `a` is empty, for q'' = 0."""
+    require(is_finite(*q), model.refuse, *q, *u, *a)
+    pose = model.loop.pose(tuple(q))
+    rates, changes = velocities(pose, u), accelerations(pose, u, a)
+    torque, *_ = balance(model, pose, rates, changes)
+    require(is_finite(torque, *changes, *u, *a), model.refuse, *q, *u, *a)
+    positions = tuple(link.position for link in pose.links)
+    return State(positions, tuple(rates), tuple(changes), torque)
+
+
+def torque(
+    model: Model, q: Sequence[Real], u: Sequence[Real], a: Sequence[Real] = ()
+) -> tuple[Real]:
+    """Computes the driving torque alone; if `a` is empty, for q'' = 0."""
+    require(is_finite(*q), model.refuse, *q, *u, *a)
+    loop = getattr(model.loop, 'plain', None) or model.loop
+    pose = loop.pose(tuple(q))
+    found, *_ = balance(model, pose, velocities(pose, u), accelerations(pose, u, a))
+    require(is_finite(found, *u, *a), model.refuse, *q, *u, *a)
+    return (found,)
+
+
+def forward(model: Model, q: Sequence[Real], u: Sequence[Real], torque: Real) -> tuple[Real, ...]:
+    """Solves M q'' + h - Q = torque for q'', given the torque on the crank."""
+    require(is_finite(*q), model.refuse_torque, *q, *u, torque)
+    pose = model.loop.pose(tuple(q))
+    held = balance(model, pose, velocities(pose, u), accelerations(pose, u, ()))
+    matrix = mass_matrix(model, pose)
+    driven = [
+        torque * lever - force for lever, force in zip(pose.links[0].jacobian, held, strict=True)
+    ]
+    inertia = number(determinant(matrix))
+    require(inertia > 0, model.massless)
+    found = solved(matrix, driven, inertia)
+    require(is_finite(*found, *u, torque), model.refuse_torque, *q, *u, torque)
+    return found
+
+
+def driven(
+    constants: tuple[Model, Opaque], q: Sequence[Real], u: Sequence[Real]
+) -> tuple[Real, ...]:
+    """Computes the accelerations under a torque that is a function of the crank's speed."""
+    model, torque = constants
+    require(is_finite(*q), model.refuse, *q, *u)
+    crank_speed, *_ = velocities(model.loop.pose(tuple(q)), u)
+    return forward(model, q, u, torque(crank_speed))
+
+
+def driven_state(model: Model, q: Sequence[Real], u: Sequence[Real], torque: Real) -> State:
+    """Computes the motion of all links under a torque on the crank."""
+    return state(model, q, u, forward(model, q, u, torque))._replace(torque=torque)
+
+
+def solved(
+    matrix: Sequence[Sequence[Real]], right: Sequence[Real], whole: Real
+) -> tuple[Real, ...]:
+    """Solves linear equations using Cramer's rule; `whole` is the determinant of the matrix."""
+    return tuple(
+        determinant(
+            [[*row[:i], side, *row[i + 1 :]] for row, side in zip(matrix, right, strict=True)]
+        )
+        / whole
+        for i in range(len(right))
+    )
+
+
+def determinant(rows: Sequence[Sequence[Real]]) -> Real:
+    """Computes a determinant by expansion along the first row."""
+    if not rows:
+        return 1.0
+    result: Real = ZERO
+    for i, factor in enumerate(rows[0]):
+        term = factor * determinant([[*row[:i], *row[i + 1 :]] for row in rows[1:]])
+        result = result - term if i % 2 else result + term
+    return result
+
+
+class DyadSine(NamedTuple):
+    """The sine of the angle between the two links of a dyad.
+
+    Attributes:
+        sine: Absolute value of the sine; 0 if the links are in line.
+        rate: Rate of change of the sine, 1/s.
+    """
+
+    sine: Real
+    rate: Real
+
+
+def dyad_sines(model: Model, q: Sequence[Real], u: Sequence[Real]) -> tuple[DyadSine, ...]:
+    """Computes the sine of the angle between each dyad's links, and the rate of this sine.
+
+    The dyads of the current coordinates come first, then those of the other coordinates.
+    """
+    pose = model.loop.pose(tuple(q))
+    rates, found = velocities(pose, u), []
+    for (i, j), exact in itertools.zip_longest((*model.dyads, *model.other_dyads), pose.sines):
+        first, second = pose.links[i].direction, pose.links[j].direction
+        # A sliding link does not turn; the angle is measured from the normal of its guide.
+        slides = model.links[j].slides
+        normal = second.left() if slides else second
+        slope, sine = dot(first, normal), cross(first, normal) if exact is None else exact
+        rate = slope * ((ZERO if slides else rates[j]) - rates[i])
+        found.append(DyadSine(abs(sine), where(sine >= 0, rate, -rate)))
+    return tuple(found)
+
+
+def point_motion(
+    constants: tuple[Point, Opaque],
+    angles: Sequence[Real],
+    rates: Sequence[Real],
+    changes: Sequence[Real],
+) -> PointMotion:
+    """Computes the motion of a point from the motion of all links."""
+    point, refuse = constants
+    require(is_finite(*angles, *rates, *changes), refuse, *angles, *rates, *changes)
+    directions = [Vector.at(angle) for angle in angles]
+    return PointMotion(*point.follow(directions, rates, changes))
+
+
+def energy(model: Model, q: Sequence[Real], u: Sequence[Real]) -> tuple[Real, Real]:
+    """Computes the kinetic energy and the potential energy of weights and loads, J."""
+    require(is_finite(*q, *u), model.refuse, *q, *u)
+    pose = model.loop.pose(tuple(q))
+    matrix = mass_matrix(model, pose)
+    kinetic = total(
+        0.5 * mass * (one * other)
+        for row, one in zip(matrix, u, strict=True)
+        for mass, other in zip(row, u, strict=True)
+    )
+    potential = total(
+        load.potential(pose.links) for load in model.all_loads() if hasattr(load, 'potential')
+    )
+    require(is_finite(kinetic, potential), model.refuse, *q, *u)
+    return kinetic, potential
+
+
+def matrix(model: Model, q: Sequence[Real]) -> tuple[tuple[Real, ...], ...]:
+    """Computes the mass matrix as a tuple of rows, one per coordinate."""
+    require(is_finite(*q), model.refuse, *q)
+    return tuple(map(tuple, mass_matrix(model, model.loop.pose(tuple(q)))))

@@ -1,0 +1,405 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Joint forces, and loads that they cause, such as dry friction.
+
+Virtual power gives the driving torque without the joint forces, so they are computed only on
+request, from the Newton-Euler equations of each body. For each dyad, the moment balances of its
+two links about their outer pins give the force in the common pin. The force balance of each link
+then gives its remaining pin force. Finally, the moment balance of the crank gives the driving
+torque, independently of virtual power.
+
+For a given motion, the joint forces are linear in the loads that they cause:
+F_k = F0_k + sum_m R_km s_m. Here s_m is the magnitude of the force in joint m, and R_km is
+proportional to the coefficients of friction. Newton's method solves s_k = |F_k|. Its matrix,
+1_km - F_k . R_km / |F_k|, has determinant 1 without friction.
+
+Several solutions may exist. The correct one is reached continuously from the frictionless forces
+as the coefficients grow; the determinant stays positive along this path. Where the determinant
+reaches 0, the forces become infinite or cease to exist: the mechanism is self-locking.
+"""
+
+import functools
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from linkage_ros.formulas import (
+    ZERO,
+    Vector,
+    cross,
+    dot,
+    is_finite,
+    number,
+    require,
+    sqrt,
+    total,
+    where,
+)
+from linkage_ros.mechanism.equations import (
+    Model,
+    accelerations,
+    determinant,
+    solved,
+    state,
+    velocities,
+)
+from linkage_ros.mechanism.kinematics import LinkPose, Pose, State
+from linkage_ros.mechanism.loads import Contact
+from linkage_ros.mechanism.structure import Pin
+from linkage_ros.numeric import Real
+
+# Relative to the coordinate, because a double can only approximate a change point: k * math.pi is
+# up to 2 ulp from it.
+_ULPS = 2.0**-51
+_CHANGE = 1e-12  # convergence tolerance for a round's changes, relative to the largest force
+_ROUNDING = 1e-6  # the same tolerance, used once rounding errors keep the changes from shrinking
+_SINGULAR = 1e-12  # a determinant below this is only rounding error
+_STEP = 1e-9  # smallest step of the coefficients, as a fraction of their full values
+_ORIGIN = Vector(ZERO, ZERO)
+_FRAME = -1  # index of the last body
+
+
+class Reactions(NamedTuple):
+    """Joint forces in the axes of base_link; floats or arrays, as in the state.
+
+    Attributes:
+        pins: Forces (x, y), N, by pin name. 'A0' is the force of the frame on the crank, 'A' of
+            the crank on the coupler, 'B' of the coupler on the rocker, rod or slider, 'B0' of the
+            frame on the rocker, and 'D' of the rod on the slider.
+        guide_force: Normal force of the guide on the slider, positive to the left of the guide's
+            direction, N; None if there is no slider.
+        shaking_force: Force (x, y) of bearings and guide on the frame, N. It includes an external
+            force on the slider, because that force originates outside the machine.
+        shaking_moment: Moment on the frame about A0, including the drive's reaction, N m.
+        torque: Driving torque from the moment balance of the crank, N m.
+    """
+
+    pins: dict[str, Vector]
+    guide_force: Real | None
+    shaking_force: Vector
+    shaking_moment: Real
+    torque: Real
+
+
+def reactions(
+    model: Model, q: Sequence[Real], u: Sequence[Real], a: Sequence[Real]
+) -> tuple[tuple[Vector, ...], tuple[Real, ...], Vector, Real, Real]:
+    """Computes the joint forces of a moving mechanism, in the order of the fields of `Reactions`.
+
+    The forces grow without bound near a change point or a limit of the crank.
+    """
+    require(is_finite(*q, *u, *a), model.refuse, *q, *u, *a)
+    pose = model.loop.pose(tuple(q))
+    balance = _Balance(model, pose, velocities(pose, u), accelerations(pose, u, a))
+    for (i, j), sine in reversed(list(zip(model.dyads, pose.sines, strict=True))):
+        for angle, k1, k2 in zip(q, pose.links[i].jacobian, pose.links[j].jacobian, strict=True):
+            slope = (ZERO if model.links[j].slides else k2) - k1
+            # Reject coordinates within rounding errors of a change point.
+            near = _ULPS * abs(slope) * (1 + abs(angle))
+            require(abs(sine) > near, model.refuse_forces, *q)
+        balance.solve(i, j, sine)
+    for j in reversed(range(len(pose.links))):
+        balance.solve_last_pin(j)
+    guides = tuple(balance.solve_guide(j) for j, link in enumerate(model.links) if link.slides)
+    torque, forces = balance.moment(0), tuple(balance.forces[pin.name] for pin in model.pins)
+    return forces, guides, -balance.force(_FRAME), -balance.moment(_FRAME) - torque, torque
+
+
+class _Balance:
+    """Newton-Euler equations of all bodies: the links and, as the last body, the frame.
+
+    Attributes:
+        forces: Known pin forces, by pin name. The pin's first link exerts the force on its second
+            link.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        pose: Pose,
+        rates: Sequence[Real],
+        changes: Sequence[Real],
+    ) -> None:
+        self.forces: dict[str, Vector] = {}
+        self._links, self._pins = model.links, model.pins
+        self._directions = [link.direction for link in pose.links]
+        self._positions = {
+            pin.name: place.follow(self._directions, rates, changes)[0]
+            for pin, place in zip(model.pins, model.pin_points, strict=True)
+        }
+        # For each body, the known forces with their points of application, and the known couple.
+        # Following d'Alembert, inertia is included as reversed forces and couples.
+        self._known: list[list[tuple[Vector, Vector]]] = [[] for _ in (*model.links, 'frame')]
+        self._couples = [ZERO] * len(self._known)
+        self._centers = []
+        for j, (body, change) in enumerate(zip(model.links, changes, strict=True)):
+            center, _, acceleration = body.center.follow(self._directions, rates, changes)
+            self._centers.append(center)
+            self._known[j].append((center, (model.gravity - acceleration) * body.mass))
+            self._couples[j] = self._couples[j] - body.inertia * change
+        for load in model.loads:
+            for j, force in load.forces(pose.links, rates).items():
+                self._add_load(j, j, force)
+            held = load.resistance(pose.links, rates) if hasattr(load, 'resistance') else {}
+            for j, force in held.items():
+                self._add_load(_FRAME, j, -force)
+
+    def _add_load(self, body: int, j: int, force: Real) -> None:
+        """Adds a load of link j to a body: a force along the guide or, if j turns, a couple."""
+        if self._links[j].slides:
+            self._known[body].append((self._centers[j], self._directions[j] * force))
+        else:
+            self._couples[body] = self._couples[body] + force
+
+    def force(self, j: int) -> Vector:
+        """Returns the force, N, that is missing from the force balance of body j."""
+        return -Vector(*map(total, zip(*(force for _, force in self._known[j]), strict=True)))
+
+    def moment(self, j: int, about: Vector = _ORIGIN) -> Real:
+        """Returns the moment, N m, that is missing from the moment balance of body j."""
+        return -(
+            self._couples[j]
+            + total(cross(place - about, force) for place, force in self._known[j])
+        )
+
+    def _add_pin_force(self, pin: Pin, force: Vector) -> None:
+        """Adds a pin force to both of the pin's links."""
+        self.forces[pin.name] = force
+        self._known[pin.second].append((self._positions[pin.name], force))
+        first = _FRAME if pin.first is None else pin.first
+        self._known[first].append((self._positions[pin.name], -force))
+
+    def solve(self, i: int, j: int, sine: Real) -> None:
+        """Computes the force in the common pin of a dyad from the moments about its outer pins."""
+        own, others = self._pins_of(i), self._pins_of(j)
+        (pin,), (outer_pin,) = own & others, own - others
+        inner, outer = self._positions[pin.name], self._positions[outer_pin.name]
+        first, second = self._directions[i], self._directions[j]
+        across_first = -self.moment(i, outer) / dot(inner - outer, first)
+        if self._links[j].slides:
+            across_second = -dot(self.force(j), second)
+            second = second.left()
+        else:
+            (outer_pin,) = others - own
+            outer = self._positions[outer_pin.name]
+            across_second = self.moment(j, outer) / dot(inner - outer, second)
+        force = (second * across_first - first * across_second) * (1.0 / sine)
+        self._add_pin_force(pin, force)
+
+    def _pins_of(self, j: int) -> set[Pin]:
+        return {pin for pin in self._pins if j in (pin.first, pin.second)}
+
+    def solve_last_pin(self, j: int) -> None:
+        """Computes a turning link's last unknown pin force, if any, from its force balance."""
+        unknown = [pin for pin in self._pins_of(j) if pin.name not in self.forces]
+        if unknown and not self._links[j].slides:
+            (pin,), force = unknown, self.force(j)
+            self._add_pin_force(pin, force if pin.second == j else -force)
+
+    def solve_guide(self, j: int) -> Real:
+        """Computes the force of a guide on its slider; see `Reactions.guide_force`."""
+        across = self._directions[j].left()
+        force = dot(across, self.force(j))
+        self._known[_FRAME].append((self._centers[j], across * -force))
+        return force
+
+
+# Loads that joint forces cause.
+
+
+class FoundLoad(NamedTuple):
+    """The loads caused by joint forces, such as friction, as a `Load`.
+
+    Attributes:
+        inner: Torque on each link at its pins to other moving links, N m.
+        outer: Load on each link from the frame: torque at a pin, N m, or force of a guide, N.
+    """
+
+    inner: tuple[Real, ...]
+    outer: tuple[Real, ...]
+
+    def forces(self, _links: Sequence[LinkPose], _rates: Sequence[Real]) -> dict[int, Real]:
+        """See `Load.forces`."""
+        both = zip(self.inner, self.outer, strict=True)
+        return {j: inner + outer for j, (inner, outer) in enumerate(both)}
+
+    def resistance(self, _links: Sequence[LinkPose], _rates: Sequence[Real]) -> dict[int, Real]:
+        """Returns the loads from the frame; see `Load`."""
+        return dict(enumerate(self.outer))
+
+
+class Search(NamedTuple):
+    """State of the iteration for the joint forces.
+
+    Attributes:
+        share: Fraction of the full coefficients used in this round, from 0 to 1.
+        solved: Largest fraction for which the forces have converged.
+        change: Largest change in the last round, N; inf before the first round of a fraction.
+        sizes: Latest magnitudes of the forces in the joints that cause loads, N.
+        known: Converged magnitudes of these forces at the fraction `solved`, N.
+    """
+
+    share: Any
+    solved: Any
+    change: Any
+    sizes: tuple[Any, ...]
+    known: tuple[Any, ...]
+
+
+class Round(NamedTuple):
+    """The result of one round, that is, one step of Newton's method.
+
+    Attributes:
+        state: The state under the loads caused by the previous forces.
+        reactions: Forces under these loads, in the order of the fields of `Reactions`.
+        load: The loads caused by the previous forces.
+        search: Input of the next round; unchanged if the forces have converged.
+        left: 0 if the forces have converged, 1 if more rounds are needed, -1 if friction locks
+            the mechanism.
+    """
+
+    state: State
+    reactions: tuple[Any, ...]
+    load: FoundLoad
+    search: Search
+    left: Real
+
+
+def search_names(model: Model) -> Search:
+    """Returns a `Search` of argument names for the program of `joint_load_round`."""
+    contacts = _contacts(model, [0.0] * len(model.links))
+    rows: list[Any] = [
+        tuple(f'{word}_{i}_{contact.joint}' for i, contact in enumerate(contacts))
+        for word in ('size', 'known')
+    ]
+    return Search('share', 'solved', 'change', *rows)
+
+
+def joint_load_round(
+    model: Model,
+    q: Sequence[Real],
+    u: Sequence[Real],
+    a: Sequence[Real],
+    search: Search,
+) -> Round:
+    """Computes the state under the loads caused by given joint forces, and one Newton step.
+
+    Args:
+        model: Constants of the mechanism.
+        q: Coordinates, rad or m.
+        u: Rates of the coordinates.
+        a: Accelerations of the coordinates.
+        search: The joint forces from the previous round.
+
+    Returns:
+        The state, the forces, and the input of the next round.
+    """
+    rates = velocities(model.loop.pose(tuple(q)), u)
+    contacts = _contacts(model, rates)
+    exert = functools.partial(_caused_loads, contacts, search.share, len(rates))
+    load, everyone = exert(search.sizes), range(len(contacts))
+    loaded = model._replace(loads=(*model.loads, load))
+    found = reactions(loaded, q, u, a)
+
+    # R_km: the force in joint k under the loads caused by a force of 1 N in joint m.
+    nothing: Any = ZERO
+    links = tuple(link._replace(mass=nothing, inertia=nothing) for link in model.links)
+    weightless = model._replace(links=links, gravity=Vector(ZERO, ZERO))
+    units = [exert([1.0 if k == m else ZERO for k in everyone]) for m in everyone]
+    alone = [reactions(weightless._replace(loads=(unit,)), q, u, a) for unit in units]
+    slopes = [_forces(model, contacts, one) for one in alone]
+    ahead, left = _newton_step(search, _forces(model, contacts, found), slopes)
+    return Round(state(loaded, q, u, a), found, load, ahead, left)
+
+
+def _contacts(model: Model, rates: Sequence[Real]) -> list[Contact]:
+    loads = model.joint_loads
+    return [x for load in loads for x in load.contacts(model.pins, model.links, rates)]
+
+
+def _caused_loads(
+    contacts: Sequence[Contact], share: Real, links: int, sizes: Sequence[Real]
+) -> FoundLoad:
+    """Computes the loads caused by forces of given magnitudes; `share` scales the coefficients."""
+    inner, outer = [ZERO] * links, [ZERO] * links
+    for contact, size in zip(contacts, sizes, strict=True):
+        row = inner if len(contact.levers) > 1 else outer
+        for j, lever in contact.levers.items():
+            row[j] = row[j] + lever * (share * size)
+    return FoundLoad(tuple(inner), tuple(outer))
+
+
+def _forces(model: Model, contacts: Sequence[Contact], found: tuple[Any, ...]) -> list[Vector]:
+    """Returns the force, N, in the joint of each contact."""
+    pins, guides, *_ = found
+    names = [*(pin.name for pin in model.pins), *(x.name for x in model.links if x.slides)]
+    forces = [*pins, *(Vector(guide, ZERO) for guide in guides)]
+    return [forces[names.index(contact.joint)] for contact in contacts]
+
+
+def _newton_step(
+    search: Search, forces: Sequence[Vector], slopes: Sequence[Sequence[Vector]]
+) -> tuple[Search, Real]:
+    """Performs one step of Newton's method.
+
+    Args:
+        search: The iteration before the step.
+        forces: F_k, the force in each joint, N.
+        slopes: R_km, indexed [m][k].
+
+    Returns:
+        The iteration after the step, and `Round.left`.
+    """
+    sizes = [sqrt(dot(force, force)) for force in forces]
+    matrix = [
+        [
+            (1.0 if k == m else ZERO) - dot(forces[k], row[k]) / where(sizes[k] > 0, sizes[k], 1.0)
+            for m, row in enumerate(slopes)
+        ]
+        for k in range(len(forces))
+    ]
+    lacking = [found - size for found, size in zip(sizes, search.sizes, strict=True)]
+    whole = number(determinant(matrix))
+    steps = solved(matrix, lacking, where(whole > _SINGULAR, whole, 1.0))
+    return _next_round(search, steps, whole, _largest(sizes))
+
+
+def _next_round(
+    search: Search, steps: Sequence[Real], whole: Real, largest: Real
+) -> tuple[Search, Real]:
+    """Computes the input of the next round, and `Round.left`.
+
+    Args:
+        search: Input of this round.
+        steps: Newton steps of the force magnitudes, N.
+        whole: Determinant of Newton's matrix.
+        largest: Magnitude of the largest force, N.
+    """
+    share, change = search.share, _largest([abs(step) for step in steps])
+    shrinks = change < 0.5 * search.change
+    close = change <= where(shrinks, _CHANGE, _ROUNDING) * largest
+
+    def case(is_close: Real, shrinks_only: Real, fails: Real) -> Real:
+        otherwise = where(shrinks, shrinks_only, fails)
+        return where(whole > _SINGULAR, where(close, is_close, otherwise), fails)
+
+    grown = share - search.solved
+    further = share + 2.0 * grown
+    known, sizes = [], []
+    for size, step, before in zip(search.sizes, steps, search.known, strict=True):
+        moved = size + step
+        known.append(case(moved, before, before))
+        sizes.append(case(where(share < 1, moved, size), moved, before))
+    ahead = Search(
+        case(where(further < 1, further, 1.0), share, share - 0.5 * grown),
+        case(share, search.solved, search.solved),
+        case(where(share < 1, math.inf, search.change), change, math.inf),
+        tuple(sizes),
+        tuple(known),
+    )
+    left = case(where(share < 1, 1.0, 0.0), 1.0, where(grown > _STEP, 1.0, -1.0))
+    return ahead, left
+
+
+def _largest(values: Sequence[Real]) -> Real:
+    return functools.reduce(lambda x, y: where(x > y, x, y), values)

@@ -1,0 +1,223 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Binds formulas to constants, and evaluates them on floats and on arrays.
+
+Constants are floats, complex numbers and `Opaque` functions in nested tuples. None, booleans,
+integers, strings and the value 0.0 belong to the structure: a formula may branch on them, and
+terms that vanish because of a 0.0 are not computed. A structure is traced once; other numbers only
+bind its program again.
+"""
+
+import copy
+import functools
+import math
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+from linkage_ros import formulas
+from linkage_ros.formulas import ZERO, Opaque, Vector
+from linkage_ros.mechanism.elementwise import is_noisy
+from linkage_ros.mechanism.nested import leaves, rebuilt, transformed
+from linkage_ros.mechanism.tracer import Argument, Tape
+from linkage_ros.numeric import Array, Real, real_numbers
+
+_CHUNK = 16384  # array values per block, so that intermediate results fit the processor's cache
+
+
+class Constants:
+    """The constants of a formula, prepared once for all programs that use them.
+
+    Attributes:
+        numbers: The numbers and opaque functions among the constants, in order.
+        tapes: Cache of the tapes for this structure, by formula and arguments.
+    """
+
+    def __init__(self, tree: Any) -> None:
+        """Separates numbers and functions from the structure of the tuples."""
+        self._given = tree
+        self.numbers: list[Any] = []
+        structure: list[Any] = []
+        waiting = [tree]
+        while waiting:
+            part = waiting.pop()
+            kind = type(part)
+            if kind is float:
+                structure.append(float if part else ZERO)
+                if part:
+                    self.numbers.append(part)
+            elif isinstance(part, tuple):
+                structure += kind, len(part)
+                waiting += part[::-1]
+            elif kind is complex:
+                structure.append(complex)
+                waiting += part.imag, part.real
+            elif kind is Opaque:
+                structure.append(kind)
+                self.numbers.append(part.function)
+            else:
+                structure += kind, part  # True and 1 are different
+        self.tapes: dict[Any, Tape] = _known.setdefault(tuple(structure), {})
+
+    @functools.cached_property
+    def tree(self) -> Any:
+        """The constants, with vectors in place of complex numbers and ZERO in place of 0.0."""
+        return transformed(_prepared, self._given)
+
+    def part(self, rows: slice) -> 'Constants':
+        """Selects some designs of stacked constants."""
+        chosen = copy.copy(self)
+        chosen.numbers = [x[rows] if isinstance(x, np.ndarray) else x for x in self.numbers]
+        return chosen
+
+    @classmethod
+    def stacked(cls, designs: Sequence['Constants']) -> 'Constants':
+        """Combines the constants of designs of one structure.
+
+        Returns:
+            Constants in which each number is an array of shape (designs, 1). Functions are those
+            of the first design.
+        """
+        found = copy.copy(designs[0])
+        columns = zip(*(design.numbers for design in designs), strict=True)
+        found.numbers = [
+            column[0] if callable(column[0]) else np.array(column)[:, None] for column in columns
+        ]
+        return found
+
+
+_known: dict[tuple[Any, ...], dict[Any, Tape]] = {}
+
+
+def _prepared(leaf: Any) -> Any:
+    if isinstance(leaf, complex):
+        return Vector(leaf.real or ZERO, leaf.imag or ZERO)
+    return (leaf or ZERO) if isinstance(leaf, float) else leaf
+
+
+class Program:
+    """A formula with its constants bound, for floats and for arrays.
+
+    Attributes:
+        formula: Function that the program evaluates.
+        constants: Constants bound to the formula.
+        arguments: Names of the scalars in each argument of the formula.
+        names: The same names in one list.
+    """
+
+    def __init__(
+        self,
+        formula: Callable[..., Any],
+        constants: Constants,
+        arguments: tuple[Argument, ...],
+        *,
+        traced: bool = True,
+    ) -> None:
+        """Binds a formula to constants; the formula is traced on first use.
+
+        Args:
+            formula: Function of constants and arguments that returns nested tuples of numbers.
+            constants: The constants of the formula.
+            arguments: The names of the scalars in each argument.
+            traced: Whether to compile the formula; otherwise, it is called itself, on floats and
+                on arrays, so that a debugger can stop in it.
+        """
+        self.formula, self.constants, self.arguments = formula, constants, arguments
+        self.names: list[str] = leaves(arguments)
+        self._traced = traced
+
+    @functools.cached_property
+    def tape(self) -> Tape:
+        """The recorded formula."""
+        tapes, key = self.constants.tapes, (self.formula, self.arguments)
+        if key not in tapes:
+            tapes[key] = Tape(self.formula, self.constants.tree, self.arguments)
+        return tapes[key]
+
+    @functools.cached_property
+    def floats(self) -> Callable[..., Any]:
+        """The program for floats, with a separate parameter for each scalar of the arguments."""
+        return self.tape.for_floats(*self.constants.numbers) if self._traced else self.untraced
+
+    def untraced(self, *values: Real) -> Any:
+        """Evaluates the formula itself, on floats or on arrays of the same shape."""
+        given = iter(values)
+        arguments = (transformed(lambda _: next(given), x) for x in self.arguments)
+        return transformed(formulas.number, self.formula(self.constants.tree, *arguments))
+
+    def designs(self, *values: Real, by_math: bool = False) -> Any:
+        """Runs the program on floats and arrays that broadcast with those of the constants.
+
+        Args:
+            *values: Arguments of the formula.
+            by_math: Whether to apply functions of `math`, element by element, so that results are
+                bit-identical to those of floats. NumPy's functions are faster.
+
+        Returns:
+            The result of the formula, with floats for values that do not depend on an array.
+        """
+        bind = self.tape.by_math if by_math else self.tape.for_arrays
+        if by_math and is_noisy():
+            bind = self.tape.with_noise
+        return bind(*self.constants.numbers)(*values)
+
+    def __call__(self, *values: Any, by_math: bool = False) -> Any:
+        """Evaluates the formula.
+
+        Args:
+            *values: Numbers, or arrays that broadcast.
+            by_math: See `designs`.
+
+        Returns:
+            The result of the formula: floats if no argument is an array, else arrays.
+        """
+        if {*map(type, values)} == {float}:
+            return self.floats(*values)
+        rows, shape = real_numbers(self.names, values)
+        return self.floats(*rows) if shape is None else self.arrays(rows, shape, by_math=by_math)
+
+    def arrays(
+        self, rows: Iterable[Real], shape: tuple[int, ...], *, by_math: bool = False
+    ) -> Any:
+        """Evaluates the formula on floats and arrays that broadcast to a shape; see `__call__`."""
+        size = math.prod(shape)
+        if size == 1 and not is_noisy():
+            tree = self.floats(*[x if isinstance(x, float) else x.item() for x in rows])
+            values = self.tape.flat(tree) if self._traced else leaves(tree)
+            return self._shaped(tree, np.array(values).reshape(-1, *shape))
+        rows = [x if isinstance(x, float) else np.broadcast_to(x, shape).ravel() for x in rows]
+        if by_math and not self._traced and size:
+            columns = ([x] * size if isinstance(x, float) else x.tolist() for x in rows)
+            trees = [self.floats(*row) for row in zip(*columns, strict=True)]
+            tree, found = trees[0], np.array([leaves(each) for each in trees]).T
+        else:
+            tree, found = self._blocks(rows, size, by_math=by_math)
+        return self._shaped(tree, found.reshape(len(found), *shape))
+
+    def _shaped(self, tree: Any, values: Iterable[Array]) -> Any:
+        """Returns a result with the structure of a tree and other values."""
+        return self.tape.shaped(*values) if self._traced else rebuilt(tree, iter(values))
+
+    def _blocks(self, rows: Sequence[Real], size: int, *, by_math: bool) -> tuple[Any, Array]:
+        """Evaluates the formula on floats and arrays of shape (size,), block by block.
+
+        Returns:
+            The result for the last block, and all values, shape (leaves, size).
+        """
+        # By default, glibc returns large freed blocks to the system and faults them in again page
+        # by page. Freeing this larger, untouched block raises that threshold.
+        np.empty(3_000_000)
+        found, tree = np.empty((0, size)), None
+        run = functools.partial(self.designs, by_math=by_math) if self._traced else self.untraced
+        for start in range(0, max(size, 1), _CHUNK):
+            part = slice(start, start + _CHUNK)
+            given = (x if isinstance(x, float) else x[part] for x in rows)
+            with np.errstate(over='ignore', invalid='ignore', under='ignore'):
+                tree = run(*given)
+            values = leaves(tree)
+            if not len(found):
+                found = np.empty((len(values), size))
+            for row, value in zip(found, values, strict=True):
+                row[part] = value
+        return tree, found

@@ -1,0 +1,78 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Moving links in the form that simulators require, for the URDF and MJCF exports."""
+
+import math
+from typing import Any, NamedTuple
+
+from linkage_ros.mechanism.parts import Body
+from linkage_ros.mechanism.structure import Link, Mechanism
+
+# Simulators reject a moving link without mass or inertia, so such a link is given this fraction
+# of the linkage's total mass.
+_SMALL = 1e-6
+# kg or kg m^2. MuJoCo must also accept half of this value, because ixx is half the inertia.
+_LEAST = 1e-14
+
+
+class RigidLink(NamedTuple):
+    """A moving link for simulators, with nonzero mass and inertia and a box as its shape.
+
+    Attributes:
+        joint: The link's joint in the open tree.
+        name: Name of the joint, including the prefix.
+        mass: Mass, kg, above 0.
+        inertia: Moment of inertia about the centre of mass, kg m^2, above 0.
+        center: Centre of mass in the link's axes, m.
+        note: Comment that names which of mass and inertia are 0 in the parameters; empty if
+            neither is.
+        box: Length, width and height of the box, m.
+        place: Centre of the box in the link's axes, m.
+    """
+
+    joint: Link
+    name: str
+    mass: float
+    inertia: float
+    center: tuple[float, float]
+    note: str
+    box: tuple[float, float, float]
+    place: tuple[float, float, float]
+
+
+def rigid_links(mechanism: Mechanism, joint_prefix: str = '') -> list[RigidLink]:
+    """Returns the moving links of a mechanism, in the order of its joints.
+
+    The x axis of a link points from its first to its second pin; for a slider, it points along the
+    guide. The width of the bars' boxes is 1/20 of the length of the shortest bar. They are stacked
+    along z so that they do not intersect.
+
+    Args:
+        mechanism: Mechanism to convert.
+        joint_prefix: Prefix of all joint names.
+
+    Returns:
+        The links, in which a small value replaces a mass or inertia of 0.
+    """
+    joints = mechanism.structure().links
+    bodies: list[Any] = [getattr(mechanism, joint.name) for joint in joints]
+    width = min(body.length for body in bodies if isinstance(body, Body)) / 20
+    least_mass = max(_SMALL * (math.fsum(body.mass for body in bodies) or 1.0), _LEAST)
+    links = []
+    for layer, (joint, body) in enumerate(zip(joints, bodies, strict=True)):
+        turns, mass = isinstance(body, Body), body.mass or least_mass
+        # A slider does not turn, so the inertia of a box does not change the motion.
+        length, height = (body.length, width) if turns else (6 * width, 4 * width)
+        box = least_mass * length**2 if turns else mass * math.hypot(length, height) ** 2
+        inertia = (turns and body.inertia) or max(box / 12, _LEAST)
+        zeros = [word for word in ('mass', 'inertia') if getattr(body, word, 1.0) == 0]
+        note = f' {" and ".join(zeros)} 0 in the parameters; simulators refuse 0, so small here '
+        links.append(
+            RigidLink(
+                joint, f'{joint_prefix}{joint.name}', mass, inertia,
+                body.center if turns else (0.0, 0.0), note if zeros else '',
+                (length, height, width),
+                (length / 2 if turns else 0.0, 0.0, layer * width),
+            )
+        )  # fmt: skip
+    return links

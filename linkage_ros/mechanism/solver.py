@@ -1,0 +1,578 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Exact solver for a mechanism: states, torque, accelerations, energy and forces.
+
+The driving torque of a state comes from `equations.state`: the pose of the mechanism's `loop()`
+gives positions, rates and accelerations of the links, from which `equations.balance` computes the
+torque. `tracer.py` compiles such a formula once for all mechanisms of one structure; the solver
+binds it to the numbers of its mechanism.
+"""
+
+import functools
+import math
+from collections.abc import Callable, Sequence
+from typing import Any, NoReturn, cast
+
+import numpy as np
+
+from linkage_ros.errors import ConfigurationError, MechanismError, UnreachableError
+from linkage_ros.formulas import ZERO, Opaque, Vector
+from linkage_ros.mechanism import equations
+from linkage_ros.mechanism.equations import DyadSine, Model
+from linkage_ros.mechanism.joint_forces import (
+    Reactions,
+    Round,
+    joint_load_round,
+    reactions,
+    search_names,
+)
+from linkage_ros.mechanism.kinematics import LinkPose, PointMotion, Reach, State
+from linkage_ros.mechanism.loads import Load
+from linkage_ros.mechanism.nested import leaves
+from linkage_ros.mechanism.numba_program import CompiledProgram
+from linkage_ros.mechanism.program import Constants, Program
+from linkage_ros.mechanism.structure import Description, Mechanism
+from linkage_ros.mechanism.tracer import Tape
+from linkage_ros.numeric import Real, real_numbers, require_finite, single_numbers
+from linkage_ros.quantities import shown
+
+_ROUND = 'q', 'u', 'a', 'search'  # arguments of `joint_load_round`
+_ROUNDS = 10_000
+_IN_LINE = (
+    'all links are in line: the joint forces are infinite at a change point; choose another angle'
+)
+
+
+class Solver:
+    """Exact solver for a mechanism.
+
+    The coordinates are the crank angle and, for a wind pump, the slider's position. With one
+    coordinate, q, u and a are floats or arrays; with more, sequences of floats or arrays. A tuple
+    always holds one value per coordinate, even if there is only one. Arrays broadcast.
+
+    Attributes:
+        mechanism: The mechanism.
+        structure: Links, points and joints of the mechanism.
+        links: Names of the links, in the order used by all tuples.
+        description: Choice of coordinates and assembly.
+        coordinates: Names of the links whose positions are the coordinates.
+        model: Constants of the formulas.
+        names: Names of the scalar arguments of the formulas, by key: 'q', 'u' and 'a' for
+            coordinates, rates and accelerations; 'torque'; and 'search' for joint loads.
+    """
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        *,
+        traced: bool = True,
+        compiled: bool = False,
+        description: Description | None = None,
+    ) -> None:
+        """Prepares the programs, each of which is compiled on first use.
+
+        Args:
+            mechanism: The mechanism to solve.
+            traced: Whether to turn formulas into programs. Otherwise, the formulas themselves run,
+                with the same results, so that a debugger can stop in them.
+            compiled: Whether Numba compiles the programs for arrays to machine code.
+            description: Coordinates and assembly; by default, the mechanism's own. A solver in
+                other coordinates supports only `driven_state`, `driven_by` and `dyad_sines`; the
+                torque still acts on the crank.
+
+        Raises:
+            MechanismError: The argument is not a mechanism.
+            ConfigurationError: A load does not fit the mechanism.
+        """
+        if not isinstance(mechanism, Mechanism):
+            raise MechanismError(f'{shown(mechanism)}: must be a mechanism, such as a FourBar')
+        self.mechanism, structure = mechanism, mechanism.structure()
+        self._traced, self._compiled = traced, compiled
+        self.description = description or mechanism.description
+        self.coordinates = self.description.coordinates
+        if self.coordinates != mechanism.coordinates:
+            structure = structure._replace(
+                dyads=structure.other_dyads, other_dyads=structure.dyads
+            )
+        self.structure = structure
+        slides = {link.name: link.slides for link in structure.links}
+        self.links = tuple(slides)
+        self._moving = [self.links.index(name) for name in self.coordinates]
+        self._count = len(self._moving)
+        self.names: dict[str, Any] = {
+            'q': tuple(f'{x}_{"position" if slides[x] else "angle"}' for x in self.coordinates),
+            'u': tuple(f'{x}_speed' for x in self.coordinates),
+            'a': tuple(f'{x}_acceleration' for x in self.coordinates),
+            'torque': 'torque',
+        }
+        q, u, a, _ = self.names.values()
+        self.model = Model.of(
+            mechanism,
+            structure,
+            mechanism.loop_of(self.description),
+            refuse=_refusal(*q, *u, *a),
+            refuse_torque=_refusal(*q, *u, 'torque'),
+            refuse_forces=Opaque(functools.partial(self._refuse_angle, _IN_LINE)),
+            massless=Opaque(_refuse_massless),
+        )
+        if self.model.joint_loads:
+            self.names['search'] = search_names(self._constants.tree)
+        self._programs: dict[tuple[Any, ...], Program] = {}
+        # Whether floats can be passed to the programs as they are.
+        self._takes_floats = len(self.coordinates) == 1 and not self.model.joint_loads
+
+    def __reduce__(self) -> tuple[Any, tuple[Mechanism]]:
+        make = functools.partial(
+            type(self),
+            traced=self._traced,
+            compiled=self._compiled,
+            description=self.description,
+        )
+        return make, (self.mechanism,)
+
+    @functools.cached_property
+    def _constants(self) -> Constants:
+        return Constants(self.model)
+
+    def program(self, formula: Callable[..., Any], *letters: str) -> Program:
+        """Returns the program of a formula whose arguments have the keys `letters` in `names`."""
+        key = formula, letters
+        if key not in self._programs:
+            arguments = tuple(self.names[letter] for letter in letters)
+            self._programs[key] = self._bound(formula, self._constants, arguments)
+        return self._programs[key]
+
+    def _bound(self, formula: Callable[..., Any], constants: Constants, names: Any) -> Program:
+        kind = CompiledProgram if self._compiled else Program
+        return kind(formula, constants, names, traced=self._traced)
+
+    @functools.cached_property
+    def mobility(self) -> Reach | None:
+        """The reach of the crank; None if the crank angle alone does not determine the motion."""
+        return self.mechanism.reach()
+
+    @property
+    def reach(self) -> Reach:
+        """The reach of the crank.
+
+        Raises:
+            MechanismError: The crank angle alone does not determine the motion.
+        """
+        if self.mobility is None:
+            raise MechanismError(
+                f'a {type(self.mechanism).__name__} has {len(self.coordinates)} degrees of '
+                'freedom: its crank angle alone does not determine its motion'
+            )
+        return self.mobility
+
+    @property
+    def tape(self) -> Tape:
+        """The operations of the program of `state`; with friction, of one iteration."""
+        if self.model.joint_loads:
+            return self.program(joint_load_round, *_ROUND).tape
+        return self._accelerated.tape
+
+    @property
+    def source(self) -> str:
+        """The Python source of the program of `state`; with friction, of one iteration."""
+        return self.tape.text
+
+    def state(self, q: Any, u: Any = 0.0, a: Any = 0.0, *, by_math: bool = False) -> State:
+        """Computes positions, rates and accelerations of all links, and the driving torque.
+
+        Args:
+            q: Coordinates: crank angle, rad; slider position, m. A crank angle within a few turns
+                keeps all its digits.
+            u: Rates of the coordinates, rad/s and m/s.
+            a: Accelerations of the coordinates, rad/s^2 and m/s^2. `accelerations` computes the
+                acceleration of a wind pump's slider.
+            by_math: Whether array results must be bit-identical to scalar results.
+
+        Returns:
+            The state. Its values are floats if all arguments are floats, otherwise arrays of the
+            broadcast shape.
+
+        Raises:
+            UnreachableError: At these coordinates, the loop cannot close, or a dyad is in line so
+                that the rates are infinite.
+            ConfigurationError: A value is not a finite number, or the torque overflows.
+        """
+        if self._takes_floats and type(q) is type(u) is type(a) is float:
+            found = self._accelerated.floats(q, u, a) if a else self._steady.floats(q, u)
+        elif self.model.joint_loads:
+            found = self._settle(q, u, a, by_math=by_math).state
+        else:
+            motion = *self._row('q', q), *self._row('u', u)
+            if type(a) is float and not a:
+                found = self._steady(*motion, by_math=by_math)
+            else:
+                found = self._accelerated(*motion, *self._row('a', a), by_math=by_math)
+        return cast('State', found)
+
+    def torque(self, q: Any, u: Any = 0.0, a: Any = 0.0, *, by_math: bool = False) -> Real:
+        """Computes the driving torque alone, which costs less than the state.
+
+        Args:
+            q: Coordinates, rad and m, as for `state`.
+            u: Rates of the coordinates, rad/s and m/s.
+            a: Accelerations of the coordinates, rad/s^2 and m/s^2.
+            by_math: See `state`.
+
+        Returns:
+            The torque on the crank, N m, positive counter-clockwise. Far from change points, its
+            last digits may differ from those of `state`, since the positions are computed by
+            another formula (`linkage_ros.mechanism.plain`).
+
+        Raises:
+            LinkageError: As for `state`.
+        """
+        if self._takes_floats and type(q) is type(u) is type(a) is float:
+            return self._torque.floats(q, u, a)[0]
+        if self._takes_floats and (single := single_numbers(q, u, a)):
+            return self._torque.floats(*single)[0]
+        if self.model.joint_loads:
+            return self._settle(q, u, a, by_math=by_math).state.torque
+        motion = *self._row('q', q), *self._row('u', u), *self._row('a', a)
+        return self._torque(*motion, by_math=by_math)[0]
+
+    @functools.cached_property
+    def _torque(self) -> Program:
+        return self.program(equations.torque, 'q', 'u', 'a')
+
+    @functools.cached_property
+    def _steady(self) -> Program:
+        return self.program(equations.state, 'q', 'u')
+
+    @functools.cached_property
+    def _accelerated(self) -> Program:
+        return self.program(equations.state, 'q', 'u', 'a')
+
+    @functools.cached_property
+    def _forward(self) -> Program:
+        return self.program(equations.forward, 'q', 'u', 'torque')
+
+    def accelerations(self, q: Any, u: Any, torque: Any, *, by_math: bool = False) -> Any:
+        """Solves M q'' + h - Q = torque for the accelerations q'' under a given torque.
+
+        Args:
+            q: Coordinates, rad and m, as for `state`.
+            u: Rates of the coordinates, rad/s and m/s.
+            torque: Torque on the crank, N m, positive counter-clockwise.
+            by_math: See `state`.
+
+        Returns:
+            Accelerations of the coordinates, rad/s^2 and, for a wind pump's slider, m/s^2. They
+            are a tuple if q is a tuple or there are several coordinates, otherwise a float or an
+            array.
+
+        Raises:
+            UnreachableError: At these coordinates, the loop cannot close, or a dyad is in line.
+            ConfigurationError: A value is not a finite number, or an acceleration overflows.
+            MechanismError: A moving coordinate has no mass.
+        """
+        if self._takes_floats and type(q) is type(u) is type(torque) is float:
+            return self._forward.floats(q, u, torque)[0]
+        if self._takes_floats and (single := single_numbers(q, u, torque)):
+            return self._forward.floats(*single)[0]
+        if self.model.joint_loads:
+            raise MechanismError(
+                'dry friction under a given torque has no unique acceleration at rest: leave '
+                'friction out where the torque is given, or give the speed'
+            )
+        given = *self._row('q', q), *self._row('u', u), *self._row('torque', torque)
+        found = self._forward(*given, by_math=by_math)
+        return found if len(self.coordinates) > 1 or isinstance(q, tuple) else found[0]
+
+    def driven_state(self, q: Any, u: Any, torque: Any, *, by_math: bool = False) -> State:
+        """Computes positions, rates and accelerations of all links under a given torque.
+
+        Args:
+            q: Coordinates, rad and m, as for `state`.
+            u: Rates of the coordinates, rad/s and m/s.
+            torque: Torque on the crank, N m, positive counter-clockwise.
+            by_math: See `state`.
+
+        Returns:
+            The state, whose `torque` is the given torque.
+
+        Raises:
+            LinkageError: As for `accelerations`.
+        """
+        given = {'q': q, 'u': u, 'torque': torque}
+        return cast('State', self._run(equations.driven_state, by_math=by_math, **given))
+
+    def driven_by(self, torque: Callable[[float], float]) -> Callable[..., tuple[float, ...]]:
+        """Returns a fast function for integrators: the accelerations under a torque law.
+
+        Args:
+            torque: Function that returns the torque on the crank, N m, at a crank speed, rad/s.
+
+        Returns:
+            A function whose parameters are the coordinates and then their rates, all floats. It
+            does not check the types of its arguments, and raises the errors of `accelerations`.
+        """
+        arguments = self.names['q'], self.names['u']
+        constants = Constants((self.model, Opaque(torque)))
+        return self._bound(equations.driven, constants, arguments).floats
+
+    def dyad_sines(self, y: Sequence[float]) -> tuple[DyadSine, ...]:
+        """Computes the sine of the angle between the two links of each dyad.
+
+        Args:
+            y: Coordinates followed by their rates, floats.
+
+        Returns:
+            A `DyadSine` for each dyad, with the dyads of the other coordinates, if any, last.
+
+        Raises:
+            LinkageError: As for `state`.
+        """
+        program = self.program(equations.dyad_sines, 'q', 'u')
+        return cast('tuple[DyadSine, ...]', program.floats(*y))
+
+    def energy(self, q: Any, u: Any) -> tuple[Real, Real]:
+        """Computes the mechanical energy of the mechanism.
+
+        Args:
+            q: Coordinates, rad and m, as for `state`.
+            u: Rates of the coordinates, rad/s and m/s.
+
+        Returns:
+            The kinetic energy, J, and the potential energy of weights and loads, up to a constant,
+            J.
+
+        Raises:
+            LinkageError: As for `state`.
+        """
+        return cast('tuple[Real, Real]', self._run(equations.energy, q=q, u=u))
+
+    def matrix(self, q: Any) -> tuple[tuple[Real, ...], ...]:
+        """Computes the mass matrix M.
+
+        Args:
+            q: Coordinates, rad and m, as for `state`.
+
+        Returns:
+            The rows of the matrix. Entries are in kg m^2 for two angles, kg m for an angle and a
+            position, and kg for two positions.
+
+        Raises:
+            LinkageError: As for `state`.
+        """
+        return cast('tuple[tuple[Real, ...], ...]', self._run(equations.matrix, q=q))
+
+    def point(self, state: State, name: str, *, by_math: bool = False) -> PointMotion:
+        """Computes the motion of a point of the mechanism.
+
+        Args:
+            state: A state of floats or arrays, from `state`.
+            name: 'A0', 'A', 'B', 'B0' (four-bar), 'C' (coupler point, if any) or 'D' (wind pump).
+            by_math: See `state`.
+
+        Returns:
+            Position, velocity and acceleration of the point, in the axes of base_link.
+
+        Raises:
+            ConfigurationError: The mechanism has no such point.
+        """
+        points = self.structure.points
+        if not isinstance(name, str) or name not in points:
+            raise ConfigurationError(f'point {shown(name)}: must be one of {", ".join(points)}')
+        words = ('position', 'velocity', 'acceleration')
+        names = tuple(tuple(f'{link}_{word}' for link in self.links) for word in words)
+        row = [value for values in self._rows(state) for value in values]
+        constants = points[name], _refusal(*sum(names, ()))
+        program = self._bound(equations.point_motion, Constants(constants), names)
+        return cast('PointMotion', program(*row, by_math=by_math))
+
+    def reactions(self, state: State) -> Reactions:
+        """Computes the forces in the joints, the shaking force and the shaking moment.
+
+        Args:
+            state: A state of floats or arrays, from `state`.
+
+        Returns:
+            The joint forces, the shaking force and the shaking moment.
+
+        Raises:
+            UnreachableError: The mechanism is at a change point, where joint forces are infinite.
+            MechanismError: Joint forces of this mechanism are not supported.
+        """
+        pins = [pin.name for pin in self.structure.pins]
+        if not pins:
+            raise MechanismError(
+                f'joint forces of a {type(self.mechanism).__name__} are not supported'
+            )
+        q, u, a = self._motion(state)
+        if self.model.joint_loads:
+            forces, guides, *others = self._settle(q, u, a).reactions
+        else:
+            forces, guides, *others = self._run(reactions, q=q, u=u, a=a)
+        return Reactions(
+            dict(zip(pins, forces, strict=True)), guides[0] if guides else None, *others
+        )
+
+    def load_forces(self, state: State) -> dict[str, Real]:
+        """Computes the forces of loads and friction on the links, excluding weights.
+
+        Args:
+            state: A state of floats or arrays, from `state`.
+
+        Returns:
+            The torque on each loaded link by its name, N m, positive counter-clockwise; for a
+            sliding link, the force along its guide, N.
+
+        Raises:
+            ConfigurationError: The argument is not a state of this mechanism.
+        """
+        position, velocity, _ = self._rows(state)
+        links = [LinkPose(x, Vector(ZERO, ZERO), (), ()) for x in position]
+        loads: list[Load] = list(self.model.loads)
+        if self.model.joint_loads:
+            loads.append(self._settle(*self._motion(state)).load)
+        found: dict[str, Real] = {}
+        for load in loads:
+            for j, force in load.forces(links, velocity).items():
+                found[self.links[j]] = found.get(self.links[j], ZERO) + force
+        return found
+
+    def alignment(self, q: Sequence[float]) -> tuple[float, str]:
+        """Measures how close a dyad is to being in line, where the motion may end.
+
+        Args:
+            q: Coordinates, a sequence of floats even for a single coordinate.
+
+        Returns:
+            The smallest sine of the angle between a dyad's two links, or between a link and the
+            normal of the guide; 0 if the loop cannot close. Also a description of the position
+            at which this sine is 0.
+        """
+        dyads, links = self.structure.dyads, self.structure.links
+        if not dyads:
+            return 1.0, ''
+        try:
+            sines = [met.sine for met in self.dyad_sines((*q, *(0.0 for _ in q)))]
+        except UnreachableError:
+            sines = [0.0] * len(dyads)
+        sine, dyad = min(zip(sines, dyads, strict=False))
+        first, second = (links[j] for j in dyad)
+        if second.slides:
+            return sine, f'the {first.name} is perpendicular to the guide'
+        return sine, f'{first.name} and {second.name} are in line'
+
+    def _run(self, formula: Callable[..., Any], *, by_math: bool = False, **given: Any) -> Any:
+        """Evaluates a formula of the model.
+
+        Args:
+            formula: Function of the model and the arguments.
+            by_math: Whether array results must be bit-identical to scalar results.
+            **given: Arguments of the formula, by their keys in `names`.
+
+        Returns:
+            The result of the formula, with arrays if an argument is an array.
+        """
+        values = [x for letter, row in given.items() for x in self._row(letter, row)]
+        return self.program(formula, *given)(*values, by_math=by_math)
+
+    def _settle(self, q: Any, u: Any, a: Any, *, by_math: bool = False) -> Round:
+        """Iterates until the joint forces and the loads caused by them are consistent.
+
+        Returns:
+            The last round. In arrays, converged states stay unchanged, so that the results are
+            bit-identical to those of single states.
+
+        Raises:
+            UnreachableError: Friction locks the mechanism.
+        """
+        program = self.program(joint_load_round, *_ROUND)
+        given = (*self._row('q', q), *self._row('u', u), *self._row('a', a))
+        motion, shape = real_numbers(program.names[: len(given)], given)
+        search: list[Real] = [1.0, 0.0, math.inf, *[0.0] * (len(program.names) - len(given) - 3)]
+        if shape is not None:  # arrays from the start, so that all rounds use one program
+            search = [np.full(shape, value) for value in search]
+        for _ in range(_ROUNDS):
+            found = cast('Round', program(*motion, *search, by_math=by_math))
+            if not np.any(found.left) or np.any(np.less(found.left, 0)):
+                break
+            search = leaves(found.search)
+        crank, locked = np.broadcast_arrays(motion[0], np.not_equal(found.left, 0))
+        if locked.any():
+            self._refuse_angle(
+                'friction locks the mechanism: no joint forces are in equilibrium; lower the '
+                'coefficients or the pin radius',
+                crank[locked].item(0),
+            )
+        return found
+
+    def _row(self, letter: str, row: Any) -> tuple[Any, ...]:
+        """Converts an argument of a method to one value per coordinate or, for a torque, one.
+
+        Raises:
+            ConfigurationError: The number of values is wrong.
+        """
+        count = 1 if letter == 'torque' else self._count
+        if type(row) is not tuple:
+            if count == 1:
+                return (row,)
+        elif len(row) == count:
+            return row
+        if letter != 'q' and type(row) is float and not row:
+            return (row,) * count  # the default: at rest
+        found = row if isinstance(row, (tuple, list)) or np.ndim(row) else ()
+        if len(found) != count:
+            words = ', '.join(self.names[letter]).replace('_', ' ') + ',' * (count == 1)
+            raise ConfigurationError(f'{letter} = {shown(row)}: must be a tuple ({words})')
+        return tuple(found)
+
+    def _rows(self, state: State) -> tuple[tuple[Real, ...], ...]:
+        """Returns the positions, velocities and accelerations of all links.
+
+        Raises:
+            ConfigurationError: The argument is not a state of this mechanism.
+        """
+        rows, count = state[:3] if isinstance(state, State) else (), len(self.links)
+        if not rows or any(type(row) is not tuple or len(row) != count for row in rows):
+            raise ConfigurationError(
+                f'state = {shown(state)}: must be a State of this mechanism, from its solver'
+            )
+        return rows
+
+    def _motion(self, state: State) -> tuple[tuple[Real, ...], ...]:
+        """Returns the coordinates, rates and accelerations of a state."""
+        return tuple(tuple(row[i] for i in self._moving) for row in self._rows(state))
+
+    def _refuse_angle(self, reason: str, crank: float, *_: float) -> NoReturn:
+        """Rejects a crank angle, rad.
+
+        Raises:
+            UnreachableError: Always. The message includes the reason.
+        """
+        reach = self.mechanism.reach()
+        raise UnreachableError(
+            f'at {math.degrees(crank):.9g} deg {reason}',
+            crank_angle=crank, arcs=reach.arcs if reach else (),
+        )  # fmt: skip
+
+
+def _refusal(*names: str) -> Opaque:
+    """Returns a function that rejects numbers that are not finite or that cause an overflow."""
+
+    def refuse(*values: float) -> NoReturn:
+        given = dict(zip(names, values, strict=False))
+        require_finite(**given)
+        words = ', '.join(f'{name.replace("_", " ")} = {x:g}' for name, x in given.items())
+        raise ConfigurationError(f'the torque or an acceleration overflows at {words}: lower them')
+
+    return Opaque(refuse)
+
+
+def _refuse_massless() -> NoReturn:
+    """Rejects a mass matrix that is not positive definite.
+
+    Raises:
+        MechanismError: Always.
+    """
+    raise MechanismError(
+        'links without mass have no finite acceleration under a torque: give them a mass or an '
+        'inertia'
+    )

@@ -1,0 +1,332 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Structure of a mechanism: links, points, pins and dyads. Base class of all mechanisms."""
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, ClassVar, NamedTuple, TypeAlias, cast
+
+from linkage_ros.errors import ConfigurationError
+from linkage_ros.formulas import ZERO, Vector, cos, sin, turned
+from linkage_ros.mechanism.kinematics import Loop, Reach, State
+from linkage_ros.mechanism.loads import AppliedLoad, JointLoad, LinkForce, Load
+from linkage_ros.mechanism.parts import Body, Coupler
+from linkage_ros.numeric import Real
+from linkage_ros.quantities import Checked, shown
+
+
+class Point(NamedTuple):
+    """A point, expressed as a linear combination of the link directions.
+
+    The point is `fixed` plus the sum of weights[j] e^(i phi_j). In formulas, `Vector`s replace
+    the complex numbers.
+
+    Attributes:
+        weights: A complex weight for each moving link, m; 0 for a sliding link.
+        fixed: Constant term x + iy, m.
+    """
+
+    weights: tuple[Any, ...]
+    fixed: Any = 0j
+
+    @classmethod
+    def at(cls, position: complex, links: int) -> 'Point':
+        """Creates a fixed point at x + iy, m, for a mechanism with this number of moving links."""
+        return cls((0j,) * links, position)
+
+    def along(self, link: int, along: Real, across: Real = 0.0) -> 'Point':
+        """Returns the point [along, across], m, of a link whose first pin is at this point."""
+        weights = list(self.weights)
+        weights[link] += along + 1j * across
+        return Point(tuple(weights), self.fixed)
+
+    def follow(
+        self, directions: Sequence[Vector], rates: Sequence[Real], changes: Sequence[Real]
+    ) -> tuple[Vector, Vector, Vector]:
+        """Computes the motion of the point (document 2, eq. a2, a3, 34, 35 and derivatives).
+
+        Args:
+            directions: Unit vector of each link.
+            rates: Angular velocity of each link, rad/s.
+            changes: Angular acceleration of each link, rad/s^2.
+
+        Returns:
+            The position in m, the velocity in m/s and the acceleration in m/s^2.
+        """
+        position, velocity, acceleration = self.fixed, Vector(ZERO, ZERO), Vector(ZERO, ZERO)
+        for weight, direction, rate, change in zip(
+            self.weights, directions, rates, changes, strict=True
+        ):
+            arm = turned(direction, weight.x, weight.y)
+            position += arm
+            velocity += arm.left() * rate
+            acceleration += arm.left() * change - arm * (rate * rate)
+        return position, velocity, acceleration
+
+
+class Link(NamedTuple):
+    """A moving link: its body, and its joint in the open tree for ROS.
+
+    URDF does not support closed loops, so the loop is cut at the output link's pin. This pin is B
+    between coupler and rocker or slider or, in a wind pump, D between rod and slider. Joint
+    positions are relative to the parent link: the coupler is measured from the crank, the rod from
+    the coupler.
+
+    Attributes:
+        name: Name of the link and of its joint.
+        mass: Mass, kg.
+        inertia: Moment of inertia about the centre of mass, kg m^2; 0 for a sliding link.
+        center: Centre of mass; for a sliding link, its pin.
+        parent: Index of the parent link; None if the parent is base_link.
+        origin: Position of the joint in the axes of the parent, x + iy, m.
+        angle: Direction of the joint's x axis in the axes of the parent, rad.
+        slides: Whether the joint is prismatic; it then slides along its x axis.
+    """
+
+    name: str
+    mass: float
+    inertia: float
+    center: Point
+    parent: int | None = None
+    origin: complex = 0j
+    angle: float = 0.0
+    slides: bool = False
+
+    @classmethod
+    def turning(cls, name: str, body: Body, index: int, pin: Point) -> 'Link':
+        """Creates a link that turns about its first pin.
+
+        Args:
+            name: Name of the link.
+            body: Dimensions and mass of the link.
+            index: Index of the link among the moving links.
+            pin: The first pin. The parent is the last link with a nonzero weight in this point,
+                or base_link if there is none.
+
+        Returns:
+            The link, with a revolute joint at the pin.
+        """
+        parent = max((j for j, weight in enumerate(pin.weights) if weight), default=None)
+        origin = pin.fixed if parent is None else pin.weights[parent]
+        center = pin.along(index, *body.center)
+        return cls(name, body.mass, body.inertia, center, parent, origin)
+
+
+def direction(angle: Real) -> Any:
+    """Returns e^(i angle) for an angle, rad, or for an array of angles."""
+    return cos(angle) + 1j * sin(angle)
+
+
+def coupler_point(coupler: Coupler, pin: Point) -> dict[str, Point]:
+    """Returns the coupler point C.
+
+    Args:
+        coupler: The coupler, with or without a coupler point.
+        pin: The crank pin A.
+
+    Returns:
+        The point with the key 'C'; empty if the coupler has no coupler point.
+    """
+    return {} if coupler.point is None else {'C': pin.along(1, *coupler.point)}
+
+
+class Pin(NamedTuple):
+    """A pin joint between two links.
+
+    Attributes:
+        name: Name of the pin's point.
+        first: Index of the link that exerts the pin force; None for the frame.
+        second: Index of the link on which the force acts.
+    """
+
+    name: str
+    first: int | None
+    second: int
+
+
+# The indices of two links joined by a pin; their other pins determine their positions (an Assur
+# group). If the second link slides, it is treated as an infinitely long link perpendicular to its
+# guide.
+Dyad: TypeAlias = tuple[int, int]
+
+
+class Structure(NamedTuple):
+    """The links, points and joints of a mechanism, without its motion.
+
+    Attributes:
+        links: The moving links, each after its parent.
+        points: The pins A0, A, B and, if present, B0, D and the coupler point C, by name.
+        closure: Sum of the turning links' vectors around the loop. In a closed loop, this sum is
+            0 or, with a sliding link, the position of that link's pin.
+        pins: The pin joints; empty if joint forces are not supported.
+        dyads: The dyads, in the order in which they are solved.
+        other_dyads: The dyads for `Mechanism.other_coordinates`.
+    """
+
+    links: tuple[Link, ...]
+    points: dict[str, Point]
+    closure: Point
+    pins: tuple[Pin, ...] = ()
+    dyads: tuple[Dyad, ...] = ()
+    other_dyads: tuple[Dyad, ...] = ()
+
+    def loop_residual(self, state: State) -> float:
+        """Computes the closure error of the loop, m, at a state of floats."""
+        closure, last = self.closure, self.links[-1]
+        reached: complex = closure.fixed + sum(
+            weight * direction(angle)
+            for weight, angle in zip(closure.weights, state.position, strict=False)
+            if weight
+        )
+        if last.slides:
+            reached -= last.origin + state.position[-1] * direction(last.angle)
+        return abs(reached)
+
+
+class Description(NamedTuple):
+    """A choice of coordinates for a mechanism.
+
+    Attributes:
+        coordinates: Names of the links whose positions determine all others.
+        assembly: Assembly in these coordinates, 'open' or 'crossed'.
+    """
+
+    coordinates: tuple[str, ...]
+    assembly: str
+
+    def __str__(self) -> str:
+        return ' '.join((*self.coordinates, self.assembly))
+
+
+class Mechanism(Checked):
+    """Base class of all mechanisms.
+
+    Mechanisms are frozen dataclasses of parts and are validated on creation.
+
+    Attributes:
+        coordinates: Names of the links whose positions determine all others.
+        other_coordinates: Alternative coordinates, used where `coordinates` are singular, that is,
+            at a dead centre or a stretched dyad. Empty if there are none.
+        crank: The link turned by the drive.
+        assembly: Assembly of the loop, 'open' or 'crossed'.
+        gravity: Acceleration of gravity [x, y], m/s^2.
+        loads: Loads on the links, in addition to those defined by the parts.
+    """
+
+    coordinates: ClassVar[tuple[str, ...]] = ('crank',)
+    other_coordinates: ClassVar[tuple[str, ...]] = ()
+    crank: Body
+    assembly: str
+    gravity: tuple[float, float]
+    loads: tuple[AppliedLoad, ...] = ()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        rest = tuple(itertools.chain(*(load.join(self) for load in self.loads)))
+        if rest != self.loads:
+            object.__setattr__(self, 'loads', rest)
+
+    def structure(self) -> Structure:
+        """Returns the links, points and joints."""
+        raise NotImplementedError
+
+    def loop(self) -> Loop:
+        """Returns the kinematic constants in the mechanism's own coordinates."""
+        raise NotImplementedError
+
+    @property
+    def description(self) -> Description:
+        """The mechanism's own coordinates and assembly."""
+        return Description(self.coordinates, self.assembly)
+
+    def loop_of(self, description: Description) -> Loop:
+        """Returns the kinematic constants in the coordinates and assembly of a description."""
+        mechanism: Mechanism = self
+        if description.assembly != self.assembly:
+            mechanism = replace(cast('Any', self), assembly=description.assembly)
+        is_own = description.coordinates != self.other_coordinates
+        return mechanism.loop() if is_own else mechanism.other_loop()
+
+    def other_loop(self) -> Loop:
+        """Returns the kinematic constants in `other_coordinates`."""
+        raise NotImplementedError
+
+    def link_loads(self) -> tuple[Load, ...]:
+        """Returns the loads on the links, except weights and loads caused by joint forces."""
+        parts = ((name, x) for name, x in vars(self).items() if hasattr(x, 'load_fields'))
+        own = (self._own_load(name, part) for name, part in parts)
+        found = (*own, *(load.on(self) for load in self.loads))
+        return tuple(load for load in found if load is not None)
+
+    def _own_load(self, name: str, part: Any) -> Load | None:
+        """Returns the load that a part defines on its link; None if there is none."""
+        force, damping, stiffness, rest = (getattr(part, field) for field in part.load_fields)
+        if not (force or damping or stiffness):
+            return None
+        link = self.output(name, name)
+        middle = self.swing_side()
+        turns = middle is None and not self.structure().links[link].slides
+        if stiffness:
+            middle = self.swing_middle(f'{name}.stiffness', rest)
+        if stiffness and middle is not None:
+            rest -= round((rest - middle) / (2 * math.pi)) * 2 * math.pi
+        return LinkForce(link, force, damping, stiffness, rest, middle, turns)
+
+    def joint_loads(self) -> tuple[JointLoad, ...]:
+        """Returns the loads caused by joint forces, such as friction."""
+        return tuple(found for load in self.loads if (found := load.in_joints(self)) is not None)
+
+    def output(self, name: str, what: str) -> int:
+        """Returns the index of a link that may carry a load: the crank or the output link.
+
+        Args:
+            name: Name of the link.
+            what: Name of the setting, for the error message.
+
+        Returns:
+            The index of the link in `structure().links`.
+
+        Raises:
+            ConfigurationError: The name is not that of the crank or the output link.
+        """
+        names = [link.name for link in self.structure().links]
+        if name not in {names[0], names[-1]}:
+            raise ConfigurationError(
+                f'{what} = {shown(name)}: must be {names[0]} or {names[-1]} of this mechanism'
+            )
+        return names.index(name)
+
+    def swing_middle(self, _what: str, _near: float) -> float | None:
+        """Returns the middle of the output link's swing.
+
+        Args:
+            _what: Name of the setting, for the error message.
+            _near: A direction of the link that the setting gives, rad. If the link swings in one
+                of two circuits, the middle is chosen so that this direction, within pi of the
+                middle, is also within pi of the middle of each circuit.
+
+        Returns:
+            The direction of the link there, rad in [-pi, pi]; None for a sliding link.
+
+        Raises:
+            ConfigurationError: The link turns fully, so its swing has no middle.
+        """
+        return None
+
+    def swing_side(self) -> Real | None:
+        """Returns the direction opposite to one that the output link never reaches.
+
+        Returns:
+            The direction, rad in [-pi, pi]; None for a link that slides or turns fully.
+        """
+        return None
+
+    def reach(self) -> Reach | None:
+        """Returns the crank's reach; None if the crank angle does not determine the motion."""
+        return None
+
+    def start(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Returns the coordinates other than the crank angle at t = 0, and their rates."""
+        return (), ()

@@ -1,0 +1,372 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Turns a formula into a program; `docs/tracer.md` shows an example.
+
+A formula is an ordinary function of constants, prepared by `program.Constants`, and arguments. It
+is called once with symbolic numbers, which record every operation on a `Tape`. Equal terms are
+shared and unused terms are dropped. The rest is written as Python source: `bind` takes the numbers
+of the constants, computes all terms that depend on them alone, and returns the program as a
+closure. No sum or product is regrouped, so that results for floats are bit-identical to those of
+the formula.
+"""
+
+import functools
+import itertools
+import linecache
+import math
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any, NamedTuple, TypeAlias
+
+from linkage_ros import formulas
+from linkage_ros.formulas import ZERO, Opaque
+from linkage_ros.mechanism.elementwise import SCALAR, by_element, noisy
+from linkage_ros.mechanism.nested import leaves, names, places, transformed
+from linkage_ros.numeric import Real
+
+# An argument of a formula: the name of a scalar, or the names of the elements of a tuple.
+Argument: TypeAlias = str | tuple[str, ...]
+
+_SIGNS = {
+    'add': '+', 'sub': '-', 'mul': '*', 'truediv': '/',
+    'gt': '>', 'ge': '>=', 'lt': '<', 'le': '<=',
+}  # fmt: skip
+_COMPARISONS = '>', '>=', '<', '<='
+_FLOATS = {**SCALAR, 'sqrt': math.sqrt, 'rint': round}
+_ARRAYS = {name: getattr(formulas, name) for name in (*_FLOATS, 'where', 'require')}
+_BY_MATH = _ARRAYS | {name: by_element(function) for name, function in SCALAR.items()}
+# Number of leading operands that are necessarily finite if the result is finite.
+_PASSED_ON = {'+': 2, '-': 2, '*': 2, '/': 1, 'neg': 1, 'abs': 1}
+_LONG = 200  # characters; Python limits the nesting of an expression, so a longer one gets a name
+_serial = itertools.count(1)
+
+
+class Symbol:
+    """A symbolic number; operations on it are recorded on its tape."""
+
+    __array_ufunc__ = None
+    __hash__ = __iter__ = None  # type: ignore[assignment]
+
+    def __init__(self, tape: 'Tape', line: int) -> None:
+        self.tape, self.line = tape, line
+
+    def binary(self, sign: str, a: Real, b: Real) -> Real:
+        """Records a binary operation; if an operand is ZERO, lets ZERO handle the operation."""
+        return NotImplemented if a is ZERO or b is ZERO else self.tape.record(sign, a, b)
+
+    def __repr__(self) -> str:
+        return f'<line {self.line}: {" ".join(map(str, self.tape.lines[self.line]))}>'
+
+    def __neg__(self) -> 'Symbol':
+        return self.tape.record('neg', self)
+
+    def __abs__(self) -> 'Symbol':
+        return self.tape.record('abs', self)
+
+    def __call__(self, *values: Real) -> 'Symbol':
+        """Records a call of an opaque function."""
+        return self.tape.record('call', self, *values)
+
+    def __getitem__(self, i: int) -> 'Symbol':
+        """Records the selection of one result of a call that returns several."""
+        return self.tape.record(f'[{i}]', self)
+
+    def __bool__(self) -> bool:
+        raise TypeError('a formula cannot branch on a value: use where() or require()')
+
+    def __eq__(self, other: object) -> bool:
+        return bool(self)
+
+
+for _name, _sign in _SIGNS.items():
+    setattr(Symbol, f'__{_name}__', lambda a, b, sign=_sign: a.binary(sign, a, b))
+    setattr(Symbol, f'__r{_name}__', lambda a, b, sign=_sign: a.binary(sign, b, a))
+
+
+class Line(NamedTuple):
+    """One operation on a tape.
+
+    Attributes:
+        operation: Name of the operation, or its sign.
+        operands: Indices of the lines that compute the operands.
+        text: Source text of an input, constant or literal.
+    """
+
+    operation: str
+    operands: tuple[int, ...] = ()
+    text: str = ''
+
+
+class Source(NamedTuple):
+    """The source of a program in pieces.
+
+    Attributes:
+        constants: Names of the numbers and functions of the constants.
+        before: Statements that depend on constants alone.
+        inputs: Names of the arguments.
+        within: Statements that depend on arguments.
+        result: The result of the formula; source text in place of each number.
+    """
+
+    constants: list[str]
+    before: list[str]
+    inputs: list[str]
+    within: list[str]
+    result: Any
+
+
+class Tape:
+    """The operations of a formula in the order in which it calls them, each recorded once.
+
+    Attributes:
+        title: Name of the formula.
+        lines: The operations.
+        result: Result of the formula, nested tuples of symbols and numbers.
+    """
+
+    def __init__(
+        self, formula: Callable[..., Any], constants: Any, arguments: tuple[Argument, ...]
+    ) -> None:
+        """Records a formula.
+
+        Args:
+            formula: Function of constants and arguments that returns nested tuples of numbers.
+            constants: Constants with the structure to record; the values of their numbers are not
+                used.
+            arguments: Names of the scalars in each argument.
+        """
+        self.title, self.lines = formula.__name__, list[Line]()
+        self._known: dict[Line, int] = {}
+        named = zip(leaves(constants), leaves(names(constants, 'k')), strict=True)
+        numbers = float, Opaque
+        given = iter(
+            [
+                self._add(Line('constant', text=name)) if isinstance(value, numbers) else value
+                for value, name in named
+            ]
+        )
+        result = formula(
+            transformed(lambda _: next(given), constants),
+            *(transformed(lambda name: self._add(Line('input', text=name)), x) for x in arguments),
+        )
+        self.result = transformed(formulas.number, result)
+
+    def _add(self, line: Line) -> Symbol:
+        if line not in self._known:
+            self._known[line] = len(self.lines)
+            self.lines.append(line)
+        return Symbol(self, self._known[line])
+
+    def record(self, operation: str, *operands: Real) -> Symbol:
+        """Records an operation, unless it is already on the tape, or is one of four identities.
+
+        Args:
+            operation: Name of the operation, or its sign.
+            *operands: Symbols and floats.
+
+        Returns:
+            The symbolic result of the operation.
+        """
+        known = [
+            x if isinstance(x, Symbol) else self._add(Line('literal', text=repr(float(x))))
+            for x in operands
+        ]
+        lines = [self.lines[x.line] for x in known]
+        for i in {'+': (1, 0), '-': (1,)}.get(operation, ()):
+            if lines[i].operation == 'neg':  # a + -b equals a - b, and a - -b equals a + b
+                sign = '-' if operation == '+' else '+'
+                return self.record(sign, known[1 - i], Symbol(self, *lines[i].operands))
+        for i in {'*': (1, 0), '/': (1,)}.get(operation, ()):
+            if lines[i] == ('literal', (), '1.0'):  # x * 1 and x / 1 are x, for every double
+                return known[1 - i]
+        return self._add(Line(operation, tuple(x.line for x in known)))
+
+    def without_implied(self, values: Iterable[Real]) -> list[Symbol]:
+        """Removes values whose finiteness is implied by that of another value.
+
+        A finite sum, difference or product has finite operands, and a finite quotient has a finite
+        dividend.
+
+        Args:
+            values: Symbols and finite floats.
+
+        Returns:
+            The symbols that remain to be checked for finiteness.
+        """
+        symbols = [x for x in values if isinstance(x, Symbol)]
+        implied, reached = set[int](), [x.line for x in symbols]
+        for i in reached:  # the list grows during the loop
+            line = self.lines[i]
+            passed = {*line.operands[: _PASSED_ON.get(line.operation, 0)]} - implied
+            implied |= passed
+            reached += passed
+        return [x for x in symbols if x.line not in implied]
+
+    @functools.cached_property
+    def _live(self) -> list[int]:
+        """Lines that the result or a guard requires, in order."""
+        live = {x.line for x in leaves(self.result) if isinstance(x, Symbol)}
+        live |= {i for i, line in enumerate(self.lines) if line.operation == 'require'}
+        for i in reversed(range(len(self.lines))):
+            live.update(self.lines[i].operands if i in live else ())
+        return sorted(live)
+
+    @functools.cached_property
+    def _inner(self) -> set[int]:
+        """Live lines that depend on an argument."""
+        inner: set[int] = set()
+        for i in self._live:
+            line = self.lines[i]
+            if line.operation == 'input' or not inner.isdisjoint(line.operands):
+                inner.add(i)
+        return inner
+
+    @property
+    def operations(self) -> int:
+        """Number of operations in one call of the program, including conditions of guards."""
+        kinds = (self.lines[i].operation for i in self._inner)
+        return sum(kind not in {'input', 'require'} and kind[0] != '[' for kind in kinds)
+
+    @property
+    def calls_functions(self) -> bool:
+        """Whether the program calls an opaque function for a value."""
+        return any(line.operation == 'call' for line in self.lines)
+
+    def source(self, guard: str, *, for_arrays: bool = False, term: str = '{}') -> Source:
+        """Writes the program.
+
+        Args:
+            guard: Statement for a guard; {0} is its condition, {1} the arguments of `require`
+                after the condition, {2} the call that rejects them.
+            for_arrays: Whether values may be arrays. Every term then gets a name, which is deleted
+                after the last use, so that the memory of an array can be reused.
+            term: Expression for the value of a term; {} is the operation.
+        """
+        lines, words, taken = self.lines, dict[int, str](), {line.text for line in self.lines}
+        results = [x.line for x in leaves(self.result) if isinstance(x, Symbol)]
+        uses = Counter([*results, *(x for i in self._live for x in lines[i].operands)])
+        last = {x: i for i in self._live for x in lines[i].operands}
+        last |= dict.fromkeys(results, len(lines))
+        free = (name for n in itertools.count(1) if (name := f't{n}') not in taken)
+        before, within = list[str](), list[str]()
+        for i in self._live:
+            operation, operands, text = lines[i]
+            # Guards stay in order, so that the same error is raised as by the formula.
+            is_inner = i in self._inner or operation == 'require'
+            read = [words[x] for x in operands]
+            if text:
+                words[i] = text
+                continue
+            if operation == 'require':
+                called = f'{read[1]}({", ".join(read[2:])})'
+                statement = guard.format(read[0], ', '.join(read[1:]), called)
+            else:
+                words[i] = expression = _expression(operation, read, for_arrays=for_arrays)
+                if is_inner and uses[i] == 1 and len(expression) < _LONG and not for_arrays:
+                    continue
+                words[i] = next(free)
+                is_number = operation not in (*_COMPARISONS, 'call')
+                statement = f'{words[i]} = {term.format(expression) if is_number else expression}'
+            done = [words[x] for x in sorted({*operands} & self._inner) if last[x] == i]
+            end = f'; del {", ".join(done)}' if for_arrays and done else ''
+            (within if is_inner else before).append(statement + end)
+        constants, inputs = (
+            [line.text for line in lines if line.operation == kind]
+            for kind in ('constant', 'input')
+        )
+        result = transformed(
+            lambda x: words[x.line] if isinstance(x, Symbol) else repr(x), self.result
+        )
+        return Source(constants, before, inputs, within, result)
+
+    @functools.cached_property
+    def text(self) -> str:
+        """The source of the program for floats."""
+        return self._text(self.source('if not {0}: {2}'))
+
+    def _text(self, source: Source) -> str:
+        inner = [f'def {self.title}({", ".join(source.inputs)}):', *source.within]
+        inner.append(f'return {_written(self.result, iter(leaves(source.result)))}')
+        outer = [f'def bind({", ".join(source.constants)}):', *source.before]
+        body = [*outer, '\n        '.join(inner), f'return {self.title}']
+        return '\n    '.join(body) + '\n'
+
+    @functools.cached_property
+    def for_floats(self) -> Callable[..., Any]:
+        """Function `bind` of the program for floats."""
+        return self._compiled(self.text, _FLOATS)
+
+    @functools.cached_property
+    def for_arrays(self) -> Callable[..., Any]:
+        """Function `bind` of the program for floats and arrays, with NumPy's functions."""
+        return self._compiled(self._array_text, _ARRAYS)
+
+    @functools.cached_property
+    def by_math(self) -> Callable[..., Any]:
+        """Function `bind` of the same program, with `math`'s sin, cos and atan2, by element."""
+        return self._compiled(self._array_text, _BY_MATH)
+
+    @functools.cached_property
+    def with_noise(self) -> Callable[..., Any]:
+        """Function `bind` of the same program, with noise in every term; see `elementwise`."""
+        source = self.source('require({0}, {1})', for_arrays=True, term='noisy({})')
+        return self._compiled(self._text(source), _BY_MATH | {'noisy': noisy})
+
+    @functools.cached_property
+    def _array_text(self) -> str:
+        return self._text(self.source('require({0}, {1})', for_arrays=True))
+
+    @functools.cached_property
+    def shaped(self) -> Callable[..., Any]:
+        """Function that takes the values of the result, and returns them as nested tuples."""
+        values = [f'v{i}' for i in range(len(leaves(self.result)))]
+        text = f'def bind({", ".join(values)}): return {_written(self.result, iter(values))}\n'
+        return self._compiled(text, {})
+
+    @functools.cached_property
+    def flat(self) -> Callable[[Any], list[Any]]:
+        """Function that returns the values of a result as a list."""
+        text = f'def bind(tree): return [{", ".join(places(self.result, "tree"))}]\n'
+        return self._compiled(text, {})
+
+    def _compiled(self, text: str, functions: dict[str, Any]) -> Callable[..., Any]:
+        path = f'<{self.title} {next(_serial)}>'
+        linecache.cache[path] = len(text), None, text.splitlines(keepends=True), path
+        space = {'inf': math.inf, **functions, **_classes(self.result)}
+        exec(compile(text, path, 'exec'), space)  # noqa: S102
+        bind: Callable[..., Any] = space['bind']
+        return bind
+
+
+def _expression(operation: str, read: list[str], *, for_arrays: bool) -> str:
+    """Writes one operation whose operands have the source text `read`."""
+    if operation == 'call':
+        return f'{read[0]}({", ".join(read[1:])})'
+    if operation[0] == '[':
+        return read[0] + operation
+    inner = [f'({x})' if ' ' in x else x for x in read]
+    if operation in _SIGNS.values():
+        return f'{inner[0]} {operation} {inner[1]}'
+    if operation == 'neg':
+        return f'-{inner[0]}'
+    if operation == 'where' and not for_arrays:
+        return f'{inner[1]} if {inner[0]} else {inner[2]}'
+    return f'{operation}({", ".join(read)})'
+
+
+def _written(tree: Any, texts: Iterator[str]) -> str:
+    """Writes nested tuples, with the next of the texts in place of each number."""
+    if not isinstance(tree, tuple):
+        return next(texts)
+    parts = [_written(part, texts) for part in tree]
+    if type(tree) is tuple:
+        return f'({", ".join(parts)}{"," * (len(parts) == 1)})'
+    return f'{type(tree).__name__}({", ".join(parts)})'
+
+
+def _classes(tree: Any) -> dict[str, type]:
+    """Returns the classes of the named tuples in a tree, by name."""
+    if not isinstance(tree, tuple):
+        return {}
+    found = {type(tree).__name__: type(tree)}
+    return found | {name: kind for part in tree for name, kind in _classes(part).items()}

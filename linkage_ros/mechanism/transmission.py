@@ -1,0 +1,268 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Transmission angle of four-bar and slider-crank as a function of crank angle; rocker swing.
+
+Let h be half the crank angle, measured from the line of the fixed pivots. Let m be half the
+transmission angle, between coupler and rocker. The factored closed form (docs/mechanisms.md) is
+
+    cos^2 m = p + kappa^2 cos^2 h        sin^2 m = q + kappa^2 sin^2 h        p + q + kappa^2 = 1
+
+where the constants depend only on the lengths. The crank turns fully if and only if p >= 0 and
+q >= 0. All terms of these sums are then non-negative, so there is no cancellation. If p = 0 or
+q = 0, the linkage has change points. The root is then kappa cos h or kappa sin h, with its sign,
+so that the motion is smooth there. With u = kappa cos h / cos m and v = kappa sin h / sin m, the
+derivatives
+
+    d(2m)/d(2h) = u v        d^2(2m)/d(2h)^2 = [u^2 (1 - v^2) cot m - v^2 (1 - u^2) tan m] / 2
+
+require no division by the sine of the transmission angle. These formulas were derived for this
+project.
+"""
+
+import math
+from collections.abc import Iterable, Mapping
+from typing import NamedTuple
+
+from linkage_ros.formulas import ZERO, Opaque, cos, require, sin, sqrt
+from linkage_ros.mechanism.kinematics import Arc, Reach
+from linkage_ros.numeric import Real, is_rounding, short_sum, two_sum, wrap
+
+
+class Square(NamedTuple):
+    """A function of h: cos^2 m = p + (kappa cos h)^2 or sin^2 m = q + (kappa sin h)^2.
+
+    Attributes:
+        least: Smallest value, p or q; ZERO if it is treated as 0, so that the root is signed.
+        most: Largest value, 1 - q or 1 - p, without the rounding error of this difference.
+        limits: Whether the function is negative at some crank angles, which are unreachable.
+        from_most: Whether to compute the function as `most` minus the square of the other
+            product, which then loses fewer digits.
+    """
+
+    least: Real
+    most: float
+    limits: bool
+    from_most: bool
+
+    @classmethod
+    def of(cls, least: float, most: float) -> 'Square':
+        """Creates the function from its smallest and largest values."""
+        # In a loop that can only just close, rounding could make the largest value negative.
+        most = max(most, 0.0)
+        limits = least < 0
+        return cls(least or ZERO, most, limits, limits and most < -least)
+
+    def root(self, x: Real, other: Real, refuse: Opaque, crank: Real) -> Real:
+        """Computes cos m or sin m.
+
+        Args:
+            x: kappa cos h, or kappa sin h.
+            other: The other of these two products.
+            refuse: Function that rejects a crank angle.
+            crank: Crank angle, rad.
+
+        Returns:
+            The square root of the function, signed if `least` is ZERO.
+        """
+        if self.least is ZERO:
+            return x
+        square = self.most - other * other if self.from_most else self.least + x * x
+        if self.limits:
+            require(square > 0, refuse, crank)
+        return sqrt(square)
+
+
+class Transmission(NamedTuple):
+    """The constants of the map from crank angle to transmission angle.
+
+    Attributes:
+        reference: Direction from which crank angles are measured, rad, as a sum of two doubles
+            that has twice the digits of one.
+        kappa: Square root of kappa^2 in the formulas above, negative if the angle of the frame or
+            guide, rounded to whole turns, is an odd number of turns. With this sign, `assembly`
+            refers to the branch in the half turn after the reference.
+        cos: cos^2 m as a function of h; limits a crank that cannot reach h = pi/2.
+        sin: sin^2 m as a function of h; limits a crank that cannot reach h = 0.
+        refuse: Function that rejects a crank angle.
+    """
+
+    reference: tuple[float, float]
+    kappa: float
+    cos: Square
+    sin: Square
+    refuse: Opaque
+
+    def half_angles(self, crank: Real) -> tuple[Real, ...]:
+        """Computes sines and cosines of half the crank angle (h) and transmission angle (m).
+
+        Args:
+            crank: Crank angle, rad.
+
+        Returns:
+            sin h, cos h, sin m, cos m, u and v. They are accurate to an ulp even near change
+            points, because the rounding error of crank - reference is compensated.
+        """
+        high, low = self.reference
+        half, error = two_sum(0.5 * crank, -0.5 * high)
+        half_error = error - 0.5 * low
+        sine, cosine = sin(half), cos(half)
+        sin_h, cos_h = sine + half_error * cosine, cosine - half_error * sine
+        x, y = self.kappa * sin_h, self.kappa * cos_h
+        cos_m = self.cos.root(y, x, self.refuse, crank)
+        sin_m = self.sin.root(x, y, self.refuse, crank)
+        u = 1.0 if self.cos.least is ZERO else y / cos_m
+        v = 1.0 if self.sin.least is ZERO else x / sin_m
+        return sin_h, cos_h, sin_m, cos_m, u, v
+
+    def slopes(self, halves: tuple[Real, ...], factor: float = 1.0) -> tuple[Real, Real]:
+        """Computes derivatives of the transmission angle with respect to the crank angle.
+
+        Args:
+            halves: Result of `half_angles`.
+            factor: Factor by which both derivatives are multiplied.
+
+        Returns:
+            d(2m)/d(2h) and d^2(2m)/d(2h)^2, times the factor.
+        """
+        p, q, (_, _, sin_m, cos_m, u, v) = self.cos.least, self.sin.least, halves
+        # 1 - u^2 = p / cos^2 m and 1 - v^2 = q / sin^2 m, without cancellation.
+        second: Real = ZERO
+        if q is not ZERO:
+            second = (0.5 * factor * q) * (u * u * cos_m / (sin_m * sin_m * sin_m))
+        if p is not ZERO:
+            second = second - (0.5 * factor * p) * (v * v * sin_m / (cos_m * cos_m * cos_m))
+        return factor * (u * v), second
+
+    @property
+    def turns_fully(self) -> bool:
+        """Whether a state exists at every crank angle."""
+        return not (self.cos.limits or self.sin.limits)
+
+    def arcs(self) -> tuple[Arc, ...]:
+        """Computes the arcs of crank angles where neither cos^2 m nor sin^2 m is negative.
+
+        Returns:
+            Arcs (start, end) with start in [0, 2 pi), rad; one turn if the crank turns fully.
+        """
+        if self.turns_fully:
+            return ((0.0, 2 * math.pi),)
+        middle, lacks = (
+            self.reference[0],
+            [max(-float(x.least), 0.0) for x in (self.sin, self.cos)],
+        )
+        nearest = 2 * math.atan2(math.sqrt(lacks[0]), math.sqrt(self.sin.most))
+        farthest = 2 * math.atan2(math.sqrt(self.cos.most), math.sqrt(lacks[1]))
+        if not self.sin.limits:
+            return (_normalized(middle - farthest, middle + farthest),)
+        if not self.cos.limits:
+            return (_normalized(middle + nearest, middle + 2 * math.pi - nearest),)
+        return (
+            _normalized(middle + nearest, middle + farthest),
+            _normalized(middle - farthest, middle - nearest),
+        )
+
+    def extremes(self) -> Arc:
+        """Computes the smallest and the largest transmission angle 2m, rad in [0, pi].
+
+        They occur at h = 0 and h = pi/2. If the crank cannot reach one of these positions, its
+        reach ends where the transmission angle is 0 (folded) or pi (stretched), respectively.
+        """
+        near, far = (max(float(square.least), 0.0) for square in (self.sin, self.cos))
+        low = 2 * math.atan2(math.sqrt(near), math.sqrt(self.cos.most if near > 0 else 1.0))
+        high = 2 * math.atan2(math.sqrt(self.sin.most if far > 0 else 1.0), math.sqrt(far))
+        return low, high
+
+    def reach(
+        self,
+        grashof: str,
+        sums: Mapping[str, tuple[float, ...]],
+        cures: Iterable[str],
+        pass_by: float = 0.0,
+    ) -> Reach:
+        """Collects the properties of the crank's reach.
+
+        Args:
+            grashof: Grashof class of the linkage.
+            sums: Terms of the length sums that vanish at change points, keyed by formula. If the
+                first sum is negative, cos m limits the crank; if another sum is negative, sin m
+                does.
+            cures: Changes that would let the crank turn fully; used only if it is limited.
+            pass_by: Largest h at which the crank pin is close to the rocker pivot, rad; 0 if there
+                is no rocker pivot, or if the pin passes through it.
+
+        Returns:
+            The reach.
+        """
+        totals = {words: math.fsum(terms) for words, terms in sums.items()}
+        longest = max(abs(length) for terms in sums.values() for length in terms)
+        rounding = {x: total for x, total in totals.items() if is_rounding(longest, total)}
+        limited = [self.cos.limits, *[self.sin.limits] * (len(sums) - 1)]
+        limits = tuple(
+            f'{words} = {total:.6g} m is negative'
+            for (words, total), limits in zip(totals.items(), limited, strict=True)
+            if limits and total < 0 and words not in rounding
+        )
+        # The output moves fast where h is within these widths of 0 or pi/2.
+        leasts = [float(square.least) for square in (self.cos, self.sin)]
+        widths = [math.sqrt(x) / abs(self.kappa) for x in leasts if x > 0]
+        return Reach(
+            grashof,
+            self.arcs(),
+            2 if (leasts[0] == 0) != (leasts[1] == 0) else 1,
+            self.extremes(),
+            limits,
+            tuple(cures) if limits else (),
+            tuple(
+                f'{words} = {total:.2g} m counts as 0'
+                for words, total in rounding.items()
+                if total
+            ),
+            self.reference[0],
+            min([*widths, *([pass_by] if pass_by else [])], default=math.inf),
+        )
+
+
+def _normalized(start: float, end: float) -> Arc:
+    whole = 2 * math.pi * math.floor(start / (2 * math.pi))
+    return start - whole, end - whole
+
+
+def swing_middle(
+    lengths: tuple[float, ...], frame: float, rocker: float, near: float | None
+) -> float | None:
+    """Computes the middle of the swing of a four-bar's rocker.
+
+    The distance from the crank pivot to the rocker's end is between |coupler - crank| and
+    coupler + crank. By the law of cosines, this bounds the angle between rocker and frame.
+
+    Args:
+        lengths: Lengths of crank, coupler, rocker and frame, m.
+        frame: Direction of the frame, rad.
+        rocker: A direction of the rocker during its swing, rad.
+        near: See `Mechanism.swing_middle` if there are two circuits, one on each side of the line
+            of the fixed pivots; otherwise None.
+
+    Returns:
+        The middle direction, rad in [-pi, pi]; None if the rocker turns fully.
+    """
+    (r, b, c, d), longest = lengths, max(lengths)
+    nearest, low, high = abs(short_sum(longest, b, -r)), 0.0, math.pi
+    if abs(short_sum(longest, c, -d)) < nearest:
+        low = _opposite(c, d, nearest)
+    if short_sum(longest, b, r, -c, -d) < 0:
+        high = _opposite(c, d, b + r)
+    if low == 0 and high == math.pi:
+        return None
+    found = 0.5 * (low + high)
+    back: float = wrap(frame + math.pi)  # from B0 to A0
+    if near is not None:
+        return back if abs(wrap(near - back)) <= math.pi - found else float(wrap(frame))
+    if low == 0 or high == math.pi:
+        found = math.pi if high == math.pi else 0.0
+    return float(wrap(back + math.copysign(found, wrap(rocker - back))))
+
+
+def _opposite(rocker: float, frame: float, opposite: float) -> float:
+    """Returns the angle between the sides `rocker` and `frame` of a triangle, rad."""
+    cosine = (rocker * rocker + frame * frame - opposite * opposite) / (2 * rocker * frame)
+    return math.acos(max(-1.0, min(1.0, cosine)))

@@ -1,0 +1,171 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Assemblies of a linkage at a crank angle, and stroke or swing of its output link."""
+
+import cmath
+import math
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from linkage_ros.errors import ConfigurationError, UnreachableError
+from linkage_ros.mechanism.four_bar import FourBar
+from linkage_ros.mechanism.parts import CROSSED, OPEN
+from linkage_ros.mechanism.slider_crank import SliderCrank
+from linkage_ros.mechanism.solver import Solver
+from linkage_ros.numeric import real_numbers, require_finite, within_two_turns, wrap
+from linkage_ros.quantities import shown
+
+_SAME = 16 * 2.0**-53 * math.tau  # rad; a few rounding errors of an angle of one turn
+
+
+class Travel(NamedTuple):
+    """Stroke or swing of the output link over a period.
+
+    Attributes:
+        output: Name of the output link, such as 'rocker' or 'slider'.
+        slides: Whether the output link slides.
+        extremes: Lowest and highest position, rad or m. An angle exceeds pi only if the link
+            swings through pi. None if the link turns fully.
+        at: Crank angles at which the link reverses, rad, in [0, 2 pi) or [0, 4 pi).
+        transmission: Smallest and largest transmission angle, between coupler and rocker or
+            between coupler and the normal of the guide, rad in [0, pi]. None if the mechanism has
+            no transmission angle.
+        time_ratio: Ratio of the longer to the shorter crank rotation between the two reversals;
+            None unless there are exactly two reversals.
+    """
+
+    output: str
+    slides: bool
+    extremes: tuple[float, float] | None
+    at: tuple[float, ...]
+    transmission: tuple[float, float] | None
+    time_ratio: float | None
+
+    def words(self) -> list[str]:
+        """Describes stroke or swing, transmission angle and time ratio; angles in degrees."""
+        words = [f'{self.output} turns fully']
+        if self.extremes is not None:
+            name, unit = ('stroke', 'm') if self.slides else ('swing', 'deg')
+            low, high = self.extremes if self.slides else map(math.degrees, self.extremes)
+            words = [f'{name} {high - low:.6g} {unit} ({low:.6g} to {high:.6g} {unit})']
+        if self.transmission:
+            low, high = (math.degrees(angle) for angle in self.transmission)
+            words.append(f'transmission angle {low:.4g} to {high:.4g} deg')
+        return words if self.time_ratio is None else [*words, f'time ratio {self.time_ratio:.4g}']
+
+
+def travel(solver: Solver) -> Travel:
+    """Finds the extreme positions and reversals of the output link.
+
+    Args:
+        solver: Solver of a mechanism whose crank turns fully.
+
+    Returns:
+        The travel. Its positions are accurate to a few ulp, because an error of the crank angle
+        has only a second-order effect on an extreme position.
+
+    Raises:
+        ConfigurationError: The argument is not a `Solver`.
+        MechanismError: The crank does not turn fully.
+    """
+    if not isinstance(solver, Solver):
+        raise ConfigurationError(f'{shown(solver)}: must be a Solver, as in Solver(mechanism)')
+    reach = solver.reach
+    reach.require_full_turn()
+    period = reach.period_turns * 2 * math.pi
+    # Midpoints, because at symmetric angles a rate may be exactly 0.
+    crank = reach.samples()
+    crank = 0.5 * (crank[1:] + crank[:-1])
+    crank = np.append(crank, crank[0] + period)
+    state = solver.state(crank, 1.0)
+    position, rate = state.position[-1], state.velocity[-1]
+    slides = solver.structure.links[-1].slides
+
+    def whole_turns(angle: float) -> float:
+        return 0.0 if slides else 2 * math.pi * round(float(angle) / (2 * math.pi))
+
+    position = position if slides else np.unwrap(position)
+    if not slides and np.ptp(position) <= _SAME:  # at rest: its rate is a rounding error
+        position, rate = np.full_like(position, np.median(position)), np.zeros_like(rate)
+    before = np.flatnonzero(np.sign(rate[:-1]) * np.sign(rate[1:]) < 0)
+    at = [_reversal(solver, *crank[i : i + 2].tolist()) for i in before]
+    found = [solver.state(angle).position[-1] for angle in at]
+    # Each angle is shifted into the turn of the surrounding samples.
+    reversed_at = [p + whole_turns(position[i] - p) for i, p in zip(before, found, strict=True)]
+    extremes: tuple[float, float] | None = None
+    if not whole_turns(position[-1] - position[0]):
+        # If the output nearly rests, rounding errors may hide a reversal; include the samples.
+        ends = *reversed_at, float(position.min()), float(position.max())
+        seam = whole_turns(0.5 * (min(ends) + max(ends)))
+        extremes = min(ends) - seam, max(ends) - seam
+    ratio = None
+    if len(at) == 2:
+        way = at[1] - at[0]
+        ratio = max(way, period - way) / min(way, period - way)
+    reversals = tuple(sorted(angle % period for angle in at))
+    return Travel(solver.links[-1], slides, extremes, reversals, reach.transmission, ratio)
+
+
+def _reversal(solver: Solver, low: float, high: float) -> float:
+    """Finds the crank angle at which the output's rate changes sign, by bisection."""
+    falling = solver.state(low, 1.0).velocity[-1] > 0
+    while low < (middle := 0.5 * (low + high)) < high:
+        if (solver.state(middle, 1.0).velocity[-1] > 0) == falling:
+            low = middle
+        else:
+            high = middle
+    return high
+
+
+def assemblies(mechanism: FourBar | SliderCrank, crank: float) -> tuple[tuple[float, ...], ...]:
+    """Finds the assemblies of a linkage at a crank angle.
+
+    As in document 2, there are usually two: the open and the crossed assembly. They coincide at
+    the end of a limited crank's reach or at a change point. The coupler is then in line with the
+    rocker or, in a slider-crank, with the normal of the guide. Beyond the reach, there are none.
+
+    Args:
+        mechanism: The linkage, whose own `assembly` is ignored.
+        crank: Crank angle, rad.
+
+    Returns:
+        The positions of crank, coupler and output in each assembly, as in `State.position`: the
+        open assembly, then the crossed one.
+
+    Raises:
+        ConfigurationError: The crank angle is not a single finite number.
+    """
+    (crank,), shape = real_numbers(['crank angle'], [crank])
+    if shape is not None:
+        raise ConfigurationError(f'crank angle = {shown(crank)}: give one number')
+    require_finite(crank_angle=crank)
+    solvers = [Solver(replace(mechanism, assembly=name)) for name in (OPEN, CROSSED)]
+    reach, (within, _) = solvers[0].reach, within_two_turns(crank)
+    ends = () if reach.turns_fully else [end for arc in reach.arcs for end in arc]
+    if any(abs(math.remainder(within - end, math.tau)) <= _SAME for end in ends):
+        return (_in_line(mechanism, crank),)
+    try:
+        both = [solver.state(crank).position for solver in solvers]
+    except UnreachableError:
+        return ()
+    slides = isinstance(mechanism, SliderCrank)
+    _, *turned = [x - y for x, y in zip(*both, strict=True)]
+    slid = turned.pop() / mechanism.coupler.length if slides else 0.0
+    apart = max(abs(slid), *(abs(wrap(angle)) for angle in turned))
+    return tuple(both[:1] if apart <= _SAME else both)
+
+
+def _in_line(mechanism: FourBar | SliderCrank, crank: float) -> tuple[float, ...]:
+    """Computes the positions at the end of a crank's reach, where both assemblies coincide."""
+    angle, pin = mechanism.frame.angle, cmath.rect(mechanism.crank.length, crank)
+    b = mechanism.coupler.length
+    if isinstance(mechanism, SliderCrank):
+        along = pin * cmath.rect(1.0, -angle)
+        side = math.copysign(math.pi / 2, mechanism.slider.offset - along.imag)
+        return crank, wrap(angle + side), along.real
+    c, to_pivot = mechanism.rocker.length, cmath.rect(mechanism.frame.length, angle) - pin
+    stretched = abs(abs(to_pivot) - (b + c)) < abs(abs(to_pivot) - abs(b - c))
+    coupler = cmath.phase(to_pivot if stretched or b > c else -to_pivot)
+    return crank, coupler, wrap(coupler + math.pi) if stretched else coupler

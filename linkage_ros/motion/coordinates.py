@@ -1,0 +1,294 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""A mechanism under a torque, as a first-order system for integrators.
+
+Near a singularity of the mechanism's own coordinates, such as a dead centre or a stretched dyad,
+the motion is integrated in its other coordinates. After the singularity, its own coordinates are
+used again, possibly in the other assembly.
+"""
+
+import functools
+import math
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+from statistics import median
+from typing import Any, NoReturn
+
+import numpy as np
+
+from linkage_ros.errors import LinkageError, MotionError
+from linkage_ros.mechanism.kinematics import FULL_TURN, State
+from linkage_ros.mechanism.parts import CROSSED, OPEN
+from linkage_ros.mechanism.solver import Solver
+from linkage_ros.mechanism.structure import Description
+from linkage_ros.motion.runge_kutta import Plant, jacobian, slope_at
+from linkage_ros.numeric import Real, with_turns, within_two_turns, wrap
+
+_PLACES = 12  # number of crank angles per arc at which eigenvalues are computed
+_SLOW = 1e-3  # rad/s or m/s, treated as rest
+_NEAR = 0.05  # sine of the dyad angle below which the dyad is considered in line
+# Sines of the dyad angle at which the motion leaves its own coordinates and returns to them.
+_LEAVE, _RETURN = 0.1, 0.2
+
+
+@dataclass(eq=False)
+class DrivenMechanism:
+    """A mechanism under a torque: y' = slope(y), where y are coordinates, then their rates.
+
+    Attributes:
+        solver: Solver of the mechanism in the current coordinates.
+        torque: Torque on the crank, N m, as a function of the crank speed, rad/s.
+        middle: If the crank is not a coordinate, the middle of the arc on which it moves, rad.
+        solvers: Solvers for all descriptions used so far.
+        links: The links whose positions are the coordinates.
+        units: Units of the errors in y: rad or crank lengths, then the same per second.
+        has_crank: Whether the crank is the first coordinate.
+        is_own: Whether the current coordinates are the mechanism's own coordinates.
+        is_usual: Whether the current coordinates and assembly are the mechanism's own.
+        is_limited: Whether the coordinates are singular at positions other than change points.
+    """
+
+    solver: Solver
+    torque: Callable[[Any], Real]
+    middle: float = 0.0
+    solvers: dict[Description, Solver] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        solver, mechanism = self.solver, self.solver.mechanism
+        links = {link.name: link for link in solver.structure.links}
+        self.links = tuple(links[name] for name in solver.coordinates)
+        self.units = 2 * tuple(
+            mechanism.crank.length if link.slides else 1.0 for link in self.links
+        )
+        self.has_crank = solver.coordinates[0] == solver.links[0]
+        self.is_own = solver.coordinates == mechanism.coordinates
+        self.is_usual = solver.description == mechanism.description
+        self.is_limited = solver.mobility is None or not solver.mobility.turns_fully
+
+    def wound(self, y: tuple[float, ...]) -> tuple[tuple[float, ...], int]:
+        """Removes pairs of whole turns from the crank angle in y; returns y and their number."""
+        if not self.has_crank:
+            return y, 0
+        angle, pairs = within_two_turns(y[0])
+        return (angle, *y[1:]), pairs
+
+    def crank(self, y: tuple[float, ...], pairs: int) -> float:
+        """Returns the crank angle including all turns.
+
+        Args:
+            y: Coordinates, then their rates.
+            pairs: Pairs of whole turns removed from the crank angle in y.
+
+        Returns:
+            The angle, rad, rounded once.
+        """
+        if self.has_crank:
+            return with_turns(y[0], pairs)
+        angle = self._state(y).position[0]
+        return with_turns(angle, pairs + turns_between(angle, self.middle))
+
+    def described(self, description: Description) -> 'DrivenMechanism':
+        """Returns this driven mechanism in another description."""
+        self.solvers.setdefault(self.solver.description, self.solver)
+        if description not in self.solvers:
+            self.solvers[description] = Solver(self.solver.mechanism, description=description)
+        return replace(self, solver=self.solvers[description])
+
+    def ready(self, y: tuple[float, ...]) -> tuple['DrivenMechanism', tuple[float, ...], float]:
+        """Chooses the best coordinates for the motion.
+
+        Args:
+            y: Coordinates, then their rates.
+
+        Returns:
+            The driven mechanism in the chosen coordinates, y in these coordinates, and the
+            estimated time until they become singular, s.
+
+        Raises:
+            LinkageError: As for `Solver.accelerations`.
+        """
+        if not self.is_limited:
+            return self, y, math.inf
+        met, count = self.solver.dyad_sines(y), len(self.solver.structure.dyads)
+        own, others = met[:count], met[count:]
+        if others and (own[0].sine < _LEAVE or not self.is_own):
+            better = self._better(y, own[0].sine, others[0].sine)
+            if better:
+                driven, y = self.redescribed(y, better)
+                return driven.ready(y)
+        left = math.inf
+        for sine, rate in own:
+            if rate < 0:
+                left = min(left, sine / -rate)
+        return self, y, left
+
+    def _better(self, y: tuple[float, ...], sine: float, other_sine: float) -> tuple[str, ...]:
+        """Selects new coordinates; empty to keep the current ones."""
+        mechanism = self.solver.mechanism
+        is_worse = sine < _LEAVE and other_sine > 2 * sine
+        if self.is_own:
+            return mechanism.other_coordinates if is_worse else ()
+        if is_worse or other_sine > _RETURN:
+            return mechanism.coordinates
+        turning = zip(y[self.has_crank :], self.links[self.has_crank :], strict=False)
+        is_beyond = any(abs(angle) > math.pi for angle, link in turning if not link.slides)
+        return self.solver.coordinates if is_beyond else ()
+
+    def redescribed(
+        self, y: tuple[float, ...], coordinates: tuple[str, ...]
+    ) -> tuple['DrivenMechanism', tuple[float, ...]]:
+        """Converts the motion to other coordinates, in the assembly that matches the positions.
+
+        Args:
+            y: Coordinates, then their rates.
+            coordinates: The mechanism's `coordinates` or `other_coordinates`.
+
+        Returns:
+            The driven mechanism in these coordinates, and y in these coordinates.
+
+        Raises:
+            LinkageError: As for `Solver.state`.
+        """
+        state, links = self._state(y), self.solver.structure.links
+        positions = [
+            place if link.slides else wrap(place)
+            for place, link in zip(state.position, links, strict=True)
+        ]
+        positions[0] = self.crank(y, 0)
+        moving = [self.solver.links.index(name) for name in coordinates]
+        there = (*(positions[i] for i in moving), *(state.velocity[i] for i in moving))
+        middle = self.arc_middle(y[0]) if self.has_crank else self.middle
+
+        def distance(driven: DrivenMechanism) -> float:
+            try:
+                found = driven._state(there).position
+            except LinkageError:
+                return math.inf
+            return sum(
+                abs(one - other) if link.slides else abs(math.sin(0.5 * (one - other)))
+                for one, other, link in zip(positions, found, links, strict=True)
+            )
+
+        both = (self.described(Description(coordinates, way)) for way in (OPEN, CROSSED))
+        return replace(min(both, key=distance), middle=middle), there
+
+    def arc_middle(self, crank: float) -> float:
+        """Returns the middle of the arc on which the crank moves, rad, within pi of its angle."""
+        mobility = self.solver.mobility
+        if mobility is None:
+            return crank
+
+        low, high = min(
+            mobility.arcs,
+            key=lambda arc: abs(wrap(crank - 0.5 * sum(arc))) - 0.5 * (arc[1] - arc[0]),
+        )
+        middle = 0.5 * (low + high)
+        return with_turns(middle, turns_between(middle, crank))
+
+    def _state(self, y: tuple[float, ...]) -> State:
+        """Computes the positions and rates of all links."""
+        return self.solver.state(y[: len(y) // 2], y[len(y) // 2 :])
+
+    @functools.cached_property
+    def accelerations(self) -> Callable[..., tuple[float, ...]]:
+        """A function that returns the accelerations; its arguments are the elements of y.
+
+        It raises the errors of `Solver.accelerations`.
+        """
+        return self.solver.driven_by(self.torque)
+
+    def slope(self, y: tuple[float, ...]) -> tuple[float, ...]:
+        """Computes y', the rates followed by the accelerations.
+
+        Raises:
+            LinkageError: As for `Solver.accelerations`.
+        """
+        return slope_at(self.accelerations, y)
+
+    def speed(self, y: tuple[float, ...]) -> float:
+        """Returns the speed of the crank, rad/s."""
+        return y[len(y) // 2] if self.has_crank else self._state(y).velocity[0]
+
+    @functools.cached_property
+    def rates(self) -> tuple[float, float]:
+        """Settling rate and angular frequency of small motions about rest, 1/s.
+
+        They are medians, over several crank angles, of the largest decay rate and the largest
+        imaginary part of the eigenvalues. The torque at rest is subtracted. The median ignores
+        the dead centre of a massless crank, where an eigenvalue is infinite.
+        """
+        free = DrivenMechanism(self.solver, lambda speed: self.torque(speed) - self.torque(0.0))
+        arcs = self.solver.mobility.arcs if self.solver.mobility else FULL_TURN
+        others, _ = self.solver.mechanism.start()
+        found, places = [], [i + 0.5 for i in range(_PLACES)]
+        for angle in [low + (high - low) * x / _PLACES for low, high in arcs for x in places]:
+            with suppress(LinkageError, np.linalg.LinAlgError):
+                found.append(free._eigenvalues((angle, *others)))
+        settling, swinging = [-x.real.min() for x in found], [x.imag.max() for x in found]
+        return float(median(settling or [0.0])), float(median(swinging or [0.0]))
+
+    def _eigenvalues(self, q: tuple[float, ...]) -> Any:
+        """Computes the eigenvalues of the motion linearised about rest, 1/s."""
+        y, count = (*q, *[_SLOW] * len(q)), len(q)
+        by_value = jacobian(Plant(self.units, self.accelerations), y, self.slope(y))
+        system = np.vstack([np.eye(count, 2 * count, count), np.transpose(by_value)])
+        return np.linalg.eigvals(system)
+
+    def _is_held(self, y: tuple[float, ...], i: int) -> bool:
+        """Returns whether a coordinate rests, and any motion of it would be stopped at once."""
+        place = len(y) // 2 + i
+        found = []
+        if abs(y[place]) <= _SLOW:
+            for rate in (_SLOW, -_SLOW):
+                with suppress(LinkageError):
+                    changed = self.accelerations(*y[:place], rate, *y[place + 1 :])[i]
+                    found.append(changed * rate)
+        return len(found) == 2 and max(found) < 0
+
+    def fail(self, time: float, y: tuple[float, ...], cause: Exception | None) -> NoReturn:
+        """Reports the end of a motion that cannot continue.
+
+        Args:
+            time: Time reached, s.
+            y: Coordinates and rates at that time.
+            cause: Error raised in the next step, if any.
+
+        Raises:
+            MotionError: Always. The message states the time, the position, the cause and remedies.
+        """
+        mechanism, half = self.solver.mechanism, len(y) // 2
+        (sine, words), q = self.solver.alignment(y[:half]), y[:half]
+        with suppress(LinkageError):
+            q = self.redescribed(y, mechanism.coordinates)[1][: len(mechanism.coordinates)]
+        places = ', '.join(
+            f'{link.name} at {value:.6g} m'
+            if link.slides
+            else f'{link.name} at {math.degrees(value) % 360:.6g} deg'
+            for value, link in zip(y, self.links, strict=False)
+        )
+        if sine < _NEAR and self.is_limited:
+            reason = (
+                f'{words}, and the motion can continue in more than one way; start more slowly or '
+                'at another position, or change torque, masses or lengths'
+            )
+        elif any(self._is_held(y, i) for i in range(half)):
+            reason = (
+                'a load that reverses with the direction of motion (value and return_value) holds '
+                'the linkage at rest, which the equations of motion do not describe; raise the '
+                'torque, or lower the load'
+            )
+        else:
+            reason = (
+                'the motion is too fast for the shortest step; lower the speed, the torque, the '
+                'commands (torque_limit) or a stiffness, add mass, or, if links are almost in '
+                'line, change a length'
+            )
+        message = f'the motion ends at t = {time:.6g} s, {places}: {reason}'
+        raise MotionError(message, time=time, coordinates=q) from cause
+
+
+def turns_between(angle: float, middle: float) -> Fraction:
+    """Returns the number of pairs of turns that bring `angle` to within pi of `middle`."""
+    return Fraction(round((middle - angle) / (2 * math.pi)), 2)

@@ -1,0 +1,329 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Motion of a mechanism under a motor and torque commands, integrated from stamp to stamp."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, TypeAlias, cast
+
+import numpy as np
+
+from linkage_ros.errors import ConfigurationError, LinkageError
+from linkage_ros.mechanism.kinematics import State
+from linkage_ros.mechanism.parts import CROSSED, OPEN
+from linkage_ros.mechanism.solver import Solver
+from linkage_ros.mechanism.structure import Description, Mechanism
+from linkage_ros.motion.at_speed import SpeedMotion
+from linkage_ros.motion.coordinates import DrivenMechanism
+from linkage_ros.motion.drives import TorqueDrive
+from linkage_ros.motion.segments import Coordinates, TorqueSegment, stacked
+from linkage_ros.motion.steps import FixedSteps, Integrate, StiffSteps, Values, live_steps
+from linkage_ros.numeric import Real, with_turns, within_two_turns, wrap
+from linkage_ros.units import NS_PER_S, radians_per_second
+
+# Longest delay, ns, that a late run catches up with. Catching up with more would take so long that
+# the delay would grow.
+CATCH_UP = NS_PER_S // 4
+_MOST_STEPS, _TRIED = 20, 100  # limit of steps per ms, at 12 us each; ms of motion to check
+_ROUNDINGS = 8  # largest number of conversions to joint angles and back; see `legible`
+
+
+class TorqueMotion:
+    """A motion under a torque; the stamps of successive calls must not decrease.
+
+    Attributes:
+        segment: The current segment, in the form stored in logs.
+    """
+
+    segment: TorqueSegment
+
+    def __init__(
+        self,
+        solver: Solver,
+        drive: TorqueDrive,
+        stamp: int,
+        period: int,
+        integrate: Integrate = live_steps,
+    ) -> None:
+        """Starts a motion.
+
+        Args:
+            solver: Solver of the mechanism.
+            drive: Motor, and crank angle and speed at t = 0.
+            stamp: Stamp of t = 0, ns.
+            period: Time between states, ns.
+            integrate: Function that creates the integrator.
+
+        Raises:
+            LinkageError: The motion cannot start from the given angle and speed.
+        """
+        self._solver, self._motor, self._command = solver, drive.motor, 0.0
+        self._period = period
+        self._end: LinkageError | None = None
+        begin = start(solver.mechanism, drive)
+        y = begin.unwrapped, *begin.q[1:], *begin.u
+        self._steps = integrate(DrivenMechanism(solver, self._torque), y)
+        self._begin(TorqueSegment(stamp, drive.motor.torque))
+
+    def at(self, stamp: int) -> Coordinates:
+        """Computes the coordinates at a stamp.
+
+        Args:
+            stamp: Stamp, ns; must not be earlier than in the last call.
+
+        Returns:
+            The coordinates; see `published`.
+
+        Raises:
+            MotionError: The motion ends before the stamp.
+        """
+        self._advance(stamp)
+        self._describe(stamp, self._steps.driven)
+        return published(self._steps.driven, self._steps.phase, self._steps.pairs)
+
+    def at_all(self, stamps: Sequence[int]) -> Coordinates:
+        """Computes the coordinates at many stamps, bit-identical to those of `at`.
+
+        Args:
+            stamps: Increasing stamps, ns; the first must not be earlier than in the last call.
+
+        Returns:
+            The coordinates as arrays. They are shorter than `stamps` if the motion ends or its
+            coordinates change; a change of coordinates starts a new segment.
+
+        Raises:
+            LinkageError: The motion ends before the first stamp.
+        """
+        if self._end:
+            raise self._end
+        driven, moments = self._steps.driven, list[tuple[Values, int]]()
+        try:
+            for moment in self._steps.phases([self._time(stamp) for stamp in stamps]):
+                if moments and self._steps.driven is not driven:
+                    break  # the next call starts in the other coordinates
+                driven = self._steps.driven
+                moments.append(moment)
+        except LinkageError as error:
+            if not moments:
+                raise
+            self._end = error  # raised by the next call
+        self._describe(stamps[0], driven)
+        self._last = stamps[len(moments) - 1]
+        return all_published(driven, moments)
+
+    def command(self, stamp: int, torque: float) -> None:
+        """Sets the torque to add to the motor's torque from a stamp on.
+
+        Args:
+            stamp: Stamp, ns; must not be earlier than in the last call.
+            torque: Torque to add, N m.
+
+        Raises:
+            MotionError: The motion ends before the stamp.
+        """
+        if torque != self._command:
+            self._advance(stamp)
+            self._command = torque
+            self._steps.changed()
+
+    def follow(self, stamp: int, drive: Any) -> 'TorqueMotion':
+        """Continues the motion under a drive from a stamp on.
+
+        A change of the motor starts a new segment. So does a delay of more than 0.25 s, during
+        which the motion is paused.
+
+        Args:
+            stamp: Stamp, ns; must not be earlier than in the last call.
+            drive: The current `TorqueDrive`.
+
+        Returns:
+            This motion.
+
+        Raises:
+            MotionError: The motion ends before the stamp.
+        """
+        is_late = stamp - self._last > self._period + CATCH_UP
+        if is_late or drive.motor != self._motor:
+            if not is_late:
+                self._advance(stamp)
+            self._begin(
+                replace(self.segment, stamp=stamp, torque=drive.motor.torque, old_stamp=None)
+            )
+            self._motor = drive.motor
+            self._steps.changed()
+        return self
+
+    def restamp(self, old: int, new: int) -> 'TorqueMotion':
+        """Continues the motion after a step of the clock.
+
+        Args:
+            old: Stamp of the step on the old clock, ns.
+            new: Stamp of the step on the new clock, ns.
+
+        Returns:
+            This motion.
+
+        Raises:
+            MotionError: The motion ends before the step.
+        """
+        self._advance(old)
+        self._begin(replace(self.segment, stamp=new, old_stamp=old))
+        return self
+
+    def require_live(self) -> None:
+        """Simulates the first 0.1 s, and rejects a motion that takes too many steps.
+
+        Raises:
+            ConfigurationError: The motion takes too many steps for a live run, or it ends within
+                the first ms.
+        """
+        steps, words, tried = cast('FixedSteps', self._steps), '', 0.0
+        # An implicit step takes twice as long, and so does a step in two coordinates.
+        factor = len(steps.driven.links) * (2 if isinstance(steps, StiffSteps) else 1)
+        try:
+            for ms in range(1, _TRIED + 1):
+                steps.advance(1e-3 * ms)
+                tried = steps.tried / ms
+        except LinkageError as error:
+            words = f'{error}' if ms == 1 else ''  # the run reports a later end
+        if tried > _MOST_STEPS // factor:
+            words = (
+                f'it requires {tried:.0f} steps per ms, but only {_MOST_STEPS // factor} fit; '
+                'lower a stiffness, the slope of a load or the speed, add mass, or use '
+                'linkage_record'
+            )
+        if words:
+            fastest = max(steps.driven.rates[1], abs(steps.driven.speed(steps.phase)))
+            raise ConfigurationError(
+                'a live run cannot follow this motion, in which a radian of the crank or of an '
+                f'oscillation takes {1e3 / fastest:.3g} ms and a tick '
+                f'{1e3 * self._period / NS_PER_S:.3g} ms: {words}'
+            )
+
+    def rehearse(self) -> None:
+        """Compiles the programs for all coordinates and assemblies, to avoid a delay later."""
+        own, mechanism = self._steps.driven, self._solver.mechanism
+        if not (own.is_limited and mechanism.other_coordinates):
+            return
+        for coordinates in (mechanism.other_coordinates, mechanism.coordinates):
+            driven, there = own.redescribed(self._steps.phase, coordinates)
+            for assembly in (OPEN, CROSSED):
+                driven = driven.described(Description(coordinates, assembly))
+                driven.ready(there)
+                driven.slope(there)
+                published(driven, there, 0)
+
+    def _describe(self, stamp: int, driven: DrivenMechanism) -> None:
+        """Starts a new segment at a stamp if the description of the motion has changed."""
+        description = None if driven.is_usual else driven.solver.description
+        if description != self.segment.description:
+            self.segment = replace(
+                self.segment, stamp=stamp, old_stamp=None, description=description
+            )
+
+    def _begin(self, segment: TorqueSegment) -> None:
+        self.segment, self._last = segment, segment.stamp
+        # A reference stamp, ns, and the integrator's time at this stamp, s.
+        self._origin, self._begun = segment.stamp, self._steps.time
+
+    def _advance(self, stamp: int) -> None:
+        self._last = stamp
+        self._steps.advance(self._time(stamp))
+
+    def _time(self, stamp: int) -> float:
+        """Returns the integrator's time at a stamp, s."""
+        return self._begun + (stamp - self._origin) / NS_PER_S
+
+    def _torque(self, speed: float) -> Real:
+        return self._motor.at(speed) + self._command
+
+
+# The motion of a run under a speed or torque drive.
+Motion: TypeAlias = SpeedMotion | TorqueMotion
+
+
+def start(mechanism: Mechanism, drive: TorqueDrive) -> Coordinates:
+    """Returns the coordinates at t = 0, with accelerations of 0."""
+    positions, rates = mechanism.start()
+    angle, _ = within_two_turns(drive.crank_angle)
+    u = radians_per_second(drive.start_rpm), *rates
+    return Coordinates((angle, *positions), u, (0.0,) * len(u), drive.crank_angle)
+
+
+def published(driven: DrivenMechanism, y: Values, pairs: int) -> Coordinates:
+    """Returns the coordinates to publish.
+
+    Args:
+        driven: The driven mechanism in its current coordinates.
+        y: Coordinates, then their rates.
+        pairs: Pairs of whole turns removed from the crank angle in y.
+
+    Returns:
+        The coordinates. They can be recomputed from messages bit for bit, because the reduced
+        crank angle is derived from the rounded unwrapped angle.
+
+    Raises:
+        LinkageError: As for `Solver.accelerations`.
+    """
+    solver, half = driven.solver, len(y) // 2
+    if driven.has_crank:
+        unwrapped = with_turns(y[0], pairs)
+        y = within_two_turns(unwrapped)[0], *y[1:]
+    if driven.is_own:
+        q, u, a = y[:half], y[half:], driven.accelerations(*y)
+        return Coordinates(q, u, a, unwrapped, None if driven.is_usual else solver.state(q, u, a))
+    y = legible(driven, y)
+    if not driven.has_crank:
+        unwrapped = driven.crank(y, pairs)
+    state = solver.driven_state(y[:half], y[half:], driven.torque(driven.speed(y)))
+    return own_coordinates(solver, state, unwrapped)
+
+
+def all_published(driven: DrivenMechanism, moments: list[tuple[Values, int]]) -> Coordinates:
+    """Returns the coordinates to publish at many times, as arrays; see `published`."""
+    solver = driven.solver
+    if not driven.is_own:
+        return stacked([published(driven, *moment) for moment in moments])
+    unwrapped = [with_turns(y[0], pairs) for y, pairs in moments]
+    angles = [within_two_turns(angle)[0] for angle in unwrapped]
+    (_, *y), count = np.array([y for y, _ in moments]).T, len(solver.coordinates)
+    q, u = (np.array(angles), *y[: count - 1]), tuple(y[count - 1 :])
+    a = solver.accelerations(q, u, driven.torque(u[0]), by_math=True)
+    state = None if driven.is_usual else solver.state(q, u, a, by_math=True)
+    return Coordinates(q, u, a, np.array(unwrapped), state)
+
+
+def legible(driven: DrivenMechanism, y: Values) -> Values:
+    """Rounds y so that converting it to the joint values of a message and back is exact."""
+    crank, half = driven.solver.links[0], len(y) // 2
+    values = list(y)
+    for i, link in enumerate(driven.links):
+        if link.slides or link.name == crank:
+            continue
+        # The angle of a joint on the crank is relative to the crank.
+        base, speed = (y[0], y[half]) if link.parent is not None else (0.0, 0.0)
+        for _ in range(_ROUNDINGS):
+            before = values[i], values[half + i]
+            joint = wrap(values[i] - base)
+            values[i] = base + (joint if joint > -math.pi else math.pi)  # as in messages
+            values[half + i] = speed + (values[half + i] - speed)
+            if (values[i], values[half + i]) == before:
+                break
+    return tuple(values)
+
+
+def own_coordinates(solver: Solver, state: State, unwrapped: Real) -> Coordinates:
+    """Converts a state to own coordinates; also keeps the state, as they may not determine it.
+
+    Args:
+        solver: Solver of the mechanism.
+        state: A state of floats or arrays.
+        unwrapped: Crank angle including all turns, rad.
+
+    Returns:
+        The mechanism's own coordinates with the state.
+    """
+    own = [solver.links.index(name) for name in solver.mechanism.coordinates]
+    q, u, a = (tuple(row[i] for i in own) for row in state[:3])
+    return Coordinates(q, u, a, unwrapped, state)

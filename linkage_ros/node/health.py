@@ -1,0 +1,144 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Health of a run: diagnostic statuses of motion, log and viewer."""
+
+import time
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from linkage_ros.messages.cdr import ERROR, OK, WARN, Status
+from linkage_ros.node.ticker import TickCounts
+from linkage_ros.run.commands import WINDOW
+from linkage_ros.units import NS_PER_MS, NS_PER_S
+
+# Fractions of missed ticks above which the warning starts and below which it ends. They differ, so
+# that the warning does not flicker if the fraction fluctuates around one of them.
+_OVERLOADED, _RECOVERED = 0.10, 0.05
+_BUSY = (
+    f'more than {100 * _OVERLOADED:g} % of the ticks of the last {WINDOW} s were missed: '
+    'the machine is too busy for this rate_hz, or a torque-driven crank is too fast (add '
+    'motor.damping or lower rate_hz)'
+)
+
+
+class Health(NamedTuple):
+    """Health of a log or viewer.
+
+    Attributes:
+        target: Path or URL of the log or viewer; empty if it is not used.
+        dropped: Number of items lost so far.
+        error: The error that ended the log or viewer, or None.
+        trouble: Reason why it currently accepts no items; empty if it accepts items.
+    """
+
+    target: str
+    dropped: int = 0
+    error: Exception | None = None
+    trouble: str = ''
+
+
+class HealthMonitor:
+    """Evaluates the health of a run over the last 10 s."""
+
+    def __init__(self, node: str) -> None:
+        """Starts monitoring a new run.
+
+        Args:
+            node: Name of the node, used in the names of the statuses.
+        """
+        self._node = node
+        self._is_overloaded = False
+        # Time, s, counts and parts at the start of the window and at each report since.
+        self._past: deque[tuple[float, TickCounts, dict[str, Health]]] = deque(maxlen=WINDOW + 1)
+        self._past.append((time.monotonic(), TickCounts(), {}))
+        self._last: dict[str, Status] = {}
+
+    def report(
+        self,
+        counts: TickCounts,
+        figures: dict[str, str],
+        parts: dict[str, Health],
+        troubles: Sequence[str],
+    ) -> list[Status]:
+        """Returns the statuses of the motion and of each part; call it once a second.
+
+        Args:
+            counts: Counts of ticks so far.
+            figures: Further values for the status of the motion.
+            parts: Health of log and viewer, by name.
+            troubles: Other current warnings about the motion.
+
+        Returns:
+            The status of the motion, followed by those of the parts.
+        """
+        self._past.append((time.monotonic(), replace(counts), parts))
+        return [self._motion(figures, list(troubles)), *map(self._output, parts)]
+
+    def changes(self, statuses: Sequence[Status]) -> list[Status]:
+        """Selects the statuses to log: new warnings, and the ends of warnings.
+
+        Args:
+            statuses: Statuses from the current report.
+
+        Returns:
+            The selected statuses. Errors of parts are omitted, because the parts log them.
+        """
+        last, nothing = self._last, Status(OK, '', '', {})
+        self._last = {status.name: status for status in statuses}
+        return [
+            status
+            for status in statuses
+            for before in [last.get(status.name, nothing)]
+            if status.level < before.level
+            or (status.level == WARN and status.message != before.message)
+        ]
+
+    def _motion(self, figures: dict[str, str], troubles: list[str]) -> Status:
+        (start, first, _), (now, counts, _) = self._past[0], self._past[-1]
+        kept, missed = counts.kept - first.kept, counts.missed - first.missed
+        if counts.clock_steps > first.clock_steps:
+            step = counts.last_step / NS_PER_S
+            troubles.append(f'the clock was stepped by {step:+.3f} s in the last {WINDOW} s')
+            missed = 0  # these ticks were skipped by the clock, not by a slow machine
+        limit = _RECOVERED if self._is_overloaded else _OVERLOADED
+        is_full = len(self._past) > WINDOW
+        self._is_overloaded = is_full and missed > limit * max(1, kept + missed)
+        if self._is_overloaded:
+            troubles.append(_BUSY)
+        rate = kept / (now - start)
+        if counts.start > start:  # the first tick was in this window
+            rate = (counts.kept - 1) / (now - counts.start)
+        median, p99 = np.quantile(list(counts.lateness) or [0], (0.5, 0.99))
+        values = {
+            'rate kept, Hz': f'{rate:.2f}',
+            'states': str(counts.kept),
+            'ticks missed': str(counts.missed),
+            'lateness p50, ms': f'{median / NS_PER_MS:.3f}',
+            'lateness p99, ms': f'{p99 / NS_PER_MS:.3f}',
+            'lateness max, ms': f'{counts.max_lateness / NS_PER_MS:.3f}',
+            'real-time priority': 'yes' if counts.real_time_priority else 'no',
+            'clock steps': str(counts.clock_steps),
+            **figures,
+        }
+        words = '; '.join(troubles) or f'{rate:.1f} Hz kept'
+        return Status(WARN if troubles else OK, f'{self._node}: motion', words, values)
+
+    def _output(self, part: str) -> Status:
+        past = [parts.get(part, Health('')) for _, _, parts in self._past]
+        target, dropped, error, trouble = past[-1]
+        level, words = OK, 'ok' if target else 'off'
+        if error is not None:
+            level, words = ERROR, f'failed: {error}'
+        elif trouble:
+            level, words = WARN, trouble
+        # Losses during a problem that is reported anyway need no separate warning.
+        elif dropped > past[0].dropped and not any(one.trouble for one in past):
+            level, words = WARN, f'the {part} is too slow: items were lost in the last {WINDOW} s'
+        elif dropped:
+            words = f'ok, but items were lost: {dropped}'
+        values = {'target': target, 'lost': str(dropped)}
+        return Status(level, f'{self._node}: {part}', words, values)

@@ -1,0 +1,296 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Shared code of the launch files: arguments, parameters, and actions that start programs."""
+
+import json
+import os
+import sys
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from launch import LaunchContext, LaunchDescription
+from launch.actions import DeclareLaunchArgument, LogInfo, OpaqueFunction, Shutdown
+from launch_ros.actions import Node
+
+from linkage_ros.errors import ConfigurationError
+from linkage_ros.messages.templates import ROOT_FRAME
+from linkage_ros.messages.urdf import make_urdf
+from linkage_ros.quantities import Quantity, shown
+from linkage_ros.settings.configuration import (
+    MechanismAndDrive,
+    configure,
+    parameter_leaves,
+    read_values,
+)
+from linkage_ros.settings.session import VIEWERS
+from linkage_ros.settings.unknown_names import nearest
+from linkage_ros.settings.yaml_file import read_scalar
+
+Values = dict[str, object]  # parameters of a node, by dotted name
+# Default and meaning of launch arguments, by name; an argument without default must be given.
+Arguments = dict[str, tuple[str | None, str]]
+
+# Arguments of every launch file. An empty argument leaves the parameter unchanged.
+NAMES: Arguments = {
+    'namespace': ('', 'namespace of all nodes, such as left'),
+    'use_sim_time': ('', 'true: take the time from /clock'),
+    'joint_prefix': ('', 'prefix of every joint and link name, such as left_'),
+}
+# Arguments of launch files that start robot_state_publisher.
+FRAMES: Arguments = {
+    'frame_prefix': ('', 'prefix of every tf frame, such as left/'),
+    'state_publisher': ('true', 'false: do not start robot_state_publisher'),
+}
+OUTPUTS: Arguments = {
+    'log': ('', '.mcap file to write'),
+    'log_overwrite': ('', 'true: replace an existing log or .rrd file'),
+    'viewer': ('', VIEWERS),
+}
+# Arguments that are strings even if they look like numbers.
+_TEXTS = ('log', 'viewer', 'joint_prefix', 'effort_command_topic', 'crank_joint', 'frame_id')
+_COMMON = ('use_sim_time', 'joint_prefix', *OUTPUTS)
+# Limit of the rate of tf, Hz. At the default of 20 Hz, a crank at 150 rpm turns by 45 deg between
+# two transforms.
+_TF_RATE = 200.0
+
+
+def description(arguments: Arguments, start: Callable[[dict[str, str]], list[Any]]) -> Any:
+    """Builds the launch description of a launch file.
+
+    Args:
+        arguments: Arguments of the launch file.
+        start: Function that takes the values of the arguments by name and returns the actions.
+
+    Returns:
+        The launch description.
+    """
+
+    def begin(context: LaunchContext) -> list[Any]:
+        _require_known(arguments, Path(start.__code__.co_filename).name)
+        return start({name: context.launch_configurations[name] for name in arguments})
+
+    declared = (
+        DeclareLaunchArgument(name, default_value=default, description=meaning)
+        for name, (default, meaning) in arguments.items()
+    )
+    return LaunchDescription([*declared, OpaqueFunction(function=begin)])
+
+
+def _require_known(arguments: Arguments, file: str) -> None:
+    """Rejects misspelt launch arguments, which `ros2 launch` ignores.
+
+    Args:
+        arguments: Arguments of the launch file.
+        file: Name of the launch file. If another file includes it, the command line is for that.
+
+    Raises:
+        ConfigurationError: The command line of `ros2 launch` has an unknown argument.
+    """
+    names = [word.partition(':=')[0] for word in sys.argv if ':=' in word]
+    unknown = [name for name in names if name not in arguments]
+    if unknown and file in [Path(word).name for word in sys.argv]:
+        near = nearest(unknown[0], arguments)
+        raise ConfigurationError(
+            f'{shown(unknown[0])} is not an argument of {file}: '
+            f'{f"did you mean {near}? It" if near else "it"} has {", ".join(arguments)}'
+        )
+
+
+def given(arguments: Mapping[str, str], names: Iterable[str]) -> Values:
+    """Returns the parameters set by launch arguments.
+
+    Args:
+        arguments: Argument strings by name; empty strings set no parameter.
+        names: Names of the arguments that are parameters.
+
+    Returns:
+        The values by name, with the same types as with `-p NAME:=VALUE`.
+    """
+    texts = {name: arguments[name] for name in names if arguments[name]}
+    return {name: text if name in _TEXTS else read_scalar(text) for name, text in texts.items()}
+
+
+def is_asked_for(arguments: Mapping[str, str], name: str) -> bool:
+    """Returns whether a launch switch, such as rviz, is on.
+
+    Raises:
+        ConfigurationError: The value is neither true nor false.
+    """
+    switch = Quantity('switch', name)
+    return switch.clean(name, given(arguments, [name]).get(name, False)) is True
+
+
+def follow(arguments: Mapping[str, str]) -> tuple[Values, Values]:
+    """Returns the parameters of a node that follows a measured crank, as `demo` does.
+
+    Parameters of the file that do not apply to a measured crank are left out, because a preset
+    defines the motion of its crank.
+    """
+    names = (
+        'follow_bandwidth', 'effort_command_topic', 'lead_time', 'crank_joint', 'frame_id',
+        *_COMMON,
+    )  # fmt: skip
+    file = read_values(arguments['params'], arguments['namespace'])
+    configure(file)
+    kind = MechanismAndDrive.of({'mechanism': 'four_bar', **file, 'drive': 'follow'})
+    known = {leaf.name for leaf in parameter_leaves(kind)}
+    kept = {name: value for name, value in file.items() if name in known}
+    return _linkage({**kept, 'drive': 'follow', **given(arguments, names)}, arguments)
+
+
+def demo(arguments: Mapping[str, str]) -> tuple[Values, Values]:
+    """Returns the parameters of the demo: values of the file, overridden by arguments.
+
+    They are passed to the node instead of the file, because in rcl the precedence of file sections
+    and arguments depends on their order.
+
+    Args:
+        arguments: All arguments of demo.launch.py.
+
+    Returns:
+        The parameters of linkage_node and those of robot_state_publisher.
+
+    Raises:
+        ConfigurationError: The file or a value cannot be used.
+    """
+    file = read_values(arguments['params'], arguments['namespace'])
+    return _linkage({**file, **given(arguments, ('rpm', *_COMMON))}, arguments)
+
+
+def _linkage(values: Values, arguments: Mapping[str, str]) -> tuple[Values, Values]:
+    configuration = configure(values)
+    session, prefix = configuration.session, arguments['frame_prefix']
+    publisher = {
+        'robot_description': make_urdf(
+            configuration.mechanism, session.joint_prefix, session.frame_id
+        ),
+        'frame_prefix': prefix,
+        'publish_frequency': _TF_RATE,
+        'use_sim_time': values.get('use_sim_time', False),
+    }
+    return {**values, 'frame_id': prefix + session.frame_id}, publisher
+
+
+def program(
+    name: str,
+    namespace: str,
+    values: Mapping[str, object],
+    remappings: Sequence[tuple[str, str]] = (),
+) -> Any:
+    """Returns an action that starts a program of this package; its exit ends the launch.
+
+    Args:
+        name: Name of the executable.
+        namespace: Namespace of its node.
+        values: Parameters of the node.
+        remappings: Topic names and their replacements.
+
+    Returns:
+        The action.
+    """
+    return Node(
+        package='linkage_ros',
+        executable=name,
+        namespace=namespace,
+        parameters=[parameter_file(values)],
+        remappings=list(remappings),
+        output='screen',
+        on_exit=_end,
+    )
+
+
+def state_publisher(
+    arguments: Mapping[str, str],
+    values: Mapping[str, object],
+    remappings: Sequence[tuple[str, str]] = (),
+) -> list[Any]:
+    """Returns an action that starts robot_state_publisher if it is installed and not switched off.
+
+    Args:
+        arguments: All arguments of the launch file.
+        values: Parameters of the node.
+        remappings: Topic names and their replacements.
+
+    Returns:
+        The action, or nothing.
+    """
+    if not is_asked_for(arguments, 'state_publisher'):
+        return []
+    # Otherwise both nodes would publish robot_description as latched messages; the log contains
+    # that of linkage_node.
+    own = 'robot_description', 'robot_state_publisher/robot_description'
+    publisher = Node(
+        package='robot_state_publisher',
+        executable='robot_state_publisher',
+        namespace=arguments['namespace'],
+        parameters=[parameter_file(values)],
+        remappings=[own, *remappings],
+    )
+    return [where_installed('robot_state_publisher', 'tf', publisher)]
+
+
+def where_installed(package: str, feature: str, action: Any) -> Any:
+    """Replaces an action by a message if the ROS package that it needs is missing.
+
+    Args:
+        package: Name of the package.
+        feature: The feature that needs the package.
+        action: Action that needs the package.
+
+    Returns:
+        The action, or one that prints what to install.
+    """
+    prefixes = filter(None, os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep))
+    index = Path('share', 'ament_index', 'resource_index', 'packages', package)
+    if any(Path(prefix, index).is_file() for prefix in prefixes):
+        return action
+    debian = f'ros-jazzy-{package.replace("_", "-")}'
+    words = f'{package} is not installed, so there is no {feature}: sudo apt install {debian}'
+    return LogInfo(msg=words)
+
+
+def parameter_file(values: Mapping[str, object]) -> str:
+    """Writes parameters to a file, because launch_ros would convert the string 1e3 to a number.
+
+    Args:
+        values: Values by dotted name, for any node.
+
+    Returns:
+        Path of the file, which exists until this process ends.
+    """
+    return _file_in_memory(json.dumps({'/**': {'ros__parameters': values}}))
+
+
+def rviz_file(template: Path, fixed_frame: str, frame_prefix: str) -> str:
+    """Adapts the RViz configuration to the frames of a launch.
+
+    Args:
+        template: RViz configuration for a linkage without prefixes.
+        fixed_frame: Name of the tf frame of the link that carries the fixed pivots.
+        frame_prefix: Frame prefix of robot_state_publisher. A trailing '/' is removed, because
+            RViz adds one.
+
+    Returns:
+        Path of a file, which exists until this process ends.
+    """
+    text = template.read_text(encoding='utf-8').replace(ROOT_FRAME, fixed_frame)
+    prefix = f"TF Prefix: '{frame_prefix.removesuffix('/')}'"
+    return _file_in_memory(text.replace("TF Prefix: ''", prefix))
+
+
+def _file_in_memory(text: str) -> str:
+    descriptor = os.memfd_create('linkage_ros')
+    os.write(descriptor, text.encode())
+    return f'/proc/{os.getpid()}/fd/{descriptor}'
+
+
+def _end(event: Any, _: LaunchContext) -> list[Any]:
+    """Ends the launch when a process ends.
+
+    Raises:
+        RuntimeError: The process failed; `ros2 launch` then ends with exit code 1.
+    """
+    if event.returncode:
+        raise RuntimeError(f'{event.process_name} ended with exit code {event.returncode}')
+    return [Shutdown(reason=f'{event.process_name} ended')]

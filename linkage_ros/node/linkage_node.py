@@ -1,0 +1,239 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""linkage_node: runs a mechanism on ROS 2, and publishes its states and driving torque."""
+
+import sys
+import time
+
+from rclpy.clock import Clock, ClockType
+
+from linkage_ros import cli
+from linkage_ros.errors import LinkageError
+from linkage_ros.mechanism.kinematics import State
+from linkage_ros.messages.cdr import WARN, encode_diagnostics
+from linkage_ros.messages.topics import (
+    DIAGNOSTICS,
+    ROBOT_DESCRIPTION,
+    SIMULATED_CLOCK,
+    Topic,
+)
+from linkage_ros.motion.at_speed import SpeedMotion
+from linkage_ros.motion.drives import FollowDrive
+from linkage_ros.motion.segments import Coordinates, Segment
+from linkage_ros.motion.under_torque import Motion, TorqueMotion
+from linkage_ros.node.health import HealthMonitor
+from linkage_ros.node.outputs import Outputs
+from linkage_ros.node.parameters import ParameterNode, given_values
+from linkage_ros.node.process import reported_as_configuration, run_program
+from linkage_ros.node.ticker import RealTimeTicker, SimTimeTicker, Ticker
+from linkage_ros.node.topics import (
+    PolledSubscription,
+    StatePublisher,
+    create_publisher,
+    read_clock,
+    require_distinct,
+    wait_for_subscribers,
+)
+from linkage_ros.node.workers import freeze_heap
+from linkage_ros.quantities import build, flatten
+from linkage_ros.run.commands import CrankTrajectory, inputs_of
+from linkage_ros.run.states import Simulator, Snapshot
+from linkage_ros.settings.command_lines import node_parser
+from linkage_ros.settings.configuration import configure, parameter_leaves, preset_note
+from linkage_ros.settings.help import summary
+from linkage_ros.settings.session import SpeedFeedForward
+from linkage_ros.units import NS_PER_MS
+
+_NAME = 'linkage_node'
+
+
+class LinkageNode(ParameterNode):
+    """Publishes the states of a mechanism.
+
+    Published topics: those of the simulator, while they have subscribers; robot_description;
+    and /diagnostics, once a second.
+    Subscribed topics: /clock, if use_sim_time is true; commands or measurements, depending on the
+    drive.
+    Parameters: those of the configuration. rpm and motor.torque may be set at any time.
+    """
+
+    def __init__(self, stop: cli.Stop) -> None:
+        super().__init__(_NAME)
+        given = given_values(self)
+        configuration = configure(given)
+        self._stop, self._drive = stop, configuration.drive  # set_live replaces the drive
+        values = configuration.parameters()
+        values.setdefault('start_rpm', values.get('rpm'))  # the effective default
+        self.declare(parameter_leaves(configuration.kind), values)
+        self._simulator = simulator = Simulator(configuration)
+        simulator.prepare_live()
+        self._motion: Motion | None = None
+        self._segment: Segment | None = None  # the last logged segment
+        self._state: State | None = None
+        others, heard = [ROBOT_DESCRIPTION, DIAGNOSTICS], inputs_of(simulator)
+        self._ahead: CrankTrajectory | None = None
+        if isinstance(self._drive, SpeedFeedForward) and self._drive.trajectory_command_topic:
+            self._ahead = CrankTrajectory(simulator, self._drive)
+            others.append(self._ahead.topic)
+        with reported_as_configuration():  # a topic name may be invalid
+            require_distinct(self, [*heard, *simulator.topics, *others])
+            self._states = [StatePublisher(self, topic) for topic in simulator.topics]
+            self._others = {topic.name: create_publisher(self, topic) for topic in others}
+        self._outputs = Outputs(self, simulator, [*others, *heard])
+        self._inputs = [
+            (PolledSubscription(self, topic, source.read, self._outputs.write), source)
+            for topic, source in heard.items()
+        ]
+        self._ticker = self._make_ticker()
+        name = self.get_fully_qualified_name().lstrip('/')
+        self._monitor = HealthMonitor(name)
+        self.get_logger().info(preset_note(given) + summary(configuration, simulator.solver))
+        wait_for_subscribers([state.publisher for state in self._states])
+        freeze_heap()
+        # Reports use real time, because simulated time may be paused.
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._report_timer = self.create_timer(1.0, self._report, clock=steady)
+
+    def _make_ticker(self) -> Ticker:
+        callbacks = self._simulator, self._tick, self._restamp, self._fail
+        if isinstance(self._drive, FollowDrive):
+            ((measured, _),) = self._inputs
+            return Ticker(
+                self._simulator, self._answer, self._restamp, self._fail, measured.receive
+            )
+        if not self.get_parameter('use_sim_time').value:
+            return RealTimeTicker(*callbacks)
+        clock = PolledSubscription(self, SIMULATED_CLOCK, read_clock, lambda *_: None)
+        return SimTimeTicker(*callbacks, clock.receive)
+
+    def work(self) -> int:
+        """Runs the motion until the end is requested; returns the exit code."""
+        # Publish this before the first tick, for which simulated time may have to wait.
+        self._publish(ROBOT_DESCRIPTION, self._simulator.description)
+        self._ticker.start()
+        self._stop.wait()
+        ended = self._ticker.stop(self._stop.join)
+        self._report_timer.cancel()  # no messages after the closing line
+        try:
+            if ended:
+                self._report()
+            else:
+                self.get_logger().error('a tick hangs, and the node ends without it')
+            self._report_totals()
+        finally:
+            succeeded = self._outputs.close(self._stop.join)
+        return 0 if succeeded and ended and not self._ticker.error else 1
+
+    def _report_totals(self) -> None:
+        counts, health = self._ticker.counts, self._outputs.health()
+        lost = [
+            f', {one.dropped} lost to the {part}' for part, one in health.items() if one.dropped
+        ]
+        self.get_logger().info(
+            f'{cli.counted(counts.kept, "state")}, '
+            f'{cli.counted(counts.missed, "tick")} missed, '
+            f'{cli.counted(counts.clock_steps, "clock step")}, latest tick '
+            f'{counts.max_lateness / NS_PER_MS:.1f} ms late{"".join(lost)}'
+        )
+
+    def _tick(self, stamp: int) -> None:
+        """Computes and publishes the state of a tick; runs in the ticker's thread."""
+        motion = self._motion or self._continue(self._simulator.begin(self._ticker.t0))
+        motion = self._continue(motion.follow(stamp, self._drive))
+        if isinstance(motion, TorqueMotion):
+            for subscription, commands in self._inputs:
+                elapsed = stamp - self._ticker.t0
+                motion.command(stamp, commands.torque(elapsed, subscription.take()))
+        snapshot = self._simulator.snapshot_at(motion, stamp)
+        self._continue(motion)  # the description may change here
+        self._show(snapshot)
+        if self._ahead and isinstance(motion, SpeedMotion):
+            message = self._ahead.message_at(motion, stamp)
+            if message is not None:
+                self._publish(self._ahead.topic, message)
+
+    def _answer(self, stamp: int, coordinates: Coordinates) -> None:
+        """Publishes the state of a measurement; runs in the ticker's thread."""
+        ahead = self._simulator.later(coordinates)
+        self._show(self._simulator.snapshot(stamp, coordinates, ahead))
+
+    def _continue(self, motion: Motion) -> Motion:
+        """Sets the current motion, and logs its segment if it is new."""
+        if motion.segment is not self._segment:
+            self._segment = motion.segment
+            self._outputs.log(self._segment, keep=True)
+        self._motion = motion
+        return motion
+
+    def _restamp(self, old: int, new: int) -> None:
+        if self._motion is not None:
+            self._continue(self._motion.restamp(old, new))
+
+    def _show(self, snapshot: Snapshot) -> None:
+        """Publishes, logs and shows a state."""
+        self._state = snapshot.state
+        row = snapshot.row(time.time_ns())
+        bodies = snapshot.layout.bodies
+        for state, body in zip(self._states, bodies, strict=True):
+            if state.is_heard:
+                state.publisher.publish(row[body])
+        self._outputs.log(row)
+        self._outputs.show(row[bodies[0]])
+
+    def _publish(self, topic: Topic, message: bytes) -> None:
+        """Publishes and logs a message that is not part of a state."""
+        self._others[topic.name].publish(message)
+        self._outputs.write(time.time_ns(), topic, message)
+
+    def set_live(self, name: str, value: float) -> None:
+        """Sets rpm or motor.torque, with effect from the next tick on."""
+        self._drive = build(type(self._drive), {**flatten(self._drive), name: value})
+
+    def _report(self) -> None:
+        """Publishes the diagnostics, and logs new warnings and the ends of warnings."""
+        for state in self._states:
+            state.count()
+        is_waiting = isinstance(self._ticker, SimTimeTicker) and not self._state
+        troubles, figures = ['waiting for /clock'] * is_waiting, self._figures()
+        for subscription, source in self._inputs:
+            troubles += source.troubles(subscription.name)
+            figures.update(source.diagnostics())
+        health = self._outputs.health()
+        statuses = self._monitor.report(self._ticker.counts, figures, health, troubles)
+        logger = self.get_logger()
+        for status in self._monitor.changes(statuses):
+            if status.level == WARN:
+                logger.warning(status.message)
+            else:
+                logger.info(status.message)
+        now = self.get_clock().now().nanoseconds  # 0 until the first /clock message
+        hardware = self._simulator.configuration.kind.mechanism
+        self._publish(DIAGNOSTICS, encode_diagnostics(now, hardware, statuses))
+
+    def _figures(self) -> dict[str, str]:
+        if self._state is None:
+            return {}
+        residual = self._simulator.solver.structure.loop_residual(self._state)
+        return {
+            'crank speed, rad/s': f'{self._state.velocity[0]:.6g}',
+            'driving torque, N m': f'{self._state.torque:.6g}',
+            'loop residual, m': f'{residual:.3g}',
+        }
+
+    def _fail(self, error: BaseException) -> None:
+        kind = (
+            ''
+            if isinstance(error, LinkageError)
+            else f'the motion ends here: {type(error).__name__}: '
+        )
+        self.get_logger().fatal(f'{kind}{error}')
+        self._stop.set()
+
+
+def main() -> int:
+    """Runs `linkage_node`; returns the exit code."""
+    return cli.run(_NAME, lambda: run_program(sys.argv, node_parser(), LinkageNode))
+
+
+if __name__ == '__main__':
+    sys.exit(cli.leave(main()))

@@ -1,0 +1,166 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Log and live view of a node: the messages that it publishes and receives."""
+
+from collections.abc import Callable, Iterable
+from ipaddress import ip_address
+from typing import Any
+
+from rclpy.node import Node
+
+from linkage_ros import cli
+from linkage_ros.errors import LogError
+from linkage_ros.messages.topics import Topic
+from linkage_ros.node.health import Health
+from linkage_ros.node.workers import DiskSync, Worker, accompany_ticker
+from linkage_ros.run.states import Simulator
+from linkage_ros.settings.session import SPAWN, WEB
+
+# Queue lengths: for a stalled disk, enough for half a minute at 1 kHz; for a slow viewer.
+_LOG_CAPACITY, _VIEW_CAPACITY = 30_000, 4_000
+# s between batches, each of which is a chunk. A killed run loses at most this time plus delays of
+# a busy machine; the documentation promises 0.3 s. Between batches, the thread's code and data
+# leave the processor's caches, so that smaller batches cost two to three times as much.
+_LOG_PERIOD = 0.15
+# s between syncs to the disk, which limit the loss in a power cut.
+_SYNC_PERIOD = 1.0
+_LOG_CLOSE_SECONDS, _VIEW_CLOSE_SECONDS = 30.0, 5.0
+
+
+class Outputs:
+    """Log and live view of a run, if configured, in separate threads; any thread may add to them.
+
+    MCAP and Rerun are imported when they are needed, because they are optional.
+
+    Attributes:
+        log: Function that queues an item for the `LogWriter`, such as the row of a state; with
+            keep=True, the item is never dropped.
+    """
+
+    def __init__(self, node: Node, simulator: Simulator, others: Iterable[Topic]) -> None:
+        """Opens log and view.
+
+        Args:
+            node: Node whose logger reports errors and the view's address.
+            simulator: Simulator that makes the states.
+            others: Topics of the log, published or received, other than those of the states.
+
+        Raises:
+            ViewerError: The view cannot be opened.
+            LogError: The log cannot be created.
+            ImportError: MCAP or Rerun is not installed.
+        """
+        self._node, self._session = node, simulator.configuration.session
+        self._workers: dict[str, Worker[Any]] = {}
+        self._channels: dict[str, int] = {}
+        self._view: Any = None
+        if self._session.viewer:
+            self._open_view(simulator)
+        self.log: Callable[..., None] = lambda *_, **__: None
+        if self._session.log:
+            try:
+                self._open_log(simulator, others)
+            except (LogError, ImportError):
+                if self._view:
+                    self._workers['viewer'].close(_VIEW_CLOSE_SECONDS)
+                    self._view.discard()
+                raise
+            self.log = self._workers['log'].offer
+
+    def _open_view(self, simulator: Simulator) -> None:
+        from linkage_ros.view.rerun_view import View
+
+        session, logger = self._session, self._node.get_logger()
+        self._view = view = View(
+            simulator.configuration,
+            session.viewer,
+            session.viewer_bind,
+            overwrite=session.log_overwrite,
+        )
+        if view.page:
+            logger.info(f'watch it in a browser: {view.page}')
+        if session.viewer in (SPAWN, WEB) and not ip_address(session.viewer_bind).is_loopback:
+            logger.warning(
+                f'the view is served at {session.viewer_bind} to every host that can reach it; '
+                'viewer_bind = 127.0.0.1 restricts it to this machine'
+            )
+        self._start(
+            'viewer', view, _VIEW_CAPACITY, view.period, 'the run continues without a view'
+        )
+
+    def _open_log(self, simulator: Simulator, others: Iterable[Topic]) -> None:
+        from linkage_ros.log.records import Gap
+        from linkage_ros.log.writer import LogWriter
+
+        path, resolve = self._session.log, self._node.resolve_topic_name
+        log = LogWriter(path, simulator.configuration, overwrite=self._session.log_overwrite)
+        log.add_states(simulator.layout, [(t, resolve(t.name)) for t in simulator.topics])
+        self._channels = {t.name: log.add_topic(t, resolve(t.name)) for t in others}
+        ended = 'the run continues without a log'
+        self._start('log', log, _LOG_CAPACITY, _LOG_PERIOD, ended, gap=Gap)
+        # A slow sync must not delay the flushes.
+        sync = DiskSync(path, log.file.stream.fileno())
+        self._start('sync', sync, 1, _SYNC_PERIOD, 'a power cut may lose part of the log')
+
+    def _start(
+        self,
+        name: str,
+        consumer: Any,
+        capacity: int,
+        period: float,
+        consequence: str,
+        gap: Callable[[int], Any] | None = None,
+    ) -> None:
+        """Starts the thread of a consumer; `consequence` describes the effect of a failure."""
+        logger = self._node.get_logger()
+        self._workers[name] = Worker(
+            name, consumer, capacity=capacity, period=period, on_start=accompany_ticker,
+            on_error=lambda error: logger.error(f'{consequence}: {error}'), gap=gap,
+        )  # fmt: skip
+
+    def write(self, stamp: int, topic: Topic, message: bytes) -> None:
+        """Logs a message.
+
+        Args:
+            stamp: Time of publishing or receipt, ns.
+            topic: One of the `others` given to the constructor.
+            message: CDR bytes.
+        """
+        if self._channels:
+            # A latched message is not repeated.
+            self.log((self._channels[topic.name], stamp, message), keep=topic.latched)
+
+    def show(self, joint_states: bytes) -> None:
+        """Shows the state in a message on joint_states, given as CDR bytes."""
+        if self._view:
+            self._workers['viewer'].offer((0, joint_states))
+
+    def health(self) -> dict[str, Health]:
+        """Returns the health of log and viewer, by name."""
+        workers, session = self._workers, self._session
+        found = {'log': Health(''), 'viewer': Health('')}
+        if session.log:
+            log = workers['log']
+            found['log'] = Health(session.log, log.dropped, log.error or workers['sync'].error)
+        if session.viewer:
+            # States are lost before they reach the view, and in the view if the viewer lags.
+            viewer, view = workers['viewer'], self._view
+            lost = viewer.dropped + view.dropped
+            found['viewer'] = Health(session.viewer, lost, viewer.error, view.trouble)
+        return found
+
+    def close(self, join: Callable[..., object]) -> bool:
+        """Completes log and view; returns whether the log succeeded.
+
+        Args:
+            join: Waits for a thread, with a time limit.
+        """
+        # The sync is closed last, after all data are written.
+        workers = [self._workers[name] for name in ('log', 'sync') if name in self._workers]
+        closed = all(worker.close(_LOG_CLOSE_SECONDS, join) for worker in workers)
+        if not closed:
+            words = 'the disk hangs: the log is incomplete; linkage_log recover saves its contents'
+            cli.print_error(self._node.get_name(), words)
+        if self._view:
+            self._workers['viewer'].close(_VIEW_CLOSE_SECONDS, join)
+        return closed and self.health()['log'].error is None

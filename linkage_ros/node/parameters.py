@@ -1,0 +1,117 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Declares quantities as parameters of an rclpy node: descriptors, checks, live changes."""
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    ParameterDescriptor,
+    ParameterType,
+    SetParametersResult,
+)
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from linkage_ros.node.process import rclpy_internals, reported_as_configuration
+from linkage_ros.quantities import Leaf, Quantity
+from linkage_ros.settings.configuration import without_ros_parameters
+
+_TYPES = {
+    'number': ParameterType.PARAMETER_DOUBLE,
+    'pair': ParameterType.PARAMETER_DOUBLE_ARRAY,
+    'list': ParameterType.PARAMETER_DOUBLE_ARRAY,
+    'choice': ParameterType.PARAMETER_STRING,
+    'text': ParameterType.PARAMETER_STRING,
+    'switch': ParameterType.PARAMETER_BOOL,
+}
+
+
+def given_values(node: Node) -> dict[str, object]:
+    """Returns the node's own parameters that command line and parameter files set, by name."""
+    with rclpy_internals():
+        # The public automatic declaration refuses empty lists and accepts use_sim_time: 7.
+        overrides = node._parameter_overrides  # noqa: SLF001
+    return without_ros_parameters({name: p.value for name, p in overrides.items()})
+
+
+class ParameterNode(Node):  # type: ignore[misc]  # rclpy has no types
+    """A node whose parameters are quantities.
+
+    A read-only parameter may be set to its current value, so that `ros2 param load` accepts the
+    output of `ros2 param dump`.
+    """
+
+    def __init__(self, name: str, **options: Any) -> None:
+        """Creates the node.
+
+        Args:
+            name: Name of the node.
+            options: Options of `rclpy.node.Node`.
+
+        Raises:
+            ConfigurationError: rclpy refuses a name or value of the command line.
+        """
+        with reported_as_configuration():
+            super().__init__(name, **options)
+        self._live: set[str] = set()
+
+    def set_live(self, name: str, value: float) -> None:
+        """Handles a change of a live parameter; subclasses override this."""
+
+    def declare(self, parameters: Iterable[Leaf], values: Mapping[str, object]) -> None:
+        """Declares parameters with their current values.
+
+        Args:
+            parameters: Names and quantities.
+            values: Checked values, including the overrides of the node.
+        """
+        for name, quantity, _ in parameters:
+            # A parameter that is None has no value, and rclpy cannot dump it.
+            if name in values:
+                # The overrides are in the values; rclpy would refuse 60 for 60.0.
+                descriptor = _descriptor(name, quantity)
+                self.declare_parameter(name, values[name], descriptor, ignore_override=True)
+                if quantity.live:
+                    self._live.add(name)
+
+    def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
+        """Sets all parameters or none; all services that set parameters call this method.
+
+        Args:
+            parameter_list: The parameters; those that would not change are ignored.
+
+        Returns:
+            The result for all parameters.
+        """
+        changed = []
+        for given in parameter_list:
+            is_whole = given.name in self._live and given.type_ == Parameter.Type.INTEGER
+            new = Parameter(given.name, value=float(given.value)) if is_whole else given
+            old = self.get_parameter(new.name) if self.has_parameter(new.name) else None
+            if old is None or new.get_parameter_value() != old.get_parameter_value():
+                changed.append(new)
+        if any(parameter.name == 'use_sim_time' for parameter in changed):
+            reason = 'use_sim_time is read when the node starts: start it again'
+            return SetParametersResult(successful=False, reason=reason)
+        result = super().set_parameters_atomically(changed)
+        for parameter in changed:
+            if result.successful and parameter.name in self._live:
+                self.set_live(parameter.name, parameter.value)
+        return result
+
+
+def _descriptor(name: str, quantity: Quantity) -> ParameterDescriptor:
+    """Makes the descriptor for `ros2 param describe`: meaning, unit, range, and read-only flag."""
+    unit = f' [{quantity.unit}]' if quantity.unit else ''
+    is_number = quantity.kind == 'number'
+    span = FloatingPointRange(from_value=quantity.low, to_value=quantity.high)
+    return ParameterDescriptor(
+        name=name,
+        type=_TYPES[quantity.kind],
+        description=quantity.meaning + unit,
+        additional_constraints='' if is_number or quantity.valid == 'text' else quantity.valid,
+        read_only=not quantity.live,
+        floating_point_range=[span] if is_number else [],
+    )

@@ -1,0 +1,243 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Topics of a node: publishers of CDR bytes, subscriptions to commands and measurements."""
+
+import time
+from collections.abc import Callable, Collection, Iterable, Iterator
+from importlib import import_module
+from typing import Any
+
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+from linkage_ros.errors import ConfigurationError
+from linkage_ros.messages.cdr import LARGEST_COMMAND, stamp_of
+from linkage_ros.messages.topics import Topic
+from linkage_ros.node.process import Throttle, rclpy_internals
+from linkage_ros.units import NS_PER_S, TIME_END
+
+# Time limit, s, for subscribers to discover a node, and time for the others to match.
+_DISCOVERY_SECONDS, _MATCH_SECONDS = 0.8, 0.2
+# Queue length of commands between ticks, which bounds the cost of a flood: older commands are
+# dropped. It is also the queue length of /clock, and large enough for a burst.
+_DEPTH = 100
+_PATIENCE = 0.1  # s, longest wait for a message, by which the end of a node is delayed
+# Number of causes of rejection that are counted separately between two reports. Causes contain
+# received names and values, so a flood of messages may have any number of them.
+_CAUSES = 5
+# Topics of every rclpy node.
+_ROS_TOPICS = ('/rosout', '/parameter_events')
+
+
+def message_class(name: str) -> Any:
+    """Imports the Python class of a message type such as 'std_msgs/msg/Float64'."""
+    package, _, kind = name.split('/')
+    return getattr(import_module(f'{package}.msg'), kind)
+
+
+def create_publisher(node: Node, topic: Topic, **options: Any) -> Publisher:
+    """Creates a publisher of CDR bytes with the topic's quality of service.
+
+    Args:
+        node: The node.
+        topic: Name, type and quality of service.
+        options: Options of `rclpy.node.Node.create_publisher`.
+
+    Returns:
+        The publisher.
+    """
+    durability = DurabilityPolicy.TRANSIENT_LOCAL if topic.latched else DurabilityPolicy.VOLATILE
+    qos = QoSProfile(
+        depth=topic.depth, reliability=ReliabilityPolicy.RELIABLE, durability=durability
+    )
+    return node.create_publisher(message_class(topic.interface.name), topic.name, qos, **options)
+
+
+class StatePublisher:
+    """Publishes a topic while it has subscribers.
+
+    The subscribers are counted only when they change, because counting takes as long as
+    publishing.
+
+    Attributes:
+        publisher: Publisher of CDR bytes.
+        is_heard: Whether there were subscribers when they were last counted.
+    """
+
+    def __init__(self, node: Node, topic: Topic) -> None:
+        events = PublisherEventCallbacks(matched=self.count)  # a subscriber came or went
+        self.publisher = create_publisher(node, topic, event_callbacks=events)
+        self.is_heard = True
+
+    def count(self, *_: object) -> None:
+        """Counts the subscribers."""
+        self.is_heard = self.publisher.get_subscription_count() > 0
+
+
+def require_distinct(node: Node, topics: Iterable[Topic]) -> None:
+    """Raises an error if two topics of a node have the same name.
+
+    Args:
+        node: Node that resolves the names by its namespace and remappings.
+        topics: Topics of the node, the subscribed topics first.
+
+    Raises:
+        ConfigurationError: Two topics have the same name.
+    """
+    taken = {node.resolve_topic_name(name): name for name in _ROS_TOPICS}
+    for topic in topics:
+        name, resolved = topic.name, node.resolve_topic_name(topic.name)
+        label = f'{topic.parameter} = {name}' if topic.parameter else name
+        if resolved in taken:
+            both = f'{taken[resolved]} and {label}'
+            remapping = f'give {name} another name, -r {name}:=linkage/{name.lstrip("/")}'
+            # A remapping would affect a parameter's topic, too.
+            cure = 'change the parameter' if ' = ' in both else remapping
+            raise ConfigurationError(f'{both} are the same topic, {resolved}: {cure}')
+        taken[resolved] = label
+
+
+def wait_for_subscribers(
+    publishers: Collection[Publisher],
+    patience: float = _DISCOVERY_SECONDS,
+    settle: float = _MATCH_SECONDS,
+) -> bool:
+    """Waits until existing subscribers have discovered a node, so that they miss no message.
+
+    Args:
+        publishers: Publishers of the node.
+        patience: Time limit for the first subscriber, s.
+        settle: Additional time for other subscribers, s.
+
+    Returns:
+        Whether there is a subscriber.
+    """
+    end = time.monotonic() + patience
+    while time.monotonic() < end:
+        if any(publisher.get_subscription_count() for publisher in publishers):
+            time.sleep(settle)
+            return True
+        time.sleep(0.01)
+    return False
+
+
+class _PolledGroup(ReentrantCallbackGroup):  # type: ignore[misc]  # rclpy has no types
+    """Hides a subscription from the executor.
+
+    Otherwise each message would wake the executor's thread, which then competes with the tick
+    thread for the interpreter: at 10 kHz, five of six ticks were missed.
+    """
+
+    def can_execute(self, _: object) -> bool:
+        """Returns False: no entity of this group is for the executor."""
+        return False
+
+
+class PolledSubscription:
+    """Keeps the last messages of a topic until the tick thread takes them.
+
+    The subscription is best effort and volatile, so that it is compatible with every publisher.
+    Lost messages are not sent again. It has no event handlers: with Fast DDS, an executor that
+    waits for an event of a subscription wakes up continuously while a message is queued.
+
+    Attributes:
+        name: Resolved name of the topic.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        topic: Topic,
+        read: Callable[[bytes, int], Any],
+        log: Callable[[int, Topic, bytes], None],
+    ) -> None:
+        """Creates the subscription.
+
+        Args:
+            node: Node of the subscription.
+            topic: Topic to subscribe to.
+            read: Decodes a message, given its time of receipt, ns; raises a ValueError to reject
+                it, with the cause, which may be followed by a colon and details.
+            log: Called for each message with time of receipt, ns, topic, and CDR bytes.
+
+        Raises:
+            ConfigurationError: This version of rclpy differs from that of ROS 2 Jazzy.
+        """
+        self.name, self._logger = node.resolve_topic_name(topic.name), node.get_logger()
+        self._topic, self._read, self._log = topic, read, log
+        self._kind, self._depth = message_class(topic.interface.name), max(topic.depth, _DEPTH)
+        # Number of rejected messages since the last report, and the last error, by cause.
+        self._rejected: dict[str, tuple[int, str]] = {}
+        self._throttle = Throttle()
+        qos = QoSProfile(depth=self._depth, reliability=ReliabilityPolicy.BEST_EFFORT)
+        self._subscription = node.create_subscription(
+            self._kind, topic.name, lambda _: None, qos, raw=True, callback_group=_PolledGroup(),
+            event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
+        )  # fmt: skip
+        with rclpy_internals():
+            # rclpy has no public way to take a message or to wait for one without an executor,
+            # which takes 0.3 ms for each message.
+            from rclpy.impl.implementation_singleton import rclpy_implementation
+
+            self._wait_set = rclpy_implementation.WaitSet(1, 0, 0, 0, 0, 0, node.context.handle)
+            self._take = self._subscription.handle.take_message
+
+    def receive(self) -> Iterator[Any]:
+        """Waits briefly for messages; reads them, and yields the results of accepted messages."""
+        handle = self._subscription.handle
+        with handle:
+            self._wait_set.clear_entities()
+            self._wait_set.add_subscription(handle)
+            self._wait_set.wait(round(_PATIENCE * NS_PER_S))
+        yield from self.take()
+
+    def take(self) -> Iterator[Any]:
+        """Reads the queued messages; yields the results of accepted messages."""
+        handle = self._subscription.handle
+        for _ in range(self._depth):  # a flood of messages must not block the thread
+            with handle:
+                found = self._take(self._kind, True)
+            if not found:
+                break
+            data, info = found
+            received = info['received_timestamp'] or time.time_ns()
+            if len(data) <= LARGEST_COMMAND:  # a message of megabytes would exceed a log's chunks
+                self._log(received, self._topic, data)
+            try:
+                result = self._read(data, received)
+            except ValueError as error:
+                self._reject(str(error))
+            else:
+                yield result
+        if self._rejected and self._throttle.is_due():
+            counts = '; '.join(f'{words} ({n} x)' for n, words in self._rejected.values())
+            self._rejected.clear()
+            self._logger.warning(f'messages on {self.name} are rejected: {counts}')
+
+    def _reject(self, words: str) -> None:
+        cause = words.partition(':')[0]
+        if cause not in self._rejected and len(self._rejected) >= _CAUSES:
+            cause = words = 'other causes'
+        count, _ = self._rejected.get(cause, (0, ''))
+        self._rejected[cause] = count + 1, words
+
+
+def read_clock(data: bytes, _: int) -> int:
+    """Reads a message of /clock.
+
+    Args:
+        data: CDR bytes.
+
+    Returns:
+        The time, ns.
+
+    Raises:
+        ValueError: The time is out of the range of stamps.
+    """
+    time = stamp_of(data)
+    if not 0 <= time < TIME_END:
+        raise ValueError(f'{time} ns: must be from 0 to 2^31 s')
+    return time

@@ -1,0 +1,3 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The programs behind the executables."""

@@ -1,0 +1,243 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""linkage_record: writes the states of a run to a log, as fast as possible."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from collections.abc import Callable, Iterator
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+
+from linkage_ros import cli
+from linkage_ros.errors import ConfigurationError, MotionError
+from linkage_ros.log.writer import LogWriter
+from linkage_ros.mechanism.solver import Solver
+from linkage_ros.messages.topics import ROBOT_DESCRIPTION, qualified
+from linkage_ros.motion.at_speed import SpeedMotion
+from linkage_ros.motion.steps import record_steps
+from linkage_ros.motion.under_torque import Motion
+from linkage_ros.quantities import Quantity, leaves
+from linkage_ros.run.states import Simulator
+from linkage_ros.settings.configuration import (
+    Configuration,
+    configure,
+    preset_note,
+    read_values,
+)
+from linkage_ros.settings.help import help_on_every_kind, summary
+from linkage_ros.settings.presets import preset_names
+from linkage_ros.settings.session import Session
+from linkage_ros.units import NS_PER_S
+
+_NAME = 'linkage_record'
+_DEFAULT_DURATION = 10.0  # s
+_LONGEST = 1e9  # s, thirty years, which is within the range of ROS time
+_DURATION = Quantity('number', 'duration', 's', 1e-9, _LONGEST)
+_REVOLUTIONS = Quantity('whole', 'rotation of the crank', 'turns', 1, _LONGEST)
+_LONGEST_WAIT = 3600  # s; a torque-driven crank must make its revolutions within this time
+_BATCH = 2048  # states per batch
+_RATE = next(leaf.quantity for leaf in leaves(Session) if leaf.name == 'rate_hz')
+
+
+def record(
+    configuration: Configuration,
+    path: Path | str,
+    *,
+    duration: float | None = None,
+    revolutions: int | None = None,
+    overwrite: bool = False,
+    progress: bool = False,
+    stopped: Callable[[], bool] = lambda: False,
+) -> int:
+    """Writes the states from t = 0 up to, but not including, the end.
+
+    The log time of each message is its stamp.
+
+    Args:
+        configuration: Configuration of the run.
+        path: Path of the new log.
+        duration: Duration of the record, s; by default 10.
+        revolutions: Number of crank turns in either direction, instead of a duration.
+        overwrite: Whether to replace an existing log.
+        progress: Whether to show a progress bar on stderr.
+        stopped: Function called before each batch of states; the record ends early if it returns
+            True.
+
+    Returns:
+        The number of states written.
+
+    Raises:
+        ConfigurationError: The duration is out of range, or the crank does not complete the
+            revolutions.
+        MotionError: A torque-driven motion ends earlier. The log contains the states until then.
+        LogError: The file cannot be written.
+    """
+    simulator = Simulator(configuration)
+    motion = simulator.begin(0, record_steps)
+    count, written = count_states(simulator, motion, duration, revolutions), 0
+    with LogWriter(path, configuration, overwrite=overwrite) as log:
+        log.add_states(simulator.layout, ((topic, qualified(topic)) for topic in simulator.topics))
+        description = log.add_topic(ROBOT_DESCRIPTION, qualified(ROBOT_DESCRIPTION))
+        log.write_motion(segment := motion.segment)
+        log.write(description, 0, simulator.description)
+        try:
+            with cli.progress_bar(
+                total=count, wanted=progress, unit=' states', unit_scale=True
+            ) as bar:
+                for rows in _rows(simulator, motion, count, revolutions or 0):
+                    if stopped():
+                        break
+                    if motion.segment is not segment:
+                        log.write_motion(segment := motion.segment)
+                    log.write_rows(rows)
+                    states = len(rows) // simulator.layout.size
+                    written += states
+                    bar.update(states)
+        except MotionError as error:
+            raise MotionError(
+                f'{error}; {path} keeps the {cli.counted(written, "state")} before it',
+                time=error.time, coordinates=error.coordinates,
+            ) from error  # fmt: skip
+    return written
+
+
+def _rows(
+    simulator: Simulator, motion: Motion, count: int | None, turns: int
+) -> Iterator[bytearray]:
+    """Yields the states of a motion in batches.
+
+    Args:
+        simulator: Simulator of the configuration.
+        motion: The motion from t = 0.
+        count: Number of states; None to continue until the turns are complete.
+        turns: Number of crank turns in either direction, used if `count` is None.
+
+    Yields:
+        The rows of a batch, in the simulator's layout.
+
+    Raises:
+        ConfigurationError: The crank does not complete its turns within an hour.
+        MotionError: The motion cannot continue.
+    """
+    start, tick = simulator.configuration.drive.crank_angle, 0
+    while tick != count:
+        # If turns are counted, compute at most one second beyond the last turn.
+        most = simulator.tick_at(NS_PER_S) + 1 if count is None else count - tick
+        stamps = [simulator.elapsed(tick + i) for i in range(min(_BATCH, most))]
+        found = motion.at_all(stamps)
+        stamps = stamps[: len(found.unwrapped)]
+        rows = simulator.rows(stamps, found, simulator.ahead(motion, stamps))
+        if count is None:
+            turned = np.abs(found.unwrapped - start) / (2 * math.pi)
+            after = int((turned < turns).argmin())
+            if turned[after] >= turns:
+                yield rows[: after * simulator.layout.size]
+                return
+            if stamps[-1] > _LONGEST_WAIT * NS_PER_S:
+                raise ConfigurationError(
+                    f'the crank has made only {turned[-1]:.3g} of {turns} revolutions within '
+                    f'{_LONGEST_WAIT} s: give a --duration'
+                )
+        yield rows
+        tick += len(stamps)
+
+
+def count_states(
+    simulator: Simulator, motion: Motion, duration: float | None, revolutions: int | None
+) -> int | None:
+    """Computes the number of states in a record.
+
+    Args:
+        simulator: Simulator of the configuration.
+        motion: The motion from t = 0.
+        duration: Duration of the record, s; None for 10 s.
+        revolutions: Number of crank turns in either direction, instead of a duration.
+
+    Returns:
+        The number of states; None for revolutions of a torque-driven crank, whose duration is not
+        known in advance.
+
+    Raises:
+        ConfigurationError: A value is out of range, or the crank does not complete the
+            revolutions.
+    """
+    if revolutions is None:
+        duration = _DEFAULT_DURATION if duration is None else duration
+        _DURATION.clean('duration', duration)
+        # Use the decimal value, because 0.535 * 10^9 in binary is slightly more than 535000000.
+        end = math.ceil(Fraction(repr(float(duration))) * NS_PER_S)
+    else:
+        _REVOLUTIONS.clean('revolutions', revolutions)
+        if not isinstance(motion, SpeedMotion):
+            return None
+        end = motion.time_to_turn(revolutions) or 0
+        if not 0 < end <= _LONGEST * NS_PER_S:
+            raise ConfigurationError(
+                f'the crank does not make {revolutions} revolutions within {_LONGEST:g} s: '
+                'give a --duration, fewer revolutions, or a higher rpm'
+            )
+    return simulator.tick_at(end - 1) + 1
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = cli.make_parser(
+        _NAME,
+        'Record the exact states of a mechanism to an MCAP log; needs no ROS.',
+        ('quadrilateral run.mcap', 'my_linkage.yaml run.mcap --revolutions 5 --rate 1000'),
+        help_on_every_kind(),
+    )
+    params = f'parameter file, or a preset: {", ".join(preset_names())}'
+    cli.add_options(parser, (
+        (('params',), None, {'metavar': 'PARAMS', 'help': params}),
+        (('out',), None, {'metavar': 'OUT.mcap', 'type': Path, 'help': 'the log to write'}),
+        (('--rate',), _RATE, {'note': ' (default: rate_hz of the file)', 'metavar': 'HZ'}),
+        (('--overwrite',), None, {'action': 'store_true', 'help': 'replace an existing file'}),
+    ))  # fmt: skip
+    cli.add_options(parser.add_mutually_exclusive_group(), (
+        (('--duration',), _DURATION,
+         {'note': f' (default {_DEFAULT_DURATION:g})', 'metavar': 'S'}),
+        (('--revolutions',), _REVOLUTIONS, {'metavar': 'N'}),
+    ))  # fmt: skip
+    return parser
+
+
+def _record(options: argparse.Namespace) -> int:
+    stop, values = cli.Stop(), dict(read_values(options.params))
+    if options.rate is not None:
+        values['rate_hz'] = options.rate
+    configuration = configure(values)
+    count = record(
+        configuration,
+        options.out,
+        duration=options.duration,
+        revolutions=options.revolutions,
+        overwrite=options.overwrite or configuration.session.log_overwrite,
+        progress=True,
+        stopped=stop.is_set,
+    )
+    if note := preset_note(values):
+        print(note + summary(configuration, Solver(configuration.mechanism)))
+    if stop.is_set():
+        print(f'{options.out}: stopped; {cli.counted(count, "state")} kept')
+        return cli.STOPPED_BY_USER
+    duration = count / configuration.session.rate_hz
+    words = f'{options.out}: {cli.counted(count, "state")}, {duration:g} s'
+    if options.out.is_file():
+        words += f'; linkage_replay {options.out} --viewer web --no-ros shows it'
+    print(words)
+    return 0
+
+
+def main() -> int:
+    """Runs `linkage_record`; returns the exit code."""
+    options = _parser().parse_args()
+    return cli.run(_NAME, lambda: _record(options))
+
+
+if __name__ == '__main__':
+    sys.exit(main())

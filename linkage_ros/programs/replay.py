@@ -1,0 +1,244 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""linkage_replay: publishes the messages of a log at the logged times, or shows them."""
+
+import argparse
+import os
+import sys
+import webbrowser
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from linkage_ros import cli
+from linkage_ros.errors import ConfigurationError, ViewerError
+from linkage_ros.log.reader import LogReader
+from linkage_ros.messages.topics import JOINT_STATES
+from linkage_ros.node.workers import Worker, freeze_heap, wake_on_time
+from linkage_ros.programs.keyboard import Keyboard
+from linkage_ros.programs.player import (
+    KEYS,
+    MAX_RATE,
+    MIN_RATE,
+    Excerpt,
+    Item,
+    Pace,
+    Show,
+    Sink,
+    excerpt_of,
+    feed,
+    play,
+)
+from linkage_ros.quantities import Quantity
+from linkage_ros.settings.session import VIEWERS, WEB
+from linkage_ros.units import NS_PER_S
+
+_NAME = 'linkage_replay'
+_CLOCK_HZ = 40.0
+_VIEW_CAPACITY, _VIEW_CLOSE_SECONDS = 1_000_000, 10.0  # samples, s
+_OFFSET = Quantity('number', 'length to skip at the beginning', 's of the log', 0.0, 1e9)
+_DURATION = replace(_OFFSET, meaning='length to replay, excluding the end', low=1e-9)
+_OPTIONS: list[cli.Option] = [
+    (('log',), None, {'metavar': 'LOG.mcap', 'type': Path, 'help': 'the log'}),
+    (('-r', '--rate'),
+     Quantity('number', 'ratio of log time to real time', low=MIN_RATE, high=MAX_RATE),
+     {'note': ' (default 1)', 'default': 1.0, 'metavar': 'R'}),
+    (('-l', '--loop'), None,
+     {'action': 'store_true',
+      'help': 'repeat the log until Ctrl-C, as --viewer web --no-ros always does; the time on '
+              '/clock keeps increasing'}),
+    (('--start-offset',), _OFFSET, {'default': 0.0, 'metavar': 'S'}),
+    (('--playback-duration',), _DURATION, {'metavar': 'S'}),
+    (('-p', '--start-paused'), None,
+     {'action': 'store_true', 'help': 'wait for a key before the start'}),
+    (('-d', '--delay'), Quantity('number', 'wait before the start', 's', 0.0, 1e6),
+     {'default': 0.0, 'metavar': 'S'}),
+    (('--clock',), Quantity('number', 'publish the log time on /clock', 'Hz', 0.01, 1e3),
+     {'note': f' (default {_CLOCK_HZ:g})', 'nargs': '?', 'const': _CLOCK_HZ, 'metavar': 'HZ'}),
+    (('--topics',), None,
+     {'nargs': '+', 'metavar': 'NAME', 'help': 'replay these topics only'}),
+    (('--viewer',), None,
+     {'default': '', 'metavar': 'TARGET', 'help': f'also show the log in Rerun: {VIEWERS}'}),
+    (('--no-ros',), None,
+     {'action': 'store_true', 'help': 'show the log in the viewer without publishing it'}),
+    (('--no-open',), None,
+     {'action': 'store_true',
+      'help': 'with --viewer web: print the address of the page, but open no browser'}),
+]  # fmt: skip
+
+
+@contextmanager
+def _status(log: LogReader, excerpt: Excerpt, pace: Pace) -> Iterator[Show]:
+    """Shows position, rate and pause on one line of stderr, if it is a terminal."""
+    end = (min(excerpt.end, log.end) - log.start) / NS_PER_S
+    bar = cli.progress_bar(
+        total=max(end, 1e-9),
+        miniters=0,
+        bar_format='{percentage:3.0f}%|{bar}| {n:.3f}/{total:.3f} s{postfix}',
+    )  # fmt: skip
+
+    def show(moment: int) -> None:
+        if not bar.disable:
+            bar.update(max(0.0, min((moment - log.start) / NS_PER_S, end)) - bar.n)
+            words = f'rate {pace.rate:g}{", paused: press space" if pace.paused else ""}'
+            if words != bar.postfix:
+                bar.set_postfix_str(words)
+
+    with bar:
+        yield show
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = cli.make_parser(
+        _NAME,
+        'Replay a log of linkage_ros on its topics, in the Rerun viewer, or both.',
+        ('run.mcap', 'run.mcap --rate 0.5 --start-offset 2 --topics /joint_states',
+         'run.mcap --loop --clock', 'run.mcap --viewer spawn --no-ros'),
+    )  # fmt: skip
+    # LOG.mcap must come first, because after --topics it would be parsed as a topic.
+    parser.usage = '%(prog)s LOG.mcap [options]'
+    parser.epilog = f'{KEYS}\n\n{parser.epilog}'
+    cli.add_options(parser, _OPTIONS)
+    return parser
+
+
+def _check(options: argparse.Namespace, log: LogReader) -> None:
+    length = (log.end - log.start) / NS_PER_S
+    replace(_OFFSET, high=length).clean('--start-offset', options.start_offset)
+    names = [topic.name for topic in log.topics]
+    unknown = [name for name in options.topics or () if name not in names]
+    for is_wrong, words in (
+        (unknown, f'--topics {" ".join(unknown)}: the log has {", ".join(names)}'),
+        (options.no_ros and not options.viewer,
+         '--no-ros leaves nothing to do: give --viewer as well'),
+        (options.no_open and options.viewer != WEB,
+         '--no-open is for a page in a browser: give --viewer web as well'),
+        (options.no_ros and options.clock is not None,
+         '--clock publishes a topic, so it cannot be used with --no-ros'),
+        (options.start_paused and not os.isatty(0),
+         '--start-paused needs a terminal, whose space bar starts the replay'),
+    ):  # fmt: skip
+        if is_wrong:
+            raise ConfigurationError(words)
+
+
+def _split(arguments: list[str]) -> tuple[list[str], list[str]]:
+    """Splits a command line into the arguments of this program and those of ROS.
+
+    The ROS arguments are the program name and everything from --ros-args to -- or the end.
+    """
+    start = arguments.index('--ros-args') if '--ros-args' in arguments else len(arguments)
+    end = arguments.index('--', start) if '--' in arguments[start:] else len(arguments)
+    return arguments[1:start] + arguments[end + 1 :], [arguments[0], *arguments[start:end]]
+
+
+@contextmanager
+def showing(
+    log: LogReader, target: str, *, loop: bool = False, browser: bool = False
+) -> Iterator[Sink]:
+    """Opens a view of a replay that only this machine can access.
+
+    Args:
+        log: The log to show.
+        target: Target of the view; see `View`.
+        loop: Whether the replay repeats until Ctrl-C, which is printed with the page's address.
+        browser: Whether to open the page in a browser, if there is a screen.
+
+    Yields:
+        A function that shows a message if it contains joint states, and ignores other messages.
+
+    Raises:
+        ViewerError: No viewer answers, the view cannot be opened, or it has ended.
+    """
+    from linkage_ros.view.rerun_view import View
+    from linkage_ros.view.viewer_process import require_screen
+
+    def check() -> None:
+        if worker.error:
+            raise ViewerError(f'the view ended: {worker.error}') from worker.error
+
+    def show(item: Item) -> None:
+        check()
+        if states and item.message.channel == states.number:
+            # In a loop, the stamps of each round continue those of the previous round.
+            worker.offer((item.time - item.message.time, item.message.data))
+
+    states = log.channel(JOINT_STATES)
+    view = View(log.configuration, target)
+    if view.trouble:
+        raise ViewerError(f'no viewer answers at {target}: start one there first with `rerun`')
+    if view.page:
+        how = 'repeats until Ctrl-C; ' if loop else ''
+        print(f'{how}watch it in a browser: {view.page}', flush=True)
+        if browser:
+            with suppress(ViewerError):  # no screen
+                require_screen()
+                webbrowser.open(view.page)
+    worker: Worker[Any] = Worker(
+        'view', view, capacity=_VIEW_CAPACITY, period=view.period, on_error=lambda _: None
+    )
+    try:
+        yield show
+    finally:
+        worker.close(_VIEW_CLOSE_SECONDS)
+        lost = worker.dropped + view.dropped
+        if lost and worker.error is None:
+            words = f'{cli.counted(lost, "state")} not shown: the viewer lagged or ended'
+            cli.print_error(_NAME, words)
+    check()
+
+
+def _sinks(
+    stack: ExitStack, options: argparse.Namespace, ros_arguments: list[str], log: LogReader,
+    excerpt: Excerpt, pace: Pace,
+) -> list[Sink]:  # fmt: skip
+    # Open the viewer first, because its errors occur immediately; but insert the publishers before
+    # it, so that each message is published before it is shown.
+    sinks: list[Sink] = []
+    if options.viewer:
+        view = showing(log, options.viewer, loop=options.loop, browser=not options.no_open)
+        sinks.append(stack.enter_context(view))
+    if not options.no_ros:
+        from linkage_ros.programs.republish import republishing
+
+        publishing = republishing(_NAME, ros_arguments, log, excerpt.topics, pace, options.clock)
+        with cli.waiting('waiting for subscribers'):
+            sinks.insert(0, stack.enter_context(publishing))
+    return sinks
+
+
+def _run(arguments: list[str]) -> int:
+    own, ros_arguments = _split(arguments)
+    options = _parser().parse_args(own)
+    stop, log = cli.Stop(), LogReader(options.log)
+    _check(options, log)
+    # A page that ends with the log would be gone before somebody opens it.
+    options.loop |= options.no_ros and options.viewer == WEB
+    excerpt = excerpt_of(log, options.start_offset, options.playback_duration, options.topics)
+    pace = Pace(excerpt.start, options.rate)
+    with ExitStack() as stack:
+        sinks = _sinks(stack, options, ros_arguments, log, excerpt, pace)
+        keyboard = stack.enter_context(Keyboard())
+        freeze_heap()
+        wake_on_time()
+        if options.delay:
+            with cli.waiting(f'the replay begins in {options.delay:g} s'):
+                stop.wait(options.delay)
+        if options.start_paused:  # the line of the status needs a wide enough terminal
+            print('paused: press the space bar to start', flush=True)
+        items = stack.enter_context(feed(log, excerpt, loop=options.loop))
+        show = stack.enter_context(_status(log, excerpt, pace))
+        count = play(items, sinks, pace, keyboard, stop, show, paused=options.start_paused)
+    print(f'{options.log}: {cli.counted(count, "message")} replayed')
+    return 0
+
+
+def main() -> int:
+    """Runs `linkage_replay`; returns the exit code."""
+    return cli.run(_NAME, lambda: _run(sys.argv))
+
+
+if __name__ == '__main__':
+    sys.exit(cli.leave(main()))

@@ -1,0 +1,122 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Publishes the messages of a log on its topics, and the log's time on /clock."""
+
+import time
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack, contextmanager
+
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.duration import Duration
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+
+from linkage_ros.errors import ConfigurationError, LogError
+from linkage_ros.log.reader import LogReader
+from linkage_ros.messages.cdr import encode_clock
+from linkage_ros.messages.topics import EFFORT_COMMANDS, SIMULATED_CLOCK, TOPICS, Topic
+from linkage_ros.node.parameters import given_values
+from linkage_ros.node.process import USER_ERRORS, reported_as_configuration, ros_context, spinning
+from linkage_ros.node.topics import create_publisher, wait_for_subscribers
+from linkage_ros.programs.player import Item, Pace, Sink
+from linkage_ros.quantities import shown
+
+# Time limits, s: for the first subscriber to connect, because earlier messages are lost; for the
+# other subscribers; and for subscribers to receive the last messages.
+_DISCOVERY_SECONDS, _MATCH_SECONDS, _LAST_SECONDS = 3.0, 0.5, 2.0
+
+
+@contextmanager
+def republishing(
+    name: str,
+    arguments: list[str],
+    log: LogReader,
+    topics: Iterable[str],
+    pace: Pace,
+    clock_hz: float | None,
+) -> Iterator[Sink]:
+    """Runs a node that publishes messages of a log.
+
+    Args:
+        name: Name of the node.
+        arguments: The ROS arguments of the command line.
+        log: The log; determines types and quality of service.
+        topics: Fully qualified names of the topics to publish.
+        pace: Position in the log.
+        clock_hz: Rate, in real time, at which the position is published on /clock, Hz; None
+            disables /clock.
+
+    Yields:
+        A function that publishes a message.
+
+    Raises:
+        ConfigurationError: The command line sets a parameter, but the node has none.
+        LogError: A topic has a type that linkage_ros does not write, or an invalid name.
+    """
+    with ExitStack() as stack:
+        stack.enter_context(ros_context(arguments))
+        with reported_as_configuration():
+            node = Node(name)
+        for parameter in given_values(node):
+            raise ConfigurationError(
+                f'{shown(parameter)} is not a parameter of {name}: leave it out'
+            )
+        stack.enter_context(spinning(node))
+        publishers = _publishers(node, log, set(topics))
+        stack.callback(_await_receipt, publishers.values())
+        if clock_hz is not None:
+            clock = create_publisher(node, SIMULATED_CLOCK)
+            stack.callback(_await_receipt, [clock])
+
+            def publish_position() -> None:
+                clock.publish(encode_clock(pace.position()))
+
+            # The node's own clock may be /clock. The position is published while paused as well,
+            # and once more at the end.
+            steady = Clock(clock_type=ClockType.STEADY_TIME)
+            timer = node.create_timer(1 / clock_hz, publish_position, clock=steady)
+            stack.callback(publish_position)
+            stack.callback(timer.cancel)
+        if not wait_for_subscribers(publishers.values(), _DISCOVERY_SECONDS, _MATCH_SECONDS):
+            node.get_logger().info('no subscribers yet; --delay S gives them time to connect')
+
+        def publish(item: Item) -> None:
+            try:
+                publishers[item.message.topic].publish(item.message.data)
+            except RuntimeError as error:  # RCLError, which has no public name
+                raise LogError(
+                    f'{log.path}: a message on {item.message.topic} does not match the type of '
+                    'the topic and cannot be published; --topics can leave the topic out'
+                ) from error
+
+        yield publish
+
+
+def _await_receipt(publishers: Iterable[Publisher]) -> None:
+    """Waits until subscribers have received all messages, at most 2 s."""
+    end = time.monotonic() + _LAST_SECONDS
+    for publisher in publishers:
+        left = max(0.0, end - time.monotonic())
+        publisher.wait_for_all_acked(Duration(seconds=left))
+
+
+def _publishers(node: Node, log: LogReader, topics: set[str]) -> dict[str, Publisher]:
+    interfaces = (topic.interface for topic in (*TOPICS, EFFORT_COMMANDS))
+    known = {interface.name: interface for interface in interfaces}
+    publishers = {}
+    for topic in log.topics:
+        name, kind, depth = topic.name, topic.type, 1 if topic.latched else 10
+        if name in topics:
+            try:
+                publishers[name] = create_publisher(
+                    node, Topic(name, known[kind], topic.latched, depth)
+                )
+            except KeyError as error:
+                raise LogError(
+                    f'{log.path}: {name} has the type {kind}, which linkage_ros does not write'
+                ) from error
+            except USER_ERRORS as error:
+                words = str(error).splitlines()[0]
+                raise LogError(f'{log.path}: {name!r:.80} cannot be published: {words}') from error
+    return publishers

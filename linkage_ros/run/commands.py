@@ -1,0 +1,284 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Messages of a run other than its states: commands, measurements, crank trajectories."""
+
+import math
+import time
+from collections import Counter, deque
+from collections.abc import Iterable, Sequence
+from typing import Any, cast
+
+from linkage_ros.errors import LinkageError
+from linkage_ros.messages.cdr import decode_joint_state
+from linkage_ros.messages.templates import crank_trajectory
+from linkage_ros.messages.topics import (
+    JOINT_COMMANDS,
+    MEASURED_JOINT_STATES,
+    TRAJECTORY_COMMANDS,
+    Topic,
+)
+from linkage_ros.motion.at_speed import SpeedMotion
+from linkage_ros.motion.drives import FollowDrive, TorqueDrive
+from linkage_ros.motion.measured import FollowMotion
+from linkage_ros.motion.segments import Coordinates
+from linkage_ros.numeric import Real
+from linkage_ros.run.states import Simulator
+from linkage_ros.settings.session import SpeedFeedForward
+from linkage_ros.units import NS_PER_MS, NS_PER_S
+
+WINDOW = 10  # s, period to which the rates and warnings of diagnostics refer
+_SILENCE = 2.0  # s without a measurement after which a warning is issued
+NO_CRANK, NO_JOINT_STATE, OUT_OF_REACH = (
+    'without a position of the crank', 'no JointState', 'out of reach'
+)  # fmt: skip
+TAKEN, CUT, REJECTED, TIMEOUTS = (
+    'commands taken', 'commands cut to torque_limit', 'commands rejected', 'command timeouts'
+)  # fmt: skip
+
+# Time between points, ns; short, because the controller interpolates the effort linearly.
+_STEP = NS_PER_MS
+
+
+class TorqueCommands:
+    """Stores the last valid command until it expires, and counts commands.
+
+    Attributes:
+        counts: Numbers of commands, by their names in diagnostics.
+    """
+
+    def __init__(self, drive: TorqueDrive, crank: str) -> None:
+        """Initializes without an active command.
+
+        Args:
+            drive: Drive with the limit and the timeout of commands.
+            crank: Name of the crank's joint.
+        """
+        self.counts = dict.fromkeys((TAKEN, CUT, REJECTED, TIMEOUTS), 0)
+        self._limit, self._crank = drive.torque_limit, crank
+        self._timeout = round(drive.command_timeout * NS_PER_S)
+        self._torque, self._end = 0.0, math.inf  # active torque, N m, and when it expires, ns
+        self._is_active = False
+        self._timed_out_at = -math.inf
+
+    def read(self, data: bytes, _: int) -> float:
+        """Decodes a message.
+
+        Args:
+            data: CDR bytes of a JointState.
+
+        Returns:
+            See `commanded`.
+
+        Raises:
+            ValueError: The message is not a command for this crank.
+        """
+        try:
+            command = decode_joint_state(data)
+            return self.commanded(command.names, command.efforts)
+        except ValueError:
+            self.counts[REJECTED] += 1
+            raise
+
+    def commanded(self, names: Sequence[str], efforts: Sequence[float]) -> float:
+        """Checks a command.
+
+        Args:
+            names: Names of the joints.
+            efforts: Effort of each joint, N m; only the effort of the crank is used.
+
+        Returns:
+            The commanded torque within `torque_limit`, N m.
+
+        Raises:
+            ValueError: The message is not a command for this crank.
+        """
+        if len(efforts) != len(names):
+            raise ValueError(
+                f'{len(names)} names and {len(efforts)} efforts: must be one for each'
+            )
+        if list(names).count(self._crank) != 1:
+            shown = ascii(', '.join(names))[1:-1] or 'nothing'
+            raise ValueError(f'it names {shown:.80}: must name {self._crank} once')
+        torque = float(efforts[list(names).index(self._crank)])
+        if not math.isfinite(torque):
+            raise ValueError(f'effort {torque}: must be a finite number, N m')
+        self.counts[TAKEN] += 1
+        self.counts[CUT] += abs(torque) > self._limit
+        return min(max(torque, -self._limit), self._limit)
+
+    def torque(self, now: int, received: Iterable[float]) -> float:
+        """Returns the torque from a tick until the next one.
+
+        A command acts from the tick that reads it until it expires.
+
+        Args:
+            now: Time from tick 0 to this tick, ns, which a step of the clock does not change.
+            received: Results of `read` since the last call.
+
+        Returns:
+            The torque, N m; 0 before the first command and after a timeout.
+        """
+        for torque in received:
+            self._torque, self._end, self._is_active = torque, now + self._timeout, True
+        if now >= self._end:
+            self.counts[TIMEOUTS] += self._is_active
+            self._torque, self._is_active, self._timed_out_at = 0.0, False, time.monotonic()
+        return self._torque
+
+    def troubles(self, topic: str) -> list[str]:  # noqa: ARG002, the signature of all
+        """Returns a warning if no command was active at some tick in the last 10 s."""
+        if time.monotonic() - self._timed_out_at >= WINDOW:
+            return []
+        alone = f'the motor alone drove the crank in the last {WINDOW} s'
+        return [f'no command within command_timeout: {alone}']
+
+    def diagnostics(self) -> dict[str, str]:
+        """Returns the active torque and the counts of commands, for diagnostics."""
+        counts = {name: str(count) for name, count in self.counts.items()}
+        return {'command, N m': f'{self._torque:.6g}', **counts}
+
+
+class MeasuredCrank:
+    """Reads measurements of the crank, in order of arrival.
+
+    Attributes:
+        rejected: Number of rejected messages, by cause.
+    """
+
+    def __init__(self, simulator: Simulator) -> None:
+        """Initializes without a measurement.
+
+        Args:
+            simulator: Simulator of a configuration with `drive: follow`.
+        """
+        self._simulator = simulator
+        drive = cast('FollowDrive', simulator.configuration.drive)
+        self._motion = FollowMotion(drive, simulator.solver.reach.period_turns)
+        self.rejected: Counter[str] = Counter()
+        self._last = -math.inf  # time of the last accepted measurement, s
+
+    def read(self, data: bytes, received: int) -> tuple[int, Coordinates]:
+        """Reads a measurement from a message.
+
+        Args:
+            data: CDR bytes of a JointState.
+            received: Time of receipt, ns; replaces the stamp if the message has none.
+
+        Returns:
+            The stamp, ns, and the coordinates of the crank.
+
+        Raises:
+            ValueError: The message is rejected and counted. The error text is the cause, which may
+                be followed by a colon and details.
+        """
+        try:
+            stamp, position, velocity = self._decode(data)
+            if math.isfinite(position):
+                self._require_state(position)
+            found = self._motion.at(stamp or received, position, velocity)
+            # Near a limit of the crank, the rates of the links may overflow.
+            for one in filter(None, (found, self._simulator.later(found))):
+                self._require_state(one.q[0], one.u[0], one.a[0])
+        except ValueError as error:
+            self.rejected[str(error).partition(':')[0]] += 1
+            raise
+        self._last = time.monotonic()
+        return stamp or received, found
+
+    def _decode(self, data: bytes) -> tuple[int, float, float | None]:
+        """Returns the stamp, ns, and the crank's angle and, if it was measured, its speed.
+
+        Raises:
+            ValueError: The message has no measurement. The error text is the cause.
+        """
+        try:
+            heard = decode_joint_state(data)
+        except ValueError as error:
+            raise ValueError(NO_JOINT_STATE) from error
+        names = heard.names[: len(heard.positions)]
+        if self._simulator.crank_joint not in names:
+            raise ValueError(NO_CRANK)
+        index = names.index(self._simulator.crank_joint)
+        velocity = heard.velocities[index] if index < len(heard.velocities) else None
+        return heard.stamp, heard.positions[index], velocity
+
+    def _require_state(self, *motion: Real) -> None:
+        try:
+            self._simulator.solver.state(*motion)
+        except LinkageError as error:
+            raise ValueError(f'{OUT_OF_REACH}: {error}') from error
+
+    def troubles(self, topic: str) -> list[str]:
+        """Returns a warning if no measurement has been accepted for 2 s."""
+        if time.monotonic() < self._last + _SILENCE:
+            return []
+        crank = self._simulator.crank_joint
+        return [f'no measurement of {crank} on {topic} in the last {_SILENCE:g} s']
+
+    def diagnostics(self) -> dict[str, str]:
+        """Returns the counts of rejected messages, for diagnostics."""
+        # Copy in one step, because the tick thread may add a count meanwhile.
+        counts = list(self.rejected.items())
+        return {f'rejected, {cause}': str(count) for cause, count in counts}
+
+
+def inputs_of(simulator: Simulator) -> dict[Topic, Any]:
+    """Returns the topic received by a run, if any, with the reader of its messages."""
+    drive = simulator.configuration.drive
+    if isinstance(drive, TorqueDrive):
+        return {JOINT_COMMANDS: TorqueCommands(drive, simulator.crank_joint)}
+    if isinstance(drive, FollowDrive):
+        return {MEASURED_JOINT_STATES: MeasuredCrank(simulator)}
+    return {}
+
+
+class CrankTrajectory:
+    """Computes trajectories of a fixed duration; the next one is due after half of it.
+
+    A trajectory starts at or just before its stamp, so that a controller can follow it as soon as
+    it arrives. Each tick computes only the new points within the horizon. The first tick, and the
+    first one after a change of the motion, compute all points.
+
+    Attributes:
+        topic: Topic of the trajectories.
+    """
+
+    def __init__(self, simulator: Simulator, drive: SpeedFeedForward) -> None:
+        """Prepares the trajectories.
+
+        Args:
+            simulator: Simulator of the run.
+            drive: Drive with the topic and the duration of the trajectories.
+        """
+        self.topic = TRAJECTORY_COMMANDS._replace(name=drive.trajectory_command_topic)
+        self._names = simulator.crank_joint, simulator.configuration.session.frame_id
+        self._solver, self._horizon = simulator.solver, round(drive.trajectory_horizon * NS_PER_S)
+        self._motion: SpeedMotion | None = None
+        self._points: deque[tuple[int, tuple[float, ...]]] = deque()
+        self._next = self._due = 0
+
+    def message_at(self, motion: SpeedMotion, stamp: int) -> bytes | None:
+        """Returns the trajectory to send at a stamp, if one is due.
+
+        Args:
+            motion: Motion in the segment that contains the stamp. If it differs from the motion in
+                the last call, the previous trajectory is invalid, and a new one is due.
+            stamp: Stamp of the current tick, ns.
+
+        Returns:
+            The CDR bytes of the message; None if no message is due.
+        """
+        if motion is not self._motion or stamp >= self._next:
+            self._points.clear()
+            self._motion, self._next, self._due = motion, stamp, stamp
+        while self._next < stamp + self._horizon + _STEP:
+            (q,), (u,), (a,), unwrapped, _ = motion.at(self._next)
+            torque = float(self._solver.state(q, u, a).torque)
+            self._points.append((self._next, (unwrapped, u, a, torque)))
+            self._next += _STEP
+        while self._points[1][0] <= stamp:
+            self._points.popleft()
+        if stamp < self._due:
+            return None
+        self._due = stamp + self._horizon // 2
+        return crank_trajectory(*self._names, self._points)

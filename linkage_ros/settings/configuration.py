@@ -1,0 +1,245 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Creates a validated configuration from the parameters of a node, a file or a log."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from linkage_ros.errors import ConfigurationError, UnreachableError
+from linkage_ros.mechanism.registry import MECHANISMS
+from linkage_ros.mechanism.solver import Solver
+from linkage_ros.mechanism.structure import Mechanism
+from linkage_ros.motion.drives import Drive, FollowDrive, SpeedDrive, TorqueDrive
+from linkage_ros.motion.under_torque import start
+from linkage_ros.quantities import Checked, Leaf, build, flatten, leaves, quantity, shown
+from linkage_ros.settings.presets import find_file, preset_path
+from linkage_ros.settings.session import DRIVES, Session
+from linkage_ros.settings.unknown_names import unknown_name
+from linkage_ros.settings.yaml_file import read_parameter_file
+
+DEFAULT_PRESET = 'quadrilateral'
+
+# Parameters that every rclpy node declares.
+_ROS_PARAMETERS = ('use_sim_time', 'start_type_description_service')
+
+
+@dataclass(frozen=True)
+class MechanismAndDrive(Checked):
+    """The kinds of mechanism and drive.
+
+    Attributes:
+        mechanism: A key of `MECHANISMS`.
+        drive: A key of `DRIVES`.
+    """
+
+    mechanism: str = quantity('choice', 'kind of mechanism', choices=MECHANISMS.keys())
+    drive: str = quantity(
+        'choice', 'given quantity: the crank speed, the torque on the crank, or a measured crank',
+        choices=tuple(DRIVES), default='speed',
+    )  # fmt: skip
+
+    @classmethod
+    def of(cls, given: Mapping[str, object]) -> 'MechanismAndDrive':
+        """Reads mechanism and drive from parameters; a wind pump always has drive: torque.
+
+        Raises:
+            ConfigurationError: The mechanism is missing, or a wind pump has another drive.
+        """
+        kind = build(cls, given)
+        if len(MECHANISMS[kind.mechanism].coordinates) == 1:
+            return kind
+        if given.get('drive', 'torque') != 'torque':
+            raise ConfigurationError(
+                f'drive = {kind.drive!r}: must be torque, because the crank speed alone does not '
+                f'determine how a {kind.mechanism} moves; leave drive and rpm out, and set '
+                'motor.torque and start_rpm'
+            )
+        return replace(kind, drive='torque')
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """The complete configuration of a run.
+
+    Attributes:
+        kind: The kinds of mechanism and drive.
+        mechanism: The mechanism.
+        drive: The drive.
+        session: Settings for publishing, logging and viewing.
+    """
+
+    kind: MechanismAndDrive
+    mechanism: Mechanism
+    drive: Drive
+    session: Session
+
+    def parameters(self) -> dict[str, object]:
+        """Returns the values of all parameters by name, including defaults."""
+        parts = (self.kind, self.mechanism, self.drive, self.session)
+        known = {leaf.name for leaf in parameter_leaves(self.kind)}
+        flat = (item for part in parts for item in flatten(part).items())
+        return {name: value for name, value in flat if name in known}
+
+
+def parameter_leaves(kind: MechanismAndDrive) -> tuple[Leaf, ...]:
+    """Returns the parameters of a mechanism, a drive and a run, in order of declaration."""
+    classes = (MechanismAndDrive, MECHANISMS[kind.mechanism], DRIVES[kind.drive], Session)
+    unused = 'rate_hz' if kind.drive == 'follow' else ''  # measurements set the rate
+    return tuple(leaf for cls in classes for leaf in leaves(cls) if leaf.name != unused)
+
+
+def without_ros_parameters(values: Mapping[str, object]) -> dict[str, object]:
+    """Removes the parameters that every rclpy node declares."""
+    return {name: value for name, value in values.items() if name not in _ROS_PARAMETERS}
+
+
+def configure(values: Mapping[str, object]) -> Configuration:
+    """Validates parameters and creates a configuration.
+
+    Args:
+        values: Values by dotted parameter name. If 'mechanism' is missing, they override the
+            values of the quadrilateral preset, unless its torque would be sent to a controller.
+
+    Returns:
+        The validated configuration.
+
+    Raises:
+        ConfigurationError: A name is unknown or missing, a value is invalid, the links cannot be
+            assembled, or the crank cannot turn. The message states what is valid.
+    """
+    given = without_ros_parameters(values)
+    # `build` ignores values of the preset that the drive does not have, such as rpm.
+    preset = {} if 'mechanism' in given else read_parameter_file(preset_path(DEFAULT_PRESET))
+    chosen = {**preset, **given}
+    kind = MechanismAndDrive.of(chosen)
+    valid = [leaf.name for leaf in parameter_leaves(kind)]
+    for name in given:
+        if name not in valid:
+            raise ConfigurationError(_not_a_parameter(name, kind))
+    mechanism = build(MECHANISMS[kind.mechanism], chosen)
+    drive, session = build(DRIVES[kind.drive], chosen), build(Session, chosen)
+    if 'mechanism' not in given:
+        _require_harmless(drive)
+    session.require_names(mechanism)
+    if isinstance(drive, TorqueDrive):
+        try:
+            q, u, *_ = start(mechanism, drive)
+            Solver(mechanism).accelerations(q, u, drive.motor.at(u[0]))
+        except UnreachableError as error:
+            where = f'crank_angle = {drive.crank_angle} rad: ' if error.arcs else ''
+            raise ConfigurationError(f'{where}the motion cannot start: {error}') from error
+    elif isinstance(drive, SpeedDrive):
+        Solver(mechanism).reach.require_full_turn(
+            '; drive: torque or drive: follow moves it within these angles'
+        )
+    return Configuration(kind, mechanism, drive, session)
+
+
+def _require_harmless(drive: Drive) -> None:
+    """Rejects a drive whose messages another machine would follow, if no mechanism is given.
+
+    Raises:
+        ConfigurationError: The torque of the default preset might drive somebody's motor.
+    """
+    names = 'effort_command_topic', 'trajectory_command_topic'
+    risky = [f'{name} = {shown(topic)}' for name in names if (topic := getattr(drive, name, ''))]
+    if isinstance(drive, FollowDrive):
+        risky.append('drive = follow')
+    if risky:
+        raise ConfigurationError(
+            f'{" and ".join(risky)}: a mechanism must be given, because the torque of the default '
+            f'{DEFAULT_PRESET} would be wrong for any other machine; set mechanism and its links '
+            'in a parameter file (--params-file)'
+        )
+
+
+def _not_a_parameter(name: str, kind: MechanismAndDrive) -> str:
+    """Returns the error message for an unknown parameter of a mechanism and drive."""
+    driven = {'torque': 'torque-driven ', 'follow': 'measured '}.get(kind.drive, '')
+    owner, valid = f'a {driven}{kind.mechanism}', parameter_leaves(kind)
+    block = name.partition('.')[0]
+    sought = name if any(leaf.name.startswith(f'{block}.') for leaf in valid) else block
+    drives, mechanisms = (
+        _others(sought, kinds, own)
+        for kinds, own in ((DRIVES, kind.drive), (MECHANISMS, kind.mechanism))
+    )
+    having = [*(f'a crank with drive: {x}' for x in drives), *(f'a {x}' for x in mechanisms)]
+    elsewhere = f': only {" or ".join(having)} has {sought}' if having else ''
+    if name == 'rate_hz':
+        elsewhere = ': measurements set the rate'
+    return unknown_name(name, owner, valid, 'linkage_record --help', elsewhere)
+
+
+def _others(sought: str, kinds: Mapping[str, type], own: str) -> list[str]:
+    """Returns the other kinds that have a parameter or group; empty if `own` has it."""
+    having = [
+        kind
+        for kind, cls in kinds.items()
+        if any(f'{leaf.name}.'.startswith(f'{sought}.') for leaf in leaves(cls))
+    ]
+    return [] if own in having else having
+
+
+def preset_note(values: Mapping[str, object]) -> str:
+    """Returns the prefix of the summary if the default preset is used, otherwise ''."""
+    return '' if 'mechanism' in values else f'no mechanism given, so the {DEFAULT_PRESET}: '
+
+
+def read_values(source: str, namespace: str = '') -> Mapping[str, object]:
+    """Reads the values of a parameter file or a preset.
+
+    Args:
+        source: Path of a ROS 2 parameter file, or name of a preset.
+        namespace: Namespace of linkage_node.
+
+    Returns:
+        The values by dotted parameter name.
+
+    Raises:
+        ConfigurationError: There is no such file or preset, it cannot be read, or it has no
+            parameters of linkage_node.
+    """
+    return read_parameter_file(find_file(source), f'{namespace}/linkage_node')
+
+
+def load(source: str) -> Configuration:
+    """Reads the configuration from a parameter file or a preset.
+
+    Args:
+        source: Path of a ROS 2 parameter file, or name of a preset.
+
+    Returns:
+        The validated configuration.
+
+    Raises:
+        ConfigurationError: There is no such file or preset, it cannot be used, or it has only
+            parameters of other nodes.
+    """
+    return configure(read_values(source))
+
+
+def to_strings(configuration: Configuration) -> dict[str, str]:
+    """Converts a configuration to JSON strings by parameter name."""
+    return {name: json.dumps(value) for name, value in configuration.parameters().items()}
+
+
+def from_strings(strings: Mapping[str, str]) -> Configuration:
+    """Restores a configuration from `to_strings`.
+
+    Args:
+        strings: JSON strings by parameter name.
+
+    Returns:
+        The validated configuration.
+
+    Raises:
+        ConfigurationError: A value is not JSON, or the configuration is invalid.
+    """
+    try:
+        values = {name: json.loads(text) for name, text in strings.items()}
+    except (ValueError, RecursionError) as error:
+        raise ConfigurationError(f'the logged configuration is not JSON: {error}') from error
+    if 'mechanism' not in values:
+        raise ConfigurationError('mechanism is missing from the logged configuration')
+    return configure(values)

@@ -1,0 +1,96 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Describes parameters for --help, and configurations for the summary line of each run."""
+
+import json
+from collections.abc import Iterable
+from dataclasses import MISSING, replace
+
+from linkage_ros.mechanism.registry import MECHANISMS
+from linkage_ros.mechanism.solver import Solver
+from linkage_ros.mechanism.travel import travel
+from linkage_ros.motion.drives import FollowDrive, Motor, TorqueDrive
+from linkage_ros.quantities import Leaf
+from linkage_ros.settings.configuration import (
+    Configuration,
+    MechanismAndDrive,
+    parameter_leaves,
+)
+
+
+def help_on(parameters: Iterable[Leaf]) -> str:
+    """Describes parameters, one line each: name, valid values, meaning and default.
+
+    Args:
+        parameters: Parameters of any dataclass of quantities.
+
+    Returns:
+        The lines, joined by newlines.
+    """
+    return '\n'.join(
+        f'  {name}: {f"{quantity.valid}; ".removeprefix("text; ")}{quantity.meaning}'
+        f'{_default(default)}'
+        for name, quantity, default in parameters
+    )
+
+
+def _default(value: object) -> str:
+    """Formats a default value as a user would type it; empty for None and empty strings."""
+    if value is MISSING:
+        return ' (required)'
+    if value in (None, ''):
+        return ''
+    if isinstance(value, float):
+        return f' (default {value:g})'
+    return f' (default {value if isinstance(value, str) else json.dumps(value)})'
+
+
+def help_on_every_kind() -> str:
+    """Describes the parameters of a four_bar, then those added by other drives and mechanisms."""
+    usual = MechanismAndDrive('four_bar', 'speed')
+    leaves = parameter_leaves(usual)
+    parts = ['parameters of a four_bar:', help_on(leaves)]
+    known = {leaf.name for leaf in leaves}
+    mechanisms = (('mechanism', name) for name in MECHANISMS if name != usual.mechanism)
+    for name, value in (('drive', 'torque'), ('drive', 'follow'), *mechanisms):
+        found = parameter_leaves(replace(usual, **{name: value}))
+        parts.append(f'also, with {name}: {value}:')
+        parts.append(help_on(leaf for leaf in found if leaf.name not in known))
+    return '\n'.join(parts)
+
+
+def summary(configuration: Configuration, solver: Solver) -> str:
+    """Describes mechanism and motion in one line.
+
+    Args:
+        configuration: Configuration of the run.
+        solver: Solver of the configured mechanism.
+
+    Returns:
+        The line, without a newline.
+    """
+    words = [configuration.kind.mechanism, configuration.mechanism.assembly]
+    if reach := solver.mobility:
+        words.append(reach.grashof)
+        if reach.turns_fully:
+            words += travel(solver).words()
+    words.append(_drive(configuration))
+    return ', '.join(words)
+
+
+def motor_line(motor: Motor) -> str:
+    """Describes the torque and the damping of a motor."""
+    lost = f' - {motor.damping:g} N m s x speed' if motor.damping else ''
+    return f'motor {motor.torque:g} N m{lost}'
+
+
+def _drive(configuration: Configuration) -> str:
+    drive, rate = configuration.drive, f' at {configuration.session.rate_hz:g} Hz'
+    if isinstance(drive, FollowDrive):
+        return f'follows a measured crank, filter of {drive.follow_bandwidth:g} Hz'
+    if isinstance(drive, TorqueDrive):
+        return f'{motor_line(drive.motor)}, from {drive.start_rpm:g} rpm{rate}'
+    if drive.start_rpm is None or not drive.crank_acceleration:
+        return f'{drive.rpm:g} rpm{rate}'
+    speeds = f'from {drive.start_rpm:g} to {drive.rpm:g} rpm'
+    return f'{speeds} with {drive.crank_acceleration:g} rad/s^2{rate}'

@@ -1,0 +1,157 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Parameters of a run: publishing, logging, viewing, and torque for a controller."""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from linkage_ros.errors import ConfigurationError
+from linkage_ros.mechanism.structure import Mechanism
+from linkage_ros.messages.templates import ROOT_FRAME
+from linkage_ros.messages.urdf import joint_names, link_of
+from linkage_ros.motion.drives import Drive, FollowDrive, SpeedDrive, TorqueDrive
+from linkage_ros.quantities import Checked, quantity, shown
+
+JOINT_PREFIX = '[A-Za-z0-9_]*'  # regular expression
+SPAWN, WEB = 'spawn', 'web'
+# Valid values of the parameter `viewer`, for help and error messages.
+VIEWERS = f'{SPAWN}, {WEB}, rerun+http://HOST:PORT/proxy or a .rrd path'
+
+_URL = re.compile(r'rerun\+http://(\[[0-9a-fA-F:.]+\]|[^][/:\s]+):(\d{1,5})/proxy')
+_LAST_PORT = 65535
+_NAME = '[A-Za-z_][A-Za-z0-9_]*'
+_TOPIC = f'(/?{_NAME}(/{_NAME})*)?'
+
+
+@dataclass(frozen=True)
+class Session(Checked):
+    """Settings for publishing, logging and viewing a run.
+
+    Attributes:
+        rate_hz: Number of states per second.
+        log: Path of the MCAP log; empty for no log.
+        log_overwrite: Whether an existing log or .rrd file may be replaced.
+        viewer: A value described by `VIEWERS`, which the view checks; empty for no viewer.
+        viewer_bind: Address on which the data of a spawned viewer or the web page is served.
+        joint_prefix: Prefix of all joint names in messages and all link names in the URDF.
+        crank_joint: Name of the crank joint in measurements, commands and trajectories; empty for
+            its name in the other messages.
+        frame_id: Name of the link that carries the fixed pivots, and frame of the messages.
+    """
+
+    rate_hz: float = quantity('number', 'states per second', 'Hz', span=(0.01, 1e5), default=200.0)
+    log: str = quantity('text', 'path of the .mcap log; empty: no log', default='')
+    log_overwrite: bool = quantity('switch', 'replace an existing log or .rrd file', default=False)
+    viewer: str = quantity('text', f'{VIEWERS}; empty: none', default='')
+    viewer_bind: str = quantity(
+        'text', 'address on which a spawned viewer or the page is served', default='127.0.0.1'
+    )
+    joint_prefix: str = quantity(
+        'text', 'prefix of every joint name in messages and of every URDF link name',
+        pattern=JOINT_PREFIX, default='',
+    )  # fmt: skip
+    crank_joint: str = quantity(
+        'text', "a robot's name for the crank, in measurements, commands and trajectories; "
+        'empty: crank, after joint_prefix', default='',
+    )  # fmt: skip
+    frame_id: str = quantity(
+        'text', 'link that carries the fixed pivots; joint_prefix does not apply to it',
+        pattern='[A-Za-z0-9_][A-Za-z0-9_./-]*', default=ROOT_FRAME,
+    )  # fmt: skip
+
+    def require_names(self, mechanism: Mechanism) -> None:
+        """Rejects a frame_id or crank_joint that is already the name of another joint or link.
+
+        Args:
+            mechanism: Mechanism of the run.
+
+        Raises:
+            ConfigurationError: The name is already in use.
+        """
+        joints = joint_names(mechanism.structure().links, self.joint_prefix)
+        if self.frame_id in {*joints, *map(link_of, joints)}:
+            raise ConfigurationError(
+                f'frame_id = {shown(self.frame_id)}: must not be a joint or moving link of this '
+                'linkage; name the link that carries its fixed pivots, or change joint_prefix'
+            )
+        if self.crank_joint in joints[1:]:
+            raise ConfigurationError(
+                f'crank_joint = {shown(self.crank_joint)}: must not be another joint of this '
+                f"linkage, {', '.join(joints[1:])}; give the robot's name for the crank"
+            )
+
+
+@dataclass(frozen=True)
+class FeedForward(Checked):
+    """Settings of the feed-forward torque for a controller.
+
+    Attributes:
+        effort_command_topic: Topic of the driving torque for a controller; empty for none.
+        lead_time: Time by which the torque is computed in advance of its stamp, s.
+    """
+
+    effort_command_topic: str = quantity(
+        'text', 'topic of the driving torque for a controller; empty: none',
+        pattern=_TOPIC, default='',
+    )  # fmt: skip
+    lead_time: float = quantity(
+        'number', 'time after the stamp for which the torque is computed', 's',
+        span=(0.0, 10.0), default=0.0,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class SpeedFeedForward(FeedForward, SpeedDrive):
+    """A speed-driven crank, with feed-forward torque and trajectory.
+
+    Attributes:
+        trajectory_command_topic: Topic of the crank's trajectory for a controller; empty for none.
+        trajectory_horizon: Duration of each trajectory, s.
+    """
+
+    trajectory_command_topic: str = quantity(
+        'text', "topic of the crank's motion and torque ahead of time; empty: none",
+        pattern=_TOPIC, default='',
+    )  # fmt: skip
+    trajectory_horizon: float = quantity(
+        'number', 'duration of that motion; a new message follows after half this time', 's',
+        span=(0.01, 10.0), default=0.5,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class FollowFeedForward(FeedForward, FollowDrive):
+    """A measured crank, with feed-forward torque."""
+
+
+DRIVES: dict[str, type[Drive]] = {
+    'speed': SpeedFeedForward,
+    'torque': TorqueDrive,
+    'follow': FollowFeedForward,
+}
+
+
+def viewer_address(target: str) -> tuple[str, int] | None:
+    """Parses the URL of a viewer.
+
+    Args:
+        target: Value of the parameter `viewer`.
+
+    Returns:
+        Host and port; None if the value is not the URL of a viewer.
+    """
+    match = _URL.fullmatch(target)
+    if match is None or int(match[2]) > _LAST_PORT:
+        return None
+    return match[1].strip('[]'), int(match[2])
+
+
+def is_recording(target: str) -> bool:
+    """Returns whether a value of the parameter `viewer` is the path of a .rrd file."""
+    return Path(target).suffix == '.rrd' and '://' not in target
+
+
+def viewer_error(target: str) -> str:
+    """Returns the error message for an invalid value of the parameter `viewer`."""
+    return f'viewer = {shown(target)} is not one of: {VIEWERS}'
