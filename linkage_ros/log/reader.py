@@ -175,7 +175,7 @@ class LogReader:
             raise LogError(f'its times, {self.start} to {self.end} ns, are not valid ROS times')
 
     def channel(self, topic: Topic) -> LoggedTopic | None:
-        """Returns the channel with the role of a topic, whatever its name; None if none has."""
+        """Returns the channel with the role of a topic, or None."""
         return self._roles.get(topic.role)
 
     def messages(
