@@ -6,10 +6,12 @@ import errno
 import fcntl
 import os
 import stat
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO, Literal
+
+import numpy as np
 
 from linkage_ros.errors import LinkageError
 
@@ -42,6 +44,35 @@ def open_file(path: Path | str, mode: Literal['rb', 'wb', 'xb'] = 'rb') -> Binar
         raise OSError(errno.EINVAL, str(error)) from error
     os.set_blocking(stream.fileno(), True)
     return stream
+
+
+def read_columns(
+    path: Path | str, check: Callable[[Sequence[str]], object]
+) -> dict[str, list[float]]:
+    """Reads a CSV file of numbers, whose first line names the columns.
+
+    Args:
+        path: Path of the file, in UTF-8.
+        check: Raises a ValueError unless the names are valid.
+
+    Returns:
+        The numbers of each column, by name.
+
+    Raises:
+        OSError: The file cannot be read.
+        ValueError: The names are not valid, a cell is not a number, or a line has more or fewer
+            cells than the first line.
+    """
+    with open_file(path) as stream:
+        head, *lines = stream.read().decode('utf-8-sig').splitlines() or ['']
+    names = [name.strip() for name in head.split(',')]
+    check(names)
+    rows = np.empty((0, 0))
+    if any(lines):
+        rows = np.loadtxt(lines, delimiter=',', comments=None, quotechar='"', ndmin=2)
+    if rows.shape[1] != len(names):
+        raise ValueError(f'each line below {",".join(names)} must be {len(names)} numbers')
+    return dict(zip(names, rows.T.tolist(), strict=True))
 
 
 def create_file(

@@ -12,7 +12,7 @@ from typing import Any, ClassVar, NamedTuple, cast
 import numpy as np
 
 from linkage_ros.errors import ConfigurationError
-from linkage_ros.files import open_file
+from linkage_ros.files import read_columns
 from linkage_ros.formulas import ZERO, Opaque, where
 from linkage_ros.mechanism.kinematics import LinkPose
 from linkage_ros.mechanism.loads import AppliedLoad, continuous
@@ -105,7 +105,7 @@ class LoadCurve(AppliedLoad):
                 'file contains'
             )
         try:
-            columns = _columns(self.file)
+            columns = read_columns(self.file, _check_columns)
         except (OSError, ValueError) as error:
             raise ConfigurationError(
                 f'load.file = {shown(self.file)}: {getattr(error, "strerror", None) or error}; '
@@ -245,21 +245,11 @@ class Table:
         return np.searchsorted(at, within, 'right') + len(at) * np.rint((x - within) / _TURN)
 
 
-def _columns(path: str) -> dict[str, list[float]]:
-    """Reads the columns of a CSV file, by name.
+def _check_columns(names: Sequence[str]) -> None:
+    """Checks the names of columns.
 
     Raises:
-        OSError: The file cannot be read.
-        ValueError: A name or a number is not valid.
+        ValueError: They are not the columns of a load curve.
     """
-    with open_file(path) as stream:
-        head, *lines = stream.read().decode('utf-8-sig').splitlines() or ['']
-    names = tuple(name.strip() for name in head.split(','))
-    if names not in (_COLUMNS[:2], _COLUMNS):
+    if tuple(names) not in (_COLUMNS[:2], _COLUMNS):
         raise ValueError('the first line must be at,value or at,value,return_value')
-    rows = np.empty((0, 0))
-    if any(lines):
-        rows = np.loadtxt(lines, delimiter=',', comments=None, quotechar='"', ndmin=2)
-    if rows.shape[1] != len(names):
-        raise ValueError(f'each line below {",".join(names)} must be {len(names)} numbers')
-    return dict(zip(names, rows.T.tolist(), strict=True))
