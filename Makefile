@@ -26,10 +26,10 @@ JAZZY := $(and $(BASE),$(filter jazzy,$(ROS_DISTRO)),$(shell "$(BASE)" -c 'impor
 	2>/dev/null && echo yes))
 ifdef JAZZY
 VENV := .venv-$(VERSION)-jazzy
-EXTRAS := viewer,chart
+EXTRAS := viewer
 else
 VENV := .venv-$(VERSION)
-EXTRAS := ros,viewer,chart
+EXTRAS := ros,viewer
 # Another ROS, or one for another Python, would be mixed with the wheels of this one.
 ifdef ROS_DISTRO
 unexport AMENT_PREFIX_PATH LD_LIBRARY_PATH PYTHONPATH RMW_IMPLEMENTATION
@@ -39,7 +39,8 @@ RUN := $(VENV)/bin/python
 # Python keeps what it compiles, also for whom it usually does not: the tests start hundreds of
 # processes, and compiling takes half the time of each.
 unexport PYTHONDONTWRITEBYTECODE
-SETUP := setup.py setup.cfg constraints.txt
+SETUP := setup.py setup.cfg lab/pyproject.toml constraints.txt
+LAB := --editable ./lab
 
 # An environment whose Python has gone, say by an upgrade, is made again.
 $(if $(BASE),$(shell $(RUN) -c '' 2>/dev/null || rm -f $(VENV)/*-ready))
@@ -101,11 +102,12 @@ $(VENV)/pip-ready: $(SETUP)
 
 $(VENV)/check-ready: EXTRAS := $(EXTRAS),test
 $(VENV)/docs-ready: EXTRAS := docs
+$(VENV)/docs-ready: LAB :=
 $(VENV)/package-ready: EXTRAS := $(EXTRAS),test,package
 $(VENV)/demo-ready $(VENV)/check-ready $(VENV)/docs-ready $(VENV)/package-ready: $(VENV)/pip-ready
-	@$(call install,--editable '.[$(EXTRAS)]')
+	@$(call install,--editable '.[$(EXTRAS)]' $(LAB))
 	@touch $@ $(if $(findstring viewer,$(EXTRAS)),$(VENV)/demo-ready)
 
 clean:
-	@rm -rf .venv-* api build dist install log demo controller reliability *.egg-info .hypothesis .mypy_cache .pytest_cache \
+	@rm -rf .venv-* api build dist install log demo controller reliability *.egg-info lab/*.egg-info lab/build .hypothesis .mypy_cache .pytest_cache \
 		.ruff_cache

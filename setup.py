@@ -58,6 +58,8 @@ setup(
         shared('config', '*.yaml'),
         shared('launch', '*.launch.py'),
         shared('rviz', '*.rviz'),
+        # Where `ros2 run` looks for executables.
+        (f'lib/{package_name}', ['scripts/linkage_chart']),
     ],
     entry_points={
         'console_scripts': [
@@ -66,7 +68,6 @@ setup(
             'linkage_replay = linkage_ros.executables:replay',
             'linkage_log = linkage_ros.executables:log',
             'linkage_export = linkage_ros.executables:export',
-            'linkage_chart = linkage_ros.executables:chart',
             'linkage_controller = linkage_ros.executables:controller',
         ],
     },
@@ -86,12 +87,10 @@ setup(
             )
         ],
         'viewer': [f'rerun-sdk; {has_rerun_wheels}'],
-        'chart': ['matplotlib', 'mpmath', 'scipy'],
         'record': ['scipy'],
         'fast': ['numba'],
         'docs': ['pdoc'],
         'package': ['twine'],
-        'sweep': ['dask[distributed]', 'matplotlib', 'scipy'],
         'test': [
             'colcon-bash',
             'colcon-ros',

@@ -202,7 +202,7 @@ def say(rpm: float, name: str, alone: dict[str, float], fed: dict[str, float]) -
 
 def draw(curves: dict[tuple[float, str, bool], np.ndarray], path: Path) -> None:
     """Draws ripple and torque over the last turn of the crank, without and with feed-forward."""
-    from linkage_ros.lab.output import chart
+    from linkage_lab.output import chart
 
     speeds = list(dict.fromkeys(rpm for rpm, _, _ in curves))
     names = list(dict.fromkeys(name for _, name, _ in curves))

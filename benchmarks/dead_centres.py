@@ -16,10 +16,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from linkage_lab.methods.integrators import Multipliers
+from linkage_lab.reference.motions import InitialValueProblem
 from linkage_ros import Body, Coupler, FourBar, Frame, Guide, Piston, Slider, SliderCrank, WindPump
 from linkage_ros.errors import LinkageError
-from linkage_ros.lab.methods.integrators import Multipliers
-from linkage_ros.lab.reference.motions import InitialValueProblem
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.motion.steps import live_steps, record_steps
 from linkage_ros.motion.under_torque import published

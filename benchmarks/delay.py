@@ -50,7 +50,7 @@ def wander(delay: float) -> float:
 
 def draw(records: list[dict[str, float]], path: Path) -> None:
     """Draws the deviation against the delay, with the typical delays of controllers."""
-    from linkage_ros.lab.output import chart
+    from linkage_lab.output import chart
 
     percent = {record['delay_ticks']: 100 * record['largest_deviation'] for record in records}
     cases = {0.0: 'of mid-tick', 0.5: "of the tick's start", 1.5: 'one tick late'}

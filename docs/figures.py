@@ -16,8 +16,8 @@ import re
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from linkage_ros.lab.methods.linkage_cases import NEAR
-from linkage_ros.lab.methods.registry import DEFAULT, LIVE, METHODS, RECORDS
+from linkage_lab.methods.linkage_cases import NEAR
+from linkage_lab.methods.registry import DEFAULT, LIVE, METHODS, RECORDS
 
 DOCS = Path(__file__).parent
 NUMBER = r'\d+(?:\.\d+)?(?:e-?\d+)?'

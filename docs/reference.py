@@ -25,8 +25,9 @@ from pathlib import Path
 from typing import cast
 from unittest.mock import MagicMock, patch
 
+from linkage_lab import chart_tool
+from linkage_lab.commands.stability import GRIDS
 from linkage_ros import executables
-from linkage_ros.lab.commands.stability import GRIDS
 from linkage_ros.mechanism.registry import MECHANISMS
 from linkage_ros.messages.topics import (
     EFFORT_COMMANDS,
@@ -122,12 +123,13 @@ def _topics() -> str:
 def programs() -> dict[str, argparse.ArgumentParser]:
     """Returns the argument parser of each executable, by name."""
     starts = [value.args for value in vars(executables).values() if isinstance(value, partial)]
-    return {
+    found = {
         name: PARSERS[module]()
         if module in PARSERS
         else import_module(f'linkage_ros.{module}')._parser()  # noqa: SLF001
         for name, module in starts
     }
+    return {**found, 'linkage_chart': chart_tool._parser()}  # noqa: SLF001
 
 
 def _executables() -> str:

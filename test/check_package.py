@@ -16,7 +16,7 @@ from zipfile import ZipFile
 from test_packaging import ROOT, build_wheel, copy_tree, run
 
 BUILD_SDIST = 'import sys, setuptools.build_meta as b; b.build_sdist(sys.argv[1])'
-EXTRAS = 'ros,viewer,chart,record'
+EXTRAS = 'ros,viewer,record'
 TRIED = (
     'python -m linkage_ros.programs.demo',
     'linkage_record wiper run.mcap',

@@ -15,7 +15,7 @@ _PROCESSES.set_forkserver_preload(
     [
         'linkage_ros.node.linkage_node',
         *(f'linkage_ros.programs.{name}' for name in ('record', 'replay', 'log_tool')),
-        *('linkage_ros.programs.chart_tool', 'linkage_ros.lab.commands.motion'),
+        *('linkage_lab.chart_tool', 'linkage_lab.commands.motion'),
         *('matplotlib.figure', 'matplotlib.backends.backend_agg', 'rerun'),
     ]
 )
@@ -23,10 +23,10 @@ _PROCESSES.set_forkserver_preload(
 
 @contextmanager
 def forked(program, *arguments, folder, variables=None):
-    """Runs a module of the package, or a script, as a process for the duration of the block.
+    """Runs a module, or a script, as a process for the duration of the block.
 
     Args:
-        program: Name of a module of the package, or path of a script.
+        program: Full name of a module, or path of a script.
         *arguments: Arguments of the program.
         folder: Working folder; the output goes to a file `printed` in it.
         variables: Additional environment variables.
@@ -57,7 +57,7 @@ def _run(words, folder, variables):
         sys.path.insert(0, str(Path(program).parent))
         runpy.run_path(program, run_name='__main__')
     else:
-        sys.exit(import_module(f'linkage_ros.{program}').main())
+        sys.exit(import_module(program).main())
 
 
 def run_forked(program, *arguments, folder, variables=None, seconds=60):

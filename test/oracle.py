@@ -21,7 +21,7 @@ from typing import NamedTuple
 import mpmath
 from mpmath import mp
 
-from linkage_ros.lab.reference.multibody import eliminate
+from linkage_lab.reference.multibody import eliminate
 
 ASIDE = '1e-60'
 

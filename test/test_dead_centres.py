@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 from mechanisms import LIMITED, of, wind_pump
 from ros_harness import logged, report_of, verified
 
+from linkage_lab.methods.integrators import Multipliers
+from linkage_lab.reference.motions import InitialValueProblem
 from linkage_ros import Solver
 from linkage_ros.errors import LinkageError, MotionError
-from linkage_ros.lab.methods.integrators import Multipliers
-from linkage_ros.lab.reference.motions import InitialValueProblem
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.mechanism import program
 from linkage_ros.mechanism.structure import Description

@@ -45,10 +45,10 @@ from linkage_ros.settings.command_lines import Settings
 from linkage_ros.settings.configuration import configure, read_values
 
 MODULES = {
-    'linkage_node': 'node.linkage_node',
-    'linkage_log': 'programs.log_tool',
-    'linkage_chart': 'programs.chart_tool',
-    'linkage_export': 'programs.export_tool',
+    'linkage_node': 'linkage_ros.node.linkage_node',
+    'linkage_log': 'linkage_ros.programs.log_tool',
+    'linkage_chart': 'linkage_lab.chart_tool',
+    'linkage_export': 'linkage_ros.programs.export_tool',
 }  # fmt: skip
 CHARTS = [('linkage_chart', word) for word in ('motion', 'economy', 'sweep')]
 CHEAP = ('linkage_record', 'linkage_replay', 'linkage_log', 'linkage_export')
@@ -65,7 +65,7 @@ README = read('README.md')
 
 
 def module_of(executable):
-    return MODULES.get(executable, executable.replace('linkage_', 'programs.'))
+    return MODULES.get(executable, executable.replace('linkage_', 'linkage_ros.programs.'))
 
 
 def without_ros2_run(words):
@@ -84,7 +84,7 @@ def check_executable(words, *, is_block):
     if name in ('linkage_node', 'linkage_controller'):
         check_parameters(name, rest)
         return
-    parser = import_module(f'linkage_ros.{module_of(name)}')._parser()
+    parser = import_module(module_of(name))._parser()
     try:
         if rest != ['--help']:
             parser.parse_args(rest)

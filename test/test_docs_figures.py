@@ -12,8 +12,8 @@ import pytest
 from pages import ROOT, load_script, read
 
 import linkage_ros
-from linkage_ros.lab.methods.linkage_cases import NEAR
-from linkage_ros.lab.methods.registry import DEFAULT, INTEGRATORS, LIVE, RECORDS
+from linkage_lab.methods.linkage_cases import NEAR
+from linkage_lab.methods.registry import DEFAULT, INTEGRATORS, LIVE, RECORDS
 from linkage_ros.log import writer
 from linkage_ros.log.scan import LARGEST
 from linkage_ros.mechanism.registry import MECHANISMS

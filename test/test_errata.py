@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from pages import read
 
+from linkage_lab.period import speed_driven_period
 from linkage_ros import (
     Body,
     Coupler,
@@ -18,7 +19,6 @@ from linkage_ros import (
     SliderCrank,
     Solver,
 )
-from linkage_ros.lab.period import speed_driven_period
 from linkage_ros.settings.configuration import load
 from linkage_ros.units import radians_per_second
 

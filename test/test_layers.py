@@ -17,7 +17,7 @@ WRONG = {
         'mechanism.parts -> linkage_ros.messages.topics',
     ),
     'node/health.py': ('import matplotlib', 'node.health -> matplotlib'),
-    'node/ticker.py': ('import linkage_ros.lab.period', 'node.ticker -> linkage_ros.lab.period'),
+    'node/ticker.py': ('import linkage_lab.period', 'node.ticker -> linkage_lab.period'),
     'new_room.py': ('import math', 'linkage_ros.new_room'),
 }
 

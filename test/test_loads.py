@@ -24,6 +24,7 @@ from mechanisms import (
 from oracle import Oracle, oracle_of
 from ros_harness import assert_refused
 
+from linkage_lab import chart_tool
 from linkage_ros import (
     ConfigurationError,
     FourBar,
@@ -35,7 +36,6 @@ from linkage_ros import (
     UnreachableError,
 )
 from linkage_ros.mechanism.parts import LOADS
-from linkage_ros.programs import chart_tool
 from linkage_ros.programs import record as record_module
 from linkage_ros.quantities import build, flatten
 

@@ -42,8 +42,10 @@ def hide(tmp_path, monkeypatch):
 
 
 def run(entry, *arguments):
-    """Runs an entry point of setup.py as its console script does."""
-    code = f'import sys; from linkage_ros.executables import {entry} as run; sys.exit(run())'
+    """Runs an entry point as its console script does."""
+    place = {'chart': 'linkage_lab.chart_tool import main'}
+    found = place.get(entry, f'linkage_ros.executables import {entry}')
+    code = f'import sys; from {found} as run; sys.exit(run())'
     return finished([sys.executable, '-c', code], *arguments)
 
 

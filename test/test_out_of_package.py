@@ -20,8 +20,8 @@ from ros_harness import assert_refused, finished, stop, wait_for, watched
 from sensor_msgs.msg import JointState
 from test_rerun_view import read
 
+from linkage_lab.methods.registry import METHODS
 from linkage_ros import Body, Coupler, MechanismError, Solver
-from linkage_ros.lab.methods.registry import METHODS
 from linkage_ros.mechanism.parts import Guide, Slider
 from linkage_ros.mechanism.registry import MECHANISMS
 from linkage_ros.messages.urdf import make_urdf
@@ -204,11 +204,11 @@ def test_real_node_publishes_states_of_the_textbook_formula(folder):
 
 MEASURE = """
 import json
-from linkage_ros.lab.commands.accuracy import draw_accuracy
-from linkage_ros.lab.commands.stability import draw_stability
-from linkage_ros.lab.methods import linkage_cases, measure
-from linkage_ros.lab.methods.registry import METHODS
-from linkage_ros.lab.methods.situations import SITUATIONS
+from linkage_lab.commands.accuracy import draw_accuracy
+from linkage_lab.commands.stability import draw_stability
+from linkage_lab.methods import linkage_cases, measure
+from linkage_lab.methods.registry import METHODS
+from linkage_lab.methods.situations import SITUATIONS
 import inverse_cosine
 
 METHODS[1:-1] = []  # of all, the default and the new one

@@ -23,8 +23,8 @@ from linkage_ros.settings.presets import preset_names, preset_path
 
 ROOT = Path(__file__).resolve().parents[1]
 EXECUTABLES = (
-    *('linkage_node', 'linkage_record', 'linkage_replay', 'linkage_log', 'linkage_chart'),
-    *('linkage_export', 'linkage_controller'),
+    *('linkage_node', 'linkage_record', 'linkage_replay', 'linkage_log', 'linkage_export'),
+    'linkage_controller',
 )
 ROS_SHARE = Path('share', 'linkage_ros')
 SHARED = (
@@ -140,7 +140,7 @@ def test_colcon_build_gives_a_package_that_ros2_run_finds(
 
     prefix = tmp_path / 'install' / 'linkage_ros'
     assert missing(prefix, tree) == []
-    assert executables(prefix / 'lib' / 'linkage_ros') == set(EXECUTABLES)
+    assert executables(prefix / 'lib' / 'linkage_ros') == {*EXECUTABLES, 'linkage_chart'}
     linked = (prefix / SHARED[-1]).is_symlink()
     assert linked == bool(options)
 

@@ -546,7 +546,8 @@ def test_sums_may_be_long_and_programs_may_contain_loops():
 
 NO_COMPILER = """
 import sys
-from linkage_ros.programs import chart_tool, log_tool, record, replay
+from linkage_lab import chart_tool
+from linkage_ros.programs import log_tool, record, replay
 from linkage_ros import Solver
 from linkage_ros.settings.configuration import load
 Solver(load('quadrilateral').mechanism).state(0.3, 1.0)

@@ -16,6 +16,26 @@ from oracle import Oracle
 from scipy.integrate import quad
 from test_methods import slope
 
+from linkage_lab.methods import registry, situations
+from linkage_lab.methods.integrators import OfPackage
+from linkage_lab.methods.measure import attempt
+from linkage_lab.methods.motion_cases import (
+    ENERGY,
+    LOOP,
+    MEAN,
+    TRAJECTORY,
+    MotionCase,
+    even,
+)
+from linkage_lab.reference import motions
+from linkage_lab.reference.motions import (
+    InitialValueProblem,
+    MotionReference,
+    coasting,
+    driven_pump,
+    free_pump,
+)
+from linkage_lab.reference.multibody import eliminate
 from linkage_ros import (
     Body,
     Coupler,
@@ -27,26 +47,6 @@ from linkage_ros import (
     Solver,
     UnreachableError,
 )
-from linkage_ros.lab.methods import registry, situations
-from linkage_ros.lab.methods.integrators import OfPackage
-from linkage_ros.lab.methods.measure import attempt
-from linkage_ros.lab.methods.motion_cases import (
-    ENERGY,
-    LOOP,
-    MEAN,
-    TRAJECTORY,
-    MotionCase,
-    even,
-)
-from linkage_ros.lab.reference import motions
-from linkage_ros.lab.reference.motions import (
-    InitialValueProblem,
-    MotionReference,
-    coasting,
-    driven_pump,
-    free_pump,
-)
-from linkage_ros.lab.reference.multibody import eliminate
 from linkage_ros.motion.coordinates import DrivenMechanism
 from linkage_ros.motion.drives import Motor, TorqueDrive
 from linkage_ros.motion.steps import (

@@ -23,7 +23,7 @@ import numpy as np
 from harness import DOMAIN, finish, listening, missed, node, options, quantiles, wait_for
 from realtime import SETTLE
 
-from linkage_ros.lab.reference.states import Reference
+from linkage_lab.reference.states import Reference
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.verify import verify
 from linkage_ros.run.states import Simulator

@@ -87,16 +87,17 @@ def cases_of(kind, folder):
 def run_executable(rng, yaml, mcap):
     """Runs an executable on a hostile file; checks exit code and stderr."""
     out = yaml.with_name('out')
+    programs = 'linkage_ros.programs.'
     module, *words = rng.choice((
-        ('log_tool', 'info', mcap), ('log_tool', 'verify', mcap),
-        ('log_tool', 'recover', mcap, f'{out}.mcap', '--overwrite'),
-        ('replay', mcap, '--no-ros', '--viewer', f'{out}{rng.random()}.rrd', '--rate', '1e6',
-         '--playback-duration', '0.1'),
-        ('record', yaml, f'{out}.mcap', '--duration', '0.02', '--overwrite'),
-        ('chart_tool', 'motion', yaml, '--out', out),
+        (f'{programs}log_tool', 'info', mcap), (f'{programs}log_tool', 'verify', mcap),
+        (f'{programs}log_tool', 'recover', mcap, f'{out}.mcap', '--overwrite'),
+        (f'{programs}replay', mcap, '--no-ros', '--viewer', f'{out}{rng.random()}.rrd',
+         '--rate', '1e6', '--playback-duration', '0.1'),
+        (f'{programs}record', yaml, f'{out}.mcap', '--duration', '0.02', '--overwrite'),
+        ('linkage_lab.chart_tool', 'motion', yaml, '--out', out),
     ))  # fmt: skip
     done = subprocess.run(
-        [sys.executable, '-m', f'linkage_ros.programs.{module}', *words],
+        [sys.executable, '-m', module, *words],
         capture_output=True, text=True, errors='replace', timeout=LIMIT, check=False,
         preexec_fn=lambda: limit_memory(IMPORTS + MEMORY),
     )  # fmt: skip

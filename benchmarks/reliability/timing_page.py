@@ -10,7 +10,7 @@ import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from linkage_ros.lab.methods.registry import LIVE, RECORDS
+from linkage_lab.methods.registry import LIVE, RECORDS
 from linkage_ros.palette import FIRST, fractions
 
 DOCS = Path(__file__).parents[2] / 'docs'
@@ -192,7 +192,7 @@ def draw(
     ticks: Sequence[dict], logs: Sequence[dict], accuracy: dict, peers: dict, path: Path
 ) -> None:
     """Draws the figures of the page as bar charts."""
-    from linkage_ros.lab.output import chart
+    from linkage_lab.output import chart
 
     def bars(axes, title: str, values: dict[str, float]) -> None:
         names = list(values)[::-1]

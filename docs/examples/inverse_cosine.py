@@ -13,10 +13,10 @@ from __future__ import annotations
 
 import math
 
+from linkage_lab.methods.measure import Method
+from linkage_lab.methods.registry import METHODS
+from linkage_lab.methods.stages import POSITION, Links
 from linkage_ros.formulas import Vector, atan2, cos, sin, sqrt
-from linkage_ros.lab.methods.measure import Method
-from linkage_ros.lab.methods.registry import METHODS
-from linkage_ros.lab.methods.stages import POSITION, Links
 from linkage_ros.numeric import Real
 
 

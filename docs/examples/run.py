@@ -14,6 +14,7 @@ import argparse
 import sys
 from importlib import import_module
 
+from linkage_lab import chart_tool
 from linkage_ros import executables
 
 
@@ -27,7 +28,7 @@ def main() -> int:
     import_module('cardan_gear')
     if program == 'chart':  # only this program uses methods of solving
         import_module('inverse_cosine')
-    code: int = getattr(executables, program)()
+    code: int = (chart_tool.main if program == 'chart' else getattr(executables, program))()
     return code
 
 

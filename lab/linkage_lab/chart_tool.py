@@ -1,0 +1,143 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""linkage_chart: draws the motion of a mechanism, or compares methods.
+
+The modules in `commands` implement its commands.
+"""
+
+import argparse
+import sys
+from importlib import import_module
+from pathlib import Path
+
+from linkage_ros import cli
+from linkage_ros.quantities import Quantity
+from linkage_ros.settings.presets import preset_names
+
+_NAME = 'linkage_chart'
+_RPM = Quantity('number', 'crank speed', 'rpm', -1e6, 1e6)
+_OUT: cli.Option = (('--out',), None, {
+    'type': Path, 'default': Path(), 'metavar': 'DIR',
+    'help': 'folder for the results; existing files are replaced (default: the current folder)',
+})  # fmt: skip
+_QUICK: cli.Option = (('--quick',), None, {
+    'action': 'store_true', 'help': 'fewer settings and cases, in a fraction of the time',
+})  # fmt: skip
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = cli.make_parser(
+        _NAME,
+        'Draw the motion of a mechanism, or compare methods of solving it; needs no ROS.',
+        ('motion quadrilateral', 'motion my_linkage.yaml --reactions --out charts',
+         'motion slider_crank --rpm 30 --acceleration 1',
+         'accuracy --quick --out charts', 'stability --out charts', 'economy quadrilateral',
+         'pump --out charts', 'sweep tolerances.yaml'),
+    )  # fmt: skip
+    presets = f'parameter file, or a preset: {", ".join(preset_names())}'
+    params = {'metavar': 'PARAMS', 'help': presets}
+    note = " (default: the file's); for a wind_pump, its initial speed"
+    rpm: cli.Option = (('--rpm',), _RPM, {'metavar': 'N', 'note': note})
+    cli.add_commands(parser, {
+        'motion': cli.Command(
+            _run, 'position, rate, acceleration and torque over one period: PNG and CSV',
+            ('quadrilateral', 'my_linkage.yaml --rpm 30 --reactions --out charts',
+             'my_linkage.yaml --fluctuation 0.02', 'long_rod.yaml short_rod.yaml'),
+            (
+                (('params',), None,
+                 {'metavar': 'PARAMS', 'nargs': '+',
+                  'help': f'{presets}; several are compared'}),
+                rpm,
+                (('--acceleration',),
+                 Quantity('number', 'crank acceleration at every angle', 'rad/s^2', -1e9, 1e9),
+                 {'default': 0.0, 'metavar': 'A', 'note': ' (default 0)'}),
+                (('--fluctuation',),
+                 Quantity('number', 'coefficient of fluctuation, (largest - smallest speed) / '
+                          'mean, that a flywheel must keep', '', 1e-6, 1.0),
+                 {'metavar': 'F', 'note': '; sizes the flywheel and checks the motor: PNG'}),
+                (('--reactions',), None,
+                 {'action': 'store_true', 'help': 'add joint forces, shaking force and moment'}),
+                _OUT,
+            ),
+        ),
+        'movie': cli.Command(
+            _run, 'the mechanism as it moves, with its driving torque: GIF, or MP4 with ffmpeg',
+            ('quadrilateral quadrilateral.gif', 'my_linkage.yaml my_linkage.mp4 --rpm 30'),
+            (
+                (('params',), None, params),
+                (('out',), None,
+                 {'type': Path, 'metavar': 'OUT', 'help': '.gif or .mp4 file, replaced'}),
+                rpm,
+            ),
+        ),
+        'accuracy': cli.Command(
+            _run, 'speed against accuracy of all methods: PNG and JSON',
+            ('--quick --out charts',), (_QUICK, _OUT),
+        ),
+        'stability': cli.Command(
+            _run, 'outcome of each method in the situations where some fail: PNG and JSON',
+            ('--quick --out charts',), (_QUICK, _OUT),
+        ),
+        'economy': cli.Command(
+            _run, 'error of the torque without each of its terms: PNG and JSON',
+            ('quadrilateral', 'my_linkage.yaml --rpm 30 60 --tolerance 0.02 --quick --out charts'),
+            (
+                (('params',), None, params),
+                _QUICK,
+                (('--rpm',), _RPM,
+                 {'nargs': '+', 'metavar': 'N',
+                  'note': "; the file's speed is added (default: a quarter to four times it)"}),
+                (('--tolerance',),
+                 Quantity('number', 'allowed error, relative to the peak torque', '', 1e-9, 1.0),
+                 {'default': 0.01, 'metavar': 'E', 'note': ' (default 0.01)'}),
+                _OUT,
+            ),
+            '%(prog)s PARAMS [options]',  # after --rpm, PARAMS would be parsed as a speed
+        ),
+        'sweep': cli.Command(
+            _run, 'many designs of one mechanism, measured and compared: CSV and PNG',
+            ('tolerances.yaml', 'study.yaml --out charts --workers 8',
+             'study.yaml --scheduler tcp://192.168.0.2:8786'),
+            (
+                (('study',), None,
+                 {'metavar': 'STUDY', 'help': 'study file; see docs/sizing.md'}),
+                (('--workers',), Quantity('whole', 'number of worker processes', '', 1, 1024),
+                 {'metavar': 'N', 'note': ' (default: one for each processor)'}),
+                (('--scheduler',), None,
+                 {'metavar': 'ADDRESS', 'help': 'use the Dask cluster at this address instead'}),
+                _OUT,
+            ),
+        ),
+        'pump': cli.Command(
+            _run, 'steady states of a wind pump by start speed and motor torque: PNG and JSON',
+            ('', 'my_pump.yaml --speeds 1 4 --quick --out charts'),
+            (
+                (('params',), None,
+                 {'nargs': '?', 'default': 'wind_pump', 'metavar': 'PARAMS',
+                  'help': 'parameter file, or a preset (default wind_pump)'}),
+                _QUICK,
+                (('--speeds',),
+                 Quantity('number', 'initial crank speed', 'rad/s', 1e-6, 1e6),
+                 {'nargs': '+', 'default': [2.0, 6.0], 'metavar': 'W', 'note': ' (default 2 6)'}),
+                _OUT,
+            ),
+            '%(prog)s [PARAMS] [options]',  # after --speeds, PARAMS would be parsed as a speed
+        ),
+    })  # fmt: skip
+    return parser
+
+
+def _run(options: argparse.Namespace) -> None:
+    """Imports the module of a command and runs it."""
+    module = import_module(f'linkage_lab.commands.{options.command}')
+    getattr(module, options.command)(options)
+
+
+def main() -> int:
+    """Runs `linkage_chart`; returns the exit code."""
+    options = _parser().parse_args()
+    return cli.run(_NAME, lambda: options.run(options))
+
+
+if __name__ == '__main__':
+    sys.exit(main())

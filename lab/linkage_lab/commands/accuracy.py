@@ -1,0 +1,310 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""linkage_chart accuracy: one chart per linkage, one for all motions, one for `drive: follow`.
+
+The last chart shows the torque error of a measured crank against the filter's bandwidth, for
+several encoder resolutions. A motor whose torque falls steeply with the speed turns the
+quadrilateral at 150 rpm. The encoder rounds the angle to 2^bits steps per turn; a speed sensor
+with the same number of bits and a range of +-300 rpm rounds the speed. `FollowMotion` receives
+1000 measurements per second.
+"""
+
+import argparse
+import itertools
+import math
+import operator
+import textwrap
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib import rcParams
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+from matplotlib.ticker import LogLocator, NullLocator
+
+from linkage_lab.methods.linkage_cases import NEAR, linkages
+from linkage_lab.methods.measure import (
+    BATCH,
+    LIMIT,
+    ONE,
+    Method,
+    Point,
+    label,
+    measure_accuracy,
+)
+from linkage_lab.methods.motion_cases import ENERGY, MEAN, SLOWEST, TRAJECTORY, motions
+from linkage_lab.methods.registry import DEFAULT, INTEGRATORS, LIVE, METHODS, RECORDS
+from linkage_lab.methods.stages import QUANTITIES
+from linkage_lab.output import SMALL, TEXT, about, chart, folder, progress, save_records
+from linkage_ros.mechanism.solver import Solver
+from linkage_ros.motion.drives import FollowDrive, Motor, TorqueDrive
+from linkage_ros.motion.measured import FollowMotion
+from linkage_ros.motion.segments import Coordinates, stacked
+from linkage_ros.motion.under_torque import TorqueMotion
+from linkage_ros.numeric import Array
+from linkage_ros.palette import (
+    BLACK,
+    BLUE,
+    DARK,
+    GREEN,
+    ORANGE,
+    PURPLE,
+    SKY,
+    VERMILION,
+    Color,
+    fractions,
+)
+from linkage_ros.settings.configuration import load
+from linkage_ros.units import NS_PER_S, radians_per_second
+
+_LEAST, _CEILING = 1e-17, 10.0  # limits at which smaller and larger errors are drawn
+_BITS = (12, 14, 16, 18, 20)
+_BANDWIDTHS = (5.0, 7.0, 10.0, 14.0, 20.0, 30.0, 40.0, 60.0, 80.0, 120.0, 160.0, 240.0)  # Hz
+_RPM = 150.0
+_DAMPING = 20.0  # motor damping, N m s; keeps the speed within 3 % of 150 rpm
+_PERIOD = NS_PER_S // 1000  # between measurements, ns
+_TURN = 400  # measurements per turn; the filter settles for two turns, the next two are compared
+
+
+def _style(marker: str, color: Color, size: float = 6.0, *, filled: bool = True) -> dict[str, Any]:
+    return {
+        'marker': marker, 'color': fractions(color), 'markersize': size,
+        'markerfacecolor': fractions(color) if filled else 'white',
+    }  # fmt: skip
+
+
+# The defaults have the most prominent colour.
+_STYLES = {
+    DEFAULT: _style('*', VERMILION, 13),
+    'factored, float32': _style('*', VERMILION, 9, filled=False),
+    'two circles': _style('D', BLACK),
+    'half-angle': _style('s', BLUE),
+    'Newton-Raphson': _style('^', GREEN),
+    "document 1's listing": _style('v', SKY, 7),
+    'table, cubic Hermite': _style('o', PURPLE),
+    '2x2 solve': _style('P', ORANGE, 7),
+    'central differences': _style('.', DARK, 7),
+    LIVE: _style('o', VERMILION),
+    RECORDS: _style('*', VERMILION, 11, filled=False),
+    'DOP853': _style('s', BLUE),
+    'RK4': _style('^', GREEN),
+    'Radau': _style('D', PURPLE),
+    'multipliers, unstabilised': _style('X', DARK),
+    'multipliers, Baumgarte': _style('P', SKY, 7),
+    'multipliers, projected': _style('v', ORANGE),
+}
+_OTHER = _style('d', DARK, filled=False)  # marker of a method added by a user
+_STEADY = _style('*', VERMILION, 13)  # marker of the live default at its default setting
+_ENCODERS = [
+    _style(marker, color, 5)
+    for marker, color in zip('s^oDv', (VERMILION, ORANGE, GREEN, BLUE, PURPLE), strict=True)
+]
+_ROLES = {
+    DEFAULT: ' (default)',
+    LIVE: ' (live default; star: 1 ms steps)',
+    RECORDS: ' (default for records)',
+}
+
+
+def accuracy(options: argparse.Namespace) -> None:
+    """Measures speed and accuracy of all methods, draws the results, and writes the records.
+
+    Args:
+        options: Parsed command-line options.
+
+    Raises:
+        ConfigurationError: The folder cannot be written.
+    """
+    out, quick = options.out, options.quick
+    with folder(out):
+        solved = measure_accuracy(linkages(quick=quick), METHODS, quick=quick)
+        moved = measure_accuracy(motions(quick=quick), INTEGRATORS, quick=quick)
+        written = [out / 'accuracy.json']
+        save_records(written[0], [*solved, *moved])
+        on = ', '.join(f'{name} {value}' for name, value in about().items())
+        charts: dict[str, list[Point]] = {}
+        for point in solved:
+            charts.setdefault(point['mechanism'], []).append(point)
+        for name, points in {**charts, 'motions': moved}.items():
+            written.append(out / f'accuracy_{name.replace(" ", "_")}.png')
+            title = f'Speed against accuracy: {name.replace("_", "-")}\n{on}'
+            draw_accuracy(points, title, written[-1])
+        written += (out / 'accuracy_follow.json', out / 'accuracy_follow.png')
+        errors, speeds = _measure_follow(quick=quick)
+        save_records(written[-2], errors)
+        title = f'Torque error of a measured crank: quadrilateral, {speeds}, measured at 1 kHz'
+        draw_follow(errors, title, written[-1])
+    print(*written, sep='\n')
+
+
+def draw_accuracy(points: Sequence[Point], title: str, path: Path) -> None:
+    """Draws the chart of a linkage (a row per quantity) or of all motions (a row per motion).
+
+    Args:
+        points: Points of a linkage, or of all motions.
+        title: Title of the picture.
+        path: The PNG file, replaced if it exists.
+    """
+    methods: Sequence[Method] = METHODS
+    wide, columns = 2, [*itertools.product(QUANTITIES, (ONE, BATCH))]
+    named, time, error = '{1}, {2}', 'time per state', 'relative (angles: rad)'
+    if points[0]['quantity'] not in QUANTITIES:
+        wide, columns = 3, [(TRAJECTORY, MEAN), (ENERGY, MEAN), (TRAJECTORY, SLOWEST)]
+        methods, named = INTEGRATORS, '{0}, {1}, {2}'
+        time, error = 'time per simulated ms', 'rad, crank lengths, or relative'
+    place = operator.itemgetter('mechanism', 'quantity', 'mode')
+    mechanisms = dict.fromkeys(point['mechanism'] for point in points)
+    names = [(name, *column) for name in mechanisms for column in columns]
+    high = len(names) // wide
+    with chart(path, 2.6 + 2.2 * high, title) as figure:
+        rcParams['text.parse_math'] = True  # for the powers of ten of tick labels
+        grid = figure.subplots(high, wide, sharey=True, sharex='col')
+        for axes, panel in zip(grid.flat, names, strict=True):
+            axes.set_title(named.format(*panel).replace('_', ' ').replace(f', {MEAN}', ''))
+            _draw_panel(axes, [point for point in points if place(point) == panel])
+        for axes in grid[-1]:
+            axes.set_xlabel(f'{time}, \N{MICRO SIGN}s', fontsize=TEXT)
+            low, most = axes.get_xlim()
+            # Axes of more than two decades have no room for labels at 2 and 5.
+            axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5) if most < 200 * low else (1,)))
+        figure.supylabel(f'largest error: {error}', fontsize=TEXT)
+        figure.legend(
+            handles=_handles(methods), loc='outside lower center', ncols=3,
+            title=textwrap.fill(_settings(methods), 115), title_fontsize=SMALL,
+        )  # fmt: skip
+
+
+def _handles(methods: Sequence[Method]) -> list[Line2D]:
+    """Makes the entries of the legend."""
+    handles = [
+        Line2D([], [], linewidth=0.9 if len(method.settings) > 1 else 0,
+               label=f'{method.name}{_ROLES.get(method.name, "")}',
+               **_STYLES.get(method.name, _OTHER))
+        for method in methods
+    ]  # fmt: skip
+    limit = f'worse than {LIMIT:g}: not on the front'
+    return [
+        *handles,
+        Line2D([], [], color=fractions(BLACK), linewidth=1.0, label='front of right points'),
+        Line2D([], [], color='0.85', linewidth=7, label=limit),
+    ]
+
+
+def _settings(methods: Sequence[Method]) -> str:
+    """Describes the settings of all methods in one string."""
+    spans = '; '.join(
+        f'{method.name}: {label(method.settings[0])} to {label(method.settings[-1])}'
+        for method in methods
+        if len(method.settings) > 1
+    )
+    return (
+        f'Settings along the lines: {spans}. Errors above {_CEILING:g} are drawn at {_CEILING:g}.'
+    )
+
+
+def _log_axes(axes: Axes, **options: Any) -> None:
+    axes.set(xscale='log', yscale='log', **options)
+    axes.xaxis.set_major_formatter('{x:g}')
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_minor_locator(NullLocator())
+
+
+def _draw_panel(axes: Axes, points: Sequence[Point]) -> None:
+    _log_axes(axes, ylim=(2e-17, 30 * _CEILING), yticks=10.0 ** np.arange(-15, 1, 3))
+    axes.axhspan(LIMIT, 1e30, color='0.94', zorder=0)
+    drawn = [p for p in points if None not in (p['max_error'], p['us_per_state'])]
+    for method, group in itertools.groupby(drawn, key=lambda point: point['method']):
+        style, order = _STYLES.get(method, _OTHER), 5 if method in _ROLES else 3
+        axes.plot(*_places(group), linewidth=0.9, zorder=order, **style)
+    steady = label(INTEGRATORS[0].steady)
+    own = (p for p in drawn if (p['method'], p['setting']) == (LIVE, steady))
+    axes.plot(*_places(own), zorder=6, **_STEADY)
+    front = sorted((p for p in points if p['pareto']), key=lambda p: p['us_per_state'])
+    axes.step(
+        *_places(front), where='post', color=fractions(BLACK), linewidth=1.2, alpha=0.7, zorder=2
+    )
+    if failed := dict.fromkeys(p['method'] for p in points if p not in drawn):
+        height = 0.565 if points[0]['mechanism'] == NEAR else 0.97  # clear of the curves
+        axes.text(
+            0.98, height, 'no answer at some angle with some setting:\n' + '\n'.join(failed),
+            ha='right', va='top', transform=axes.transAxes, color='0.3',
+        )  # fmt: skip
+
+
+def _places(points: Iterable[Point]) -> Any:
+    """Returns times, us, and errors of points, limited to the range of the axis."""
+    places = [(p['us_per_state'], np.clip(p['max_error'], _LEAST, _CEILING)) for p in points]
+    return np.reshape(places, (-1, 2)).T
+
+
+# ---------------------------------------------------------------- a measured crank
+
+
+def _measure_follow(*, quick: bool) -> tuple[list[dict[str, Any]], str]:
+    """Measures the torque error for several encoders and bandwidths.
+
+    Returns the points, and the crank speeds in words. Each point has the resolution in bits,
+    whether the velocity is also measured, the bandwidth of the filter, Hz, and the largest torque
+    error, relative to the peak torque at a constant speed.
+    """
+    solver, speed = Solver(load('quadrilateral').mechanism), radians_per_second(_RPM)
+    drive = TorqueDrive(motor=Motor(_DAMPING * speed, _DAMPING), start_rpm=_RPM)
+    stamps = [n * _PERIOD for n in range(1, 4 * _TURN + 1)]
+    true = TorqueMotion(solver, drive, 0, _PERIOD).at_all(stamps)
+
+    def torque(moments: Coordinates) -> Array:
+        (q,), (u,), (a,), *_ = moments
+        return np.asarray(solver.state(q, u, a).torque[2 * _TURN :])
+
+    turn = np.linspace(0.0, 2 * math.pi, _TURN)
+    peak = np.abs(solver.state(turn, np.full(_TURN, speed), np.zeros(_TURN)).torque).max()
+    bits, bandwidths = (_BITS[::2], _BANDWIDTHS[::4]) if quick else (_BITS, _BANDWIDTHS)
+    kinds, points = list(itertools.product((False, True), bits)), []
+    for velocity, bit in progress(kinds, 'errors, a measured crank'):
+        step, pace = 2 * math.pi / 2**bit, 4 * speed / 2**bit
+        angles = (step * np.rint(true.unwrapped / step)).tolist()
+        speeds = (pace * np.rint(true.u[0] / pace)).tolist() if velocity else [None] * len(stamps)
+        measured = list(zip(stamps, angles, speeds, strict=True))
+        for bandwidth in bandwidths:
+            motion = FollowMotion(FollowDrive(bandwidth), solver.reach.period_turns)
+            followed = stacked([motion.at(*one) for one in measured])
+            points.append({
+                'bits': bit, 'measured_velocity': velocity, 'follow_bandwidth': bandwidth,
+                'max_error': float(np.abs(torque(followed) - torque(true)).max() / peak),
+            })  # fmt: skip
+    rpm = true.u[0][2 * _TURN :] / radians_per_second(1.0)
+    return points, f'{rpm.min():.0f} to {rpm.max():.0f} rpm'
+
+
+def draw_follow(points: Sequence[dict[str, Any]], title: str, path: Path) -> None:
+    """Plots the torque error of a measured crank against the bandwidth, for each encoder.
+
+    Args:
+        points: The points from `_measure_follow`.
+        title: Title of the picture.
+        path: The PNG file, replaced if it exists.
+    """
+    default = FollowDrive().follow_bandwidth
+    with chart(path, 4.8, title) as figure:
+        panels = figure.subplots(1, 2, sharey=True, sharex=True)
+        for axes, velocity in zip(panels, (False, True), strict=True):
+            _log_axes(axes, ylim=(1.0, 100.0), xlabel='follow_bandwidth, Hz')
+            chosen = [p for p in points if p['measured_velocity'] == velocity]
+            lines = itertools.groupby(chosen, key=lambda p: p['bits'])
+            for (bits, group), style in zip(lines, _ENCODERS, strict=False):
+                line = [(p['follow_bandwidth'], 100 * p['max_error']) for p in group]
+                axes.plot(*zip(*line, strict=True), linewidth=1.2, label=f'{bits} bit', **style)
+            axes.axvline(
+                default, color=fractions(BLACK), linestyle='--', linewidth=1.0,
+                label=f'default, {default:g} Hz',
+            )  # fmt: skip
+            axes.set_title(
+                'angle and velocity are measured' if velocity else 'only the angle is measured'
+            )
+            for axis in (axes.xaxis, axes.yaxis):
+                axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+                axis.set_major_formatter('{x:g}')
+        panels[0].set_ylabel('largest torque error, % of the peak torque')
+        panels[0].legend(loc='lower left')

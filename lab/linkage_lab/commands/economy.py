@@ -1,0 +1,364 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""linkage_chart economy: driving-torque error when each term is omitted, at several speeds."""
+
+import argparse
+import functools
+import math
+import textwrap
+import time
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.ticker import LogLocator, NullLocator
+
+from linkage_lab import torque_models
+from linkage_lab.output import NUMBERS, SMALL, TEXT, chart, folder, progress, save_records
+from linkage_lab.sampling import samples
+from linkage_lab.torque_models import STATIC, TERMS, TorqueProgram
+from linkage_ros import ConfigurationError, MechanismError, Solver
+from linkage_ros.mechanism.structure import Mechanism
+from linkage_ros.numeric import Array
+from linkage_ros.palette import (
+    BLACK,
+    BLUE,
+    DARK,
+    ORANGE,
+    PURPLE,
+    SKY,
+    WHITE,
+    color_of,
+    fractions,
+    mixed,
+)
+from linkage_ros.settings.configuration import load
+from linkage_ros.settings.presets import find_file
+from linkage_ros.units import radians_per_second
+
+POINT_MASSES = 'coupler as two point masses'
+_FULL = 'full model'
+_HARMONICS = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 16, 24, 32)
+_NODES = (8, 16, 32, 64, 128, 256, 512, 1024)
+_TIMED = 8  # one of this many angles is timed
+_FACTORS = 0.25, 0.5, 1.0, 2.0, 4.0  # default speeds, relative to the mechanism's own speed
+_SAMPLES = 2048  # evenly spaced torques: series are fitted to all, tables use a subset
+_LEAST = 1e-4  # smaller errors are not drawn
+_ROOM = 0.88  # width of a group of bars, relative to the distance between groups
+_OTHERS = {'gravity': DARK, STATIC: PURPLE, 'load': ORANGE, 'friction': SKY}
+_HATCHES = {'': '', 'inertia': '', 'damping': 'xxx', 'stiffness': '...'}
+# Marker, size, colour and legend label of the reduced models, by a word in their names.
+_REDUCED = {
+    'harmonic': ('o-', 5, BLUE, 'harmonics'),
+    'table': ('s-', 5, ORANGE, 'nodes of a table'),
+    POINT_MASSES: ('*-', 9, PURPLE, 'two point masses'),
+}
+
+# One simpler model at one speed, as in the JSON file:
+#   mechanism: name of the parameter file
+#   rpm: crank speed
+#   left_out: the omitted term, or the reduced model
+#   error: largest torque error over a period, relative to the peak of the full model's torque
+#   operations, microseconds, parameters: savings; time of one evaluation, number of known values
+#   full_operations, full_microseconds, full_parameters: costs of the full model
+Saving: TypeAlias = dict[str, Any]
+_COSTS = 'operations', 'microseconds', 'parameters'
+
+
+def economy(options: argparse.Namespace) -> None:
+    """Omits each term at each speed, draws the errors, and writes the records.
+
+    Args:
+        options: Parsed command-line options.
+
+    Raises:
+        ConfigurationError: No speed is given, or the folder cannot be written.
+        MechanismError: The crank angle does not determine the motion, or no torque is needed.
+    """
+    configuration, name = load(options.params), find_file(options.params).stem
+    given = options.rpm or []
+    # The summary is for this speed.
+    own = getattr(configuration.drive, 'rpm', given[0] if given else 0.0)
+    rpms = sorted({own, *(given or (own * factor for factor in _FACTORS))})
+    measured = Economy(configuration.mechanism, name)
+    if 0.0 in rpms:
+        raise ConfigurationError(
+            f'{options.params} at 0 rpm: the torque is compared over a turn of the crank, which '
+            'needs a speed; choose speeds, such as --rpm 30 60'
+        )
+    records, picture = (options.out / f'{name}_economy.{suffix}' for suffix in ('json', 'png'))
+    with folder(options.out):
+        savings = measured.measure(rpms, 20 if options.quick else 200)
+        sentence = measured.sentence(own, options.tolerance, savings)
+        save_records(records, savings)
+        _draw(savings, sentence, own, options.tolerance, picture)
+    print(f'{name}: {sentence}', records, picture, sep='\n')
+
+
+class Economy:
+    """Compares simpler models of a mechanism's driving torque with the full model.
+
+    Attributes:
+        terms: Terms of the model, each with the number of nonzero values per parameter.
+    """
+
+    def __init__(self, mechanism: Mechanism, name: str) -> None:
+        """Finds the terms of the full model.
+
+        Args:
+            mechanism: A mechanism whose crank turns fully.
+            name: Name of its parameter file.
+
+        Raises:
+            MechanismError: The crank does not turn fully.
+        """
+        solver = Solver(mechanism)
+        solver.reach.require_full_turn()
+        self._mechanism, self._name = mechanism, name
+        self.terms = torque_models.terms(mechanism)
+        self._period = solver.reach.period_turns * 2 * math.pi
+        self._samples = samples(solver)
+
+    def measure(self, rpms: Sequence[float], rounds: int) -> list[Saving]:
+        """Measures the error and the savings of each simpler model at each speed.
+
+        Args:
+            rpms: Crank speeds.
+            rounds: Number of timings of each program; the shortest is kept.
+
+        Returns:
+            The savings of each model, sorted by speed.
+
+        Raises:
+            MechanismError: No torque is needed at one of the speeds.
+        """
+        costs = self._costs(self._models(rpms[0]), progress(range(rounds), 'timing'))
+        full, savings = costs.pop(_FULL), list[Saving]()
+        for rpm in progress(rpms, 'speeds'):
+            models = self._models(rpm)
+            for name, cost in costs.items():
+                about = {'mechanism': self._name, 'rpm': rpm, 'left_out': name}
+                saved = {word: full[word] - cost[word] for word in _COSTS}
+                of_full = {f'full_{word}': full[word] for word in _COSTS}
+                error = self._error(models[name][0], rpm)
+                savings.append({**about, 'error': error, **saved, **of_full})
+        return savings
+
+    def sentence(self, rpm: float, tolerance: float, savings: Sequence[Saving]) -> str:
+        """Describes the terms that the torque needs at one speed, and those that can be omitted.
+
+        Args:
+            rpm: One of the measured speeds.
+            tolerance: Allowed error, relative to the peak of the full model's torque.
+            savings: Result of `measure`.
+
+        Returns:
+            One sentence, without an initial capital letter or a full stop.
+        """
+        errors = {x['left_out']: x['error'] for x in savings if x['rpm'] == rpm}
+        out: list[str] = []
+        for name in sorted(self.terms, key=lambda name: errors[name]):
+            if self._error(self._without(*out, name), rpm) <= tolerance:
+                out.append(name)
+        owned = {name: frozenset(counts) for name, counts in self.terms.items()}
+        gone = frozenset[str]().union(*(owned[name] for name in out))
+        left = {x: own for x, own in owned.items() if x != STATIC and not own <= gone}
+        needed = [x for x, own in left.items() if not any(own < other for other in left.values())]
+        largest = [x for x in out if not any(owned[x] < owned[y] for y in out)]
+        good = [name for name in errors if name not in self.terms and errors[name] <= tolerance]
+        smallest = [
+            words + next(x for x in good if kind in x)
+            for kind, words in ((POINT_MASSES, 'the '), ('harmonic', ''), ('table', 'a '))
+            if any(kind in x for x in good)
+        ]
+        return (
+            f'at {rpm:g} rpm, within {100 * tolerance:g} % of the peak, this mechanism needs '
+            f'{_listed(needed, "and")}; it can leave out {_listed(largest, "and")}'
+        ) + (f'; sufficient models: {_listed(smallest, "or")}' if good else '')
+
+    def _models(self, rpm: float) -> dict[str, tuple[TorqueProgram, int]]:
+        """Returns the program and the parameter count of each model at a speed, by name."""
+        known = {x: n for own in self.terms.values() for x, n in own.items()}
+        count, full = sum(known.values()), self._without()
+        needs = {name: count - sum(own.values()) for name, own in self.terms.items()}
+        found = {name: (self._without(name), rest) for name, rest in needs.items()}
+        found[_FULL] = full, count
+        if reduced := torque_models.with_point_masses(self._mechanism):
+            found[POINT_MASSES] = torque_models.torque_program(reduced), needs['coupler'] + 2
+        angles = np.arange(float(_SAMPLES)) * (self._period / _SAMPLES)
+        even = full.torques(angles, radians_per_second(rpm))
+        for n in _HARMONICS:
+            program = torque_models.series_program(even, self._period, n)
+            found[f'{n} harmonic{"s" if n > 1 else ""}'] = program, 2 * n + 1
+        for n in _NODES:
+            program = torque_models.table_program(even[:: _SAMPLES // n], self._period)
+            found[f'table of {n} nodes'] = program, n
+        return found
+
+    def _without(self, *names: str) -> TorqueProgram:
+        left = torque_models.without(self._mechanism, names)
+        return torque_models.torque_program(left, static=STATIC in names)
+
+    def _costs(
+        self, models: dict[str, tuple[TorqueProgram, int]], rounds: Iterable[int]
+    ) -> dict[str, dict[str, float]]:
+        """Returns the operations, microseconds and parameters of each model.
+
+        The programs are timed in turn, so that a busy machine slows all of them equally.
+        """
+        programs = {program.tape: program.scalar for program, _ in models.values()}
+        best, angles = dict.fromkeys(programs, math.inf), self._samples[::_TIMED].tolist()
+        for _ in rounds:
+            for tape, run in programs.items():
+                start = time.perf_counter()
+                for angle in angles:
+                    run(angle, 1.0)
+                best[tape] = min(best[tape], time.perf_counter() - start)
+        return {
+            name: {
+                'operations': tape.operations,
+                'microseconds': best[tape] / len(angles) * 1e6, 'parameters': count,
+            }
+            for name, ((_, tape), count) in models.items()
+        }  # fmt: skip
+
+    def _error(self, program: TorqueProgram, rpm: float) -> float:
+        """Computes a program's largest torque error, relative to the peak of the full torque."""
+        full, found = self._exact(rpm), program.torques(self._samples, radians_per_second(rpm))
+        return float(np.abs(found - full).max() / np.abs(full).max())
+
+    @functools.cache  # noqa: B019
+    def _exact(self, rpm: float) -> Array:
+        """Computes the torques of the full model at all angles, N m.
+
+        Raises:
+            MechanismError: They are 0.
+        """
+        found = self._without().torques(self._samples, radians_per_second(rpm))
+        if not found.any():
+            raise MechanismError(
+                f'{self._name} needs no torque at {rpm:g} rpm: give links masses or loads, or '
+                'choose other speeds (--rpm)'
+            )
+        return found
+
+
+def handover(savings: Sequence[Saving]) -> float | None:
+    """Computes the speed, rpm, at which weights and inertia contribute equally.
+
+    Returns None if there are no weights or no inertia.
+
+    The torque of weights does not depend on the speed; the torque of inertia grows with the speed
+    squared.
+    """
+    rpm = savings[0]['rpm']
+    errors = {x['left_out']: x['error'] for x in savings if x['rpm'] == rpm}
+    weights, inertia = errors.get('gravity'), errors.get(STATIC)
+    return abs(rpm) * math.sqrt(weights / inertia) if weights and inertia else None
+
+
+def _listed(names: Sequence[str], word: str) -> str:
+    """Joins names into a phrase such as 'a, b and c'."""
+    *others, last = names or ['nothing']
+    return f'{", ".join(others)} {word} {last}' if others else last
+
+
+def _draw(
+    savings: Sequence[Saving], sentence: str, rpm: float, tolerance: float, path: Path
+) -> None:
+    """Draws bars for each speed and, for one speed, the reduced models and a table of savings."""
+    terms = [x for x in dict.fromkeys(x['left_out'] for x in savings) if x in TERMS]
+    own, heights = [x for x in savings if x['rpm'] == rpm], (3.7, 2.4 + 0.17 * len(terms))
+    words = textwrap.fill(f'{sentence[0].upper()}{sentence[1:]}.', 88)
+    with chart(path, sum(heights), words) as figure:
+        bars, reduced, table = figure.subplot_mosaic(
+            [['bars', 'bars'], ['reduced', 'table']], width_ratios=(1, 1.1), height_ratios=heights
+        ).values()
+        _draw_bars(bars, savings, terms)
+        _draw_reduced(reduced, own)
+        for axes, most in (bars, 1.5 * max(x['error'] for x in savings)), (reduced, 3.0):
+            axes.set(yscale='log', ylim=(_LEAST, most))
+            axes.axhline(tolerance, color=fractions(BLACK), linewidth=1.0, linestyle=':', zorder=3)
+            axes.yaxis.set_major_formatter('{x:g}')
+            axes.grid(visible=False, axis='x')
+        _write_table(table, own, terms)
+        table.legend(*reduced.get_legend_handles_labels(), loc='lower left', ncols=2)
+
+
+def _draw_bars(axes: Axes, savings: Sequence[Saving], terms: Sequence[str]) -> None:
+    """Draws the errors without each term, and the speed above which inertia dominates."""
+    speeds = list(dict.fromkeys(x['rpm'] for x in savings))
+    width = _ROOM / len(terms)
+    for i, name in enumerate(terms):
+        places = np.arange(len(speeds)) + (i + 0.5) * width - _ROOM / 2
+        heights = [max(x['error'], _LEAST) for x in savings if x['left_out'] == name]
+        group, _, part = name.partition('.')
+        color = _OTHERS.get(group) or color_of(group)
+        axes.bar(
+            places, heights, width, label=name, hatch=_HATCHES.get(part, '///'),
+            color=fractions(mixed(color, WHITE, 0.55) if part else color),
+            edgecolor=fractions(mixed(color, BLACK, 0.4)),
+        )  # fmt: skip
+    rpm = handover(savings) or 0.0
+    if 0 < speeds[0] < rpm < speeds[-1]:
+        at = float(np.interp(rpm, speeds, range(len(speeds))))
+        axes.axvline(at, color=fractions(BLACK), linewidth=0.9, linestyle=(0, (4, 3)))
+        inertia = f'  inertia dominates, from {rpm:.3g} rpm on'
+        for words, side in (('weights dominate  ', 'right'), (inertia, 'left')):
+            axes.text(at, 1.01, words, ha=side, va='bottom', transform=axes.get_xaxis_transform())
+    axes.set_xticks(range(len(speeds)), [f'{rpm:g} rpm' for rpm in speeds], fontsize=TEXT)
+    axes.tick_params(axis='x', length=0)
+    axes.set(xlim=(-0.5, len(speeds) - 0.5), ylabel='Torque error, share of the peak torque')
+    axes.legend(
+        title='left out', title_fontsize=SMALL, loc='center left', bbox_to_anchor=(1.0, 0.5),
+        labelspacing=0.35,
+    )  # fmt: skip
+
+
+def _draw_reduced(axes: Axes, own: Sequence[Saving]) -> None:
+    """Plots the torque errors of the reduced models against their computing time."""
+    full = own[0]['full_microseconds']
+    for kind, (style, size, color, label) in _REDUCED.items():
+        group = {
+            x['left_out']: (full - x['microseconds'], x['error'])
+            for x in own if kind in x['left_out'] and x['error'] > _LEAST
+        }  # fmt: skip
+        if group:
+            points = zip(*group.values(), strict=True)
+            axes.plot(*points, style, color=fractions(color), lw=0.9, ms=size, label=label)
+        for name, point in group.items():
+            axes.annotate(
+                ''.join(filter(str.isdigit, name)), point, xytext=(6, 1),
+                textcoords='offset points', fontsize=NUMBERS, va='center',
+            )  # fmt: skip
+    axes.axvline(full, color=fractions(BLACK), linewidth=1.2, label='full model')
+    axes.set(
+        xscale='log', xlim=(None, 1.1 * full), ylabel='Torque error of reduced models',
+        xlabel=f'Time to compute one torque at {own[0]["rpm"]:g} rpm, \N{MICRO SIGN}s',
+    )  # fmt: skip
+    axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axes.xaxis.set_major_formatter('{x:g}')
+    axes.xaxis.set_minor_locator(NullLocator())
+
+
+def _write_table(axes: Axes, own: Sequence[Saving], terms: Sequence[str]) -> None:
+    """Lists the costs of the full model, and the savings of each simpler model."""
+    full = {'left_out': _FULL, 'error': 0.0} | {x: own[0][f'full_{x}'] for x in _COSTS}
+    line = '{name:17}{error:>8.3g}{operations:>8d}{microseconds:>8.2f}{parameters:>8d}'
+    words, *costs = (
+        line.format(name=x['left_out'].removeprefix('coupler as '), **x)
+        for x in (full, *own) if x['left_out'] in (_FULL, *terms, POINT_MASSES)
+    )  # fmt: skip
+    at = f'at {own[0]["rpm"]:g} rpm'
+    lines = [
+        f'{"":17}{"":>8}{"oper-":>8}{"micro-":>8}{"para-":>8}',
+        f'{at:17}{"error":>8}{"ations":>8}{"seconds":>8}{"meters":>8}',
+        words, 'saved by leaving out', *costs,
+    ]  # fmt: skip
+    axes.set_axis_off()
+    axes.text(
+        0, 1, '\n'.join(lines), va='top', transform=axes.transAxes,
+        family='monospace', fontsize=NUMBERS, linespacing=1.35,
+    )  # fmt: skip

@@ -1,0 +1,153 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""linkage_chart movie: a drawing of the mechanism as it moves, with its driving torque."""
+
+import argparse
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.animation import FFMpegWriter, PillowWriter
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patheffects import withStroke
+
+from linkage_lab.output import SMALL, STYLE, TEXT, folder, over_crank, progress
+from linkage_lab.period import Period, period_to_show
+from linkage_ros.errors import ConfigurationError
+from linkage_ros.numeric import Array
+from linkage_ros.palette import COLORS, DARK, GREY, Color, color_of, fractions
+from linkage_ros.settings.configuration import load
+from linkage_ros.view.drawing import Drawing
+
+_SECONDS = 3.0  # duration of a crank turn in the movie
+_RATE = 20  # frames per second
+_SIZE, _DPI = (8.0, 4.2), 90  # inches, and pixels per inch
+_WRITERS: dict[str, Any] = {'.gif': PillowWriter, '.mp4': FFMpegWriter}
+_NAME: dict[str, Any] = {
+    'textcoords': 'offset points', 'fontsize': SMALL, 'va': 'center', 'annotation_clip': False,
+}  # fmt: skip
+
+
+class LinkagePicture:
+    """A drawing of a mechanism with its pins, their paths over a period, and a scale bar.
+
+    Attributes:
+        period: Period of the drawn mechanism.
+    """
+
+    def __init__(self, axes: Axes, period: Period, samples: Sequence[int]) -> None:
+        """Draws the mechanism at the first sample, with room for all samples.
+
+        Args:
+            axes: Axes to draw in.
+            period: Period to draw.
+            samples: Indices of the crank angles to be shown.
+        """
+        self.period, self._axes = period, axes
+        self._drawing = drawing = Drawing(period.solver.mechanism)
+        columns = [period.columns[f'{joint}.position'].values for joint in drawing.joints]
+        self._tracks = drawing.place(np.stack(columns, axis=-1))
+        for line in drawing.ground:
+            self._plot(line, GREY, linewidth=0.9)
+        for pin, owner in drawing.owners.items():
+            self._plot(self._tracks[:, drawing.pins.index(pin)], color_of(owner), linewidth=0.8)
+        shown = self._tracks[list(samples)]
+        self._links = {
+            link: self._plot(lines.reshape(-1, 2), color_of(link), linewidth=2.6)
+            for link, lines in drawing.links(shown).items()
+        }
+        pins = np.concatenate([drawing.pivots, shown.reshape(-1, 2)])
+        self._pins = self._plot(pins, DARK, linestyle='', marker='o', markersize=3.5)
+        # The ground is drawn below the pivots, so their names are placed to the sides.
+        self._asides = [(pivot[0] - pins[:, 0].mean(), 0.0) for pivot in drawing.pivots]
+        low, high = axes.dataLim.get_points()
+        scale = drawing.scale - drawing.scale.min(axis=0) + low - (0.0, 0.06 * (high - low).max())
+        self._plot(scale, GREY, linewidth=0.9)
+        axes.annotate(f'{drawing.scale_length:g} m', tuple(scale[2]), xytext=(5, 0), **_NAME)
+        halo = withStroke(linewidth=2.5, foreground='white')  # names may lie on paths
+        self._names = [
+            axes.annotate(name, (0, 0), xytext=(0, 0), ha='center', path_effects=[halo], **_NAME)
+            for name in (*drawing.pivot_names, *drawing.pins)
+        ]
+        axes.set_aspect('equal')
+        axes.margins(0.08)
+        axes.set_axis_off()
+        self.move(samples[0])
+
+    def move(self, sample: int) -> None:
+        """Shows the mechanism at a sample of the period."""
+        drawing, now = self._drawing, self._tracks[sample : sample + 1]
+        for link, (line,) in drawing.links(now).items():
+            self._links[link].set_data(*line.T)
+        pins = np.array([*drawing.pivots, *now[0]])
+        self._pins.set_data(*pins.T)
+        ways = np.array([*self._asides, *(drawing.labels(now)[0] - now[0])])
+        for name, pin, way in zip(self._names, pins, ways, strict=True):
+            name.xy = tuple(pin)
+            name.set_position(16.0 * way / np.linalg.norm(way))  # points from the pin
+
+    def _plot(self, points: Array, color: Color, **style: Any) -> Line2D:
+        style |= {'color': fractions(color), 'solid_capstyle': 'round'}
+        return self._axes.plot(*points.T, **style)[0]
+
+
+def movie(options: argparse.Namespace) -> None:
+    """Draws the moving mechanism, and its torque up to the current crank angle.
+
+    Args:
+        options: Parsed command-line options.
+
+    Raises:
+        ConfigurationError: The mechanism or the speed is invalid, the file's name does not end
+            with .gif or .mp4, ffmpeg is missing, or the file cannot be written.
+    """
+    path = options.out
+    period, (name, about, speed, *_) = period_to_show(
+        options.params, load(options.params), options.rpm
+    )
+    writer, samples = _WRITERS.get(path.suffix), _frames(period)
+    if not writer or not writer.isAvailable():
+        raise ConfigurationError(f'{path}: must end with .gif or, with ffmpeg installed, .mp4')
+    share = 2 * math.pi / _SECONDS / abs(period.speed)
+    words = f'{about}, {speed}, shown at {share:.3g} of its speed'
+    degrees, torque = np.degrees(period.crank), period.columns['driving_torque'].values
+    with folder(path.parent), rc_context(STYLE):
+        figure = Figure(figsize=_SIZE, dpi=_DPI)
+        figure.text(0.02, 0.94, name, weight='bold', fontsize=TEXT)
+        figure.text(0.02, 0.885, words)
+        picture = LinkagePicture(figure.add_axes((0.02, 0.06, 0.5, 0.78)), period, samples)
+        axes = figure.add_axes((0.62, 0.16, 0.35, 0.66))
+        axes.plot(degrees, torque, color='0.8', linewidth=1.2)
+        (drawn,) = axes.plot([], [], color=fractions(COLORS['crank']), linewidth=1.8)
+        (dot,) = axes.plot([], [], 'o', color=fractions(DARK), markersize=5)
+        over_crank(axes, period.crank, 'Driving torque, N m', 4)
+        axes.set_xlabel('Crank angle, deg')
+        saved = writer(fps=_RATE)
+        with saved.saving(figure, path, _DPI):
+            for sample in progress(samples, 'frames'):
+                picture.move(sample)
+                drawn.set_data(degrees[: sample + 1], torque[: sample + 1])
+                dot.set_data(degrees[sample : sample + 1], torque[sample : sample + 1])
+                saved.grab_frame()
+    print(f'{name}, {words}', path, sep='\n')
+
+
+def _frames(period: Period) -> list[int]:
+    """Selects samples of the period at equal time intervals.
+
+    Raises:
+        ConfigurationError: The crank is at rest at some angle.
+    """
+    speed = np.abs(period.columns['crank.velocity'].values)
+    if not speed.min() > 0:
+        raise ConfigurationError('the crank is at rest: a movie needs a speed, such as --rpm 30')
+    steps = 2 * np.diff(period.crank) / (speed[1:] + speed[:-1])
+    time = np.concatenate([[0.0], np.cumsum(steps)])
+    frames = round(period.crank[-1] / (2 * math.pi) * _SECONDS * _RATE)
+    even = np.linspace(0, time[-1], frames, endpoint=False)
+    samples: list[int] = np.searchsorted(time, even).tolist()
+    return samples if period.speed > 0 else samples[::-1]

@@ -1,0 +1,41 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""linkage_chart pump: steady states of a wind pump, for various starts and motor torques."""
+
+import argparse
+
+from linkage_lab.output import DPI, folder, progress, save_records
+from linkage_lab.pump.analysis import analyse
+from linkage_ros.errors import ConfigurationError
+from linkage_ros.mechanism.wind_pump import WindPump
+from linkage_ros.motion.drives import TorqueDrive
+from linkage_ros.settings.configuration import load
+from linkage_ros.settings.help import motor_line
+from linkage_ros.settings.presets import find_file
+
+
+def pump(options: argparse.Namespace) -> None:
+    """Finds the steady states of a wind pump, draws them, and writes their numbers.
+
+    Args:
+        options: Parsed command-line options.
+
+    Raises:
+        ConfigurationError: The mechanism is not a wind pump, or the folder cannot be written.
+    """
+    configuration = load(options.params)
+    mechanism, drive = configuration.mechanism, configuration.drive
+    if not (isinstance(mechanism, WindPump) and isinstance(drive, TorqueDrive)):
+        raise ConfigurationError(f'{options.params} is not a wind_pump: try the preset wind_pump')
+    name, motor = find_file(options.params).stem, drive.motor
+    records, picture = (options.out / f'{name}_settled.{end}' for end in ('json', 'png'))
+    with folder(options.out):
+        found = analyse(
+            mechanism, motor.torque, motor.damping, speeds=options.speeds, progress=progress
+        )
+        from linkage_lab.pump.chart import draw_pump, states_table
+
+        save_records(records, [found.record()])
+        title = f'{name}: {motor_line(motor)}'
+        draw_pump(found, title, picture, DPI / 2 if options.quick else DPI)
+    print(records, *states_table(found), picture, sep='\n')

@@ -1,0 +1,155 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""linkage_chart stability: the outcome of each method in each situation, in several grids."""
+
+import argparse
+import textwrap
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.patches import Patch, Rectangle
+
+from linkage_lab.methods import loads, measure, motion_cases, registry, situations
+from linkage_lab.output import (
+    DPI,
+    NUMBERS,
+    SMALL,
+    WIDTH,
+    chart,
+    folder,
+    save_records,
+)
+from linkage_ros.palette import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, WHITE, fractions, mixed
+
+# Colours of cell and text; the cells also differ in greyscale.
+_COLORS = {
+    measure.RIGHT: (mixed(GREEN, WHITE, 0.9), mixed(GREEN, BLACK, 0.7)),
+    measure.REFUSED: (mixed(SKY, WHITE, 0.6), mixed(BLUE, BLACK, 0.7)),
+    measure.DIVERGED: (ORANGE, BLACK),
+    measure.WRONG_BRANCH: (mixed(PURPLE, BLACK, 0.3), WHITE),
+    measure.NAN: (BLACK, WHITE),
+}
+_WORDS = {
+    measure.RIGHT: 'right', measure.REFUSED: 'refused: an error states the reason',
+    measure.DIVERGED: 'wrong: a finite value',
+    measure.WRONG_BRANCH: 'wrong branch: the other assembly',
+    measure.NAN: 'NaN, arithmetic error, no progress',
+}  # fmt: skip
+_SHORT = {measure.DIVERGED: 'wrong', measure.WRONG_BRANCH: 'branch'}  # in a cell
+_DEFAULTS = {
+    registry.DEFAULT: 'default', registry.LIVE: 'default, live',
+    registry.RECORDS: 'default for records', loads.GROWN: 'default', loads.STRAIGHT: 'default',
+}  # fmt: skip
+# The grids from top to bottom: linkages, load curves, friction, motions.
+GRIDS = (
+    (registry.METHODS, situations.SITUATIONS),
+    (loads.CURVE_METHODS, loads.CURVE_SITUATIONS),
+    (loads.FRICTION_METHODS, loads.FRICTION_SITUATIONS),
+    (registry.INTEGRATORS, motion_cases.MOTION_SITUATIONS),
+)
+# Inches: size of a cell; space for names to the left and above; top and bottom margins. Cells of
+# whole pixels make the PNG file a third smaller.
+_WIDE, _HIGH = 92 / DPI, 53 / DPI
+_LEFT, _ABOVE = 1.2, 1.4
+_TOP, _FOOT = 0.5, 0.75
+_NAMES, _SAID = 16, 42  # characters per line of a situation's name and of its description
+
+
+def stability(options: argparse.Namespace) -> None:
+    """Runs all methods in all situations, draws the outcomes, and writes the records.
+
+    Args:
+        options: Parsed command-line options.
+
+    Raises:
+        ConfigurationError: The folder cannot be written.
+    """
+    records, picture = options.out / 'stability.json', options.out / 'stability.png'
+    with folder(options.out):
+        cases = 2 if options.quick else 30
+        cells = [
+            cell for methods, places in GRIDS
+            for cell in measure.measure_outcomes(places, methods, cases=cases)
+        ]  # fmt: skip
+        save_records(records, cells)
+        title = (
+            'Outcome of each method in each situation\n'
+            f'worst outcome of {cases} cases, or of a few motions, and largest relative error'
+        )
+        draw_stability(cells, title, picture)
+    print(records, picture, sep='\n')
+
+
+def draw_stability(cells: Sequence[dict[str, Any]], title: str, path: Path) -> None:
+    """Draws all grids, one below the other.
+
+    Args:
+        cells: Cells of all grids.
+        title: Title of the picture.
+        path: The PNG file, replaced if it exists.
+
+    Raises:
+        OSError: The picture cannot be written.
+    """
+    height = _TOP + sum(_ABOVE + _HIGH * len(places) for _, places in GRIDS) + _FOOT
+    y = height - _TOP
+    with chart(path, height, title, layout=None) as figure:
+        for methods, places in GRIDS:
+            across, down = _WIDE * len(methods), _HIGH * len(places)
+            y -= _ABOVE + down
+            axes = figure.add_axes((_LEFT / WIDTH, y / height, across / WIDTH, down / height))
+            _draw_grid(axes, [method.name for method in methods], places, cells)
+        figure.suptitle(title, y=1 - 0.15 / height)
+        patches = [
+            Patch(facecolor=fractions(fill), label=_WORDS[name])
+            for name, (fill, _) in _COLORS.items()
+        ]
+        figure.legend(handles=patches, loc='lower center', ncols=3)
+
+
+def _draw_grid(
+    axes: Axes,
+    methods: list[str],
+    places: Sequence[measure.Situation],
+    cells: Sequence[dict[str, Any]],
+) -> None:
+    for y, place in enumerate(places):
+        axes.text(
+            len(methods) + 0.15, y + 0.5, textwrap.fill(place.words, _SAID),
+            va='center', color='0.3',
+        )  # fmt: skip
+        for cell in (cell for cell in cells if cell['situation'] == place.name):
+            _draw_cell(axes, methods.index(cell['method']), y, cell, exists=place.exists)
+    axes.set(xlim=(0, len(methods)), ylim=(len(places), 0))
+    names = [
+        f'{name}\n({_DEFAULTS[name]})' if name in _DEFAULTS else name.replace(', ', ',\n')
+        for name in methods
+    ]
+    axes.set_xticks(
+        np.arange(len(methods)) + 0.5, names, rotation=52, ha='left', fontsize=SMALL,
+    )  # fmt: skip
+    axes.xaxis.tick_top()
+    axes.set_yticks(
+        np.arange(len(places)) + 0.5,
+        [textwrap.fill(place.name, _NAMES) for place in places], fontsize=SMALL,
+    )  # fmt: skip
+    axes.tick_params(length=0)
+    axes.spines[:].set_visible(False)
+
+
+def _draw_cell(axes: Axes, x: int, y: int, cell: dict[str, Any], *, exists: bool) -> None:
+    outcome = cell['outcome']
+    fill, ink = map(fractions, _COLORS[outcome])
+    axes.add_patch(Rectangle((x, y), 1, 1, facecolor=fill, edgecolor='white', linewidth=1.5))
+    # If no state exists, a refusal is the correct outcome.
+    is_good = outcome == (measure.RIGHT if exists else measure.REFUSED)
+    words = _SHORT.get(outcome, outcome)
+    if cell['worst_error'] is not None:
+        words += f'\n{cell["worst_error"]:.0e}'
+    axes.text(
+        x + 0.5, y + 0.52, words, ha='center', va='center', color=ink, fontsize=NUMBERS,
+        fontweight='normal' if is_good else 'bold',
+    )  # fmt: skip

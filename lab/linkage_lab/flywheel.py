@@ -1,0 +1,313 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""linkage_chart motion --fluctuation: flywheel sizing, and the crank's speed under a motor.
+
+With the mechanism's inertia M at the crank, the flywheel's inertia J and the crank speed u, the
+kinetic energy E = (M + J) u^2 / 2 changes with the crank angle:
+
+    dE/dtheta = c + motor(u) - R,
+
+where R is the torque of weights, loads and friction, and c is a constant torque. Each iteration
+linearises R and the motor's torque in E, and solves the linear equation for one period, with the
+same energy at its start and end. Without a motor, c keeps a given mean speed. With a motor, c is
+0.
+"""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from scipy.integrate import trapezoid
+from scipy.optimize import brentq
+
+from linkage_lab.output import chart, over_crank
+from linkage_lab.period import Period, extent, mean
+from linkage_lab.sampling import derivative, integral, samples
+from linkage_ros import ConfigurationError, LinkageError, MechanismError, Solver
+from linkage_ros.mechanism.structure import Mechanism
+from linkage_ros.motion.drives import Motor
+from linkage_ros.numeric import Array
+from linkage_ros.palette import BLACK, COLORS, FIRST, GREY, SECOND, fractions
+from linkage_ros.settings.help import motor_line
+from linkage_ros.units import radians_per_second
+
+_RPM = 1 / radians_per_second(1.0)
+# Angles per turn; enough for six digits of a flywheel's inertia, also if a load has corners.
+_PARTS = 2880
+_ROUNDS, _CLOSE = 30, 1e-9  # maximum iterations; relative speed change at convergence
+_UNEVEN = 10.0  # fluctuation assigned to a crank without a steady cycle
+_OFF = 1e-5  # largest relative error of the mean speed
+_APART = 1e-6  # relative speed step of a finite difference
+_DROP = 0.25  # smallest ratio of the energies of two iterations under a motor
+_SLOWEST = 1e-13  # margin above the start energy that stops the crank, relative to the bracket
+_MASSLESS = 1e-9  # inertia treated as 0, relative to the largest at the crank
+
+
+class Cycle(NamedTuple):
+    """One period of a steady motion under a torque.
+
+    Attributes:
+        crank: Crank angles, rad.
+        velocity: Crank speed at these angles, rad/s.
+        torque: Applied torque at these angles, N m.
+        demand: Torque required by the mechanism at these angles, N m; the difference from the
+            applied torque accelerates the flywheel.
+    """
+
+    crank: Array
+    velocity: Array
+    torque: Array
+    demand: Array
+
+    @property
+    def speed(self) -> float:
+        """Mean speed over time, rad/s."""
+        return 1 / slowness(self.crank, self.velocity)
+
+    @property
+    def fluctuation(self) -> float:
+        """Difference between the largest and the smallest speed, relative to the mean speed."""
+        found = extent(self.crank, self.velocity)
+        return (found.high - found.low) / abs(self.speed)
+
+
+def slowness(crank: Array, velocity: Array) -> float:
+    """Computes the mean time per angle, s/rad; near standstill, a spline would overshoot."""
+    return float(trapezoid(1 / velocity, crank) / (crank[-1] - crank[0]))
+
+
+class Crank:
+    """Computes the steady cycles of a crank, with or without a flywheel."""
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        """Computes the inertia at the crank over a period; the crank must turn fully."""
+        self._solver = Solver(mechanism)
+        self._solver.reach.require_full_turn()
+        self._angles = samples(self._solver, _PARTS)
+        ((self._inertia,),) = self._solver.matrix(self._angles)
+        self._growth = derivative(self._angles, self._inertia)
+
+    def energy(self, speed: float) -> float:
+        """Estimates the range of the kinetic energy over a period to first order, J.
+
+        The mean driving torque minus the driving torque, at a constant speed, is integrated over
+        the crank angle. The result is the difference between the largest and the smallest value
+        of this integral.
+        """
+        taken = self._solver.state(self._angles, np.full_like(self._angles, speed)).torque
+        found = extent(self._angles, integral(self._angles, mean(self._angles, taken) - taken))
+        return found.high - found.low
+
+    def inertia_for(self, fluctuation: float, speed: float) -> float:
+        """Computes the inertia to add for a given fluctuation, kg m^2; 0 if none is needed.
+
+        Raises:
+            MechanismError: The mechanism has neither masses nor loads.
+        """
+
+        def excess(added: float) -> float:
+            try:
+                return self.cycle(speed, added).fluctuation - fluctuation
+            except LinkageError:
+                return _UNEVEN
+
+        if excess(0.0) <= 0:
+            return 0.0
+        enough = 2 * self.energy(speed) / (fluctuation * speed**2)
+        if not enough:
+            raise MechanismError(
+                'no torque varies over a turn, so that a flywheel has nothing to do: give links '
+                'masses or loads'
+            )
+        while excess(enough) > 0:
+            enough *= 2
+        return float(brentq(excess, 0.0, enough, xtol=1e-12 * enough, rtol=1e-12))
+
+    @np.errstate(all='ignore')  # an iteration that fails may overflow or underflow
+    def cycle(self, speed: float, added: float, motor: Motor | None = None) -> Cycle:
+        """Computes the steady cycle under a constant torque, or under a motor.
+
+        Args:
+            speed: Mean speed over time, with the sign of the rotation, rad/s; with a motor, an
+                estimate of it.
+            added: Inertia added to the crank, kg m^2.
+            motor: The motor; None for the constant torque that keeps the mean speed.
+
+        Returns:
+            One period of the cycle.
+
+        Raises:
+            MechanismError: No steady cycle was found.
+            ConfigurationError: The inertia at the crank is 0 at some angle.
+        """
+        inertia = self._inertia + added
+        if inertia.min() <= _MASSLESS * inertia.max():
+            raise ConfigurationError('the inertia at the crank is 0 at some crank angle')
+        velocity, drive = np.full_like(self._angles, speed), motor or Motor()
+        for _ in range(_ROUNDS):
+            last, slope = velocity, derivative(self._angles, velocity)
+            energy, change = inertia * last * last / 2, last * slope
+            resistance = self._resistance(last, change, drive)
+            faster = self._resistance((1 + _APART) * last, change, drive)
+            slope = (faster - resistance) / (2 * _APART * energy)
+            try:
+                found, constant = self._solve(resistance, slope, energy, inertia, speed, motor)
+            except (ValueError, RuntimeError):  # not finite, or the crank almost stops
+                break
+            velocity = math.copysign(1.0, speed) * np.sqrt(2 * found / inertia)
+            if np.abs(velocity - last).max() <= _CLOSE * abs(speed):
+                applied = constant + drive.at(velocity)
+                return Cycle(self._angles, velocity, applied, applied - added * change)
+        words = 'no steady cycle of the crank speed was found'
+        raise MechanismError('the motor cannot drive the cycle' if motor else words)
+
+    def _resistance(self, velocity: Array, change: Array, motor: Motor) -> Array:
+        """Computes the torque of weights, loads and friction, minus the motor's torque, N m."""
+        taken = self._solver.state(self._angles, velocity, change).torque
+        inertia = self._inertia * change + self._growth * velocity * velocity / 2
+        return np.asarray(taken - inertia - motor.at(velocity))
+
+    def _solve(
+        self,
+        resistance: Array,
+        slope: Array,
+        last: Array,
+        inertia: Array,
+        speed: float,
+        motor: Motor | None,
+    ) -> tuple[Array, float]:
+        """Solves dE/dtheta = c - resistance - slope (E - last) over a period for E and c.
+
+        Raises:
+            ValueError: No solution has the given mean speed, or the motor does not limit it.
+            RuntimeError: The mean speed was not reached.
+        """  # fmt: skip
+        way = 1 if speed > 0 else -1  # disturbances decay in the direction of motion
+        crank = way * self._angles[::way]
+        slope, rest = way * slope[::way], way * (slope * last - resistance)[::way]
+        growth = np.exp(integral(crank, slope))
+        fixed, even = (integral(crank, growth * x) / growth for x in (rest, 1 + 0 * rest))
+        # The energy is fixed + start * each; c makes it periodic.
+        rise, fixed_c = (1 - 1 / growth[-1]) / even[-1], fixed[-1] / even[-1]
+        fixed, each = fixed - fixed_c * even, 1 / growth + rise * even
+        if motor is None:
+            start = _start(crank, fixed, each, inertia[::way], speed)
+            return (fixed + start * each)[::way], way * float(start * rise - fixed_c)
+        if not rise > 0:
+            raise ValueError('nothing limits the speed')
+        found = fixed + fixed_c / rise * each
+        return np.maximum(found[::way], _DROP * last), 0.0
+
+
+def _start(crank: Array, fixed: Array, each: Array, inertia: Array, speed: float) -> float:
+    """Finds the energy at the start for which the mean speed has its given value.
+
+    Raises:
+        ValueError: No energy gives this speed.
+        RuntimeError: Rounding errors of the energy hide it, because the crank almost stops.
+    """
+
+    def excess(start: float) -> float:
+        velocity = np.sqrt(2 * (fixed + start * each) / inertia)
+        return slowness(crank, velocity) * abs(speed) - 1
+
+    least = float((-fixed / each).max())
+    most = float(((inertia * speed**2 / 2 - fixed) / each).max())
+    start = float(brentq(excess, least + _SLOWEST * (most - least), most, rtol=1e-14))
+    if abs(excess(start)) > _OFF:
+        raise RuntimeError('the mean speed was not reached')
+    return start
+
+
+def size_flywheel(
+    period: Period, motor: Motor | None, fluctuation: float, name: str, picture: Path
+) -> list[str]:
+    """Sizes a flywheel for a mechanism, plots its effect, and checks the motor, if any.
+
+    `fluctuation` is the allowed difference between the largest and the smallest speed, relative to
+    the mean speed; `name` is the name of the parameter file. Returns the summary, line by line.
+    """
+    crank, speed = Crank(period.solver.mechanism), period.speed
+    added, energy = crank.inertia_for(fluctuation, speed), crank.energy(speed)
+    steady, (bare, reason) = crank.cycle(speed, added), _attempt(crank.cycle, speed, 0.0)
+    without = f'{bare.fluctuation:.4g}' if bare else reason
+    total, torque = energy / (fluctuation * speed**2), period.mean_power / speed
+    lines = [
+        _demand(period, 'driving_torque', torque),
+        _demand(period, 'driving_power', period.mean_power),
+        f'fluctuation {fluctuation:g}: add {added:.5g} kg m^2 to the crank (without: {without})',
+        f'to first order: {energy:.4g} J between the extremes, {total:.5g} kg m^2 in total',
+    ]
+    carried = None
+    if motor:
+        carried, words = _attempt(crank.cycle, speed, added, motor)
+        needed = f'and the cycle needs {torque:.4g} N m'
+        lines += [
+            f'{motor_line(motor)}: {motor.at(speed):.4g} N m at this speed, {needed}',
+            f'with the flywheel: {words}',
+            f'without: {_attempt(crank.cycle, speed, 0.0, motor)[1]}',
+        ]
+    with chart(picture, 9.2 if motor else 6.4, '\n'.join([name, *lines])) as figure:
+        speeds, torques, *planes = figure.subplots(3 if motor else 2, 1)
+        _draw_cycles(speeds, torques, period, bare, steady)
+        if motor:
+            _draw_plane(planes[0], motor, carried, steady)
+        for axes in (speeds, torques, *planes):
+            axes.legend(loc='lower left', bbox_to_anchor=(0, 0.98), ncols=3)
+    return lines
+
+
+def _demand(period: Period, name: str, average: float) -> str:
+    """Describes peak, rms and mean of torque or power at a constant speed."""
+    unit, values = period.columns[name]
+    size = extent(period.crank, values)
+    return (
+        f'{name.replace("_", " ")}: peak {max(-size.low, size.high) + 0.0:.4g} {unit}, '
+        f'rms {size.rms:.4g} {unit}, mean {average + 0.0:.4g} {unit}'
+    )
+
+
+def _attempt(compute: Callable[..., Cycle], *arguments: Any) -> tuple[Cycle | None, str]:
+    """Computes a cycle; returns it with a description, or None with the reason for failure."""
+    try:
+        cycle = compute(*arguments)
+    except LinkageError as error:
+        return None, str(error)
+    at = f'at {_RPM * cycle.speed:.4g} rpm, fluctuation {cycle.fluctuation:.4g}'
+    return cycle, f'the motor drives the cycle {at}'
+
+
+def _draw_cycles(
+    speeds: Axes, torques: Axes, period: Period, bare: Cycle | None, steady: Cycle
+) -> None:
+    """Plots the crank speed and the torque, with and without the flywheel."""
+    taken = period.columns['driving_torque'].values
+    curves = [
+        (speeds, steady.crank, _RPM * steady.velocity, COLORS['crank'], 'with the flywheel'),
+        (torques, period.crank, taken, FIRST, 'driving torque at a constant speed'),
+        (torques, steady.crank, steady.torque, BLACK, 'mean torque, with the flywheel'),
+    ]
+    if bare:
+        curves.insert(0, (speeds, bare.crank, _RPM * bare.velocity, SECOND, 'without flywheel'))
+    for axes, crank, values, color, label in curves:
+        axes.plot(np.degrees(crank), values, color=fractions(color), label=label)
+    over_crank(speeds, period.crank, 'Crank speed, rpm')
+    over_crank(torques, period.crank, 'Torque, N m')
+    torques.set_xlabel('Crank angle, deg')
+
+
+def _draw_plane(axes: Axes, motor: Motor, carried: Cycle | None, steady: Cycle) -> None:
+    """Plots torque against speed: the motor, the demand of the mechanism, the operating range."""
+    cycle, label = carried or steady, 'needed by the mechanism, with the flywheel'
+    axes.plot(_RPM * cycle.velocity, cycle.demand, color=fractions(FIRST), label=label)
+    point, slope = (_RPM * cycle.speed, motor.at(cycle.speed)), -motor.damping / _RPM
+    axes.axline(point, slope=slope, color=fractions(GREY), label="the motor's line")
+    if carried:
+        axes.plot(
+            _RPM * carried.velocity, carried.torque, color=fractions(BLACK),
+            label='operating range', linewidth=4.0, solid_capstyle='butt',
+        )  # fmt: skip
+    axes.set(xlabel='Crank speed, rpm', ylabel='Torque, N m')

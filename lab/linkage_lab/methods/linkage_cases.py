@@ -1,0 +1,231 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Test cases for methods: linkages with their reference states.
+
+Errors are relative to the largest value of a quantity at evenly spaced angles. Near a change
+point, a value may be many orders of magnitude larger; its error is then relative to the value
+itself. Errors of directions are absolute, in rad.
+"""
+
+import itertools
+import math
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from functools import cached_property, lru_cache
+from typing import Any, TypeAlias
+
+import numpy as np
+from mpmath import mp
+
+from linkage_lab.methods import stages
+from linkage_lab.methods.measure import (
+    DIVERGED,
+    FAILURES,
+    LIMIT,
+    ONE,
+    WRONG_BRANCH,
+    Case,
+    Method,
+    Panels,
+    Row,
+    Setting,
+    attempt,
+    elapsed,
+)
+from linkage_lab.methods.stages import ACCELERATION, POSITION, QUANTITIES, SPEED
+from linkage_lab.reference.states import Linkage, Reference, other_assembly
+from linkage_ros import LinkageError, Solver, UnreachableError
+from linkage_ros.mechanism.program import Constants, Program
+from linkage_ros.numeric import Array, Real
+from linkage_ros.settings.configuration import load
+
+NEAR = 'near a change point'
+_EVEN = 48  # number of evenly spaced angles in a period or an arc
+_NOTHING = 1e-12  # relative to the largest value of a quantity; smaller values count as 0
+_BATCH = 4096  # states
+Function: TypeAlias = Callable[[Real], tuple[Real, ...]]
+
+
+class LinkageCase(Case):
+    """A linkage at given crank angles.
+
+    Attributes:
+        mechanism: Linkage to solve.
+        cranks: Crank angles at which methods are tested, in order, rad.
+        guess: Initial guess of iterative methods: direction of the coupler and output position.
+        decimal: See `Reference`.
+        reference: Source of the reference states.
+    """
+
+    def __init__(
+        self,
+        mechanism: Linkage,
+        cranks: Sequence[float] | Array,
+        guess: stages.Pair | None = None,
+        *,
+        decimal: bool = False,
+    ) -> None:
+        """Prepares the case; by default, the guess is the first position, rounded to 0.1."""
+        self.mechanism, self.cranks, self.decimal = mechanism, np.array(cranks), decimal
+        self.guess = guess or _rough(mechanism, cranks[0])
+        self.reference = Reference(mechanism, SPEED, ACCELERATION, decimal=decimal)
+        self._exact = lru_cache(None)(self._state)
+
+    @cached_property
+    def _other(self) -> 'LinkageCase':
+        """The same case in the other assembly."""
+        other = other_assembly(self.mechanism)
+        return LinkageCase(other, self.cranks, self.guess, decimal=self.decimal)
+
+    def _state(self, place: int) -> dict[str, Any]:
+        """Returns the reference values in long doubles, which resolve errors of doubles.
+
+        The result is empty if no state exists.
+        """
+        with suppress(UnreachableError):
+            state = self.reference.state(float(self.cranks[place]))
+            return {
+                name: np.array([np.longdouble(mp.nstr(x, 25)) for x in row])
+                for name, row in state.items()
+            }
+        return {}
+
+    @cached_property
+    def _sizes(self) -> dict[str, Any]:
+        """Largest magnitude of each quantity within the reach; rounding errors count as 0."""
+        solver, parts = Solver(self.mechanism), (np.arange(_EVEN) + 0.5) / _EVEN
+        turns = solver.reach.period_turns
+        cranks = [start + (end - start) * turns * parts for start, end in solver.reach.arcs]
+        state = solver.state(np.concatenate(cranks), SPEED, ACCELERATION)
+        rows = state.position[1:], state.velocity[1:], state.acceleration[1:], (state.torque,)
+        largest = [np.array([np.max(np.abs(row)) for row in each]) for each in rows]
+        sizes = [np.where(x > _NOTHING * x.max(), x, 0.0) for x in largest]
+        return dict(zip(QUANTITIES, sizes, strict=True))
+
+    def error(self, quantity: str, place: int, row: Sequence[float]) -> float:
+        """See `Case`; a position consists of two numbers, or more for unit vectors."""
+        state, found, off = self._exact(place), np.array(row, np.longdouble), 0.0
+        if not state:
+            return math.inf
+        turning = 2 - self.reference.slides if quantity == POSITION else 0
+        if turning and len(row) > 2:
+            x, y = found[: 2 * turning].reshape(turning, 2).T
+            off = max(abs(np.hypot(x, y) - 1))  # a unit vector's length is judged, too
+            found = np.append(np.arctan2(y, x), found[2 * turning :])
+        true, size = state[quantity], self._sizes[quantity]
+        apart, scale = found - true, np.where(size, np.maximum(size, abs(true)), 1.0)
+        apart[:turning] = np.arctan2(np.sin(apart[:turning]), np.cos(apart[:turning]))
+        scale[:turning] = 1.0
+        return float(max(off, *abs(apart) / scale))
+
+    def wrong(self, quantity: str, place: int, row: Sequence[float]) -> str:
+        """See `Case`."""
+        is_other = quantity == POSITION and self._other.error(quantity, place, row) <= LIMIT
+        return WRONG_BRANCH if is_other else DIVERGED
+
+    def panels(self, method: Method, _: Setting) -> Panels:
+        """See `Case`; a method is judged by the quantities that it computes itself."""
+        return itertools.product(stages.OWN[method.stage], method.modes)
+
+    def function(self, method: Method, setting: Setting, quantity: str, mode: str) -> Function:
+        """Makes a function from the crank angle to a quantity, including all prior stages.
+
+        Args:
+            method: A method for linkages.
+            setting: Setting of the method.
+            quantity: One of QUANTITIES; see `stages.formula`.
+            mode: ONE for a function of one angle, BATCH for a function of an array of angles.
+
+        Returns:
+            The function. A method that cannot solve this linkage raises a `LinkageError`.
+        """
+        tool = method.tool(self, setting) if method.tool else None
+        links = Constants(stages.Links.of(self.mechanism, tool))
+        formula = stages.formula(quantity, method.stage, method.solve)
+        program = Program(formula, links, ('crank',))
+        if method.narrow:
+            return lambda crank: program.arrays([np.asarray(crank, np.float32)], np.shape(crank))
+        return program.floats if mode == ONE else program
+
+    def rows(self, method: Method, setting: Setting, quantity: str, mode: str) -> Sequence[Row]:
+        """See `Case`."""
+        try:
+            function = self.function(method, setting, quantity, mode)
+        except LinkageError:
+            return [None] * len(self.cranks)
+        if mode == ONE:
+            return [attempt(function, crank) for crank in self.cranks.tolist()]
+
+        def rows(cranks: Array) -> list[list[float]]:
+            columns = np.broadcast_arrays(*function(cranks), cranks)[:-1]
+            return [*np.stack(columns, -1).tolist()]
+
+        # If one angle makes the whole array fail, each angle is evaluated separately.
+        with np.errstate(all='ignore'), suppress(LinkageError, *FAILURES):
+            return rows(self.cranks)
+        return [attempt(lambda x: rows(x)[0], crank) for crank in self.cranks[:, None]]
+
+
+class TurnCase(LinkageCase):
+    """One period of a linkage whose crank turns fully, to measure errors and times.
+
+    The crank angles are closer together where the motion is fast.
+
+    Attributes:
+        rounds: Number of timings.
+    """
+
+    rounds = 15
+
+    def __init__(self, mechanism: Linkage, angles: int) -> None:
+        """Prepares the case; `angles` is the number of evenly spaced crank angles per turn."""
+        reach = Solver(mechanism).reach
+        fine = reach.samples(angles)
+        even = np.linspace(0, fine[-1], angles * reach.period_turns + 1)
+        # The first angle is half a step after 0, so that special angles do not favour a method.
+        self._ones = even[:-1] + math.pi / angles
+        # Angles where the motion is fast are added, including the fastest.
+        fast = reach.fast + math.pi * np.arange(2 * reach.period_turns)
+        some = np.setdiff1d(fine, even)[:: 360 // angles]
+        cranks = np.unique(np.concatenate([self._ones, some, fast]))
+        super().__init__(mechanism, cranks, _rough(mechanism, 0.1))
+
+    def panels(self, method: Method, _: Setting) -> Panels:
+        """See `Case`; includes the quantities computed by the package's own later stages."""
+        first = QUANTITIES.index(stages.OWN[method.stage][0])
+        return itertools.product(QUANTITIES[first:], method.modes)
+
+    def timer(
+        self, method: Method, setting: Setting, quantity: str, mode: str
+    ) -> Callable[[], float]:
+        """Prepares a method; returns a function that measures its time per state, us."""
+        function = self.function(method, setting, quantity, mode)
+        calls: Any = self._ones.tolist() if mode == ONE else [np.resize(self._ones, _BATCH)]
+        return lambda: elapsed(function, calls) / np.size(calls) * 1e6
+
+
+def _rough(mechanism: Linkage, crank: float) -> stages.Pair:
+    """Computes the position at a crank angle, rounded to 0.1 rad or m."""
+    _, coupler, output = Solver(mechanism).state(crank).position
+    return round(coupler, 1), round(output, 1)
+
+
+def linkages(*, quick: bool) -> list[tuple[str, TurnCase]]:
+    """Returns the three linkages of the accuracy chart, each with its name.
+
+    The third linkage is nearly a kite: its crank pin passes the rocker pivot at a distance of
+    1e-12 m. Its masses and inertias equal those of the first linkage.
+    """
+    found: dict[str, Any] = {
+        name: load(name).mechanism for name in ('quadrilateral', 'slider_crank')
+    }
+    q = found['quadrilateral']
+    found[NEAR] = replace(
+        q,
+        crank=replace(q.crank, length=0.3),
+        frame=replace(q.frame, length=0.3 + 1e-12),
+        coupler=replace(q.coupler, length=0.5),
+        rocker=replace(q.rocker, length=0.5),
+    )
+    return [(name, TurnCase(each, 36 if quick else 360)) for name, each in found.items()]

@@ -1,0 +1,198 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Methods for load curves and friction, and situations in which some of them fail.
+
+A load curve acts on the crank of a linkage at rest, without gravity, so that the driving torque is
+the negative value of the curve. The reference is linear interpolation in exact fractions.
+
+Friction depends on the normal force, which in turn depends on friction. Here, only the guide of a
+slider-crank has friction. The normal force of the guide is N = |b + k N|, where b is the force
+without friction and k is proportional to the coefficient of friction. The solutions are
+b / (1 - k) and -b / (1 + k). The reference is the solution that continuously extends |b| as the
+coefficient increases from 0. Where no such solution exists, the mechanism locks.
+"""
+
+import bisect
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from fractions import Fraction
+from functools import partial
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from linkage_lab.methods.measure import Case, Method, Row, Situation, attempt
+from linkage_lab.methods.situations import Random, slider_crank
+from linkage_lab.methods.stages import ACCELERATION, SPEED
+from linkage_ros import Friction, LoadCurve, SliderCrank, Solver
+from linkage_ros.numeric import TURN
+
+_POINTS, _NODES, _ROUNDS = 8, 256, 100
+_LARGEST = 10.0  # N m
+_BESIDE, _STEEP = 1e-3, 1e-4  # rad
+
+
+class NumberCase(Case):
+    """A case whose answer is a single number.
+
+    Attributes:
+        given: Input of the methods. For a load curve: its points, rad and N m, and the crank
+            angle, rad. For friction: the linkage, the crank angle, rad, b, N, and k.
+        exact: Reference value.
+        size: Scale of the relative errors.
+    """
+
+    def __init__(self, given: tuple[Any, ...], exact: float, size: float) -> None:
+        self.given, self.exact, self.size = given, exact, size
+
+    def rows(self, method: Method, *_: Any) -> Sequence[Row]:
+        """See `Case`."""
+        return [attempt(lambda: (method.solve(*self.given),))]
+
+    def error(self, _quantity: str, _place: int, row: Sequence[float]) -> float:
+        """See `Case`."""
+        return abs(row[0] - self.exact) / self.size
+
+
+# ---------------------------------------------------------------- load curves
+
+
+def _lines(at: list[float], value: list[float], crank: float) -> float:
+    """Interpolates a torque linearly, N m, between points at increasing angles of a turn, rad."""
+    places = [*map(Fraction, at), Fraction(at[0]) + TURN]
+    place = places[0] + (Fraction(crank) - places[0]) % TURN
+    i = bisect.bisect_right(places, place) - 1
+    low, high = map(Fraction, (*value, value[0])[i : i + 2])
+    return float(low + (high - low) * (place - places[i]) / (places[i + 1] - places[i]))
+
+
+def _own_curve(at: list[float], value: list[float], crank: float) -> float:
+    curve = LoadCurve('crank', at=tuple(at), value=tuple(value))
+    resting = replace(slider_crank(0.1, 0.3, 0.0), gravity=(0.0, 0.0), loads=(curve,))
+    return -float(Solver(resting).state(crank).torque)
+
+
+def _spline(at: list[float], value: list[float], crank: float) -> float:
+    places, values = [*at, at[0] + math.tau], [*value, value[0]]
+    return float(CubicSpline(places, values, bc_type='periodic')(crank))
+
+
+def _nodes(at: list[float], value: list[float], crank: float) -> float:
+    nodes = np.arange(_NODES) * (math.tau / _NODES)
+    values = np.interp(nodes, at, value, period=math.tau)
+    return float(np.interp(crank, nodes, values, period=math.tau))
+
+
+STRAIGHT = 'straight lines'
+CURVE_METHODS = [
+    Method(STRAIGHT, 'load', 'nothing', 'this package: mechanism/load_curve.py', _own_curve),
+    Method('cubic spline', 'load', 'a smooth curve', 'SciPy, CubicSpline, periodic', _spline),
+    Method('even nodes', 'load', 'load points that are nodes', f'{_NODES} nodes, linear', _nodes),
+]
+
+
+def _curve(random: Random, crank_at: Callable[[list[float]], float], *edge: float) -> NumberCase:
+    """Makes a random curve, with points 45 deg apart on average and an optional steep edge."""
+    even = np.arange(_POINTS) + random.uniform(-0.4, 0.4, _POINTS) + 0.5
+    at = (even * (math.tau / _POINTS)).tolist()
+    crank = crank_at(at)
+    at = sorted([*at, *(at[3] + x for x in edge)])
+    curve = at, random.uniform(-_LARGEST, _LARGEST, len(at)).tolist(), crank
+    return NumberCase(curve, _lines(*curve), _LARGEST)
+
+
+CURVE_SITUATIONS = (
+    Situation(
+        'corner of a load curve', f'{_BESIDE:g} rad beside a point of the curve',
+        lambda random, i: _curve(random, lambda at: at[i % _POINTS] - _BESIDE),
+    ),
+    Situation(
+        'steep edge', f'between two points that are {_STEEP:g} rad apart',
+        lambda random, _: _curve(
+            random, lambda at: at[3] + _STEEP * float(random.uniform(0.2, 0.8)), _STEEP
+        ),
+    ),
+)  # fmt: skip
+
+
+# ---------------------------------------------------------------- friction
+
+
+def _guide(mechanism: SliderCrank, crank: float) -> tuple[float, float]:
+    """Returns the guide force on the slider, positive to the left, N, and its velocity, m/s."""
+    solver = Solver(mechanism)
+    state = solver.state(crank, SPEED, ACCELERATION)
+    return float(solver.reactions(state).guide_force or 0.0), float(state.velocity[-1])
+
+
+def _grown(mechanism: SliderCrank, crank: float, *_: float) -> float:
+    return abs(_guide(mechanism, crank)[0])
+
+
+def _fixed_point(_: SliderCrank, __: float, push: float, gain: float) -> float:
+    force = 0.0
+    for _round in range(_ROUNDS):
+        force = abs(push + gain * force)
+    return force
+
+
+def _newton(_: SliderCrank, __: float, push: float, gain: float) -> float:
+    force = 10.0 * abs(push)  # a first guess, as from a state with a larger normal force
+    for _round in range(_ROUNDS):
+        sign = math.copysign(1.0, push + gain * force)
+        force = sign * push / (1 - sign * gain)
+    return force
+
+
+GROWN = 'Newton, growing'
+FRICTION_METHODS = [
+    Method(
+        GROWN, 'friction', 'nothing', 'this package: mechanism/joint_forces.py',
+        _grown,
+    ),
+    Method(
+        'Newton, at once', 'friction', 'a first guess', 'Newton: N = abs(b + k N)', _newton,
+    ),
+    Method(
+        'fixed point', 'friction', 'abs(k) below 1', 'friction and forces alternate', _fixed_point,
+    ),
+]  # fmt: skip
+
+
+def _rubbing(random: Random, _: int, *, share: float, relieves: bool = False) -> NumberCase:
+    """Makes a random slider-crank whose coefficient of friction gives |k| = `share`."""
+    r, b, offset = random.uniform((0.1, 0.5, -0.02), (0.3, 1.0, 0.02)).tolist()
+    crank = float(random.uniform(0.5, 2.6)) * (1 if random.random() < 0.5 else -1)
+    smooth = slider_crank(r, b, offset)
+    push, velocity = _guide(smooth, crank)
+    pushed = replace(smooth, slider=replace(smooth.slider, force=10.0))
+    slope = -math.copysign(1.0, velocity) * (_guide(pushed, crank)[0] - push) / 10.0
+    # k, positive if friction adds to the normal force; at 1 and above, the mechanism locks.
+    locks = share * math.copysign(1.0, slope * push)
+    if (locks < 0) != relieves:
+        return _rubbing(random, 0, share=share, relieves=relieves)
+    mechanism = replace(smooth, loads=(Friction(guide=share / abs(slope)),))
+    exact = abs(push) / (1 - locks)
+    given = mechanism, crank, push, share * math.copysign(1.0, slope)
+    return NumberCase(given, exact, abs(exact))
+
+
+FRICTION_SITUATIONS = (
+    Situation(
+        'friction', 'friction adds about a tenth to the normal force', partial(_rubbing, share=0.1)
+    ),
+    Situation(
+        'nearly self-locking', 'the coefficient is 0.999 of the value that locks',
+        partial(_rubbing, share=0.999),
+    ),
+    Situation(
+        'friction that relieves', 'friction reduces the normal force to a quarter',
+        partial(_rubbing, share=3.0, relieves=True),
+    ),
+    Situation(
+        'self-locking', 'the coefficient is 1.001 of the value that locks',
+        partial(_rubbing, share=1.001), exists=False,
+    ),
+)  # fmt: skip

@@ -1,0 +1,248 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Formulas from the crank angle of a linkage to position, velocity, acceleration and torque.
+
+A method computes one stage; the package's own formulas compute the other stages. A method for
+rates receives the position as unit vectors. After a method for positions, the 2x2 solve of
+documents 1 and 4 computes rates that are consistent with these positions. The torque always comes
+from the package's own formula. Every method can therefore be compared in the charts of its own
+stage and of all later stages. All formulas are compiled to programs (mechanism/tracer.py), so that
+the comparison is fair. The loop equation of documents 1 (eq. 7 and 8) and 4 (eq. 2) is:
+
+    gap = r e^(i alpha) + b e^(i beta) - B(y) = 0
+
+where B(gamma) = d e^(i delta) + c e^(i gamma) for a rocker, and B(x) = (x + i e) e^(i guide) for a
+slider.
+"""
+
+import functools
+import math
+import operator
+from collections.abc import Callable
+from typing import Any, NamedTuple, TypeAlias
+
+from linkage_lab.reference.states import Linkage, lengths
+from linkage_ros.formulas import ZERO, Opaque, Vector, atan2, cos, cross, dot, sin, sqrt
+from linkage_ros.mechanism.equations import Model, accelerations, balance, torque, velocities
+from linkage_ros.mechanism.kinematics import LinkPose, Pose
+from linkage_ros.mechanism.nested import leaves
+from linkage_ros.mechanism.parts import OPEN
+from linkage_ros.numeric import Real
+
+QUANTITIES = ('position', 'rate', 'acceleration', 'torque')
+STATE, POSITION, RATES = 'state', 'position', 'rates'
+# Quantities that a method of each stage computes itself.
+OWN = {STATE: QUANTITIES, POSITION: QUANTITIES[:1], RATES: QUANTITIES[1:3]}
+SPEED, ACCELERATION = 5 * math.pi, 20.0  # of the crank, rad/s (150 rpm) and rad/s^2
+
+# Direction of the coupler and position of the output, each an angle, rad, or a unit vector; the
+# position of a slider is in m.
+Pair: TypeAlias = tuple[Any, Any]
+Locate: TypeAlias = Callable[[Real], Pair]  # from the crank angle
+
+
+class Links(NamedTuple):
+    """The constants of a four-bar or a slider-crank.
+
+    Attributes:
+        r: Length of the crank, m.
+        b: Length of the coupler, m.
+        c: Length of the rocker, m; None if the output slides.
+        d: Length of the frame, or offset of a slider, m.
+        angle: Angle of frame or guide, rad.
+        side: 1.0 for the open assembly, -1.0 for the crossed one.
+        model: The package's own constants.
+        tool: Additional input of a method's formula: a number, or the functions of `looked_up`.
+    """
+
+    r: Real
+    b: Real
+    c: Real | None
+    d: Real
+    angle: Real
+    side: Real
+    model: Model
+    tool: Any
+
+    @classmethod
+    def of(cls, mechanism: Linkage, tool: Any = None) -> 'Links':
+        """Collects the constants of a linkage; `tool` is a number or a function of the angle."""
+        r, b, c, d = lengths(mechanism)
+        side = 1.0 if mechanism.assembly == OPEN else -1.0
+        model = Model.of(mechanism, mechanism.structure())
+        if callable(tool):
+            tool = tuple(map(Opaque, (tool, operator.itemgetter(0), operator.itemgetter(1))))
+        return cls(r, b, c, d, mechanism.frame.angle, side, model, tool)
+
+
+@functools.cache
+def formula(quantity: str, stage: str, solve: Callable[..., Any]) -> Callable[..., Any]:
+    """Combines the stages up to a quantity; all stages but one are the package's own.
+
+    Args:
+        quantity: One of QUANTITIES.
+        stage: The stage that is not the package's own.
+        solve: Formula of the stage.
+
+    Returns:
+        A function of links and crank angle. Depending on the quantity, it returns the direction of
+        the coupler and the position of the output, their rates, their accelerations, or the
+        driving torque, N m, in a tuple. A direction is an angle, rad, or the two components of a
+        unit vector; the position of a slider is in m.
+    """
+    position, slopes = (solve, two_by_two) if stage == POSITION else (factored, solve)
+
+    def solved(links: Links, crank: Real) -> tuple[Real, ...]:
+        if stage == STATE and quantity == QUANTITIES[3]:
+            return torque(links.model, (crank,), (SPEED,), (ACCELERATION,))
+        if stage == STATE:
+            pose = links.model.loop.pose((crank,))
+            place: Any = tuple(link.position for link in pose.links[1:])
+        else:
+            place, *derivatives = slopes(links, crank, functools.partial(position, links))
+            pose = posed(links, crank, place, *derivatives)
+        rates, changes = (
+            velocities(pose, (SPEED,)), accelerations(pose, (SPEED,), (ACCELERATION,)),
+        )  # fmt: skip
+        drive = balance(links.model, pose, rates, changes)
+        found = leaves(place), rates[1:], changes[1:], drive
+        return tuple(found[QUANTITIES.index(quantity)])
+
+    return solved
+
+
+# ---------------------------------------------------------------- positions
+
+
+def factored(links: Links, crank: Real) -> Pair:
+    """Uses the package's own formula: sums of non-negative terms (transmission.py)."""
+    _, coupler, output = links.model.loop.pose((crank,)).links
+    return coupler.direction, output.position if links.c is None else output.direction
+
+
+def two_circles(links: Links, crank: Real) -> Pair:
+    """Finds B by intersecting the circle about A with the circle about B0 or the slider's path."""
+    r, b, c, d, angle, side, *_ = links
+    arm, frame = Vector.at(crank) * r, Vector.at(angle)
+    if c is None:
+        y = d - cross(frame, arm)
+        x = side * sqrt(b * b - y * y)
+        return (frame * x + frame.left() * y) * (1 / b), dot(frame, arm) + x
+    x, y = diagonal = frame * d - arm
+    over = 1 / dot(diagonal, diagonal)
+    foot = 0.5 / b + (0.5 * (b - c) * (b + c) / b) * over
+    half_chord = side * sqrt(over - foot * foot)
+    coupler = Vector(x * foot - y * half_chord, y * foot + x * half_chord)
+    return coupler, (coupler * b - diagonal) * (1 / c)
+
+
+def half_angle(links: Links, crank: Real) -> Pair:
+    """Solves quadratic equations for tangents of half angles (document 2, eq. 16 to 26)."""
+    r, b, c, d, angle, side, *_ = links
+    theta = crank - angle
+    if c is None:
+        height = d - r * sin(theta)
+        along = _half_angle_root(height, -2 * b, height, -side)
+        return along + angle, r * cos(theta) + b * cos(along)
+    h1, h2, h3 = d / r, d / b, d / c
+    squares = d * d + r * r
+    h4 = (c * c - b * b - squares) / (2 * r * b)
+    h5 = (squares - b * b + c * c) / (2 * r * c)
+    cosine, middle = cos(theta), -2 * sin(theta)
+    coupler = _half_angle_root(
+        h4 - h1 + (1 + h2) * cosine, middle, h4 + h1 - (1 - h2) * cosine, -side
+    )
+    rocker = _half_angle_root(
+        h5 - h1 + (1 - h3) * cosine, middle, h5 + h1 - (1 + h3) * cosine, -side
+    )
+    return coupler + angle, rocker + angle
+
+
+def _half_angle_root(a: Real, b: Real, c: Real, sign: Real) -> Real:
+    return 2 * atan2((-b + sign * sqrt(b * b - 4 * a * c)) / (2 * a), 1.0)
+
+
+def looked_up(links: Links, crank: Real) -> Pair:
+    """Calls the tool, an opaque function of the angle, and unpacks its two results."""
+    locate, first, second = links.tool
+    found = locate(crank)
+    return first(found), second(found)
+
+
+# ---------------------------------------------------------------- the loop
+
+
+def _arms(links: Links, crank: Real, place: Pair) -> tuple[Vector, ...]:
+    """Computes the vectors of a loop, m.
+
+    These are A0 to A; A to B; B0 to B, or the slider's position along the guide; the derivative of
+    B with respect to the output; and the gap.
+    """
+    coupler, output = place
+    first, second = Vector.at(crank) * links.r, _direction(coupler) * links.b
+    frame = Vector.at(links.angle)
+    if links.c is None:
+        start, third, slope = frame.left() * links.d, frame * output, frame
+    else:
+        start, third = frame * links.d, _direction(output) * links.c
+        slope = third.left()
+    return first, second, third, slope, first + second - start - third
+
+
+def _closing(coupler: Vector, slope: Vector, gap: Vector) -> Pair:
+    """Solves for the changes of coupler and output that change the gap by a vector."""
+    over = -1.0 / dot(coupler, slope)
+    return cross(gap, slope) * over, dot(coupler, gap) * over
+
+
+def _direction(link: Real | Vector) -> Vector:
+    return link if isinstance(link, Vector) else Vector.at(link)
+
+
+def posed(links: Links, crank: Real, place: Pair, first: Pair, second: Pair) -> Pose:
+    """Makes the pose from positions and their derivatives with respect to the crank angle."""
+    poses = [LinkPose(crank, Vector.at(crank), (1.0,), (ZERO,))]
+    for at, rate, change in zip(place, first, second, strict=True):
+        slides = links.c is None and len(poses) > 1
+        along = Vector.at(links.angle) if slides else _direction(at)
+        angle = atan2(at.y, at.x) if isinstance(at, Vector) else at
+        poses.append(LinkPose(angle, along, (rate,), (change,)))
+    return Pose(tuple(poses), ())
+
+
+def newton_step(links: Links, crank: Real, coupler: Real, output: Real) -> tuple[Real, ...]:
+    """Computes the Newton step of coupler and output, and the current gap, m."""
+    _, arm, _, slope, gap = _arms(links, crank, (coupler, output))
+    return (*_closing(arm, slope, -gap), *gap)
+
+
+# ---------------------------------------------------------------- rates
+
+
+def two_by_two(links: Links, crank: Real, locate: Locate) -> tuple[Pair, Pair, Pair]:
+    """Solves the differentiated loop equation for the derivatives of coupler and output.
+
+    See document 1, eq. 13 to 18; for a slider-crank, document 4, eq. 5 to 8.
+    """
+    position = locate(crank)
+    arm, coupler, output, slope, _ = _arms(links, crank, position)
+    turn, move = first = _closing(coupler, slope, -arm.left())
+    right = arm + coupler * (turn * turn)
+    if links.c is not None:
+        right -= output * (move * move)
+    return position, first, _closing(coupler, slope, right)
+
+
+def central_differences(links: Links, crank: Real, locate: Locate) -> tuple[Pair, Pair, Pair]:
+    """Differentiates positions one step before and after (Dahlquist and Bjorck, sec. 3.3)."""
+    step = links.tool
+    before, here, after = locate(crank - step), locate(crank), locate(crank + step)
+    (a, b), (c, d) = (
+        (_change(y, z), _change(x, y)) for x, y, z in zip(before, here, after, strict=True)
+    )
+    over, square = 1 / (2 * step), 1 / (step * step)
+    return here, ((a + b) * over, (c + d) * over), ((a - b) * square, (c - d) * square)
+
+
+def _change(old: Any, new: Any) -> Real:
+    return atan2(cross(old, new), dot(old, new)) if isinstance(old, Vector) else new - old

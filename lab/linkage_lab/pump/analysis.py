@@ -1,0 +1,373 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Computes the steady states of a wind pump under its motor, as in document 3's figure 3."""
+
+import itertools
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from linkage_lab.pump.averaged import AveragedMotion, averaged
+from linkage_lab.pump.continuation import (
+    LOST,
+    Piece,
+    bistable_ranges,
+    follow,
+    stability_lost,
+)
+from linkage_lab.pump.shooting import ROUGH, TURN, PeriodicMotion, Shooting
+from linkage_ros import ConfigurationError, MotionError, WindPump
+from linkage_ros.numeric import Array
+
+# Starts at crank angle 0: parts of the slider's range and of the no-load speed, and slider speeds
+# relative to that of the crank pin at the no-load speed.
+_GRID = (0.1, 0.5, 0.9), (0.15, 0.4, 0.65, 0.9), (-0.5, 0.5)
+_PERIODS = 1, 2, 4  # turns after which a motion may repeat
+# No-load turns between two checks of a motion; number of checks, and how many of them use Newton's
+# method.
+_CHUNK, _CHUNKS, _EACH = 8, 30, 4
+# A motion has settled if its last _PASSAGES of crank angle 0 are within _NEAR of a stable state,
+# and within _INSIDE of the state's distance from the nearest unstable one. It repeats if its
+# distance from an earlier passage is below _REPEATS.
+_PASSAGES, _NEAR, _INSIDE, _REPEATS = 6, 0.05, 0.3, 0.01
+_ASIDE, _SAMPLES = 0.01, 1500  # distance of starts from an unstable state; samples of a run
+# Reasons why starts settle in no listed state.
+STRETCHED, STOPPED, UNSETTLED = REASONS = (
+    'stretches or folds the dyad of coupler and rod, or its load jumps too often',
+    'comes to rest, or rocks back and forth',
+    'settles too slowly or in no motion that repeats after 1, 2 or 4 turns',
+)
+
+
+class SteadyState(NamedTuple):
+    """A periodic motion that the motor sustains.
+
+    Attributes:
+        motion: The motion.
+        piece: The piece of a curve that contains it.
+        averaged: The averaged motion near it; None if none was found.
+        share: Fraction of the starts that settle in this state.
+    """
+
+    motion: PeriodicMotion
+    piece: Piece
+    averaged: AveragedMotion | None = None
+    share: float = 0.0
+
+
+class Run(NamedTuple):
+    """A motion from a named start.
+
+    Attributes:
+        name: Name of the start.
+        times: Times, s.
+        speeds: Crank speeds at these times, rad/s.
+        state: Number of the steady state that the motion reaches; None if it reaches none.
+    """
+
+    name: str
+    times: Array
+    speeds: Array
+    state: int | None
+
+
+class Analysis(NamedTuple):
+    """The results for one pump under one motor.
+
+    Attributes:
+        torque: Torque of the motor at rest, N m.
+        damping: Decrease of this torque per unit of crank speed, N m s.
+        states: Steady states in order of speed, stable or not.
+        pieces: The curves of periodic motions over the torque.
+        runs: Motions from named starts.
+        starts: Number of starts.
+        lost: Fractions of the starts that settle in none of the states, by reason.
+    """
+
+    torque: float
+    damping: float
+    states: list[SteadyState]
+    pieces: list[Piece]
+    runs: list[Run]
+    starts: int
+    lost: dict[str, float]
+
+    def record(self) -> dict[str, Any]:
+        """Returns the analysis as a JSON record, in SI units."""
+        stretched, stopped, unsettled = (
+            self.lost.get(reason, 0.0) for reason in (STRETCHED, STOPPED, UNSETTLED)
+        )
+        return {
+            'motor': {'torque': self.torque, 'damping': self.damping},
+            'states': [
+                {**state.motion.record(), 'share_of_starts': state.share}
+                for state in self.states
+            ],
+            'averaged_states': [
+                state.averaged and {
+                    'torque': self.torque,
+                    'load': self.torque - self.damping * state.averaged.speed,
+                    **state.averaged.numbers,
+                }
+                for state in self.states
+            ],
+            'starts': {
+                'count': self.starts, 'stopped': stopped, 'stretched': stretched,
+                'unidentified': unsettled,
+            },
+            'torques_with_two_stable_states': bistable_ranges(self.pieces),
+            'stability_lost': [
+                {'kind': kind, **motion.record()}
+                for kind, motion in stability_lost(self.pieces)
+            ],
+            'load_curve': [
+                {**motion.numbers, 'stable': piece.stable}
+                for piece in self.pieces
+                for motion in piece.motions
+            ],
+            'runs': [
+                {
+                    'start': run.name, 'settles_at_state': run.state,
+                    'duration': float(run.times[-1]),
+                }
+                for run in self.runs
+            ],
+        }  # fmt: skip
+
+
+def analyse(
+    mechanism: WindPump,
+    torque: float,
+    damping: float,
+    *,
+    speeds: Sequence[float],
+    progress: Callable[[Iterable[Any], str], Iterable[Any]],
+) -> Analysis:
+    """Finds the steady states of a pump, their shares of the starts, and their torques.
+
+    Args:
+        mechanism: The pump, with the start of its slider.
+        torque: Torque of the motor at rest, N m.
+        damping: Decrease of this torque per unit of crank speed, N m s.
+        speeds: Crank speeds at angle 0 from which the pump is started, positive, rad/s.
+        progress: Wraps an iterable in a progress bar with a label.
+
+    Returns:
+        The analysis.
+
+    Raises:
+        ConfigurationError: The motor does not turn the crank forwards.
+        UnreachableError: The pump cannot be assembled with its slider at the start position.
+    """
+    shooting = _shooting(mechanism, torque, damping, speeds)
+    search, starts = _Search(shooting), list(_starts(mechanism, shooting))
+    for start in progress(starts, "Newton's method"):
+        search.try_newton(np.array(start))
+    ends = [search.settled(start)[0] for start in progress(starts, 'starts')]
+    runs = list(_runs(search, mechanism, speeds))
+    states = sorted(search.states, key=lambda state: state.motion.speed)
+    numbers = {state.motion: number for number, state in enumerate(states)}
+    return Analysis(
+        torque,
+        damping,
+        [
+            state._replace(
+                averaged=averaged(state.motion), share=ends.count(state.motion) / len(starts)
+            )
+            for state in states
+        ],
+        search.pieces,
+        [Run(name, *course, numbers.get(end)) for name, course, end in runs],
+        len(starts),
+        {reason: ends.count(reason) / len(starts) for reason in REASONS if reason in ends},
+    )
+
+
+def settle(
+    mechanism: WindPump,
+    torque: float,
+    damping: float,
+    speed: float,
+    progress: Callable[[Iterable[Any], str], Iterable[Any]],
+) -> PeriodicMotion:
+    """Integrates a pump until it is near a stable periodic motion.
+
+    Args:
+        mechanism: The pump, with the start of its slider.
+        torque: Torque of the motor at rest, N m.
+        damping: Decrease of this torque per unit of crank speed, N m s.
+        speed: Speed of the crank at angle 0, above 0, rad/s.
+        progress: Wraps an iterable in a progress bar with a label.
+
+    Returns:
+        The motion.
+
+    Raises:
+        ConfigurationError: The motor does not turn the crank forwards, or the pump does not
+            settle.
+        UnreachableError: The pump cannot be assembled with its slider at the start position.
+    """
+    search = _Search(_shooting(mechanism, torque, damping, [speed]), follows=False)
+    start = mechanism.slider.position, speed, mechanism.slider.velocity
+    end, duration = search.settled(start, progress(range(_CHUNKS), 'motion'))
+    if isinstance(end, str):
+        raise ConfigurationError(
+            f'from {speed:g} rad/s the pump does not settle within {duration:.3g} s, because '
+            f'it {end}: try another speed, or linkage_record'
+        )
+    return end
+
+
+def _shooting(
+    mechanism: WindPump, torque: float, damping: float, speeds: Sequence[float]
+) -> Shooting:
+    """Prepares the map of a pump.
+
+    Raises:
+        ConfigurationError: The motor does not turn the crank forwards.
+        UnreachableError: The pump cannot be assembled with its slider at the start position.
+    """
+    if not torque > 0:
+        raise ConfigurationError(
+            f'motor.torque = {torque:g}: must be above 0 N m, so that the motor turns the crank'
+        )
+    pace = torque / damping if damping else max(speeds)
+    shooting = Shooting(mechanism, torque, damping, pace)
+    x, v = mechanism.slider.position, mechanism.slider.velocity
+    shooting.solver.accelerations((0.0, x), (max(speeds), v), torque)
+    return shooting
+
+
+def _starts(mechanism: WindPump, shooting: Shooting) -> Iterator[tuple[float, ...]]:
+    """Distributes starts over slider position, crank speed and slider velocity."""
+    r, b, c = (link.length for link in (mechanism.crank, mechanism.coupler, mechanism.rod))
+    near, far = abs(b - c) + r, b + c - r
+    side = math.copysign(1.0, mechanism.slider.position)
+    _, pace, slide, _ = shooting.units.tolist()
+    for x, w, v in itertools.product(*_GRID):
+        yield side * (near + x * (far - near)), w * pace, v * slide
+
+
+def _runs(
+    search: '_Search', mechanism: WindPump, speeds: Sequence[float]
+) -> Iterator[tuple[str, tuple[Array, Array], Any]]:
+    """Computes the motions for the chart, from given speeds and from beside unstable states."""
+    x, v = mechanism.slider.position, mechanism.slider.velocity
+    starts = [(f'{speed:g} rad/s', (x, speed, v)) for speed in speeds]
+    for state in search.unstable:
+        values, vectors = np.linalg.eig(state.derivative[:, :3])
+        way = vectors[:, np.abs(values).argmax()].real
+        way *= np.copysign(_ASIDE, way[1]) * search.shooting.units[:3]
+        starts += [
+            (f'beside {state.speed:.4g} rad/s, {word}', (state.phase[:3] + sign * way).tolist())
+            for word, sign in (('slower', -1), ('faster', 1))
+        ]
+    ends = [search.settled(start) for _, start in starts]
+    times = np.linspace(0.0, max(duration for _, duration in ends), _SAMPLES)
+    for (name, start), (end, _) in zip(starts, ends, strict=True):
+        found = search.shooting.run(np.array((0.0, *start)), times[-1], times)
+        yield name, (found.t, np.reshape(found.y, (4, -1))[2]), end
+
+
+class _Search:
+    """The steady states of a pump that are known so far.
+
+    Attributes:
+        shooting: The map of the pump.
+        states: The states, stable or not.
+        pieces: The curves through them.
+    """
+
+    def __init__(self, shooting: Shooting, *, follows: bool = True) -> None:
+        """Starts with no state; `follows` tells whether to follow the curves of the states."""
+        self.shooting, self._follows = shooting, follows
+        self.states: list[SteadyState] = []
+        self.pieces: list[Piece] = []
+
+    @property
+    def unstable(self) -> list[PeriodicMotion]:
+        """The unstable states."""
+        return [state.motion for state in self.states if not state.motion.stable]
+
+    def _add(self, motion: PeriodicMotion) -> None:
+        """Adds a state, its curve, and the other states on this curve."""
+        pieces = follow(motion) if self._follows else [Piece([motion], LOST)]
+        self.pieces += pieces
+        for piece in pieces:
+            own = [motion] if motion in piece.motions else []
+            for state in (*own, *piece.states(motion.torque)):
+                if not self._known(state):
+                    self.states.append(SteadyState(state, piece))
+
+    def settled(
+        self, start: Sequence[float], chunks: Iterable[Any] = range(_CHUNKS)
+    ) -> tuple[Any, float]:
+        """Finds the state in which a motion settles.
+
+        Args:
+            start: Slider position, crank speed and slider velocity at crank angle 0.
+            chunks: Periods of time after each of which the motion is checked.
+
+        Returns:
+            The state, or the reason why none is known; and the time until then, s.
+        """
+        values, time = np.array((0.0, *start)), 0.0
+        chunk = _CHUNK * TURN / self.shooting.units[1]
+        passages = np.empty((3, 0))
+        for check, _ in enumerate(chunks, 1):
+            found = self.shooting.run(values, chunk)
+            time += found.t[-1]
+            if not found.success:
+                return STRETCHED, time
+            if not len(found.y_events[0]):
+                return STOPPED, time
+            new = found.y_events[0].T
+            passages = np.hstack((passages, new[1:, np.cos(new[0]) > 0]))
+            values = found.y[:, -1]
+            values[0] %= TURN
+            if not check % _EACH:
+                self._identify(passages)
+            state = self._reached(passages)
+            if state:
+                return state, time
+        return UNSETTLED, time
+
+    def _reached(self, passages: Array) -> PeriodicMotion | None:
+        """Returns the stable state that a motion has reached after its passages, if any."""
+        last, count = passages[:, -_PASSAGES:], passages.shape[1]
+        for state in (state.motion for state in self.states if state.motion.stable):
+            edges = [state.distance(one.sections[:3]).min() for one in self.unstable]
+            near = min([_NEAR, *(_INSIDE * edge for edge in edges)])
+            if count > _PASSAGES and state.distance(last).max() < near:
+                return state
+        return None
+
+    def try_newton(self, passage: Array, turns: int = 1) -> PeriodicMotion | None:
+        """Adds the state that Newton's method finds from a passage, and returns it, if any."""
+        with suppress(MotionError):
+            guess = np.append(passage, self.shooting.torque)
+            motion = self.shooting.find(guess, turns, tolerance=ROUGH)
+            if not self._known(motion):
+                motion = self.shooting.find(motion.phase, motion.turns)
+            if not self._known(motion):
+                self._add(motion)
+            return self._known(motion)
+        return None
+
+    def _identify(self, passages: Array) -> None:
+        """Adds the stable state that a motion approaches, if Newton's method finds one."""
+        last, units = passages[:, -1], self.shooting.units[:3]
+        for turns in _PERIODS:
+            if passages.shape[1] > turns:
+                moved = (last - passages[:, -1 - turns]) / units
+                if np.abs(moved).max() < _REPEATS:
+                    found = self.try_newton(last, turns)
+                    if found and found.stable:
+                        return
+
+    def _known(self, motion: PeriodicMotion) -> PeriodicMotion | None:
+        same = (state.motion for state in self.states if motion.is_same(state.motion))
+        return next(same, None)

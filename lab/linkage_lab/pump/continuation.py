@@ -1,0 +1,198 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Curves of periodic motions over the motor's torque, followed along their length past folds.
+
+The motor's torque M0 - m phi1' has the time average M0 - m w, where w is the mean speed. Over w, a
+curve is therefore the load curve M0(w) - m w of the pump; the steady states are its intersections
+with the torque-speed line of the motor.
+"""
+
+import itertools
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.optimize import brentq
+
+from linkage_lab.pump.shooting import CURVE, PeriodicMotion
+from linkage_ros import MotionError
+
+# Kinds of stability loss. The largest multiplier is 1 (two motions merge), -1, or a complex pair.
+FOLD, PERIOD_DOUBLING, TORUS = 'fold', 'period doubling', 'torus'
+# Ends of a curve: the limits of the torque; or no next motion, because the crank nearly stops or
+# the dyad is stretched.
+END, LOST = 'end of the scan', 'end of what was followed'
+_FARTHEST, _SLOWEST = 4.0, 0.1  # largest torque and smallest speed, relative to the motor's
+# First, longest and shortest step, in the units of a phase; largest number of steps.
+_STEP, _LONGEST, _SHORTEST, _MOST = 0.05, 0.25, 3e-3, 400
+_SHARP, _STRAIGHT = 0.9, 0.98  # cosines of the angle between two steps
+_GAP = 1e-2  # relative difference of two torques between which a doubled period takes over
+
+
+@dataclass(eq=False)
+class Piece:
+    """A piece of a curve without a change of stability.
+
+    Attributes:
+        motions: The motions, in their order along the curve.
+        begins_at: Type of the start: FOLD, PERIOD_DOUBLING, TORUS, END or LOST.
+        ends_at: Type of the end; the same types.
+    """
+
+    motions: list[PeriodicMotion]
+    begins_at: str
+    ends_at: str = LOST
+
+    @property
+    def stable(self) -> bool:
+        """Whether the motions are stable; at the ends of a piece, stability may be undefined."""
+        return self.motions[len(self.motions) // 2].stable
+
+    @property
+    def ends(self) -> list[tuple[float, str]]:
+        """Torque and type of both ends; the end with the lower torque is first."""
+        first, last = self.motions[0].torque, self.motions[-1].torque
+        return sorted([(first, self.begins_at), (last, self.ends_at)])
+
+    def states(self, torque: float) -> Iterator[PeriodicMotion]:
+        """Finds the motions at a torque of the motor at rest, N m."""
+        for one, other in itertools.pairwise(self.motions):
+            if (one.torque < torque) != (other.torque < torque):
+                near = _between(one, other, lambda motion: motion.torque - torque, 1e-3)
+                with suppress(MotionError):
+                    yield near.shooting.find(np.append(near.phase[:3], torque), near.turns)
+
+
+def _between(
+    one: PeriodicMotion,
+    other: PeriodicMotion,
+    value: Callable[[PeriodicMotion], float],
+    error: float = 1e-7,
+) -> PeriodicMotion:
+    """Finds the motion between two motions of a curve where a value is 0, or else the second.
+
+    `error` is that of the part of the way between them.
+    """
+    found, shooting = {0.0: one, 1.0: other}, one.shooting
+    way = (other.phase - one.phase) / shooting.units
+
+    def at(part: float) -> float:
+        if part not in found:
+            guess = one.phase + part * way * shooting.units
+            found[part] = shooting.find(guess, one.turns, way, CURVE)
+        return value(found[part])
+
+    with suppress(MotionError):
+        part = brentq(at, 0.0, 1.0, xtol=error)
+        at(part)
+        return found[part]
+    return other
+
+
+def follow(seed: PeriodicMotion) -> list[Piece]:
+    """Follows the curve through a motion in both directions.
+
+    Args:
+        seed: Motion from which the curve is followed.
+
+    Returns:
+        The pieces of the curve, in order.
+    """
+    (back, begins_at), (forth, ends_at) = (_continued(seed, sign) for sign in (-1.0, 1.0))
+    motions = [*back[::-1], seed, *forth]
+    pieces = [Piece([motions[0]], begins_at)]
+    for one, other in itertools.pairwise(motions):
+        if one.stable != other.stable:
+            edge = _between(one, other, lambda motion: abs(motion.multipliers[0]) - 1)
+            pieces[-1].motions.append(edge)
+            pieces[-1].ends_at = _kind(edge.multipliers[0])
+            pieces.append(Piece([edge], pieces[-1].ends_at))
+        pieces[-1].motions.append(other)
+    pieces[-1].ends_at = ends_at
+    return pieces
+
+
+def _kind(multiplier: complex) -> str:
+    if multiplier.imag:
+        return TORUS
+    return FOLD if multiplier.real > 0 else PERIOD_DOUBLING
+
+
+def _continued(seed: PeriodicMotion, sign: float) -> tuple[list[PeriodicMotion], str]:
+    """Follows a curve in one direction, by pseudo-arclength continuation.
+
+    Returns the motions found, and the reason why the curve ends.
+    """
+    shooting, motions, step, end = seed.shooting, [seed], _STEP, LOST
+    way: Any = np.array((0.0, sign, 0.0, 0.0))
+    while step > _SHORTEST and len(motions) < _MOST:
+        last = motions[-1]
+        # The tangent is the null vector of the derivative of P^n(y) - y.
+        tangent = np.linalg.svd(last.derivative - np.eye(3, 4))[2][-1]
+        tangent *= np.copysign(1.0, tangent @ way)
+        guess = last.phase + step * shooting.units * tangent
+        try:
+            motion = shooting.find(guess, last.turns, tangent, CURVE)
+        except MotionError:
+            step /= 3
+            continue
+        move = (motion.phase - last.phase) / shooting.units
+        cosine = float(tangent @ move / np.linalg.norm(move))
+        is_doubling = _passes_doubling(last, motion)
+        if is_doubling or cosine < _SHARP:
+            end = PERIOD_DOUBLING if is_doubling else end
+            step /= 3
+            continue
+        motions.append(motion)
+        _, pace, _, torque = shooting.units
+        if not (0 < motion.torque < _FARTHEST * torque and motion.speed > _SLOWEST * pace):
+            return motions[1:], END
+        way = move
+        step = min(1.5 * step, _LONGEST) if cosine > _STRAIGHT else step
+    return motions[1:], end
+
+
+def _passes_doubling(one: PeriodicMotion, other: PeriodicMotion) -> bool:
+    """Returns whether a curve ends between two motions, where it meets that of half the turns.
+
+    Beyond this point, the turns would be in reverse order.
+    """
+    if one.turns == 1 or other.turns < one.turns:
+        return one.turns > 1
+    first, second = (
+        motion.sections[:3, motion.turns // 2] - motion.phase[:3] for motion in (one, other)
+    )
+    units = one.shooting.units[:3]
+    return bool((first / units) @ (second / units) < 0)
+
+
+def stability_lost(pieces: Sequence[Piece]) -> list[tuple[str, PeriodicMotion]]:
+    """Returns the type of each change of stability along the curves, and the motion there."""
+    return [
+        (one.ends_at, one.motions[-1])
+        for one, other in itertools.pairwise(pieces)
+        if one.motions[-1] is other.motions[0]
+    ]
+
+
+def bistable_ranges(pieces: Sequence[Piece]) -> list[dict[str, Any]]:
+    """Finds the torques of the motor at rest for which two or more stable states exist.
+
+    Args:
+        pieces: The pieces of the curves. Along a stable piece, the torque is monotonic.
+
+    Returns:
+        For each range: its ends low and high, N m, and their types low_is and high_is.
+    """
+    spans = [piece.ends for piece in pieces if piece.stable]
+    ranges: list[dict[str, Any]] = []
+    for (low, low_is), (high, high_is) in itertools.pairwise(sorted(itertools.chain(*spans))):
+        if sum(start <= (low, low_is) and (high, high_is) <= end for start, end in spans) < 2:
+            continue
+        if ranges and low - ranges[-1]['high'] < _GAP * low:
+            ranges[-1].update(high=high, high_is=high_is)
+        else:
+            ranges.append({'low': low, 'high': high, 'low_is': low_is, 'high_is': high_is})
+    return ranges

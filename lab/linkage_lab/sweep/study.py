@@ -1,0 +1,213 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""A study: the designs to evaluate, the measures to compute, constraints and goals."""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+from scipy.stats import qmc
+
+from linkage_lab.sweep.measures import MEASURES, RPM, Task
+from linkage_ros.errors import ConfigurationError
+from linkage_ros.mechanism.structure import Mechanism
+from linkage_ros.numeric import Array
+from linkage_ros.quantities import Checked, Leaf, Quantity, build, flatten, leaves, quantity, shown
+from linkage_ros.settings.configuration import load
+from linkage_ros.settings.unknown_names import unknown_name
+from linkage_ros.settings.yaml_file import read_study_file
+
+_GROUPS = 'ranges', 'tolerances', 'constraints', 'goals'
+_NUMBER = Quantity('number', '')
+_GOAL = Quantity('choice', '', choices=('least', 'most'))
+
+
+@dataclass(frozen=True)
+class Settings(Checked):
+    """Settings of a study, other than its groups and measures.
+
+    Attributes:
+        base: Preset or parameter file of the mechanism.
+        designs: Number of designs.
+        sampler: Method of choosing designs.
+        seed: Seed of the random numbers.
+        angles: Number of crank angles per turn.
+        rpm: Crank speed, rpm; None for the speed of the base.
+        points: Points that the coupler point should pass through, as x, y, x, y, ..., m.
+    """
+
+    base: str = quantity('text', 'preset, or parameter file, of the mechanism')
+    designs: int = quantity('whole', 'number of designs', span=(1, 1e7), default=1024)
+    sampler: str = quantity(
+        'choice', 'method of choosing designs', choices=('sobol', 'latin_hypercube', 'grid'),
+        default='sobol',
+    )  # fmt: skip
+    seed: int = quantity('whole', 'seed of the random numbers', span=(0, 2**32 - 1), default=0)
+    angles: int = quantity('whole', 'crank angles in a turn', span=(12, 36000), default=360)
+    rpm: float | None = quantity('number', 'crank speed', 'rpm', span=(-1e6, 1e6), default=None)
+    points: tuple[float, ...] | None = quantity(
+        'list',
+        'points that the coupler point should pass through',
+        'm',
+        span=(-1e9, 1e9),
+        default=None,
+    )
+
+
+class Study(NamedTuple):
+    """A study with its sampled designs.
+
+    Attributes:
+        task: The computation for every design.
+        columns: The varied parameters with their ranges; defaults are the values of the base.
+        designs: Values of these parameters, a row for each design.
+        constraints: Smallest and largest value of measures.
+        goals: 'least' or 'most' for the two measures of the Pareto front; empty without a front.
+    """
+
+    task: Task
+    columns: list[Leaf]
+    designs: Array
+    constraints: dict[str, tuple[float, float]]
+    goals: dict[str, str]
+
+
+def read_study(path: str) -> Study:
+    """Reads a study and chooses its designs.
+
+    Args:
+        path: Path of the file.
+
+    Returns:
+        The study.
+
+    Raises:
+        ConfigurationError: The study is invalid; the message names valid input.
+    """
+    groups, values = _read_groups(path)
+    settings, listed = build(Settings, values), values.get('measures', [])
+    configuration = load(settings.base)
+    mechanism = configuration.mechanism
+    if not hasattr(mechanism.loop(), 'transmission'):
+        raise ConfigurationError(f'base = {settings.base}: must be a four_bar or a slider_crank')
+    rpm = getattr(configuration.drive, RPM, None) if settings.rpm is None else settings.rpm
+    columns = _columns(groups, mechanism, rpm)
+    constraints = {
+        name: _span(f'constraints.{name}', value, _NUMBER)
+        for name, value in groups['constraints'].items()
+    }
+    goals = {name: str(_GOAL.clean(f'goals.{name}', x)) for name, x in groups['goals'].items()}
+    if len(goals) not in {0, 2}:
+        raise ConfigurationError(f'goals = {shown(goals)}: must be two measures, or none')
+    measures = [*(listed if isinstance(listed, list) else [listed]), *goals, *constraints]
+    if not measures or not MEASURES.keys() >= set(measures):
+        raise ConfigurationError(f'measures {shown(measures)}: choose from {", ".join(MEASURES)}')
+    names, points = tuple(leaf.name for leaf in columns), settings.points or ()
+    places = tuple(map(complex, points[::2], points[1::2]))
+    task = Task(mechanism, rpm, names, tuple(dict.fromkeys(measures)), settings.angles, places)
+    for name in measures:
+        if not MEASURES[name].applies(task):
+            raise ConfigurationError(f'measure {name}: needs {MEASURES[name].needs}')
+    return Study(task, columns, _designs(settings, columns), constraints, goals)
+
+
+def _read_groups(path: str) -> tuple[dict[str, dict[str, Any]], dict[str, Any]]:
+    """Reads a study; returns its groups by name, and all its values.
+
+    Raises:
+        ConfigurationError: The file cannot be read, or contains an unknown name.
+    """
+    values: dict[str, Any] = read_study_file(path)
+    known = [*leaves(Settings), *(Leaf(x, _NUMBER, None) for x in ('measures', *_GROUPS))]
+    groups: dict[str, dict[str, Any]] = {group: {} for group in _GROUPS}
+    for name, value in values.items():
+        group, _, rest = name.partition('.')
+        if name in groups:
+            raise ConfigurationError(f'{name} = {shown(value)}: write {name}: {{NAME: VALUE}}')
+        if group in groups:
+            groups[group][rest] = value
+        elif name not in {leaf.name for leaf in known}:
+            raise ConfigurationError(unknown_name(name, 'a study', known, 'docs/sizing.md'))
+    return groups, values
+
+
+def _columns(
+    groups: Mapping[str, Mapping[str, Any]], mechanism: Mechanism, rpm: float | None
+) -> list[Leaf]:
+    """Returns the parameters in which designs differ, with their ranges.
+
+    Raises:
+        ConfigurationError: No parameter is given, or a parameter is unknown, given twice or out of
+            range.
+    """
+    valid = {leaf.name: leaf for leaf in parameters(mechanism, rpm)}
+    columns: dict[str, Leaf] = {}
+    for group, name in [(x, name) for x in ('ranges', 'tolerances') for name in groups[x]]:
+        if name not in valid:
+            owner, known = f'this {type(mechanism).__name__}', valid.values()
+            raise ConfigurationError(unknown_name(name, owner, known, 'docs/reference.md'))
+        if name in columns:
+            raise ConfigurationError(f'{name} has a range and a tolerance: leave one out')
+        _, allowed, base = valid[name]
+        limits: Any = groups[group][name]
+        if group == 'tolerances':
+            width: Any = _NUMBER.clean(f'{group}.{name}', limits)
+            limits = [base - width, base + width]
+        low, high = _span(f'{group}.{name}', limits, allowed)
+        columns[name] = Leaf(name, replace(allowed, low=low, high=high), base)
+    if not columns:
+        raise ConfigurationError('nothing varies: give ranges or tolerances of parameters')
+    return [*columns.values()]
+
+
+def _span(name: str, value: object, allowed: Quantity) -> tuple[float, float]:
+    """Reads a range: two numbers, the smaller one first.
+
+    Raises:
+        ConfigurationError: The value is not a valid range.
+    """
+    low, high = cast('tuple[float, float]', replace(allowed, kind='pair').clean(name, value))
+    if not low < high:
+        raise ConfigurationError(
+            f'{name} = {shown(value)}: empty range; give the smaller number first'
+        )
+    return low, high
+
+
+def parameters(mechanism: Mechanism, rpm: float | None) -> Iterator[Leaf]:
+    """Yields the parameters that can vary, with the values of the base as defaults."""
+    values: dict[str, Any] = flatten(mechanism)
+    for name, allowed, _ in leaves(type(mechanism)):
+        if name in values and hasattr(mechanism, name.partition('.')[0]):  # not part of a load
+            if allowed.kind == 'number':
+                yield Leaf(name, allowed, values[name])
+            elif allowed.kind == 'pair':
+                yield from (Leaf(f'{name}.{i}', allowed, x) for i, x in enumerate(values[name]))
+    if rpm is not None:
+        yield from (leaf._replace(default=rpm) for leaf in leaves(Settings) if leaf.name == RPM)
+
+
+def _designs(settings: Settings, columns: Sequence[Leaf]) -> Array:
+    """Samples the parameters; returns a row for each design.
+
+    Raises:
+        ConfigurationError: The grid would have only one value per parameter.
+    """
+    count, size = settings.designs, len(columns)
+    if settings.sampler == 'grid':
+        steps = int(count ** (1 / size) + 1e-9)
+        if steps < 2:
+            raise ConfigurationError(
+                f'designs = {count}: a grid needs at least {2**size}, two values of each parameter'
+            )
+        shares = np.indices([steps] * size).reshape(size, -1).T / (steps - 1)
+    elif settings.sampler == 'sobol':
+        # SciPy warns unless the number of samples is a power of 2.
+        sampler = qmc.Sobol(size, seed=settings.seed)
+        shares = sampler.random_base2(math.ceil(math.log2(count)))[:count]
+    else:
+        shares = qmc.LatinHypercube(size, seed=settings.seed).random(count)
+    spans = ((leaf.quantity.low, leaf.quantity.high) for leaf in columns)
+    return np.asarray(qmc.scale(shares, *zip(*spans, strict=True)))

@@ -1,0 +1,388 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""linkage_chart motion: compares the table with the solver, and inspects the picture."""
+
+import csv
+import io
+import itertools
+import json
+import math
+import re
+import sys
+from contextlib import redirect_stdout
+from pathlib import Path
+from types import SimpleNamespace
+
+import matplotlib.image
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+from mechanisms import FOLLOWED
+from PIL import Image, ImageSequence
+from ros_harness import assert_refused
+from scipy.integrate import cumulative_trapezoid, trapezoid
+
+from linkage_lab import chart_tool
+from linkage_lab.commands import movie
+from linkage_lab.commands.motion import DESIGN_COLORS
+from linkage_lab.period import extent, mean, settled_period, speed_driven_period
+from linkage_lab.pump.analysis import settle
+from linkage_ros import (
+    Body,
+    Coupler,
+    FourBar,
+    Frame,
+    Solver,
+)
+from linkage_ros.mechanism.travel import travel
+from linkage_ros.settings.configuration import load
+
+# A coupler point, a guide and a load curve run at a given speed; a wind pump runs at the speed at
+# which it settles.
+PRESETS = ['coupler_point', 'slider_crank', 'compressor']
+ALL = [*PRESETS, 'wind_pump']
+CHANGE_POINT = """
+linkage_node:
+  ros__parameters:
+    mechanism: four_bar
+    rpm: 60.0
+    frame: {length: 2.0}
+    crank: {length: 1.0}
+    coupler: {length: 3.0, mass: 1.0, center: [1.5, 0.2]}
+    rocker: {length: 2.0}
+"""
+
+
+def table(path):
+    with path.open(newline='') as stream:
+        names, *rows = csv.reader(stream)
+    values = np.array(rows, float).T
+    return dict(zip(names, values, strict=True))
+
+
+def elapsed(crank, rate):
+    """Returns the time at which each crank angle is passed."""
+    return cumulative_trapezoid(1 / rate, crank, initial=0.0)
+
+
+@pytest.fixture(scope='module')
+def drawn(tmp_path_factory):
+    """Output, table and picture of each preset with all options; a wind pump is settled."""
+    folder, charts, save = tmp_path_factory.mktemp('charts'), {}, Figure.savefig
+    for preset in ALL:
+        options = ['--rpm', 90, '--acceleration', 2.5, '--reactions'] if preset in PRESETS else []
+        pages, said = [], io.StringIO()
+        with pytest.MonkeyPatch.context() as patch, redirect_stdout(said):
+            patch.setattr(
+                Figure, 'savefig', lambda page, path, to=pages: to.append(page) or save(page, path)
+            )
+            words = ['motion', preset, *options, '--out', folder]
+            patch.setattr(sys, 'argv', ['linkage_chart', *map(str, words)])
+            assert chart_tool.main() == 0
+        *said, picture, written = said.getvalue().splitlines()
+        charts[preset] = SimpleNamespace(
+            said=said, columns=table(Path(written)), page=pages[0],
+            pixels=matplotlib.image.imread(picture)[..., :3],
+        )  # fmt: skip
+    return charts
+
+
+@pytest.mark.parametrize('preset', PRESETS)
+def test_csv_equals_solver_to_the_last_bit(drawn, preset):
+    columns = drawn[preset].columns
+    solver = Solver(load(preset).mechanism)
+    crank = columns['crank_angle [rad]']
+    assert (crank[0], crank[-1]) == (0.0, 2 * math.pi)
+    assert (len(crank) == 721) == (solver.mechanism.loads == ())  # curves have corners
+    state = solver.state(crank, 3 * math.pi, 2.5)
+    assert np.array_equal(columns['driving_torque [N m]'], state.torque)
+    assert np.array_equal(columns['driving_power [W]'], state.torque * (3 * math.pi))
+    for link, name in enumerate(solver.links):
+        unit = 'm' if name == 'slider' else 'rad'
+        turned = columns[f'{name}.position [{unit}]'] - state.position[link]
+        assert np.allclose(turned, 2 * math.pi * np.rint(turned / (2 * math.pi)), atol=1e-14)
+        assert np.array_equal(columns[f'{name}.velocity [{unit}/s]'], state.velocity[link])
+        assert np.array_equal(
+            columns[f'{name}.acceleration [{unit}/s^2]'], state.acceleration[link]
+        )
+    reactions = solver.reactions(state)
+    for pin, force in reactions.pins.items():
+        for axis, values in zip('xy', force, strict=True):
+            assert np.array_equal(columns[f'pin_{pin}.{axis} [N]'], values)
+    assert np.array_equal(columns['shaking_moment [N m]'], reactions.shaking_moment)
+    assert ('guide_force [N]' in columns) == (reactions.guide_force is not None)
+    has_point = load(preset).mechanism.coupler.point is not None
+    assert ('coupler_point.acceleration.y [m/s^2]' in columns) == has_point
+
+
+@pytest.mark.parametrize('preset', ALL)
+def test_nothing_is_cut_off_at_the_edges(drawn, preset):
+    pixels = drawn[preset].pixels
+    edges = pixels[:3], pixels[-3:], pixels[:, :3], pixels[:, -3:]
+    assert all((edge == 1.0).all() for edge in edges)
+    # Curves in the crank's colour, on white.
+    assert (np.abs(pixels[::4] * 255 - (213, 94, 0)).max(axis=-1) < 2).sum() > 100
+
+
+@pytest.mark.parametrize('preset', ALL)
+def test_peaks_are_written_next_to_the_curve(drawn, preset):
+    columns = drawn[preset].columns
+    found = extent(columns['crank_angle [rad]'], columns['driving_torque [N m]'])
+    texts = [text.get_text().split() for text in drawn[preset].page.findobj(Text)]
+    (row,) = (text[1:] for text in texts if text[:1] == ['torque'])
+    assert row[::2] == [f'{x:.4g}' for x in (found.low, found.high, found.rms)]
+    assert row[1::2] == [f'{math.degrees(x):.1f}' for x in (found.low_at, found.high_at)]
+
+
+@pytest.mark.parametrize('preset', ALL)
+def test_pins_are_named_in_the_drawing(drawn, preset):
+    drawing = drawn[preset].page.axes[0]
+    names = {
+        'coupler_point': ['A0', 'B0', 'A', 'B', 'C'],
+        'slider_crank': ['A0', 'A', 'B'],
+        'compressor': ['A0', 'A', 'B'],
+        'wind_pump': ['A0', 'D', 'A', 'B'],
+    }[preset]
+    scale, *pins = drawing.texts
+    assert sorted(text.get_text() for text in pins) == sorted(names)
+    assert re.fullmatch(r'([125]|0\.0*[125]) m', scale.get_text())
+    # Each name is nearest to its own pin.
+    places = drawing.transData.transform([text.xy for text in pins])
+    for number, text in enumerate(pins):
+        box = text.get_window_extent()
+        middle = (box.x0 + box.x1) / 2, (box.y0 + box.y1) / 2
+        assert np.argmin(np.hypot(*(places - middle).T)) == number
+
+
+def test_wind_pump_is_drawn_in_its_settled_state(drawn):
+    speed, stroke = 2.604, 0.519
+    assert f'settled at {speed} rad/s' in drawn['wind_pump'].said[0]
+    columns = drawn['wind_pump'].columns
+    crank, rate = columns['crank_angle [rad]'], columns['crank.velocity [rad/s]']
+    assert (crank[0], crank[-1], len(crank)) == (0.0, 2 * math.pi, 721)
+    assert np.ptp(columns['slider.position [m]']) == pytest.approx(stroke, abs=5e-4)
+    # The motor torque, from the balance of all bodies.
+    assert columns['driving_torque [N m]'] == pytest.approx(8.4 - 1.2 * rate, rel=1e-9)
+    # Rates are derivatives with respect to time along the turn.
+    steps = np.diff(elapsed(crank, rate))
+    assert 2 * math.pi / steps.sum() == pytest.approx(speed, abs=5e-4)
+    for joint, unit in (('coupler', 'rad'), ('rod', 'rad'), ('slider', 'm')):
+        for low, high in ((f'position [{unit}]', f'velocity [{unit}/s]'),
+                          (f'velocity [{unit}/s]', f'acceleration [{unit}/s^2]')):  # fmt: skip
+            values, slope = columns[f'{joint}.{low}'], columns[f'{joint}.{high}']
+            middle = (slope[1:] + slope[:-1]) / 2
+            close = {'abs': 1e-4 * np.abs(slope).max()}
+            assert np.diff(values) / steps == pytest.approx(middle, **close)
+
+
+def test_mean_power_of_a_settled_pump_equals_the_loss_at_its_slider():
+    pump = load('wind_pump')
+    motor = pump.drive.motor
+    settled = settle(pump.mechanism, motor.torque, motor.damping, 2.0, lambda items, _: items)
+    turn = settled_period(settled)
+    rate, slide = (turn.columns[f'{name}.velocity'].values for name in ('crank', 'slider'))
+    time = elapsed(turn.crank, rate)
+    taken = trapezoid(60.0 * slide**2, time) / time[-1]
+    assert turn.mean_power == pytest.approx(taken, rel=1e-4)
+
+
+def test_transmission_ratios_match_document_2_even_at_rest():
+    """Document 2, eq. (32) and (33)."""
+    mechanism = load('quadrilateral').mechanism
+    columns = speed_driven_period(mechanism, 0.0).columns
+    two, three, four = (
+        columns[f'{link}.position'].values for link in ('crank', 'coupler', 'rocker')
+    )
+    for link, length, other in (
+        ('coupler', mechanism.coupler.length, four),
+        ('rocker', mechanism.rocker.length, three),
+    ):
+        wanted = mechanism.crank.length / length * np.sin(two - other) / np.sin(four - three)
+        assert columns[f'{link}.transmission_ratio'].values == pytest.approx(wanted, abs=1e-14)
+    slider = speed_driven_period(load('slider_crank').mechanism, 1.0).columns
+    moved = slider['slider.velocity'].values
+    assert slider['slider.transmission_ratio'].values == pytest.approx(moved, abs=1e-15)
+
+
+def test_extents_match_the_motion():
+    period = speed_driven_period(load('quadrilateral').mechanism, 5 * math.pi)
+    torque = extent(period.crank, period.columns['driving_torque'].values)
+    # At samples 0.5 deg apart, the largest value is at 294 deg and the smallest at 348 deg.
+    assert 8.475284394410188 < torque.high < 8.4755
+    assert -8.5475 < torque.low < -8.54729141947143
+    taken = mean(period.crank, period.columns['driving_torque'].values)
+    assert abs(taken) < 1e-11  # without loads, no work remains
+    wave = extent(period.crank, 3 * np.sin(period.crank - 1) - 2)
+    assert (wave.high, wave.high_at) == pytest.approx((1.0, math.pi / 2 + 1), rel=1e-6)
+    assert wave.rms == pytest.approx(math.sqrt(8.5), rel=1e-12)
+
+
+def test_mean_power_is_the_mean_of_the_power():
+    period = speed_driven_period(load('compressor').mechanism, 4 * math.pi, 3.0)
+    power = period.columns['driving_power'].values
+    size = 1e-12 * np.abs(power).max()
+    assert period.mean_power == pytest.approx(mean(period.crank, power), rel=1e-6, abs=size)
+
+
+@pytest.mark.parametrize('gap', [1e-3, 1e-9])
+def test_sharp_peaks_near_change_points_are_sampled(gap):
+    """Samples are denser where the motion is fast; a grid of 0.5 deg would miss the peak."""
+    crank, body = Body(0.1), {'mass': 1.0, 'inertia': 0.01}
+    coupler, rocker = Coupler(0.2, center=(0.1, 0.0), **body), Body(0.3 + gap, **body)
+    period = speed_driven_period(FourBar(Frame(0.4, 0.3), crank, coupler, rocker), 2 * math.pi)
+    found = extent(period.crank, period.columns['coupler.acceleration'].values)
+    # To first order in the gap, the acceleration peaks at theta = pi itself.
+    at_pi = period.solver.state(0.3 + math.pi, 2 * math.pi)
+    assert found.high == pytest.approx(at_pi.acceleration[1], rel=max(1e-3, 10 * gap))
+    power = period.columns['driving_power'].values
+    assert abs(mean(period.crank, power)) < 0.02 * np.sqrt(mean(period.crank, power**2))
+    assert period.mean_power == 0.0
+
+
+def test_period_of_two_turns_is_drawn_completely(tmp_path, called):
+    odd = tmp_path / 'cost_$5_$x{.yaml'  # matplotlib must not parse the file name as math
+    odd.write_text(CHANGE_POINT)
+    code, out, _ = called(chart_tool, 'motion', odd, '--rpm', '6', '--out', tmp_path)
+    assert code == 0
+    assert 'change-point' in out
+    columns = table(tmp_path / 'cost_$5_$x{_motion.csv')
+    assert columns['crank_angle [rad]'][-1] == 4 * math.pi
+    rocker = columns['rocker.position [rad]']
+    assert np.abs(np.diff(rocker)).max() < 0.03
+    assert rocker[-1] == pytest.approx(rocker[0], abs=1e-13)
+    given = called(chart_tool, 'motion', odd, '--reactions', '--out', tmp_path / 'out')
+    assert_refused(*given, 'change point.*leave --reactions out')
+    assert not (tmp_path / 'out').exists()
+
+
+@pytest.mark.parametrize(('preset', 'way'), [('compressor', 1), ('wind_pump', 1), ('wiper', -1)])
+def test_movie_frames_are_evenly_spaced_in_time(tmp_path, monkeypatch, called, preset, way):
+    shown, move = [], movie.LinkagePicture.move
+    monkeypatch.setattr(movie, '_SECONDS', 0.5)
+    monkeypatch.setattr(
+        movie.LinkagePicture, 'move', lambda it, i: shown.append((it, i)) or move(it, i)
+    )
+    options = ('--rpm', -30) if way < 0 else ()
+    code, out, _ = called(chart_tool, 'movie', preset, tmp_path / 'made.gif', *options)
+    said, path = out.splitlines()
+    assert code == 0
+    assert said.startswith(preset)
+    with Image.open(path) as file:
+        frames = [np.array(frame.convert('RGB'), int) for frame in ImageSequence.Iterator(file)]
+        assert file.info['duration'] == 50
+    assert len(frames) == 10
+    assert all(np.abs(one - other).sum() for one, other in itertools.pairwise(frames))
+    (picture, _), *_ = shown
+    crank = picture.period.crank[[i for _, i in shown[1:]]]  # without the initial frame
+    speed = np.abs(picture.period.columns['crank.velocity'].values)
+    time = np.interp(crank, picture.period.crank, elapsed(picture.period.crank, speed))
+    apart, sample = way * np.diff(time), np.diff(picture.period.crank).max() / speed.min()
+    assert apart == pytest.approx(apart.mean(), abs=2 * sample)
+
+
+def test_several_mechanisms_are_drawn_side_by_side_with_one_table(tmp_path, called):
+    names = ['quadrilateral', 'compressor', 'wiper']
+    _, out, _ = called(chart_tool, 'motion', *names, '--reactions', '--out', tmp_path)
+    assert out.splitlines()[0].split() == names
+    with (tmp_path / 'comparison.csv').open() as stream:
+        rows = {row['design']: row for row in csv.DictReader(stream)}
+    assert [*rows] == names
+    for name, row in rows.items():
+        configuration = load(name)
+        speed = configuration.drive.rpm * math.pi / 30
+        period = speed_driven_period(configuration.mechanism, speed, reactions=True)
+        found, columns = travel(period.solver), period.columns
+        way, torque = np.ptp(found.extremes), columns['driving_torque'].values
+        forces = [columns[f'shaking_force.{axis}'].values for axis in 'xy']
+        low, high = map(math.degrees, found.transmission)
+        expected = {
+            **({'stroke [m]': way} if found.slides else {'swing [deg]': math.degrees(way)}),
+            'time ratio': found.time_ratio,
+            'least transmission angle [deg]': min(low, 180 - high),
+            'peak torque [N m]': np.abs(torque).max(),
+            'rms torque [N m]': math.sqrt(trapezoid(torque**2, period.crank) / (2 * math.pi)),
+            'mean power [W]': period.mean_power,
+            'peak shaking force [N]': np.hypot(*forces).max(),
+        }
+        given = {word: float(cell) for word, cell in row.items() if word != 'design' and cell}
+        assert given == pytest.approx(expected, rel=1e-4)
+    pixels = matplotlib.image.imread(tmp_path / 'comparison.png')[..., :3]
+    for color in DESIGN_COLORS[: len(names)]:  # the curves of each mechanism
+        assert (np.abs(pixels * 255 - color).max(axis=-1) < 2).sum() > 500
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'words'),
+    [
+        (['motion', 'pentagon'], "no preset 'pentagon'"),
+        (['motion', ''], "no preset '': choose one of"),
+        (['motion', 'x' * 5000], "no preset 'xxxxx"),
+        (['motion', 'quadrilateral', '--rpm', 'nan'], "--rpm: 'nan': must be a number from"),
+        (['motion', 'quadrilateral', '--rpm', 'fast'], "--rpm: 'fast': must be a number from"),
+        (['motion', 'quadrilateral', '--acceleration', '1e99'], "--acceleration: '1e99': must be"),
+        (
+            ['pump', '--speeds', '2', 'x'],
+            "--speeds: 'x': must be a number from 1e-06 to 1e+06 rad",
+        ),
+        (['motion', 'quadrilateral', '--out', '/proc/nowhere'], 'cannot be written'),
+        (
+            ['motion', 'wiper', '--out', 'no/way'],
+            'no/way cannot be written: there is no folder no',
+        ),
+        (
+            ['motion', 'wind_pump', '--reactions'],
+            '--reactions is for a crank at a given speed, but the motor of wind_pump',
+        ),
+        (['motion', 'wind_pump', '--acceleration', '1'], ': leave --acceleration out'),
+        (['motion', 'wind_pump', '--rpm', '-5'], '--rpm = -5: must be above 0 rpm, because'),
+        (['motion', 'wind_pump', '--rpm', '0'], '--rpm = 0: must be above 0 rpm, because'),
+        (['motion', 'wiper', 'wiper'], 'wiper, wiper: give each file another name'),
+        (
+            ['motion', 'wiper', 'press', '--fluctuation', '0.1'],
+            '2 mechanisms: must be at most 7, and only one with --fluctuation',
+        ),
+        (['motion', *map(str, range(8))], '8 mechanisms: must be at most 7'),
+        (
+            ['movie', 'wiper', 'wiper.png'],
+            'wiper.png: must end with .gif or, with ffmpeg installed, .mp4',
+        ),
+        (['movie', 'wiper', '/proc/nowhere/wiper.gif'], 'cannot be written'),
+        (['movie', 'wiper', 'wiper.gif', '--rpm', '0'], 'the crank is at rest'),
+        (
+            ['motion', 'quadrilateral', '--fluctuation', '0'],
+            "'0': must be a number from 1e-06 to 1",
+        ),
+        (
+            ['motion', 'quadrilateral', '--fluctuation', '0.1', '--rpm', '0'],
+            'a steady speed other than 0, not for 0 rpm and 0 rad/s^2: change',
+        ),
+        (
+            ['motion', 'quadrilateral', '--fluctuation', '0.1', '--acceleration', '1'],
+            'not for 150 rpm and 1 rad/s^2',
+        ),
+        (['motion', 'wind_pump', '--fluctuation', '0.1'], 'leave --fluctuation out'),
+        (
+            ['economy', 'wind_pump', '--rpm', '20'],
+            'its crank angle alone does not determine its motion',
+        ),
+        (['economy', 'quadrilateral', '--rpm', '0'], 'quadrilateral at 0 rpm: the torque is'),
+        (['economy', 'quadrilateral', '--tolerance', '0'], "'0': must be a number from 1e-09"),
+        (['economy', 'quadrilateral', '--rpm', 'x'], "--rpm: 'x': must be a number from -1e+06"),
+        (['economy'], 'PARAMS'),
+        (['motion'], 'PARAMS'),
+        ([], 'COMMAND'),
+    ],
+)
+def test_invalid_chart_arguments_give_one_line(called, arguments, words):
+    assert_refused(*called(chart_tool, *arguments), re.escape(words))
+
+
+@pytest.mark.parametrize(('kind', 'rest'), [('motion', []), ('movie', ['crank.gif'])])
+@pytest.mark.parametrize('drive', ['torque', 'follow'])
+def test_file_without_crank_speed_needs_rpm_option(tmp_path, called, kind, rest, drive):
+    path = tmp_path / 'crank.yaml'
+    values = {**FOLLOWED, 'drive': drive}
+    path.write_text(json.dumps({'/**': {'ros__parameters': values}}))
+    words = 'crank.yaml has no crank speed of its own: give a speed, such as --rpm 60'
+    assert_refused(*called(chart_tool, kind, path, *rest), words)

@@ -1,0 +1,392 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Sweeps: designs in arrays equal single solvers to the bit, and no results are lost."""
+
+import collections
+import io
+import json
+import math
+import os
+import subprocess
+import sys
+import time
+from concurrent.futures import BrokenExecutor
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import partial
+from importlib.metadata import PackageNotFoundError
+from pathlib import Path
+
+import mortal
+import numpy as np
+import pytest
+
+from linkage_lab import chart_tool
+from linkage_lab.commands import sweep as command
+from linkage_lab.commands.sweep import FRONT
+from linkage_lab.sweep import spread as command_spread
+from linkage_lab.sweep.measures import Task, groups, measure, torque_of, with_value
+from linkage_lab.sweep.spread import cluster, processes, spread
+from linkage_lab.sweep.study import Settings, _designs, parameters
+from linkage_ros import Body, Frame
+from linkage_ros.errors import ConfigurationError, MechanismError
+from linkage_ros.mechanism.program import Program
+from linkage_ros.mechanism.solver import Solver
+from linkage_ros.mechanism.travel import travel
+from linkage_ros.quantities import Leaf, Quantity, build, flatten
+from linkage_ros.settings.configuration import load
+from linkage_ros.units import radians_per_second
+
+RPM = 150.0
+LENGTHS = {
+    'quadrilateral': ('crank.length', 'coupler.length', 'rocker.length', 'frame.length',
+                      'frame.angle', 'coupler.mass', 'coupler.center.0', 'gravity.1'),
+    'slider_crank': ('crank.length', 'coupler.length', 'slider.offset', 'slider.mass',
+                     'slider.damping', 'coupler.mass'),
+}  # fmt: skip
+
+
+def drawn(preset, count, seed=0):
+    """Returns a mechanism, and random values in wide ranges for some of its parameters."""
+    mechanism = load(preset).mechanism
+    base = {leaf.name: leaf.default or 0.1 for leaf in parameters(mechanism, None)}
+    shares = np.random.default_rng(seed).uniform(0.5, 1.6, (count, len(LENGTHS[preset])))
+    return mechanism, LENGTHS[preset], shares * [base[name] for name in LENGTHS[preset]]
+
+
+def solver_of(mechanism, names, row):
+    """Makes the solver of one design with all checks; None if its crank cannot turn."""
+    for name, value in zip(names, row.tolist(), strict=True):
+        mechanism = with_value(mechanism, name, value)
+    try:
+        solver = Solver(build(type(mechanism), flatten(mechanism)))
+    except MechanismError:
+        return None
+    return solver if solver.reach.turns_fully else None
+
+
+@pytest.mark.parametrize('preset', LENGTHS)
+def test_designs_equal_their_solvers_to_the_bit(preset):
+    mechanism, names, table = drawn(preset, 60)
+    names, table = names[:4] + names[5:], np.delete(table, 4, axis=1)
+    angles = np.random.default_rng(1).uniform(0, 2 * math.pi, (len(table), 1))
+    found = np.full(len(table), math.nan)
+    columns, sizes = dict(zip(names, table.T, strict=True)), []
+    for rows, transmission, constants in groups(mechanism, columns, len(table)):
+        if transmission.turns_fully:
+            program = Program(torque_of, constants, ('angle', 'speed'))
+            found[rows] = program.designs(angles[rows], 15.0, by_math=True).ravel()
+            sizes.append(len(rows))
+    solvers = [solver_of(mechanism, names, row) for row in table]
+    expected = [
+        solver.torque(float(angle), 15.0) if solver else math.nan
+        for solver, (angle,) in zip(solvers, angles, strict=True)
+    ]
+    assert np.array_equal(found, expected, equal_nan=True)
+    assert 20 < np.isfinite(found).sum() < len(table)
+    assert max(sizes) > 10
+
+
+def expected_measures(solver, angles, points):
+    """Computes the measures of a solver, by name."""
+    turns = solver.reach.period_turns
+    crank = (np.arange(turns * angles) + 0.5) * (2 * math.pi / angles)
+    state = solver.state(crank, radians_per_second(RPM))
+    found = {
+        'peak_torque': np.abs(state.torque).max(),
+        'rms_torque': math.sqrt(np.mean(state.torque**2)),
+        'shaking_force': np.hypot(*solver.reactions(state).shaking_force).max(),
+    }
+    moved, (low, high) = travel(solver), solver.reach.transmission
+    way = moved.extremes[1] - moved.extremes[0] if moved.extremes else math.nan
+    found |= {
+        'stroke' if moved.slides else 'swing': way if moved.slides else math.degrees(way),
+        'time_ratio': moved.time_ratio or math.nan,
+        'transmission_angle': math.degrees(min(low, math.pi - high)),
+    }
+    if 'C' in solver.structure.points:
+        x, y = solver.point(solver.state(np.linspace(0, 2 * math.pi, 100001)), 'C').position
+        found['point_distance'] = max(np.abs(x + 1j * y - point).min() for point in points)
+    return found
+
+
+@pytest.mark.parametrize('preset', LENGTHS)
+def test_measures_match_the_solver(preset):
+    mechanism, names, table = drawn(preset, 30, seed=2)
+    points = (0.1 + 0.2j, -0.1 + 0.1j)
+    solvers = [solver_of(mechanism, names, row) for row in table]
+    expected = [expected_measures(x, 360, points) if x else None for x in solvers]
+    measures = next(tuple(x) for x in expected if x)
+    found = measure(Task(mechanism, RPM, names, measures, 360, points), table)
+    assert found[:, 0].tolist() == [x is not None for x in solvers]
+    assert 10 < found[:, 0].sum() < 30
+    for row, wanted in zip(found[:, 1:], expected, strict=True):
+        if wanted is None:
+            assert np.isnan(row).all()
+            continue
+        for name, value in zip(measures, row, strict=True):
+            digits = {'time_ratio': 1e-14, 'point_distance': 1e-8}.get(name, 1e-15)
+            assert value == pytest.approx(wanted[name], rel=digits, nan_ok=True), name
+
+
+@pytest.mark.parametrize('angles', [24, 360])
+def test_points_on_the_path_have_no_distance_from_it(angles):
+    mechanism = load('coupler_point').mechanism
+    solver = Solver(mechanism)
+    points = [
+        complex(*solver.point(solver.state(crank), 'C').position)
+        for crank in np.random.default_rng(2).uniform(0, 7, 20).tolist()
+    ]
+    for point in points:
+        task = Task(mechanism, None, ('frame.length',), ('point_distance',), angles, (point,))
+        ((_, distance),) = measure(task, np.array([[mechanism.frame.length]]))
+        assert distance < 1e-15
+
+
+def test_designs_with_change_points_have_torques_but_no_forces():
+    """The designs have several structures; the motion of one repeats only after two turns."""
+    mechanism = load('quadrilateral').mechanism
+    names = ('crank.length', 'coupler.length', 'rocker.length', 'frame.length')
+    table = np.array([[0.1, 0.2, 0.3, 0.4], [0.1, 0.3, 0.1, 0.3], [0.1, 0.3, 0.25, 0.3]])
+    found = measure(Task(mechanism, RPM, names, ('peak_torque', 'shaking_force'), 36), table)
+    assert found[:, 0].tolist() == [1, 1, 1]
+    assert np.isinf(found[:, 2]).tolist() == [True, True, False]
+    for row, torque in zip(table, found[:, 1], strict=True):
+        solver = solver_of(mechanism, names, row)
+        angles = (np.arange(72) + 0.5) * (math.pi / 18)
+        torques = solver.state(angles, radians_per_second(RPM)).torque
+        assert torque == pytest.approx(np.abs(torques).max(), rel=1e-13)
+
+
+def test_springs_on_rockers_are_computed_design_by_design():
+    """The middle of a swing can be computed only for floats."""
+    mechanism = load('quadrilateral').mechanism
+    mechanism = replace(mechanism, rocker=replace(mechanism.rocker, rest_angle=1.0))
+    names, table = ('coupler.length', 'rocker.stiffness'), np.array([[0.3, 4.0], [0.31, 5.0]])
+    found = measure(Task(mechanism, RPM, names, ('peak_torque',), 36), table)
+    for row, (_, torque) in zip(table, found, strict=True):
+        solver = solver_of(mechanism, names, row)
+        expected = expected_measures(solver, 36, [0j])['peak_torque']
+        assert torque == pytest.approx(expected, rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    ('sampler', 'count'), [('sobol', 100), ('latin_hypercube', 100), ('grid', 81)]
+)
+def test_samplers_fill_the_ranges(sampler, count):
+    spans = Quantity('number', '', 'm', 1.0, 2.0), Quantity('number', '', 'm', -1.0, 1.0)
+    columns = [Leaf('', span, 0.0) for span in spans]
+    settings = partial(Settings, 'quadrilateral', 100 if count == 100 else 99, sampler)
+    table = _designs(settings(7), columns)
+    assert len(table) == count
+    assert table.min(0) == pytest.approx([1, -1], abs=0.05)
+    assert table.max(0) == pytest.approx([2, 1], abs=0.05)
+    assert np.array_equal(table, _designs(settings(7), columns))
+    assert np.array_equal(table, _designs(settings(8), columns)) == (sampler == 'grid')
+
+
+STUDY = """
+base: quadrilateral
+designs: 200
+seed: 3
+angles: 24
+ranges:
+  crank.length: [0.05, 0.2]
+  coupler: {length: [0.2, 0.4]}
+tolerances: {rpm: 15.0}
+measures: [time_ratio]
+constraints: {transmission_angle: [20.0, .inf]}
+goals: {peak_torque: least, swing: most}
+"""
+
+
+SPRUNG = """
+/**:
+  ros__parameters:
+    mechanism: four_bar
+    rpm: 60.0
+    frame: {length: 0.3}
+    crank: {length: 0.1}
+    coupler: {length: 0.4}
+    rocker: {length: 0.5, stiffness: 5.0}
+"""
+SPRUNG_STUDY = """
+base: sprung.yaml
+designs: 60
+ranges:
+  frame.length: [0.05, 0.5]
+  crank.length: [0.05, 0.6]
+measures: [peak_torque]
+"""
+
+
+@pytest.fixture
+def run(called, tmp_path, monkeypatch):
+    """Runs a study with options; returns exit code, stdout and stderr."""
+    monkeypatch.setattr(command, '_BLOCK', 64)
+    monkeypatch.chdir(tmp_path)
+
+    def run(text=STUDY, *options):
+        Path('study.yaml').write_text(text)
+        return called(chart_tool, 'sweep', 'study.yaml', *options)
+
+    return run
+
+
+@contextmanager
+def dask(folder):
+    """Starts a scheduler and two workers as processes; returns the address and the workers."""
+    file, path = folder / 'scheduler.json', Path(sys.executable).parent / 'dask'
+    variables = os.environ | {'PYTHONPATH': str(Path(__file__).parent)}
+    begin = partial(
+        subprocess.Popen, env=variables, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
+    at = '--host', '127.0.0.1', '--no-dashboard', '--scheduler-file', file
+    own = '--nthreads', '1', '--no-nanny', '--local-directory', folder
+    scheduler = begin([path, 'scheduler', '--port', '0', *at])
+    workers = [begin([path, 'worker', *at, *own]) for _ in range(2)]
+    try:
+        deadline = time.monotonic() + 60
+        while not (file.exists() and file.read_text()) and time.monotonic() < deadline:
+            time.sleep(0.05)
+        yield json.loads(file.read_text())['address']
+    finally:
+        for process in (*workers, scheduler):
+            process.kill()
+            process.wait()
+
+
+def test_processes_and_a_cluster_give_the_same_bytes_and_lose_nothing(run, tmp_path):
+    code, words, errors = run(STUDY, '--workers', '2')
+    assert (code, errors) == (0, '')
+    table = Path('study.csv').read_bytes()
+    with dask(tmp_path) as address:
+        assert run(STUDY, '--scheduler', address)[0] == 0
+        assert Path('study.csv').read_bytes() == table
+        check_that_a_death_loses_nothing(partial(cluster, address), tmp_path / 'worker')
+        with pytest.raises(ConfigurationError, match='linkage_lab, and memory'), cluster(address):
+            raise PackageNotFoundError('linkage_lab')
+        with pytest.raises(BrokenExecutor), cluster(address):
+            raise TypeError('cannot unpack non-iterable int object')
+        with pytest.raises(TypeError, match='of the work'), cluster(address):
+            raise TypeError('of the work')
+    check_words(words, table)
+
+
+def check_that_a_death_loses_nothing(connect, path):
+    """Kills a worker during the fourth of ten blocks, and sends SIGINT during the others."""
+    blocks = [(i, str(path) if i == 3 else '') for i in range(10)]
+    assert dict(spread(mortal.die_once, blocks, connect)) == {i: i * i for i in range(10)}
+    assert path.exists()
+
+
+def check_words(words, table):
+    """Asserts that output and table agree, and that no design on the front beats another."""
+    rows = np.genfromtxt(io.BytesIO(table), delimiter=',', names=True, dtype=None, encoding='utf8')
+    counts = collections.Counter(rows['outcome'])
+    assert set(counts) == {'cannot turn', 'outside the constraints', 'valid', FRONT}
+    for outcome, count in counts.items():
+        assert outcome == 'valid' or f'{count} {outcome}' in words
+    good = rows[np.isin(rows['outcome'], ('valid', FRONT))]
+    assert (good['transmission_angle_deg'] >= 20).all()
+    assert np.isnan(rows['peak_torque_N_m'][rows['outcome'] == 'cannot turn']).all()
+    beaten = [
+        ((good['peak_torque_N_m'] < x) & (good['swing_deg'] > y)).any()
+        for x, y in zip(good['peak_torque_N_m'], good['swing_deg'], strict=True)
+    ]
+    assert np.array_equal(~np.array(beaten), good['outcome'] == FRONT)
+    assert Path('study.png').read_bytes().startswith(b'\x89PNG')
+
+
+def test_designs_whose_spring_does_not_fit_are_counted_apart(run):
+    """A spring does not fit a rocker that turns fully, although the crank turns as well."""
+    Path('sprung.yaml').write_text(SPRUNG)
+    mechanism, counts = load('sprung.yaml').mechanism, collections.Counter()
+    _, words, _ = run(SPRUNG_STUDY)
+    rows = np.genfromtxt('study.csv', delimiter=',', names=True, dtype=None, encoding='utf8')
+    for frame, crank, outcome in zip(
+        rows['framelength_m'], rows['cranklength_m'], rows['outcome'], strict=True
+    ):
+        bare = replace(mechanism, rocker=Body(0.5), frame=Frame(frame), crank=Body(crank))
+        if not Solver(bare).reach.turns_fully:
+            expected = 'cannot turn'
+        else:
+            is_fit = bare.grashof != 'double-crank'
+            expected = 'valid' if is_fit else 'a spring or load curve does not fit'
+        assert outcome == expected
+        counts[outcome] += 1
+    assert len(counts) == 3
+    assert all(f'{count} {outcome}' in words for outcome, count in counts.items())
+
+
+def test_killed_process_loses_no_designs(tmp_path, monkeypatch):
+    check_that_a_death_loses_nothing(partial(processes, 2), tmp_path / 'dead')
+    monkeypatch.setattr(command_spread, '_ATTEMPTS', 1)
+    with pytest.raises(ConfigurationError, match='memory'):
+        list(spread(mortal.die, [1], partial(processes, 1)))
+
+
+def test_ctrl_c_leaves_complete_rows_of_measured_designs(run, monkeypatch):
+    def interrupted(work, blocks, connect):
+        yield 1, work(blocks[1])
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(command, 'spread', interrupted)
+    code, _, errors = run()
+    assert code == 130
+    assert '64 of 200 designs are in study.csv' in errors
+    head, *lines = Path('study.csv').read_text().splitlines()
+    assert [int(line.partition(',')[0]) for line in lines] == list(range(65, 129))
+    assert {line.count(',') for line in lines} == {head.count(',')}
+    assert sorted(path.name for path in Path().glob('study*')) == ['study.csv', 'study.yaml']
+
+
+@pytest.mark.parametrize(
+    ('old', 'new', 'found'),
+    [
+        ('designs: 200', 'desings: 200', 'did you mean designs?'),
+        ('designs: 200', 'designs: 0', 'a whole number from 1'),
+        ('base: quadrilateral', 'base: no_such', 'no preset'),
+        ('base: quadrilateral', 'base: wind_pump', 'must be a four_bar'),
+        ('base: quadrilateral', 'base: press', 'friction'),
+        ('base: quadrilateral', '', 'base is missing'),
+        ('seed: 3', 'sampler: dice', 'must be one of sobol'),
+        ('designs: 200', 'designs: 7\nsampler: grid', 'needs at least 8'),
+        ('crank.length', 'crank.lenght', 'did you mean crank.length (m)?'),
+        ('crank.length', 'crank.center', 'did you mean crank.center.'),
+        ('[0.05, 0.2]', '[0.2, 0.2]', 'empty'),
+        ('[0.05, 0.2]', '[-0.1, 0.2]', 'two numbers, each from 1e-09'),
+        ('[0.05, 0.2]', '0.2', 'two numbers'),
+        ('rpm: 15.0', 'crank.length: 0.01', 'a range and a tolerance'),
+        ('rpm: 15.0', 'rpm: 0.0', 'empty'),
+        ('rpm: 15.0', 'rocker.mass: 4.0', 'rocker.mass = [-0.5, 7.5]: must be two'),
+        ('time_ratio', 'time_rato', "measures ['time_rato', 'peak"),
+        ('time_ratio', 'stroke', 'needs a slider'),
+        ('time_ratio', 'point_distance', 'needs coupler.point, and points'),
+        ('transmission_angle', 'angle', "'angle']: choose from peak_torque"),
+        ('[20.0, .inf]', '20.0', 'two numbers'),
+        ('[20.0, .inf]', '[91.0, .inf]', 'no design is left of 200 designs: '),
+        (
+            'crank.length: [0.05, 0.2]',
+            'crank.length: [0.6, 0.7]',
+            '200 designs: 200 cannot turn; change',
+        ),
+        ('swing: most', 'swing: best', 'must be one of least, most'),
+        (', swing: most', '', 'must be two'),
+        (STUDY, 'base: quadrilateral\ntolerances: {rpm: 1.0}', 'measures []: choose from'),
+        (STUDY, 'base: quadrilateral\nmeasures: swing', 'nothing varies'),
+        (STUDY, 'base: quadrilateral\nranges: [1.0, 2.0]', 'write ranges: {NAME: VALUE}'),
+        (STUDY, '- base', 'instead of a mapping'),
+    ],
+)
+def test_invalid_study_gives_one_line(run, monkeypatch, old, new, found):
+    monkeypatch.setattr(command, 'spread', lambda work, blocks, _: enumerate(map(work, blocks)))
+    code, _, errors = run(STUDY.replace(old, new))
+    assert (code, errors.count('\n')) == (2, 1)
+    assert found in errors
+
+
+def test_absent_scheduler_gives_one_line(run):
+    code, _, errors = run(STUDY, '--scheduler', 'tcp://127.0.0.1:9')
+    assert (code, errors.count('\n')) == (2, 1)
+    assert 'no Dask scheduler answers' in errors
