@@ -277,10 +277,7 @@ def test_the_command_writes_records_and_a_picture(tmp_path, called):
 # ---------------------------------------------------------------- the pages
 
 
-def test_readme_quotes_the_sentence_of_the_figures(savings):
-    economy = Economy(load('quadrilateral').mechanism, 'quadrilateral')
-    sentence = economy.sentence(150.0, 0.01, savings)
-    assert sentence in ' '.join(read('README.md').split())
+def test_savings_equal_those_in_the_json(savings):
     records = json.loads((ROOT / 'docs' / 'quadrilateral_economy.json').read_text())['records']
     errors = {(x['left_out'], x['rpm']): x['error'] for x in records}
     for saving in savings:
