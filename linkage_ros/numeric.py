@@ -204,11 +204,12 @@ _SINGLE = float, int, np.floating, np.integer
 
 
 def single_numbers(*values: Any) -> list[float]:
-    """Returns the values as floats; empty if one of them is not a single number."""
+    """Returns numbers and tuples of one number as floats; empty if a value is neither."""
     if type(values[0]) is np.ndarray:
         return []
+    row = [x[0] if type(x) is tuple and len(x) == 1 else x for x in values]
     try:
-        found = [float(x) for x in values if isinstance(x, _SINGLE) and not isinstance(x, bool)]
+        found = [float(x) for x in row if isinstance(x, _SINGLE) and not isinstance(x, bool)]
     except OverflowError:  # 10**400
         return []
     return found if len(found) == len(values) else []

@@ -20,23 +20,17 @@ import time
 from pathlib import Path
 
 import numpy as np
-from harness import DOMAIN, finish, listening, missed, node, options, quantiles, wait_for
+from harness import DOMAIN, FOLLOWED, finish, listening, missed, node, options, quantiles, wait_for
 from realtime import SETTLE
 
 from linkage_lab.reference.states import Reference
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.verify import verify
 from linkage_ros.run.states import Simulator
-from linkage_ros.settings.configuration import read_values
 
 RATES = (100.0, 500.0, 1000.0)  # Hz
 MEASURED, ANSWERS = '/joint_states', '/linkage/joint_states'
 REMAPS = ('measured_joint_states', MEASURED), ('joint_states', ANSWERS)
-# The parameters of the followed quadrilateral; the preset would also set its motion.
-FOLLOWED = {
-    **{k: v for k, v in read_values('quadrilateral').items() if k not in {'rpm', 'rate_hz'}},
-    'drive': 'follow',
-}
 COMPARED = 200  # number of states compared with the reference
 
 

@@ -18,6 +18,8 @@ from typing import NoReturn
 
 import numpy as np
 
+from linkage_ros.settings.configuration import read_values
+
 # The tests use lower domains; two concurrent benchmarks rarely get the same one.
 DOMAIN = 90 + os.getpid() % 10
 LISTENER = Path(__file__).with_name('listener.py')
@@ -37,6 +39,13 @@ def environment(domain: int) -> dict[str, str]:
     clear_ports(domain)
     own = {'ROS_DOMAIN_ID': str(domain), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
     return {**os.environ, **own, 'PYTHONUNBUFFERED': '1'}
+
+
+# The parameters of the followed quadrilateral; the preset would also set its motion.
+FOLLOWED = {
+    **{k: v for k, v in read_values('quadrilateral').items() if k not in {'rpm', 'rate_hz'}},
+    'drive': 'follow',
+}
 
 
 def words(parameters: dict[str, object]) -> list[str]:

@@ -23,6 +23,7 @@ from statistics import median
 import numpy as np
 from harness import (
     DOMAIN,
+    FOLLOWED,
     Diagnostics,
     Process,
     finish,
@@ -59,7 +60,7 @@ def following(number: int, seconds: float) -> dict[str, float]:
         for index in range(number):
             answers = f'linkage{index}/joint_states'
             remaps = ('measured_joint_states', 'joint_states'), ('joint_states', answers)
-            nodes[f'{index}'] = stack.enter_context(node(DOMAIN, remaps=remaps, drive='follow'))
+            nodes[f'{index}'] = stack.enter_context(node(DOMAIN, remaps=remaps, **FOLLOWED))
         for one in nodes.values():
             wait_for(lambda one=one: 'four_bar' in one.output)
         time.sleep(SETTLE)

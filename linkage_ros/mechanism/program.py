@@ -183,9 +183,9 @@ class Program:
         """Evaluates the formula on floats and arrays that broadcast to a shape; see `__call__`."""
         size = math.prod(shape)
         if size == 1 and not is_noisy():
-            tree = self.floats(*[x if isinstance(x, float) else x.item() for x in rows])
+            tree = self.floats(*[x if type(x) is float else x.item() for x in rows])
             values = self.tape.flat(tree) if self._traced else leaves(tree)
-            return self._shaped(tree, np.array(values).reshape(-1, *shape))
+            return self._shaped(tree, [np.array(x, ndmin=len(shape)) for x in values])
         rows = [x if isinstance(x, float) else np.broadcast_to(x, shape).ravel() for x in rows]
         if by_math and not self._traced and size:
             columns = ([x] * size if isinstance(x, float) else x.tolist() for x in rows)

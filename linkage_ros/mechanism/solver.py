@@ -273,7 +273,8 @@ class Solver:
         if self._takes_floats and type(q) is type(u) is type(torque) is float:
             return self._forward.floats(q, u, torque)[0]
         if self._takes_floats and (single := single_numbers(q, u, torque)):
-            return self._forward.floats(*single)[0]
+            found = self._forward.floats(*single)
+            return found if type(q) is tuple else found[0]
         if self.model.joint_loads:
             raise MechanismError(
                 'dry friction under a given torque has no unique acceleration at rest: leave '
