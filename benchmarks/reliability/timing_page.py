@@ -53,9 +53,9 @@ lateness of all slices. For linkage_node, lateness includes the start-up before 
 missed ticks and processor time do not. The processor time is that of the node's process in the
 median second, because other users of the computer may slow down single seconds by half.
 
-This table and that of logs are from a slow machine with two processors (AMD EPYC of the first
-generation); the other tables are from a machine that is twice as fast. The results scatter with
-the load of the host.
+This table and that of logs are from a machine with two processors (AMD EPYC of the fourth
+generation), in 3 slices of 10 s; the other tables are from another machine. The results scatter
+with the load of the host.
 
 {ticks}
 
@@ -114,13 +114,12 @@ exactly the ratio of the medians. [peers.md](peers.md) lists all peers and their
 
 The cost that log or viewer adds to a tick is the difference between two programs that were started
 separately. One of these differences says little, because the processor time of the thread of the
-ticks varies by 20 us from one start of the same program to the next. In eighteen runs on the slow
-machine, the log added -27 to 50 us, in nine of them more than the limit; the viewer added 2 to
-80 us in thirteen runs, in two of them more than the limit. On the fast machine, with an earlier
-version, the log added 5 us, and the viewer 26 us.
+ticks varies by 20 us from one start of the same program to the next. In eighteen runs on a machine
+half as fast, the log added -27 to 50 us, in nine of them more than the limit; the viewer added 2
+to 80 us in thirteen runs, in two of them more than the limit.
 
 The time of the threads of log and viewer is measured within one program, without this scatter: the
-threads of the log took 7 to 9 us in three runs. In addition, the thread of the ticks passes each
+threads of the log took 5 to 9 us in six runs. In addition, the thread of the ticks passes each
 state to the log. In 20 pairs of runs of 5 s, this thread took 0.5 us more with log than without
 (standard error 5.7 us); in 9 pairs of 12 s, 10.4 us (3.6 us).
 """
