@@ -144,9 +144,8 @@ def test_friction_and_a_load_on_a_link_carried_by_another_are_refused():
 def value_of(curve, data, ahead):
     """Returns the value of a load curve at MuJoCo's position, extrapolated by some time, s."""
     places = data.qpos + ahead * data.qvel
-    return curve.forces([SimpleNamespace(position=float(q)) for q in places], data.qvel)[
-        curve.link
-    ]
+    (wrench,) = curve.wrenches([SimpleNamespace(position=float(q)) for q in places], data.qvel)
+    return wrench.effort
 
 
 def run(configuration, seconds, mechanism=None):

@@ -25,6 +25,7 @@ from linkage_ros.mechanism.loads import Load
 from linkage_ros.mechanism.parts import OPEN, Body, Coupler, Guide, Slider, gravity_quantity
 from linkage_ros.mechanism.registry import MECHANISMS
 from linkage_ros.mechanism.structure import Link, Mechanism, Point, Structure, coupler_point
+from linkage_ros.mechanism.wrenches import Wrench
 from linkage_ros.numeric import Real, two_sum
 from linkage_ros.quantities import Checked, quantity
 
@@ -60,15 +61,11 @@ class SpringLoad(NamedTuple):
     stiffness: float
     rest_position: float
 
-    def forces(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> dict[int, Real]:
-        """Returns the force along the guide, N."""
+    def wrenches(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> list[Wrench]:
+        """Returns the force along the guide, N, which the frame exerts."""
         del rates
-        stretch = links[self.link].position - self.rest_position
-        return {self.link: -(self.stiffness * stretch)}
-
-    def resistance(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> dict[int, Real]:
-        """Returns the share of the force that the frame exerts, which is all of it."""
-        return self.forces(links, rates)
+        force = -(self.stiffness * (links[self.link].position - self.rest_position))
+        return [Wrench(self.link, force, force)]
 
     def potential(self, links: Sequence[LinkPose]) -> Real:
         """Returns the energy of the spring, J."""

@@ -11,8 +11,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from linkage_ros import Solver, State
-from linkage_ros.formulas import ZERO, Vector
-from linkage_ros.mechanism.kinematics import LinkPose
+from linkage_ros.mechanism.wrenches import poses
 from linkage_ros.numeric import Array
 
 _BISECTIONS = 64  # halvings of a step, after which its ends differ only by rounding
@@ -74,7 +73,7 @@ def _pieces(solver: Solver, states: Callable[[Array], State]) -> Callable[[Array
         rows = np.zeros((len(loads) + len(in_joints), len(angles)))
         if len(rows):
             state = states(angles)
-            links = [LinkPose(x, Vector(ZERO, ZERO), (), ()) for x in state.position]
+            links = poses(model.links, state.position)
             rows[:] = [load.piece(links, state.velocity) for load in loads] + [
                 load.piece(model.pins, model.links, state.velocity) for load in in_joints
             ]

@@ -15,7 +15,7 @@ import numpy as np
 
 from linkage_ros import Body, Solver
 from linkage_ros.formulas import ZERO, Opaque, Vector, total
-from linkage_ros.mechanism.equations import Model, torque, velocities
+from linkage_ros.mechanism.equations import Model, acting_forces, torque, velocities
 from linkage_ros.mechanism.parts import LOADS
 from linkage_ros.mechanism.program import Constants, Program
 from linkage_ros.mechanism.structure import Mechanism
@@ -158,8 +158,8 @@ def _driving_torque(model: Model, angle: Real, speed: Real) -> tuple[Real]:
 def _static_torque(model: Model, angle: Real, speed: Real) -> tuple[Real]:
     pose = model.loop.pose((angle,))
     rates = velocities(pose, (speed,))
-    acting = [load.forces(pose.links, rates) for load in model.all_loads()]
-    return (-total(x * pose.links[j].jacobian[0] for forces in acting for j, x in forces.items()),)
+    acting = acting_forces(model, pose.links, rates)
+    return (-total(x * pose.links[j].jacobian[0] for j, x in acting),)
 
 
 def series_program(torques: Array, period: float, harmonics: int) -> TorqueProgram:

@@ -18,7 +18,7 @@ undriven coordinates. Pin reactions do not appear.
 
 import itertools
 import operator
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 from linkage_ros.formulas import (
@@ -36,41 +36,8 @@ from linkage_ros.formulas import (
 from linkage_ros.mechanism.kinematics import LinkPose, Loop, PointMotion, Pose, State
 from linkage_ros.mechanism.loads import JointLoad, Load
 from linkage_ros.mechanism.structure import Dyad, Link, Mechanism, Pin, Point, Structure
+from linkage_ros.mechanism.wrenches import generalised
 from linkage_ros.numeric import Real
-
-
-class Weight(NamedTuple):
-    """The weights of all bodies, as a load; see `linkage_ros.mechanism.loads.Load`.
-
-    Attributes:
-        links: The moving links of the mechanism.
-        gravity: Acceleration of gravity, m/s^2.
-    """
-
-    links: tuple[Link, ...]
-    gravity: Vector
-
-    def _moment(self, j: int) -> Vector:
-        """Returns conj(W_j) g as a vector, N m; for a sliding link, m g, N."""
-        if self.links[j].slides:
-            return self.gravity * self.links[j].mass
-        turning = (link for link in self.links if not link.slides)
-        arm = total(link.center.weights[j] * link.mass for link in turning)
-        return Vector(dot(arm, self.gravity), cross(arm, self.gravity))
-
-    def forces(self, links: Sequence[LinkPose], _rates: Sequence[Real]) -> dict[int, Real]:
-        """Computes the forces; the torque on a turning link is Re(conj(i W_j e^(i phi_j)) g)."""
-        return {
-            j: (dot if self.links[j].slides else cross)(link.direction, self._moment(j))
-            for j, link in enumerate(links)
-        }
-
-    def potential(self, links: Sequence[LinkPose]) -> Real:
-        """Computes the potential energy of the weights, J."""
-        return total(
-            -dot(link.direction, self._moment(j)) * (link.position if body.slides else 1.0)
-            for j, (link, body) in enumerate(zip(links, self.links, strict=True))
-        )
 
 
 class Model(NamedTuple):
@@ -144,9 +111,13 @@ class Model(NamedTuple):
             **refusals,
         )
 
-    def all_loads(self) -> tuple[Load, ...]:
-        """Returns all loads on the links except `joint_loads`, including weights."""
-        return (Weight(self.links, self.gravity), *self.loads)
+    def weight(self, j: int) -> Vector:
+        """Returns conj(W_j) g as a vector, N m; for a sliding link, m g, N."""
+        if self.links[j].slides:
+            return self.gravity * self.links[j].mass
+        turning = (link for link in self.links if not link.slides)
+        arm = total(link.center.weights[j] * link.mass for link in turning)
+        return Vector(dot(arm, self.gravity), cross(arm, self.gravity))
 
     def coupling(self, j: int, k: int) -> Vector:
         """Returns C_jk as (real, imaginary), kg m^2; both ZERO if no body couples the links."""
@@ -192,6 +163,28 @@ def _product(row: Iterable[Real], column: Iterable[Real]) -> Real:
     return total(map(operator.mul, row, column))
 
 
+def acting_forces(
+    model: Model, links: Sequence[LinkPose], rates: Sequence[Real]
+) -> Iterator[tuple[int, Real]]:
+    """Yields the generalised forces of weights, then those of the loads.
+
+    The torque of the weights on a turning link is Re(conj(i W_j e^(i phi_j)) g).
+
+    Args:
+        model: Constants of the mechanism.
+        links: Poses of the links; only `position` and `direction` are used.
+        rates: Velocity of each link, rad/s or m/s.
+
+    Yields:
+        Index of a link and torque on it, N m, or force along its guide, N.
+    """
+    for j, link in enumerate(links):
+        yield j, (dot if model.links[j].slides else cross)(link.direction, model.weight(j))
+    for load in model.loads:
+        for wrench in load.wrenches(links, rates):
+            yield from generalised(wrench, model.links, links)
+
+
 def balance(
     model: Model, pose: Pose, rates: Sequence[Real], changes: Sequence[Real]
 ) -> list[Real]:
@@ -210,9 +203,8 @@ def balance(
         The generalised force on each coordinate: N m for an angle, N for a slider's position.
     """
     forces = [model.inertia(j) * change for j, change in enumerate(changes)]
-    for load in model.all_loads():
-        for j, force in load.forces(pose.links, rates).items():
-            forces[j] = forces[j] - force  # -= would modify an array
+    for j, force in acting_forces(model, pose.links, rates):
+        forces[j] = forces[j] - force  # -= would modify an array
     for j, k in itertools.combinations(range(len(forces)), 2):
         a, b = model.coupled(pose, j, k)
         forces[j] = forces[j] + a * changes[k] - b * (rates[k] * rates[k])
@@ -372,9 +364,13 @@ def energy(model: Model, q: Sequence[Real], u: Sequence[Real]) -> tuple[Real, Re
         for row, one in zip(matrix, u, strict=True)
         for mass, other in zip(row, u, strict=True)
     )
-    potential = total(
-        load.potential(pose.links) for load in model.all_loads() if hasattr(load, 'potential')
+    links = zip(pose.links, model.links, strict=True)
+    weights = total(
+        -dot(link.direction, model.weight(j)) * (link.position if body.slides else 1.0)
+        for j, (link, body) in enumerate(links)
     )
+    loads = (load.potential(pose.links) for load in model.loads if hasattr(load, 'potential'))
+    potential = total([weights, *loads])
     require(is_finite(kinetic, potential), model.refuse, *q, *u)
     return kinetic, potential
 

@@ -46,6 +46,7 @@ from linkage_ros.mechanism.equations import (
 from linkage_ros.mechanism.kinematics import LinkPose, Pose, State
 from linkage_ros.mechanism.loads import Contact
 from linkage_ros.mechanism.structure import Pin
+from linkage_ros.mechanism.wrenches import FRAME, Wrench, place
 from linkage_ros.numeric import Real
 
 # Relative to the coordinate, because a double can only approximate a change point: k * math.pi is
@@ -56,7 +57,7 @@ _ROUNDING = 1e-6  # the same tolerance, used once rounding errors keep the chang
 _SINGULAR = 1e-12  # a determinant below this is only rounding error
 _STEP = 1e-9  # smallest step of the coefficients, as a fraction of their full values
 _ORIGIN = Vector(ZERO, ZERO)
-_FRAME = -1  # index of the last body
+_FRAME = FRAME  # also the index of the last body
 
 
 class Reactions(NamedTuple):
@@ -138,18 +139,29 @@ class _Balance:
             self._known[j].append((center, (model.gravity - acceleration) * body.mass))
             self._couples[j] = self._couples[j] - body.inertia * change
         for load in model.loads:
-            for j, force in load.forces(pose.links, rates).items():
-                self._add_load(j, j, force)
-            held = load.resistance(pose.links, rates) if hasattr(load, 'resistance') else {}
-            for j, force in held.items():
-                self._add_load(_FRAME, j, -force)
+            for wrench in load.wrenches(pose.links, rates):
+                self._exert(wrench, pose.links)
 
-    def _add_load(self, body: int, j: int, force: Real) -> None:
+    def _exert(self, wrench: Wrench, links: Sequence[LinkPose]) -> None:
+        """Adds a wrench to the balances of its body and, for its `held` share, of the frame."""
+        body, effort, held, force, point = wrench
+        self._add_effort(body, body, effort)
+        self._add_effort(_FRAME, body, -held)
+        if point is None:
+            return
+        at = place(point, links)
+        if body != _FRAME and self._links[body].slides:
+            center = self._centers[body]
+            self._couples[body] = self._couples[body] + cross(at - center, force)
+            at = center
+        self._known[body].append((at, force))
+
+    def _add_effort(self, body: int, j: int, effort: Real) -> None:
         """Adds a load of link j to a body: a force along the guide or, if j turns, a couple."""
-        if self._links[j].slides:
-            self._known[body].append((self._centers[j], self._directions[j] * force))
-        else:
-            self._couples[body] = self._couples[body] + force
+        if j == _FRAME or not self._links[j].slides:
+            self._couples[body] = self._couples[body] + effort
+        elif effort is not ZERO:
+            self._known[body].append((self._centers[j], self._directions[j] * effort))
 
     def force(self, j: int) -> Vector:
         """Returns the force, N, that is missing from the force balance of body j."""
@@ -201,6 +213,7 @@ class _Balance:
         across = self._directions[j].left()
         force = dot(across, self.force(j))
         self._known[_FRAME].append((self._centers[j], across * -force))
+        self._couples[_FRAME] = self._couples[_FRAME] + self._couples[j]
         return force
 
 
@@ -218,14 +231,10 @@ class FoundLoad(NamedTuple):
     inner: tuple[Real, ...]
     outer: tuple[Real, ...]
 
-    def forces(self, _links: Sequence[LinkPose], _rates: Sequence[Real]) -> dict[int, Real]:
-        """See `Load.forces`."""
+    def wrenches(self, _links: Sequence[LinkPose], _rates: Sequence[Real]) -> list[Wrench]:
+        """See `Load`."""
         both = zip(self.inner, self.outer, strict=True)
-        return {j: inner + outer for j, (inner, outer) in enumerate(both)}
-
-    def resistance(self, _links: Sequence[LinkPose], _rates: Sequence[Real]) -> dict[int, Real]:
-        """Returns the loads from the frame; see `Load`."""
-        return dict(enumerate(self.outer))
+        return [Wrench(j, inner + outer, outer) for j, (inner, outer) in enumerate(both)]
 
 
 class Search(NamedTuple):

@@ -16,6 +16,7 @@ from linkage_ros.files import read_columns
 from linkage_ros.formulas import ZERO, Opaque, where
 from linkage_ros.mechanism.kinematics import LinkPose
 from linkage_ros.mechanism.loads import AppliedLoad, continuous
+from linkage_ros.mechanism.wrenches import Wrench
 from linkage_ros.numeric import Array, Real, without_turns
 from linkage_ros.quantities import quantity, shown
 
@@ -173,13 +174,13 @@ class CurveForce(NamedTuple):
     return_value: Opaque | None = None
     work: Opaque | None = None
 
-    def forces(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> dict[int, Real]:
-        """See `Load.forces`."""
+    def wrenches(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> list[Wrench]:
+        """See `Load`."""
         position = continuous(links[self.over].position, self.middle)
         force = self.value(position)
         if self.return_value is not None:
             force = where(rates[self.link] >= 0, force, self.return_value(position))
-        return {self.link: force}
+        return [Wrench(self.link, force)]
 
     def potential(self, links: Sequence[LinkPose]) -> Real:
         """Returns the potential energy, J, or ZERO if there is none; see `Load`."""

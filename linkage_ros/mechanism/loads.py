@@ -1,11 +1,9 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Loads on the links of a mechanism, given as generalised forces.
+"""Loads of a mechanism: what a load is, the loads of the output link, and dry friction.
 
-The power of a load is the sum of its forces times the links' rates. A generalised force is
-therefore a torque on a turning link and a force along the guide on a sliding link. Viscous
-friction in a pin could be added as a load with two opposite torques, proportional to the relative
-rate of the two links. Loads are named tuples of floats; in formulas, ZERO replaces absent terms.
+A load gives wrenches on bodies, from which torque, joint forces, arrows and exports follow; see
+`wrenches`. In formulas, loads are named tuples of floats, in which ZERO replaces absent terms.
 """
 
 import math
@@ -16,6 +14,7 @@ from typing import Any, ClassVar, NamedTuple, Protocol
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.formulas import ZERO, where
 from linkage_ros.mechanism.kinematics import LinkPose
+from linkage_ros.mechanism.wrenches import Wrench
 from linkage_ros.numeric import Real
 from linkage_ros.quantities import Checked, quantity
 
@@ -23,28 +22,22 @@ _POSITIVE = (0.0, 1e12)
 
 
 class Load(Protocol):
-    """Interface of a load: generalised forces on links, computed from their motion.
+    """Interface of a load: wrenches on bodies, computed from their motion.
 
-    A load on a single link may have an attribute `link`, the index of that link. The MJCF export
-    then writes a motor on the link's joint. Three methods are optional. `resistance(links, rates)`
-    returns the part of the forces exerted by the frame, such as those of dampers and springs.
-    `potential(links)` returns the potential energy up to a constant, J. `piece(links, rates)`
-    returns the number of the smooth piece of the force, for arrays; between two pieces, the force
-    has a corner or a jump.
+    Two methods are optional. `potential(links)` returns the potential energy up to a constant, J.
+    `piece(links, rates)` returns the number of the smooth piece of the force, for arrays; between
+    two pieces, the force has a corner or a jump.
     """
 
-    def forces(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> dict[int, Real]:
-        """Computes the generalised forces.
-
-        A torque on a turning link acts as a pure couple, which affects the joint forces.
+    def wrenches(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> list[Wrench]:
+        """Computes the wrenches.
 
         Args:
-            links: Poses of the links.
+            links: Poses of the links; only `position` and `direction` are set.
             rates: Velocities of the links, rad/s or m/s.
 
         Returns:
-            Forces by link index: torque, N m, positive counter-clockwise, or force along the
-            guide, N.
+            The wrenches, in an order independent of the motion.
         """
 
 
@@ -188,14 +181,10 @@ class LinkForce(NamedTuple):
     middle: Real = None
     turns: bool = False
 
-    def forces(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> dict[int, Real]:
-        """See `Load.forces`."""
-        return {self.link: self.force + self.resistance(links, rates)[self.link]}
-
-    def resistance(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> dict[int, Real]:
-        """Returns the force of damper and spring; see `Load`."""
-        lost = self.damping * rates[self.link] + self.stiffness * self._stretch(links)
-        return {self.link: -lost}
+    def wrenches(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> list[Wrench]:
+        """See `Load`; the frame exerts the force of damper and spring."""
+        held = -(self.damping * rates[self.link] + self.stiffness * self._stretch(links))
+        return [Wrench(self.link, self.force + held, held)]
 
     def potential(self, links: Sequence[LinkPose]) -> Real:
         """Returns the energy of the spring and of the constant force, J; see `Load`."""

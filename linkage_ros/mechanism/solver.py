@@ -16,7 +16,7 @@ from typing import Any, NoReturn, cast
 import numpy as np
 
 from linkage_ros.errors import ConfigurationError, MechanismError, UnreachableError
-from linkage_ros.formulas import ZERO, Opaque, Vector
+from linkage_ros.formulas import ZERO, Opaque, number
 from linkage_ros.mechanism import equations
 from linkage_ros.mechanism.equations import DyadSine, Model
 from linkage_ros.mechanism.joint_forces import (
@@ -26,13 +26,14 @@ from linkage_ros.mechanism.joint_forces import (
     reactions,
     search_names,
 )
-from linkage_ros.mechanism.kinematics import LinkPose, PointMotion, Reach, State
+from linkage_ros.mechanism.kinematics import PointMotion, Reach, State
 from linkage_ros.mechanism.loads import Load
 from linkage_ros.mechanism.nested import leaves
 from linkage_ros.mechanism.numba_program import CompiledProgram
 from linkage_ros.mechanism.program import Constants, Program
 from linkage_ros.mechanism.structure import Description, Mechanism
 from linkage_ros.mechanism.tracer import Tape
+from linkage_ros.mechanism.wrenches import Wrench, generalised, poses
 from linkage_ros.numeric import Real, real_numbers, require_finite, single_numbers
 from linkage_ros.quantities import shown
 
@@ -414,7 +415,10 @@ class Solver:
         )
 
     def load_forces(self, state: State) -> dict[str, Real]:
-        """Computes the forces of loads and friction on the links, excluding weights.
+        """Computes the generalised forces of loads and friction, excluding weights.
+
+        They are the power of the loads per unit of each link's rate. A force at a point of the
+        coupler therefore also acts on the crank.
 
         Args:
             state: A state of floats or arrays, from `state`.
@@ -426,16 +430,31 @@ class Solver:
         Raises:
             ConfigurationError: The argument is not a state of this mechanism.
         """
+        bodies, found = self.structure.links, dict[str, Real]()
+        links = poses(bodies, self._rows(state)[0])
+        for wrench in self.wrenches(state):
+            for j, force in generalised(wrench, bodies, links):
+                found[self.links[j]] = found.get(self.links[j], ZERO) + force
+        return {name: number(force) for name, force in found.items()}
+
+    def wrenches(self, state: State) -> list[Wrench]:
+        """Computes the forces and couples of loads and friction on all bodies, excluding weights.
+
+        Args:
+            state: A state of floats or arrays, from `state`.
+
+        Returns:
+            The wrenches of the loads, in the order of `model.loads`, then those of friction.
+
+        Raises:
+            ConfigurationError: The argument is not a state of this mechanism.
+        """
         position, velocity, _ = self._rows(state)
-        links = [LinkPose(x, Vector(ZERO, ZERO), (), ()) for x in position]
-        loads: list[Load] = list(self.model.loads)
+        loads: list[Load] = list(self._constants.tree.loads)
         if self.model.joint_loads:
             loads.append(self._settle(*self._motion(state)).load)
-        found: dict[str, Real] = {}
-        for load in loads:
-            for j, force in load.forces(links, velocity).items():
-                found[self.links[j]] = found.get(self.links[j], ZERO) + force
-        return found
+        links = poses(self.structure.links, position)
+        return [wrench for load in loads for wrench in load.wrenches(links, velocity)]
 
     def alignment(self, q: Sequence[float]) -> tuple[float, str]:
         """Measures how close a dyad is to being in line, where the motion may end.

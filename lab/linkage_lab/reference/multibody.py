@@ -16,11 +16,14 @@ compared methods; in multiple precision, they are the reference for states and m
 
 import operator
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, TypeAlias, cast
+from typing import Any, TypeAlias
 
 from linkage_ros.formulas import ZERO, Vector, dot
 from linkage_ros.mechanism.four_bar import FourBar
+from linkage_ros.mechanism.kinematics import LinkPose
+from linkage_ros.mechanism.nested import transformed
 from linkage_ros.mechanism.structure import Mechanism
+from linkage_ros.mechanism.wrenches import generalised
 
 Row: TypeAlias = list[Any]  # of floats, Decimals or mpfs
 
@@ -67,11 +70,8 @@ class Multibody:
         self._fixed = Vector(length(fixed.real), length(fixed.imag))
         if isinstance(mechanism, FourBar):  # the structure holds its pivot in doubles
             self._fixed = unit(mechanism.frame.angle) * -length(mechanism.frame.length)
-        # Loads are tuples of indices and numbers.
-        self._loads = [
-            type(load)(*((number(x) if x else ZERO) if isinstance(x, float) else x for x in load))
-            for load in cast('tuple[Any, ...]', mechanism.link_loads())
-        ]
+        self._links = links
+        self._loads = transformed(lambda x: _constant(x, number), mechanism.link_loads())
 
     def gap(self, places: Sequence[Vector]) -> Vector:
         """Computes the gap of the loop.
@@ -124,9 +124,14 @@ class Multibody:
                 right[j] += mass * dot(one, self._gravity - bias)
                 for k, other in columns.items():
                     rows[j][k] += mass * dot(one, other)
+        poses = [
+            LinkPose(place.x, self.axis if slides else place, (), ())
+            for place, slides in zip(places, self.slides, strict=True)
+        ]
         for load in self._loads:
-            for j, force in load.forces((), rates).items():
-                right[j] += force
+            for wrench in load.wrenches(poses, rates):
+                for j, force in generalised(wrench, self._links, poses):
+                    right[j] += force
         closure, rest_of_gap = self.closure(places, rates)
         for j, row in enumerate(rows):
             row += [rest[j] for rest in closure]
@@ -145,6 +150,13 @@ class Multibody:
                 arm = turned(weight, places[j])
                 columns[j], bias = arm.left(), bias - arm * (rates[j] * rates[j])
         return columns, bias
+
+
+def _constant(x: Any, number: Callable[[float], Any]) -> Any:
+    """Converts a float or complex constant of a load; leaves others unchanged."""
+    if isinstance(x, complex):
+        return Vector(_constant(x.real, number), _constant(x.imag, number))
+    return (number(x) if x else ZERO) if isinstance(x, float) else x
 
 
 def _vectors(weights: Sequence[complex], number: Callable[[float], Any]) -> dict[int, Vector]:

@@ -1,0 +1,93 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Wrenches on the bodies of a mechanism: a load as forces at points and couples.
+
+Virtual power gives the generalised forces of a wrench, without joint forces; the joint forces and
+the shaking force follow from the same wrench in the balances of its body. The functions take poses
+whose `position` and `direction` are set; their derivatives are not used.
+"""
+
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
+from linkage_ros.formulas import ZERO, Vector, cross, dot, turned
+from linkage_ros.mechanism.kinematics import LinkPose
+from linkage_ros.numeric import Real
+
+FRAME = -1  # index of the body that does not move
+
+
+class Wrench(NamedTuple):
+    """A force at a point of a body, and a couple on it.
+
+    Attributes:
+        body: Index of the link on which it acts, or FRAME.
+        effort: Couple, N m, positive counter-clockwise; on a sliding link, force along its guide
+            through its pin, N.
+        held: Share of `effort` that the frame exerts, so that its opposite acts on the frame.
+        force: Force at `point`, in the axes of base_link, N.
+        point: Point of the body, a `structure.Point`; None without a force.
+    """
+
+    body: int
+    effort: Real = ZERO
+    held: Real = ZERO
+    force: Vector = Vector(ZERO, ZERO)
+    point: Any = None
+
+
+def poses(bodies: Sequence[Any], positions: Sequence[Real]) -> list[LinkPose]:
+    """Returns poses for the functions below and for loads, from the positions of the links.
+
+    Args:
+        bodies: The moving links of the mechanism, `structure.Link`s.
+        positions: Positions as in `State`, rad and m.
+    """
+    return [
+        LinkPose(position, Vector.at(body.angle if body.slides else position), (), ())
+        for body, position in zip(bodies, positions, strict=True)
+    ]
+
+
+def place(point: Any, links: Sequence[LinkPose]) -> Vector:
+    """Returns the position of a point, m."""
+    found: Vector = point.fixed
+    for weight, link in zip(point.weights, links, strict=True):
+        found += turned(link.direction, weight.x, weight.y)
+    return found
+
+
+def velocity(point: Any, links: Sequence[LinkPose], rates: Sequence[Real]) -> Vector:
+    """Returns the velocity of a point, m/s."""
+    found = Vector(ZERO, ZERO)
+    for weight, link, rate in zip(point.weights, links, rates, strict=True):
+        found += turned(link.direction, weight.x, weight.y).left() * rate
+    return found
+
+
+def generalised(
+    wrench: Wrench, bodies: Sequence[Any], links: Sequence[LinkPose]
+) -> Iterator[tuple[int, Real]]:
+    """Yields the power of a wrench per unit of each link's rate.
+
+    Args:
+        wrench: Wrench on a body.
+        bodies: The moving links of the mechanism, `structure.Link`s.
+        links: Their poses.
+
+    Yields:
+        Index of a link and torque on it, N m, or force along its guide, N.
+    """
+    body, effort, _, force, point = wrench
+    if body == FRAME:
+        return
+    if effort is not ZERO:
+        yield body, effort
+    if point is None:
+        return
+    if bodies[body].slides:
+        yield body, dot(links[body].direction, force)
+        return
+    for j, weight in enumerate(point.weights):
+        if weight.x is not ZERO or weight.y is not ZERO:
+            yield j, cross(turned(links[j].direction, weight.x, weight.y), force)
