@@ -14,7 +14,11 @@ ROOT = Path(__file__).parents[1]
 PACKAGE_FILES = sorted((ROOT / 'linkage_ros').rglob('*.py'))
 PAGES = (
     *('README.md', 'CONTRIBUTING.md', 'QUALITY_DECLARATION.md'),
-    *sorted(f'docs/{path.name}' for path in (ROOT / 'docs').glob('*.md')),
+    *sorted(
+        str(path.relative_to(ROOT))
+        for folder in ('docs', 'lab', 'lab/docs')
+        for path in (ROOT / folder).glob('*.md')
+    ),
 )
 # A block is fenced, or indented by four columns after a blank line.
 _BLOCK = re.compile(

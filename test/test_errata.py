@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The errata in docs/mechanisms.md: each equation as printed and corrected, with its figures."""
+"""The errata in lab/docs/errata.md: each equation as printed and corrected, with its figures."""
 
 import math
 
@@ -22,7 +22,7 @@ from linkage_ros import (
 from linkage_ros.settings.configuration import load
 from linkage_ros.units import radians_per_second
 
-ERRATA = ' '.join(read('docs/mechanisms.md').partition('## Errata')[2].split())
+ERRATA = ' '.join(read('lab/docs/errata.md').split())
 TURN = 2 * math.pi
 
 
@@ -181,7 +181,7 @@ def test_eq_3_lacks_a_factor_c_and_the_angle_at_b_is_2_pi_less_beta():
 def test_command_of_the_page_reproduces_the_figures():
     """Checks eq. 4, 6 and 8 at every angle, with the command's speed and acceleration."""
     command = 'linkage_chart motion slider_crank --rpm 4.774648 --acceleration 1'
-    assert command in read('docs/mechanisms.md')
+    assert command in ERRATA
     rpm, acceleration = (float(command.split()[i]) for i in (-3, -1))
     speed = radians_per_second(rpm)
     assert speed == pytest.approx(0.5, rel=1e-7)
