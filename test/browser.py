@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Takes pictures of pages in Chromium without a window, through its debugging pipe."""
+"""Opens pages in Chromium without a window, and controls it through its debugging pipe."""
 
 import base64
 import io
@@ -10,7 +10,10 @@ import os
 import shutil
 import subprocess
 import tempfile
+from collections.abc import Callable
 from contextlib import contextmanager
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.image import imread
@@ -31,7 +34,7 @@ class _Pipe:
         self._commands, self._answers = commands, answers
         self._ids, self._rest = itertools.count(1), b''
 
-    def call(self, method, session=None, **parameters):
+    def call(self, method, *, session=None, **parameters):
         words = {'id': next(self._ids), 'method': method, 'params': parameters}
         words |= {'sessionId': session} if session else {}
         self._commands.write(json.dumps(words).encode() + b'\0')
@@ -48,9 +51,30 @@ class _Pipe:
         return line
 
 
+class Page(NamedTuple):
+    """An open page.
+
+    Attributes:
+        call: Calls a method of the DevTools protocol with keyword arguments; returns its result.
+    """
+
+    call: Callable[..., Any]
+
+    def picture(self):
+        """Returns a picture of the page, RGB from 0 to 255."""
+        data = self.call('Page.captureScreenshot')['data']
+        return np.round(255 * imread(io.BytesIO(base64.b64decode(data)))[..., :3])
+
+    def run(self, script):
+        """Returns the value of a JavaScript expression."""
+        found = self.call('Runtime.evaluate', expression=script, returnByValue=True)
+        assert 'exceptionDetails' not in found, found
+        return found['result'].get('value')
+
+
 @contextmanager
 def opened_page(url):
-    """Opens a page; yields a function that returns a picture of it, RGB from 0 to 255."""
+    """Opens a page."""
     (its_input, commands), (answers, its_output) = os.pipe(), os.pipe()
     # Chromium reads file descriptor 3 and writes 4.
     script = f'exec "$@" 3<&{its_input} 4>&{its_output}'
@@ -71,12 +95,7 @@ def opened_page(url):
         try:
             target = pipe.call('Target.createTarget', url=url)['targetId']
             session = pipe.call('Target.attachToTarget', targetId=target, flatten=True)
-
-            def picture():
-                data = pipe.call('Page.captureScreenshot', session['sessionId'])['data']
-                return np.round(255 * imread(io.BytesIO(base64.b64decode(data)))[..., :3])
-
-            yield picture
+            yield Page(partial(pipe.call, session=session['sessionId']))
             pipe.call('Browser.close')
         finally:
             process.kill()

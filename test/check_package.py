@@ -25,6 +25,7 @@ TRIED = (
     'linkage_replay run.mcap --viewer run.rrd --rate 1000',
     'linkage_chart motion quadrilateral --reactions',
     'linkage_chart movie wiper wiper.gif',
+    'linkage_chart movie wiper wiper.html',
     'linkage_export mjcf compressor compressor.xml',
     'linkage_record --help',
 )

@@ -24,11 +24,11 @@ def test_page_opened_after_20_s_shows_the_linkage_moving(log, tmp_path):  # noqa
     with page_of(log) as (_, page):
         with late_viewer(page, tmp_path / 'saved.rrd') as stamps:
             wait_for(lambda: max(stamps(), default=0) > 20 * NS_PER_S)
-        with browser.opened_page(page) as picture:
+        with browser.opened_page(page) as shown:
             seen = []
 
             def moves():
-                if (found := linkage(picture())) is not None:
+                if (found := linkage(shown.picture())) is not None:
                     seen.append(found)
                 return seen and not np.array_equal(seen[0], seen[-1])
 

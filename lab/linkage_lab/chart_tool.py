@@ -61,12 +61,14 @@ def _parser() -> argparse.ArgumentParser:
             ),
         ),
         'movie': cli.Command(
-            _run, 'the mechanism as it moves, with its driving torque: GIF, or MP4 with ffmpeg',
-            ('quadrilateral quadrilateral.gif', 'my_linkage.yaml my_linkage.mp4 --rpm 30'),
+            _run, 'the mechanism as it moves, with its driving torque: a page for a browser, GIF, '
+            'or MP4 with ffmpeg',
+            ('wiper wiper.html', 'quadrilateral quadrilateral.gif',
+             'my_linkage.yaml my_linkage.mp4 --rpm 30'),
             (
                 (('params',), None, params),
                 (('out',), None,
-                 {'type': Path, 'metavar': 'OUT', 'help': '.gif or .mp4 file, replaced'}),
+                 {'type': Path, 'metavar': 'OUT', 'help': '.html, .gif or .mp4 file, replaced'}),
                 rpm,
             ),
         ),

@@ -80,6 +80,13 @@ class Period:
             for (name, per), vector in zip(_MOTION, solver.point(state, 'C'), strict=True):
                 self.add(f'coupler_point.{name}', 'm' + per, vector)
 
+    @property
+    def time(self) -> Array:
+        """Time from crank angle 0 to each crank angle, in either direction, s."""
+        speed = np.abs(self.columns['crank.velocity'].values)
+        steps = 2 * np.diff(self.crank) / (speed[1:] + speed[:-1])
+        return np.concatenate([[0.0], np.cumsum(steps)])
+
     def add(self, name: str, unit: str, values: Any) -> None:
         """Adds a column, or one for each component of a vector."""
         if isinstance(values, tuple):

@@ -345,7 +345,7 @@ def test_several_mechanisms_are_drawn_side_by_side_with_one_table(tmp_path, call
         (['motion', *map(str, range(8))], '8 mechanisms: must be at most 7'),
         (
             ['movie', 'wiper', 'wiper.png'],
-            'wiper.png: must end with .gif or, with ffmpeg installed, .mp4',
+            'wiper.png: must end with .html, .gif or, with ffmpeg installed, .mp4',
         ),
         (['movie', 'wiper', '/proc/nowhere/wiper.gif'], 'cannot be written'),
         (['movie', 'wiper', 'wiper.gif', '--rpm', '0'], 'the crank is at rest'),

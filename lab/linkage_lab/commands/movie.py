@@ -1,10 +1,11 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""linkage_chart movie: a drawing of the mechanism as it moves, with its driving torque."""
+"""linkage_chart movie: the mechanism as it moves, with its driving torque; a film or a page."""
 
 import argparse
 import math
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 
+from linkage_lab.movie_page import movie_page
 from linkage_lab.output import SMALL, STYLE, TEXT, folder, over_crank, progress
 from linkage_lab.period import Period, period_to_show
 from linkage_ros.errors import ConfigurationError
@@ -26,6 +28,7 @@ from linkage_ros.view.drawing import Drawing
 _SECONDS = 3.0  # duration of a crank turn in the movie
 _RATE = 20  # frames per second
 _SIZE, _DPI = (8.0, 4.2), 90  # inches, and pixels per inch
+_PACES = 4  # slower, and faster, playing speeds on a page
 _WRITERS: dict[str, Any] = {'.gif': PillowWriter, '.mp4': FFMpegWriter}
 _NAME: dict[str, Any] = {
     'textcoords': 'offset points', 'fontsize': SMALL, 'va': 'center', 'annotation_clip': False,
@@ -96,26 +99,56 @@ class LinkagePicture:
 
 
 def movie(options: argparse.Namespace) -> None:
-    """Draws the moving mechanism, and its torque up to the current crank angle.
+    """Shows the moving mechanism and its torque, as a film or as a page.
 
     Args:
         options: Parsed command-line options.
 
     Raises:
         ConfigurationError: The mechanism or the speed is invalid, the file's name does not end
-            with .gif or .mp4, ffmpeg is missing, or the file cannot be written.
+            with .html, .gif or .mp4, ffmpeg is missing, or the file cannot be written.
     """
     path = options.out
     period, (name, about, speed, *_) = period_to_show(
         options.params, load(options.params), options.rpm
     )
-    writer, samples = _WRITERS.get(path.suffix), _frames(period)
-    if not writer or not writer.isAvailable():
-        raise ConfigurationError(f'{path}: must end with .gif or, with ffmpeg installed, .mp4')
-    share = 2 * math.pi / _SECONDS / abs(period.speed)
-    words = f'{about}, {speed}, shown at {share:.3g} of its speed'
+    writer, is_page = _WRITERS.get(path.suffix), path.suffix == '.html'
+    if not is_page and not (writer and writer.isAvailable()):
+        raise ConfigurationError(
+            f'{path}: must end with .html, .gif or, with ffmpeg installed, .mp4'
+        )
+    if not np.abs(period.columns['crank.velocity'].values).min() > 0:
+        raise ConfigurationError('the crank is at rest: a movie needs a speed, such as --rpm 30')
+    pace = 2 * math.pi / _SECONDS / abs(period.speed)
+    words = f'{about}, {speed}'
+    with folder(path.parent):
+        if is_page:
+            series = [digit * 10.0**k for k in range(-9, 10) for digit in (1, 2, 5)]
+            nearest = min(range(len(series)), key=lambda i: abs(math.log(series[i] / pace)))
+            paces = sorted({1.0, *series[nearest - _PACES : nearest + _PACES + 1]})
+            page = movie_page(
+                name, words, period, [(x, _slower(x)) for x in paces], series[nearest]
+            )
+            path.write_text(page, encoding='utf-8')
+        else:
+            words = f'{words}, {_slower(pace)}'
+            _film(period, name, words, writer, path)
+    print(f'{name}, {words}', path, sep='\n')
+
+
+def _slower(pace: float) -> str:
+    """Describes a playing speed relative to real time, such as '45 times slower'."""
+    factor = f'{max(pace, 1 / pace):.2g}'
+    if factor == '1':
+        return 'real time'
+    return f'{float(factor):g} times {"faster" if pace > 1 else "slower"}'
+
+
+def _film(period: Period, name: str, words: str, writer: Any, path: Path) -> None:
+    """Draws the moving mechanism, and its torque up to the current crank angle."""
+    samples = _frames(period)
     degrees, torque = np.degrees(period.crank), period.columns['driving_torque'].values
-    with folder(path.parent), rc_context(STYLE):
+    with rc_context(STYLE):
         figure = Figure(figsize=_SIZE, dpi=_DPI)
         figure.text(0.02, 0.94, name, weight='bold', fontsize=TEXT)
         figure.text(0.02, 0.885, words)
@@ -133,21 +166,11 @@ def movie(options: argparse.Namespace) -> None:
                 drawn.set_data(degrees[: sample + 1], torque[: sample + 1])
                 dot.set_data(degrees[sample : sample + 1], torque[sample : sample + 1])
                 saved.grab_frame()
-    print(f'{name}, {words}', path, sep='\n')
 
 
 def _frames(period: Period) -> list[int]:
-    """Selects samples of the period at equal time intervals.
-
-    Raises:
-        ConfigurationError: The crank is at rest at some angle.
-    """
-    speed = np.abs(period.columns['crank.velocity'].values)
-    if not speed.min() > 0:
-        raise ConfigurationError('the crank is at rest: a movie needs a speed, such as --rpm 30')
-    steps = 2 * np.diff(period.crank) / (speed[1:] + speed[:-1])
-    time = np.concatenate([[0.0], np.cumsum(steps)])
-    frames = round(period.crank[-1] / (2 * math.pi) * _SECONDS * _RATE)
+    """Selects samples of the period at equal time intervals."""
+    time, frames = period.time, round(period.crank[-1] / (2 * math.pi) * _SECONDS * _RATE)
     even = np.linspace(0, time[-1], frames, endpoint=False)
     samples: list[int] = np.searchsorted(time, even).tolist()
     return samples if period.speed > 0 else samples[::-1]

@@ -1,0 +1,300 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""A page of one file, without network access, on which a mechanism moves."""
+
+import base64
+import html
+import json
+import math
+import string
+from collections.abc import Sequence
+from importlib import resources
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.ticker import MaxNLocator
+
+from linkage_lab.period import Column, Period
+from linkage_ros.numeric import Array
+from linkage_ros.palette import GREY, SECOND, Color, color_of
+from linkage_ros.units import radians_per_second
+from linkage_ros.view.drawing import Drawing
+
+_SIZE, _TALLEST = 480, 400  # px, width of a picture, and largest height of the linkage
+_ROOM = 26  # px around the linkage, for the names of its pins
+_NAME = 17  # px from a pin to the middle of its name
+_LEFT, _TOP, _ROW, _FOOT = 70, 24, 104, 42  # px, of the curves; a row is the height of one
+_GAP = _TOP + 12  # px between two curves
+_WIDE = 2.2  # a drawing with this ratio of width to height is above the curves, not beside them
+_SAMPLES = 721  # most samples; half a degree each in a period of one turn
+_BYTES = 250_000  # of the data of all samples
+_POINT, _NUMBER = 12, 10  # bytes of a point of a curve or path, and of a number
+
+
+class _Quantity(NamedTuple):
+    """A quantity to read off the page; drawn as a curve if `is_drawn`."""
+
+    name: str
+    unit: str
+    color: Color
+    values: Array
+    is_drawn: bool
+
+
+def movie_page(
+    name: str, about: str, period: Period, paces: Sequence[tuple[float, str]], pace: float
+) -> str:
+    """Makes the page.
+
+    Args:
+        name: Name of the mechanism.
+        about: Description of the mechanism and its motion.
+        period: Period to show.
+        paces: Playing speeds relative to real time, each with its description.
+        pace: The playing speed at the start, one of `paces`.
+
+    Returns:
+        The HTML page, of less than 300 kB.
+    """
+    linkage, quantities, time = _linkage(period), _quantities(period), period.time
+    # Two bytes a coordinate, and a third more as text.
+    each = 8 / 3 * linkage.coordinates + _POINT * len(linkage.drawing.owners)
+    each += (_POINT + _NUMBER) * len(quantities)
+    shown = _samples(period, min(_SAMPLES, int(_BYTES / each)))
+    if period.speed < 0:
+        shown, time = shown[::-1], time[-1] - time
+    picture, shape, places = _draw_linkage(linkage, shown)
+    curves, scales = _curves(period, quantities, shown)
+    data = {
+        'time': _rounded(time[shown]), 'crank': _rounded(np.degrees(period.crank[shown])),
+        'end': math.degrees(period.crank[-1]), 'left': _LEFT, 'width': _SIZE - _LEFT - 12,
+        'total': _SIZE, 'places': base64.b64encode(places.tobytes()).decode(),
+        'quantities': [
+            {'unit': quantity.unit, 'values': _rounded(quantity.values[shown]), 'scale': scale}
+            for quantity, scale in zip(quantities, scales, strict=True)
+        ],
+    }  # fmt: skip
+    text = resources.files('linkage_lab').joinpath('movie.html').read_text(encoding='utf-8')
+    return string.Template(text).substitute(
+        name=html.escape(name), about=html.escape(about), linkage=picture, curves=curves,
+        arrangement='' if shape > _WIDE else 'beside', last=len(shown) - 1,
+        data=json.dumps(data, separators=(',', ':')),
+        readings='\n'.join(
+            f'<div><dt>{html.escape(quantity.name)}</dt><dd id="value{i}"></dd></div>'
+            for i, quantity in enumerate(quantities)
+        ),
+        paces='\n'.join(
+            f'<option value="{ratio:g}"{" selected" * (ratio == pace)}>{words}</option>'
+            for ratio, words in paces
+        ),
+    )  # fmt: skip
+
+
+def _samples(period: Period, count: int) -> Array:
+    """Selects evenly spaced samples, and those with the extreme values of each quantity."""
+    size = len(period.crank)
+    even = np.round(np.linspace(0, size - 1, min(count, size))).astype(int)
+    columns = [column.values for column in period.columns.values()]
+    extremes = [index for values in columns for index in (values.argmin(), values.argmax())]
+    return np.unique([*even, *extremes])
+
+
+def _quantities(period: Period) -> list[_Quantity]:
+    """Lists what the page shows: crank, output link, torque and loads."""
+    columns, output = period.columns, period.solver.links[-1]
+    rpm = columns['crank.velocity'].values / radians_per_second(1.0)
+    found = [
+        _Quantity('Crank angle', 'deg', color_of('crank'), np.degrees(period.crank), False),
+        _Quantity('Crank speed', 'rpm', color_of('crank'), rpm, bool(np.ptp(rpm) > 0)),
+        _quantity(columns[f'{output}.position'], f'{output.capitalize()} position', output, False),
+        _quantity(columns[f'{output}.velocity'], f'{output.capitalize()} speed', output),
+        _quantity(columns['driving_torque'], 'Driving torque', 'crank'),
+    ]
+    for name, column in columns.items():
+        link, _, kind = name.partition('.')
+        if kind == 'load':
+            found.append(_quantity(column, f'Load on the {link}', link))
+    return found
+
+
+def _quantity(column: Column, name: str, link: str, is_drawn: bool = True) -> _Quantity:
+    unit, values = column
+    if unit == 'rad':
+        unit, values = 'deg', np.degrees(values)
+    return _Quantity(name, unit, color_of(link), values, is_drawn)
+
+
+class _Linkage(NamedTuple):
+    """A drawing, and its moving parts at all samples; see `Drawing`."""
+
+    drawing: Drawing
+    pins: Array
+    links: dict[str, Array]
+    loads: dict[str, Array]
+
+    @property
+    def coordinates(self) -> int:
+        """Number of coordinates of the moving parts and of the names of the pins."""
+        lines = *self.links.values(), *self.loads.values(), self.pins, self.pins
+        return sum(line[0].size for line in lines)
+
+
+def _linkage(period: Period) -> _Linkage:
+    drawing = Drawing(period.solver.mechanism)
+    positions, rates = (
+        np.stack([period.columns[f'{joint}.{word}'].values for joint in drawing.joints], axis=-1)
+        for word in ('position', 'velocity')
+    )
+    pins = drawing.place(positions)
+    return _Linkage(drawing, pins, drawing.links(pins), drawing.loads(pins, positions, rates))
+
+
+def _draw_linkage(linkage: _Linkage, shown: Array) -> tuple[str, float, Array]:
+    """Draws the mechanism.
+
+    Args:
+        linkage: The mechanism at all samples.
+        shown: Indices of the samples to show.
+
+    Returns:
+        The picture as SVG; its ratio of width to height; and the coordinates of the moving parts
+        at these samples, tenths of a pixel, shape (n, coordinates).
+    """
+    drawing, pins = linkage.drawing, linkage.pins[shown]
+    links, loads = (
+        {link: lines[shown] for link, lines in part.items()}
+        for part in (linkage.links, linkage.loads)
+    )
+    paths = [(pins[:, drawing.pins.index(pin)], owner) for pin, owner in drawing.owners.items()]
+    lines = [*drawing.ground, *(path for path, _ in paths), *links.values(), *loads.values()]
+    points = np.concatenate([line.reshape(-1, 2) for line in lines])
+    low, high = points.min(axis=0), points.max(axis=0)
+    size = high - low
+    scale = min((_SIZE - 2 * _ROOM) / size[0], (_TALLEST - 2 * _ROOM) / size[1])
+    height = round(scale * size[1]) + 2 * _ROOM + 24
+    left = 0.5 * (_SIZE - scale * size[0])
+
+    def place(points: Array) -> Array:
+        right, up = np.moveaxis(points - low, -1, 0)
+        return np.stack([left + scale * right, height - 24 - _ROOM - scale * up], axis=-1)
+
+    def line(points: Array, color: Color, width: float) -> str:
+        return (
+            f'<polyline points="{_spaced(place(points))}" stroke="rgb{color}" '
+            f'stroke-width="{width:g}"/>'
+        )
+
+    def moving(shape: Array, color: Color, width: float) -> str:
+        return (
+            f'<polyline data-points="{shape.shape[1]}" stroke="rgb{color}" '
+            f'stroke-width="{width:g}"/>'
+        )
+
+    # The ground is drawn below the pivots, so their names are placed to the sides.
+    middle = 0.5 * (low + high)[0]
+    asides = [(math.copysign(_NAME + 3, pivot[0] - middle), 0) for pivot in drawing.pivots]
+    bar = np.array([(0, 5), (0, 0), (1, 0), (1, 5)]) * [scale * drawing.scale_length, -1]
+    bar += [left, height - 8]
+    scale_length = f'{drawing.scale_length:g}'
+    ways = drawing.labels(pins) - pins
+    names = pins + _NAME / scale * ways / np.linalg.norm(ways, axis=-1, keepdims=True)
+    parts = [
+        f'<svg id="linkage" viewBox="0 0 {_SIZE} {height}" role="img" aria-label="the linkage">',
+        *(line(ground, GREY, 1.2) for ground in drawing.ground),
+        *(line(path, color_of(owner), 1.2) for path, owner in paths),
+        f'<polyline points="{_spaced(bar)}" stroke="rgb{GREY}"/>',
+        f'<text class="tick" x="{bar[2, 0] + 6:.1f}" y="{height - 8}">{scale_length} m</text>',
+        *(moving(shape, color_of(link), 5.0) for link, shape in links.items()),
+        *(moving(shape, SECOND, 2.5) for shape in loads.values()),
+        *(f'<circle r="4" transform="translate({_spaced(place(pivot))})" fill="rgb{GREY}"/>'
+          for pivot in drawing.pivots),
+        *(f'<text class="name" transform="translate({_spaced(place(pivot) + aside)})">'
+          f'{html.escape(name)}</text>'
+          for pivot, aside, name in zip(drawing.pivots, asides, drawing.pivot_names, strict=True)),
+        *(f'<circle data-points="1" r="4" fill="rgb{GREY}"/>' for _ in drawing.pins),
+        *(f'<text data-points="1" class="name">{html.escape(pin)}</text>'
+          for pin in drawing.pins),
+        '</svg>',
+    ]  # fmt: skip
+    moved = *links.values(), *loads.values(), pins, names
+    places = np.concatenate([place(part).reshape(len(pins), -1) for part in moved], axis=1)
+    return '\n'.join(parts), _SIZE / height, np.round(10 * places).astype('<i2')
+
+
+def _curves(
+    period: Period, quantities: Sequence[_Quantity], shown: Array
+) -> tuple[str, list[tuple[float, float, float] | None]]:
+    """Draws the curves one below the other over a common axis of crank angles.
+
+    Returns:
+        The picture as SVG; for each quantity the value at the bottom of its curve, the scale in px
+        per unit, and the y coordinate of the bottom, or None if it is not drawn.
+    """
+    drawn = sum(quantity.is_drawn for quantity in quantities)
+    height, right = drawn * (_ROW + _GAP) + _FOOT, _SIZE - 12
+    end = math.degrees(period.crank[-1])
+    across = _LEFT + (right - _LEFT) * np.degrees(period.crank) / end
+    parts, above = list[str](), list[str]()  # `above` covers the grid
+    scales, top = list[tuple[float, float, float] | None](), float(_TOP)
+    for i, quantity in enumerate(quantities):
+        if not quantity.is_drawn:
+            scales.append(None)
+            continue
+        ticks = MaxNLocator(4, steps=[1, 2, 5, 10]).tick_values(*_range(quantity.values))
+        low, bottom = float(ticks[0]), top + _ROW
+        scale = _ROW / (float(ticks[-1]) - low)
+        scales.append((low, scale, bottom))
+        above.append(
+            f'<text class="title" x="{_LEFT}" y="{top - 8:g}">{html.escape(quantity.name)}, '
+            f'{quantity.unit}</text>'
+        )
+        for tick in ticks:
+            y = bottom - scale * (tick - low)
+            parts.append(f'<path class="grid" d="M{_LEFT} {y:.1f}H{right}"/>')
+            parts.append(
+                f'<text class="tick" x="{_LEFT - 6}" y="{y + 4:.1f}" text-anchor="end">'
+                f'{tick + 0.0:.6g}</text>'
+            )
+        points = np.stack([across, bottom - scale * (quantity.values - low)], axis=-1)[shown]
+        parts.append(
+            f'<polyline points="{_spaced(points)}" stroke="rgb{quantity.color}" stroke-width="2"/>'
+        )
+        above.append(f'<circle id="dot{i}" r="5" fill="rgb{quantity.color}"/>')
+        top = bottom + _GAP
+    foot = top - _GAP
+    for angle in np.linspace(0, end, 5):
+        x = _LEFT + (right - _LEFT) * angle / end
+        parts.append(f'<path class="grid" d="M{x:.1f} {_TOP}V{foot:g}"/>')
+        parts.append(
+            f'<text class="tick" x="{x:.1f}" y="{foot + 16:g}" text-anchor="middle">'
+            f'{angle:g}</text>'
+        )
+    middle = 0.5 * (_LEFT + right)
+    parts += [
+        f'<text x="{middle:g}" y="{foot + 36:g}" text-anchor="middle">Crank angle, deg</text>',
+        f'<line id="cursor" y1="{_TOP}" y2="{foot:g}"/>', *above, '</svg>',
+    ]  # fmt: skip
+    head = (
+        f'<svg id="curves" viewBox="0 0 {_SIZE} {height}" role="img" '
+        'aria-label="curves over the crank angle">'
+    )
+    return '\n'.join([head, *parts]), scales
+
+
+def _range(values: Array) -> tuple[float, float]:
+    """Returns a range to draw; a constant value, even with rounding errors, lies in its middle."""
+    low, high = float(values.min()), float(values.max())
+    size = max(abs(low), abs(high))
+    if high - low > 1e-9 * size:
+        return low, high
+    return low - (0.1 * size or 1.0), high + (0.1 * size or 1.0)
+
+
+def _spaced(points: Array) -> str:
+    return ' '.join(f'{x:.1f}' for x in points.ravel())
+
+
+def _rounded(values: Array) -> list[float]:
+    """Rounds to seven digits, finer than the page shows; hides rounding errors next to 0."""
+    least = 1e-12 * np.abs(values).max()
+    return [float(f'{x:.7g}') if abs(x) > least else 0.0 for x in values]
