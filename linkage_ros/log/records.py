@@ -15,7 +15,8 @@ from typing import Any, NamedTuple
 from linkage_ros import __version__
 from linkage_ros.errors import LogError
 from linkage_ros.mechanism.structure import Description
-from linkage_ros.motion.segments import Segment, SpeedSegment, TorqueSegment
+from linkage_ros.motion.law import parse_law
+from linkage_ros.motion.segments import LawSegment, Segment, SpeedSegment, TorqueSegment
 from linkage_ros.settings.configuration import Configuration, from_strings, to_strings
 from linkage_ros.units import TIME_END
 
@@ -115,8 +116,11 @@ def _description(text: str) -> Description:
 _NAMES = {'old_stamp': 'before'}  # field names of segments that differ in records
 _PARSERS: dict[str, Callable[[str], Any]] = {
     'stamp': int, 'phase': _fraction, 'speed': _fraction, 'rpm': float, 'acceleration': float,
-    'torque': float, 'old_stamp': int, 'description': _description,
+    'torque': float, 'old_stamp': int, 'description': _description, 'law': parse_law,
+    'time': int, 'turns': int,
 }  # fmt: skip
+# Classes of segments by a field that only they have.
+_KINDS: dict[str, Any] = {'torque': TorqueSegment, 'law': LawSegment}
 _LARGEST = {int: TIME_END - 1, float: 1e30, Fraction: 1e30}
 
 
@@ -140,7 +144,7 @@ def decode_motion(record: Mapping[str, str]) -> Segment:
             exceptions.
     """
     fields = unseal(record)
-    kind = TorqueSegment if 'torque' in fields else SpeedSegment
+    kind = next((x for name, x in _KINDS.items() if name in fields), SpeedSegment)
     names = {name: _NAMES.get(name, name) for name in _PARSERS}
     given = {n: _PARSERS[n](fields[key]) for n, key in names.items() if key in fields}
     for name, value in given.items():

@@ -13,14 +13,19 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from linkage_ros.errors import MotionError
 from linkage_ros.log.reader import LoggedMessage, LogReader
 from linkage_ros.messages.rows import RowLayout
 from linkage_ros.messages.topics import DIAGNOSTICS, MEASURED_JOINT_STATES
+from linkage_ros.motion.along_law import LawMotion
 from linkage_ros.motion.at_speed import SpeedMotion
-from linkage_ros.motion.segments import Coordinates, Segment, SpeedSegment, stacked
+from linkage_ros.motion.segments import Coordinates, LawSegment, Segment, SpeedSegment, stacked
 from linkage_ros.run.commands import MeasuredCrank
 from linkage_ros.run.states import Simulator
 from linkage_ros.units import TIME_END
+
+# Classes of motions that follow from their segments alone.
+_MOTIONS: dict[Any, Any] = {SpeedSegment: SpeedMotion, LawSegment: LawMotion}
 
 
 def _moment(segment: Segment) -> int:
@@ -43,11 +48,13 @@ def check_motions(simulator: Simulator, motions: tuple[Segment, ...]) -> str:
     past: Segment | None = None
     for number, logged in enumerate(motions, 1):
         due = simulator.begin(logged.stamp).segment if past is None else logged
-        if isinstance(past, SpeedSegment) and isinstance(logged, SpeedSegment):
-            restamp = None if logged.old_stamp is None else logged.stamp
-            due = SpeedMotion(past).change(_moment(logged), logged.rpm, restamp).segment
         if past and (type(past) is not type(logged) or _moment(logged) < past.stamp):
             return f'motion record {number} starts before the previous one or has another drive'
+        if type(past) in _MOTIONS:
+            try:
+                due = _MOTIONS[type(past)](past).next_segment(logged)
+            except MotionError as error:
+                return f'motion record {number}: {error}'
         for name, value in reversed(vars(due).items()):  # compare values set by users first
             if (found := vars(logged).get(name)) != value:
                 return f'motion record {number} has {name} = {found}, recomputed {value}'
@@ -56,7 +63,7 @@ def check_motions(simulator: Simulator, motions: tuple[Segment, ...]) -> str:
 
 
 class Timeline:
-    """Matches the states of a speed-driven log to ticks in the logged segments.
+    """Matches the states of a log to ticks in the logged segments.
 
     Attributes:
         missed: Number of ticks so far without a state.
@@ -126,9 +133,10 @@ class Timeline:
             The coordinates, and those for the feed-forward torque or None.
 
         Raises:
-            LinkageError: The messages do not describe valid states.
+            LinkageError: The segment does not reach all stamps.
         """
-        motion = SpeedMotion(self._motions[number])
+        segment = self._motions[number]
+        motion = _MOTIONS[type(segment)](segment)
         return motion.at_all(stamps), self._simulator.ahead(motion, stamps)
 
     def take(self, number: int, ticks: list[int]) -> tuple[int, str]:

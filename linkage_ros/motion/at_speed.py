@@ -149,6 +149,19 @@ class SpeedMotion:
         continued = self.phase(stamp), self.speed(stamp)
         return SpeedMotion(_segment(start, *continued, rpm, self.segment.acceleration, old))
 
+    def next_segment(self, logged: SpeedSegment) -> SpeedSegment:
+        """Recomputes the segment that follows this motion, given a logged one.
+
+        Args:
+            logged: The logged segment, of which only the set speed and the stamps are used.
+
+        Returns:
+            The segment as a run would log it.
+        """
+        if logged.old_stamp is None:
+            return self.change(logged.stamp, logged.rpm).segment
+        return self.change(logged.old_stamp, logged.rpm, logged.stamp).segment
+
     def phase(self, stamp: int) -> Fraction:
         """Returns the unwrapped crank angle at a stamp, turns."""
         return Fraction(self._phase_after(stamp - self.segment.stamp), _TURN)

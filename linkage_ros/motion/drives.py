@@ -1,15 +1,25 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Drives of a mechanism: a crank speed, a torque, or a measured crank.
+"""Drives of a mechanism: a crank speed, a torque, a measured crank, or a law of motion.
 
 The fields of each class are the parameters of the drive.
 """
 
-from dataclasses import dataclass, field
-from typing import TypeAlias
+import functools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields
+from fractions import Fraction
+from itertools import pairwise
+from typing import Any, TypeAlias, cast
 
+from linkage_ros.errors import ConfigurationError
+from linkage_ros.files import read_columns
+from linkage_ros.motion.law import Law, Sine
+from linkage_ros.motion.spline import interpolated
 from linkage_ros.numeric import Real
-from linkage_ros.quantities import Checked, quantity
+from linkage_ros.quantities import Checked, quantity, shown
+from linkage_ros.units import NS_PER_S
 
 
 @dataclass(frozen=True)
@@ -123,4 +133,199 @@ class FollowDrive(Checked):
         return 0.0
 
 
-Drive: TypeAlias = SpeedDrive | TorqueDrive | FollowDrive
+_ANGLES, _SPEEDS, _ACCELERATIONS = (-1e6, 1e6), (-1e9, 1e9), (-1e12, 1e12)
+_LISTS = 'times', 'angles', 'speeds', 'accelerations'
+_COLUMNS = dict(zip(('time', 'angle', 'speed', 'acceleration'), _LISTS, strict=True))
+_HEADER = (
+    'time [s], angle [rad] or angle_deg, and optionally speed [rad/s] or speed_deg, and '
+    'acceleration [rad/s^2] or acceleration_deg'
+)
+_DEGREES = '_deg'  # suffix of columns in degrees
+_ROUNDING = 8 * math.ulp(math.tau)  # relative tolerance of whole turns
+
+
+@dataclass(frozen=True)
+class Prescribed(Checked):
+    """A law of motion: points, a CSV file with points, or a sine.
+
+    Attributes:
+        times: Times of the points, s, increasing from 0.
+        angles: Crank angles at the points, rad.
+        speeds: Crank speeds at the points, rad/s; None for a spline.
+        accelerations: Crank accelerations at the points, rad/s^2; only with `speeds`.
+        file: CSV file with these lists as columns. It is read on creation, after which this field
+            is empty.
+        spline: Spline through the points if no speeds are given.
+        repeat: Whether the law repeats after the last point.
+        center: Middle of a sine, rad.
+        amplitude: Amplitude of a sine, rad.
+        frequency: Frequency of a sine, Hz.
+        phase: Phase of a sine at t = 0, rad.
+    """
+
+    times: tuple[float, ...] | None = quantity(
+        'list', 'times of the points, increasing from 0', 's', span=(0.0, 1e9), default=None
+    )
+    angles: tuple[float, ...] | None = quantity(
+        'list', 'crank angles at the points', 'rad', span=_ANGLES, default=None
+    )
+    speeds: tuple[float, ...] | None = quantity(
+        'list', 'crank speeds at the points; empty: a spline', 'rad/s', span=_SPEEDS, default=None
+    )
+    accelerations: tuple[float, ...] | None = quantity(
+        'list', 'crank accelerations at the points; only with speeds', 'rad/s^2',
+        span=_ACCELERATIONS, default=None,
+    )  # fmt: skip
+    file: str = quantity(
+        'text', 'CSV file with the columns time, angle and optionally speed and acceleration, '
+        'used instead of these lists; _deg after a name: degrees', default='',
+    )  # fmt: skip
+    spline: str = quantity(
+        'choice', 'degree of the spline through the points; straight lines would need infinite '
+        'accelerations', choices=('quintic', 'cubic'), default='quintic',
+    )  # fmt: skip
+    repeat: bool = quantity(
+        'switch', 'repeat the points; the last angle equals the first, or is whole turns from it',
+        default=False,
+    )  # fmt: skip
+    center: float = quantity('number', 'middle of a sine', 'rad', span=_ANGLES, default=0.0)
+    amplitude: float | None = quantity(
+        'number', 'amplitude of a sine, used instead of points', 'rad', span=_ANGLES, default=None
+    )
+    frequency: float | None = quantity(
+        'number', 'frequency of the sine', 'Hz', span=(1e-9, 1e6), default=None
+    )
+    phase: float = quantity(
+        'number', 'phase of the sine at t = 0', 'rad', span=_ANGLES, default=0.0
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.file:
+            self._read()
+        is_sine = self.amplitude is not None and self.frequency is not None
+        lists = [name for name in _LISTS if getattr(self, name) is not None]
+        if is_sine == bool(lists) or (lists and not {*lists} >= {'times', 'angles'}):
+            raise ConfigurationError(
+                'motion: give times and angles, or file, or amplitude and frequency'
+            )
+        if 'accelerations' in lists and 'speeds' not in lists:
+            raise ConfigurationError('motion.accelerations: give motion.speeds as well')
+        if lists:
+            self._check_points(lists)
+        _ = self.law
+
+    def _check_points(self, lists: Sequence[str]) -> None:
+        times: Any = self.times
+        for name in lists:
+            row = getattr(self, name)
+            if len(row) != len(times):
+                raise ConfigurationError(
+                    f'motion.{name} has {len(row)} numbers and motion.times {len(times)}: give '
+                    'one for each point'
+                )
+            differs = name in {'speeds', 'accelerations'} and row[0] != row[-1]
+            if self.repeat and differs:
+                raise ConfigurationError(
+                    f'motion.{name} ends with {row[-1]:g}: must equal the first, {row[0]:g}, to '
+                    'repeat without a jump'
+                )
+        stamps = _nanoseconds(times)
+        if stamps[0]:
+            raise ConfigurationError(f'motion.times begins with {times[0]:g}: must be 0.0')
+        for i, (before, after) in enumerate(pairwise(stamps), 2):
+            if not before < after:
+                raise ConfigurationError(
+                    f'motion.times must increase by 1 ns or more: number {i}, {times[i - 1]!r}, '
+                    f'follows {times[i - 2]!r}'
+                )
+        if not self.repeat:
+            return
+        if len(times) == 1:
+            raise ConfigurationError('motion.repeat: give two points or more')
+        way = cast('Any', self.angles)[-1] - cast('Any', self.angles)[0]
+        gap = math.remainder(way, math.tau)
+        if abs(gap) > _ROUNDING * max(1.0, abs(way)):
+            raise ConfigurationError(
+                f'motion.angles ends {way!r} rad after its start: must be 0, or whole turns of '
+                f'{math.tau!r}, to repeat without a jump'
+            )
+
+    def _read(self) -> None:
+        if any(getattr(self, name) is not None for name in _LISTS):
+            raise ConfigurationError(
+                f'motion.file = {shown(self.file)}: leave out {", ".join(_LISTS)}, which the file '
+                'contains'
+            )
+        kinds = {field.name: field.metadata['quantity'] for field in fields(self)}
+        for name, row in _columns(self.file).items():
+            object.__setattr__(self, name, kinds[name].clean(f'motion.{name}', row))
+        object.__setattr__(self, 'file', '')
+
+    @functools.cached_property
+    def law(self) -> Law:
+        """The law."""
+        if self.amplitude is not None and self.frequency is not None:
+            return Sine(self.center, self.amplitude, self.frequency, self.phase)
+        times, angles = self.times or (), self.angles or ()
+        rows = [row for row in (self.speeds, self.accelerations) if row is not None]
+        slopes = [*zip(*rows, strict=True)] if rows else None
+        return interpolated(
+            _nanoseconds(times), angles, slopes, cubic=self.spline == 'cubic', repeat=self.repeat
+        )
+
+
+def _nanoseconds(times: Sequence[float]) -> list[int]:
+    """Rounds times, s, to ns."""
+    return [round(Fraction(time) * NS_PER_S) for time in times]
+
+
+def _columns(path: str) -> dict[str, list[float]]:
+    """Reads the points of a law from a CSV file, by the names of their parameters.
+
+    Raises:
+        ConfigurationError: The file cannot be read, or a name or a number is not valid.
+    """
+    try:
+        columns = read_columns(path, _check_columns)
+    except (OSError, ValueError) as error:
+        raise ConfigurationError(
+            f'motion.file = {shown(path)}: {getattr(error, "strerror", None) or error}; give the '
+            f'path of a CSV file with the columns {_HEADER}'
+        ) from error
+    return {
+        _COLUMNS[name.removesuffix(_DEGREES)]: (
+            [*map(math.radians, row)] if name.endswith(_DEGREES) else row
+        )
+        for name, row in columns.items()
+    }
+
+
+def _check_columns(names: Sequence[str]) -> None:
+    """Checks the names of columns.
+
+    Raises:
+        ValueError: They are not the columns of a law.
+    """
+    plain = [name.removesuffix(_DEGREES) for name in names]
+    if not set(plain) <= _COLUMNS.keys() or len({*plain}) < len(plain) or 'time_deg' in names:
+        raise ValueError('the first line has other names')
+
+
+@dataclass(frozen=True)
+class LawDrive(Checked):
+    """A crank that follows a law of motion.
+
+    Attributes:
+        motion: The law.
+    """
+
+    motion: Prescribed
+
+    @property
+    def crank_angle(self) -> float:
+        """The crank angle at t = 0, rad."""
+        return self.motion.law.at(0).angle
+
+
+Drive: TypeAlias = SpeedDrive | TorqueDrive | FollowDrive | LawDrive

@@ -14,6 +14,7 @@ import numpy as np
 
 from linkage_ros.mechanism.kinematics import State
 from linkage_ros.mechanism.structure import Description
+from linkage_ros.motion.law import Law
 from linkage_ros.numeric import Array, Real
 
 
@@ -58,7 +59,27 @@ class TorqueSegment:
     description: Description | None = None
 
 
-Segment: TypeAlias = SpeedSegment | TorqueSegment
+@dataclass(frozen=True)
+class LawSegment:
+    """A segment in which the crank follows a law.
+
+    Attributes:
+        stamp: Stamp of the start, ns.
+        law: The law.
+        time: Time of the law at the start, ns.
+        turns: Whole turns to add to the angle of the law.
+        old_stamp: If a step of the clock started the segment, the stamp of its start on the old
+            clock, ns; otherwise None.
+    """
+
+    stamp: int
+    law: Law
+    time: int = 0
+    turns: int = 0
+    old_stamp: int | None = None
+
+
+Segment: TypeAlias = SpeedSegment | TorqueSegment | LawSegment
 
 
 class Coordinates(NamedTuple):

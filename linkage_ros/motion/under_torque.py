@@ -14,6 +14,7 @@ from linkage_ros.mechanism.kinematics import State
 from linkage_ros.mechanism.parts import CROSSED, OPEN
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.mechanism.structure import Description, Mechanism
+from linkage_ros.motion.along_law import LawMotion
 from linkage_ros.motion.at_speed import SpeedMotion
 from linkage_ros.motion.coordinates import DrivenMechanism
 from linkage_ros.motion.drives import TorqueDrive
@@ -239,8 +240,8 @@ class TorqueMotion:
         return self._motor.at(speed) + self._command
 
 
-# The motion of a run under a speed or torque drive.
-Motion: TypeAlias = SpeedMotion | TorqueMotion
+# The motion of a run, except that of a measured crank.
+Motion: TypeAlias = SpeedMotion | TorqueMotion | LawMotion
 
 
 def start(mechanism: Mechanism, drive: TorqueDrive) -> Coordinates:

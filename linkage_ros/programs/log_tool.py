@@ -16,10 +16,11 @@ from linkage_ros.log.reader import LogReader
 from linkage_ros.log.recover import Recovered, recover
 from linkage_ros.log.verify import Verification, verify
 from linkage_ros.mechanism.solver import Solver
+from linkage_ros.motion.along_law import LawMotion
 from linkage_ros.motion.at_speed import SpeedMotion
-from linkage_ros.motion.segments import Segment, TorqueSegment
+from linkage_ros.motion.segments import LawSegment, Segment, TorqueSegment
 from linkage_ros.settings.configuration import parameter_leaves
-from linkage_ros.settings.help import summary
+from linkage_ros.settings.help import law_line, summary
 from linkage_ros.units import NS_PER_S
 
 _NAME = 'linkage_log'
@@ -68,6 +69,12 @@ def _motion(segment: Segment) -> str:
             coordinates, assembly = segment.description
             words += f', described by {" and ".join(coordinates)}, {assembly}'
         return words
+    if isinstance(segment, LawSegment):
+        (_, (speed,), _, angle, _), words = (
+            LawMotion(segment).at(segment.stamp),
+            law_line(segment.law),
+        )
+        return f'from {angle:.6f} rad, {speed:.6f} rad/s along {words}'
     _, (speed,), _, angle, _ = SpeedMotion(segment).at(segment.stamp)
     ramp = f' at {segment.acceleration:g} rad/s^2' if segment.acceleration else ''
     return f'from {angle:.6f} rad, {speed:.6f} rad/s to {segment.rpm:g} rpm{ramp}'

@@ -18,6 +18,7 @@ from linkage_ros.errors import ConfigurationError, MotionError
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.messages.topics import ROBOT_DESCRIPTION, qualified
+from linkage_ros.motion.along_law import LawMotion
 from linkage_ros.motion.at_speed import SpeedMotion
 from linkage_ros.motion.steps import record_steps
 from linkage_ros.motion.under_torque import Motion
@@ -130,8 +131,11 @@ def _rows(
         most = simulator.tick_at(NS_PER_S) + 1 if count is None else count - tick
         stamps = [simulator.elapsed(tick + i) for i in range(min(_BATCH, most))]
         found = motion.at_all(stamps)
+        ahead = simulator.ahead(motion, stamps[: len(found.unwrapped)])
+        if ahead is not None and len(ahead.unwrapped) < len(found.unwrapped):
+            found = motion.at_all(stamps[: len(ahead.unwrapped)])  # the motion ends
         stamps = stamps[: len(found.unwrapped)]
-        rows = simulator.rows(stamps, found, simulator.ahead(motion, stamps))
+        rows = simulator.rows(stamps, found, ahead)
         if count is None:
             turned = np.abs(found.unwrapped - start) / (2 * math.pi)
             after = int((turned < turns).argmin())
@@ -159,8 +163,8 @@ def count_states(
         revolutions: Number of crank turns in either direction, instead of a duration.
 
     Returns:
-        The number of states; None for revolutions of a torque-driven crank, whose duration is not
-        known in advance.
+        The number of states; None for revolutions of a crank under a torque or along a law, whose
+        duration is not known in advance.
 
     Raises:
         ConfigurationError: A value is out of range, or the crank does not complete the
@@ -173,6 +177,8 @@ def count_states(
         end = math.ceil(Fraction(repr(float(duration))) * NS_PER_S)
     else:
         _REVOLUTIONS.clean('revolutions', revolutions)
+        if isinstance(motion, LawMotion):
+            motion.require_turns(revolutions)
         if not isinstance(motion, SpeedMotion):
             return None
         end = motion.time_to_turn(revolutions) or 0

@@ -42,8 +42,9 @@ from linkage_ros.messages.topics import (
     Topic,
 )
 from linkage_ros.messages.urdf import joint_names, make_urdf
+from linkage_ros.motion.along_law import LawMotion
 from linkage_ros.motion.at_speed import SpeedMotion
-from linkage_ros.motion.drives import SpeedDrive, TorqueDrive
+from linkage_ros.motion.drives import LawDrive, SpeedDrive, TorqueDrive
 from linkage_ros.motion.measured import ahead as later
 from linkage_ros.motion.segments import Coordinates
 from linkage_ros.motion.steps import Integrate, live_steps
@@ -152,6 +153,8 @@ class Simulator:
             return TorqueMotion(self.solver, drive, stamp, self.elapsed(1), integrate)
         if isinstance(drive, SpeedDrive):
             return SpeedMotion.begin(drive, stamp)
+        if isinstance(drive, LawDrive):
+            return LawMotion.begin(drive, stamp)
         raise ConfigurationError(
             'drive: follow needs a crank that is measured: run linkage_node, or give drive: speed'
         )

@@ -10,7 +10,8 @@ from linkage_ros.errors import ConfigurationError, UnreachableError
 from linkage_ros.mechanism.registry import MECHANISMS
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.mechanism.structure import Mechanism
-from linkage_ros.motion.drives import Drive, FollowDrive, SpeedDrive, TorqueDrive
+from linkage_ros.motion.along_law import require_possible
+from linkage_ros.motion.drives import Drive, FollowDrive, LawDrive, SpeedDrive, TorqueDrive
 from linkage_ros.motion.under_torque import start
 from linkage_ros.quantities import Checked, Leaf, build, flatten, leaves, quantity, shown
 from linkage_ros.settings.presets import find_file, preset_path
@@ -35,7 +36,8 @@ class MechanismAndDrive(Checked):
 
     mechanism: str = quantity('choice', 'kind of mechanism', choices=MECHANISMS.keys())
     drive: str = quantity(
-        'choice', 'given quantity: the crank speed, the torque on the crank, or a measured crank',
+        'choice', 'given quantity: the speed of the crank, the torque on it, its measured angle, '
+        'or its motion over time',
         choices=tuple(DRIVES), default='speed',
     )  # fmt: skip
 
@@ -131,8 +133,13 @@ def configure(values: Mapping[str, object]) -> Configuration:
             raise ConfigurationError(f'{where}the motion cannot start: {error}') from error
     elif isinstance(drive, SpeedDrive):
         Solver(mechanism).reach.require_full_turn(
-            '; drive: torque or drive: follow moves it within these angles'
+            '; drive: motion, torque or follow moves it within these angles'
         )
+    elif isinstance(drive, LawDrive):
+        try:
+            require_possible(drive.motion.law, Solver(mechanism))
+        except ConfigurationError as error:
+            raise ConfigurationError(f'motion: {error}') from error
     return Configuration(kind, mechanism, drive, session)
 
 
@@ -156,8 +163,9 @@ def _require_harmless(drive: Drive) -> None:
 
 def _not_a_parameter(name: str, kind: MechanismAndDrive) -> str:
     """Returns the error message for an unknown parameter of a mechanism and drive."""
-    driven = {'torque': 'torque-driven ', 'follow': 'measured '}.get(kind.drive, '')
-    owner, valid = f'a {driven}{kind.mechanism}', parameter_leaves(kind)
+    driven = {'torque': 'torque-driven {}', 'follow': 'measured {}', 'motion': '{} along a motion'}
+    owner = f'a {driven.get(kind.drive, "{}").format(kind.mechanism)}'
+    valid = parameter_leaves(kind)
     block = name.partition('.')[0]
     sought = name if any(leaf.name.startswith(f'{block}.') for leaf in valid) else block
     drives, mechanisms = (

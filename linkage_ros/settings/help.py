@@ -3,19 +3,23 @@
 """Describes parameters for --help, and configurations for the summary line of each run."""
 
 import json
+import math
 from collections.abc import Iterable
 from dataclasses import MISSING, replace
 
 from linkage_ros.mechanism.registry import MECHANISMS
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.mechanism.travel import travel
-from linkage_ros.motion.drives import FollowDrive, Motor, TorqueDrive
+from linkage_ros.motion.drives import FollowDrive, LawDrive, Motor, TorqueDrive
+from linkage_ros.motion.law import Law, Sine
 from linkage_ros.quantities import Leaf
 from linkage_ros.settings.configuration import (
     Configuration,
     MechanismAndDrive,
     parameter_leaves,
 )
+from linkage_ros.settings.session import DRIVES
+from linkage_ros.units import NS_PER_S
 
 
 def help_on(parameters: Iterable[Leaf]) -> str:
@@ -52,7 +56,8 @@ def help_on_every_kind() -> str:
     parts = ['parameters of a four_bar:', help_on(leaves)]
     known = {leaf.name for leaf in leaves}
     mechanisms = (('mechanism', name) for name in MECHANISMS if name != usual.mechanism)
-    for name, value in (('drive', 'torque'), ('drive', 'follow'), *mechanisms):
+    drives = (('drive', name) for name in DRIVES if name != usual.drive)
+    for name, value in (*drives, *mechanisms):
         found = parameter_leaves(replace(usual, **{name: value}))
         parts.append(f'also, with {name}: {value}:')
         parts.append(help_on(leaf for leaf in found if leaf.name not in known))
@@ -84,12 +89,25 @@ def motor_line(motor: Motor) -> str:
     return f'motor {motor.torque:g} N m{lost}'
 
 
+def law_line(law: Law) -> str:
+    """Describes a law of motion."""
+    if isinstance(law, Sine):
+        center, amplitude = math.degrees(law.center), math.degrees(law.amplitude)
+        return f'{center:g} deg with amplitude {amplitude:g} deg at {law.frequency:g} Hz'
+    words = f'{len(law.times)} points in {law.duration / NS_PER_S:g} s'
+    if law.turns is None:
+        return words
+    return f'{words}, repeated' + (f' with {law.turns} turns' if law.turns else '')
+
+
 def _drive(configuration: Configuration) -> str:
     drive, rate = configuration.drive, f' at {configuration.session.rate_hz:g} Hz'
     if isinstance(drive, FollowDrive):
         return f'follows a measured crank, filter of {drive.follow_bandwidth:g} Hz'
     if isinstance(drive, TorqueDrive):
         return f'{motor_line(drive.motor)}, from {drive.start_rpm:g} rpm{rate}'
+    if isinstance(drive, LawDrive):
+        return f'{law_line(drive.motion.law)}{rate}'
     if drive.start_rpm is None or not drive.crank_acceleration:
         return f'{drive.rpm:g} rpm{rate}'
     speeds = f'from {drive.start_rpm:g} to {drive.rpm:g} rpm'

@@ -10,7 +10,7 @@ from linkage_ros.errors import ConfigurationError
 from linkage_ros.mechanism.structure import Mechanism
 from linkage_ros.messages.templates import ROOT_FRAME
 from linkage_ros.messages.urdf import joint_names, link_of
-from linkage_ros.motion.drives import Drive, FollowDrive, SpeedDrive, TorqueDrive
+from linkage_ros.motion.drives import Drive, FollowDrive, LawDrive, SpeedDrive, TorqueDrive
 from linkage_ros.quantities import Checked, quantity, shown
 
 JOINT_PREFIX = '[A-Za-z0-9_]*'  # regular expression
@@ -102,8 +102,8 @@ class FeedForward(Checked):
 
 
 @dataclass(frozen=True)
-class SpeedFeedForward(FeedForward, SpeedDrive):
-    """A speed-driven crank, with feed-forward torque and trajectory.
+class TrajectoryFeedForward(FeedForward):
+    """Settings of the crank's trajectory for a controller, if its motion is known in advance.
 
     Attributes:
         trajectory_command_topic: Topic of the crank's trajectory for a controller; empty for none.
@@ -121,6 +121,16 @@ class SpeedFeedForward(FeedForward, SpeedDrive):
 
 
 @dataclass(frozen=True)
+class SpeedFeedForward(TrajectoryFeedForward, SpeedDrive):
+    """A speed-driven crank, with feed-forward torque and trajectory."""
+
+
+@dataclass(frozen=True)
+class LawFeedForward(TrajectoryFeedForward, LawDrive):
+    """A crank that follows a law, with feed-forward torque and trajectory."""
+
+
+@dataclass(frozen=True)
 class FollowFeedForward(FeedForward, FollowDrive):
     """A measured crank, with feed-forward torque."""
 
@@ -129,6 +139,7 @@ DRIVES: dict[str, type[Drive]] = {
     'speed': SpeedFeedForward,
     'torque': TorqueDrive,
     'follow': FollowFeedForward,
+    'motion': LawFeedForward,
 }
 
 

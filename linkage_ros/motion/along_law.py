@@ -1,0 +1,201 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Motion of a crank along a law, exact at every stamp even after years."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from fractions import Fraction
+from typing import Any
+
+from linkage_ros.errors import ConfigurationError, MotionError, UnreachableError
+from linkage_ros.mechanism.solver import Solver
+from linkage_ros.motion.drives import LawDrive
+from linkage_ros.motion.law import Law, Moment, Spline
+from linkage_ros.motion.segments import Coordinates, LawSegment, stacked
+from linkage_ros.motion.spline import joined
+from linkage_ros.numeric import nearest_turns, with_turns
+from linkage_ros.units import NS_PER_S
+
+# rad, rad/s or rad/s^2. Larger values cannot be meant, and their squares may overflow.
+_LARGEST = 1e12
+_UNITS = {'angle': 'rad', 'speed': 'rad/s', 'acceleration': 'rad/s^2'}
+
+
+class LawMotion:
+    """The motion in one segment.
+
+    Attributes:
+        segment: The segment, in the form stored in logs.
+    """
+
+    def __init__(self, segment: LawSegment) -> None:
+        self.segment = segment
+
+    @classmethod
+    def begin(cls, drive: LawDrive, stamp: int) -> 'LawMotion':
+        """Starts the motion of a drive at a stamp, ns."""
+        return cls(LawSegment(stamp, drive.motion.law))
+
+    def at(self, stamp: int) -> Coordinates:
+        """Computes the coordinates at a stamp.
+
+        Args:
+            stamp: Stamp at or after the start of the segment, ns.
+
+        Returns:
+            Crank angle, speed and acceleration.
+
+        Raises:
+            MotionError: The motion ends before the stamp.
+        """
+        turns, angle, rate, acceleration = self._moment(stamp)
+        unwrapped = with_turns(angle, Fraction(turns, 2))
+        pairs = int((turns + angle / math.tau) / 2)
+        reduced = with_turns(angle, Fraction(turns, 2) - pairs)
+        return Coordinates((reduced,), (rate,), (acceleration,), unwrapped)
+
+    def at_all(self, stamps: Sequence[int]) -> Coordinates:
+        """Computes the coordinates at many stamps, bit-identical to those of `at`.
+
+        Args:
+            stamps: Increasing stamps at or after the start of the segment, ns.
+
+        Returns:
+            The coordinates as arrays, which are shorter than `stamps` if the motion ends.
+
+        Raises:
+            MotionError: The motion ends before the first stamp.
+        """
+        end = self.segment.law.end
+        reached = [x for x in stamps if end is None or self._time(x) <= end]
+        return stacked([self.at(stamp) for stamp in reached or stamps[:1]])
+
+    def follow(self, stamp: int, drive: Any) -> 'LawMotion':  # noqa: ARG002, as for other motions
+        """Returns this motion, because no parameter of its drive changes in a run."""
+        return self
+
+    def restamp(self, old: int, new: int) -> 'LawMotion':
+        """Returns the motion after a step of the clock; see `SpeedMotion.restamp`."""
+        time = self._time(old)
+        return LawMotion(replace(self.segment, stamp=new, time=time, old_stamp=old))
+
+    def join(
+        self,
+        stamp: int,
+        stamps: Sequence[int],
+        angles: Sequence[float],
+        slopes: Sequence[Sequence[float]] | None = None,
+    ) -> 'LawMotion':
+        """Returns the motion that leaves this one at a stamp for a trajectory.
+
+        Args:
+            stamp: Stamp at which to leave, ns.
+            stamps: Stamps of the points, ns, increasing, after `stamp`.
+            angles: Crank angles at the points, with all turns, rad.
+            slopes: Rates, or rates and accelerations, at the points; see `joined`.
+
+        Returns:
+            The motion in the next segment.
+
+        Raises:
+            MotionError: This motion ends before the stamp.
+        """
+        turns, angle, *rates = self._moment(stamp)
+        extra = nearest_turns(angle)
+        turns += extra
+        start = Moment(turns, with_turns(angle, Fraction(-extra, 2)), *rates)
+        near = [with_turns(angle, Fraction(-turns, 2)) for angle in angles]
+        law = joined(start, [time - stamp for time in stamps], near, slopes)
+        return LawMotion(LawSegment(stamp, law, 0, turns))
+
+    def require_turns(self, turns: int) -> None:
+        """Checks that the crank gets a number of turns away from its start in either direction.
+
+        Args:
+            turns: The number of turns, above 0.
+
+        Raises:
+            ConfigurationError: It never gets there.
+        """
+        law = self.segment.law
+        if isinstance(law, Spline) and law.turns:
+            return
+        angles = [law.at(time).angle for time in law.extremes(math.inf, -math.inf)]
+        most = max(abs(angle - law.at(0).angle) for angle in angles) / math.tau
+        if most < turns:
+            raise ConfigurationError(
+                f'the crank gets at most {most:.3g} revolutions from its start, not {turns}: give '
+                'a --duration'
+            )
+
+    def next_segment(self, logged: LawSegment) -> LawSegment:
+        """Recomputes the segment that follows this motion; see `SpeedMotion.next_segment`.
+
+        Of a logged law, only the start is recomputed, because the rest is a trajectory of a user.
+
+        Raises:
+            MotionError: This motion ends before the logged segment.
+        """
+        if logged.old_stamp is not None:
+            return self.restamp(logged.old_stamp, logged.stamp).segment
+        joint, law = self.join(logged.stamp, [logged.stamp + 1], [0.0]).segment, logged.law
+        if isinstance(law, Spline) and isinstance(joint.law, Spline):
+            (first, *others), start = law.rows, joint.law.rows[0][:3]
+            joint = replace(joint, law=law._replace(rows=((*start, *first[3:]), *others)))
+        return joint
+
+    def _time(self, stamp: int) -> int:
+        return stamp - self.segment.stamp + self.segment.time
+
+    def _moment(self, stamp: int) -> Moment:
+        """Returns the crank at a stamp; see `at`.
+
+        Raises:
+            MotionError: The motion ends before the stamp.
+        """
+        law, time = self.segment.law, self._time(stamp)
+        if law.end is not None and time > law.end:
+            last = law.at(law.end)
+            raise MotionError(
+                f'the motion ends {law.end / NS_PER_S:g} s after the start of its law, where the '
+                f'speed is still {last.rate:g} rad/s: end the law at rest, or repeat it',
+                time=law.end / NS_PER_S, coordinates=(last.angle,),
+            )  # fmt: skip
+        found = law.at(time)
+        return found._replace(turns=found.turns + self.segment.turns)
+
+
+def require_possible(law: Law, solver: Solver) -> None:
+    """Checks that a mechanism can follow a law.
+
+    Args:
+        law: The law.
+        solver: Solver of the mechanism.
+
+    Raises:
+        ConfigurationError: The crank leaves its arc, or a value is not finite or beyond 1e12.
+    """
+    for (name, unit), value in zip(_UNITS.items(), law.largest, strict=True):
+        if not value <= _LARGEST:
+            raise ConfigurationError(
+                f'the {name} reaches up to {value:.3g} {unit}: must be at most {_LARGEST:g} '
+                f'{unit}; check the times and angles'
+            )
+    reach = solver.reach
+    if reach.turns_fully:
+        return
+    begin = law.at(0).angle
+    low = high = begin
+    for start, end in reach.arcs:
+        turns = math.floor((begin - start) / math.tau) * math.tau
+        if start + turns < begin < end + turns:
+            low, high = start + turns, end + turns
+    for time in sorted(law.extremes(low, high)):
+        _, angle, rate, acceleration = law.at(time)
+        try:
+            solver.state(angle, rate, acceleration)
+            if not low < angle < high:
+                reach.refuse(angle)
+        except UnreachableError as error:
+            raise ConfigurationError(f'at t = {time / NS_PER_S:.9g} s, {error}') from error

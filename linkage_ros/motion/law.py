@@ -1,0 +1,203 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Laws of motion: the crank angle as a function of time, with its first two derivatives.
+
+Times are integers, ns, and whole turns are counted, so that a law that repeats loses no digit
+after any time.
+"""
+
+import json
+import math
+from bisect import bisect_right
+from collections.abc import Iterator
+from fractions import Fraction
+from itertools import chain, pairwise
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+
+from linkage_ros.numeric import TURN
+from linkage_ros.units import NS_PER_S
+
+
+class Moment(NamedTuple):
+    """The crank at a time.
+
+    Attributes:
+        turns: Whole turns to add to the angle.
+        angle: Angle without these turns, rad.
+        rate: Rate, rad/s.
+        acceleration: Acceleration, rad/s^2.
+    """
+
+    turns: int
+    angle: float
+    rate: float
+    acceleration: float
+
+
+class Sine(NamedTuple):
+    """A harmonic law: center + amplitude sin(2 pi frequency t + phase).
+
+    Attributes:
+        center: Middle of the swing, rad.
+        amplitude: Amplitude, rad.
+        frequency: Frequency, Hz.
+        phase: Phase at t = 0, rad.
+    """
+
+    center: float
+    amplitude: float
+    frequency: float
+    phase: float
+
+    @property
+    def duration(self) -> int:
+        """The period, ns, rounded."""
+        return round(NS_PER_S / Fraction(self.frequency))
+
+    @property
+    def end(self) -> int | None:
+        """The time at which the law ends, ns; always None."""
+        return None
+
+    def at(self, time: int) -> Moment:
+        """Returns the crank at a time, ns."""
+        numerator, denominator = self.frequency.as_integer_ratio()
+        unit = denominator * NS_PER_S
+        share = numerator * time % unit
+        angle = 2 * math.pi * ((share - unit if 2 * share > unit else share) / unit) + self.phase
+        speed = 2 * math.pi * self.frequency
+        swing, slope = self.amplitude * math.sin(angle), self.amplitude * math.cos(angle)
+        return Moment(0, self.center + swing, slope * speed, -swing * speed * speed)
+
+    @property
+    def largest(self) -> tuple[float, float, float]:
+        """Limits of the magnitudes of angle, rad, rate, rad/s, and acceleration, rad/s^2."""
+        speed, swing = 2 * math.pi * self.frequency, abs(self.amplitude)
+        return abs(self.center) + swing, swing * speed, swing * speed * speed
+
+    def extremes(self, *_: float) -> list[int]:
+        """Returns times that include those of the extreme angles, ns; see `Spline.extremes`."""
+        quarter, phase = Fraction(1, 4), Fraction(self.phase) / TURN
+        shares = [(quarter * n - phase) % 1 for n in (1, 3)]
+        return [0, *(round(share / Fraction(self.frequency) * NS_PER_S) for share in shares)]
+
+    def __str__(self) -> str:
+        return json.dumps(self._asdict())
+
+
+class Spline(NamedTuple):
+    """A law of polynomials, from t = 0.
+
+    Attributes:
+        times: Times of the points, ns, increasing from 0.
+        rows: Coefficients of the polynomials that begin at the points, in rad/s^n, in powers of
+            the time since that point. If the crank rests at the end, the last polynomial is its
+            angle there. Without it, the law repeats, or the motion ends at the last point.
+        turns: Whole turns by which the crank advances each time that the law repeats; None if it
+            does not repeat.
+    """
+
+    times: tuple[int, ...]
+    rows: tuple[tuple[float, ...], ...]
+    turns: int | None = None
+
+    @property
+    def duration(self) -> int:
+        """The time of the last point, ns."""
+        return self.times[-1]
+
+    @property
+    def end(self) -> int | None:
+        """The time at which the motion ends, ns; None if it repeats, or the crank rests."""
+        return self.times[-1] if self.turns is None and len(self.rows) < len(self.times) else None
+
+    def at(self, time: int) -> Moment:
+        """Returns the crank at a time, ns, which is not after the end."""
+        turns = 0
+        if self.turns is not None:
+            periods, time = divmod(time, self.times[-1])
+            turns = periods * self.turns
+        i = min(bisect_right(self.times, time), len(self.rows)) - 1
+        seconds = (time - self.times[i]) / NS_PER_S
+        angle = rate = bend = 0.0
+        for factor in reversed(self.rows[i]):
+            bend = bend * seconds + rate
+            rate = rate * seconds + angle
+            angle = angle * seconds + factor
+        return Moment(turns, angle, rate, 2 * bend)
+
+    @property
+    def largest(self) -> tuple[float, float, float]:
+        """Limits of the magnitudes of angle, rad, rate, rad/s, and acceleration, rad/s^2."""
+        found = [(abs(row[0]), 0.0, 0.0) for row in self.rows]
+        for row, length in self._pieces():
+            sizes, limits = [abs(factor) for factor in row], [0.0, 0.0, 0.0]
+            for i in range(3):
+                limits[i] = sum(x * length**n for n, x in enumerate(sizes))
+                sizes = [n * x for n, x in enumerate(sizes)][1:]
+            found.append((limits[0], limits[1], limits[2]))
+        angle, rate, acceleration = map(max, zip(*found, strict=True))
+        return angle, rate, acceleration
+
+    def _pieces(self) -> Iterator[tuple[tuple[float, ...], float]]:
+        """Yields the coefficients of each polynomial between two points, and its length, s."""
+        for row, (start, end) in zip(self.rows, pairwise(self.times), strict=False):
+            yield row, (end - start) / NS_PER_S
+
+    def extremes(self, low: float, high: float) -> list[int]:
+        """Finds times that include those of the largest and smallest angle, if these matter.
+
+        Args:
+            low: Angles above this and below `high` do not matter, rad.
+            high: See `low`.
+
+        Returns:
+            The times, ns, rounded.
+        """
+        found = [*self.times]
+        for start, (row, length) in zip(self.times, self._pieces(), strict=False):
+            way = sum(abs(x) * length**n for n, x in enumerate(row[1:], 1))
+            if low < row[0] - way and row[0] + way < high:
+                continue
+            slope = [n * factor for n, factor in enumerate(row)][:0:-1]
+            roots: list[float] = np.roots(slope).real.tolist()
+            found += [start + round(x * NS_PER_S) for x in roots if 0 < x < length]
+        return found
+
+    def __str__(self) -> str:
+        return json.dumps(self._asdict())
+
+
+Law: TypeAlias = Sine | Spline
+
+
+def parse_law(text: str) -> Law:
+    """Parses the output of `str(law)`, which may come from an untrusted file.
+
+    Args:
+        text: The text.
+
+    Returns:
+        The law, bit-identical to the printed one.
+
+    Raises:
+        ValueError: The text is not a law. Malformed text may raise other exceptions.
+    """
+    fields = json.loads(text)
+    if 'frequency' in fields:
+        law = Sine(**{name: float(value) for name, value in fields.items()})
+        if not law.frequency > 0:
+            raise ValueError(f'frequency = {law.frequency}: must be above 0')
+        return law
+    times = tuple(map(int, fields['times']))
+    rows = tuple(tuple(map(float, row)) for row in fields['rows'])
+    turns = None if fields['turns'] is None else int(fields['turns'])
+    later = all(before < after for before, after in pairwise(times))
+    is_whole = turns is None or len(rows) == len(times) - 1
+    if times[0] or not later or not is_whole or not 0 <= len(times) - len(rows) <= 1:
+        raise ValueError('not a spline: its points and polynomials do not match')
+    if not all(rows) or not all(map(math.isfinite, chain(*rows))):
+        raise ValueError('not a spline: a polynomial is empty or not finite')
+    return Spline(times, rows, turns)
