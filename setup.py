@@ -67,6 +67,7 @@ setup(
             'linkage_record = linkage_ros.executables:record',
             'linkage_replay = linkage_ros.executables:replay',
             'linkage_log = linkage_ros.executables:log',
+            'linkage_import = linkage_ros.executables:import_',
             'linkage_export = linkage_ros.executables:export',
             'linkage_controller = linkage_ros.executables:controller',
         ],

@@ -1,0 +1,220 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""A robot model in three dimensions: links, joints and closures of loops, as read from a file."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+from xml.etree import ElementTree as ET
+
+import numpy as np
+
+from linkage_ros.errors import ConfigurationError
+from linkage_ros.numeric import Array
+from linkage_ros.quantities import shown
+
+FIXED, REVOLUTE, PRISMATIC = 'fixed', 'revolute', 'prismatic'
+
+
+class Transform(NamedTuple):
+    """Pose of one frame in another: x in the other frame is rotation @ x + place.
+
+    Attributes:
+        rotation: Rotation matrix, shape (3, 3).
+        place: Origin in the other frame, m, shape (3,).
+    """
+
+    rotation: Array
+    place: Array
+
+    def then(self, inner: 'Transform') -> 'Transform':
+        """Returns the pose of a frame whose pose in this frame is `inner`."""
+        return Transform(self.rotation @ inner.rotation, self.rotation @ inner.place + self.place)
+
+    def inverse(self) -> 'Transform':
+        """Returns the pose of the other frame in this frame."""
+        return Transform(self.rotation.T, -(self.rotation.T @ self.place))
+
+    def of(self, point: Array) -> Array:
+        """Returns a point of this frame in the other frame, m."""
+        found: Array = self.rotation @ point + self.place
+        return found
+
+
+IDENTITY = Transform(np.eye(3), np.zeros(3))
+
+
+class Inertial(NamedTuple):
+    """Mass of a link.
+
+    Attributes:
+        mass: Mass, kg.
+        center: Centre of mass in the link's frame, m, shape (3,).
+        inertia: Inertia about the centre of mass in the link's axes, kg m^2, shape (3, 3).
+    """
+
+    mass: float
+    center: Array
+    inertia: Array
+
+
+class Joint(NamedTuple):
+    """A joint between two links.
+
+    Attributes:
+        name: Name of the joint; empty if the file gives none.
+        kind: FIXED, REVOLUTE, PRISMATIC, or another word of the file.
+        parent: Name of the parent link.
+        child: Name of the child link, which moves along or about `axis` by the joint's value.
+        in_parent: Pose of the joint's frame in the parent link.
+        in_child: Pose of the joint's frame in the child link.
+        axis: Axis in the joint's frame, a unit vector.
+        reference: Value at which both poses of the joint's frame coincide, rad or m.
+        mimics: Whether the file couples the joint to another one.
+    """
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    in_parent: Transform
+    in_child: Transform = IDENTITY
+    axis: Array = np.array((1.0, 0.0, 0.0))
+    reference: float = 0.0
+    mimics: bool = False
+
+    def moved(self, value: float) -> Transform:
+        """Returns the pose of the child link in the parent link at a value, rad or m."""
+        way = value - self.reference
+        motion = IDENTITY
+        if self.kind == REVOLUTE:
+            motion = Transform(about(self.axis, way), np.zeros(3))
+        elif self.kind == PRISMATIC:
+            motion = Transform(np.eye(3), way * self.axis)
+        return self.in_parent.then(motion).then(self.in_child.inverse())
+
+
+class Closure(NamedTuple):
+    """Two points of two links that coincide in the closed loop.
+
+    Attributes:
+        name: Name of the closure in the file or the names of the links.
+        links: Names of both links.
+        points: Point in the frame of each link, m, shape (3,) each.
+    """
+
+    name: str
+    links: tuple[str, str]
+    points: tuple[Array, Array]
+
+
+class Robot(NamedTuple):
+    """A robot model.
+
+    Attributes:
+        links: Mass of each link by name; None if the file gives none.
+        joints: The joints. Their graph may contain loops.
+        closures: Closures given by the file, in addition to loops of joints.
+        gravity: Acceleration of gravity in the axes of the root, m/s^2, shape (3,).
+        roots: Pose of links in the root's axes; the origin for others.
+    """
+
+    links: Mapping[str, Inertial | None]
+    joints: Sequence[Joint]
+    closures: Sequence[Closure] = ()
+    gravity: Array = np.array((0.0, 0.0, -9.81))
+    roots: Mapping[str, Transform] = {}
+
+
+def lumped(parts: Sequence[Inertial]) -> Inertial | None:
+    """Returns the mass of several parts, given in one frame; None if there are none."""
+    mass = math.fsum(part.mass for part in parts)
+    if not parts:
+        return None
+    weights = [part.mass / mass if mass else 1 / len(parts) for part in parts]
+    center = sum((w * part.center for w, part in zip(weights, parts, strict=True)), np.zeros(3))
+    inertia = np.zeros((3, 3))
+    for part in parts:
+        arm = part.center - center
+        inertia += part.inertia + part.mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+    return Inertial(mass, center, inertia)
+
+
+def about(axis: Array, angle: float) -> Array:
+    """Returns the matrix of a rotation by an angle, rad, about a unit vector."""
+    x, y, z = axis
+    cross = np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))
+    half = math.sin(angle / 2)
+    rotation: Array = np.eye(3) + math.sin(angle) * cross + 2 * half * half * (cross @ cross)
+    return rotation
+
+
+def from_rpy(roll: float, pitch: float, yaw: float) -> Array:
+    """Returns the rotation matrix of roll, pitch and yaw, rad, about fixed axes (URDF, SDF)."""
+    x, y, z = np.eye(3)
+    rotation: Array = about(z, yaw) @ about(y, pitch) @ about(x, roll)
+    return rotation
+
+
+def from_quaternion(w: float, x: float, y: float, z: float) -> Array:
+    """Returns the rotation matrix of a quaternion of any length above 0."""
+    length = math.hypot(x, y, z)
+    if not length:
+        return np.eye(3)
+    return about(np.array((x, y, z)) / length, 2 * math.atan2(length, w))
+
+
+def numbers(element: ET.Element | None, name: str, count: int, default: str = '') -> Array:
+    """Reads an attribute, or the text if `name` is empty, as finite numbers.
+
+    Args:
+        element: Element to read; None for the default.
+        name: Name of the attribute.
+        count: Number of numbers.
+        default: Text that replaces a missing attribute.
+
+    Returns:
+        The numbers, shape (count,).
+
+    Raises:
+        ConfigurationError: The text is missing or has other content.
+    """
+    text = default
+    if element is not None:
+        text = element.get(name, default) if name else (element.text or default)
+    try:
+        found = np.array([float(word) for word in text.split()])
+        if len(found) == count and np.isfinite(found).all():
+            return found
+    except ValueError:
+        pass
+    tag = '' if element is None else f'<{element.tag}> '
+    raise ConfigurationError(
+        f'{tag}{name or "text"} = {shown(text)}: must be {count} finite '
+        f'number{"s" if count > 1 else ""}'
+    )
+
+
+def unit(axis: Array, what: str) -> Array:
+    """Scales an axis to length 1.
+
+    Args:
+        axis: Axis of any length, shape (3,).
+        what: Name of its joint in the error message.
+
+    Returns:
+        The unit vector.
+
+    Raises:
+        ConfigurationError: The axis has length 0.
+    """
+    length = math.hypot(*axis)
+    if not length:
+        raise ConfigurationError(f'joint {shown(what)} has an axis of length 0: give a direction')
+    scaled: Array = axis / length
+    return scaled
+
+
+def symmetric(xx: float, xy: float, xz: float, yy: float, yz: float, zz: float) -> Array:
+    """Returns a symmetric matrix, shape (3, 3)."""
+    return np.array(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))

@@ -1,0 +1,719 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Finds the planar linkage in a closed loop of a robot model.
+
+Links that fixed joints hold together are one body. Cut open at the closure, the bodies form a
+tree. The loop consists of the two paths from the closure to their first common body. Lengths,
+centres and zeros follow from the bodies alone; the pose only decides the assembly and gravity.
+
+Coordinates of a body are those of its link nearest to the root, so that the lengths of the file
+keep their digits.
+"""
+
+import cmath
+import itertools
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from linkage_ros.errors import ConfigurationError, UnreachableError
+from linkage_ros.mechanism.parts import CROSSED, OPEN
+from linkage_ros.mechanism.registry import MECHANISMS
+from linkage_ros.mechanism.solver import Solver
+from linkage_ros.numeric import Array, wrap
+from linkage_ros.quantities import build, shown
+from linkage_ros.robot.model import (
+    FIXED,
+    IDENTITY,
+    PRISMATIC,
+    REVOLUTE,
+    Closure,
+    Inertial,
+    Joint,
+    Robot,
+    Transform,
+    lumped,
+)
+
+_PARALLEL = 1e-6  # rad, largest angle between axes that count as parallel
+_DIGITS = 14  # kept of the longest length, so that links of equal length stay equal
+_SHORTEST = 1e-9  # m, as for the lengths of a mechanism
+_SLANTED = 0.6  # shortest projection of an axis of the frame that gives the plane's y axis
+_ALIKE = 1e-9  # rad, difference between two assemblies that cannot be told apart
+_MASSLESS = Inertial(0.0, np.zeros(3), np.zeros((3, 3)))
+_KINDS = {
+    (REVOLUTE, REVOLUTE, REVOLUTE, REVOLUTE): ('four_bar', 'rocker'),
+    (REVOLUTE, REVOLUTE, REVOLUTE, PRISMATIC): ('slider_crank', 'slider'),
+}
+
+
+class JointMap(NamedTuple):
+    """The joint of the robot that moves a link of the mechanism.
+
+    Its value is ratio * (own - zero). `own` is the direction of the link minus that of `parent`,
+    rad, or the position of the slider, m.
+
+    Attributes:
+        name: Name of the joint; empty if it has none.
+        zero: Value of `own` at which the joint is at 0.
+        ratio: 1 or -1.
+        parent: Name of the link from which it is measured.
+    """
+
+    name: str
+    zero: float
+    ratio: float
+    parent: str
+
+
+class PlanarLoop(NamedTuple):
+    """The mechanism found in a robot.
+
+    Attributes:
+        kind: Name of the mechanism in `MECHANISMS`.
+        values: Its parameters by dotted name.
+        joints: The robot's joint of each link.
+        bodies: Names of the robot's links in each link of the mechanism, also of the frame.
+        axes: The plane in the axes of the frame's first link: origin, x axis, y axis and normal.
+        given: The joint values of the pose, and those that close the loop at its crank value.
+        closed: The joint values that close the loop.
+        residual: Distance in the plane between both ends of the loop at the closed pose, m.
+        gap: The same distance at the given pose, m.
+        across: Distance of both ends along the normal, m.
+        notes: Sentences about what the mechanism leaves out.
+    """
+
+    kind: str
+    values: dict[str, Any]
+    joints: dict[str, JointMap]
+    bodies: dict[str, list[str]]
+    axes: tuple[Array, Array, Array, Array]
+    given: dict[str, float]
+    closed: dict[str, float]
+    residual: float
+    gap: float
+    across: float
+    notes: list[str]
+
+
+class _Body(NamedTuple):
+    """Links that fixed joints hold together.
+
+    Attributes:
+        links: Pose of each link in the body by name, the first link first.
+        above: Number of the joint towards the root; None for a root.
+        base: Pose of a root in the root's axes.
+    """
+
+    links: dict[str, Transform]
+    above: int | None
+    base: Transform = IDENTITY
+
+
+class _Edge(NamedTuple):
+    """A movable joint of the tree.
+
+    Attributes:
+        joint: The joint.
+        ends: Numbers of the bodies of its parent and child link.
+    """
+
+    joint: Joint
+    ends: tuple[int, int]
+
+
+class _Pin(NamedTuple):
+    """A connection of two bodies in the loop.
+
+    Attributes:
+        bodies: Numbers of both bodies, in the order of the loop.
+        places: The pin in the coordinates of each body, m.
+        edge: Its joint; None for the closure.
+    """
+
+    bodies: tuple[int, int]
+    places: dict[int, Array]
+    edge: _Edge | None = None
+
+    @property
+    def name(self) -> str:
+        """Name of the joint; a description of the closure."""
+        return self.edge.joint.name or 'a joint without a name' if self.edge else 'the closure'
+
+    @property
+    def kind(self) -> str:
+        """Kind of the joint; a closure is a revolute one."""
+        return self.edge.joint.kind if self.edge else REVOLUTE
+
+    def reversed(self) -> '_Pin':
+        """Returns the same pin for the loop in the other direction."""
+        return self._replace(bodies=(self.bodies[1], self.bodies[0]))
+
+
+class _Tree:
+    """The bodies of a robot, connected by its movable joints.
+
+    Attributes:
+        bodies: The bodies, each after the one towards the root.
+        home: Number of the body of each link.
+        leftover: Joints that close loops.
+    """
+
+    def __init__(self, robot: Robot, crank: str) -> None:
+        """Builds the tree.
+
+        Args:
+            robot: The robot.
+            crank: Name of a joint that is not cut open.
+        """
+        self.bodies: list[_Body] = []
+        self.home: dict[str, int] = {}
+        self.leftover: list[Joint] = []
+        self._edges: list[_Edge] = []
+        kept = self._spanning(robot, crank)
+        at: dict[str, list[Joint]] = {link: [] for link in robot.links}
+        for joint in kept:
+            at[joint.parent].append(joint)
+            at[joint.child].append(joint)
+        children = {joint.child for joint in kept}
+        for root in sorted(robot.links, key=lambda link: link in children):
+            if root not in self.home:
+                self._grow(root, at, robot.roots.get(root, IDENTITY))
+
+    def _spanning(self, robot: Robot, crank: str) -> list[Joint]:
+        """Returns joints without a loop; the others are left over."""
+        top = {link: link for link in robot.links}  # leads from each link to one of its group
+        kept = list[Joint]()
+        for joint in sorted(robot.joints, key=lambda x: (x.kind != FIXED, x.name != crank)):
+            first, second = joint.parent, joint.child
+            while top[first] != first:
+                first = top[first]
+            while top[second] != second:
+                second = top[second]
+            (self.leftover if first == second else kept).append(joint)
+            top[second] = first
+        return kept
+
+    def _grow(self, root: str, at: Mapping[str, Sequence[Joint]], base: Transform) -> None:
+        """Adds the bodies that a root carries."""
+        self.home[root] = len(self.bodies)
+        self.bodies.append(_Body({root: IDENTITY}, None, base))
+        waiting = [root]
+        while waiting:
+            link = waiting.pop()
+            own = self.home[link]
+            for joint in at[link]:
+                is_down = joint.parent == link
+                other = joint.child if is_down else joint.parent
+                if other in self.home:
+                    continue
+                waiting.append(other)
+                if joint.kind == FIXED:
+                    step = joint.moved(joint.reference)
+                    place = self.bodies[own].links[link].then(step if is_down else step.inverse())
+                    self.bodies[own].links[other] = place
+                    self.home[other] = own
+                    continue
+                new = self.home[other] = len(self.bodies)
+                self.bodies.append(_Body({other: IDENTITY}, len(self._edges)))
+                self._edges.append(_Edge(joint, (own, new) if is_down else (new, own)))
+
+    def name(self, body: int) -> str:
+        """Returns the name of a body's first link."""
+        return next(iter(self.bodies[body].links))
+
+    def ancestors(self, body: int) -> list[int]:
+        """Returns the bodies from a body to its root, both included."""
+        path = [body]
+        while (number := self.bodies[path[-1]].above) is not None:
+            first, second = self._edges[number].ends
+            path.append(first if second == path[-1] else second)
+        return path
+
+    def edges_of(self, body: int) -> list[_Edge]:
+        """Returns the joints of a body."""
+        return [edge for edge in self._edges if body in edge.ends]
+
+    def frames(self, edge: _Edge) -> dict[int, Transform]:
+        """Returns the pose of a joint's frame in the coordinates of its parent and child body."""
+        (parent, child), joint = edge.ends, edge.joint
+        return {
+            parent: self.bodies[parent].links[joint.parent].then(joint.in_parent),
+            child: self.bodies[child].links[joint.child].then(joint.in_child),
+        }
+
+    def poses(self, values: Mapping[str, float]) -> list[Transform]:
+        """Returns the pose of each body at joint values; those left out are 0."""
+        found = list[Transform]()
+        for number, body in enumerate(self.bodies):
+            if body.above is None:
+                found.append(body.base)
+                continue
+            edge = self._edges[body.above]
+            (parent, child), joint = edge.ends, edge.joint
+            step = (
+                self.bodies[parent].links[joint.parent]
+                .then(joint.moved(values.get(joint.name, 0.0)))
+                .then(self.bodies[child].links[joint.child].inverse())
+            )  # fmt: skip
+            other = parent if number == child else child
+            found.append(found[other].then(step if number == child else step.inverse()))
+        return found
+
+    def cycle(self, closure: Closure) -> list[_Pin]:
+        """Returns the pins of a closure's loop, the closure last; empty if there is no loop."""
+        homes = [self.home[link] for link in closure.links]
+        ways = [self.ancestors(home) for home in homes]
+        common = next((body for body in ways[0] if body in ways[1]), None)
+        if common is None:
+            return []
+        first, second = (way[: way.index(common) + 1] for way in ways)
+        bodies = [*first, *second[-2::-1]]
+        pins = list[_Pin]()
+        for near, far in itertools.pairwise(bodies):
+            numbers = self.bodies[near].above, self.bodies[far].above
+            edges = (self._edges[number] for number in numbers if number is not None)
+            edge = next(edge for edge in edges if set(edge.ends) == {near, far})
+            places = {body: pose.place for body, pose in self.frames(edge).items()}
+            pins.append(_Pin((near, far), places, edge))
+        places = {
+            home: self.bodies[home].links[link].of(point)
+            for home, link, point in zip(homes, closure.links, closure.points, strict=True)
+        }
+        return [*pins, _Pin((bodies[-1], bodies[0]), places)]
+
+
+def find_loop(
+    robot: Robot,
+    crank: str,
+    close: tuple[str, str] | None = None,
+    frame: str = '',
+    at: Mapping[str, float] | None = None,
+    up: Array | None = None,
+) -> PlanarLoop:
+    """Finds the linkage in the loop that contains a joint.
+
+    Args:
+        robot: The robot.
+        crank: Name of the driven joint.
+        close: Names of two links whose origins coincide in the closed loop; None if the model has
+            a closure.
+        frame: Name of a link of the fixed body; empty for the loop's body nearest to the root.
+        at: Joint values of a pose, rad or m; those left out are 0.
+        up: Direction opposite to gravity in the axes of the root; None for the model's gravity.
+
+    Returns:
+        The mechanism and what belongs to it.
+
+    Raises:
+        ConfigurationError: A name is unknown, or there is no such loop.
+    """
+    values = dict(at or {})
+    names = [joint.name for joint in robot.joints if joint.name]
+    if twice := next((name for name in names if names.count(name) > 1), ''):
+        raise ConfigurationError(f'two joints are named {shown(twice)}: rename one')
+    movable = {joint.name: joint for joint in robot.joints if joint.name and joint.kind != FIXED}
+    _require_known('--crank', [crank], movable, 'movable joint')
+    _require_known('--at', values, movable, 'movable joint')
+    _require_known('--close', close or (), robot.links, 'link')
+    _require_known('--frame', [frame] if frame else [], robot.links, 'link')
+    tree = _Tree(robot, crank)
+    cycle = _from_frame(tree, _the_loop(robot, tree, crank, close), crank, frame)
+    gravity = robot.gravity
+    if up is not None:
+        if not (length := math.hypot(*up)):
+            raise ConfigurationError('--up 0 0 0 is not a direction: give one, such as 0 0 1')
+        gravity = -math.hypot(*gravity) / length * up
+    return _Planar(robot, tree, cycle, values, gravity).found()
+
+
+def _require_known(
+    option: str, names: Iterable[str], known: Mapping[str, object], noun: str
+) -> None:
+    for name in names:
+        if name not in known:
+            has = ', '.join(filter(None, known)) or 'none'
+            raise ConfigurationError(
+                f'{option} {shown(name)}: there is no such {noun}; the model has {has}'
+            )
+
+
+def _the_loop(robot: Robot, tree: _Tree, crank: str, close: tuple[str, str] | None) -> list[_Pin]:
+    """Returns the pins of the only closed loop that contains the crank.
+
+    Raises:
+        ConfigurationError: There is no such loop, or several.
+    """
+    zero = np.zeros(3)
+    closures = list(robot.closures)
+    for joint in tree.leftover:
+        if joint.kind == REVOLUTE:
+            points = joint.in_parent.place, joint.in_child.place
+            closures.append(Closure(joint.name, (joint.parent, joint.child), points))
+    if close is not None:
+        closures = [Closure(' and '.join(close), close, (zero, zero))]
+    loops = [(closure, tree.cycle(closure)) for closure in closures]
+    loops = [loop for loop in loops if crank in {pin.name for pin in loop[1]}]
+    if len(loops) == 1:
+        return loops[0][1]
+    if close is not None:
+        joined = ', '.join(pin.name for pin in tree.cycle(closures[0])[:-1]) or 'no joint'
+        raise ConfigurationError(
+            f'--close {" ".join(close)}: the loop between them consists of {joined}: it must '
+            f'contain the crank, {crank}'
+        )
+    if not loops:
+        raise ConfigurationError(
+            f'no closure in the model closes a loop with {crank}: give --close and two links '
+            'whose origins coincide in the closed loop'
+        )
+    names = '; '.join(' '.join(closure.links) for closure, _ in loops)
+    raise ConfigurationError(
+        f'{len(loops)} loops of the model contain {crank}: choose one with --close, of {names}'
+    )
+
+
+def _from_frame(tree: _Tree, cycle: list[_Pin], crank: str, frame: str) -> list[_Pin]:
+    """Orders the pins of a loop from the frame on, so that the crank comes first.
+
+    Raises:
+        ConfigurationError: The loop is too long, or the crank is not on the frame.
+    """
+    names = ', '.join(pin.name for pin in cycle[:-1])
+    if len(cycle) != len(('A0', 'A', 'B', 'B0')):
+        raise ConfigurationError(
+            f'the loop has {len(cycle) - 1} joints and the closure, {names}: a four-bar or '
+            'slider-crank has 3 and the closure; a longer loop cannot be imported'
+        )
+    bodies = [pin.bodies[0] for pin in cycle]
+    fixed = tree.home[frame] if frame else min(bodies, key=lambda body: len(tree.ancestors(body)))
+    if fixed not in bodies:
+        members = ', '.join(tree.name(body) for body in bodies)
+        raise ConfigurationError(
+            f'--frame {frame}: it is not part of the loop, which consists of {members}'
+        )
+    start = bodies.index(fixed)
+    ordered = cycle[start:] + cycle[:start]
+    if ordered[0].name != crank:
+        ordered = [pin.reversed() for pin in reversed(ordered)]
+    if ordered[0].name != crank:
+        own = [pin.name for pin in cycle if fixed in pin.bodies and pin.edge]
+        raise ConfigurationError(
+            f'--crank {crank}: it is not on the frame {tree.name(fixed)}, on which '
+            f'{" and ".join(own) or "no joint"} turn; drive one of them, or give --frame and a '
+            'link next to the crank'
+        )
+    return ordered
+
+
+class _Planar:
+    """Projects a loop of four bodies onto its plane."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        tree: _Tree,
+        cycle: list[_Pin],
+        values: Mapping[str, float],
+        gravity: Array,
+    ) -> None:
+        """Computes the plane.
+
+        Args:
+            robot: The robot.
+            tree: Its bodies.
+            cycle: The pins A0, A, B and B0, the frame first.
+            values: Joint values of the pose.
+            gravity: Acceleration of gravity in the axes of the root, m/s^2.
+        """
+        self.robot, self.tree, self.cycle, self.values = robot, tree, cycle, values
+        self.bodies = [pin.bodies[0] for pin in cycle]  # frame, crank, coupler, output
+        self.kind, output = self._kind()
+        self.names = ('frame', 'crank', 'coupler', output)
+        loop = {pin.name for pin in cycle}
+        # The loop's joints at 0; the others do not change it.
+        outside = {name: value for name, value in values.items() if name not in loop}
+        self.zero, self.posed = tree.poses(outside), tree.poses(values)
+        self.world_normal = self._axis(cycle[0])
+        self._require_plane(self.world_normal)
+        # In the frame's axes: the normal, and the y axis, up as far as they allow.
+        self.normal = self.zero[self.bodies[0]].rotation.T @ self.world_normal
+        self.gravity = self.posed[self.bodies[0]].rotation.T @ gravity
+        flat = [_in_plane(axis, self.normal) for axis in np.eye(3)[[1, 0, 2]]]
+        ways = [way / length for way in flat if (length := math.hypot(*way)) > _SLANTED]
+        self.y = max(
+            (sign * way for way in ways for sign in (1.0, -1.0)),
+            key=lambda way: round(float(-self.gravity @ way), 6),
+        )
+        self.x = np.cross(self.y, self.normal)
+
+    def _kind(self) -> tuple[str, str]:
+        """Returns the mechanism and the name of its output link.
+
+        Raises:
+            ConfigurationError: There is no mechanism with these joints.
+        """
+        kinds = tuple(pin.kind for pin in self.cycle)
+        if kinds in _KINDS:
+            return _KINDS[kinds]
+        if kinds[0] == PRISMATIC:
+            problem = f'the crank {self.cycle[0].name} slides, but must turn'
+        else:
+            words = (f'{pin.name} {kind}' for pin, kind in zip(self.cycle, kinds, strict=True))
+            problem = (
+                f'the joints of the loop are {", ".join(words)}: a four_bar has 4 revolute ones, '
+                'a slider_crank has a prismatic one on the frame'
+            )
+        raise ConfigurationError(f'{problem}; other loops cannot be imported')
+
+    def _outwards(self, pin: _Pin) -> tuple[int, int]:
+        """Returns the bodies of a pin, the one nearer to the frame in the cut loop first."""
+        cut = next(i for i, other in enumerate(self.cycle) if other.edge is None)
+        is_before = self.cycle.index(pin) < cut
+        return pin.bodies if is_before else (pin.bodies[1], pin.bodies[0])
+
+    def _axis(self, pin: _Pin) -> Array:
+        """Returns the axis of a joint, about or along which the body off the frame moves."""
+        if pin.edge is None:
+            return np.zeros(3)
+        parent, _ = pin.edge.ends
+        turn = self.zero[parent].rotation @ self.tree.frames(pin.edge)[parent].rotation
+        axis: Array = turn @ pin.edge.joint.axis
+        return axis if self._outwards(pin)[0] == parent else -axis
+
+    def _require_plane(self, normal: Array) -> None:
+        """Requires axes parallel to the crank's, and a guide normal to it.
+
+        Raises:
+            ConfigurationError: The loop is not planar.
+        """
+        for pin in self.cycle[1:]:
+            if pin.edge is None:
+                continue
+            axis = self._axis(pin)
+            along, across = abs(float(axis @ normal)), math.hypot(*np.cross(axis, normal))
+            slides = pin.kind == PRISMATIC
+            angle = math.atan2(along, across) if slides else math.atan2(across, along)
+            if angle > _PARALLEL:
+                need = 'normal' if slides else 'parallel'
+                raise ConfigurationError(
+                    f'the axis of {pin.name} is {angle:.6g} rad ({math.degrees(angle):.4g} deg) '
+                    f'off being {need} to that of the crank {self.cycle[0].name}: must be at most '
+                    f'{_PARALLEL:g} rad, because the linkage is planar'
+                )
+
+    def _flat(self, body: int, vector: Array) -> complex:
+        """Returns a vector of a body in the plane, with all joints of the loop at 0, x + iy."""
+        turn = self.zero[self.bodies[0]].rotation.T @ self.zero[body].rotation
+        inside = turn @ vector
+        return complex(self.x @ inside, self.y @ inside)
+
+    def _length(self, body: int, vector: Array) -> float:
+        """Returns the length in the plane of a vector of a body, with the digits of the file."""
+        return math.hypot(*_in_plane(vector, self._normal_in(body)))
+
+    def _normal_in(self, body: int) -> Array:
+        """Returns the normal in the axes of a body."""
+        normal: Array = self.zero[body].rotation.T @ self.world_normal
+        return normal
+
+    def found(self) -> PlanarLoop:
+        """Returns the mechanism.
+
+        Raises:
+            ConfigurationError: A link has no length, or the pose does not decide the assembly.
+        """
+        A0, A, B, B0 = self.cycle
+        frame, crank, coupler, output = self.bodies
+        slides = self.kind == 'slider_crank'
+        vectors = {
+            crank: A.places[crank] - A0.places[crank],
+            coupler: B.places[coupler] - A.places[coupler],
+        }
+        if not slides:
+            vectors[output] = B.places[output] - B0.places[output]
+            vectors[frame] = B0.places[frame] - A0.places[frame]
+        lengths = {body: self._length(body, vector) for body, vector in vectors.items()}
+        for body, length in lengths.items():
+            if length < _SHORTEST:
+                raise ConfigurationError(
+                    f'both pins of {self.tree.name(body)} are in one place, {length:g} m apart: '
+                    'a link of the loop needs a length'
+                )
+        angles = {body: cmath.phase(self._flat(body, v)) for body, v in vectors.items()}
+        values: dict[str, Any] = {'mechanism': self.kind}
+        size = max(lengths.values())
+        starts = dict(zip((crank, coupler, output), (A0, A, B0), strict=True))
+        for body, name in zip(self.bodies[1:], self.names[1:], strict=True):
+            mass = self._lumped(body)
+            if body in lengths:
+                values[f'{name}.length'] = _tidy(lengths[body], size)
+                arm = self._flat(body, mass.center - starts[body].places[body])
+                along = arm * cmath.exp(-1j * angles[body])
+                normal = self._normal_in(body)
+                values[f'{name}.mass'] = mass.mass
+                values[f'{name}.inertia'] = float(normal @ mass.inertia @ normal)
+                values[f'{name}.center'] = [_tidy(along.real, size), _tidy(along.imag, size)]
+            else:
+                values[f'{name}.mass'] = mass.mass
+        zeros = {body: angles[body] for body in (crank, coupler, output) if body in angles}
+        if slides:
+            guide, slide, offset = self._guide(B, B0, A0)
+            values['frame.angle'], values['slider.offset'] = guide, _tidy(offset, size)
+            zeros[output] = slide
+        else:
+            values['frame.length'] = _tidy(lengths[frame], size)
+            values['frame.angle'] = angles[frame]
+        pull = complex(self.x @ self.gravity, self.y @ self.gravity)
+        largest = math.hypot(*self.gravity)
+        values['gravity'] = [_tidy(pull.real, largest), _tidy(pull.imag, largest)]
+        return self._closed(values, self._joints(zeros))
+
+    def _guide(self, B: _Pin, B0: _Pin, A0: _Pin) -> tuple[float, float, float]:
+        """Returns the guide's direction, the slider's position at 0, and the offset."""
+        frame, *_, output = self.bodies
+        axis = self.zero[frame].rotation.T @ self._axis(B0)
+        guide = complex(self.x @ axis, self.y @ axis)
+        guide /= abs(guide)
+        pin = self._flat(frame, B0.places[frame] - A0.places[frame])
+        pin += self._flat(output, B.places[output] - B0.places[output])
+        place = pin * guide.conjugate()
+        return cmath.phase(guide), place.real, place.imag
+
+    def _joints(self, zeros: Mapping[int, float]) -> dict[str, JointMap]:
+        """Returns the joint of each link: the one towards the frame."""
+        name_of = dict(zip(self.bodies, self.names, strict=True))
+        found = {}
+        for pin in self.cycle:
+            if pin.edge is None:
+                continue
+            near, far = self._outwards(pin)
+            name, zero, parent = pin.edge.joint.name, zeros[far], name_of[near]
+            if pin.kind == PRISMATIC:  # the guide has the direction of the joint
+                found[name_of[far]] = JointMap(name, zero, 1.0, parent)
+                continue
+            if parent == 'slider':  # does not turn
+                parent = 'frame'
+            if parent != 'frame':
+                zero = float(wrap(zero - zeros[near]))
+            ratio = 1.0 if self._axis(pin) @ self.world_normal > 0 else -1.0
+            found[name_of[far]] = JointMap(name, zero + 0.0, ratio, parent)
+        return {name: found[name] for name in self.names[1:]}
+
+    def _lumped(self, body: int) -> Inertial:
+        """Returns the mass of a body in its own coordinates.
+
+        Raises:
+            ConfigurationError: The mass depends on a mesh.
+        """
+        parts = []
+        for link, pose in self.tree.bodies[body].links.items():
+            inertial = self.robot.links[link]
+            if inertial is None:
+                continue
+            if not math.isfinite(inertial.mass):
+                raise ConfigurationError(
+                    f'the mass of {link} depends on a mesh, which is not read: give it an inertial'
+                )
+            turned = pose.rotation @ inertial.inertia @ pose.rotation.T
+            parts.append(Inertial(inertial.mass, pose.of(inertial.center), turned))
+        return lumped(parts) or _MASSLESS
+
+    def _closed(self, values: dict[str, Any], joints: dict[str, JointMap]) -> PlanarLoop:
+        """Chooses the assembly that is nearer to the pose.
+
+        Raises:
+            ConfigurationError: The loop cannot close, or both assemblies are equally near.
+        """
+        given = {joint.name: self.values.get(joint.name, 0.0) for joint in joints.values()}
+        crank = joints['crank']
+        own = crank.zero + given[crank.name] / crank.ratio
+        size = max(value for name, value in values.items() if name.endswith('.length'))
+        found = []
+        for assembly in (OPEN, CROSSED):
+            made = {**values, 'assembly': assembly}
+            solver = Solver(build(MECHANISMS[self.kind], made))
+            try:
+                state = solver.state(own, 0.0, 0.0)
+            except UnreachableError as error:
+                raise ConfigurationError(
+                    f'with {crank.name} at {given[crank.name]:g} the loop cannot close: {error}; '
+                    f'these are directions of the crank, {crank.zero:.6g} rad where the joint is '
+                    'at 0: give --at and a value of the joint'
+                ) from error
+            places = dict(zip(solver.links, map(float, state.position), strict=True))
+            closed, away = dict[str, float](), 0.0
+            for link, joint in joints.items():
+                slides = link == 'slider'
+                move = places[link] - (0.0 if joint.parent == 'frame' else places[joint.parent])
+                move -= joint.zero
+                move = move if slides else float(wrap(move))
+                closed[joint.name] = joint.ratio * move + 0.0
+                if link != 'crank':
+                    off = closed[joint.name] - given[joint.name]
+                    away += abs(off) / size if slides else abs(float(wrap(off)))
+            closed[crank.name] = given[crank.name]
+            found.append((away, made, closed))
+        (away, made, closed), (other, *_) = sorted(found, key=lambda one: one[0])
+        if other - away < _ALIKE:
+            passive = [joint.name for link, joint in joints.items() if link != 'crank']
+            raise ConfigurationError(
+                'both assemblies are equally far from this pose: give --at and a value of '
+                f'{" or ".join(passive)} in the wanted assembly'
+            )
+        ends = [self.gap({**self.values, **pose}) for pose in (closed, given)]
+        members = ([*self.tree.bodies[body].links] for body in self.bodies)
+        return PlanarLoop(
+            self.kind, made, joints, dict(zip(self.names, members, strict=True)),
+            (self.cycle[0].places[self.bodies[0]], self.x, self.y, self.normal),
+            given, closed, ends[0][0], ends[1][0], ends[0][1], [*self._notes()],
+        )  # fmt: skip
+
+    def gap(self, values: Mapping[str, float]) -> tuple[float, float]:
+        """Returns the distance of both ends of the loop in the plane and along its normal, m."""
+        poses = self.tree.poses(values)
+        closure = next(pin for pin in self.cycle if pin.edge is None)
+        first, second = (poses[body].of(closure.places[body]) for body in closure.bodies)
+        normal = poses[self.bodies[0]].rotation @ self.normal
+        return math.hypot(*_in_plane(second - first, normal)), abs(
+            float((second - first) @ normal)
+        )
+
+    def _notes(self) -> Iterator[str]:
+        """Yields what the mechanism leaves out."""
+        loop = {pin.name for pin in self.cycle}
+        for pin in self.cycle:
+            if pin.edge and pin.edge.joint.mimics:
+                yield f'{pin.name}: <mimic> is ignored, because the loop determines its value'
+        for body, name in zip(self.bodies, self.names, strict=True):
+            others = [edge for edge in self.tree.edges_of(body) if edge.joint.name not in loop]
+            if name == 'frame':
+                above = self.tree.ancestors(body)[1:]
+                moving = [edge.joint.name for edge in others if {*edge.ends} & {*above}]
+                if moving:
+                    yield (
+                        f'the frame hangs on {", ".join(moving)}: it is taken as at rest, and '
+                        'gravity is that of this pose'
+                    )
+            else:
+                for edge in others:
+                    yield (
+                        f'{edge.joint.name} moves relative to the {name}: the mass beyond it is '
+                        'left out'
+                    )
+            bare = [link for link in self.tree.bodies[body].links if self.robot.links[link]]
+            if name != 'frame' and not bare:
+                yield f'the {name} {self.tree.name(body)} has no mass in the model'
+
+
+def _in_plane(vector: Array, normal: Array) -> Array:
+    """Returns the part of a vector that is normal to a unit vector."""
+    part: Array = vector - (vector @ normal) * normal
+    return part
+
+
+def _tidy(number: float, size: float) -> float:
+    """Rounds a number to the digits that are kept of the size, without -0.0."""
+    return round(number, _DIGITS - math.ceil(math.log10(size))) + 0.0 if size else number

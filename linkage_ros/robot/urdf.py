@@ -1,0 +1,85 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Reads a URDF: http://wiki.ros.org/urdf/XML."""
+
+from xml.etree import ElementTree as ET
+
+from linkage_ros.errors import ConfigurationError
+from linkage_ros.quantities import shown
+from linkage_ros.robot.model import (
+    PRISMATIC,
+    REVOLUTE,
+    Inertial,
+    Joint,
+    Robot,
+    Transform,
+    from_rpy,
+    numbers,
+    symmetric,
+    unit,
+)
+
+_KINDS = {'revolute': REVOLUTE, 'continuous': REVOLUTE, 'prismatic': PRISMATIC}
+_SIX = 'ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz'
+
+
+def read_urdf(root: ET.Element) -> Robot:
+    """Reads links and joints; limits, dynamics and visuals are ignored.
+
+    Args:
+        root: The element <robot>.
+
+    Returns:
+        The robot.
+
+    Raises:
+        ConfigurationError: The file has unexpanded macros or invalid values, or is not a tree.
+    """
+    if any('xacro' in element.tag for element in root.iter()):
+        raise ConfigurationError(
+            'it has xacro macros: run xacro FILE > robot.urdf, and import that'
+        )
+    links = {link.get('name', ''): _inertial(link) for link in root.findall('link')}
+    joints = [_joint(joint) for joint in root.findall('joint')]
+    children = [joint.child for joint in joints]
+    for joint in joints:
+        for link in (joint.parent, joint.child):
+            if link not in links:
+                raise ConfigurationError(
+                    f'joint {shown(joint.name)} names link {shown(link)}, which is missing'
+                )
+        if children.count(joint.child) > 1:
+            raise ConfigurationError(
+                f'link {shown(joint.child)} has two parent joints, but a URDF is a tree: leave '
+                'one out, and name two links that coincide with --close'
+            )
+    return Robot(links, joints)
+
+
+def _pose(element: ET.Element) -> Transform:
+    origin = element.find('origin')
+    place, rpy = (numbers(origin, name, 3, '0 0 0') for name in ('xyz', 'rpy'))
+    return Transform(from_rpy(*rpy), place)
+
+
+def _inertial(link: ET.Element) -> Inertial | None:
+    element = link.find('inertial')
+    if element is None:
+        return None
+    pose = _pose(element)
+    (mass,) = numbers(element.find('mass'), 'value', 1)
+    inertia = symmetric(*(numbers(element.find('inertia'), name, 1, '0')[0] for name in _SIX))
+    return Inertial(float(mass), pose.place, pose.rotation @ inertia @ pose.rotation.T)
+
+
+def _joint(element: ET.Element) -> Joint:
+    name, kind = element.get('name', ''), element.get('type', '')
+    parent, child = (
+        '' if (end := element.find(tag)) is None else end.get('link', '')
+        for tag in ('parent', 'child')
+    )
+    found = Joint(name, _KINDS.get(kind, kind), parent, child, _pose(element))
+    if found.kind in {REVOLUTE, PRISMATIC}:  # others may have an axis of length 0
+        axis = unit(numbers(element.find('axis'), 'xyz', 3, '1 0 0'), name)
+        found = found._replace(axis=axis, mimics=element.find('mimic') is not None)
+    return found

@@ -1,0 +1,386 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""linkage_import: the linkage in a closed loop of somebody's robot model."""
+
+import cmath
+import math
+
+import mujoco  # required by these tests: without it they must fail, not be skipped
+import numpy as np
+import pytest
+from robots import Tree, make_robot
+from ros_harness import assert_refused
+
+from linkage_ros.mechanism.registry import MECHANISMS
+from linkage_ros.mechanism.solver import Solver
+from linkage_ros.programs import import_tool
+from linkage_ros.programs.import_tool import read_robot
+from linkage_ros.quantities import build
+from linkage_ros.robot.planar_loop import find_loop
+from linkage_ros.settings.yaml_file import read_parameter_file
+
+
+def random_values(random):
+    """Returns parameters of a random linkage that closes at a random crank angle, and a pose."""
+    while True:
+        r, b, c, d = random.uniform(0.05, 1.0, size=4)
+        if random.integers(2):
+            values = {'mechanism': 'four_bar', 'frame.length': d, 'rocker.length': c}
+        else:
+            values = {'mechanism': 'slider_crank', 'slider.offset': (c - 0.5) * 0.5}
+        values.update({'crank.length': r, 'coupler.length': b})
+        values['frame.angle'] = random.uniform(-math.pi, math.pi)
+        values['assembly'] = str(random.choice(('open', 'crossed')))
+        for link in ('crank', 'coupler', 'rocker'):
+            if f'{link}.length' in values:
+                values[f'{link}.mass'] = random.uniform(0.1, 3)
+                values[f'{link}.inertia'] = random.uniform(0.001, 0.1)
+                values[f'{link}.center'] = tuple(random.normal(size=2) * 0.1)
+        if 'slider.offset' in values:
+            values['slider.mass'] = random.uniform(0.1, 3)
+        crank = random.uniform(-math.pi, math.pi)
+        try:
+            solver = Solver(build(MECHANISMS[values['mechanism']], values))
+            state = solver.state(crank, 1.0, 0.0)
+        except ValueError:
+            continue
+        if max(map(abs, state.velocity)) < 20:  # else both assemblies are one
+            return values, dict(zip(solver.links, map(float, state.position), strict=True))
+
+
+def pose_of(made, own):
+    """Returns the joint values at positions of the links."""
+    values = {}
+    for link, (name, zero, sign, parent) in made.joints.items():
+        move = own[link] - (0.0 if parent in {'frame', 'slider'} else own[parent]) - zero
+        values[name] = sign * (move if link == 'slider' else math.remainder(move, math.tau))
+    return values
+
+
+def written(tmp_path, made):
+    path = tmp_path / 'robot.urdf'
+    path.write_text(made.text)
+    return path
+
+
+@pytest.mark.parametrize('seed', range(200))
+def test_generated_robot_gives_its_linkage(seed, tmp_path):
+    random = np.random.default_rng(seed)
+    values, own = random_values(random)
+    cuts = ('A', 'B', 'B0') if 'rocker.length' in values else ('A', 'B')
+    made = make_robot(values, random, cuts[seed % len(cuts)])
+    pose = pose_of(made, own)
+    assert Tree(made.text).gap(pose, made.close) < 1e-12
+    found = find_loop(read_robot(written(tmp_path, made)), 'crank_motor', made.close, at=pose)
+    assert max(found.residual, found.gap) < 1e-12
+    assert_same(found, values, made)
+
+
+def assert_same(found, values, made):
+    """Compares a found linkage with the given one, whose plane may be turned or mirrored."""
+    x, y, normal = (made.plane.T @ axis for axis in found.axes[1:])
+    side = round(normal[2])
+    turn = complex(x[0], x[1])
+    assert abs(complex(y[0], y[1]) - side * 1j * turn) < 1e-13
+
+    def seen(angle):
+        """Returns a direction of the given linkage in the plane of the found one."""
+        way = cmath.exp(1j * angle) / turn
+        return way if side > 0 else way.conjugate()
+
+    got = found.values
+    assert found.kind == values['mechanism']
+    slides = found.kind == 'slider_crank'
+    for name, expected in values.items():
+        if name in {'assembly', 'mechanism', 'frame.angle', 'slider.offset'}:
+            continue
+        if name.endswith('center'):
+            expected = (expected[0], side * expected[1])
+        assert got[name] == pytest.approx(expected, abs=1e-12)
+    # The guide may point the other way, which turns offset, position and assembly around.
+    signs = {link: sign for link, (_, _, sign, _) in made.joints.items()}
+    back = slides and signs['slider'] < 0
+    toward = -1 if back else 1
+    guide = seen(values['frame.angle']) * toward
+    assert abs(cmath.exp(1j * got['frame.angle']) - guide) < 1e-12
+    if slides:
+        offset = values['slider.offset'] * side * toward
+        assert got['slider.offset'] == pytest.approx(offset, abs=1e-12)
+    flips = back if slides else side < 0
+    assert (got['assembly'] == values['assembly']) != flips
+    gravity = complex(*made.gravity[:2]) / turn
+    gravity = gravity if side > 0 else gravity.conjugate()
+    assert abs(complex(*got['gravity']) - gravity) < 1e-12
+    for link, (name, zero, sign, parent) in made.joints.items():
+        joint = found.joints[link]
+        parent = 'frame' if parent == 'slider' else parent
+        assert joint.name == name
+        assert joint.parent == parent
+        if link == 'slider':
+            assert joint.ratio == 1
+            assert joint.zero == pytest.approx(zero * sign, abs=1e-12)
+            continue
+        assert joint.ratio == sign * side
+        expected = seen(zero) if parent == 'frame' else cmath.exp(1j * side * zero)
+        assert abs(cmath.exp(1j * joint.zero) - expected) < 1e-12
+    assert found.joints['crank'].ratio == 1
+
+
+# A leg: the motor of the knee sits in the hip and drives the shank by a parallel four-bar.
+LEG = """<robot name="leg">
+  <link name="base"/><link name="thigh"/>
+  <joint name="hip" type="revolute"><parent link="base"/><child link="thigh"/>
+    <axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="9" velocity="9"/></joint>
+  <link name="crank_link"><inertial><origin xyz="0.03 0 0"/><mass value="0.2"/>
+    <inertia ixx="1e-4" iyy="2e-4" izz="3e-4"/></inertial></link>
+  <joint name="knee_motor" type="continuous"><parent link="thigh"/><child link="crank_link"/>
+    <origin xyz="0 0.03 0"/><axis xyz="0 -1 0"/></joint>
+  <link name="rod"><inertial><origin xyz="0 0 -0.15"/><mass value="0.1"/>
+    <inertia ixx="1e-4" iyy="2e-4" izz="3e-4"/></inertial></link>
+  <joint name="rod_joint" type="continuous"><parent link="crank_link"/><child link="rod"/>
+    <origin xyz="0.06 0 0"/><axis xyz="0 1 0"/></joint>
+  <link name="rod_tip"/>
+  <joint name="rod_end" type="fixed"><parent link="rod"/><child link="rod_tip"/>
+    <origin xyz="0 0 -0.3" rpy="1 2 3"/></joint>
+  <link name="shank"><inertial><origin xyz="0 0 -0.15"/><mass value="0.6"/>
+    <inertia ixx="5e-3" iyy="6e-3" izz="1e-4"/></inertial></link>
+  <joint name="knee" type="revolute"><parent link="thigh"/><child link="shank"/>
+    <origin xyz="0 0.03 -0.3"/><axis xyz="0 1 0"/><mimic joint="knee_motor" multiplier="-1"/>
+    </joint>
+  <link name="lug"/>
+  <joint name="lug_weld" type="fixed"><parent link="shank"/><child link="lug"/>
+    <origin xyz="0.06 0 0"/></joint>
+  <link name="foot"><inertial><mass value="0.1"/><inertia ixx="1" iyy="1" izz="1"/></inertial>
+    </link>
+  <joint name="ankle" type="revolute"><parent link="shank"/><child link="foot"/>
+    <origin xyz="0 0 -0.3"/><axis xyz="0 1 0"/></joint>
+</robot>
+"""
+CLOSE = '--crank', 'knee_motor', '--close', 'rod_tip', 'lug'
+
+
+@pytest.fixture
+def run(called, tmp_path):
+    """Imports a model; returns the parameters, or exit code and output if it was refused."""
+
+    def start(model, *arguments, name='leg.urdf'):
+        path, out = tmp_path / name, tmp_path / 'leg.yaml'
+        path.write_text(model)
+        code, printed, error = called(import_tool, path, '-o', out, '--overwrite', *arguments)
+        return (read_parameter_file(out), printed) if code == 0 else (code, printed, error)
+
+    return start
+
+
+def test_leg_with_parallel_four_bar(run):
+    values, printed = run(LEG, *CLOSE, '--at', 'hip=0.5')
+    assert values['mechanism'] == 'four_bar'
+    assert values['drive'] == 'follow'
+    # Lengths keep their digits, so that the parallelogram stays one.
+    lengths = [values[f'{link}.length'] for link in ('crank', 'coupler', 'rocker', 'frame')]
+    assert lengths == [0.06, 0.3, 0.06, 0.3]
+    assert values['crank.center'] == [0.03, 0.0]
+    assert [values[f'{link}.inertia'] for link in ('crank', 'coupler', 'rocker')] == [
+        2e-4, 2e-4, 6e-3,
+    ]  # fmt: skip
+    assert values['rocker.mass'] == 0.6  # without the foot
+    # x, z and -y of the thigh are the plane's axes; gravity is that of the swung hip.
+    assert values['gravity'] == pytest.approx([9.81 * math.sin(0.5), -9.81 * math.cos(0.5)])
+    assert values['frame.angle'] == pytest.approx(-math.pi / 2)
+    assert values['joints.crank.ratio'] == 1
+    assert values['joints.rocker.ratio'] == values['joints.coupler.ratio'] == -1
+    for words in ('hip', 'ankle', 'mimic'):
+        assert words in printed.partition('note')[2]
+    turned, _ = run(LEG, *CLOSE, '--up', '1', '0', '0')
+    assert turned['gravity'] == pytest.approx([0.0, -9.81])
+
+
+def test_pose_chooses_the_assembly(run):
+    assert run(LEG, *CLOSE)[0]['assembly'] != run(LEG, *CLOSE, '--at', 'knee=2.5')[0]['assembly']
+
+
+# The leg's four-bar again, closed by the file itself, in the plane x-z.
+MJCF = """<mujoco>
+  <compiler angle="degree" eulerseq="zyx"/>
+  <default><geom density="500"/><default class="hinged"><joint axis="0 -1 0" pos="0.01 0 0"/>
+    </default></default>
+  <worldbody>
+    <body name="base" pos="0.1 0.2 1" euler="0 20 0">
+      <geom type="box" size="0.1 0.1 0.1"/>
+      <body name="motor_arm" childclass="hinged" pos="0.02 0 0" axisangle="0 1 0 -30">
+        <joint name="motor" ref="25"/>
+        <geom type="capsule" fromto="0 0 0 0.08 0.01 0.03" size="0.01"/>
+        <geom type="box" size="0.01 0.02 0.03" pos="0.02 0 0" quat="1 0.2 0.3 0"/>
+        <body name="rod" pos="0.08 0.01 0" xyaxes="0 0 -1 0 1 0">
+          <joint name="rod_joint" axis="0 1 0" pos="0 0 0"/>
+          <geom type="cylinder" size="0.01 0.15" pos="0.15 0 0" zaxis="1 0 0"/>
+          <geom type="ellipsoid" size="0.01 0.02 0.03" mass="0.2"/>
+          <site name="rod_tip" pos="0.3 0 0"/>
+        </body>
+      </body>
+      <frame pos="0 0 -0.25" euler="0 10 0">
+        <body name="shank">
+          <joint name="knee" axis="0 2 0"/>
+          <inertial pos="0.1 0 0.1" mass="2" fullinertia="0.02 0.03 0.025 0.001 0.002 0.003"/>
+          <geom type="sphere" size="0.1"/>
+          <site name="lug" pos="0.15 0.01 0.05"/>
+        </body>
+      </frame>
+    </body>
+  </worldbody>
+  <equality><connect name="pin" site1="rod_tip" site2="lug"/></equality>
+</mujoco>
+"""
+
+
+def test_mjcf_is_read_like_mujoco(tmp_path):
+    path = tmp_path / 'leg.xml'
+    path.write_text(MJCF)
+    robot = read_robot(path)
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    data.qpos[:] = pose = 0.3, -0.4, 0.5
+    names = 'motor', 'rod_joint', 'knee'
+    mujoco.mj_forward(model, data)
+    found = find_loop(robot, 'motor', at=dict(zip(names, pose, strict=True)))
+    gap = data.site('rod_tip').xpos - data.site('lug').xpos
+    assert found.gap == pytest.approx(math.hypot(gap[0], gap[2]), abs=1e-12)
+    # The closed pose, and the torque in it, by MuJoCo's inverse dynamics of the open tree.
+    solver = Solver(build(MECHANISMS['four_bar'], found.values))
+    crank = found.joints['crank']
+    state = solver.state(crank.zero + found.closed['motor'], 2.0, 3.0)
+    data.qpos[:] = [found.closed[name] for name in names]
+    rates = {'frame': (0.0, 0.0)}
+    rates.update(
+        zip(solver.links, zip(state.velocity, state.acceleration, strict=True), strict=True)
+    )
+    for number, name in enumerate(names):
+        (link,) = (link for link, joint in found.joints.items() if joint.name == name)
+        joint = found.joints[link]
+        own = np.subtract(rates[link], rates[joint.parent]) * joint.ratio
+        data.qvel[number], data.qacc[number] = own
+    acceleration, efforts = data.qacc.copy(), np.zeros(model.nv)
+    mujoco.mj_fwdPosition(model, data)
+    mujoco.mj_fwdVelocity(model, data)
+    data.qacc[:] = acceleration
+    mujoco.mj_rne(model, data, 1, efforts)
+    gap = data.site('rod_tip').xpos - data.site('lug').xpos
+    assert math.hypot(gap[0], gap[2]) < 1e-12
+    # MuJoCo's principal axes of inertia are a few 1e-9 off.
+    assert state.torque == pytest.approx(float(efforts @ data.qvel) / 2.0, rel=1e-8)
+
+
+SDF = """<sdf version="1.7"><model name="made"><pose>1 2 3 0 0.3 0</pose>
+  <link name="a"><pose relative_to="A0">0 0.1 0 0 0 0</pose><inertial><mass>2</mass>
+    <inertia><ixx>1</ixx><iyy>0.02</iyy><izz>1</izz></inertia></inertial></link>
+  <link name="b"><pose relative_to="a">0.3 0 0 0 0 0</pose></link>
+  <link name="c"><pose degrees="true">1 0.1 0 0 90 0</pose></link>
+  <frame name="A0"><pose>0 0 0 0 -1 0</pose></frame>
+  <joint name="one" type="revolute"><parent>world</parent><child>a</child>
+    <axis><xyz expressed_in="__model__">0 1 0</xyz></axis></joint>
+  <joint name="two" type="revolute"><parent>a</parent><child>b</child>
+    <axis><xyz>0 1 0</xyz></axis></joint>
+  <joint name="four" type="revolute"><parent>world</parent><child>c</child>
+    <axis><xyz>0 1 0</xyz></axis></joint>
+  <joint name="three" type="revolute"><parent>b</parent><child>c</child>
+    <pose rotation_format="quat_xyzw">-0.8 0 0 0 0 0 1</pose><axis><xyz>0 1 0</xyz></axis></joint>
+</model></sdf>
+"""
+
+
+def test_sdf_closes_itself(run):
+    values, _ = run(SDF, '--crank', 'one', name='made.sdf')
+    assert values['crank.length'] == pytest.approx(0.3, abs=1e-14)
+    assert values['frame.length'] == pytest.approx(1.0, abs=1e-14)
+    assert values['rocker.length'] == pytest.approx(0.8, abs=1e-14)
+    assert values['crank.mass'] == 2
+    assert values['crank.inertia'] == 0.02
+    assert values['coupler.mass'] == 1  # SDF's default
+    # The other loop joints may be the crank as well, and the loop is then cut elsewhere.
+    other, _ = run(SDF, '--crank', 'four', name='made.sdf')
+    assert other['crank.length'] == pytest.approx(0.8, abs=1e-14)
+    cut, _ = run(SDF, '--crank', 'three', '--frame', 'c', name='made.sdf')
+    assert cut['frame.length'] == pytest.approx(0.8, abs=1e-14)
+
+
+def without(text, *pieces):
+    for piece in pieces:
+        assert piece in text
+        text = text.replace(piece, '')
+    return text
+
+
+TILTED = LEG.replace('<axis xyz="0 1 0"/><mimic', '<axis xyz="0.001 1 0"/><mimic')
+TWO_PARENTS = LEG.replace(
+    '</robot>',
+    """<joint name="extra" type="fixed"><parent link="base"/>
+  <child link="foot"/></joint></robot>""",
+)
+SLIDING = LEG.replace('name="knee_motor" type="continuous"', 'name="knee_motor" type="prismatic"')
+CYLINDER = LEG.replace('name="rod_joint" type="continuous"', 'name="rod_joint" type="prismatic"')
+BALL = LEG.replace('name="rod_joint" type="continuous"', 'name="rod_joint" type="floating"')
+SHORT = LEG.replace('<origin xyz="0.06 0 0"/><axis', '<axis')
+FAR = LEG.replace('xyz="0 0.03 -0.3"', 'xyz="0 0.03 -3"')
+MESH = MJCF.replace('type="cylinder" size="0.01 0.15"', 'type="mesh" mesh="rod"')
+OPEN_SDF = SDF.replace('<child>c</child>\n    <pose rot', '<child>d</child><pose rot')
+REFUSED = {
+    'a misspelt crank': (LEG, ('--crank', 'knee_moter', *CLOSE[2:]), 'knee_motor, rod_joint'),
+    'a link as crank': (LEG, ('--crank', 'thigh', *CLOSE[2:]), 'movable joint'),
+    'a fixed joint as crank': (LEG, ('--crank', 'rod_end', *CLOSE[2:]), 'movable joint'),
+    'no crank': (LEG, CLOSE[2:], '--crank'),
+    'one link to close': (LEG, (*CLOSE[:2], '--close', 'lug'), 'expected 2'),
+    'no closure': (LEG, CLOSE[:2], 'give --close'),
+    'a misspelt link': (LEG, (*CLOSE[:4], 'lag'), 'rod_tip'),
+    'a joint to close': (LEG, (*CLOSE[:4], 'lug_weld'), 'no such link'),
+    'no loop': (LEG, (*CLOSE[:3], 'lug', 'lug'), 'must contain the crank'),
+    'a loop without the crank': (LEG, ('--crank', 'hip', *CLOSE[2:]), 'must contain the crank'),
+    'a loop that is too long': (LEG, (*CLOSE[:4], 'foot'), '4 joints'),
+    'a loop that is too short': (LEG, (*CLOSE[:3], 'rod_tip', 'thigh'), '2 joints'),
+    'a crank off the frame': (LEG, ('--crank', 'rod_joint', *CLOSE[2:]), 'knee_motor and knee'),
+    'a frame off the loop': (LEG, (*CLOSE, '--frame', 'foot'), 'not part of the loop'),
+    'an unknown frame': (LEG, (*CLOSE, '--frame', 'tie'), 'no such link'),
+    'a crank off the other frame': (LEG, (*CLOSE, '--frame', 'shank'), 'not on the frame'),
+    'an unknown joint of the pose': (LEG, (*CLOSE, '--at', 'knie=1'), 'no such movable joint'),
+    'no value': (LEG, (*CLOSE, '--at', 'knee'), 'JOINT=VALUE'),
+    'a word as value': (LEG, (*CLOSE, '--at', 'knee=bent'), 'JOINT=VALUE'),
+    'NaN as value': (LEG, (*CLOSE, '--at', 'knee=nan'), 'JOINT=VALUE'),
+    'a pose out of reach': (FAR, CLOSE, 'cannot close'),
+    'up without direction': (LEG, (*CLOSE, '--up', '0', '0', '0'), 'direction'),
+    'up as a word': (LEG, (*CLOSE, '--up', 'z', '0', '0'), 'finite number'),
+    'a slanted axis': (TILTED, CLOSE, '0.001 rad'),
+    'two parents': (TWO_PARENTS, CLOSE, 'two parent joints'),
+    'a crank that slides': (SLIDING, CLOSE, 'slides'),
+    'a cylinder': (CYLINDER, CLOSE, 'slider_crank'),
+    'a joint of another kind': (BALL, CLOSE, 'floating'),
+    'a link without length': (SHORT, CLOSE, 'in one place'),
+    'macros': (LEG.replace('</robot>', '<xacro:if value="1"/></robot>'), CLOSE, 'xacro'),
+    'no XML': ('links: 3', CLOSE, 'not XML'),
+    'another XML': ('<html/>', CLOSE, '<robot>'),
+    'a link that is missing': (without(LEG, '<link name="base"/>'), CLOSE, "'base'"),
+    'a word as mass': (LEG.replace('mass value="0.6"', 'mass value="much"'), CLOSE, 'much'),
+    'an axis without length': (LEG.replace('"0 -1 0"', '"0 0 0"'), CLOSE, 'length 0'),
+    'two numbers for three': (LEG.replace('xyz="0.06 0 0"', 'xyz="0.06 0"'), CLOSE, '3 finite'),
+    'the mass of a mesh': (MESH, ('--crank', 'motor'), 'mesh'),
+    'joints with one name': (LEG.replace('name="ankle"', 'name="knee"'), CLOSE, 'two joints'),
+    'a negative mass': (LEG.replace('value="0.6"', 'value="-0.6"'), CLOSE, 'rocker.mass'),
+    'a link that no joint holds': (OPEN_SDF, ('--crank', 'one'), "'d'"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize('case', REFUSED)
+def test_wrong_use_gets_one_clear_line(case, run, tmp_path):
+    model, arguments, words = REFUSED[case]
+    assert_refused(*run(model, *arguments), words)
+    assert not (tmp_path / 'leg.yaml').exists()
+
+
+def test_files_are_kept(called, tmp_path):
+    path, out = tmp_path / 'leg.urdf', tmp_path / 'leg.yaml'
+    path.write_text(LEG)
+    out.write_text('mine')
+    assert_refused(*called(import_tool, path, *CLOSE, '-o', out), '--overwrite')
+    assert_refused(*called(import_tool, path, *CLOSE, '-o', path, '--overwrite'), 'is the model')
+    assert_refused(*called(import_tool, tmp_path / 'no.urdf', *CLOSE, '-o', out), 'no.urdf')
+    assert_refused(*called(import_tool, path, *CLOSE, '-o', tmp_path / 'no' / 'x'), 'no/x')
+    assert out.read_text() == 'mine'
+    assert path.read_text() == LEG
