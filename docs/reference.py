@@ -164,6 +164,9 @@ def _usage(action: argparse.Action) -> str:
         return f'[{value}]' if action.nargs == '?' else value
     names = ', '.join(action.option_strings)
     shapes = {0: names, '?': f'{names} [{value}]', '+': f'{names} {value} ...'}
+    if isinstance(action.nargs, int) and action.nargs > 1:
+        parts = action.metavar if isinstance(action.metavar, tuple) else (value,) * action.nargs
+        return ' '.join((names, *parts))
     return shapes.get(action.nargs, f'{names} {value}')
 
 

@@ -49,6 +49,7 @@ MODULES = {
     'linkage_log': 'linkage_ros.programs.log_tool',
     'linkage_chart': 'linkage_lab.chart_tool',
     'linkage_export': 'linkage_ros.programs.export_tool',
+    'linkage_import': 'linkage_ros.programs.import_tool',
 }  # fmt: skip
 CHARTS = [('linkage_chart', word) for word in ('motion', 'economy', 'sweep')]
 CHEAP = ('linkage_record', 'linkage_replay', 'linkage_log', 'linkage_export')

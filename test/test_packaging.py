@@ -24,7 +24,7 @@ from linkage_ros.settings.presets import preset_names, preset_path
 ROOT = Path(__file__).resolve().parents[1]
 EXECUTABLES = (
     *('linkage_node', 'linkage_record', 'linkage_replay', 'linkage_log', 'linkage_export'),
-    'linkage_controller',
+    *('linkage_import', 'linkage_controller'),
 )
 ROS_SHARE = Path('share', 'linkage_ros')
 SHARED = (
