@@ -152,7 +152,7 @@ def _command(heading: str, parser: argparse.ArgumentParser) -> Iterator[str]:
     # Positional arguments first, as in the usage line.
     actions.sort(key=lambda action: bool(action.option_strings))
     if actions:
-        places = [_usage(action) for action in actions if not action.option_strings]
+        places = [_usage(a) for a in actions if a.required or not a.option_strings]
         yield f'    {" ".join([parser.prog, *places, "[options]"])}'
         yield _table('argument, meaning', [(f'`{_usage(a)}`', a.help or '') for a in actions])
 

@@ -239,8 +239,8 @@ def _parser() -> argparse.ArgumentParser:
             'help': "direction opposite to gravity in the root's axes (default: the z axis, or "
             "the model's gravity)",
         }),
-        (('-o', '--out'), None, {
-            'required': True, 'metavar': 'OUT.yaml', 'type': Path, 'help': 'the file to write',
+        (('-o',), None, {
+            'dest': 'out', 'required': True, 'metavar': 'OUT.yaml', 'type': Path, 'help': 'the file to write',
         }),
         (('--overwrite',), None, {'action': 'store_true', 'help': 'replace an existing file'}),
     ])  # fmt: skip
