@@ -15,9 +15,9 @@ from test_crank_trajectory import (
     HALF,
     PERIOD,
     Controller,
-    launched_on_the_page,
+    launched_by_the_example,
     machine,
-    parameters_of_the_page,
+    parameters_of_the_example,
     trajectory,
 )
 from test_docs_figures import check_quote
@@ -99,7 +99,7 @@ def followed_trajectories(gains, delays, rng):
     """
     one, count = machine(), delays.measured.shape[1]
     ahead, motion, reference = trajectory(one), one.begin(PERIOD), []
-    follower = Controller({**parameters_of_the_page(), 'gains': {'crank': gains}})
+    follower = Controller({**parameters_of_the_example(), 'gains': {'crank': gains}})
     for stamp in range(PERIOD, PERIOD * (len(delays.measured) + 1), PERIOD):
         if data := ahead.message_at(motion, stamp):
             follower.receive(data, stamp)
@@ -122,12 +122,12 @@ def followed_trajectories(gains, delays, rng):
 
 
 def test_example_of_the_page_keeps_its_speed_in_a_loop_with_delays():
-    """The page's gains, also with delays three times as long; then gains that are too high."""
-    gains = [parameters_of_the_page()['gains']['crank']] * 2 + [{'p': 150.0, 'd': 5.0}]
+    """The example's gains, also with delays three times as long; then gains that are too high."""
+    gains = [parameters_of_the_example()['gains']['crank']] * 2 + [{'p': 150.0, 'd': 5.0}]
     gains = {name: np.repeat([one[name] for one in gains], RUNS) for name in ('p', 'd')}
     groups, rng = [delays(), delays(3), delays()], np.random.default_rng(2)
     all_delays = Delays(*(np.hstack(columns) for columns in zip(*groups, strict=True)))
-    (plant,) = launched_on_the_page().nodes[0]['parameters']
+    (plant,) = launched_by_the_example().nodes[0]['parameters']
     law = followed_trajectories(gains, all_delays, rng)
     angle = rng.uniform(0.0, 2 * math.pi, 3 * RUNS)
     errors = speed_errors(law, all_delays, plant['torque_limit'], angle, 0.0 * angle)

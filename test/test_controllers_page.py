@@ -2,39 +2,27 @@
 # SPDX-License-Identifier: Apache-2.0
 """Runs the examples of ways 1 and 2 in docs/controllers.md; test_docs.py runs those of way 3."""
 
-import itertools
 import re
 import shlex
 import subprocess
 import sys
 import time
-from xml.etree import ElementTree as ET
 
 import numpy as np
-from pages import block, read
+from pages import ROOT, block, read
 from ros_harness import CODEC, environment, fresh_domain, stop, wait_for, watched
 from sensor_msgs.msg import JointState
 
 PAGE = read('docs/controllers.md')
 STATES, PLANT_STATES = '/joint_states', '/plant/joint_states'
-# The node next to ros2_control, with the remappings of the launch file.
-BESIDE = eval(block(PAGE, "'plant/robot_description'"), {'Node': dict})
+# The plant, and the plant next to ros2_control.
+PLANT, BESIDE = map(shlex.split, re.findall(r'`linkage_node (--ros-args [^`]+)`', PAGE))
 
 
-def beside_ros2_control():
-    parameters = [f'{name}:={value}' for name, value in BESIDE['parameters'][0].items()]
-    remaps = [f'{old}:={new}' for old, new in BESIDE['remappings']]
-    words = [*zip(itertools.repeat('-p'), parameters), *zip(itertools.repeat('-r'), remaps)]
-    return ['--ros-args', *itertools.chain.from_iterable(words)]
-
-
-def test_way_1_the_subscriber_turns_the_crank(tmp_path):
-    script = tmp_path / 'prototype.py'
-    script.write_text(block(PAGE, 'from contextlib'))
-    assert len(script.read_text().splitlines()) <= 16
-    (plant,) = re.findall(r'`linkage_node (--ros-args [^`]+)`', PAGE)
+def test_way_1_the_subscriber_turns_the_crank():
+    script = ROOT / 'docs' / 'examples' / 'prototype.py'
     domain = fresh_domain()
-    with watched([STATES], *shlex.split(plant), domain=domain) as (listener, node):
+    with watched([STATES], *PLANT, domain=domain) as (listener, node):
         prototype = subprocess.Popen(
             [sys.executable, script], env=environment(domain), stderr=subprocess.PIPE, text=True
         )
@@ -73,21 +61,9 @@ def test_way_2_the_parameters_send_the_torque_to_the_controller(tmp_path):
     assert np.ptp(values) > 0.0
 
 
-def test_way_2_tag_names_topics_and_joints_of_the_node():
-    tag = ET.fromstring(block(PAGE, '<ros2_control'))
-    parameters = {element.get('name'): element.text for element in tag.iter('param')}
-    assert parameters['joint_commands_topic'] == '/joint_commands'
-    assert parameters['joint_states_topic'] == f'/{dict(BESIDE["remappings"])["joint_states"]}'
-    # JointStateTopicSystem names every joint of the tag in its commands, but gives efforts only
-    # for joints with that interface, so with another joint each command would be refused.
-    (joint,) = tag.iter('joint')
-    assert joint.get('name') == 'crank'
-    assert [i.get('name') for i in joint.iter('command_interface')] == ['effort']
-
-
 def test_way_2_commands_move_the_plant_whose_topics_are_remapped():
     """The commands are sent as JointStateTopicSystem sends them."""
-    with watched([PLANT_STATES], *beside_ros2_control()) as (listener, node):
+    with watched([PLANT_STATES], *BESIDE) as (listener, node):
         received = listener.received[PLANT_STATES]
         publisher = listener.node.create_publisher(JointState, '/joint_commands', 1)
         wait_for(lambda: publisher.get_subscription_count() and received)

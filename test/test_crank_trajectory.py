@@ -21,7 +21,7 @@ from unittest.mock import MagicMock
 import numpy as np
 import pytest
 import yaml
-from pages import block, read
+from pages import ROOT
 from rclpy.serialization import deserialize_message
 from ros_harness import logged, node_arguments, stop, unbroken, verified, wait_for, watched
 from trajectory_msgs.msg import JointTrajectory
@@ -35,7 +35,8 @@ from linkage_ros.settings.configuration import configure, load, read_values
 from linkage_ros.settings.presets import preset_path
 from linkage_ros.units import NS_PER_MS, NS_PER_S
 
-PAGE = read('docs/controllers.md')
+EXAMPLE = ROOT / 'docs' / 'examples' / 'ros2_control'
+PARAMETERS = yaml.safe_load((EXAMPLE / 'controllers.yaml').read_text())
 TOPIC = '/crank_controller/joint_trajectory'
 T0 = 1_700_000_000_123_456_789  # ns
 PERIOD = NS_PER_MS  # of the controller manager, ns
@@ -134,13 +135,12 @@ class Controller:
         return effort + self.gains['p'] * error + self.gains['d'] * (speed - velocity)
 
 
-def parameters_of_the_page():
-    text = block(PAGE, 'crank_controller:')
-    return yaml.safe_load(text)['crank_controller']['ros__parameters']
+def parameters_of_the_example():
+    return PARAMETERS['crank_controller']['ros__parameters']
 
 
 class Launched(NamedTuple):
-    """The launch file of the page.
+    """The launch file of the example.
 
     Attributes:
         nodes: Arguments of each node.
@@ -153,9 +153,10 @@ class Launched(NamedTuple):
     started_afterwards: list
 
 
-def launched_on_the_page():
+def launched_by_the_example():
     """Runs the launch file; launch and ros2_control are not available as Python packages."""
-    code, nodes = re.sub(r'(?m)^from .*$', '', block(PAGE, 'generate_launch_description')), []
+    text = (EXAMPLE / 'linkage.launch.py').read_text()
+    code, nodes = re.sub(r'(?m)^from .*$', '', text), []
 
     def node(**arguments):
         nodes.append(arguments)
@@ -249,7 +250,7 @@ def test_node_publishes_and_logs_trajectories(tmp_path):
         stop(node)
     messages = [deserialize_message(data, JointTrajectory) for data in received]
     stamps = [nanoseconds(message.header.stamp) for message in messages]
-    parameters = parameters_of_the_page()
+    parameters = parameters_of_the_example()
     parameters = {**parameters, 'joints': ['left_crank'],
                   'gains': {'left_crank': parameters['gains']['crank']}}  # fmt: skip
     for data, stamp in zip(received, stamps, strict=True):
@@ -267,9 +268,9 @@ def test_node_publishes_and_logs_trajectories(tmp_path):
     assert '/s' in report.compared
 
 
-def test_launch_file_of_the_page_names_existing_topics_and_parameters():
-    page = launched_on_the_page()
-    plant, reference, publisher, manager, spawner = page.nodes
+def test_launch_file_of_the_example_names_existing_topics_and_parameters():
+    launched = launched_by_the_example()
+    plant, reference, publisher, manager, spawner = launched.nodes
     assert configure(plant['parameters'][0]).kind.drive == 'torque'
     # M:755-756: the manager subscribes to robot_description, so ours must have another name.
     assert (plant['namespace'], reference['namespace']) == ('plant', 'reference')
@@ -282,12 +283,11 @@ def test_launch_file_of_the_page_names_existing_topics_and_parameters():
     assert word == 'joint_trajectory'
     *spawned, _, _ = spawner['arguments']
     assert spawned[-1] == controller
-    text = block(PAGE, 'crank_controller:')
-    managed = yaml.safe_load(text)['controller_manager']['ros__parameters']
+    managed = PARAMETERS['controller_manager']['ros__parameters']
     assert spawned == [name for name in managed if name != 'update_rate']
     assert managed[controller]['type'] == 'joint_trajectory_controller/JointTrajectoryController'
     assert managed['update_rate'] * PERIOD == NS_PER_S
     assert manager['executable'] == 'ros2_control_node'
     # A controller that is active before the plant's first state reports an error in every cycle.
-    assert page.awaited[-2:] == ['/plant/joint_states', 'sensor_msgs/msg/JointState']
-    assert page.started_afterwards == [spawner]
+    assert launched.awaited[-2:] == ['/plant/joint_states', 'sensor_msgs/msg/JointState']
+    assert launched.started_afterwards == [spawner]

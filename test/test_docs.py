@@ -55,7 +55,6 @@ CHARTS = [('linkage_chart', word) for word in ('motion', 'economy', 'sweep')]
 CHEAP = ('linkage_record', 'linkage_replay', 'linkage_log', 'linkage_export')
 # The programs of these pages need a log or a node; other tests run them.
 PYTHON_ELSEWHERE = {
-    'docs/controllers.md': 'test_controllers_page.py',
     'docs/mcap.md': 'test_foreign_readers.py',
     'docs/urdf.md': 'test_export.py',
 }

@@ -84,8 +84,8 @@ def test_figures_of_the_controllers_page_are_measured():
     check_quote('docs/controllers.md', words, min(peaks), max(peaks))
 
 
-def test_controllers_page_figures_of_a_measured_crank_are_measured():
-    records, page = measured('accuracy_follow'), 'docs/controllers.md'
+def test_figures_of_a_measured_crank_are_measured():
+    records, page = measured('accuracy_follow'), 'lab/docs/measured_crank.md'
 
     def errors(bits, *, velocity):
         return {
@@ -254,7 +254,7 @@ def test_wrong_number_is_detected():
     assert not agrees('0.110', 0.1107)
     assert not agrees('151', 151.6)
     with pytest.raises(AssertionError, match='for 26'):
-        check_quote('docs/controllers.md', 'default of {} Hz is for a robot', 26.0)
+        check_quote('lab/docs/measured_crank.md', 'default of {} Hz is for a robot', 26.0)
 
 
 # ---------------------------------------------------------------- the reference page
