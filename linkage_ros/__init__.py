@@ -7,6 +7,8 @@ computes states, accelerations, joint forces and energy. Units are SI: m, kg, ra
 torques are positive counter-clockwise. Coordinates and rates may be floats or arrays.
 """
 
+from typing import TYPE_CHECKING
+
 __version__ = '0.1.0'
 
 from linkage_ros.errors import (
@@ -36,8 +38,31 @@ from linkage_ros.mechanism.parts import (
 )
 from linkage_ros.mechanism.slider_crank import SliderCrank
 from linkage_ros.mechanism.solver import Solver
+from linkage_ros.mechanism.structure import Mechanism
 from linkage_ros.mechanism.travel import Travel, assemblies, travel
 from linkage_ros.mechanism.wind_pump import WindPump
+from linkage_ros.settings.presets import preset_names
+
+if TYPE_CHECKING:
+    from linkage_ros.settings.configuration import Configuration
+
+
+def load(source: str) -> 'Configuration':
+    """Reads a parameter file or a preset.
+
+    Args:
+        source: Path of a ROS 2 parameter file, or name of a preset; see `preset_names`.
+
+    Returns:
+        The configuration of a run, with its `mechanism` and `drive`.
+
+    Raises:
+        ConfigurationError: There is no such file or preset, or it cannot be used.
+    """
+    from linkage_ros.settings import configuration  # needs PyYAML
+
+    return configuration.load(source)
+
 
 __all__ = [
     'CROSSED',
@@ -53,6 +78,7 @@ __all__ = [
     'LinkageError',
     'LoadCurve',
     'LogError',
+    'Mechanism',
     'MechanismError',
     'MotionError',
     'Piston',
@@ -69,5 +95,7 @@ __all__ = [
     'ViewerError',
     'WindPump',
     'assemblies',
+    'load',
+    'preset_names',
     'travel',
 ]

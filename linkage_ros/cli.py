@@ -1,6 +1,9 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Shared code of the command-line programs: options, signals, one-line errors, progress."""
+"""Shared code of the command-line programs: options, signals, one-line errors, progress.
+
+Public: other packages may import this module.
+"""
 
 import argparse
 import atexit

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Functions for formulas of floats, arrays and symbolic numbers (`mechanism/tracer`).
 
+Public: other packages may import this module.
+
 Terms that a mechanism does not have are `ZERO`. They drop out of sums, and their products are
 `ZERO`.
 """
@@ -14,7 +16,8 @@ from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 
-from linkage_ros.numeric import Real
+from linkage_ros.numeric import Array as Array
+from linkage_ros.numeric import Real as Real
 
 
 class _Zero:

@@ -6,6 +6,8 @@ Apart from greys, they are from the colour-blind-safe palette of Okabe and Ito. 
 curves have the same colour, which is visible on black and on white. Two further colours are for
 pairs of other items, such as states, energies or controllers. In charts without a mechanism, a
 legend explains the colours.
+
+Public: other packages may import this module.
 """
 
 from typing import TypeAlias

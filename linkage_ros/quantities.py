@@ -4,6 +4,8 @@
 
 `quantity` declares the fields of mechanisms, drives, session and controller settings. These
 declarations also define the ROS parameters, their descriptors, checks and error messages.
+
+Public: other packages may import this module.
 """
 
 import dataclasses

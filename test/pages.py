@@ -11,7 +11,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 ROOT = Path(__file__).parents[1]
-PACKAGE_FILES = sorted((ROOT / 'linkage_ros').rglob('*.py'))
+PACKAGE_FILES = sorted(
+    path for name in ('linkage_ros', 'lab/linkage_lab') for path in (ROOT / name).rglob('*.py')
+)
 PAGES = (
     *('README.md', 'CONTRIBUTING.md', 'QUALITY_DECLARATION.md'),
     *sorted(

@@ -18,15 +18,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from linkage_ros.errors import MechanismError
-from linkage_ros.formulas import ZERO, Vector, atan2, cos, sin
-from linkage_ros.mechanism.kinematics import LinkPose, Pose, Reach
-from linkage_ros.mechanism.loads import Load
-from linkage_ros.mechanism.parts import OPEN, Body, Coupler, Guide, Slider, gravity_quantity
-from linkage_ros.mechanism.registry import MECHANISMS
-from linkage_ros.mechanism.structure import Link, Mechanism, Point, Structure, coupler_point
-from linkage_ros.mechanism.wrenches import Wrench
-from linkage_ros.numeric import Real, two_sum
+from linkage_ros import OPEN, Body, Coupler, Guide, Mechanism, MechanismError, Reach, Slider
+from linkage_ros.extensions import (
+    MECHANISMS,
+    Link,
+    LinkPose,
+    Load,
+    Point,
+    Pose,
+    Structure,
+    Wrench,
+    coupler_point,
+    gravity_quantity,
+    two_sum,
+)
+from linkage_ros.formulas import ZERO, Real, Vector, atan2, cos, sin
 from linkage_ros.quantities import Checked, quantity
 
 

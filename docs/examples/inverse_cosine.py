@@ -16,8 +16,7 @@ import math
 from linkage_lab.methods.measure import Method
 from linkage_lab.methods.registry import METHODS
 from linkage_lab.methods.stages import POSITION, Links
-from linkage_ros.formulas import Vector, atan2, cos, sin, sqrt
-from linkage_ros.numeric import Real
+from linkage_ros.formulas import Real, Vector, atan2, cos, sin, sqrt
 
 
 def inverse_cosine(links: Links, crank: Real) -> tuple[Real, Real]:

@@ -10,9 +10,8 @@ import sys
 from importlib import import_module
 from pathlib import Path
 
-from linkage_ros import cli
+from linkage_ros import cli, preset_names
 from linkage_ros.quantities import Quantity
-from linkage_ros.settings.presets import preset_names
 
 _NAME = 'linkage_chart'
 _RPM = Quantity('number', 'crank speed', 'rpm', -1e6, 1e6)

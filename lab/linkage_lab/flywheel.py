@@ -26,15 +26,12 @@ from scipy.optimize import brentq
 from linkage_lab.output import chart, over_crank
 from linkage_lab.period import Period, extent, mean
 from linkage_lab.sampling import derivative, integral, samples
-from linkage_ros import ConfigurationError, LinkageError, MechanismError, Solver
-from linkage_ros.mechanism.structure import Mechanism
-from linkage_ros.motion.drives import Motor
-from linkage_ros.numeric import Array
+from linkage_ros import ConfigurationError, LinkageError, Mechanism, MechanismError, Solver
+from linkage_ros.extensions import Motor
+from linkage_ros.formulas import Array
 from linkage_ros.palette import BLACK, COLORS, FIRST, GREY, SECOND, fractions
-from linkage_ros.settings.help import motor_line
-from linkage_ros.units import radians_per_second
 
-_RPM = 1 / radians_per_second(1.0)
+_RPM = 30 / math.pi  # of 1 rad/s
 # Angles per turn; enough for six digits of a flywheel's inertia, also if a load has corners.
 _PARTS = 2880
 _ROUNDS, _CLOSE = 30, 1e-9  # maximum iterations; relative speed change at convergence
@@ -246,7 +243,7 @@ def size_flywheel(
         carried, words = _attempt(crank.cycle, speed, added, motor)
         needed = f'and the cycle needs {torque:.4g} N m'
         lines += [
-            f'{motor_line(motor)}: {motor.at(speed):.4g} N m at this speed, {needed}',
+            f'{motor}: {motor.at(speed):.4g} N m at this speed, {needed}',
             f'with the flywheel: {words}',
             f'without: {_attempt(crank.cycle, speed, 0.0, motor)[1]}',
         ]

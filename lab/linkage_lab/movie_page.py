@@ -15,10 +15,9 @@ import numpy as np
 from matplotlib.ticker import MaxNLocator
 
 from linkage_lab.period import Column, Period
-from linkage_ros.numeric import Array
+from linkage_ros.extensions import Drawing
+from linkage_ros.formulas import Array
 from linkage_ros.palette import GREY, SECOND, Color, color_of
-from linkage_ros.units import radians_per_second
-from linkage_ros.view.drawing import Drawing
 
 _SIZE, _TALLEST = 480, 400  # px, width of a picture, and largest height of the linkage
 _ROOM = 26  # px around the linkage, for the names of its pins
@@ -102,7 +101,7 @@ def _samples(period: Period, count: int) -> Array:
 def _quantities(period: Period) -> list[_Quantity]:
     """Lists what the page shows: crank, output link, torque and loads."""
     columns, output = period.columns, period.solver.links[-1]
-    rpm = columns['crank.velocity'].values / radians_per_second(1.0)
+    rpm = columns['crank.velocity'].values * 30 / math.pi
     found = [
         _Quantity('Crank angle', 'deg', color_of('crank'), np.degrees(period.crank), False),
         _Quantity('Crank speed', 'rpm', color_of('crank'), rpm, bool(np.ptp(rpm) > 0)),

@@ -17,8 +17,7 @@ import numpy as np
 
 from linkage_ros import ConfigurationError, __version__
 from linkage_ros.cli import progress_bar
-from linkage_ros.files import reason
-from linkage_ros.numeric import Array
+from linkage_ros.formulas import Array
 
 # Charts must be readable at half size, 700 pixels wide; the smallest text is then 8 pixels high.
 WIDTH, DPI = 10.0, 140  # inches, and pixels per inch
@@ -39,11 +38,14 @@ def folder(path: Path) -> Iterator[None]:
         ConfigurationError: The folder or a file cannot be written, or the folder's parent does not
             exist, as after a typing error.
     """
+    missing = [folder for folder in reversed(path.parents) if not folder.exists()]
+    if missing:
+        raise ConfigurationError(f'{path} cannot be written: there is no folder {missing[0]}')
     try:
         path.mkdir(exist_ok=True)
         yield
     except OSError as error:
-        raise ConfigurationError(f'{path} cannot be written: {reason(error, path)}') from error
+        raise ConfigurationError(f'{path} cannot be written: {error.strerror or error}') from error
 
 
 def progress(items: Iterable[Any], words: str) -> Iterable[Any]:

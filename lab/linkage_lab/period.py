@@ -3,6 +3,7 @@
 """Motion, torque and forces of a mechanism over one period, as named columns."""
 
 import math
+from pathlib import Path
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -11,13 +12,8 @@ from linkage_lab.output import progress
 from linkage_lab.pump.analysis import settle
 from linkage_lab.pump.shooting import PeriodicMotion
 from linkage_lab.sampling import SAME, integral, samples, with_breaks
-from linkage_ros import ConfigurationError, Solver, State, WindPump, travel
-from linkage_ros.mechanism.structure import Mechanism
-from linkage_ros.numeric import Array
-from linkage_ros.settings.configuration import Configuration
-from linkage_ros.settings.help import motor_line
-from linkage_ros.settings.presets import find_file
-from linkage_ros.units import radians_per_second
+from linkage_ros import ConfigurationError, Mechanism, Solver, State, WindPump, travel
+from linkage_ros.formulas import Array
 
 _MOTION = ('position', ''), ('velocity', '/s'), ('acceleration', '/s^2')
 
@@ -97,7 +93,7 @@ class Period:
 
 
 def period_to_show(
-    source: str, design: Configuration, rpm: float | None, **options: Any
+    source: str, design: Any, rpm: float | None, **options: Any
 ) -> tuple[Period, list[str]]:
     """Computes the period of a design with the user's options.
 
@@ -113,7 +109,7 @@ def period_to_show(
     Raises:
         ConfigurationError: The mechanism or the options cannot be used.
     """
-    name, kind = find_file(source).stem, design.kind.mechanism
+    name, kind = Path(source).stem, design.kind.mechanism
     # If the crank angle does not determine the motion, the motor does.
     is_pump = Solver(design.mechanism).mobility is None
     compute = _settled if is_pump else _at_given_speed
@@ -123,7 +119,7 @@ def period_to_show(
 
 
 def _at_given_speed(
-    source: str, design: Configuration, rpm: float | None, options: dict[str, Any]
+    source: str, design: Any, rpm: float | None, options: dict[str, Any]
 ) -> tuple[Period, list[str]]:
     """Computes a period at a given speed; describes it by Grashof class, speed and travel.
 
@@ -143,7 +139,7 @@ def _at_given_speed(
             f'{acceleration:g} rad/s^2: change --rpm or --acceleration, or leave it out'
         )
     period = speed_driven_period(
-        design.mechanism, radians_per_second(rpm), acceleration, reactions='reactions' in options
+        design.mechanism, rpm * math.pi / 30, acceleration, reactions='reactions' in options
     )
     speed = f'{rpm:g} rpm' + (f', {acceleration:g} rad/s^2' if acceleration else '')
     return period, [period.solver.reach.grashof, speed, *travel(period.solver).words()]
@@ -211,7 +207,7 @@ def _add_reactions(period: Period, state: State) -> None:
 
 
 def _settled(
-    source: str, design: Configuration, rpm: float | None, options: dict[str, Any]
+    source: str, design: Any, rpm: float | None, options: dict[str, Any]
 ) -> tuple[Period, list[str]]:
     """Computes the steady motion of a wind pump, and describes it in lines of text.
 
@@ -230,12 +226,12 @@ def _settled(
             f'{name} = {given:g}: must be above 0 rpm, because a wind_pump is started '
             'forwards before its motor drives it; try --rpm 20'
         )
-    speed, mechanism = radians_per_second(given), cast('WindPump', design.mechanism)
+    speed, mechanism = given * math.pi / 30, cast('WindPump', design.mechanism)
     settled = settle(mechanism, drive.motor.torque, drive.motor.damping, speed, progress)
     low, high = settled.turning_points.min(), settled.turning_points.max()
     repeats = f', repeats after {settled.turns} turns' if settled.turns > 1 else ''
     return settled_period(settled), [
-        '', motor_line(drive.motor), f'from {speed:.4g} rad/s',
+        '', str(drive.motor), f'from {speed:.4g} rad/s',
         f'settled at {settled.speed:.4g} rad/s{repeats}',
         f'stroke {settled.stroke:.4g} m ({low:.4g} to {high:.4g} m)',
         f'flow (stroke x speed) {settled.flow:.4g} m/s',

@@ -13,18 +13,22 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from linkage_ros import Body, Solver
-from linkage_ros.formulas import ZERO, Opaque, Vector, total
-from linkage_ros.mechanism.equations import Model, acting_forces, torque, velocities
-from linkage_ros.mechanism.parts import LOADS
-from linkage_ros.mechanism.program import Constants, Program
-from linkage_ros.mechanism.structure import Mechanism
-from linkage_ros.mechanism.tracer import Tape
-from linkage_ros.numeric import Array, Real
+from linkage_ros import Body, Mechanism, Solver
+from linkage_ros.extensions import (
+    Constants,
+    Model,
+    Program,
+    Tape,
+    acting_forces,
+    torque,
+    velocities,
+)
+from linkage_ros.formulas import ZERO, Array, Opaque, Real, Vector, total
 from linkage_ros.quantities import build, flatten
 
 STATIC = 'inertia'  # term of all inertia forces; without it, weights and loads remain
-# Parameters of each term, or their group. A term is present if any of its parameters is nonzero.
+# Parameters of each term, or their group. A load with parameters of its own adds a term with the
+# name of their group. A term is present if any of its parameters is nonzero.
 TERMS: dict[str, tuple[str, ...]] = {
     'gravity': ('gravity',),
     STATIC: ('crank.inertia', 'coupler.inertia', 'rocker.inertia'),
@@ -41,7 +45,6 @@ TERMS: dict[str, tuple[str, ...]] = {
     'slider.force': ('slider.force',),
     'slider.damping': ('slider.damping',),
     'slider.stiffness': ('slider.stiffness', 'slider.rest_position'),
-    **{kind.group: (kind.group,) for kind in LOADS if kind.group},
 }
 
 
@@ -53,7 +56,8 @@ def terms(mechanism: Mechanism) -> dict[str, dict[str, int]]:
     }
     # The centre of a massless link has no effect.
     used = {x: n for x, n in counts.items() if n and counts.get(x.replace('.center', '.mass'), n)}
-    found = {name: {x: used[x] for x in _members(used, own)} for name, own in TERMS.items()}
+    known = TERMS | {load.group: (load.group,) for load in mechanism.loads if load.group}
+    found = {name: {x: used[x] for x in _members(used, own)} for name, own in known.items()}
     masses = any(name.endswith(('.mass', '.inertia')) for name in used)
     return {
         name: own for name, own in found.items()
@@ -70,7 +74,9 @@ def _members(values: Iterable[str], wanted: Iterable[str]) -> set[str]:
 def without(mechanism: Mechanism, names: Iterable[str]) -> Mechanism:
     """Returns a copy of a mechanism in which the parameters of some terms are 0."""
     values = flatten(mechanism)
-    gone = {parameter for name in names for parameter in _members(values, TERMS[name])}
+    gone = {
+        parameter for name in names for parameter in _members(values, TERMS.get(name, (name,)))
+    }
     left = {name: value for name, value in values.items() if name not in gone}
     return build(type(mechanism), {'gravity': (0.0, 0.0)} | left)
 

@@ -344,7 +344,7 @@ def test_ctrl_c_leaves_complete_rows_of_measured_designs(run, monkeypatch):
 @pytest.mark.parametrize(
     ('old', 'new', 'found'),
     [
-        ('designs: 200', 'desings: 200', 'did you mean designs?'),
+        ('designs: 200', 'desings: 200', 'of a study: choose from base, designs, '),
         ('designs: 200', 'designs: 0', 'a whole number from 1'),
         ('base: quadrilateral', 'base: no_such', 'no preset'),
         ('base: quadrilateral', 'base: wind_pump', 'must be a four_bar'),
@@ -352,8 +352,8 @@ def test_ctrl_c_leaves_complete_rows_of_measured_designs(run, monkeypatch):
         ('base: quadrilateral', '', 'base is missing'),
         ('seed: 3', 'sampler: dice', 'must be one of sobol'),
         ('designs: 200', 'designs: 7\nsampler: grid', 'needs at least 8'),
-        ('crank.length', 'crank.lenght', 'did you mean crank.length (m)?'),
-        ('crank.length', 'crank.center', 'did you mean crank.center.'),
+        ('crank.length', 'crank.lenght', 'of this FourBar: choose from frame.length, '),
+        ('crank.length', 'crank.center', 'crank.length, crank.mass, '),
         ('[0.05, 0.2]', '[0.2, 0.2]', 'empty'),
         ('[0.05, 0.2]', '[-0.1, 0.2]', 'two numbers, each from 1e-09'),
         ('[0.05, 0.2]', '0.2', 'two numbers'),

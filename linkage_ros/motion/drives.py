@@ -79,6 +79,10 @@ class Motor(Checked):
         default=0.0,
     )
 
+    def __str__(self) -> str:
+        lost = f' - {self.damping:g} N m s x speed' if self.damping else ''
+        return f'motor {self.torque:g} N m{lost}'
+
     def at(self, speed: Real) -> Real:
         """Returns the torque, N m, at a crank speed or an array of crank speeds, rad/s."""
         return self.torque - self.damping * speed

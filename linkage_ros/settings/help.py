@@ -10,7 +10,7 @@ from dataclasses import MISSING, replace
 from linkage_ros.mechanism.registry import MECHANISMS
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.mechanism.travel import travel
-from linkage_ros.motion.drives import FollowDrive, LawDrive, Motor, TorqueDrive
+from linkage_ros.motion.drives import FollowDrive, LawDrive, TorqueDrive
 from linkage_ros.motion.law import Law, Sine
 from linkage_ros.quantities import Leaf
 from linkage_ros.settings.configuration import (
@@ -83,12 +83,6 @@ def summary(configuration: Configuration, solver: Solver) -> str:
     return ', '.join(words)
 
 
-def motor_line(motor: Motor) -> str:
-    """Describes the torque and the damping of a motor."""
-    lost = f' - {motor.damping:g} N m s x speed' if motor.damping else ''
-    return f'motor {motor.torque:g} N m{lost}'
-
-
 def law_line(law: Law) -> str:
     """Describes a law of motion."""
     if isinstance(law, Sine):
@@ -105,7 +99,7 @@ def _drive(configuration: Configuration) -> str:
     if isinstance(drive, FollowDrive):
         return f'follows a measured crank, filter of {drive.follow_bandwidth:g} Hz'
     if isinstance(drive, TorqueDrive):
-        return f'{motor_line(drive.motor)}, from {drive.start_rpm:g} rpm{rate}'
+        return f'{drive.motor}, from {drive.start_rpm:g} rpm{rate}'
     if isinstance(drive, LawDrive):
         return f'{law_line(drive.motion.law)}{rate}'
     if drive.start_rpm is None or not drive.crank_acceleration:

@@ -60,19 +60,20 @@ def read_parameter_file(path: Path | str, node_name: str = 'linkage_node') -> Pa
     return values
 
 
-def read_study_file(path: Path | str) -> Parameters:
-    """Reads a study file: YAML with the syntax of a parameter file below `ros__parameters`.
+def read_yaml(path: Path | str, kind: str) -> Parameters:
+    """Reads YAML with the syntax of a parameter file below `ros__parameters`.
 
     Args:
         path: Path of the YAML file.
+        kind: Kind of the file, such as 'study', for error messages.
 
     Returns:
         The values by dotted name.
 
     Raises:
-        ConfigurationError: The file cannot be read, or is not a study.
+        ConfigurationError: The file cannot be read, or has another syntax.
     """
-    return _Reader(path, 'study', 'study', 'write "name: value"').read(('study', _SECTION))
+    return _Reader(path, kind, kind, 'write "name: value"').read((kind, _SECTION))
 
 
 class _Reader:

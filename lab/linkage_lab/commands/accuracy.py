@@ -24,6 +24,7 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullLocator
 
+from linkage_lab.methods.integrators import OfPackage
 from linkage_lab.methods.linkage_cases import NEAR, linkages
 from linkage_lab.methods.measure import (
     BATCH,
@@ -38,12 +39,10 @@ from linkage_lab.methods.motion_cases import ENERGY, MEAN, SLOWEST, TRAJECTORY, 
 from linkage_lab.methods.registry import DEFAULT, INTEGRATORS, LIVE, METHODS, RECORDS
 from linkage_lab.methods.stages import QUANTITIES
 from linkage_lab.output import SMALL, TEXT, about, chart, folder, progress, save_records
-from linkage_ros.mechanism.solver import Solver
-from linkage_ros.motion.drives import FollowDrive, Motor, TorqueDrive
-from linkage_ros.motion.measured import FollowMotion
-from linkage_ros.motion.segments import Coordinates, stacked
-from linkage_ros.motion.under_torque import TorqueMotion
-from linkage_ros.numeric import Array
+from linkage_lab.reference.motions import InitialValueProblem
+from linkage_ros import Solver, load
+from linkage_ros.extensions import FollowDrive, FollowMotion, Motor, live_steps
+from linkage_ros.formulas import Array
 from linkage_ros.palette import (
     BLACK,
     BLUE,
@@ -56,15 +55,13 @@ from linkage_ros.palette import (
     Color,
     fractions,
 )
-from linkage_ros.settings.configuration import load
-from linkage_ros.units import NS_PER_S, radians_per_second
 
 _LEAST, _CEILING = 1e-17, 10.0  # limits at which smaller and larger errors are drawn
 _BITS = (12, 14, 16, 18, 20)
 _BANDWIDTHS = (5.0, 7.0, 10.0, 14.0, 20.0, 30.0, 40.0, 60.0, 80.0, 120.0, 160.0, 240.0)  # Hz
 _RPM = 150.0
 _DAMPING = 20.0  # motor damping, N m s; keeps the speed within 3 % of 150 rpm
-_PERIOD = NS_PER_S // 1000  # between measurements, ns
+_PERIOD = 1_000_000  # between measurements, ns
 _TURN = 400  # measurements per turn; the filter settles for two turns, the next two are compared
 
 
@@ -249,14 +246,16 @@ def _measure_follow(*, quick: bool) -> tuple[list[dict[str, Any]], str]:
     whether the velocity is also measured, the bandwidth of the filter, Hz, and the largest torque
     error, relative to the peak torque at a constant speed.
     """
-    solver, speed = Solver(load('quadrilateral').mechanism), radians_per_second(_RPM)
-    drive = TorqueDrive(motor=Motor(_DAMPING * speed, _DAMPING), start_rpm=_RPM)
-    stamps = [n * _PERIOD for n in range(1, 4 * _TURN + 1)]
-    true = TorqueMotion(solver, drive, 0, _PERIOD).at_all(stamps)
+    mechanism, speed = load('quadrilateral').mechanism, _RPM * math.pi / 30
+    solver, motor = Solver(mechanism), Motor(_DAMPING * speed, _DAMPING)
+    run = OfPackage(InitialValueProblem(mechanism, (0.0, speed), motor), live_steps)
+    ticks = range(1, 4 * _TURN + 1)
+    q, u = np.transpose([run.at(n * _PERIOD * 1e-9) for n in ticks])
 
-    def torque(moments: Coordinates) -> Array:
-        (q,), (u,), (a,), *_ = moments
+    def torque(q: Array, u: Array, a: Array) -> Array:
         return np.asarray(solver.state(q, u, a).torque[2 * _TURN :])
+
+    true = torque(q, u, solver.accelerations(q, u, motor.at(u)))
 
     turn = np.linspace(0.0, 2 * math.pi, _TURN)
     peak = np.abs(solver.state(turn, np.full(_TURN, speed), np.zeros(_TURN)).torque).max()
@@ -264,17 +263,18 @@ def _measure_follow(*, quick: bool) -> tuple[list[dict[str, Any]], str]:
     kinds, points = list(itertools.product((False, True), bits)), []
     for velocity, bit in progress(kinds, 'errors, a measured crank'):
         step, pace = 2 * math.pi / 2**bit, 4 * speed / 2**bit
-        angles = (step * np.rint(true.unwrapped / step)).tolist()
-        speeds = (pace * np.rint(true.u[0] / pace)).tolist() if velocity else [None] * len(stamps)
-        measured = list(zip(stamps, angles, speeds, strict=True))
+        angles = (step * np.rint(q / step)).tolist()
+        speeds = (pace * np.rint(u / pace)).tolist() if velocity else [None] * len(ticks)
+        measured = list(zip(ticks, angles, speeds, strict=True))
         for bandwidth in bandwidths:
             motion = FollowMotion(FollowDrive(bandwidth), solver.reach.period_turns)
-            followed = stacked([motion.at(*one) for one in measured])
+            found = [motion.at(n * _PERIOD, *one)[:3] for n, *one in measured]
+            followed = torque(*np.transpose(found)[0])
             points.append({
                 'bits': bit, 'measured_velocity': velocity, 'follow_bandwidth': bandwidth,
-                'max_error': float(np.abs(torque(followed) - torque(true)).max() / peak),
+                'max_error': float(np.abs(followed - true).max() / peak),
             })  # fmt: skip
-    rpm = true.u[0][2 * _TURN :] / radians_per_second(1.0)
+    rpm = u[2 * _TURN :] * 30 / math.pi
     return points, f'{rpm.min():.0f} to {rpm.max():.0f} rpm'
 
 

@@ -18,10 +18,9 @@ from matplotlib.ticker import LogLocator, NullLocator
 from linkage_lab import torque_models
 from linkage_lab.output import NUMBERS, SMALL, TEXT, chart, folder, progress, save_records
 from linkage_lab.sampling import samples
-from linkage_lab.torque_models import STATIC, TERMS, TorqueProgram
-from linkage_ros import ConfigurationError, MechanismError, Solver
-from linkage_ros.mechanism.structure import Mechanism
-from linkage_ros.numeric import Array
+from linkage_lab.torque_models import STATIC, TorqueProgram
+from linkage_ros import ConfigurationError, Mechanism, MechanismError, Solver, load
+from linkage_ros.formulas import Array
 from linkage_ros.palette import (
     BLACK,
     BLUE,
@@ -34,9 +33,6 @@ from linkage_ros.palette import (
     fractions,
     mixed,
 )
-from linkage_ros.settings.configuration import load
-from linkage_ros.settings.presets import find_file
-from linkage_ros.units import radians_per_second
 
 POINT_MASSES = 'coupler as two point masses'
 _FULL = 'full model'
@@ -77,7 +73,7 @@ def economy(options: argparse.Namespace) -> None:
         ConfigurationError: No speed is given, or the folder cannot be written.
         MechanismError: The crank angle does not determine the motion, or no torque is needed.
     """
-    configuration, name = load(options.params), find_file(options.params).stem
+    configuration, name = load(options.params), Path(options.params).stem
     given = options.rpm or []
     # The summary is for this speed.
     own = getattr(configuration.drive, 'rpm', given[0] if given else 0.0)
@@ -93,7 +89,7 @@ def economy(options: argparse.Namespace) -> None:
         savings = measured.measure(rpms, 20 if options.quick else 200)
         sentence = measured.sentence(own, options.tolerance, savings)
         save_records(records, savings)
-        _draw(savings, sentence, own, options.tolerance, picture)
+        _draw(savings, [*measured.terms], sentence, own, options.tolerance, picture)
     print(f'{name}: {sentence}', records, picture, sep='\n')
 
 
@@ -188,7 +184,7 @@ class Economy:
         if reduced := torque_models.with_point_masses(self._mechanism):
             found[POINT_MASSES] = torque_models.torque_program(reduced), needs['coupler'] + 2
         angles = np.arange(float(_SAMPLES)) * (self._period / _SAMPLES)
-        even = full.torques(angles, radians_per_second(rpm))
+        even = full.torques(angles, rpm * math.pi / 30)
         for n in _HARMONICS:
             program = torque_models.series_program(even, self._period, n)
             found[f'{n} harmonic{"s" if n > 1 else ""}'] = program, 2 * n + 1
@@ -226,7 +222,7 @@ class Economy:
 
     def _error(self, program: TorqueProgram, rpm: float) -> float:
         """Computes a program's largest torque error, relative to the peak of the full torque."""
-        full, found = self._exact(rpm), program.torques(self._samples, radians_per_second(rpm))
+        full, found = self._exact(rpm), program.torques(self._samples, rpm * math.pi / 30)
         return float(np.abs(found - full).max() / np.abs(full).max())
 
     @functools.cache  # noqa: B019
@@ -236,7 +232,7 @@ class Economy:
         Raises:
             MechanismError: They are 0.
         """
-        found = self._without().torques(self._samples, radians_per_second(rpm))
+        found = self._without().torques(self._samples, rpm * math.pi / 30)
         if not found.any():
             raise MechanismError(
                 f'{self._name} needs no torque at {rpm:g} rpm: give links masses or loads, or '
@@ -266,10 +262,14 @@ def _listed(names: Sequence[str], word: str) -> str:
 
 
 def _draw(
-    savings: Sequence[Saving], sentence: str, rpm: float, tolerance: float, path: Path
+    savings: Sequence[Saving],
+    terms: Sequence[str],
+    sentence: str,
+    rpm: float,
+    tolerance: float,
+    path: Path,
 ) -> None:
     """Draws bars for each speed and, for one speed, the reduced models and a table of savings."""
-    terms = [x for x in dict.fromkeys(x['left_out'] for x in savings) if x in TERMS]
     own, heights = [x for x in savings if x['rpm'] == rpm], (3.7, 2.4 + 0.17 * len(terms))
     words = textwrap.fill(f'{sentence[0].upper()}{sentence[1:]}.', 88)
     with chart(path, sum(heights), words) as figure:

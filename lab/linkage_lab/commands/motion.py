@@ -19,11 +19,9 @@ from linkage_lab.commands.movie import LinkagePicture
 from linkage_lab.flywheel import size_flywheel
 from linkage_lab.output import NUMBERS, TEXT, WIDTH, chart, folder, over_crank, save_csv
 from linkage_lab.period import Period, extent, period_to_show
-from linkage_ros import ConfigurationError, palette, travel
-from linkage_ros.numeric import Array
+from linkage_ros import ConfigurationError, load, palette, travel
+from linkage_ros.formulas import Array
 from linkage_ros.palette import BLACK, COLORS, DARK, Color, color_of, fractions
-from linkage_ros.settings.configuration import load
-from linkage_ros.settings.presets import find_file
 
 # Inches. Heights: linkage, diagram, gap for tick labels below a diagram, bottom margin. Widths:
 # margin left of the diagrams, text right of them.
@@ -115,7 +113,7 @@ def _names(options: argparse.Namespace) -> list[str]:
         raise ConfigurationError(
             f'{count} mechanisms: must be at most {most}, and only one with --fluctuation'
         )
-    names = [find_file(source).stem for source in options.params]
+    names = [Path(source).stem for source in options.params]
     if len(set(names)) < count:
         raise ConfigurationError(f'{", ".join(names)}: give each file another name')
     return names

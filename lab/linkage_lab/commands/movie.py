@@ -19,11 +19,10 @@ from matplotlib.patheffects import withStroke
 from linkage_lab.movie_page import movie_page
 from linkage_lab.output import SMALL, STYLE, TEXT, folder, over_crank, progress
 from linkage_lab.period import Period, period_to_show
-from linkage_ros.errors import ConfigurationError
-from linkage_ros.numeric import Array
+from linkage_ros import ConfigurationError, load
+from linkage_ros.extensions import Drawing
+from linkage_ros.formulas import Array
 from linkage_ros.palette import COLORS, DARK, GREY, Color, color_of, fractions
-from linkage_ros.settings.configuration import load
-from linkage_ros.view.drawing import Drawing
 
 _SECONDS = 3.0  # duration of a crank turn in the movie
 _RATE = 20  # frames per second

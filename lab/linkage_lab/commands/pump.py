@@ -3,15 +3,12 @@
 """linkage_chart pump: steady states of a wind pump, for various starts and motor torques."""
 
 import argparse
+from pathlib import Path
+from typing import Any, cast
 
 from linkage_lab.output import DPI, folder, progress, save_records
 from linkage_lab.pump.analysis import analyse
-from linkage_ros.errors import ConfigurationError
-from linkage_ros.mechanism.wind_pump import WindPump
-from linkage_ros.motion.drives import TorqueDrive
-from linkage_ros.settings.configuration import load
-from linkage_ros.settings.help import motor_line
-from linkage_ros.settings.presets import find_file
+from linkage_ros import ConfigurationError, WindPump, load
 
 
 def pump(options: argparse.Namespace) -> None:
@@ -24,10 +21,10 @@ def pump(options: argparse.Namespace) -> None:
         ConfigurationError: The mechanism is not a wind pump, or the folder cannot be written.
     """
     configuration = load(options.params)
-    mechanism, drive = configuration.mechanism, configuration.drive
-    if not (isinstance(mechanism, WindPump) and isinstance(drive, TorqueDrive)):
+    mechanism, drive = configuration.mechanism, cast('Any', configuration.drive)
+    if not isinstance(mechanism, WindPump):
         raise ConfigurationError(f'{options.params} is not a wind_pump: try the preset wind_pump')
-    name, motor = find_file(options.params).stem, drive.motor
+    name, motor = Path(options.params).stem, drive.motor
     records, picture = (options.out / f'{name}_settled.{end}' for end in ('json', 'png'))
     with folder(options.out):
         found = analyse(
@@ -36,6 +33,6 @@ def pump(options: argparse.Namespace) -> None:
         from linkage_lab.pump.chart import draw_pump, states_table
 
         save_records(records, [found.record()])
-        title = f'{name}: {motor_line(motor)}'
+        title = f'{name}: {motor}'
         draw_pump(found, title, picture, DPI / 2 if options.quick else DPI)
     print(records, *states_table(found), picture, sep='\n')

@@ -16,9 +16,9 @@ from linkage_lab.output import chart, folder, save_csv
 from linkage_lab.sweep.measures import CANNOT_TURN, MEASURES, REFUSED, TURNS, measure
 from linkage_lab.sweep.spread import cluster, processes, spread
 from linkage_lab.sweep.study import Study, read_study
+from linkage_ros import ConfigurationError
 from linkage_ros.cli import counted, progress_bar
-from linkage_ros.errors import ConfigurationError
-from linkage_ros.numeric import Array
+from linkage_ros.formulas import Array
 from linkage_ros.palette import BLUE, GREY, SKY, VERMILION, fractions
 
 LIMITED, UNFIT, OUTSIDE, VALID, FRONT = OUTCOMES = (

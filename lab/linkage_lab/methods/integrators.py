@@ -17,10 +17,8 @@ from scipy import integrate
 
 from linkage_lab.reference.motions import InitialValueProblem, Phase, halves
 from linkage_lab.reference.multibody import Multibody
-from linkage_ros.formulas import Vector
-from linkage_ros.motion.steps import Integrate
-from linkage_ros.motion.under_torque import published
-from linkage_ros.numeric import Array
+from linkage_ros.extensions import Integrate, published
+from linkage_ros.formulas import Array, Vector
 
 _FIRST_STEP = 1e-4  # s
 _END = 1e10  # s, longer than any run

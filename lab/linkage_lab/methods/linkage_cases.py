@@ -35,10 +35,9 @@ from linkage_lab.methods.measure import (
 )
 from linkage_lab.methods.stages import ACCELERATION, POSITION, QUANTITIES, SPEED
 from linkage_lab.reference.states import Linkage, Reference, other_assembly
-from linkage_ros import LinkageError, Solver, UnreachableError
-from linkage_ros.mechanism.program import Constants, Program
-from linkage_ros.numeric import Array, Real
-from linkage_ros.settings.configuration import load
+from linkage_ros import LinkageError, Solver, UnreachableError, load
+from linkage_ros.extensions import Constants, Program
+from linkage_ros.formulas import Array, Real
 
 NEAR = 'near a change point'
 _EVEN = 48  # number of evenly spaced angles in a period or an arc

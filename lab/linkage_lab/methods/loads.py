@@ -27,8 +27,8 @@ from linkage_lab.methods.measure import Case, Method, Row, Situation, attempt
 from linkage_lab.methods.situations import Random, slider_crank
 from linkage_lab.methods.stages import ACCELERATION, SPEED
 from linkage_ros import Friction, LoadCurve, SliderCrank, Solver
-from linkage_ros.numeric import TURN
 
+TURN = Fraction(math.tau) + Fraction(2.4492935982947064e-16)  # 2 pi in 32 digits
 _POINTS, _NODES, _ROUNDS = 8, 256, 100
 _LARGEST = 10.0  # N m
 _BESIDE, _STEEP = 1e-3, 1e-4  # rad

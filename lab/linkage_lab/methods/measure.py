@@ -27,7 +27,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from linkage_lab.output import progress
-from linkage_ros.errors import LinkageError
+from linkage_ros import LinkageError
 
 RIGHT, REFUSED, DIVERGED, WRONG_BRANCH, NAN = OUTCOMES = (
     'right', 'refused', 'diverged', 'wrong branch', 'NaN',

@@ -32,9 +32,8 @@ from linkage_lab.reference.motions import (
     free_pump,
     halves,
 )
-from linkage_ros import Body, Coupler, FourBar, Solver
-from linkage_ros.mechanism.kinematics import State
-from linkage_ros.motion.drives import Motor
+from linkage_ros import Body, Coupler, FourBar, Solver, State
+from linkage_ros.extensions import Motor
 
 TRAJECTORY, ENERGY, LOOP = 'trajectory', 'energy', 'loop'  # compared quantities
 # Modes: mean time per simulated ms, and time of the slowest ms, which limits a live node.

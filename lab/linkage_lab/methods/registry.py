@@ -22,9 +22,15 @@ from linkage_lab.methods.measure import BATCH, ONE, Method, Setting
 from linkage_lab.methods.stages import POSITION, RATES, STATE, Locate, Pair
 from linkage_lab.reference.states import Linkage, lengths
 from linkage_ros import ConfigurationError, Solver
-from linkage_ros.mechanism.program import Constants, Program
-from linkage_ros.motion.steps import LONGEST_STEP, TOLERANCE, live_steps, record_steps
-from linkage_ros.numeric import Real
+from linkage_ros.extensions import (
+    LONGEST_STEP,
+    TOLERANCE,
+    Constants,
+    Program,
+    live_steps,
+    record_steps,
+)
+from linkage_ros.formulas import Real
 
 CAP = 50
 _ENDLESS = 200  # iteration limit of a method that has none of its own

@@ -22,12 +22,17 @@ from collections.abc import Callable
 from typing import Any, NamedTuple, TypeAlias
 
 from linkage_lab.reference.states import Linkage, lengths
-from linkage_ros.formulas import ZERO, Opaque, Vector, atan2, cos, cross, dot, sin, sqrt
-from linkage_ros.mechanism.equations import Model, accelerations, balance, torque, velocities
-from linkage_ros.mechanism.kinematics import LinkPose, Pose
-from linkage_ros.mechanism.nested import leaves
-from linkage_ros.mechanism.parts import OPEN
-from linkage_ros.numeric import Real
+from linkage_ros import OPEN
+from linkage_ros.extensions import (
+    LinkPose,
+    Model,
+    Pose,
+    accelerations,
+    balance,
+    torque,
+    velocities,
+)
+from linkage_ros.formulas import ZERO, Opaque, Real, Vector, atan2, cos, cross, dot, sin, sqrt
 
 QUANTITIES = ('position', 'rate', 'acceleration', 'torque')
 STATE, POSITION, RATES = 'state', 'position', 'rates'
@@ -105,10 +110,15 @@ def formula(quantity: str, stage: str, solve: Callable[..., Any]) -> Callable[..
             velocities(pose, (SPEED,)), accelerations(pose, (SPEED,), (ACCELERATION,)),
         )  # fmt: skip
         drive = balance(links.model, pose, rates, changes)
-        found = leaves(place), rates[1:], changes[1:], drive
+        found = _numbers(place), rates[1:], changes[1:], drive
         return tuple(found[QUANTITIES.index(quantity)])
 
     return solved
+
+
+def _numbers(place: Pair) -> list[Real]:
+    """Lists angles and the components of unit vectors."""
+    return [x for part in place for x in (part if isinstance(part, tuple) else (part,))]
 
 
 # ---------------------------------------------------------------- positions

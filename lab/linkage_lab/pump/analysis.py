@@ -20,7 +20,7 @@ from linkage_lab.pump.continuation import (
 )
 from linkage_lab.pump.shooting import ROUGH, TURN, PeriodicMotion, Shooting
 from linkage_ros import ConfigurationError, MotionError, WindPump
-from linkage_ros.numeric import Array
+from linkage_ros.formulas import Array
 
 # Starts at crank angle 0: parts of the slider's range and of the no-load speed, and slider speeds
 # relative to that of the crank pin at the no-load speed.

@@ -17,7 +17,7 @@ from scipy.optimize import root
 
 from linkage_lab.pump.shooting import TURN, PeriodicMotion, Shooting
 from linkage_ros import LinkageError
-from linkage_ros.numeric import Array
+from linkage_ros.formulas import Array
 
 _ANGLES = np.linspace(0, TURN, 64, endpoint=False)
 _WAVES: Any = np.array((np.ones_like(_ANGLES), np.cos(_ANGLES), np.sin(_ANGLES)))

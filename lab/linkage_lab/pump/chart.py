@@ -21,7 +21,7 @@ from linkage_lab.pump.continuation import (
     stability_lost,
 )
 from linkage_lab.pump.shooting import TURN
-from linkage_ros.numeric import Array
+from linkage_ros.formulas import Array
 from linkage_ros.palette import BLACK, DARK, FIRST, GREY, SECOND, fractions, mixed
 
 # Colours of the stable pieces of the curves, in order; unstable pieces are grey and dashed.

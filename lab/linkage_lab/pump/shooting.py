@@ -20,7 +20,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from linkage_ros import LinkageError, MotionError, Solver, State, WindPump
-from linkage_ros.numeric import Array
+from linkage_ros.formulas import Array
 
 TURN = 2 * math.pi
 # Relative tolerances of the integration: of states, along a curve, of guesses, and over time.

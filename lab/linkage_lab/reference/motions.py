@@ -22,11 +22,9 @@ from mpmath import mp
 from scipy import optimize
 
 from linkage_lab.reference.multibody import Multibody, eliminate
+from linkage_ros import Solver, load
+from linkage_ros.extensions import DrivenMechanism, Motor
 from linkage_ros.formulas import Vector, cross, dot
-from linkage_ros.mechanism.solver import Solver
-from linkage_ros.motion.coordinates import DrivenMechanism
-from linkage_ros.motion.drives import Motor
-from linkage_ros.settings.configuration import load
 
 _CONTEXT = Context(prec=34)
 _LOOK = 0.02  # s between two checks for a singularity of the coordinates

@@ -18,12 +18,9 @@ import operator
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeAlias
 
+from linkage_ros import FourBar, Mechanism
+from linkage_ros.extensions import LinkPose, generalised, transformed
 from linkage_ros.formulas import ZERO, Vector, dot
-from linkage_ros.mechanism.four_bar import FourBar
-from linkage_ros.mechanism.kinematics import LinkPose
-from linkage_ros.mechanism.nested import transformed
-from linkage_ros.mechanism.structure import Mechanism
-from linkage_ros.mechanism.wrenches import generalised
 
 Row: TypeAlias = list[Any]  # of floats, Decimals or mpfs
 

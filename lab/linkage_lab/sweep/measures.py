@@ -16,17 +16,9 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 import numpy.typing as npt
 
-from linkage_ros.errors import LinkageError
-from linkage_ros.formulas import ZERO, Vector
-from linkage_ros.mechanism.equations import Model, torque
-from linkage_ros.mechanism.joint_forces import reactions
-from linkage_ros.mechanism.load_curve import Table
-from linkage_ros.mechanism.nested import transformed
-from linkage_ros.mechanism.program import Constants, Program
-from linkage_ros.mechanism.structure import Mechanism
-from linkage_ros.mechanism.transmission import Transmission
-from linkage_ros.numeric import Array, Real, wrap
-from linkage_ros.units import radians_per_second
+from linkage_ros import LinkageError, Mechanism
+from linkage_ros.extensions import Constants, Model, Program, reactions, torque, transformed
+from linkage_ros.formulas import ZERO, Array, Real, Vector
 
 RPM = 'rpm'
 CANNOT_TURN, TURNS, REFUSED = range(3)
@@ -80,7 +72,7 @@ def measure(task: Task, designs: Array) -> Array:
             found[rows, 0] = TURNS
             for start in range(0, len(rows), at_once):
                 part = slice(start, start + at_once)
-                speed: Real = radians_per_second(rpms[rows[part], None])
+                speed: Real = rpms[rows[part], None] * math.pi / 30
                 batch = Batch(constants.part(part), transmission, speed, task)
                 for i, name in enumerate(task.measures, 1):
                     found[rows[part], i] = MEASURES[name].of(batch)
@@ -92,7 +84,7 @@ def measure(task: Task, designs: Array) -> Array:
 
 def groups(
     mechanism: Mechanism, columns: Mapping[str, Array], count: int
-) -> Iterator[tuple[npt.NDArray[np.intp], Transmission, Constants | None]]:
+) -> Iterator[tuple[npt.NDArray[np.intp], Any, Constants | None]]:
     """Divides designs into groups that share a structure, and therefore a program.
 
     Args:
@@ -105,16 +97,16 @@ def groups(
         constants of the formulas, in which numbers are arrays of shape (designs, 1), or None if a
         load does not fit. Designs that cannot be assembled are omitted.
     """
-    found: dict[Any, list[tuple[int, Transmission, Constants]]] = {}
+    found: dict[Any, list[tuple[int, Any, Constants]]] = {}
+    # A load curve is a function, which cannot be stacked.
+    has_curve = any(map(callable, Constants(mechanism.link_loads()).numbers))
     for row in range(count):
         with suppress(LinkageError):
             transmission, constants = _constants(mechanism, columns, row)
             if constants is None:
                 yield np.array([row]), transmission, None
                 continue
-            # A load curve is a function, which cannot be stacked.
-            is_alone = any(isinstance(x, Table) for x in constants.numbers)
-            key = row if is_alone else id(constants.tapes)
+            key = row if has_curve else id(constants.tapes)
             found.setdefault(key, []).append((row, transmission, constants))
     for group in found.values():
         rows, transmissions, each = zip(*group, strict=True)
@@ -123,7 +115,7 @@ def groups(
 
 def _constants(
     mechanism: Mechanism, columns: Mapping[str, Array], row: int
-) -> tuple[Transmission, Constants | None]:
+) -> tuple[Any, Constants | None]:
     """Returns the transmission and the constants of the formulas below, for one design.
 
     The constants are None if a load does not fit the mechanism.
@@ -209,9 +201,7 @@ class Batch:
     All arrays have a row for each design.
     """
 
-    def __init__(
-        self, constants: Constants, transmission: Transmission, speed: Array, task: Task
-    ) -> None:
+    def __init__(self, constants: Constants, transmission: Any, speed: Array, task: Task) -> None:
         """Stores constants and crank speeds, rad/s, of shape (designs, 1), and the task."""
         self._constants, self._speed, self._points = constants, speed, task.points
         straight = [square.least is ZERO for square in (transmission.cos, transmission.sin)]
@@ -257,7 +247,8 @@ class Batch:
 
     def swing(self) -> Array:
         """Computes the swing of a rocker that stays on one side of the frame, deg."""
-        return cast('Array', np.abs(np.degrees(wrap(self.stroke(), np.rint))))
+        stroke = self.stroke()
+        return np.asarray(np.abs(np.degrees(stroke - math.tau * np.rint(stroke / math.tau))))
 
     def time_ratio(self) -> Array:
         """Computes the ratio of the longer to the shorter crank rotation between reversals."""

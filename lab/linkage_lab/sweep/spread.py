@@ -20,7 +20,7 @@ from contextlib import AbstractContextManager, contextmanager, suppress
 from importlib.metadata import version
 from typing import Any, cast
 
-from linkage_ros.errors import ConfigurationError
+from linkage_ros import ConfigurationError
 
 _ATTEMPTS = 3
 _PATIENCE = 10  # time limit, s, for the scheduler to answer, and again for its first worker

@@ -3,7 +3,7 @@
 """A study: the designs to evaluate, the measures to compute, constraints and goals."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, cast
 
@@ -11,13 +11,10 @@ import numpy as np
 from scipy.stats import qmc
 
 from linkage_lab.sweep.measures import MEASURES, RPM, Task
-from linkage_ros.errors import ConfigurationError
-from linkage_ros.mechanism.structure import Mechanism
-from linkage_ros.numeric import Array
+from linkage_ros import ConfigurationError, Mechanism, load
+from linkage_ros.extensions import read_yaml
+from linkage_ros.formulas import Array
 from linkage_ros.quantities import Checked, Leaf, Quantity, build, flatten, leaves, quantity, shown
-from linkage_ros.settings.configuration import load
-from linkage_ros.settings.unknown_names import unknown_name
-from linkage_ros.settings.yaml_file import read_study_file
 
 _GROUPS = 'ranges', 'tolerances', 'constraints', 'goals'
 _NUMBER = Quantity('number', '')
@@ -119,8 +116,8 @@ def _read_groups(path: str) -> tuple[dict[str, dict[str, Any]], dict[str, Any]]:
     Raises:
         ConfigurationError: The file cannot be read, or contains an unknown name.
     """
-    values: dict[str, Any] = read_study_file(path)
-    known = [*leaves(Settings), *(Leaf(x, _NUMBER, None) for x in ('measures', *_GROUPS))]
+    values: dict[str, Any] = read_yaml(path, 'study')
+    known = [*(leaf.name for leaf in leaves(Settings)), 'measures', *_GROUPS]
     groups: dict[str, dict[str, Any]] = {group: {} for group in _GROUPS}
     for name, value in values.items():
         group, _, rest = name.partition('.')
@@ -128,8 +125,8 @@ def _read_groups(path: str) -> tuple[dict[str, dict[str, Any]], dict[str, Any]]:
             raise ConfigurationError(f'{name} = {shown(value)}: write {name}: {{NAME: VALUE}}')
         if group in groups:
             groups[group][rest] = value
-        elif name not in {leaf.name for leaf in known}:
-            raise ConfigurationError(unknown_name(name, 'a study', known, 'docs/sizing.md'))
+        elif name not in known:
+            raise ConfigurationError(_unknown(name, 'a study', known))
     return groups, values
 
 
@@ -146,8 +143,8 @@ def _columns(
     columns: dict[str, Leaf] = {}
     for group, name in [(x, name) for x in ('ranges', 'tolerances') for name in groups[x]]:
         if name not in valid:
-            owner, known = f'this {type(mechanism).__name__}', valid.values()
-            raise ConfigurationError(unknown_name(name, owner, known, 'docs/reference.md'))
+            owner = f'this {type(mechanism).__name__}'
+            raise ConfigurationError(_unknown(name, owner, valid))
         if name in columns:
             raise ConfigurationError(f'{name} has a range and a tolerance: leave one out')
         _, allowed, base = valid[name]
@@ -160,6 +157,10 @@ def _columns(
     if not columns:
         raise ConfigurationError('nothing varies: give ranges or tolerances of parameters')
     return [*columns.values()]
+
+
+def _unknown(name: str, owner: str, valid: Iterable[str]) -> str:
+    return f'{shown(name)} is not a parameter of {owner}: choose from {", ".join(valid)}'
 
 
 def _span(name: str, value: object, allowed: Quantity) -> tuple[float, float]:

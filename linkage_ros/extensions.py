@@ -1,0 +1,73 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Names for mechanisms, loads, methods and charts of your own, beside those of `linkage_ros`.
+
+Other packages may import this module, and also `formulas`, `quantities`, `cli` and `palette`. All
+further modules may change in any release. `linkage_lab` imports nothing else.
+"""
+
+from linkage_ros.mechanism.equations import (
+    Model,
+    accelerations,
+    acting_forces,
+    balance,
+    torque,
+    velocities,
+)
+from linkage_ros.mechanism.joint_forces import reactions
+from linkage_ros.mechanism.kinematics import LinkPose, Pose
+from linkage_ros.mechanism.loads import Load
+from linkage_ros.mechanism.nested import transformed
+from linkage_ros.mechanism.parts import gravity_quantity
+from linkage_ros.mechanism.program import Constants, Program
+from linkage_ros.mechanism.registry import MECHANISMS
+from linkage_ros.mechanism.structure import Link, Point, Structure, coupler_point
+from linkage_ros.mechanism.tracer import Tape
+from linkage_ros.mechanism.wrenches import Wrench, generalised, poses
+from linkage_ros.motion.coordinates import DrivenMechanism
+from linkage_ros.motion.drives import FollowDrive, Motor
+from linkage_ros.motion.measured import FollowMotion
+from linkage_ros.motion.steps import LONGEST_STEP, TOLERANCE, Integrate, live_steps, record_steps
+from linkage_ros.motion.under_torque import published
+from linkage_ros.numeric import two_sum
+from linkage_ros.settings.yaml_file import read_yaml
+from linkage_ros.view.drawing import Drawing
+
+__all__ = [
+    'LONGEST_STEP',
+    'MECHANISMS',
+    'TOLERANCE',
+    'Constants',
+    'Drawing',
+    'DrivenMechanism',
+    'FollowDrive',
+    'FollowMotion',
+    'Integrate',
+    'Link',
+    'LinkPose',
+    'Load',
+    'Model',
+    'Motor',
+    'Point',
+    'Pose',
+    'Program',
+    'Structure',
+    'Tape',
+    'Wrench',
+    'accelerations',
+    'acting_forces',
+    'balance',
+    'coupler_point',
+    'generalised',
+    'gravity_quantity',
+    'live_steps',
+    'poses',
+    'published',
+    'reactions',
+    'read_yaml',
+    'record_steps',
+    'torque',
+    'transformed',
+    'two_sum',
+    'velocities',
+]
