@@ -30,6 +30,7 @@ from linkage_lab.commands.stability import GRIDS
 from linkage_ros import executables
 from linkage_ros.mechanism.registry import MECHANISMS
 from linkage_ros.messages.topics import (
+    CRANK_TRAJECTORY,
     EFFORT_COMMANDS,
     JOINT_COMMANDS,
     MEASURED_JOINT_STATES,
@@ -108,7 +109,7 @@ def _sections(word: str, classes: Mapping[str, type]) -> str:
 
 def _topics() -> str:
     rows = []
-    subscribed = JOINT_COMMANDS, MEASURED_JOINT_STATES, SIMULATED_CLOCK
+    subscribed = JOINT_COMMANDS, MEASURED_JOINT_STATES, CRANK_TRAJECTORY, SIMULATED_CLOCK
     for topic in (*TOPICS, EFFORT_COMMANDS, TRAJECTORY_COMMANDS, *subscribed):
         direction = ' (subscribed)' if topic in subscribed else ''
         latched = '; transient local' * topic.latched

@@ -17,7 +17,13 @@ from linkage_lab.methods.registry import DEFAULT, INTEGRATORS, LIVE, RECORDS
 from linkage_ros.log import writer
 from linkage_ros.log.scan import LARGEST
 from linkage_ros.mechanism.registry import MECHANISMS
-from linkage_ros.messages.topics import JOINT_COMMANDS, MEASURED_JOINT_STATES, TOPICS, qualified
+from linkage_ros.messages.topics import (
+    CRANK_TRAJECTORY,
+    JOINT_COMMANDS,
+    MEASURED_JOINT_STATES,
+    TOPICS,
+    qualified,
+)
 from linkage_ros.motion.drives import FollowDrive
 from linkage_ros.settings.configuration import MechanismAndDrive, parameter_leaves
 from linkage_ros.settings.session import DRIVES
@@ -219,7 +225,7 @@ def test_conclusions_of_methods_follow_from_its_numbers(figures):
 
 def test_mcap_page_matches_channels_and_sizes_of_the_code():
     page = read('docs/mcap.md')
-    for topic in (*TOPICS, JOINT_COMMANDS, MEASURED_JOINT_STATES):
+    for topic in (*TOPICS, CRANK_TRAJECTORY, JOINT_COMMANDS, MEASURED_JOINT_STATES):
         assert f'| `{qualified(topic)}` | ' in page
     sizes = [str(size >> 20) for size in (LARGEST, writer.CHUNK_SIZE)]
     words = (

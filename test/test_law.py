@@ -31,12 +31,11 @@ from linkage_ros.motion.segments import LawSegment
 from linkage_ros.programs.record import record
 from linkage_ros.quantities import build
 from linkage_ros.run.states import Simulator
-from linkage_ros.settings.configuration import configure, load
+from linkage_ros.settings.configuration import configure, load, read_values
 
 NOW = 1_795_000_000_123_456_789
 TIMES = (0.0, 0.31, 0.5, 0.500000017, 1.25, 2.0)
 TURN = math.tau
-RATES = 'rpm', 'start_rpm', 'crank_acceleration', 'crank_angle'
 LAWS = {
     'quintic': {'times': TIMES, 'angles': (0.2, 1.4, 1.1, 1.1, -3.0, 0.4)},
     'cubic': {'times': TIMES, 'angles': (0.2, 1.4, 1.1, 1.1, -3.0, 0.4), 'spline': 'cubic'},
@@ -252,7 +251,7 @@ def test_a_law_may_approach_the_ends_of_its_arc_but_not_reach_them(mechanism, ar
 
 
 SERVO = {
-    **{k: v for k, v in load('quadrilateral').parameters().items() if k not in RATES},
+    **{k: v for k, v in read_values('quadrilateral').items() if k != 'rpm'},
     'drive': 'motion', 'crank.length': 0.3, 'rate_hz': 333.3,
 }  # fmt: skip
 

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Encodes and decodes CDR, the encoding of ROS messages: little endian, with zero padding.
 
-Values are aligned to their size, relative to the end of the encapsulation header. Commands and
-measurements are JointState messages from other nodes. They are decoded here because rclpy prints a
-line to stderr for each invalid message.
+Values are aligned to their size, relative to the end of the encapsulation header. Commands,
+measurements and trajectories are messages from other nodes. They are decoded here because rclpy
+prints a line to stderr for each invalid message.
 """
 
 import struct
@@ -138,29 +138,102 @@ def decode_joint_state(data: bytes) -> JointStateData:
     Raises:
         ValueError: The bytes are not a JointState, or the message is too large.
     """
-    if len(data) > LARGEST_COMMAND:
-        raise ValueError(f'it has {len(data)} bytes: must be at most {LARGEST_COMMAND}')
-    if data[:4] != ENCAPSULATION:
-        raise ValueError('its bytes are not a JointState')
-    body, names, rows = data[len(ENCAPSULATION) :], list[str](), list[tuple[float, ...]]()
+    body = _body(data, 'JointState')
     try:
-        _, at = _sequence(body, STAMP.size, 's')  # the frame
-        at += -at % 4 + _COUNT.size
-        for _ in range(*_COUNT.unpack_from(body, at - _COUNT.size)):
-            (text,), at = _sequence(body, at, 's')
-            names.append(text.removesuffix(b'\0').decode())  # Fast DDS may omit the zero
-        for _ in range(3):
-            row, at = _sequence(body, at, 'd')
-            rows.append(row)
+        names, at = _names(body)
+        rows, _ = _rows(body, at, 3)
     except (struct.error, ValueError) as error:
         raise ValueError('its bytes are not a JointState') from error
     return JointStateData(stamp_of(data), names, *rows)
 
 
-def _sequence(body: bytes, at: int, code: str) -> tuple[tuple[Any, ...], int]:
-    """Reads a sequence of characters or doubles at an offset; returns values and end offset."""
+class TrajectoryPoint(NamedTuple):
+    """A point of a JointTrajectory; the sequences may differ in length.
+
+    Attributes:
+        positions: Joint positions, rad or m.
+        velocities: Joint velocities, rad/s or m/s.
+        accelerations: Joint accelerations, rad/s^2 or m/s^2.
+        efforts: Joint efforts, N m or N.
+        time: Time from the start, ns.
+    """
+
+    positions: tuple[float, ...]
+    velocities: tuple[float, ...]
+    accelerations: tuple[float, ...]
+    efforts: tuple[float, ...]
+    time: int
+
+
+def decode_trajectory(data: bytes) -> tuple[int, list[str], list[TrajectoryPoint]]:
+    """Decodes an untrusted JointTrajectory.
+
+    Args:
+        data: CDR bytes of the message, little endian.
+
+    Returns:
+        The stamp, ns, the names of the joints, and the points.
+
+    Raises:
+        ValueError: The bytes are not a JointTrajectory, or the message is too large.
+    """
+    body, points = _body(data, 'JointTrajectory'), list[TrajectoryPoint]()
+    try:
+        names, at = _names(body)
+        number, at = _count(body, at)
+        for _ in range(number):
+            rows, at = _rows(body, at, 4)
+            at += -at % 4 + STAMP.size
+            whole, rest = STAMP.unpack_from(body, at - STAMP.size)
+            points.append(TrajectoryPoint._make((*rows, whole * NS_PER_S + rest)))
+    except (struct.error, ValueError) as error:
+        raise ValueError('its bytes are not a JointTrajectory') from error
+    return stamp_of(data), names, points
+
+
+def _body(data: bytes, kind: str) -> bytes:
+    """Removes the encapsulation of an untrusted message.
+
+    Raises:
+        ValueError: It has another encapsulation, or is too large.
+    """
+    if len(data) > LARGEST_COMMAND:
+        raise ValueError(f'it has {len(data)} bytes: must be at most {LARGEST_COMMAND}')
+    if data[:4] != ENCAPSULATION:
+        raise ValueError(f'its bytes are not a {kind}')
+    return data[len(ENCAPSULATION) :]
+
+
+def _names(body: bytes) -> tuple[list[str], int]:
+    """Reads the joint names after a header; returns them and the end offset."""
+    _, at = _sequence(body, STAMP.size, 's')  # the frame
+    number, at = _count(body, at)
+    names = []
+    for _ in range(number):
+        (text,), at = _sequence(body, at, 's')
+        names.append(text.removesuffix(b'\0').decode())  # Fast DDS may omit the zero
+    return names, at
+
+
+def _rows(body: bytes, at: int, number: int) -> tuple[list[tuple[float, ...]], int]:
+    """Reads sequences of doubles at an offset; returns them and the end offset."""
+    rows = []
+    for _ in range(number):
+        row, at = _sequence(body, at, 'd')
+        rows.append(row)
+    return rows, at
+
+
+def _count(body: bytes, at: int) -> tuple[int, int]:
+    """Reads the length of a sequence at an offset; returns it and the end offset."""
     at += -at % 4 + _COUNT.size
     (number,) = _COUNT.unpack_from(body, at - _COUNT.size)
+    return number, at
+
+
+def _sequence(body: bytes, at: int, code: str) -> tuple[tuple[Any, ...], int]:
+    """Reads a sequence of characters or doubles at an offset; returns values and end offset."""
+    number, at = _count(body, at)
     form = f'<{number}{code}'
     at += -at % struct.calcsize(f'<{code}') if number else 0
     return struct.unpack_from(form, body, at), at + struct.calcsize(form)

@@ -176,6 +176,12 @@ MEASURED_JOINT_STATES = Topic(
     depth=1000,
     meaning='best effort, with `drive: follow`: the measured crank; each message gives one state',
 )
+CRANK_TRAJECTORY = Topic(
+    'crank_trajectory',
+    JOINT_TRAJECTORY,
+    meaning='best effort, with `drive: motion`: the further motion of the crank; its positions '
+    'include all turns, and a stamp of 0 means now',
+)
 # Depth 1, because a slow subscriber needs only the latest time.
 SIMULATED_CLOCK = Topic('/clock', CLOCK, depth=1, meaning='with `use_sim_time`: the time')
 

@@ -10,7 +10,7 @@ import operator
 from collections import defaultdict
 from collections.abc import Sequence
 from decimal import Context, Decimal, localcontext
-from itertools import pairwise
+from itertools import accumulate, pairwise
 from typing import TypeAlias
 
 from linkage_ros.motion.law import Moment, Spline
@@ -166,9 +166,10 @@ def _smooth(
     for key in order:
         pivot, later = matrix[key][key], {x: y for x, y in matrix[key].items() if x > key}
         for other, entry in later.items():
+            share, row = entry / pivot, matrix[other]
             for column, value in later.items():
-                matrix[other][column] -= entry / pivot * value
-            right[other] -= entry / pivot * right[key]
+                row[column] -= share * value
+            right[other] -= share * right[key]
     for key in reversed(order):
         for other, entry in matrix[key].items():
             if other > key:
@@ -189,7 +190,9 @@ def _system(
     powers = 2 * [*range(1, size + 1)]
     for i, (length, rise) in enumerate(pieces):
         keys = [(i * size + n) % count for n in range(2 * size)]
-        scales = [1 / length ** (2 * size + 1 - n) for n in range(2 * size + 1)]
+        scales = [
+            *accumulate(2 * size * [length], operator.mul, initial=1 / length ** (2 * size + 1))
+        ]
         for key, power, row in zip(keys, powers, _ENERGY[size], strict=True):
             if key in known:
                 continue

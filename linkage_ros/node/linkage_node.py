@@ -17,7 +17,7 @@ from linkage_ros.messages.topics import (
     SIMULATED_CLOCK,
     Topic,
 )
-from linkage_ros.motion.at_speed import SpeedMotion
+from linkage_ros.motion.along_law import LawMotion
 from linkage_ros.motion.drives import FollowDrive
 from linkage_ros.motion.segments import Coordinates, Segment
 from linkage_ros.motion.under_torque import Motion, TorqueMotion
@@ -41,7 +41,7 @@ from linkage_ros.run.states import Simulator, Snapshot
 from linkage_ros.settings.command_lines import node_parser
 from linkage_ros.settings.configuration import configure, parameter_leaves, preset_note
 from linkage_ros.settings.help import summary
-from linkage_ros.settings.session import SpeedFeedForward
+from linkage_ros.settings.session import TrajectoryFeedForward
 from linkage_ros.units import NS_PER_MS
 
 _NAME = 'linkage_node'
@@ -72,7 +72,7 @@ class LinkageNode(ParameterNode):
         self._state: State | None = None
         others, heard = [ROBOT_DESCRIPTION, DIAGNOSTICS], inputs_of(simulator)
         self._ahead: CrankTrajectory | None = None
-        if isinstance(self._drive, SpeedFeedForward) and self._drive.trajectory_command_topic:
+        if isinstance(self._drive, TrajectoryFeedForward) and self._drive.trajectory_command_topic:
             self._ahead = CrankTrajectory(simulator, self._drive)
             others.append(self._ahead.topic)
         with reported_as_configuration():  # a topic name may be invalid
@@ -144,10 +144,13 @@ class LinkageNode(ParameterNode):
             for subscription, commands in self._inputs:
                 elapsed = stamp - self._ticker.t0
                 motion.command(stamp, commands.torque(elapsed, subscription.take()))
+        elif isinstance(motion, LawMotion):
+            for subscription, laws in self._inputs:
+                motion = self._continue(laws.continued(motion, stamp, subscription.take()))
         snapshot = self._simulator.snapshot_at(motion, stamp)
         self._continue(motion)  # the description may change here
         self._show(snapshot)
-        if self._ahead and isinstance(motion, SpeedMotion):
+        if self._ahead and not isinstance(motion, TorqueMotion):
             message = self._ahead.message_at(motion, stamp)
             if message is not None:
                 self._publish(self._ahead.topic, message)

@@ -2,28 +2,33 @@
 # SPDX-License-Identifier: Apache-2.0
 """Messages of a run other than its states: commands, measurements, crank trajectories."""
 
+import itertools
 import math
 import time
+from bisect import bisect_right
 from collections import Counter, deque
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from typing import Any, cast
 
-from linkage_ros.errors import LinkageError
-from linkage_ros.messages.cdr import decode_joint_state
+from linkage_ros.errors import LinkageError, MotionError
+from linkage_ros.messages.cdr import decode_joint_state, decode_trajectory
 from linkage_ros.messages.templates import crank_trajectory
 from linkage_ros.messages.topics import (
+    CRANK_TRAJECTORY,
     JOINT_COMMANDS,
     MEASURED_JOINT_STATES,
     TRAJECTORY_COMMANDS,
     Topic,
 )
+from linkage_ros.motion.along_law import LawMotion, require_possible
 from linkage_ros.motion.at_speed import SpeedMotion
-from linkage_ros.motion.drives import FollowDrive, TorqueDrive
+from linkage_ros.motion.drives import FollowDrive, LawDrive, TorqueDrive
 from linkage_ros.motion.measured import FollowMotion
 from linkage_ros.motion.segments import Coordinates
 from linkage_ros.numeric import Real
 from linkage_ros.run.states import Simulator
-from linkage_ros.settings.session import SpeedFeedForward
+from linkage_ros.settings.session import TrajectoryFeedForward
 from linkage_ros.units import NS_PER_MS, NS_PER_S
 
 WINDOW = 10  # s, period to which the rates and warnings of diagnostics refer
@@ -34,6 +39,7 @@ NO_CRANK, NO_JOINT_STATE, OUT_OF_REACH = (
 TAKEN, CUT, REJECTED, TIMEOUTS = (
     'commands taken', 'commands cut to torque_limit', 'commands rejected', 'command timeouts'
 )  # fmt: skip
+TRAJECTORIES_TAKEN, TRAJECTORIES_REJECTED = 'trajectories taken', 'trajectories rejected'
 
 # Time between points, ns; short, because the controller interpolates the effort linearly.
 _STEP = NS_PER_MS
@@ -222,6 +228,107 @@ class MeasuredCrank:
         return {f'rejected, {cause}': str(count) for cause, count in counts}
 
 
+class CrankTrajectories:
+    """Reads trajectories of the crank, and joins each of them to the motion.
+
+    Attributes:
+        counts: Numbers of trajectories, by their names in diagnostics.
+    """
+
+    def __init__(self, simulator: Simulator) -> None:
+        """Initializes without a motion.
+
+        Args:
+            simulator: Simulator of a configuration with `drive: motion`.
+        """
+        self.counts = dict.fromkeys((TRAJECTORIES_TAKEN, TRAJECTORIES_REJECTED), 0)
+        self._simulator = simulator
+        self._stamp = 0
+        self._motion = cast('LawMotion', simulator.begin(0))
+
+    def read(self, data: bytes, _: int) -> LawMotion:
+        """Reads a trajectory that leaves the motion at the stamp of the last `continued`.
+
+        Args:
+            data: CDR bytes of a JointTrajectory.
+
+        Returns:
+            The motion along the trajectory.
+
+        Raises:
+            ValueError: The message is rejected and counted. The error text is the cause.
+        """
+        try:
+            motion = self._motion.join(self._stamp, *self._decode(data))
+            require_possible(motion.segment.law, self._simulator.solver)
+        except ValueError:
+            self.counts[TRAJECTORIES_REJECTED] += 1
+            raise
+        self.counts[TRAJECTORIES_TAKEN] += 1
+        return motion
+
+    def _decode(
+        self, data: bytes
+    ) -> tuple[list[int], list[float], list[tuple[float, ...]] | None]:
+        """Returns the future points: stamps, ns, angles, and rates or rates and accelerations.
+
+        Raises:
+            ValueError: The message is not a trajectory for this crank.
+        """
+        stamp, names, points = decode_trajectory(data)
+        crank, start = self._simulator.crank_joint, stamp or self._stamp
+        if names != [crank]:
+            words = ascii(', '.join(names))[1:-1] or 'nothing'
+            raise ValueError(f'it names {words:.80}: must name {crank} alone')
+        if not points:
+            raise ValueError('it has no points')
+        sizes = {(len(x.positions), len(x.velocities), len(x.accelerations)) for x in points}
+        if sizes not in ({(1, 0, 0)}, {(1, 1, 0)}, {(1, 1, 1)}):
+            raise ValueError(
+                'its points do not match: each must have one position and, if every other point '
+                'has them, one velocity, or one velocity and one acceleration'
+            )
+        rows = [(*x.positions, *x.velocities, *x.accelerations) for x in points]
+        if not all(map(math.isfinite, itertools.chain(*rows))):
+            raise ValueError('a number of it is not finite')
+        times = [start + point.time for point in points]
+        if any(before >= after for before, after in itertools.pairwise(times)):
+            raise ValueError('its times do not increase')
+        if len(rows[-1]) > 1 and rows[-1][1]:
+            raise ValueError(f'its last velocity is {rows[-1][1]:g}: must be 0, where it ends')
+        past = bisect_right(times, self._stamp)
+        if past == len(times):
+            late = (self._stamp - times[-1]) / NS_PER_S
+            raise ValueError(f'all its points are in the past: the last one by {late:.3f} s')
+        angles = [row[0] for row in rows[past:]]
+        slopes = [row[1:] for row in rows[past:]]
+        return times[past:], angles, slopes if slopes[0] else None
+
+    def continued(self, motion: LawMotion, stamp: int, received: Iterable[LawMotion]) -> LawMotion:
+        """Returns the motion from a tick on.
+
+        Args:
+            motion: The motion so far.
+            stamp: Stamp of the tick, ns.
+            received: Iterator that calls `read` for each new message.
+
+        Returns:
+            The motion along the last accepted trajectory, or the motion so far.
+        """
+        self._motion, self._stamp = motion, stamp
+        for self._motion in received:
+            pass
+        return self._motion
+
+    def troubles(self, topic: str) -> list[str]:  # noqa: ARG002, the signature of all
+        """Returns no warnings, because the law goes on without trajectories."""
+        return []
+
+    def diagnostics(self) -> dict[str, str]:
+        """Returns the counts of trajectories, for diagnostics."""
+        return {name: str(count) for name, count in self.counts.items()}
+
+
 def inputs_of(simulator: Simulator) -> dict[Topic, Any]:
     """Returns the topic received by a run, if any, with the reader of its messages."""
     drive = simulator.configuration.drive
@@ -229,6 +336,8 @@ def inputs_of(simulator: Simulator) -> dict[Topic, Any]:
         return {JOINT_COMMANDS: TorqueCommands(drive, simulator.crank_joint)}
     if isinstance(drive, FollowDrive):
         return {MEASURED_JOINT_STATES: MeasuredCrank(simulator)}
+    if isinstance(drive, LawDrive):
+        return {CRANK_TRAJECTORY: CrankTrajectories(simulator)}
     return {}
 
 
@@ -243,7 +352,7 @@ class CrankTrajectory:
         topic: Topic of the trajectories.
     """
 
-    def __init__(self, simulator: Simulator, drive: SpeedFeedForward) -> None:
+    def __init__(self, simulator: Simulator, drive: TrajectoryFeedForward) -> None:
         """Prepares the trajectories.
 
         Args:
@@ -253,11 +362,11 @@ class CrankTrajectory:
         self.topic = TRAJECTORY_COMMANDS._replace(name=drive.trajectory_command_topic)
         self._names = simulator.crank_joint, simulator.configuration.session.frame_id
         self._solver, self._horizon = simulator.solver, round(drive.trajectory_horizon * NS_PER_S)
-        self._motion: SpeedMotion | None = None
+        self._motion: SpeedMotion | LawMotion | None = None
         self._points: deque[tuple[int, tuple[float, ...]]] = deque()
         self._next = self._due = 0
 
-    def message_at(self, motion: SpeedMotion, stamp: int) -> bytes | None:
+    def message_at(self, motion: SpeedMotion | LawMotion, stamp: int) -> bytes | None:
         """Returns the trajectory to send at a stamp, if one is due.
 
         Args:
@@ -271,12 +380,13 @@ class CrankTrajectory:
         if motion is not self._motion or stamp >= self._next:
             self._points.clear()
             self._motion, self._next, self._due = motion, stamp, stamp
-        while self._next < stamp + self._horizon + _STEP:
-            (q,), (u,), (a,), unwrapped, _ = motion.at(self._next)
-            torque = float(self._solver.state(q, u, a).torque)
-            self._points.append((self._next, (unwrapped, u, a, torque)))
-            self._next += _STEP
-        while self._points[1][0] <= stamp:
+        with suppress(MotionError):  # a law may end within the horizon
+            while self._next < stamp + self._horizon + _STEP:
+                (q,), (u,), (a,), unwrapped, _ = motion.at(self._next)
+                torque = float(self._solver.state(q, u, a).torque)
+                self._points.append((self._next, (unwrapped, u, a, torque)))
+                self._next += _STEP
+        while len(self._points) > 1 and self._points[1][0] <= stamp:
             self._points.popleft()
         if stamp < self._due:
             return None
