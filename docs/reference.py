@@ -144,7 +144,7 @@ def _command(heading: str, parser: argparse.ArgumentParser) -> Iterator[str]:
     yield heading
     words = ' '.join((parser.description or '').split())
     yield f'{words[0].upper()}{words[1:].rstrip(".")}.'
-    actions = [a for a in parser._actions if a.dest not in ('help', 'version')]  # noqa: SLF001
+    actions = [a for a in parser._actions if a.dest not in ('help', 'version', 'words')]  # noqa: SLF001
     for group in actions:
         if isinstance(group, argparse._SubParsersAction):  # noqa: SLF001
             for name, command in group.choices.items():

@@ -16,7 +16,7 @@ from linkage_ros.mechanism.equations import (
 )
 from linkage_ros.mechanism.joint_forces import reactions
 from linkage_ros.mechanism.kinematics import LinkPose, Pose
-from linkage_ros.mechanism.loads import Load
+from linkage_ros.mechanism.loads import LinkForce, Load
 from linkage_ros.mechanism.nested import transformed
 from linkage_ros.mechanism.parts import gravity_quantity
 from linkage_ros.mechanism.program import Constants, Program
@@ -24,12 +24,14 @@ from linkage_ros.mechanism.registry import MECHANISMS
 from linkage_ros.mechanism.structure import Link, Point, Structure, coupler_point
 from linkage_ros.mechanism.tracer import Tape
 from linkage_ros.mechanism.wrenches import Wrench, generalised, poses
+from linkage_ros.messages.urdf import make_urdf
 from linkage_ros.motion.coordinates import DrivenMechanism
 from linkage_ros.motion.drives import FollowDrive, Motor
 from linkage_ros.motion.measured import FollowMotion
 from linkage_ros.motion.steps import LONGEST_STEP, TOLERANCE, Integrate, live_steps, record_steps
 from linkage_ros.motion.under_torque import published
 from linkage_ros.numeric import two_sum
+from linkage_ros.run.states import Simulator
 from linkage_ros.settings.yaml_file import read_yaml
 from linkage_ros.view.drawing import Drawing
 
@@ -44,6 +46,7 @@ __all__ = [
     'FollowMotion',
     'Integrate',
     'Link',
+    'LinkForce',
     'LinkPose',
     'Load',
     'Model',
@@ -51,6 +54,7 @@ __all__ = [
     'Point',
     'Pose',
     'Program',
+    'Simulator',
     'Structure',
     'Tape',
     'Wrench',
@@ -61,6 +65,7 @@ __all__ = [
     'generalised',
     'gravity_quantity',
     'live_steps',
+    'make_urdf',
     'poses',
     'published',
     'reactions',

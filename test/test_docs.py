@@ -55,8 +55,8 @@ CHARTS = [('linkage_chart', word) for word in ('motion', 'economy', 'sweep')]
 CHEAP = ('linkage_record', 'linkage_replay', 'linkage_log', 'linkage_export')
 # The programs of these pages need a log or a node; other tests run them.
 PYTHON_ELSEWHERE = {
-    'docs/mcap.md': 'test_foreign_readers.py',
-    'docs/urdf.md': 'test_export.py',
+    'docs/mcap.md': 'test/test_foreign_readers.py',
+    'lab/docs/mjcf.md': 'lab/test/test_mjcf.py',
 }
 README = read('README.md')
 
@@ -297,7 +297,7 @@ def test_python_examples_run(page):
     found = [one for one in blocks(read(page)) if is_python(one)]
     if page in PYTHON_ELSEWHERE:
         assert found
-        assert f"read('{page}')" in (ROOT / 'test' / PYTHON_ELSEWHERE[page]).read_text()
+        assert f"read('{page}')" in (ROOT / PYTHON_ELSEWHERE[page]).read_text()
         return
     for one in found:
         run_python(one, page)

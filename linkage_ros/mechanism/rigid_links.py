@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Moving links in the form that simulators require, for the URDF and MJCF exports."""
+"""Moving links in the form that simulators require, for the URDF."""
 
 import math
 from typing import Any, NamedTuple

@@ -1,0 +1,204 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""linkage_chart mjcf: a mechanism for MuJoCo, with its loop closed.
+
+Masses, shapes and colours are those of the URDF.
+"""
+
+import argparse
+import cmath
+import math
+from dataclasses import replace
+from typing import Any
+from xml.etree import ElementTree as ET
+
+from linkage_lab.output import folder
+from linkage_ros import ConfigurationError, Mechanism, State, load
+from linkage_ros.extensions import Link, LinkForce, Simulator, make_urdf
+
+# MuJoCo raises the time constant of a constraint, the first number of solref, to at least twice
+# the timestep, so this makes the loop as stiff as the timestep allows.
+_SOLREF, _SOLIMP = (1e-6, 1.0), (0.9999, 0.9999, 0.001)
+_TIMESTEP = 2e-4  # s
+_ABOUT = """
+  Written by linkage_lab. Joint positions are those of joint_states. The control "{crank}" is the
+  torque on the crank, N m, counter-clockwise: effort[{crank}] of joint_states. The keyframe
+  "start" is the state at t = 0.
+"""
+
+
+def mjcf(options: argparse.Namespace) -> None:
+    """Writes a mechanism as MJCF, and prints the path of the file.
+
+    Args:
+        options: Parsed command-line options.
+
+    Raises:
+        ConfigurationError: The parameters are invalid, a load has no equivalent in MJCF, or the
+            file exists without --overwrite or cannot be written.
+    """
+    configuration, out = load(options.params), options.out
+    session = configuration.session
+    if options.joint_prefix is not None:
+        session = replace(session, joint_prefix=options.joint_prefix)
+    if out.suffix != '.xml':
+        raise ConfigurationError(f'{out}: must end with .xml')
+    simulator = Simulator(configuration)
+    start = simulator.snapshot_at(simulator.begin(0), 0).state
+    text = make_mjcf(configuration.mechanism, start, session.joint_prefix)
+    if out.exists() and not options.overwrite:
+        raise ConfigurationError(f'{out} already exists: choose another name, or give --overwrite')
+    with folder(out.parent):
+        out.write_text(text)
+    print(out)
+
+
+def make_mjcf(mechanism: Mechanism, start: State, joint_prefix: str = '') -> str:
+    """Generates the MJCF: the tree of the URDF, closed by a connect constraint between two sites.
+
+    The model includes masses, gravity and loads, a motor on the crank, sensors for the values of
+    joint_states, and a keyframe of the start. The reference position of each joint is its position
+    at the start, so that the model starts in the correct assembly even without the keyframe.
+
+    Args:
+        mechanism: Mechanism to export.
+        start: State of the mechanism at t = 0.
+        joint_prefix: Prefix of all joint and body names.
+
+    Returns:
+        The MJCF as XML text.
+
+    Raises:
+        ConfigurationError: A load has no equivalent in MJCF.
+    """
+    structure = mechanism.structure()
+    links, names = structure.links, [f'{joint_prefix}{link.name}' for link in structure.links]
+    position, velocity = (list(map(float, row)) for row in start[:2])
+    for i, link in reversed([*enumerate(links)]):
+        if link.parent is not None:
+            position[i] = math.remainder(position[i] - position[link.parent], math.tau)
+            velocity[i] -= velocity[link.parent]
+    parser = ET.XMLParser(target=ET.TreeBuilder(insert_comments=True))  # noqa: S314
+    robot = ET.fromstring(make_urdf(mechanism, joint_prefix).encode(), parser)  # noqa: S314
+    _, *described = robot.findall('link')
+    world, bodies, crank = _element('worldbody'), list[ET.Element](), names[0]
+    for name, link, shape, at in zip(names, links, described, position, strict=True):
+        bodies.append(_body(name, link, shape, at))
+        (world if link.parent is None else bodies[link.parent]).append(bodies[-1])
+    # A pin joins the two leaf links of the tree. The closure runs along the first and back along
+    # the second, which explains the sign of the second weight.
+    parents, weights = {link.parent for link in links}, structure.closure.weights
+    first, second = (number for number in range(len(links)) if number not in parents)
+    ends = [f'{names[number]}_end' for number in (first, second)]
+    bodies[first].append(_site(ends[0], weights[first]))
+    bodies[second].append(_site(ends[1], -weights[second]))
+    of_joints = [load for load in mechanism.loads if load.in_joints(mechanism)]
+    acting: list[Any] = [*mechanism.link_loads(), *of_joints]
+    loads = [_load(load, links, names, position) for load in acting]
+    sensors = [
+        _element(kind, name=f'{name}_{word}', joint=name)
+        for kind, word in (('jointpos', 'position'), ('jointvel', 'velocity'))
+        for name in names
+    ]
+    sensors.append(_element('actuatorfrc', name=f'{crank}_effort', actuator=crank))
+    if point := structure.points.get('C'):
+        name = f'{joint_prefix}coupler_point'
+        bodies[1].append(_site(name, point.weights[1]))
+        sensors.append(_element('framepos', name=name, objtype='site', objname=name))
+    root = _element(
+        'mujoco',
+        ET.Comment(_ABOUT.format(crank=crank)),
+        _element('compiler', angle='radian'),
+        _element(
+            'option', timestep=repr(_TIMESTEP), integrator='RK4',
+            gravity=_text(*mechanism.gravity, 0.0),
+        ),
+        world,
+        _element('equality', _element(
+            'connect', site1=ends[0], site2=ends[1], solref=_text(*_SOLREF),
+            solimp=_text(*_SOLIMP),
+        )),
+        _element('actuator', _element('motor', name=crank, joint=crank), *loads),
+        _element('sensor', *sensors),
+        _element('keyframe', _element(
+            'key', name='start', qpos=_text(*position), qvel=_text(*velocity),
+            ctrl=_text(float(start.torque), *[0.0] * len(loads)),
+        )),
+        model='linkage',
+    )  # fmt: skip
+    ET.indent(root)
+    return ET.tostring(root, encoding='unicode') + '\n'
+
+
+def _body(name: str, link: Link, shape: Any, at: float) -> ET.Element:
+    """Returns the body of a link, described in the URDF, whose joint is at `at`, rad or m."""
+    place, angle, kind, axis = link.origin, link.angle + at, 'hinge', '0 0 1'
+    if link.slides:
+        place, angle = link.origin + cmath.rect(at, link.angle), link.angle
+        kind, axis = 'slide', '1 0 0'
+    visual, inertial = shape.find('visual'), shape.find('inertial')
+    box = map(float, visual.find('geometry/box').get('size').split())
+    return _element(
+        'body',
+        _element('joint', name=name, type=kind, axis=axis, ref=repr(at)),
+        *(child for child in shape if child.tag is ET.Comment),
+        _element(
+            'inertial', pos=inertial.find('origin').get('xyz'),
+            mass=inertial.find('mass').get('value'),
+            diaginertia=' '.join(inertial.find('inertia').get(x) for x in ('ixx', 'iyy', 'izz')),
+        ),
+        _element(
+            'geom', type='box', size=_text(*(size / 2 for size in box)),
+            pos=visual.find('origin').get('xyz'), rgba=visual.find('material/color').get('rgba'),
+            contype='0', conaffinity='0',
+        ),
+        name=shape.get('name'), pos=_text(place.real, place.imag, 0.0),
+        euler=_text(0.0, 0.0, angle),
+    )  # fmt: skip
+
+
+def _site(name: str, place: complex) -> ET.Element:
+    x, y = place.real + 0.0, place.imag + 0.0  # no -0.0
+    return _element('site', name=name, pos=_text(x, y, 0.0))
+
+
+def _load(
+    load: Any, links: tuple[Link, ...], names: list[str], position: list[float]
+) -> ET.Element:
+    """Returns the actuator of a load.
+
+    A `LinkForce` becomes an actuator without control input that exerts force - stiffness x stretch
+    - damping x rate. Another load, such as a load curve, becomes a motor whose control input the
+    user must set to the value of the load, because MJCF has no tables.
+
+    Raises:
+        ConfigurationError: The load acts in joints, on several links, or on a link with a moving
+            parent, on which the actuator would also act.
+    """
+    link: int | None = getattr(load, 'link', None)
+    if link is None or links[link].parent is not None:
+        raise ConfigurationError(
+            f'MJCF does not support {type(load).__name__}: only load curves, forces, damping and '
+            'stiffness of a link on the frame; leave the parameters of friction out'
+        )
+    name = names[link]
+    if not isinstance(load, LinkForce):
+        return _element('motor', name=f'{name}_curve', joint=name)
+    force, stiffness = float(load.force), float(load.stiffness)
+    if stiffness:  # MuJoCo positions are relative to the start, without a jump from pi to -pi
+        jump = 0.0 if load.middle is None else position[link] - float(load.middle)
+        force += stiffness * (float(load.rest) + math.tau * round(jump / math.tau))
+    return _element(
+        'general', name=f'{name}_load', joint=name, gainprm='0', biastype='affine',
+        biasprm=_text(force, -stiffness, -float(load.damping)),
+    )  # fmt: skip
+
+
+def _element(tag: str, *children: Any, **attributes: str) -> ET.Element:
+    made = ET.Element(tag, attributes)
+    made.extend(children)
+    return made
+
+
+def _text(*numbers: float) -> str:
+    return ' '.join(map(repr, numbers))

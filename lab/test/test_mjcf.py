@@ -1,0 +1,270 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""linkage_chart mjcf: a model that moves in MuJoCo like our plant.
+
+MuJoCo closes the loop with a soft constraint and its own integration steps. The table in
+lab/docs/mjcf.md shows the error of the crank angle after seconds under the same torque; these
+tests measure it again.
+"""
+
+import math
+import re
+from dataclasses import fields, replace
+from types import SimpleNamespace
+
+import mujoco  # required by these tests: without it they must fail, not be skipped
+import numpy as np
+import pytest
+from pages import block, read, run_python
+from ros_harness import assert_refused
+from test_mujoco import slipped
+
+from linkage_lab import chart_tool
+from linkage_lab.commands.mjcf import make_mjcf
+from linkage_ros import ConfigurationError, SliderCrank
+from linkage_ros.mechanism.load_curve import CurveForce
+from linkage_ros.mechanism.loads import LinkForce
+from linkage_ros.motion.drives import TorqueDrive
+from linkage_ros.motion.under_torque import TorqueMotion
+from linkage_ros.run.states import Simulator
+from linkage_ros.settings.configuration import configure, load
+from linkage_ros.settings.presets import preset_names
+from linkage_ros.units import NS_PER_S
+
+PAGE = read('lab/docs/mjcf.md')
+PRESETS = [name for name in preset_names() if name != 'press']  # has friction
+# Changes for the comparison of MuJoCo with our plant; see the page.
+COMPARED = {
+    'press': {'friction.pin': None, 'friction.pin_radius': None, 'friction.guide': None},
+    'slider_crank': {'crank.inertia': 0.01},
+    'wiper': {'crank.inertia': 0.2},
+}
+each = pytest.mark.parametrize('preset', PRESETS)
+
+
+def changed(preset, **values):
+    """Returns the configuration of a preset with other values."""
+    given = {**load(preset).parameters(), **values}
+    return configure({name: value for name, value in given.items() if value is not None})
+
+
+def pump(**values):
+    """Returns the compressor with a constant force instead of its load curve."""
+    configuration = changed('compressor', **values)
+    mechanism = configuration.mechanism
+    slider = replace(mechanism.slider, force=-150.0)
+    return replace(configuration, mechanism=replace(mechanism, slider=slider, loads=()))
+
+
+def start_of(configuration):
+    simulator = Simulator(configuration)
+    return simulator.snapshot_at(simulator.begin(0), 0).state
+
+
+def exported(configuration, mechanism=None):
+    """Returns MuJoCo's model of the MJCF, and its data at rest at the start."""
+    prefix = configuration.session.joint_prefix
+    text = make_mjcf(mechanism or configuration.mechanism, start_of(configuration), prefix)
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    return model, data
+
+
+def gap(model, data):
+    """Returns the distance between the two sites that the loop joins, m."""
+    return math.dist(data.site_xpos[model.eq_obj1id[0]], data.site_xpos[model.eq_obj2id[0]])
+
+
+# ---------------------------------------------------------------- contents of the file
+
+
+@each
+@pytest.mark.parametrize('assembly', ['open', 'crossed'])
+def test_model_starts_with_a_closed_loop_in_its_assembly(preset, assembly):
+    configuration = changed(preset, assembly=assembly)
+    state, mechanism = start_of(configuration), configuration.mechanism
+    model, data = exported(configuration)
+    scale = mechanism.crank.length + mechanism.coupler.length
+    assert gap(model, data) < 1e-14 * scale
+    # Direction of the coupler from the crank pin, from the solver only.
+    turned = data.body('coupler_link').xmat.reshape(3, 3)
+    direction = math.cos(state.position[1]), math.sin(state.position[1]), 0.0
+    assert turned[:, 0] == pytest.approx(direction, abs=1e-14)
+    positions = data.qpos.copy()
+    mujoco.mj_resetDataKeyframe(model, data, model.key('start').id)
+    mujoco.mj_forward(model, data)
+    assert np.array_equal(data.qpos, positions)
+    assert data.actuator('crank').ctrl == state.torque
+    assert gap(model, data) < 1e-14 * scale
+    speeds = data.sensordata[model.nq : 2 * model.nq]
+    assert np.array_equal(speeds, data.qvel)
+    assert speeds[0] == state.velocity[0]
+
+
+def test_the_motor_and_the_sensors_have_the_names_of_the_page():
+    """The comparison with the plant checks the masses and loads."""
+    model, _ = exported(pump(joint_prefix='left_'))
+    assert model.actuator('left_crank').trnid[0] == model.joint('left_crank').id
+    assert model.actuator('left_slider_load').gainprm[0] == 0.0
+    joints = [f'left_{name}' for name in ('crank', 'coupler', 'slider')]
+    assert [model.sensor(number).name for number in range(model.nsensor)] == [
+        *(f'{joint}_{word}' for word in ('position', 'velocity') for joint in joints),
+        'left_crank_effort',
+    ]
+
+
+def test_coupler_point_is_a_sensor():
+    configuration = load('coupler_point')
+    simulator = Simulator(configuration)
+    _, data = exported(configuration)
+    place = simulator.solver.point(start_of(configuration), 'C').position
+    assert data.sensor('coupler_point').data == pytest.approx((*place, 0.0), abs=1e-15)
+
+
+def test_friction_and_a_load_on_a_link_carried_by_another_are_refused():
+    class Loaded(SliderCrank):
+        def link_loads(self):
+            return (LinkForce(1, force=2.0),)
+
+    plain = changed('slider_crank')
+    parts = {field.name: getattr(plain.mechanism, field.name) for field in fields(plain.mechanism)}
+    for name, given in (('Friction', [load('press')]), ('LinkForce', [plain, Loaded(**parts)])):
+        with pytest.raises(
+            ConfigurationError, match=f'^MJCF does not support {name}: only load curve'
+        ):
+            exported(*given)
+
+
+# --------------------------------------------------- comparison of MuJoCo with our plant
+
+
+def value_of(curve, data, ahead):
+    """Returns the value of a load curve at MuJoCo's position, extrapolated by some time, s."""
+    places = data.qpos + ahead * data.qvel
+    (wrench,) = curve.wrenches([SimpleNamespace(position=float(q)) for q in places], data.qvel)
+    return wrench.effort
+
+
+def run(configuration, seconds, mechanism=None):
+    """Runs MuJoCo and our plant under the same torque, held for each step of MuJoCo.
+
+    Args:
+        configuration: Drive and mechanism.
+        seconds: Duration, s.
+        mechanism: Mechanism for MuJoCo; another one introduces a deliberate error.
+
+    Returns:
+        Largest difference of the crank angles, deg, and largest gap of the loop, m.
+    """
+    model, data = exported(configuration, mechanism)
+    mujoco.mj_resetDataKeyframe(model, data, model.key('start').id)
+    simulator, drive = Simulator(configuration), configuration.drive
+    solver, given = simulator.solver, simulator.begin(0)
+    step = round(model.opt.timestep * NS_PER_S)
+    is_motor = isinstance(drive, TorqueDrive)
+    rpm = drive.start_rpm if is_motor else drive.initial_rpm
+    unpowered = TorqueDrive(start_rpm=rpm, crank_angle=drive.crank_angle)
+    plant = TorqueMotion(solver, unpowered, 0, step)
+    loads = configuration.mechanism.link_loads()
+    curve = next((load for load in loads if isinstance(load, CurveForce)), None)
+    name = curve and solver.links[curve.link]
+    place, worst, widest = plant.at(0), 0.0, 0.0
+    for stamp in range(0, round(seconds * NS_PER_S), step):
+        if is_motor:
+            torque = drive.motor.at(place.u[0])
+        else:  # the torque at the middle of the step, on the preset's own motion
+            (q,), (u,), (a,), *_ = given.at(stamp + step // 2)
+            torque = solver.state(q, u, a).torque
+        plant.command(stamp, torque)
+        place = plant.at(stamp + step)
+        data.actuator('crank').ctrl = torque
+        if curve:
+            data.actuator(f'{name}_curve').ctrl = value_of(curve, data, model.opt.timestep / 2)
+        mujoco.mj_step(model, data)
+        # The sites are at their positions at the start of the step.
+        widest = max(widest, gap(model, data))
+        worst = max(worst, abs(data.joint('crank').qpos.item() - place.unwrapped))
+    return math.degrees(worst), widest
+
+
+def rows_of_the_page():
+    """Returns seconds, difference, deg, and gap, um, of each preset in the page's table."""
+    found = re.findall(r'^\| (\w+) \| (\d) s \| (\S+) deg \| (\S+) um \|$', PAGE, re.MULTILINE)
+    return {preset: [float(number) for number in row] for preset, *row in found}
+
+
+@pytest.mark.parametrize('preset', preset_names())
+def test_mujoco_differs_from_the_plant_by_the_documented_angle(preset):
+    rows = rows_of_the_page()
+    assert sorted(rows) == preset_names()
+    seconds, angle, micrometres = rows[preset]
+    # One preset with a large difference runs for all seconds; for the others, one second suffices.
+    is_whole = preset == 'coupler_point'
+    compared = changed(preset, **COMPARED.get(preset, {}))
+    worst, widest = run(compared, seconds if is_whole else 1.0)
+    low = 0.94 if is_whole else 0.0
+    assert low * angle <= worst <= 1.06 * angle
+    assert low * micrometres <= widest * 1e6 <= 1.06 * micrometres
+
+
+@pytest.mark.parametrize(
+    ('preset', 'values'),
+    [
+        ('quadrilateral', {'rocker.torque': 3.0, 'rocker.damping': 0.5, 'rocker.stiffness': 40.0,
+                           'rocker.rest_angle': 3.0}),
+        ('slider_crank', {'slider.stiffness': 50.0, 'slider.rest_position': 0.1}),
+    ],
+)  # fmt: skip
+def test_springs_and_torques_act_as_on_our_plant(preset, values):
+    """The swing of the rocker is rotated so that it crosses the jump from pi to -pi."""
+    common = {'quadrilateral': {'frame.angle': 0.65}, 'slider_crank': {'crank.inertia': 0.2}}
+    configuration = changed(preset, **common[preset], **values)
+    plain = changed(preset, **common[preset])
+    right, _ = run(configuration, 0.4)
+    wrong, _ = run(configuration, 0.4, plain.mechanism)
+    assert right < 1e-3
+    assert wrong > 1.0
+
+
+@pytest.mark.parametrize(
+    'name',
+    [
+        *(f'{body}.{what}' for body in ('crank', 'coupler') for what in ('mass', 'inertia')),
+        *('crank.center', 'coupler.center', 'slider.mass', 'slider.force', 'slider.damping'),
+        *('gravity', 'coupler.length', 'slider.offset'),
+    ],
+)
+def test_error_of_one_percent_in_any_number_is_detected(name):
+    """Negative control over 0.1 s; the crank is accelerated, so that its inertia matters."""
+    configuration = pump(start_rpm=300.0, crank_acceleration=500.0)
+    told = slipped(configuration.mechanism, name, 0.01)
+    right, _ = run(configuration, 0.1)
+    wrong, _ = run(configuration, 0.1, told)
+    assert wrong > 10 * right
+
+
+@pytest.mark.parametrize(
+    ('words', 'said'),
+    [
+        (('quadrilateral', 'linkage.xml'), 'linkage.xml already exists: '),
+        (('quadrilateral', 'no/way/a.xml'), 'no/way cannot be written: there is no folder no'),
+        (('quadrilateral', 'a.xml', '--joint-prefix', 'a b'), "joint_prefix = 'a b'"),
+        (('triangle', 'a.xml'), "no preset 'triangle': choose one of"),
+        (('quadrilateral', 'quadrilateral.yaml', '--overwrite'), 'must end with .xml'),
+    ],
+)
+def test_failed_export_gives_one_line(tmp_path, monkeypatch, called, words, said):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / 'linkage.xml').write_text('mine')
+    assert_refused(*called(chart_tool, 'mjcf', *words), re.escape(said))
+    assert [path.name for path in tmp_path.iterdir()] == ['linkage.xml']
+    assert (tmp_path / 'linkage.xml').read_text() == 'mine'
+
+
+def test_the_program_of_the_page_turns_the_crank(tmp_path, monkeypatch, called, capfd):
+    monkeypatch.chdir(tmp_path)
+    assert called(chart_tool, 'mjcf', 'quadrilateral', 'linkage.xml')[0] == 0
+    run_python(block(PAGE, 'import mujoco'), 'lab/docs/mjcf.md')
+    (words,) = capfd.readouterr().out.splitlines()
+    assert abs(float(words.split()[0])) < 1e-5
