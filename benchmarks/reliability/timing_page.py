@@ -14,7 +14,7 @@ from linkage_lab.methods.registry import LIVE, RECORDS
 from linkage_ros.palette import FIRST, fractions
 
 DOCS = Path(__file__).parents[2] / 'docs'
-# Figures of the page, in the order of the arguments of `page` and `draw`.
+# Figures of the picture, in the order of the arguments of `draw`; the page has all but the last.
 SOURCES = 'realtime', 'log_speed', 'accuracy', 'peers'
 
 CONTENDERS = {
@@ -30,98 +30,71 @@ PARTS = 'ticks', 'main thread', 'middleware', 'log', 'viewer'
 PAGE = """\
 # Timing
 
-This page shows the punctuality of the node at 1 kHz, and the cost of ticks, logs, motions under a
-torque, and states. [realtime.json](realtime.json), [log_speed.json](log_speed.json),
-[accuracy.json](accuracy.json) and [peers.json](peers.json) hold the figures; this command makes
-the page and the picture from them:
+Punctuality of the node at 1 kHz, and the cost of ticks, logs, and motions under a torque;
+[peers.md](../lab/docs/peers.md) has the time of a state. The figures are in
+[realtime.json](realtime.json), [log_speed.json](log_speed.json) and
+[accuracy.json](accuracy.json). The first command measures ticks and logs on an idle machine, the
+second motions, and the third makes the page:
 
+    python benchmarks/reliability/realtime.py --out docs
+    linkage_chart accuracy --out docs
     python benchmarks/reliability/timing_page.py
 
 ![Cost of logs, ticks, motions under a torque, and states](timing.png)
 
 ## Ticks at 1 kHz
 
-On an idle machine, this command measures ticks and logs:
-
-    python benchmarks/reliability/realtime.py --out docs
-
-The programs run in turn, by default in 5 slices of 12 s each, and in reverse order in every other
-round. Each node has one subscriber in another process. The rclpy timers publish only joint states,
-without a log. Lateness is the time from a tick's deadline to its start. Of the median and the 99th
-percentile of each slice, the table shows the medians over all slices; it also shows the largest
-lateness of all slices. For linkage_node, lateness includes the start-up before each slice; ticks,
-missed ticks and processor time do not. The processor time is that of the node's process in the
-median second, because other users of the computer may slow down single seconds by half.
+The programs run in turn, in slices of seconds, each node with one subscriber in another process.
+The rclpy timers publish only joint states, without a log. Lateness is the time from a tick's
+deadline to its start: of the median and the 99th percentile of each slice, the table shows the
+medians over all slices; and it shows the largest lateness of all. For linkage_node, lateness
+includes the start-up before each slice; the other columns do not. The processor time is that of
+the node's process in the median second.
 
 This table and that of logs are from a machine with two processors (AMD EPYC of the fourth
-generation), in 3 slices of 10 s; the other tables are from another machine. The results scatter
-with the load of the host.
+generation), in 3 slices of 10 s; the other table is from another machine. The results scatter with
+the load of the host.
 
 {ticks}
 
-This table shows the processor time per tick of the threads, us, measured separately. The log has a
-thread that writes and one that syncs the disk; the viewer has one of this package and those of the
-Rerun SDK. The rclpy timers run in the main thread; the executor's thread of linkage_node is
-counted with it. `top -H` lists the threads of this package by name: ticker, executor, log, sync
-and viewer.
+Processor time per tick of the threads, us, measured separately. The log has a thread that writes
+and one that syncs the disk; the viewer has one of this package and those of the Rerun SDK. The
+rclpy timers run in the main thread. `top -H` lists the threads by name: ticker, executor, log,
+sync and viewer.
 
 {parts}
 
-In 15 of 356 starts of linkage_node, in this benchmark and in manual trials, one tick waited for
-0.33 s soon after the start. The middleware causes this delay: when Fast DDS opens a port in shared
-memory, its discovery thread may sleep for a third of a second while it holds a lock that
-publishing needs ([#6535](https://github.com/eProsima/Fast-DDS/issues/6535)). A trace of all system
-calls in one of these starts agrees: the discovery thread slept, and the tick waited for a lock.
-The node counts the missed ticks.
-
-A thread of the node writes the log. A prototype with a separate recorder process, fed through
-shared memory, was measured in a loop of ticks without ROS on a busy machine: 99 % of the ticks
-were at most 106 us late with the process, 99 us with the thread, and 111 us without a log. A
-separate process would therefore gain nothing. The prototype was not kept, so no command repeats
-this comparison.
+In 15 of 356 starts of linkage_node one tick waited for 0.33 s soon after the start, because the
+discovery thread of Fast DDS may sleep that long while it holds a lock that publishing needs
+([#6535](https://github.com/eProsima/Fast-DDS/issues/6535)). The node counts the missed ticks.
 
 ## Logs
 
-This table shows the processor time per state, for the quadrilateral at a given speed (four
-messages) and for the wind pump under its torque (three). Compression of the same bytes (zstd and
-crc32) is the minimum for writing a log. Each figure is a median over several rounds, so the last
-column is not exactly the ratio of the medians.
+Processor time per state, for the quadrilateral at a given speed (four messages) and for the wind
+pump under its torque (three). Compression of the same bytes (zstd and crc32) is the minimum for
+writing a log. Each figure is a median over several rounds, so the last column is not exactly the
+ratio of the medians.
 
 {logs}
 
 ## Motions under a torque
 
-This table shows the time per millisecond of motion for the integrators of a live run and of a
-record, on average and in the slowest millisecond.
-
-    linkage_chart accuracy --out docs
+Time per millisecond of motion, on average and in the slowest millisecond:
 
 {steps}
-
-## States and arrays
-
-This table shows the time per state of the quadrilateral, with its driving torque, in this package
-and in C and other software. Each figure is a median over several rounds, so the last column is not
-exactly the ratio of the medians. [peers.md](peers.md) lists all peers and their errors.
-
-    python benchmarks/peers/run.py --markdown docs/peers.md
-
-{states}
 
 ## Limits
 
 {limits}
 
 The cost that log or viewer adds to a tick is the difference between two programs that were started
-separately. One of these differences says little, because the processor time of the thread of the
-ticks varies by 20 us from one start of the same program to the next. In eighteen runs on a machine
-half as fast, the log added -27 to 50 us, in nine of them more than the limit; the viewer added 2
-to 80 us in thirteen runs, in two of them more than the limit.
-
-The time of the threads of log and viewer is measured within one program, without this scatter: the
-threads of the log took 5 to 9 us in six runs. In addition, the thread of the ticks passes each
-state to the log. In 20 pairs of runs of 5 s, this thread took 0.5 us more with log than without
-(standard error 5.7 us); in 9 pairs of 12 s, 10.4 us (3.6 us).
+separately, and the processor time of the tick thread varies by 20 us from one start to the next.
+In eighteen runs on a machine half as fast, the log added -27 to 50 us, in nine of them more than
+the limit; the viewer added 2 to 80 us in thirteen runs, in two of them more than the limit. The
+time of the threads of log and viewer is measured within one program, without this scatter: those
+of the log took 5 to 9 us in six runs. In addition, the tick thread passes each state to the log.
+In 20 pairs of runs of 5 s, it took 0.5 us more with log than without (standard error 5.7 us); in 9
+pairs of 12 s, 10.4 us (3.6 us).
 """
 
 
@@ -179,12 +152,12 @@ def _steps(accuracy: dict) -> Iterator[tuple[str, float, float]]:
             yield f'{use}, {mechanism}', mean, slowest
 
 
-def _states(peers: dict) -> Iterator[tuple[str, float, float]]:
-    """Yields time per state, us, and ratio to this package, of peers that compute the torque."""
+def _states(peers: dict) -> Iterator[tuple[str, float]]:
+    """Yields the time of a state, relative to this package, of peers that compute the torque."""
     modes = {'one': 'one at a time', 'array': 'arrays'}
     for one in peers['records']:
         if one['work'] == 'torque':
-            yield f'{one["peer"]}, {modes[one["mode"]]}', one['us_per_state'], one['ratio']
+            yield f'{one["peer"]}, {modes[one["mode"]]}', one['ratio']
 
 
 def draw(
@@ -211,11 +184,11 @@ def draw(
         bars(grid[0, 1], 'A logged state, relative to compression', over)
         means = {name: mean for name, mean, _ in _steps(accuracy)}
         bars(grid[1, 0], 'A ms of motion under a torque, us', means)
-        ratios = {name: ratio for name, _, ratio in _states(peers)}
+        ratios = dict(_states(peers))
         bars(grid[1, 1], 'A state with torque, relative to linkage_ros', ratios)
 
 
-def page(ticks: Sequence[dict], logs: Sequence[dict], accuracy: dict, peers: dict) -> str:
+def page(ticks: Sequence[dict], logs: Sequence[dict], accuracy: dict) -> str:
     """Formats the page."""
     late = 'late, us: median', '99 %', 'largest'
     keys = 'p50_us', 'p99_us', 'max_us'
@@ -254,10 +227,6 @@ def page(ticks: Sequence[dict], logs: Sequence[dict], accuracy: dict, peers: dic
             ('', 'us per ms', 'slowest ms, us'),
             [(words, f'{mean:.3g}', f'{most:.3g}') for words, mean, most in _steps(accuracy)],
         ),
-        states=table(
-            ('', 'us per state', 'relative to linkage_ros'),
-            [(words, f'{time:.3g}', f'{ratio:.3g}') for words, time, ratio in _states(peers)],
-        ),
         limits=table(
             ('', 'measured', 'limit', 'met'),
             [
@@ -279,7 +248,7 @@ def write(folder: Path) -> str:
         json.loads((file if file.exists() else DOCS / file.name).read_text())
         for file in files.values()
     ]
-    text = page(*found)
+    text = page(*found[:3])
     (folder / 'timing.md').write_text(text)
     draw(*found, folder / 'timing.png')
     return text
