@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Updates the measured numbers in methods.md and dynamics.md from the JSON files in this folder.
+"""Updates the measured numbers of two pages from the JSON files in this folder.
 
     python docs/figures.py        updates both pages
 
@@ -145,7 +145,7 @@ def dynamics_figures() -> list[Figure]:
     ]
 
 
-FIGURES = {'methods': methods_figures, 'dynamics': dynamics_figures}
+FIGURES = {'lab/docs/methods.md': methods_figures, 'docs/dynamics.md': dynamics_figures}
 
 
 def shown(value: float) -> str:
@@ -182,7 +182,7 @@ def main() -> None:
     """Updates the pages."""
     argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()
     for name in FIGURES:
-        page = DOCS / f'{name}.md'
+        page = DOCS.parent / name
         page.write_text(filled(name, page.read_text()))
 
 

@@ -353,8 +353,8 @@ def test_readme_python_prints_the_swing_and_the_accuracy(capsys):
 
 
 def test_sizing_quotes_the_output_of_its_commands(run_page):
-    page = read('docs/sizing.md')
-    _, printed = run_page('docs/sizing.md')
+    page = read('lab/docs/sizing.md')
+    _, printed = run_page('lab/docs/sizing.md')
     told, at_hand = ' '.join(page.split()), 0
     for words, text in printed.items():
         lines = [

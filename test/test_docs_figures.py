@@ -191,17 +191,18 @@ def figures():
 
 def test_numbers_of_the_pages_equal_the_json(figures):
     for name in figures.FIGURES:
-        page = read(f'docs/{name}.md')
+        page = read(name)
         assert figures.filled(name, page) == page, 'run python docs/figures.py'
 
 
 def test_number_that_differs_from_the_json_is_replaced(figures):
-    page = read('docs/methods.md')
+    name = 'lab/docs/methods.md'
+    page = read(name)
     share = figures.place("of the quadrilateral in {} of the default's time, and", page)
     wrong = page[: share.start(1)] + '0.123' + page[share.end(1) :]
-    assert figures.filled('methods', wrong) == page
+    assert figures.filled(name, wrong) == page
     with pytest.raises(ValueError, match='0 times on the page'):
-        figures.filled('methods', page.replace('quadrilateral in', 'other in'))
+        figures.filled(name, page.replace('quadrilateral in', 'other in'))
 
 
 def test_conclusions_of_methods_follow_from_its_numbers(figures):
@@ -244,7 +245,7 @@ def test_figures_in_the_pump_preset_are_measured():
 
 def test_generated_pages_match_their_json(monkeypatch):
     monkeypatch.syspath_prepend(ROOT / 'benchmarks' / 'peers')
-    assert import_module('report').markdown(content('peers')) == read('docs/peers.md')
+    assert import_module('report').markdown(content('peers')) == read('lab/docs/peers.md')
 
 
 def test_timing_picture_is_drawn_next_to_its_page(monkeypatch, tmp_path):

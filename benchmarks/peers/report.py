@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Writes docs/peers.md from the results of a run."""
+"""Writes lab/docs/peers.md from the results of a run."""
 
 WORKS = {'kinematics': 'kinematics', 'torque': 'with torque'}
 MODES = {'one': 'One state at a time', 'array': 'Arrays'}
@@ -17,7 +17,7 @@ This page compares other software (peers) with this package on the same task. Th
 the figures in one run and wrote the page on {date}, with {machine[cpu]}, {machine[cores]} cores,
 {machine[os]}, Python {python}, NumPy {libraries[numpy]}{compiler}:
 
-    python benchmarks/peers/run.py --markdown docs/peers.md
+    python benchmarks/peers/run.py --markdown lab/docs/peers.md
 
 The task is to compute the angle, rate and acceleration of coupler and rocker of the four-bar of
 document 1 (`config/quadrilateral.yaml`) at 150 rpm and, in the rows "with torque", the driving

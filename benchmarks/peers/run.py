@@ -3,7 +3,7 @@
 """Compares other software with this package: speed, errors and difficult situations.
 
 It creates a virtual environment from requirements.txt, measures in it, and prints the page, in a
-few minutes. --markdown writes the page docs/peers.md, and --json writes all figures.
+few minutes. --markdown writes the page lab/docs/peers.md, and --json writes all figures.
 Run: python benchmarks/peers/run.py
 """
 
