@@ -20,6 +20,7 @@ from pathlib import Path
 import hostile
 import hostile_logs
 import hostile_outcomes
+import lz4.frame
 import pytest
 import yaml
 from hostile_logs import TORQUE, chunk, packed, tight, whole
@@ -355,7 +356,8 @@ FORGED = {
     'short chunk': (whole(chunk(b'', INNER, len(INNER) + 1)), 'size or checksum'),
     'large chunk': (whole(chunk(b'', INNER, LARGEST + 1)), 'at most 16777216'),
     'zstd': (whole(chunk(b'zstd', hostile_logs.zeros(1, 1 << 20), 1 << 19)), 'size of a chunk'),
-    'lz4': (whole(chunk(b'lz4', INNER, len(INNER))), "compressed with 'lz4': only zstd"),
+    'lz4': (whole(chunk(b'lz4', lz4.frame.compress(bytes(1 << 20)), 1 << 19)), 'size or checksum'),
+    'bz2': (whole(chunk(b'bz2', INNER, len(INNER))), "compressed with 'bz2': only zstd and lz4"),
     **{str(fields)[:40]: (moved(fields), 'damaged') for fields in FIELDS},
 }
 

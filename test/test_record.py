@@ -281,7 +281,7 @@ BAD_FILES = {
     'binary': (bytes(range(256)) * 16, 'not YAML'),
     'measured crank': (
         json.dumps({'/**': {'ros__parameters': FOLLOWED}}),
-        'run linkage_node, or give drive: speed',
+        'run linkage_node, or give linkage_record --measured BAG',
     ),
     # Otherwise a typing error in the node's name would record another linkage.
     'another node': (

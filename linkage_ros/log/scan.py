@@ -17,6 +17,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO
 
+import lz4.frame
 import zstandard
 from mcap import records
 from mcap.data_stream import ReadDataStream
@@ -63,13 +64,15 @@ _FREE, _COST_PER_BYTE = 1 << 30, 1000
 # Matches the start of a chunk or of a metadata record of linkage_ros.
 _LANDMARK = re.compile(rb'\x06.{36}\x04\0\0\0zstd|\x0c.{8}[\x0b-\x20]\0\0\0linkage_ros', re.DOTALL)
 _LANDMARK_SIZE = 45
+_OWN_LOG = 'give a log of linkage_ros, such as one written by linkage_record'
 
 
-def open_mcap(path: Path) -> BinaryIO:
+def open_mcap(path: Path, cure: str = _OWN_LOG) -> BinaryIO:
     """Opens an MCAP file.
 
     Args:
         path: Path of the file.
+        cure: End of the error message if it is another file.
 
     Returns:
         The open file, which the caller must close.
@@ -87,8 +90,7 @@ def open_mcap(path: Path) -> BinaryIO:
         stream.close()
         raise LogError(
             f'{path} is not an MCAP file on a disk: it '
-            f'{f"starts with {begin!r}" if begin else "is empty or a pipe"}; give a log of '
-            'linkage_ros, such as one written by linkage_record'
+            f'{f"starts with {begin!r}" if begin else "is empty or a pipe"}; {cure}'
         )
     return stream
 
@@ -270,41 +272,44 @@ def parsed(opcode: int, body: bytes) -> Any:
     return record
 
 
-def unpack(chunk: records.Chunk) -> bytes:
+def unpack(chunk: records.Chunk, largest: int = LARGEST) -> bytes:
     """Decompresses the records of a chunk.
 
     The size is checked first, because a few bytes may decompress to gigabytes.
 
     Args:
         chunk: A chunk with compressed or uncompressed records.
+        largest: Largest size of the uncompressed records, bytes.
 
     Returns:
         The uncompressed records.
 
     Raises:
-        LogError: The records are too large, or are compressed with a method other than zstd.
+        LogError: The records are too large, or are compressed with an unknown method.
         ValueError: The size or the checksum of the records is wrong.
     """
     size, data = chunk.uncompressed_size, chunk.data
-    _check_size(size)
+    _check_size(size, largest)
     if chunk.compression == 'zstd':
         # zstandard allocates the size in the frame header, even if it exceeds the limit.
         if zstandard.frame_content_size(data) not in {-1, size}:
             raise ValueError('the size of a chunk is wrong')
         data = zstandard.decompress(data, size)
+    elif chunk.compression == 'lz4':
+        data = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=size + 1)
     elif chunk.compression:
         raise LogError(
-            f'it is compressed with {chunk.compression!r:.40}: only zstd is supported; rewrite it '
-            'with "mcap compress"'
+            f'it is compressed with {chunk.compression!r:.40}: only zstd and lz4 are supported; '
+            'rewrite it with "mcap compress"'
         )
     if len(data) != size or chunk.uncompressed_crc not in {0, zlib.crc32(data)}:
         raise ValueError('the size or checksum of a chunk is wrong')
     return data
 
 
-def _check_size(size: int) -> None:
-    if size > LARGEST:
+def _check_size(size: int, largest: int = LARGEST) -> None:
+    if size > largest:
         raise LogError(
-            f'it has a record of {size} bytes, compressed or not: must be at most {LARGEST}; '
+            f'it has a record of {size} bytes, compressed or not: must be at most {largest}; '
             'write it with smaller chunks'
         )

@@ -19,7 +19,7 @@ from linkage_ros.messages.rows import RowLayout
 from linkage_ros.messages.topics import DIAGNOSTICS, MEASURED_JOINT_STATES
 from linkage_ros.motion.along_law import LawMotion
 from linkage_ros.motion.at_speed import SpeedMotion
-from linkage_ros.motion.segments import Coordinates, LawSegment, Segment, SpeedSegment, stacked
+from linkage_ros.motion.segments import Coordinates, LawSegment, Segment, SpeedSegment
 from linkage_ros.run.commands import MeasuredCrank
 from linkage_ros.run.states import Simulator
 from linkage_ros.units import TIME_END
@@ -162,7 +162,7 @@ class Measurements:
 
     def __init__(self, simulator: Simulator, log: LogReader, _: RowLayout) -> None:
         """Initializes without a measurement; see `Timeline`."""
-        self._simulator, self._crank = simulator, MeasuredCrank(simulator)
+        self._crank = MeasuredCrank(simulator)
         self._channel = log.channel(MEASURED_JOINT_STATES)
         # Stamps, ns, and coordinates of measurements whose states are still to be compared.
         self._next: list[tuple[int, Coordinates]] = []
@@ -183,9 +183,7 @@ class Measurements:
         self, _: int, stamps: list[int], __: bytes
     ) -> tuple[Coordinates, Coordinates | None]:
         """Returns the coordinates of the next measurements; see `Timeline.coordinates`."""
-        found = [coordinates for _, coordinates in self._next[: len(stamps)]]
-        later = [x for one in found if (x := self._simulator.later(one))]
-        return stacked(found), stacked(later) if later else None
+        return self._crank.stacked([one for _, one in self._next[: len(stamps)]])
 
     def cross_gap(self) -> bool:
         """Returns False, because later states depend on all measurements; see `Timeline`."""

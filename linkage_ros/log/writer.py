@@ -129,10 +129,32 @@ class LogWriter(AbstractContextManager['LogWriter']):
         Raises:
             LogError: The file cannot be written.
         """
-        index = np.array([[stamp, self.mcap.position]], np.uint64)
-        self.mcap.add_records(
-            message_record(channel, (stamp, stamp), data), index[:, 0], {channel: index}
-        )
+        self.write_messages([(channel, stamp, data)])
+
+    def write_messages(self, messages: Iterable[tuple[int, int, bytes]]) -> None:
+        """Appends messages, given as the arguments of `write`, much faster than one at a time.
+
+        Raises:
+            LogError: The file cannot be written.
+        """
+        records, channels, times, starts = bytearray(), list[int](), list[int](), list[int]()
+
+        def add() -> None:
+            entries = np.array((times, starts), np.uint64).T
+            index = {x: entries[np.equal(channels, x)] for x in dict.fromkeys(channels)}
+            self.mcap.add_records(bytes(records), entries[:, 0], index)
+            for one in (records, channels, times, starts):
+                one.clear()
+
+        for channel, stamp, data in messages:
+            channels.append(channel)
+            times.append(stamp)
+            starts.append(self.mcap.position + len(records))
+            records += message_record(channel, (stamp, stamp), data)
+            if self.mcap.position + len(records) > CHUNK_SIZE:
+                add()
+        if records:
+            add()
 
     def write_rows(self, rows: bytes | bytearray) -> None:
         """Appends the messages of states; chunks end with a complete row.
@@ -170,15 +192,16 @@ class LogWriter(AbstractContextManager['LogWriter']):
         Args:
             items: Rows, tuples of arguments for `write`, segments of motion, or gaps.
         """
-        # Write adjacent rows together, which is much faster.
+        # Write adjacent rows or messages together, which is much faster.
         for kind, group in groupby(items, type):
             if kind is bytes:
                 self.write_rows(b''.join(group))
                 continue
+            if kind is tuple:
+                self.write_messages(group)
+                continue
             for item in group:
-                if kind is tuple:
-                    self.write(*item)
-                elif kind is Gap:
+                if kind is Gap:
                     self.write_gap(item)
                 else:
                     self.write_motion(item)

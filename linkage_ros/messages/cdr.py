@@ -17,6 +17,7 @@ ENCAPSULATION = b'\x00\x01\x00\x00'
 STAMP = struct.Struct('<iI')  # s and ns
 _COUNT = struct.Struct('<I')
 LARGEST_COMMAND = 65536  # bytes
+_ABSENT = b''  # value of a field of size 0
 OK, WARN, ERROR = 0, 1, 2  # levels of a DiagnosticStatus
 
 
@@ -145,6 +146,70 @@ def decode_joint_state(data: bytes) -> JointStateData:
     except (struct.error, ValueError) as error:
         raise ValueError('its bytes are not a JointState') from error
     return JointStateData(stamp_of(data), names, *rows)
+
+
+class JointReader:
+    """Reads one joint from untrusted JointState messages.
+
+    The messages of a topic usually differ only in numbers, so the rest is parsed only where it
+    changes.
+    """
+
+    def __init__(self, joint: str) -> None:
+        """Initializes the reader of a joint."""
+        self._joint, self._size = joint, -1
+        # For messages of this size: what must not change, and the values to read.
+        self._frame, self._constant = struct.Struct(''), tuple[Any, ...]()
+        self._values = self._frame
+
+    def read(self, data: bytes) -> tuple[int, float | None, float | None]:
+        """Reads a message.
+
+        Args:
+            data: CDR bytes of the message, little endian.
+
+        Returns:
+            The stamp, ns, and position and velocity of the joint, None where they are absent.
+
+        Raises:
+            ValueError: The bytes are not a JointState, or the message is too large.
+        """
+        if len(data) != self._size or self._frame.unpack_from(data) != self._constant:
+            self._parse(data)
+        whole, rest, position, velocity = self._values.unpack_from(data)
+        return (
+            whole * NS_PER_S + rest,
+            None if position == _ABSENT else position,
+            None if velocity == _ABSENT else velocity,
+        )
+
+    def _parse(self, data: bytes) -> None:
+        """Finds the joint in a message.
+
+        Raises:
+            ValueError: The bytes are not a JointState, or the message is too large.
+        """
+        names, start = decode_joint_state(data).names, len(ENCAPSULATION)
+        head, at = start + STAMP.size, start + _names(data[start:])[1]
+        i, lengths, own = names.index(self._joint) if self._joint in names else len(data), [], []
+        for _ in range(3):
+            number, at = _count(data, at)
+            lengths.append((at - _COUNT.size, 'I'))
+            at += (start - at) % 8 if number else 0
+            own.append((at + 8 * i, 'd') if i < number else (at, '0s'))
+            at += 8 * number
+        end = lengths[0][0]
+        self._frame = _struct((0, f'{start}s'), (head, f'{end - head}s'), *lengths)
+        self._constant = self._frame.unpack_from(data)
+        self._values, self._size = _struct((start, 'iI'), *own[:2]), len(data)
+
+
+def _struct(*fields: tuple[int, str]) -> struct.Struct:
+    """Returns the struct of fields with the given offsets, in increasing order."""
+    form = '<'
+    for at, code in fields:
+        form += f'{at - struct.calcsize(form)}x{code}'
+    return struct.Struct(form)
 
 
 class TrajectoryPoint(NamedTuple):

@@ -19,7 +19,6 @@ speed may be missing from some measurements.
 
 import math
 from fractions import Fraction
-from typing import NamedTuple
 
 from linkage_ros.motion.drives import FollowDrive
 from linkage_ros.motion.segments import Coordinates
@@ -38,38 +37,51 @@ _LARGEST = 1e12
 NOT_NEWER, NOT_FINITE = 'not newer than the one before', 'not finite, or beyond 1e+12'
 
 
-class Tracked(NamedTuple):
-    """The state of the filter for one signal.
+class _Filter:
+    """The filter for one signal.
 
     Attributes:
-        stamp: Stamp of the last measurement of the signal, ns.
+        stamp: Stamp of the last measurement of the signal, ns; None before the first one.
         value: Last measured value of the signal, m.
         error: Last measured value minus the filter's value, m - x.
         rate: Rate of the filter, v.
     """
 
-    stamp: int
-    value: float
-    error: float
-    rate: float
+    __slots__ = ('_gap', '_w', 'error', 'rate', 'stamp', 'value')
 
-    def advance(self, stamp: int, value: float, w: float) -> 'Tracked':
+    def __init__(self, bandwidth: float) -> None:
+        """Initializes the filter without a measurement; `bandwidth` is in Hz."""
+        self._w = 2 * math.pi * bandwidth
+        self._gap = _GAP / bandwidth if bandwidth else math.inf
+        self.stamp: int | None = None
+        self.value = self.error = self.rate = 0.0
+
+    def elapsed(self, stamp: int) -> float:
+        """Returns the time since the last measurement, s; inf before the first and after a gap."""
+        if self.stamp is None:
+            return math.inf
+        time = (stamp - self.stamp) / NS_PER_S
+        return math.inf if time > self._gap else time
+
+    def advance(self, stamp: int, time: float, value: float, rate: float) -> None:
         """Updates the filter with a new measurement.
 
         Args:
             stamp: Stamp of the measurement, ns.
+            time: Result of `elapsed` for this stamp, s.
             value: The new measured value of the signal.
-            w: 2 pi times the bandwidth, rad/s.
-
-        Returns:
-            The new state of the filter.
+            rate: Rate of the filter if it starts, or restarts after a gap.
         """
-        time = (stamp - self.stamp) / NS_PER_S
-        slope = (value - self.value) / time
-        gap = slope - self.rate
-        drift, decay = gap - w * self.error, math.exp(-w * time)
-        error = (self.error + drift * time) * decay
-        return Tracked(stamp, value, error, slope - (gap + w * drift * time) * decay)
+        w = self._w
+        if time == math.inf:
+            self.error, self.rate = 0.0, rate if w else 0.0
+        else:
+            slope = (value - self.value) / time
+            gap = slope - self.rate
+            drift, decay = gap - w * self.error, math.exp(-w * time)
+            self.error = (self.error + drift * time) * decay
+            self.rate = slope - (gap + w * drift * time) * decay
+        self.stamp, self.value = stamp, value
 
 
 class FollowMotion:
@@ -82,11 +94,13 @@ class FollowMotion:
             drive: Drive with the bandwidth of the filter.
             period_turns: Number of crank turns after which the mechanism's motion repeats.
         """
-        self._w = 2 * math.pi * drive.follow_bandwidth
-        self._gap = _GAP / drive.follow_bandwidth if drive.follow_bandwidth else math.inf
-        self._period_turns = period_turns
-        self._angle: Tracked | None = None
-        self._speed: Tracked | None = None
+        self._bandwidth, self._period_turns = drive.follow_bandwidth, period_turns
+        w = 2 * math.pi * drive.follow_bandwidth
+        self._w2 = w * w
+        self._restart()
+
+    def _restart(self) -> None:
+        self._angle, self._speed = _Filter(self._bandwidth), _Filter(self._bandwidth)
         self._turns = 0  # turns by which the crank is ahead of the sensor's angle
 
     def at(self, stamp: int, position: float, velocity: float | None = None) -> Coordinates:
@@ -107,42 +121,36 @@ class FollowMotion:
         """
         if velocity is not None and math.isnan(velocity):
             velocity = None
-        if not all(abs(value) <= _LARGEST for value in (position, velocity or 0.0)):
+        if not (abs(position) <= _LARGEST and abs(velocity or 0.0) <= _LARGEST):
             raise ValueError(NOT_FINITE)
-        last = self._angle
-        if last and -_RESTART <= stamp - last.stamp <= 0:
-            raise ValueError(NOT_NEWER)
-        if last and stamp < last.stamp:
-            last, self._speed, self._turns = None, None, 0
-        turns = self._turns_since(last, stamp, position) if last else 0
+        last = self._angle.stamp
+        if last is not None and stamp <= last:
+            if last - stamp <= _RESTART:
+                raise ValueError(NOT_NEWER)
+            self._restart()
+        angle = self._angle
+        time = angle.elapsed(stamp)
+        turns = self._turns_since(time, position)
         self._turns += turns
-        found = self._track(last, stamp, position + turns * _TURN, velocity or 0.0)
-        self._angle = found._replace(value=position)
-        rate, change = found.rate, self._w * self._w * found.error
+        angle.advance(stamp, time, position + turns * _TURN, velocity or 0.0)
+        angle.value = position
+        rate, change = angle.rate, self._w2 * angle.error
         if velocity is not None:
-            self._speed = self._track(self._speed, stamp, velocity, 0.0)
-            rate, change = velocity, self._speed.rate
-        if not self._w:
+            speed = self._speed
+            speed.advance(stamp, speed.elapsed(stamp), velocity, 0.0)
+            rate, change = velocity, speed.rate
+        if not self._w2:
             rate = change = 0.0
-        angle, _ = within_two_turns(position)
+        reduced, _ = within_two_turns(position)
         if self._turns % self._period_turns:
-            angle = with_turns(angle, Fraction(-1 if angle > 0 else 1, 2))
-        return Coordinates((angle,), (rate,), (change,), position)
+            reduced = with_turns(reduced, Fraction(-1 if reduced > 0 else 1, 2))
+        return Coordinates((reduced,), (rate,), (change,), position)
 
-    def _track(self, last: Tracked | None, stamp: int, value: float, rate: float) -> Tracked:
-        """Updates a filter, or restarts it with the given rate after a gap."""
-        if last is None or self._is_gap(last, stamp):
-            return Tracked(stamp, value, 0.0, rate if self._w else 0.0)
-        return last.advance(stamp, value, self._w)
-
-    def _is_gap(self, last: Tracked, stamp: int) -> bool:
-        return (stamp - last.stamp) / NS_PER_S > self._gap
-
-    def _turns_since(self, last: Tracked, stamp: int, position: float) -> int:
+    def _turns_since(self, time: float, position: float) -> int:
         """Returns the turns by which a sensor that restarts at 0 each turn has fallen behind."""
-        ahead = last.value
-        if not self._is_gap(last, stamp):
-            ahead += last.rate * ((stamp - last.stamp) / NS_PER_S)
+        ahead = self._angle.value
+        if time < math.inf:
+            ahead += self._angle.rate * time
         elif not self._turns:  # a sensor that never restarted may have turned far in the gap
             return 0
         return round((ahead - position) / _TURN)

@@ -5,24 +5,31 @@
 from __future__ import annotations
 
 import argparse
+import gc
 import math
 import sys
+from collections import Counter
 from collections.abc import Callable, Iterator
 from fractions import Fraction
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from linkage_ros import cli
-from linkage_ros.errors import ConfigurationError, MotionError
+from linkage_ros.errors import ConfigurationError, LogError, MotionError
+from linkage_ros.files import is_same_file
+from linkage_ros.log.bag import Bag, BagMessage, topic_of
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.mechanism.solver import Solver
-from linkage_ros.messages.topics import ROBOT_DESCRIPTION, qualified
+from linkage_ros.messages.topics import MEASURED_JOINT_STATES, ROBOT_DESCRIPTION, qualified
 from linkage_ros.motion.along_law import LawMotion
 from linkage_ros.motion.at_speed import SpeedMotion
+from linkage_ros.motion.drives import FollowDrive
 from linkage_ros.motion.steps import record_steps
 from linkage_ros.motion.under_torque import Motion
 from linkage_ros.quantities import Quantity, leaves
+from linkage_ros.run.commands import MeasuredCrank
 from linkage_ros.run.states import Simulator
 from linkage_ros.settings.configuration import (
     Configuration,
@@ -105,6 +112,102 @@ def record(
                 time=error.time, coordinates=error.coordinates,
             ) from error  # fmt: skip
     return written
+
+
+class Answers(NamedTuple):
+    """The outcome of `record_measured`.
+
+    Attributes:
+        states: Number of states, one for each accepted measurement.
+        rejected: Number of rejected measurements by cause.
+    """
+
+    states: int
+    rejected: Counter[str]
+
+
+def record_measured(
+    configuration: Configuration,
+    path: Path | str,
+    bag: Path | str,
+    *,
+    topic: str = '',
+    overwrite: bool = False,
+    progress: bool = False,
+    stopped: Callable[[], bool] = lambda: False,
+) -> Answers:
+    """Writes the states at the measurements of a bag, which are those of a live run.
+
+    The log also holds the measurements. Their log times are those of the bag, as are the times of
+    receipt that replace missing stamps; the log time of a state is that of its measurement.
+
+    Args:
+        configuration: Configuration of the run, with `drive: follow`.
+        path: Path of the new log.
+        bag: An MCAP file, or the folder of a rosbag2 recording.
+        topic: Topic of the measurements; by default, the only topic that names the crank.
+        overwrite: Whether to replace an existing log.
+        progress: Whether to show a progress bar on stderr.
+        stopped: See `record`.
+
+    Returns:
+        The numbers of states and of rejected measurements.
+
+    Raises:
+        ConfigurationError: The crank is not measured.
+        LogError: The bag has no positions of the crank or has them on several topics, is damaged
+            or incomplete, or the log cannot be written. The log contains the states before the
+            damage.
+    """
+    if not isinstance(configuration.drive, FollowDrive):
+        raise ConfigurationError('--measured needs drive: follow: the bag has the crank angles')
+    simulator, source = Simulator(configuration), Bag(bag)
+    if any(is_same_file(str(path), str(file)) for file in source.files):
+        raise LogError(f'{path} is the bag itself: choose another name')
+    crank, name = MeasuredCrank(simulator), topic_of(source, simulator.crank_joint, topic)
+    states = 0
+    with (
+        LogWriter(path, configuration, overwrite=overwrite) as log,
+        cli.progress_bar(total=source.size, wanted=progress, unit='B', unit_scale=True) as bar,
+    ):
+        log.add_states(simulator.layout, ((topic, qualified(topic)) for topic in simulator.topics))
+        description = log.add_topic(ROBOT_DESCRIPTION, qualified(ROBOT_DESCRIPTION))
+        number = log.add_topic(MEASURED_JOINT_STATES, qualified(MEASURED_JOINT_STATES))
+        try:
+            for batch in _batches(source, name, bar.update):
+                if not log.mcap.statistics.message_count:
+                    log.write(description, batch[0][1], simulator.description)
+                log.write_messages((number, time, data) for _, time, data in batch)
+                rows = crank.rows((time, data) for _, time, data in batch)
+                log.write_rows(rows)
+                states += len(rows) // simulator.layout.size
+                if stopped():
+                    break
+        except LogError as error:
+            kept = f'{path} keeps the {cli.counted(states, "state")} before it'
+            raise LogError(f'{error}; {kept}') from error
+    return Answers(states, crank.rejected)
+
+
+def _batches(bag: Bag, name: str, progress: Callable[[int], object]) -> Iterator[list[BagMessage]]:
+    """Yields the messages of a topic in batches, also before an error.
+
+    Raises:
+        LogError: The bag is incomplete or damaged.
+    """
+    batch = list[BagMessage]()
+    try:
+        for messages in bag.messages(progress=progress):
+            batch += [message for message in messages if message[0].name == name]
+            if len(batch) >= _BATCH:
+                yield batch
+                batch = []
+    except LogError:
+        if batch:
+            yield batch
+        raise
+    if batch:
+        yield batch
 
 
 def _rows(
@@ -194,7 +297,11 @@ def _parser() -> argparse.ArgumentParser:
     parser = cli.make_parser(
         _NAME,
         'Record the exact states of a mechanism to an MCAP log; needs no ROS.',
-        ('quadrilateral run.mcap', 'my_linkage.yaml run.mcap --revolutions 5 --rate 1000'),
+        (
+            'quadrilateral run.mcap',
+            'my_linkage.yaml run.mcap --revolutions 5 --rate 1000',
+            'followed.yaml run.mcap --measured robot.mcap',
+        ),
         help_on_every_kind(),
     )
     params = f'parameter file, or a preset: {", ".join(preset_names())}'
@@ -203,11 +310,17 @@ def _parser() -> argparse.ArgumentParser:
         (('out',), None, {'metavar': 'OUT.mcap', 'type': Path, 'help': 'the log to write'}),
         (('--rate',), _RATE, {'note': ' (default: rate_hz of the file)', 'metavar': 'HZ'}),
         (('--overwrite',), None, {'action': 'store_true', 'help': 'replace an existing file'}),
+        (('--topic',), None,
+         {'metavar': 'NAME', 'default': '', 'help': 'topic of the joint states in BAG (default: '
+          'the only one that names the crank)'}),
     ))  # fmt: skip
     cli.add_options(parser.add_mutually_exclusive_group(), (
         (('--duration',), _DURATION,
          {'note': f' (default {_DEFAULT_DURATION:g})', 'metavar': 'S'}),
         (('--revolutions',), _REVOLUTIONS, {'metavar': 'N'}),
+        (('--measured',), None,
+         {'metavar': 'BAG', 'help': 'with drive: follow, an MCAP file or a rosbag2 folder with '
+          'joint states of the crank, each of which gives a state'}),
     ))  # fmt: skip
     return parser
 
@@ -217,6 +330,10 @@ def _record(options: argparse.Namespace) -> int:
     if options.rate is not None:
         values['rate_hz'] = options.rate
     configuration = configure(values)
+    if options.measured:
+        return _record_measured(options, configuration, stop)
+    if options.topic:
+        raise ConfigurationError('--topic names a topic of a bag: give --measured BAG, too')
     count = record(
         configuration,
         options.out,
@@ -239,9 +356,27 @@ def _record(options: argparse.Namespace) -> int:
     return 0
 
 
+def _record_measured(
+    options: argparse.Namespace, configuration: Configuration, stop: cli.Stop
+) -> int:
+    states, rejected = record_measured(
+        configuration,
+        options.out,
+        options.measured,
+        topic=options.topic,
+        overwrite=options.overwrite or configuration.session.log_overwrite,
+        progress=True,
+        stopped=stop.is_set,
+    )
+    causes = ''.join(f', {count} rejected: {cause}' for cause, count in rejected.items())
+    print(f'{options.out}: {cli.counted(states, "state")}{causes}')
+    return cli.STOPPED_BY_USER if stop.is_set() else 0 if states else 1
+
+
 def main() -> int:
     """Runs `linkage_record`; returns the exit code."""
     options = _parser().parse_args()
+    gc.freeze()  # garbage collections need not visit what is imported
     return cli.run(_NAME, lambda: _record(options))
 
 

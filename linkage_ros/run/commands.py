@@ -9,10 +9,13 @@ from bisect import bisect_right
 from collections import Counter, deque
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
+from itertools import compress
 from typing import Any, cast
 
+import numpy as np
+
 from linkage_ros.errors import LinkageError, MotionError
-from linkage_ros.messages.cdr import decode_joint_state, decode_trajectory
+from linkage_ros.messages.cdr import JointReader, decode_joint_state, decode_trajectory
 from linkage_ros.messages.templates import crank_trajectory
 from linkage_ros.messages.topics import (
     CRANK_TRAJECTORY,
@@ -25,7 +28,7 @@ from linkage_ros.motion.along_law import LawMotion, require_possible
 from linkage_ros.motion.at_speed import SpeedMotion
 from linkage_ros.motion.drives import FollowDrive, LawDrive, TorqueDrive
 from linkage_ros.motion.measured import FollowMotion
-from linkage_ros.motion.segments import Coordinates
+from linkage_ros.motion.segments import Coordinates, stacked
 from linkage_ros.numeric import Real
 from linkage_ros.run.states import Simulator
 from linkage_ros.settings.session import TrajectoryFeedForward
@@ -157,9 +160,12 @@ class MeasuredCrank:
         Args:
             simulator: Simulator of a configuration with `drive: follow`.
         """
-        self._simulator = simulator
-        drive = cast('FollowDrive', simulator.configuration.drive)
-        self._motion = FollowMotion(drive, simulator.solver.reach.period_turns)
+        self._simulator, self._joint = simulator, JointReader(simulator.crank_joint)
+        drive, reach = cast('FollowDrive', simulator.configuration.drive), simulator.solver.reach
+        self._motion, self._is_limited = (
+            FollowMotion(drive, reach.period_turns),
+            not reach.turns_fully,
+        )
         self.rejected: Counter[str] = Counter()
         self._last = -math.inf  # time of the last accepted measurement, s
 
@@ -177,19 +183,79 @@ class MeasuredCrank:
             ValueError: The message is rejected and counted. The error text is the cause, which may
                 be followed by a colon and details.
         """
+        found = self._measure(data, received)
+        self._require_states(found[1])
+        self._last = time.monotonic()
+        return found
+
+    def rows(self, messages: Iterable[tuple[int, bytes]]) -> bytearray:
+        """Answers many messages, with the same results as `read` and `Simulator.snapshot`.
+
+        Args:
+            messages: Time of receipt, ns, and CDR bytes of each JointState.
+
+        Returns:
+            The rows of the states, with the times of receipt as log times. Rejected messages are
+            counted.
+        """
+        times, stamps, found = list[int](), list[int](), list[Coordinates]()
+        for received, data in messages:
+            with suppress(ValueError):
+                stamp, coordinates = self._measure(data, received)
+                times.append(received)
+                stamps.append(stamp)
+                found.append(coordinates)
+        try:
+            return self._rows(times, stamps, found)
+        except LinkageError:  # of at least one state
+            accepted = [*map(self._has_states, found)]
+            return self._rows(
+                [*compress(times, accepted)], [*compress(stamps, accepted)],
+                [*compress(found, accepted)],
+            )  # fmt: skip
+
+    def _rows(
+        self, times: Sequence[int], stamps: Sequence[int], found: Sequence[Coordinates]
+    ) -> bytearray:
+        if not found:
+            return bytearray()
+        logged = np.array(times, np.uint64)
+        return self._simulator.rows(stamps, *self.stacked(found), times=logged)
+
+    def _has_states(self, found: Coordinates) -> bool:
+        """Returns whether a measurement has states; if not, it is counted as rejected."""
+        with suppress(ValueError):
+            self._require_states(found)
+            return True
+        return False
+
+    def stacked(self, found: Sequence[Coordinates]) -> tuple[Coordinates, Coordinates | None]:
+        """Stacks the coordinates of accepted measurements.
+
+        Args:
+            found: The coordinates of each measurement.
+
+        Returns:
+            The coordinates as arrays, and those for the feed-forward torque or None.
+        """
+        later = [x for one in found if (x := self._simulator.later(one))]
+        return stacked(found), stacked(later) if later else None
+
+    def _measure(self, data: bytes, received: int) -> tuple[int, Coordinates]:
+        """Reads the coordinates of the crank; see `read`.
+
+        Raises:
+            ValueError: The message is rejected and counted.
+        """
         try:
             stamp, position, velocity = self._decode(data)
-            if math.isfinite(position):
-                self._require_state(position)
-            found = self._motion.at(stamp or received, position, velocity)
-            # Near a limit of the crank, the rates of the links may overflow.
-            for one in filter(None, (found, self._simulator.later(found))):
-                self._require_state(one.q[0], one.u[0], one.a[0])
+            if self._is_limited and math.isfinite(position):
+                self._require_state(position)  # the filter must not see other angles
+            stamp = stamp or received
+            return stamp, self._motion.at(stamp, position, velocity)
         except ValueError as error:
-            self.rejected[str(error).partition(':')[0]] += 1
+            self._reject(error)
             raise
-        self._last = time.monotonic()
-        return stamp or received, found
 
     def _decode(self, data: bytes) -> tuple[int, float, float | None]:
         """Returns the stamp, ns, and the crank's angle and, if it was measured, its speed.
@@ -198,21 +264,34 @@ class MeasuredCrank:
             ValueError: The message has no measurement. The error text is the cause.
         """
         try:
-            heard = decode_joint_state(data)
+            stamp, position, velocity = self._joint.read(data)
         except ValueError as error:
             raise ValueError(NO_JOINT_STATE) from error
-        names = heard.names[: len(heard.positions)]
-        if self._simulator.crank_joint not in names:
+        if position is None:
             raise ValueError(NO_CRANK)
-        index = names.index(self._simulator.crank_joint)
-        velocity = heard.velocities[index] if index < len(heard.velocities) else None
-        return heard.stamp, heard.positions[index], velocity
+        return stamp, position, velocity
+
+    def _require_states(self, found: Coordinates) -> None:
+        """Checks the states of a measurement; near a limit of the crank, rates may overflow.
+
+        Raises:
+            ValueError: The message is rejected and counted.
+        """
+        try:
+            for one in filter(None, (found, self._simulator.later(found))):
+                self._require_state(one.q[0], one.u[0], one.a[0])
+        except ValueError as error:
+            self._reject(error)
+            raise
 
     def _require_state(self, *motion: Real) -> None:
         try:
             self._simulator.solver.state(*motion)
         except LinkageError as error:
             raise ValueError(f'{OUT_OF_REACH}: {error}') from error
+
+    def _reject(self, error: ValueError) -> None:
+        self.rejected[str(error).partition(':')[0]] += 1
 
     def troubles(self, topic: str) -> list[str]:
         """Returns a warning if no measurement has been accepted for 2 s."""

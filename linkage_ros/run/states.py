@@ -156,7 +156,8 @@ class Simulator:
         if isinstance(drive, LawDrive):
             return LawMotion.begin(drive, stamp)
         raise ConfigurationError(
-            'drive: follow needs a crank that is measured: run linkage_node, or give drive: speed'
+            'drive: follow needs a crank that is measured: run linkage_node, or give '
+            'linkage_record --measured BAG'
         )
 
     def prepare_live(self) -> None:

@@ -1,0 +1,250 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Reads bags of any program: an MCAP file, or the folder of a rosbag2 recording.
+
+Each file is read from its start to its end, without its index, so that an incomplete bag gives all
+messages before the damage, and memory holds one chunk at a time.
+"""
+
+import os
+import struct
+from collections import defaultdict
+from collections.abc import Callable, Collection, Iterator
+from contextlib import suppress
+from itertools import chain
+from pathlib import Path
+from typing import BinaryIO, NamedTuple, TypeAlias
+
+from mcap.opcode import Opcode
+from mcap.records import Channel, Schema
+
+from linkage_ros.errors import LinkageError, LogError, shortened
+from linkage_ros.log.records import ROLE
+from linkage_ros.log.scan import HEAD, MAGIC_SIZE, McapFile, open_mcap, parsed, unpack
+from linkage_ros.messages.cdr import JointReader, decode_joint_state
+from linkage_ros.messages.rows import MESSAGE_HEAD
+from linkage_ros.messages.topics import JOINT_STATE
+from linkage_ros.units import TIME_END
+
+# Largest size of an uncompressed chunk, bytes. Images or point clouds may make chunks of 100 MB.
+_LARGEST = 1 << 30
+_RECORD = struct.Struct('<BQH')  # opcode and length of a record, and the channel of a message
+_IN_CHUNKS = {Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE}
+_CURE = (
+    'of bags, only uncompressed MCAP files and those with compressed chunks are read; '
+    'rosbags-convert --src FOLDER --dst NEW_FOLDER --dst-storage mcap converts others'
+)
+
+
+class BagTopic(NamedTuple):
+    """A topic of a bag.
+
+    Attributes:
+        name: Fully qualified name.
+        type: Type of the messages, such as 'sensor_msgs/msg/JointState'.
+        role: See `Topic.role`; empty unless a run of this package wrote the topic.
+    """
+
+    name: str
+    type: str
+    role: str
+
+
+# A message: its topic, log time, ns, and CDR bytes.
+BagMessage: TypeAlias = tuple[BagTopic, int, bytes]
+
+
+class Bag:
+    """A bag of any program.
+
+    Attributes:
+        path: Path of the bag.
+        files: The MCAP files of the bag, in the order of recording.
+        size: Size of the files, bytes.
+    """
+
+    def __init__(self, path: Path | str) -> None:
+        """Finds the files of a bag.
+
+        Args:
+            path: An MCAP file, or a folder that contains at least one.
+
+        Raises:
+            LogError: There is no MCAP file.
+        """
+        self.path, self.files, self.size = Path(path), [Path(path)], 0
+        if os.path.isdir(path):  # noqa: PTH112, accepts invalid names
+            # rosbag2 numbers the files, as in run_0.mcap to run_10.mcap.
+            self.files = sorted(self.path.glob('*.mcap'), key=lambda x: (len(x.name), x.name))
+            if not self.files:
+                found = shortened(', '.join(sorted(x.name for x in self.path.iterdir())), 80)
+                raise LogError(f'{path} has no .mcap file, only {found or "nothing"}: {_CURE}')
+        for file in self.files:
+            with open_mcap(file, _CURE) as stream:
+                self.size += stream.seek(0, os.SEEK_END)
+
+    def messages(
+        self,
+        types: Collection[str] = (JOINT_STATE.name,),
+        progress: Callable[[int], object] = lambda _: None,
+    ) -> Iterator[list[BagMessage]]:
+        """Reads the messages of some types in the order of the files.
+
+        Args:
+            types: Types of the messages to read.
+            progress: Called with the number of bytes read since the last call.
+
+        Yields:
+            The messages of a chunk, or a single message of a file without chunks.
+
+        Raises:
+            LogError: The bag is incomplete or damaged; all messages before that were yielded.
+        """
+        for path in self.files:
+            with open_mcap(path, _CURE) as stream:
+                file, at = _Topics(types), MAGIC_SIZE
+                try:
+                    for block in _blocks(stream):
+                        if found := file.messages(block):
+                            yield found
+                        progress(stream.tell() - at)
+                        at = stream.tell()
+                except LinkageError as error:
+                    raise LogError(f'{path} cannot be used: {error}') from error
+                except Exception as error:  # on damaged data the parser may raise any exception
+                    raise LogError(
+                        f'{path} is damaged or incomplete after {at} bytes; "mcap '
+                        f'recover" saves the readable data ({type(error).__name__}: {error})'
+                    ) from error
+
+    def topics(self, type_name: str) -> set[str] | None:
+        """Returns the names of the topics of a type; None if the index of a file is missing."""
+        found = set[str]()
+        for path in self.files:
+            with open_mcap(path, _CURE) as stream:
+                summary = None
+                with suppress(Exception):  # on damaged data the parser may raise any exception
+                    summary = McapFile(stream).summary()
+                if not summary or not summary[Channel]:
+                    return None
+                named = {schema.id for schema in summary[Schema] if schema.name == type_name}
+                found |= {x.topic for x in summary[Channel] if x.schema_id in named}
+        return found
+
+
+def _blocks(stream: BinaryIO) -> Iterator[bytes]:
+    """Yields the encoded schemas, channels and messages of a file, one or many at a time.
+
+    Raises:
+        LogError: A chunk is too large.
+        ValueError: The file is damaged or incomplete. Damaged data may raise other exceptions.
+    """
+    end, opcode = stream.seek(0, os.SEEK_END), 0
+    stream.seek(MAGIC_SIZE)
+    while opcode != Opcode.DATA_END:
+        opcode, length = HEAD.unpack(head := stream.read(HEAD.size))
+        if stream.tell() + length > end:
+            raise ValueError('a record is longer than the file')
+        if opcode == Opcode.CHUNK:
+            yield unpack(parsed(opcode, stream.read(length)), _LARGEST)
+        elif opcode in _IN_CHUNKS:
+            yield head + stream.read(length)
+        else:
+            stream.seek(length, os.SEEK_CUR)
+
+
+class _Topics:
+    """The topics of an MCAP file that were declared so far."""
+
+    def __init__(self, types: Collection[str]) -> None:
+        """Starts without topics; ignores those of other types."""
+        self._types = types
+        self._schemas, self._topics = dict[int, Schema](), dict[int, BagTopic]()
+
+    def messages(self, block: bytes) -> list[BagMessage]:
+        """Returns the messages of a block; see `Bag.messages`.
+
+        Raises:
+            LogError: A time is too large.
+            ValueError: The block is damaged. Damaged data may raise other exceptions.
+        """
+        topics, found = self._topics, list[BagMessage]()
+        at, end, head, body = 0, len(block), HEAD.size, MESSAGE_HEAD.size
+        while at < end:
+            opcode, length, channel = _RECORD.unpack_from(block, at)
+            start, at = at, at + head + length
+            if opcode != Opcode.MESSAGE:
+                if opcode not in _IN_CHUNKS:
+                    raise ValueError('a chunk contains an invalid record')
+                self._declare(opcode, block[start + head : at])
+            elif channel in topics:
+                *_, time, _ = MESSAGE_HEAD.unpack_from(block, start)
+                if time >= TIME_END:
+                    raise LogError(f'a message has the time {time} ns: must be a valid ROS time')
+                found.append((topics[channel], time, block[start + body : at]))
+        if at != end:
+            raise ValueError('a record is longer than its chunk')
+        return found
+
+    def _declare(self, opcode: int, body: bytes) -> None:
+        """Reads a schema or channel."""
+        record = parsed(opcode, body)
+        if opcode == Opcode.SCHEMA:
+            self._schemas[record.id] = record
+            return
+        schema = self._schemas.get(record.schema_id)
+        if schema and schema.name in self._types and record.message_encoding == 'cdr':
+            role = record.metadata.get(ROLE, '')
+            self._topics[record.id] = BagTopic(record.topic, schema.name, role)
+
+
+def topic_of(bag: Bag, joint: str, name: str = '') -> str:
+    """Finds the topic with the joint states of a joint.
+
+    Args:
+        bag: The bag.
+        joint: Name of the joint.
+        name: Name of the topic; by default, the only topic that names the joint.
+
+    Returns:
+        The name of the topic.
+
+    Raises:
+        LogError: No topic or more than one names the joint, or the topic `name` does not.
+    """
+    named, heard = set[str](), dict[str, bytes]()  # and the first message of each topic
+    readers = defaultdict[str, JointReader](lambda: JointReader(joint))
+    needed = {name} if name else bag.topics(JOINT_STATE.name)
+    try:
+        for topic, _, data in chain.from_iterable(bag.messages()):
+            if topic.name in named:
+                continue
+            heard.setdefault(topic.name, data)
+            with suppress(ValueError):  # the message is invalid
+                _, position, _ = readers[topic.name].read(data)
+                if position is not None:
+                    named.add(topic.name)
+                    if named == needed:
+                        break
+    except LogError:  # the caller reads the messages before the damage
+        if not named:
+            raise
+    if name in named or (len(named) == 1 and not name):
+        return name or named.pop()
+    if named:
+        raise LogError(
+            f'{bag.path} has positions of {joint} on {", ".join(sorted(named))}: '
+            'give one of these as --topic'
+        )
+    names = '; '.join(f'{topic} names {_names(data)}' for topic, data in sorted(heard.items()))
+    raise LogError(
+        f'{bag.path} has no position of {joint}: '
+        + (f'{names}; set crank_joint' if names else f'it has no {JOINT_STATE.name}')
+    )
+
+
+def _names(data: bytes) -> str:
+    """Returns the names of the joints in a JointState, for an error message."""
+    with suppress(ValueError):
+        return ', '.join(decode_joint_state(data).names) or 'nothing'
+    return 'nothing, as its messages are compressed or damaged'

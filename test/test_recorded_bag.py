@@ -1,0 +1,304 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""linkage_record --measured: bags of other writers, and the states at their measurements."""
+
+import math
+import re
+import struct
+from contextlib import suppress
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from mcap.writer import CompressionType, Writer
+from mechanisms import FOLLOWED, LIMITED, four_bar
+from ros_harness import assert_refused, finished, logged, verified
+from rosbags import rosbag2
+
+from linkage_ros import ConfigurationError, LogError
+from linkage_ros.log.bag import Bag
+from linkage_ros.messages.cdr import JointReader, decode_joint_state
+from linkage_ros.messages.rows import Template
+from linkage_ros.messages.templates import float64, joint_state
+from linkage_ros.messages.topics import FLOAT64, JOINT_STATE
+from linkage_ros.programs.record import record_measured
+from linkage_ros.run.commands import MeasuredCrank
+from linkage_ros.run.states import Simulator
+from linkage_ros.settings.configuration import configure, load
+
+FOLLOW = configure(FOLLOWED)
+START, MS = 1_795_000_000_000_000_000, 1_000_000
+JOINTS = ('elbow', 'crank', 'wrist')
+ARM = Template(joint_state(JOINTS, 'world'))
+GRIPPER = Template(joint_state(('finger', 'thumb'), 'hand'))
+NUMBER = Template(float64('data'))
+
+
+def measurement(n, *, stamp=None, joints=ARM):
+    """Returns the message with the n-th measurement of a crank that swings through a wrap."""
+    stamp = START + n * MS if stamp is None else stamp
+    angle = math.remainder(3.0 + 2.0 * math.sin(0.01 * n), 2 * math.pi)
+    row = {'position': (0.1, angle, 0.2), 'velocity': (0.0, 20 * math.cos(0.01 * n), 0.0)}
+    numbers = [*row['position'], *row['velocity'], 0.0, 0.0, 0.0]
+    return joints.pack(*divmod(stamp, 10**9), *numbers[: len(joints.places) - 2])
+
+
+def robot(count=300):
+    """Yields (topic, type, log time, bytes) of a robot's bag: two publishers, 40 other topics."""
+    for n in range(count):
+        time = START + n * MS + 700
+        yield '/joint_states', JOINT_STATE, time, measurement(n)
+        if n % 3 == 0:
+            yield '/joint_states', JOINT_STATE, time + 1, measurement(n, joints=GRIPPER)
+            yield '/gripper/joint_states', JOINT_STATE, time + 2, measurement(n, joints=GRIPPER)
+        if n % 50 == 7:
+            yield '/joint_states', JOINT_STATE, time + 3, measurement(n - 3)  # late
+            yield '/joint_states', JOINT_STATE, time + 4, measurement(n)[:40]  # damaged
+        yield f'/other_{n % 40}', FLOAT64, time + 5, NUMBER.pack(float(n))
+
+
+def write_mcap(path, messages, **options):
+    with path.open('wb') as stream:
+        writer = Writer(stream, **options)
+        writer.start('ros2', 'other')
+        schemas, channels = {}, {}
+        for topic, kind, time, data in messages:
+            if kind.name not in schemas:
+                schemas[kind.name] = writer.register_schema(
+                    kind.name, 'ros2msg', kind.definition.encode()
+                )
+            if topic not in channels:
+                channels[topic] = writer.register_channel(topic, 'cdr', schemas[kind.name])
+            writer.add_message(channels[topic], time, data, time)
+        writer.finish()
+    return path
+
+
+def write_rosbag2(path, messages, storage=rosbag2.StoragePlugin.MCAP, compression=None):
+    bag = rosbag2.Writer(path, version=9, storage_plugin=storage)
+    if compression:
+        bag.set_compression(compression, rosbag2.CompressionFormat.ZSTD)
+    with bag:
+        connections = {}
+        for topic, kind, time, data in messages:
+            if topic not in connections:
+                connections[topic] = bag.add_connection(
+                    topic, kind.name, msgdef=kind.definition, rihs01=kind.hash
+                )
+            bag.write(connections[topic], time, data)
+    return path
+
+
+def write_split(path, messages):
+    """Writes a folder of 12 files, in the order of whose numbers the names are not sorted."""
+    path.mkdir()
+    messages = [*messages]
+    for i in range(12):
+        write_mcap(path / f'run_{i}.mcap', messages[i * 40 : None if i == 11 else i * 40 + 40])
+    return path
+
+
+def write_unindexed(path, messages):
+    options = 'chunking', 'statistics', 'summary_offsets'
+    options = {f'use_{name}': False for name in options} | {'repeat_channels': False}
+    return write_mcap(path, messages, **options)
+
+
+WRITERS = {
+    'zstd': lambda path, messages: write_mcap(path, messages, chunk_size=5000),
+    'lz4': lambda path, messages: write_mcap(path, messages, compression=CompressionType.LZ4),
+    'uncompressed': lambda path, messages: write_mcap(
+        path, messages, compression=CompressionType.NONE
+    ),
+    'unchunked': write_unindexed,
+    'rosbags': write_rosbag2,
+    'split': write_split,
+    'compressed chunks': lambda path, messages: write_rosbag2(
+        path, messages, compression=rosbag2.CompressionMode.STORAGE
+    ),
+}
+
+
+def live(configuration, messages):
+    """Returns the messages of the states as the node makes them, one by one."""
+    simulator = Simulator(configuration)
+    crank, found = MeasuredCrank(simulator), []
+    for time, data in messages:
+        with suppress(ValueError):
+            stamp, coordinates = crank.read(data, time)
+            snapshot = simulator.snapshot(stamp, coordinates, simulator.later(coordinates))
+            found.append((time, snapshot.messages))
+    return simulator, found, crank.rejected
+
+
+@pytest.mark.parametrize('write', WRITERS.values(), ids=WRITERS)
+@pytest.mark.parametrize('lead', [{}, {'effort_command_topic': '/torque', 'lead_time': 0.01}])
+def test_a_bag_of_another_writer_is_answered_like_live_measurements(tmp_path, write, lead):
+    configuration, out = configure({**FOLLOWED, **lead}), tmp_path / 'out.mcap'
+    messages = [(time, data) for topic, _, time, data in robot() if topic == '/joint_states']
+    answers = record_measured(configuration, out, write(tmp_path / 'robot.mcap', robot()))
+    simulator, due, rejected = live(configuration, messages)
+    assert answers == (len(due), rejected)
+    assert len(due) == 300
+    log, found = logged(out)
+    assert [(one.time, one.data) for one in found['/measured_joint_states']] == messages
+    for i, topic in enumerate(simulator.topics):
+        states = [(one.time, one.data) for one in found[log.channel(topic).name]]
+        assert states == [(time, row[i]) for time, row in due]
+    assert verified(out).states == 300
+
+
+@pytest.mark.parametrize('lead', [{}, {'effort_command_topic': '/torque', 'lead_time': 0.01}])
+def test_extreme_measurements_are_rejected_in_batches_as_one_by_one(lead):
+    limited = four_bar(LIMITED['rocker_crank'])
+    (start, end), *_ = limited.reach().arcs
+    nearest, joints = math.nextafter(end, start), Template(joint_state(('crank',), ''))
+    for mechanism, inside in ((FOLLOW.mechanism, 0.5), (limited, end - 1e-3)):
+        configuration = replace(configure({**FOLLOWED, **lead}), mechanism=mechanism)
+        values = [(inside, 0.0), (inside, 1e300), (inside, -1e13), (1e308, 0.0), (math.nan, 0.0),
+                  (end, 5.0), (nearest, 5.0), (nearest, 1e12), (inside, 3.0)]  # fmt: skip
+        messages = [(n, joints.pack(0, n * MS, *one, 0.0)) for n, one in enumerate(values, 1)]
+        simulator, due, rejected = live(configuration, messages)
+        crank = MeasuredCrank(simulator)
+        rows = crank.rows(messages)
+        assert crank.rejected == rejected
+        assert len(rows) == len(due) * simulator.layout.size
+        for i, (_, row) in enumerate(due):
+            one = rows[i * simulator.layout.size : (i + 1) * simulator.layout.size]
+            assert tuple(one[body] for body in simulator.layout.bodies) == row
+
+
+def test_one_joint_is_read_as_from_the_whole_message():
+    """Layouts change between messages of one size, and messages are cut at any place."""
+    kinds = (JOINTS, 'a'), (JOINTS[::-1], 'a'), (JOINTS[1:], 'a'), (('crank',), 'long'), ((), '')
+    frames = [Template(joint_state(names, frame)) for names, frame in kinds]
+    whole = [frame.pack(5, 6, *range(1, len(frame.places) - 1)) for frame in frames]
+    short = whole[0][:-28]  # without the efforts and two velocities
+    cut = [short[:-12] + struct.pack('<I', n) + short[-8:] for n in (0, 1)]
+    messages = [*whole, *cut, *(whole[0][:n] for n in range(0, len(whole[0]), 3)), *whole]
+    reader, compared = JointReader('crank'), 0
+    for data in messages * 2:
+        try:
+            heard = decode_joint_state(data)
+        except ValueError:
+            with pytest.raises(ValueError, match='not a JointState'):
+                reader.read(data)
+            continue
+        rows = (dict(zip(heard.names, row, strict=False)) for row in heard[2:4])
+        assert reader.read(data) == (heard.stamp, *(row.get('crank') for row in rows))
+        compared += 1
+    assert compared >= 20
+
+
+# ---------------------------------------------------------------- refusals
+
+
+def two_topics():
+    yield from robot(20)
+    yield '/commands', JOINT_STATE, START, measurement(0)
+
+
+def test_the_topic_is_chosen_by_the_crank_or_by_name(tmp_path):
+    bag, out = write_mcap(tmp_path / 'robot.mcap', two_topics()), tmp_path / 'out.mcap'
+    with pytest.raises(LogError, match=r'crank on /commands, /joint_states: give one .*--topic'):
+        record_measured(FOLLOW, out, bag)
+    assert record_measured(FOLLOW, out, bag, topic='/commands').states == 1
+    with pytest.raises(LogError, match=r'crank on /commands, /joint_states: give one .*--topic'):
+        record_measured(FOLLOW, out, bag, topic='/nothing')
+
+
+def sqlite(path):
+    return write_rosbag2(path, robot(9), storage=rosbag2.StoragePlugin.SQLITE3)
+
+
+def compressed(mode):
+    return lambda path: write_rosbag2(path, robot(9), compression=mode)
+
+
+CONVERTED = 'rosbags-convert --src FOLDER --dst NEW_FOLDER --dst-storage mcap'
+REFUSED = {
+    'sqlite3': (sqlite, f'only .*db3.*{CONVERTED}'),
+    'sqlite3 file': (lambda path: next(sqlite(path).glob('*.db3')), f'SQLite f.*{CONVERTED}'),
+    'compressed file': (compressed(rosbag2.CompressionMode.FILE), f'only .*zstd.*{CONVERTED}'),
+    'compressed messages': (
+        compressed(rosbag2.CompressionMode.MESSAGE), 'nothing, as its messages are compressed'
+    ),
+    'no bag': (lambda path: path, 'cannot be read: No such file'),
+    'no joint': (
+        lambda path: write_mcap(path, (one for one in robot(9) if 'gripper' in one[0])),
+        'no position of crank: /gripper/joint_states names finger, thumb; set crank_joint',
+    ),
+    'no joint states': (
+        lambda path: write_mcap(path, (one for one in robot(9) if 'other' in one[0])),
+        'no position of crank: it has no sensor_msgs/msg/JointState',
+    ),
+    'late': (
+        lambda path: write_mcap(path, [('/a', JOINT_STATE, 2**63, measurement(0))]),
+        'must be a valid ROS time',
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(('write', 'words'), REFUSED.values(), ids=REFUSED)
+def test_other_bags_are_refused_in_one_line(tmp_path, write, words):
+    with pytest.raises(LogError, match=words) as caught:
+        record_measured(FOLLOW, tmp_path / 'out.mcap', write(tmp_path / 'robot'))
+    assert '\n' not in str(caught.value)
+    assert str(tmp_path / 'robot') in str(caught.value)
+
+
+def test_states_before_the_damage_are_kept(tmp_path):
+    bag = write_mcap(tmp_path / 'robot.mcap', robot(), chunk_size=5000)
+    whole, out, states = bag.read_bytes(), tmp_path / 'out.mcap', []
+    for size in np.linspace(4000, len(whole) - 1, 12).astype(int):
+        bag.write_bytes(whole[:size])
+        try:
+            states.append(record_measured(FOLLOW, out, bag, overwrite=True).states)
+        except LogError as error:
+            kept = re.search('incomplete after .* keeps the ([0-9]+) states? before', str(error))
+            states.append(int(kept[1]))
+        assert verified(out).states == states[-1]
+    assert states == sorted(states)
+    assert len(set(states)) > 3
+    assert states[-1] == 300  # the end of the index alone is missing
+
+
+def test_drive_and_output_are_checked(tmp_path):
+    bag = write_mcap(tmp_path / 'robot.mcap', robot(9))
+    with pytest.raises(LogError, match='the bag itself'):
+        record_measured(FOLLOW, bag, bag, overwrite=True)
+    with pytest.raises(ConfigurationError, match='needs drive: follow'):
+        record_measured(load('quadrilateral'), tmp_path / 'out.mcap', bag)
+    assert [*Bag(bag).messages()]
+
+
+FILE = """
+/**:
+  ros__parameters:
+    mechanism: slider_crank
+    drive: follow
+    crank: {length: 0.05, mass: 0.3}
+    coupler: {length: 0.2, mass: 0.5}
+"""
+
+
+def test_the_command_answers_a_bag_and_counts_rejected_measurements(tmp_path):
+    bag, out = write_rosbag2(tmp_path / 'robot', robot(60)), tmp_path / 'out.mcap'
+    (tmp_path / 'followed.yaml').write_text(FILE)
+    words = 'record', tmp_path / 'followed.yaml', out
+    done = finished(*words, '--measured', bag)
+    assert (done.returncode, done.stderr) == (0, '')
+    assert re.search(
+        '60 states.*20 rejected: without a position of the crank.*2 rejected: not newer',
+        done.stdout,
+    )
+    assert verified(out).states == 60
+    for options, problem in (
+        (('--measured', bag), 'already exists'),
+        (('--measured', bag, '--topic', '/x', '--overwrite'), 'on /joint_states: give one'),
+        (('--topic', '/x', '--overwrite'), 'give --measured BAG'),
+        (('--overwrite',), 'or give linkage_record --measured BAG'),
+        (('--measured', bag, '--duration', '1'), 'not allowed with'),
+    ):
+        done = finished(*words, *options)
+        assert_refused(done.returncode, done.stdout, done.stderr, problem)
