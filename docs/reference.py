@@ -28,6 +28,7 @@ from unittest.mock import MagicMock, patch
 from linkage_lab import chart_tool
 from linkage_lab.commands.stability import GRIDS
 from linkage_ros import executables
+from linkage_ros.mechanism.parts import LOADS
 from linkage_ros.mechanism.registry import MECHANISMS
 from linkage_ros.messages.topics import (
     CRANK_TRAJECTORY,
@@ -218,6 +219,7 @@ def tables() -> dict[str, str]:
         'presets': _presets(),
         'kind': _parameters(MechanismAndDrive),
         'mechanisms': _sections('mechanism', MECHANISMS),
+        'loads': _sections('kind', LOADS),
         'drives': _sections('drive', DRIVES),
         'session': _parameters(Session),
         'controller': _parameters(Settings),

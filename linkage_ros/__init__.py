@@ -20,7 +20,9 @@ from linkage_ros.errors import (
     UnreachableError,
     ViewerError,
 )
+from linkage_ros.mechanism.force import Force
 from linkage_ros.mechanism.four_bar import FourBar
+from linkage_ros.mechanism.gas import Gas
 from linkage_ros.mechanism.joint_forces import Reactions
 from linkage_ros.mechanism.kinematics import PointMotion, Reach, State
 from linkage_ros.mechanism.load_curve import LoadCurve
@@ -36,9 +38,11 @@ from linkage_ros.mechanism.parts import (
     Rocker,
     Slider,
 )
+from linkage_ros.mechanism.pins import Pins
 from linkage_ros.mechanism.slider_crank import SliderCrank
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.mechanism.structure import Mechanism
+from linkage_ros.mechanism.spring import Spring
 from linkage_ros.mechanism.travel import Travel, assemblies, travel
 from linkage_ros.mechanism.wind_pump import WindPump
 from linkage_ros.settings.presets import preset_names
@@ -70,9 +74,11 @@ __all__ = [
     'Body',
     'ConfigurationError',
     'Coupler',
+    'Force',
     'FourBar',
     'Frame',
     'Friction',
+    'Gas',
     'Guide',
     'LinkLoad',
     'LinkageError',
@@ -81,6 +87,7 @@ __all__ = [
     'Mechanism',
     'MechanismError',
     'MotionError',
+    'Pins',
     'Piston',
     'PointMotion',
     'Reach',
@@ -89,6 +96,7 @@ __all__ = [
     'Slider',
     'SliderCrank',
     'Solver',
+    'Spring',
     'State',
     'Travel',
     'UnreachableError',

@@ -97,6 +97,16 @@ def sqrt(square: Real) -> Real:
     return _apply('sqrt', math.sqrt, np.sqrt, square)
 
 
+def exp(value: Real) -> Real:
+    """Returns the exponential function."""
+    return _apply('exp', math.exp, np.exp, value)
+
+
+def log(value: Real) -> Real:
+    """Returns the natural logarithm; the caller must ensure that the argument is positive."""
+    return _apply('log', math.log, np.log, value)
+
+
 def atan2(y: Real, x: Real) -> Real:
     """Returns the direction of (x, y), rad in [-pi, pi]."""
     return _apply('atan2', math.atan2, np.arctan2, y, x)

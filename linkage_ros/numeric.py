@@ -99,18 +99,19 @@ def _parts_of(pairs: int | Fraction) -> tuple[float, ...]:
     return tuple(parts)
 
 
-def without_turns(angle: Real, first: float) -> Real:
-    """Reduces an angle by whole turns to the turn that starts at `first`.
+def without_turns(angle: Real, first: float, period: int = 1) -> Real:
+    """Reduces an angle by whole periods to the period that starts at `first`.
 
     Args:
         angle: Angle or array of angles, rad; results for floats and arrays are bit-identical.
-        first: Angle at which the turn starts, rad.
+        first: Angle at which the period starts, rad.
+        period: Number of turns in a period.
 
     Returns:
         The reduced angle, rad.
     """
     floor = math.floor if isinstance(angle, float) else np.floor
-    turns = floor((angle - first) * (1 / _TWO_PI[0]))
+    turns = floor((angle - first) * (1 / (period * _TWO_PI[0]))) * period
     return (angle - turns * _SHORT_TWO_PI[0]) - turns * _SHORT_TWO_PI[1]
 
 

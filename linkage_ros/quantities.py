@@ -139,19 +139,30 @@ def quantity(
     return dataclasses.field(default=default, metadata={'quantity': described})
 
 
-def groups(base: type, kinds: Sequence[Any]) -> Any:
+def groups(base: type, single: Sequence[Any], named: Mapping[str, Any]) -> Any:
     """Declares a dataclass field for a tuple of objects whose classes have quantities.
 
+    A parameter file may set each group of `single` once, and any number of objects of the classes
+    in `named`: the parameters of an object with the name x begin with the name of the field and x,
+    and one of them is its kind.
+
     Args:
-        base: Base class of the valid objects.
-        kinds: The valid classes. The attribute `group` of a class names its parameter group, or is
-            '' if it has none. A parameter file may set each group once.
+        base: Base class of the valid objects, whose attribute `name` holds an object's name; ''
+            for an object of a single group.
+        single: Classes whose attribute `group` names their parameter group.
+        named: Classes by kind. It may grow until it is used.
 
     Returns:
         The field, whose default is an empty tuple.
     """
-    named = {kind.group: kind for kind in kinds if kind.group}
-    return dataclasses.field(default=(), metadata={'quantity': _Held(named, base, is_group=True)})
+    kinds = {kind.group: kind for kind in single}
+    held = _Held(kinds, base, is_group=True, named=named)
+    return dataclasses.field(default=(), metadata={'quantity': held})
+
+
+def unlisted(default: Any) -> Any:
+    """Declares a dataclass field that is not a parameter."""
+    return dataclasses.field(default=default, metadata={'quantity': None})
 
 
 class _Held(NamedTuple):
@@ -161,11 +172,41 @@ class _Held(NamedTuple):
         kinds: The valid classes, by their names in dotted parameter names.
         base: Base class of the valid objects.
         is_group: Whether the value is a tuple of objects.
+        named: Classes of the objects in the tuple that have names of their own, by kind.
     """
 
     kinds: Mapping[str, Any]
     base: Any
     is_group: bool
+    named: Mapping[str, Any] = {}
+
+    @property
+    def kind(self) -> Quantity:
+        """The kind of a named object, as a parameter."""
+        return Quantity('choice', 'kind of load', choices=self.named.keys())
+
+    def members(self, prefix: str, values: Mapping[str, object]) -> dict[str, Any]:
+        """Returns the classes of the named objects in parameters, by name in increasing order.
+
+        Args:
+            prefix: Name of the field, and a dot.
+            values: Values by dotted name.
+
+        Raises:
+            ConfigurationError: An object has no kind, or an unknown one.
+        """
+        if not self.named:
+            return {}
+        parts = (
+            name.removeprefix(prefix).split('.') for name in values if name.startswith(prefix)
+        )
+        found = {}
+        for name in sorted({part[0] for part in parts if len(part) > 1}):
+            key = f'{prefix}{name}.kind'
+            if key not in values:
+                raise ConfigurationError(f'{key} is missing: must be {self.kind.valid}')
+            found[name] = self.named[str(self.kind.clean(key, values[key]))]
+        return found
 
 
 def _read_parts(cls: Any) -> tuple[tuple[dataclasses.Field[Any], Quantity | _Held], ...]:
@@ -175,7 +216,9 @@ def _read_parts(cls: Any) -> tuple[tuple[dataclasses.Field[Any], Quantity | _Hel
     for field in dataclasses.fields(cls):
         kind = hints[field.name]
         held = _Held({field.name: kind}, kind, is_group=False)
-        found.append((field, field.metadata.get('quantity', held)))
+        part = field.metadata.get('quantity', held)
+        if part is not None:
+            found.append((field, part))
     return tuple(found)
 
 
@@ -216,8 +259,19 @@ class Leaf(NamedTuple):
     default: object
 
 
-def leaves(cls: type, prefix: str = '') -> tuple[Leaf, ...]:
-    """Returns the quantities of a dataclass, including nested ones, in order of declaration."""
+def leaves(
+    cls: type, prefix: str = '', values: Mapping[str, object] | None = None
+) -> tuple[Leaf, ...]:
+    """Returns the quantities of a dataclass, including nested ones, in order of declaration.
+
+    Args:
+        cls: Dataclass whose fields are quantities or nested dataclasses of this kind.
+        prefix: Prefix of all names.
+        values: Values by dotted name, whose names of objects in `groups` are included.
+
+    Raises:
+        ConfigurationError: The values give no kind of such an object.
+    """
     found: list[Leaf] = []
     for field, part in _parts(cls):
         if isinstance(part, Quantity):
@@ -228,6 +282,10 @@ def leaves(cls: type, prefix: str = '') -> tuple[Leaf, ...]:
                 # Required only if the group is present.
                 is_optional = part.is_group and leaf.default is MISSING
                 found.append(leaf._replace(default=None) if is_optional else leaf)
+        start = f'{prefix}{field.name}.'
+        for name, kind in part.members(start, values or {}).items():
+            found.append(Leaf(f'{start}{name}.kind', part.kind, MISSING))
+            found += leaves(kind, f'{start}{name}.')
     return tuple(found)
 
 
@@ -253,6 +311,9 @@ def build(cls: type[_T], values: Mapping[str, object], prefix: str = '') -> _T:
                 build(kind, values, f'{prefix}{group}.')
                 for group, kind in part.kinds.items()
                 if not part.is_group or any(x.startswith(f'{prefix}{group}.') for x in values)
+            ) + tuple(
+                dataclasses.replace(build(kind, values, f'{name}.{key}.'), name=key)
+                for key, kind in part.members(f'{name}.', values).items()
             )
             arguments[field.name] = members if part.is_group else members[0]
         elif name in values:
@@ -276,15 +337,23 @@ def flatten(instance: object, prefix: str = '') -> dict[str, object]:
             if value is not None:
                 flat[prefix + field.name] = value
             continue
-        found: dict[Any, object] = {field.name: value}
+        found: dict[str, object] = {field.name: value}
+        kinds = {kind: name for name, kind in part.named.items()}
         if part.is_group:
             names = {kind: name for name, kind in part.kinds.items()}
-            found = {names.get(type(member)): member for member in value}
-            if None in found or len(found) < len(value):
-                raise ConfigurationError(
-                    f'{field.name} holds {shown(value)}: parameters can hold one of each: '
-                    f'{", ".join(part.kinds)}'
-                )
+            found = {}
+            for member in value:
+                key, kind = names.get(type(member)), kinds.get(type(member))
+                if member.name and kind:
+                    key = f'{field.name}.{member.name}'
+                elif member.name or not key:
+                    raise ConfigurationError(
+                        f'{field.name} holds {shown(member)}: parameters can hold one of each of '
+                        f'{", ".join(part.kinds)}, and any number of {", ".join(part.named)}'
+                    )
+                found[key] = member
         for name, member in found.items():
+            if type(member) in kinds and '.' in name:
+                flat[f'{prefix}{name}.kind'] = kinds[type(member)]
             flat.update(flatten(member, f'{prefix}{name}.'))
     return flat

@@ -38,6 +38,7 @@ class Reference(NamedTuple):
             change point, where they are infinite.
         exerted: Torque, or force along the guide, of loads and friction on each link.
         outside: Share of `exerted` that is external to the machine and its frame.
+        pushes: External forces at points, as pairs of a place and a force.
     """
 
     position: tuple
@@ -47,6 +48,7 @@ class Reference(NamedTuple):
     joints: dict
     exerted: tuple = ()
     outside: tuple = ()
+    pushes: tuple = ()
 
 
 class Point(NamedTuple):
@@ -161,11 +163,22 @@ class Oracle:
         """Computes the state in the caller's precision, except at change points."""
         vectors, rates = self.motion(q, u)
         exerted, outside = self.loads(q, vectors, rates)
-        found = self._cut_free(vectors, rates, a, exerted)
+        forces = self.forces_at_points(vectors, rates)
+        acceleration, torque, joints, exerted = self._cut_free(vectors, rates, a, exerted, forces)
+        for k, point, force, _ in forces:
+            for j, x in point.carried.items() if k is not None else ():
+                if k == j or self.turning[k]:
+                    exerted[j] += dot(x * (1j if self.turning[j] else 1), force)
+        found = acceleration, torque, joints, tuple(exerted)
+        pushes = tuple(
+            (self.follow(point, vectors, rates, rates)[0], force)
+            for _, point, force, external in forces
+            if external
+        )
         links = zip(vectors, self.turning, strict=True)
         position = [mp.arg(x) if turns else x for x, turns in links]
         position[0] = mp.mpf(_first(q))
-        return Reference(tuple(position), tuple(rates), *found, outside)
+        return Reference(tuple(position), tuple(rates), *found, outside, pushes)
 
     # Kinematics.
 
@@ -299,7 +312,7 @@ class Oracle:
             pins.append(('B0', 2, None))
         return pins
 
-    def _cut_free(self, vectors, rates, driven, exerted):
+    def _cut_free(self, vectors, rates, driven, exerted, pushes):
         """Solves the Newton-Euler equations of all bodies at once.
 
         Args:
@@ -307,9 +320,10 @@ class Oracle:
             rates: From `motion`.
             driven: Acceleration of the crank; for a wind pump, the torque on it.
             exerted: Loads on each link.
+            pushes: From `forces_at_points`.
 
         Returns:
-            The fields of `Reference` from `acceleration` to `exerted`.
+            The fields of `Reference` from `acceleration` to `exerted`, the last one as a list.
         """
         points, rest = self.points(vectors), [mp.mpf(0)] * len(vectors)
         place = {x: self.follow(p, vectors, rates, rest)[0] for x, p in points.items()}
@@ -330,6 +344,11 @@ class Oracle:
             mass = mp.mpf(body.mass)
             rubbed = [x.on.get(k, mp.mpf(0)) for x in rubbing]
             needed = [mass * (complex_of(self.mechanism.gravity) - bias), *map(mp.mpc, zeros)]
+            moment = mp.mpf(0)
+            for body_index, point, force, _ in pushes:
+                if body_index == k:
+                    needed[0] += force
+                    moment += cross(self.follow(point, vectors, rates, rest)[0] - at, force)
             if not self.turning[k]:
                 needed[0] += exerted[k] * self.guide()
                 needed[1:] = [x * self.guide() for x in rubbed]
@@ -342,7 +361,7 @@ class Oracle:
             if self.turning[k]:
                 moments = [-sign * cross(place[name] - at, x) for sign, x, name in acts]
                 spins = [mp.mpf(body.inertia) * (j == k) for j in range(count)]
-                rows.append([*spins, *moments, -(k == 0), exerted[k], *rubbed])
+                rows.append([*spins, *moments, -(k == 0), exerted[k] + moment, *rubbed])
         slopes, none = self.loop_slopes(vectors), [0] * (len(unknown) + 1)
         turned = zip(slopes, rates, self.turning, strict=True)
         bias = sum(1j * slope * rate**2 for slope, rate, turns in turned if turns)
@@ -362,7 +381,7 @@ class Oracle:
             for k, x in rub.on.items():
                 exerted[k] += size * x
         joints = _joints(unknown, values[count:-1])
-        return values[:count], values[-1], joints, tuple(exerted)
+        return values[:count], values[-1], joints, exerted
 
     def _slope(self, point, j):
         """Computes the derivative of a point's position with respect to the position of a link."""
@@ -377,17 +396,105 @@ class Oracle:
         place, rate = self.place(vectors), rates[-1]
         given = [mp.mpf(getattr(output, name)) for name in output.load_fields]
         outside[-1], damping, stiffness, _ = given
+        coupled = self.inside(vectors, rates)
         for curve in self.mechanism.loads:
-            if hasattr(curve, 'at'):
+            if getattr(curve, 'pressure', None):  # the head of the cylinder takes the opposite
+                pressure = periodic(curve.at, curve.pressure, mp.mpf(_first(q)), curve.turns)
+                coupled[-1] += self.push(curve, pressure)
+            elif hasattr(curve, 'over'):
                 link = 0 if curve.link == 'crank' else len(vectors) - 1
                 if curve.over == 'crank_angle':
-                    outside[link] += periodic(curve.at, curve.value, mp.mpf(_first(q)))
+                    outside[link] += periodic(
+                        curve.at, curve.value, mp.mpf(_first(q)), curve.turns
+                    )
                 else:
                     falls = rate < 0 and curve.return_value is not None
                     value = curve.return_value if falls else curve.value
                     outside[link] += between(self.reduced(curve.at), value, place)
         held = -damping * rate - stiffness * self.stretch(vectors)
-        return [*outside[:-1], outside[-1] + held], tuple(outside)
+        exerted = [*outside[:-1], outside[-1] + held]
+        return [x + y for x, y in zip(exerted, coupled, strict=True)], tuple(outside)
+
+    def inside(self, vectors, rates):
+        """Computes the loads of viscous pins and gas on each link."""
+        coupled = [mp.mpf(0)] * len(vectors)
+        for load in self.mechanism.loads:
+            if type(load).__name__ == 'Pins':
+                for name, on, of in self.pins():
+                    spins = [
+                        rates[j] if j is not None and self.turning[j] else 0 for j in (on, of)
+                    ]
+                    for j, sign in ((on, -1), (of, 1)):
+                        if load.pin in ('', name) and j is not None and self.turning[j]:
+                            coupled[j] += sign * mp.mpf(load.damping) * (spins[0] - spins[1])
+            elif type(load).__name__ == 'Gas':
+                coupled[-1] += self.gas(load, vectors[-1], rates[-1])
+        return coupled
+
+    def gas(self, load, place, rate):
+        """Computes the force of a gas on the slider along its guide."""
+        top, bottom = self.ends(load)
+        clearance, exponent = mp.mpf(load.clearance), mp.mpf(load.exponent)
+        largest, distance = clearance + abs(top - bottom), clearance + abs(top - place)
+        pressure = load.inlet * (largest / distance) ** exponent
+        if load.outlet is not None:
+            if (top - bottom) * rate >= 0:
+                pressure = min(pressure, mp.mpf(load.outlet))
+            else:
+                pressure = max(
+                    load.outlet * (clearance / distance) ** exponent, mp.mpf(load.inlet)
+                )
+        return self.push(load, pressure)
+
+    def ends(self, load):
+        """Returns the slider's position at the top of a cylinder and at the bottom."""
+        r, b, e = map(mp.convert, self.lengths)
+        side = 1 if self.mechanism.assembly == 'open' else -1
+        far, near = (side * mp.sqrt(x**2 - e**2) for x in (b + r, b - r))
+        return (near, far) if load.top == 'near' else (far, near)
+
+    def push(self, load, pressure):
+        """Computes the force of a pressure on the slider along its guide."""
+        top, bottom = self.ends(load)
+        behind = mp.mpf(101300.0 if load.ambient is None else load.ambient)
+        return (pressure - behind) * mp.pi * mp.mpf(load.bore) ** 2 / 4 * mp.sign(bottom - top)
+
+    def on_body(self, name, at, vectors):
+        """Returns the index of a link, None for the frame, and a point of it."""
+        if name == 'frame':
+            return None, Point(complex_of(at), {})
+        names = [x for x in ('crank', 'coupler', 'rod', 'rocker', 'slider')
+                 if hasattr(self.mechanism, x)]  # fmt: skip
+        k, points = names.index(name), self.points(vectors)
+        if not self.turning[k]:
+            pin = points['D' if self.is_free else 'B']
+            return k, Point(pin.fixed + complex_of(at) * self.guide(), pin.carried)
+        pin = points[['A0', 'A', 'B' if self.is_free else 'B0'][k]]
+        return k, Point(pin.fixed, {**pin.carried, k: complex_of(at) * unit(vectors[k])})
+
+    def forces_at_points(self, vectors, rates):
+        """Returns forces at points: link or None, point, force, and whether it is external."""
+        found = []
+        for load in self.mechanism.loads:
+            if type(load).__name__ == 'Force':
+                k, point = self.on_body(load.link, load.at, vectors)
+                force = complex_of(load.force)
+                if load.axes == 'link':
+                    force *= unit(vectors[k]) if self.turning[k] else self.guide()
+                found.append((k, point, force, True))
+            elif type(load).__name__ == 'Spring':
+                ends = [self.on_body(load.link, load.at, vectors),
+                        self.on_body(load.to, load.to_at, vectors)]  # fmt: skip
+                (here, speed), (there, other) = (
+                    self.follow(point, vectors, rates, rates)[:2] for _, point in ends
+                )
+                length = abs(there - here)
+                towards = (there - here) / length
+                pull = load.stiffness * (length - mp.mpf(load.free_length))
+                pull += load.damping * dot(towards, other - speed)
+                for (k, point), sign in zip(ends, (1, -1), strict=True):
+                    found.append((k, point, sign * pull * towards, False))
+        return found
 
     def place(self, vectors):
         """Returns the output position; a rocker's is within half a turn of its swing's middle."""
@@ -453,6 +560,9 @@ class Oracle:
                 moment += state.outside[k] - mp.mpf(body.inertia) * state.acceleration[k]
             else:
                 push += state.outside[k] * self.guide()
+            force += push
+            moment += cross(place, push)
+        for place, push in state.pushes:
             force += push
             moment += cross(place, push)
         return force, moment
@@ -563,11 +673,11 @@ def between(at, value, place):
     return mp.mpf(value[-1])
 
 
-def periodic(at, value, angle):
-    """Interpolates linearly between angles; the first point repeats one turn later."""
-    turn, first = 2 * mp.pi, mp.mpf(at[0])
-    angle -= turn * mp.floor((angle - first) / turn)
-    last = max(first + turn, mp.mpf(at[-1]))  # a double may be exactly one turn
+def periodic(at, value, angle, turns=1):
+    """Interpolates linearly between angles; the first point repeats one or two turns later."""
+    period, first = 2 * turns * mp.pi, mp.mpf(at[0])
+    angle -= period * mp.floor((angle - first) / period)
+    last = max(first + period, mp.mpf(at[-1]))  # a double may be exactly one period
     return between([*at, last], [*value, value[0]], angle)
 
 

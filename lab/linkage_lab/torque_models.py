@@ -56,7 +56,7 @@ def terms(mechanism: Mechanism) -> dict[str, dict[str, int]]:
     }
     # The centre of a massless link has no effect.
     used = {x: n for x, n in counts.items() if n and counts.get(x.replace('.center', '.mass'), n)}
-    known = TERMS | {load.group: (load.group,) for load in mechanism.loads if load.group}
+    known = TERMS | {load.label: (load.label,) for load in mechanism.loads}
     found = {name: {x: used[x] for x in _members(used, own)} for name, own in known.items()}
     masses = any(name.endswith(('.mass', '.inertia')) for name in used)
     return {

@@ -16,7 +16,7 @@ import numpy as np
 from linkage_ros.numeric import Real
 
 SCALAR: dict[str, Callable[..., float]] = {
-    'sin': math.sin, 'cos': math.cos, 'atan2': math.atan2,
+    'sin': math.sin, 'cos': math.cos, 'atan2': math.atan2, 'exp': math.exp, 'log': math.log,
 }  # fmt: skip
 _factors: list[Iterator[float]] = []  # factors of the noise; empty without noise
 

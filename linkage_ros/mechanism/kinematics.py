@@ -85,6 +85,23 @@ def directions(
     return turned(apart, part, turn_first), other
 
 
+class Stroke(NamedTuple):
+    """The ends of a slider's stroke while the crank turns fully.
+
+    Attributes:
+        far: Position at the end that is farther from the crank pivot, m, and the crank angle
+            there, rad.
+        near: The same at the other end.
+    """
+
+    far: tuple[float, float]
+    near: tuple[float, float]
+
+    def ends(self, top: str) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Returns top and bottom; the top is the end `top`, 'far' or 'near'."""
+        return (self.far, self.near) if top == 'far' else (self.near, self.far)
+
+
 class Reach(NamedTuple):
     """The reach of the crank of a mechanism with one degree of freedom.
 

@@ -1,12 +1,12 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Load curves: force or torque as a function of an angle or position, given by points."""
+"""Load curves: force, torque or pressure over an angle or position, given by points."""
 
 import bisect
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any, ClassVar, NamedTuple, cast
 
 import numpy as np
@@ -14,6 +14,7 @@ import numpy as np
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.files import read_columns
 from linkage_ros.formulas import ZERO, Opaque, where
+from linkage_ros.mechanism.gas import AMBIENT, FAR, NEAR
 from linkage_ros.mechanism.kinematics import LinkPose
 from linkage_ros.mechanism.loads import AppliedLoad, continuous
 from linkage_ros.mechanism.wrenches import Wrench
@@ -24,25 +25,39 @@ _TURN = 2 * math.pi
 _ROUNDING = 8 * math.ulp(_TURN)  # rad; tolerance for points that are one turn apart
 _POSITIONS = (-1e9, 1e9)
 _FORCES = (-1e12, 1e12)
-_COLUMNS = 'at', 'value', 'return_value'
+# Columns of a file, with the factors of their units.
+_DEGREE = math.pi / 180
+_ANGLES = {
+    'crank_angle': 1.0, 'crank_angle_deg': _DEGREE, 'crank_angle_from_tdc_deg': _DEGREE,
+}  # fmt: skip
+_PLACES = {'position': 1.0, 'position_mm': 1e-3}
+_PRESSURES = {'pressure': 1.0, 'pressure_kpa': 1e3, 'pressure_bar': 1e5}
+_LISTS = 'at', 'value', 'return_value', 'pressure'
 
 
 @dataclass(frozen=True)
 class LoadCurve(AppliedLoad):
-    """A force or torque on a link, interpolated linearly between points.
+    """A force, torque or pressure on a link, interpolated linearly between points.
 
     Attributes:
         link: Loaded link: 'crank', 'rocker' or 'slider'.
-        over: Independent variable. With 'crank_angle', the curve repeats every turn of the crank.
-            With 'position', it is the slider's position, or the rocker's angle without a jump in
-            its swing; outside the points, the end values apply.
+        over: Independent variable. With 'crank_angle', the curve repeats every turn of the crank
+            or, if its points span more than a turn, every two turns. With 'position', it is the
+            slider's position, or the rocker's angle without a jump in its swing; outside the
+            points, the end values apply.
         at: Crank angles or positions of the points, in increasing order, rad or m.
         value: Load on the link at these points: torque, N m, positive counter-clockwise; on a
             slider, force along the guide, N.
         return_value: Load on the link while its rate is negative, or None to use `value`. Only
             with `over` = 'position'.
-        file: CSV file with the columns at, value and optionally return_value. It is read on
-            creation, after which this field is empty.
+        file: CSV file whose header names the quantity and unit of each column. It is read when the
+            mechanism is created, after which this field is empty.
+        pressure: Absolute pressure at the points, Pa, instead of `value`. The force on the slider
+            is (pressure - ambient) x area, away from the top; the cylinder head, a part of the
+            frame, takes the opposite.
+        bore: Diameter of the piston, m; only with `pressure`.
+        ambient: Absolute pressure on the other side of the piston, Pa; by default 1.013e5.
+        top: Top of the stroke, 'far' from the crank pivot (default) or 'near' to it.
     """
 
     group: ClassVar[str] = 'load'
@@ -73,86 +88,159 @@ class LoadCurve(AppliedLoad):
     file: str = quantity(
         'text', 'CSV file with these lists as columns, used instead of them', default=''
     )
+    pressure: tuple[float, ...] | None = quantity(
+        'list', 'absolute pressure on a slider at the points, instead of value', 'Pa',
+        span=(0.0, 1e12), default=None,
+    )  # fmt: skip
+    bore: float | None = quantity(
+        'number', 'diameter of the piston, with pressure', 'm', span=(1e-9, 1e9), default=None
+    )
+    ambient: float | None = quantity(
+        'number', 'absolute pressure behind the piston; left out: 1.013e5', 'Pa',
+        span=(0.0, 1e12), default=None,
+    )  # fmt: skip
+    top: str | None = quantity(
+        'choice', 'top of the stroke: far from the crank pivot, or near it; left out: far',
+        choices=(FAR, NEAR), default=None,
+    )  # fmt: skip
+
+    @property
+    def turns(self) -> int:  # type: ignore[override]
+        """Number of crank turns after which the curve repeats."""
+        if self.over != 'crank_angle' or self.at is None:
+            return 1
+        return 2 if self.at[-1] - self.at[0] > _TURN + _ROUNDING else 1
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        label, at = self.label, self.at
+        given = [name for name in _LISTS if getattr(self, name) is not None]
         if self.file:
-            self._read()
-        at, value, back = self.at, self.value, self.return_value
-        if at is None or value is None:
-            raise ConfigurationError('load needs at and value, lists of numbers, or file')
-        for name, row in (('value', value), ('return_value', back)):
-            if row is not None and len(row) != len(at):
+            if given:
                 raise ConfigurationError(
-                    f'load.{name} has {len(row)} numbers and load.at {len(at)}: give one for each '
-                    'point'
+                    f'{label}.file = {shown(self.file)}: leave out {", ".join(given)}, which the '
+                    'file contains'
+                )
+            return
+        if at is None or (self.value is None) == (self.pressure is None):
+            raise ConfigurationError(
+                f'{label} needs at and value, or at and pressure, lists of numbers, or file'
+            )
+        for name in given[1:]:
+            row = getattr(self, name)
+            if len(row) != len(at):
+                raise ConfigurationError(
+                    f'{label}.{name} has {len(row)} numbers and {label}.at {len(at)}: give one '
+                    'for each point'
                 )
         for i, (x, y) in enumerate(itertools.pairwise(at), 2):
             if not x < y:
                 raise ConfigurationError(
-                    f'load.at must increase: number {i}, {y:g}, is not above {x:g} before it'
+                    f'{label}.at must increase: number {i}, {y:g}, is not above {x:g} before it'
                 )
+        self._require_bore()
         if self.over == 'crank_angle':
-            self._require_one_turn(at, value)
+            self._require_turns(at, self.value or self.pressure or ())
         elif self.link == 'crank':
             raise ConfigurationError(
-                "load.over = 'position': must be crank_angle if load.link is crank"
+                f"{label}.over = 'position': must be crank_angle if {label}.link is crank"
             )
 
-    def _read(self) -> None:
-        if any(getattr(self, name) is not None for name in _COLUMNS):
+    def _require_bore(self) -> None:
+        label = self.label
+        if self.pressure is None:
+            extra = [x for x in ('bore', 'ambient', 'top') if getattr(self, x) is not None]
+            if extra:
+                raise ConfigurationError(
+                    f'{label}.{extra[0]} is for a pressure: leave it out, or give {label}.pressure'
+                )
+        elif self.bore is None or self.link != 'slider' or self.return_value is not None:
             raise ConfigurationError(
-                f'load.file = {shown(self.file)}: leave out at, value and return_value, which the '
-                'file contains'
+                f'{label}.pressure acts on a slider with a bore: give {label}.bore, in m, and '
+                f'{label}.link: slider, and no return_value'
             )
-        try:
-            columns = read_columns(self.file, _check_columns)
-        except (OSError, ValueError) as error:
-            raise ConfigurationError(
-                f'load.file = {shown(self.file)}: {getattr(error, "strerror", None) or error}; '
-                'give the path of a CSV file with the columns at, value and optionally '
-                'return_value'
-            ) from error
-        kinds = {field.name: field.metadata['quantity'] for field in fields(self)}
-        for name, row in columns.items():
-            object.__setattr__(self, name, kinds[name].clean(f'load.{name}', row))
-        object.__setattr__(self, 'file', '')
 
-    def _require_one_turn(self, at: Sequence[float], value: Sequence[float]) -> None:
+    def _require_turns(self, at: Sequence[float], value: Sequence[float]) -> None:
+        label = self.label
         if self.return_value is not None:
             raise ConfigurationError(
-                "load.return_value is for load.over = 'position': leave it out; over crank_angle, "
-                'value holds the load of both strokes'
+                f"{label}.return_value is for {label}.over = 'position': leave it out; over "
+                'crank_angle, value holds the load of both strokes'
             )
         span = at[-1] - at[0]
-        ends = span >= _TURN - _ROUNDING and value[0] != value[-1]
-        if span > _TURN + _ROUNDING or ends:
+        whole = any(abs(span - turns * _TURN) <= turns * _ROUNDING for turns in (1, 2))
+        if span > 2 * (_TURN + _ROUNDING) or (whole and value[0] != value[-1]):
+            name = 'value' if self.pressure is None else 'pressure'
             raise ConfigurationError(
-                f'load.at spans {span:g} rad and load.value ends with {value[-1]:g}: must span at '
-                f'most one turn, {_TURN!r}; after a whole turn, the last value must equal the '
-                f'first, {value[0]:g}'
+                f'{label}.at spans {span:g} rad = {math.degrees(span):g} deg and {label}.{name} '
+                f'ends with {value[-1]:g}: must span at most two turns, {2 * _TURN!r}; after one '
+                f'or two whole turns, the last value must equal the first, {value[0]:g}'
             )
+
+    def join(self, mechanism: Any) -> 'tuple[LoadCurve, ...]':
+        """Reads the file; see `AppliedLoad.join`.
+
+        Raises:
+            ConfigurationError: The file cannot be read, or does not fit the mechanism.
+        """
+        if not self.file:
+            return (self,)
+        label = self.label
+        kinds = {field.name: field.metadata.get('quantity') for field in fields(self)}
+        try:
+            columns, lists = read_columns(self.file, _check_columns), dict[str, Any]()
+            for name, row in columns.items():
+                first, factor = _meaning(name)
+                scaled = [factor * x for x in row] if factor != 1.0 else row
+                lists[first] = cast('Any', kinds[first]).clean(f'{label}.{first}', scaled)
+            variable = next(name for name in columns if _meaning(name)[0] == 'at')
+        except (OSError, ValueError) as error:
+            raise ConfigurationError(
+                f'{label}.file = {shown(self.file)}: {getattr(error, "strerror", None) or error}; '
+                'give the path of a CSV file whose first line names a column of angles or '
+                f'positions ({", ".join(("at", *_ANGLES, *_PLACES))}) and one of values (value '
+                f'and optionally return_value, or {", ".join(_PRESSURES)})'
+            ) from error
+        over = 'position' if variable in _PLACES else 'crank_angle'
+        if self.over != over and variable != 'at':
+            raise ConfigurationError(
+                f'{label}.over = {self.over!r}: must be {over}, for the column {variable} of '
+                f'{self.file}'
+            )
+        top = self.top
+        if variable == 'crank_angle_from_tdc_deg':
+            (_, start), _ = mechanism.stroke(f'{label}.file', 'slider').ends(top or FAR)
+            lists['at'] = tuple(start + x for x in lists['at'])
+            top = top if 'pressure' in lists else None
+        return (replace(self, file='', top=top, **lists),)
 
     def on(self, mechanism: Any) -> 'CurveForce':
         """See `AppliedLoad.on`.
 
         Raises:
-            ConfigurationError: The mechanism has no such link, or the curve is over position and
-                the link turns fully.
+            ConfigurationError: The mechanism has no such link, the curve is over position and
+                the link turns fully, or a pressure acts on a slider without a fixed stroke.
         """
-        link, at, value = mechanism.output(self.link, 'load.link'), self.at or (), self.value or ()
+        label, at, value = self.label, self.at or (), self.value or ()
+        link, held = mechanism.output(self.link, f'{label}.link'), self.pressure is not None
+        if self.pressure is not None:
+            stroke = mechanism.stroke(f'{label}.pressure', self.link)
+            (top, _), (bottom, _) = stroke.ends(self.top or FAR)
+            area = math.copysign(0.25 * math.pi * (self.bore or 0.0) ** 2, bottom - top)
+            behind = AMBIENT if self.ambient is None else self.ambient
+            value = tuple(area * (x - behind) for x in self.pressure)
         if self.over == 'crank_angle':
-            return CurveForce(link, 0, None, Opaque(Table(at, value, turns=True)))
+            return CurveForce(link, 0, None, Opaque(Table(at, value, turns=self.turns)), held)
         half_way = 0.5 * (at[0] + at[-1])
-        middle = mechanism.swing_middle("load.over = 'position'", half_way)
+        middle = mechanism.swing_middle(f"{label}.over = 'position'", half_way)
         if middle is not None:
             turns = round((half_way - middle) / _TURN)
             at = tuple(angle - turns * _TURN for angle in at)
         table = Table(at, value)
         if self.return_value:
             back = Opaque(Table(at, self.return_value))
-            return CurveForce(link, link, middle, Opaque(table), back)
-        return CurveForce(link, link, middle, Opaque(table), None, Opaque(table.integral))
+            return CurveForce(link, link, middle, Opaque(table), held, back)
+        return CurveForce(link, link, middle, Opaque(table), held, None, Opaque(table.integral))
 
 
 class CurveForce(NamedTuple):
@@ -163,6 +251,7 @@ class CurveForce(NamedTuple):
         over: Index of the link whose position is the independent variable.
         middle: Middle of the swing of that link, rad; None to use its position unchanged.
         value: The load as a function of this position.
+        held: Whether the frame exerts the load, as a cylinder head does.
         return_value: The load while the position decreases, or None to use `value`.
         work: The work of the load from the first point to a position; None if it depends on more.
     """
@@ -171,6 +260,7 @@ class CurveForce(NamedTuple):
     over: int
     middle: Real
     value: Opaque
+    held: bool = False
     return_value: Opaque | None = None
     work: Opaque | None = None
 
@@ -180,7 +270,7 @@ class CurveForce(NamedTuple):
         force = self.value(position)
         if self.return_value is not None:
             force = where(rates[self.link] >= 0, force, self.return_value(position))
-        return [Wrench(self.link, force)]
+        return [Wrench(self.link, force, force if self.held else ZERO)]
 
     def potential(self, links: Sequence[LinkPose]) -> Real:
         """Returns the potential energy, J, or ZERO if there is none; see `Load`."""
@@ -198,19 +288,18 @@ class CurveForce(NamedTuple):
 class Table:
     """A piecewise linear function; results are bit-identical for floats and arrays."""
 
-    def __init__(
-        self, at: Sequence[float], value: Sequence[float], *, turns: bool = False
-    ) -> None:
+    def __init__(self, at: Sequence[float], value: Sequence[float], *, turns: int = 0) -> None:
         """Computes the slopes between the points.
 
         Args:
             at: Values of x at the points, in increasing order.
             value: Values of the function at the points; the end values also apply outside.
-            turns: Whether x is a direction, rad, so that the function repeats every turn.
+            turns: Number of turns after which the function repeats, where x is an angle, rad; 0
+                if it does not repeat.
         """
         self._turns = turns
-        if turns and at[0] + _TURN - at[-1] > _ROUNDING:
-            at, value = (*at, at[0] + _TURN), (*value, value[0])
+        if turns and at[0] + turns * _TURN - at[-1] > turns * _ROUNDING:
+            at, value = (*at, at[0] + turns * _TURN), (*value, value[0])
         slopes = np.diff(value) / np.diff(at)
         # Slopes outside the points, because rounding may put a direction just beyond the ends.
         before, after = (slopes[-1], slopes[0]) if turns else (0.0, 0.0)
@@ -226,7 +315,7 @@ class Table:
         is_float = isinstance(x, float)
         at, start, value, _, slope = self._lists if is_float else self._arrays
         if self._turns:
-            x = without_turns(x, at[0])
+            x = without_turns(x, at[0], self._turns)
         i = bisect.bisect_right(at, x) if is_float else np.searchsorted(at, x, 'right')
         return value[i] + slope[i] * (x - start[i])
 
@@ -242,8 +331,22 @@ class Table:
         at = self._arrays[0]
         if not self._turns:
             return np.searchsorted(at, x, 'right')
-        within = without_turns(x, at[0])
-        return np.searchsorted(at, within, 'right') + len(at) * np.rint((x - within) / _TURN)
+        within, period = without_turns(x, at[0], self._turns), self._turns * _TURN
+        return np.searchsorted(at, within, 'right') + len(at) * np.rint((x - within) / period)
+
+
+def _meaning(name: str) -> tuple[str, float]:
+    """Returns the list that a column of a file gives, and the factor of its unit.
+
+    Raises:
+        ValueError: There is no such column.
+    """
+    for first, names in (('at', _ANGLES | _PLACES), ('pressure', _PRESSURES)):
+        if name in names:
+            return first, names[name]
+    if name in _LISTS[:3]:
+        return name, 1.0
+    raise ValueError(f'its first line names {shown(name)}')
 
 
 def _check_columns(names: Sequence[str]) -> None:
@@ -252,5 +355,6 @@ def _check_columns(names: Sequence[str]) -> None:
     Raises:
         ValueError: They are not the columns of a load curve.
     """
-    if tuple(names) not in (_COLUMNS[:2], _COLUMNS):
-        raise ValueError('the first line must be at,value or at,value,return_value')
+    given = sorted(_meaning(name)[0] for name in names)
+    if given not in (['at', 'value'], ['at', 'return_value', 'value'], ['at', 'pressure']):
+        raise ValueError(f'its first line names {", ".join(names)}')

@@ -7,6 +7,7 @@ A load gives wrenches on bodies, from which torque, joint forces, arrows and exp
 """
 
 import math
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, NamedTuple, Protocol
@@ -16,7 +17,7 @@ from linkage_ros.formulas import ZERO, where
 from linkage_ros.mechanism.kinematics import LinkPose
 from linkage_ros.mechanism.wrenches import Wrench
 from linkage_ros.numeric import Real
-from linkage_ros.quantities import Checked, quantity
+from linkage_ros.quantities import Checked, quantity, shown, unlisted
 
 _POSITIVE = (0.0, 1e12)
 
@@ -77,25 +78,45 @@ class JointLoad(Protocol):
         """
 
 
+@dataclass(frozen=True, kw_only=True)
 class AppliedLoad(Checked):
     """Base class of the loads of a mechanism: frozen dataclasses of quantities.
 
-    `linkage_ros.mechanism.parts.LOADS` lists the subclasses.
+    `linkage_ros.mechanism.parts.LOADS` lists the kinds in parameter files.
 
     Attributes:
-        group: Parameter group of the load; empty if the load has no parameters of its own.
+        group: Parameter group of a load that a mechanism has once; empty for other loads.
         has_corners: Whether the force, as a function of the motion, may have a corner or a jump.
+        turns: Number of crank turns after which the load repeats.
+        name: Name under `loads` in parameter files. The mechanism gives a name to a load that has
+            neither a name nor a free group.
     """
 
     group: ClassVar[str] = ''
     has_corners: ClassVar[bool] = False
+    turns: ClassVar[int] = 1
+
+    name: str = unlisted('')
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.name and not re.fullmatch('[A-Za-z_][A-Za-z0-9_]*', self.name):
+            raise ConfigurationError(
+                f'load {shown(self.name)}: its name must be letters, digits and underscores, and '
+                'not begin with a digit'
+            )
+
+    @property
+    def label(self) -> str:
+        """Start of the load's parameter names, without a dot, for error messages."""
+        return f'loads.{self.name}' if self.name else self.group or type(self).__name__
 
     def join(self, _mechanism: Any) -> 'tuple[AppliedLoad, ...]':
         """Adds the load to a mechanism that is being created.
 
         Returns:
-            The loads to keep in `Mechanism.loads`: this load, or none if a part of the mechanism
-            now holds its values.
+            The loads to keep in `Mechanism.loads`: this load, or another if the mechanism
+            completes it, or none if a part of the mechanism now holds its values.
 
         Raises:
             ConfigurationError: The load does not fit the mechanism.

@@ -9,8 +9,12 @@ Angles are in rad, counter-clockwise from the x axis of base_link.
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+from linkage_ros.mechanism.force import Force
+from linkage_ros.mechanism.gas import Gas
 from linkage_ros.mechanism.load_curve import LoadCurve
-from linkage_ros.mechanism.loads import AppliedLoad, Friction, LinkLoad
+from linkage_ros.mechanism.loads import AppliedLoad, Friction
+from linkage_ros.mechanism.pins import Pins
+from linkage_ros.mechanism.spring import Spring
 from linkage_ros.quantities import Checked, groups, quantity
 
 OPEN = 'open'
@@ -24,13 +28,20 @@ _FORCES = (-1e12, 1e12)
 _SLIDER_LOAD = 'force', 'damping', 'stiffness', 'rest_position'
 
 
-# Add new load classes here.
-LOADS: tuple[type[AppliedLoad], ...] = (LinkLoad, LoadCurve, Friction)
+# Kinds of loads by their names in parameter files. Other packages may add their own kinds before
+# they start a program of this package.
+LOADS: dict[str, type[AppliedLoad]] = {
+    'force': Force,
+    'spring': Spring,
+    'pins': Pins,
+    'gas': Gas,
+    'curve': LoadCurve,
+}
 
 
 def loads_field() -> Any:
     """Declares the field of a mechanism that holds its loads."""
-    return groups(AppliedLoad, LOADS)
+    return groups(AppliedLoad, (LoadCurve, Friction), LOADS)
 
 
 def gravity_quantity() -> Any:

@@ -21,9 +21,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, NamedTuple, NoReturn
 
-from linkage_ros.errors import MechanismError, UnreachableError
+from linkage_ros.errors import ConfigurationError, MechanismError, UnreachableError
 from linkage_ros.formulas import ZERO, Opaque, Vector, atan2, dot, require, sqrt, turned
-from linkage_ros.mechanism.kinematics import LinkPose, Pose, Reach, directions
+from linkage_ros.mechanism.kinematics import LinkPose, Pose, Reach, Stroke, directions
 from linkage_ros.mechanism.parts import (
     CROSSED,
     OPEN,
@@ -175,8 +175,12 @@ class SliderCrank(Mechanism):
     gravity: tuple[float, float] = gravity_quantity()
     loads: tuple[Any, ...] = loads_field()
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def require_closed(self) -> None:
+        """See `Mechanism.require_closed`.
+
+        Raises:
+            MechanismError: The offset is too large.
+        """
         r, b, e = self._lengths()
         if short_sum(self._longest(), abs(e), -r, -b) > 0:
             raise MechanismError(
@@ -252,6 +256,27 @@ class SliderCrank(Mechanism):
             crank_angle=math.nan,
             arcs=(),
         )
+
+    def stroke(self, what: str, name: str) -> Stroke:
+        """See `Mechanism.stroke`; at its ends, crank and coupler are in line.
+
+        Raises:
+            ConfigurationError: The link does not slide, or its stroke has no fixed ends.
+        """
+        if name != 'slider':
+            return super().stroke(what, name)
+        if self.grashof != 'crank-slider':
+            raise ConfigurationError(
+                f'{what}: this {self.grashof} linkage has no stroke with fixed ends, because its '
+                'crank does not turn fully with one reversal at each end; lengthen the coupler'
+            )
+        (r, b, e), side = self._lengths(), 1 if self.assembly == OPEN else -1
+        found = []
+        for length, turn in ((b + r, 0.0), (b - r, math.pi)):
+            at = side * math.sqrt((length - e) * (length + e))
+            found.append((at, math.atan2(e, at) + self.frame.angle + turn))
+        far, near = found
+        return Stroke(far, near)
 
     def reach(self) -> Reach:
         """Computes the reach of the crank."""

@@ -149,8 +149,15 @@ class Solver:
 
     @functools.cached_property
     def mobility(self) -> Reach | None:
-        """The reach of the crank; None if the crank angle alone does not determine the motion."""
-        return self.mechanism.reach()
+        """The reach of the crank; None if the crank angle alone does not determine the motion.
+
+        A load that repeats after two turns makes its `period_turns` 2.
+        """
+        reach = self.mechanism.reach()
+        if reach is None:
+            return None
+        turns = [load.turns for load in self.mechanism.loads]
+        return reach._replace(period_turns=max([reach.period_turns, *turns]))
 
     @property
     def reach(self) -> Reach:

@@ -10,9 +10,10 @@ from typing import Any, ClassVar, NamedTuple, TypeAlias, cast
 
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.formulas import ZERO, Vector, cos, sin, turned
-from linkage_ros.mechanism.kinematics import Loop, Reach, State
+from linkage_ros.mechanism.kinematics import Loop, Reach, State, Stroke
 from linkage_ros.mechanism.loads import AppliedLoad, JointLoad, LinkForce, Load
-from linkage_ros.mechanism.parts import Body, Coupler
+from linkage_ros.mechanism.parts import LOADS, Body, Coupler
+from linkage_ros.mechanism.wrenches import FRAME
 from linkage_ros.numeric import Real
 from linkage_ros.quantities import Checked, shown
 
@@ -172,6 +173,46 @@ class Structure(NamedTuple):
     dyads: tuple[Dyad, ...] = ()
     other_dyads: tuple[Dyad, ...] = ()
 
+    def link_index(self, name: str, what: str, *others: str) -> int:
+        """Returns the index of a link.
+
+        Args:
+            name: Name of the link.
+            what: Name of the setting, for the error message.
+            *others: Other valid names, for the error message.
+
+        Raises:
+            ConfigurationError: There is no such link.
+        """
+        names = [link.name for link in self.links]
+        if name not in names:
+            raise ConfigurationError(
+                f'{what} = {shown(name)}: must be one of {", ".join((*names, *others))}'
+            )
+        return names.index(name)
+
+    def point_of(self, link: int, at: tuple[float, float]) -> Point:
+        """Returns a point of a body.
+
+        Args:
+            link: Index of a link, or FRAME.
+            at: Point [along, across] from the link's first pin, m; on a sliding link, from its pin
+                in the axes of its guide; on the frame, in the axes of base_link.
+        """
+        if link == FRAME:
+            return Point.at(complex(*at), len(self.links))
+        body = self.links[link]
+        if body.slides:
+            center = body.center
+            return center._replace(fixed=center.fixed + complex(*at) * direction(body.angle))
+        return self._first_pin(link).along(link, *at)
+
+    def _first_pin(self, link: int) -> Point:
+        _, _, _, _, parent, origin, *_ = self.links[link]
+        if parent is None:
+            return Point.at(origin, len(self.links))
+        return self._first_pin(parent).along(parent, origin.real, origin.imag)
+
     def loop_residual(self, state: State) -> float:
         """Computes the closure error of the loop, m, at a state of floats."""
         closure, last = self.closure, self.links[-1]
@@ -224,9 +265,12 @@ class Mechanism(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        rest = tuple(itertools.chain(*(load.join(self) for load in self.loads)))
-        if rest != self.loads:
-            object.__setattr__(self, 'loads', rest)
+        self.require_closed()
+        joined = [one for load in _named(self.loads) for one in load.join(self)]
+        object.__setattr__(self, 'loads', tuple(joined))
+
+    def require_closed(self) -> None:
+        """Rejects lengths with which the loop cannot close; called before the loads join."""
 
     def structure(self) -> Structure:
         """Returns the links, points and joints."""
@@ -273,6 +317,15 @@ class Mechanism(Checked):
         if stiffness and middle is not None:
             rest -= round((rest - middle) / (2 * math.pi)) * 2 * math.pi
         return LinkForce(link, force, damping, stiffness, rest, middle, turns)
+
+    def load_names(self) -> list[str]:
+        """Returns a name for each of `link_loads`, for columns, arrows and exports."""
+        applied = [x.name or x.group for x in self.loads if x.on(self) is not None]
+        count = len(self.link_loads()) - len(applied)
+        parts = [(name, x) for name, x in vars(self).items() if hasattr(x, 'load_fields')]
+        own = [name for name, x in parts if self._own_load(name, x) is not None]
+        names = [*own, *(f'load_{i}' for i in range(count))]
+        return [*names[:count], *applied]
 
     def joint_loads(self) -> tuple[JointLoad, ...]:
         """Returns the loads caused by joint forces, such as friction."""
@@ -323,6 +376,21 @@ class Mechanism(Checked):
         """
         return None
 
+    def stroke(self, what: str, name: str) -> Stroke:
+        """Returns the stroke of a slider, whose ends depend on the lengths alone.
+
+        Args:
+            what: Name of the setting, for the error message.
+            name: Name of the link.
+
+        Raises:
+            ConfigurationError: The link is not a slider whose stroke has fixed ends.
+        """
+        raise ConfigurationError(
+            f'{what}: {name} of a {type(self).__name__} is not a slider whose stroke has fixed '
+            'ends; use a load over position, or crank_angle'
+        )
+
     def reach(self) -> Reach | None:
         """Returns the crank's reach; None if the crank angle does not determine the motion."""
         return None
@@ -330,3 +398,32 @@ class Mechanism(Checked):
     def start(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """Returns the coordinates other than the crank angle at t = 0, and their rates."""
         return (), ()
+
+
+def _named(loads: Sequence[AppliedLoad]) -> list[AppliedLoad]:
+    """Gives loads their names, and sorts them, so that sums do not depend on the order given.
+
+    A load without a name keeps its group, unless another load has it.
+
+    Raises:
+        ConfigurationError: Two loads have the same name.
+    """
+    taken, groups, named = {load.name for load in loads}, set[str](), dict[str, AppliedLoad]()
+    alone: list[AppliedLoad] = []
+    kinds = {kind: name for name, kind in LOADS.items()}
+    for load in loads:
+        name = load.name
+        is_free = type(load) not in kinds or (load.group and load.group not in groups)
+        if not name and is_free:
+            groups.add(load.group)
+            alone.append(load)
+            continue
+        if not name:
+            kind = kinds[type(load)]
+            names = (f'{kind}_{n}' for n in itertools.count(1))
+            name = next(x for x in names if x not in taken)
+            taken.add(name)
+        if name in named:
+            raise ConfigurationError(f'two loads have the name {shown(name)}: rename one')
+        named[name] = replace(cast('Any', load), name=name)
+    return [*alone, *(named[name] for name in sorted(named))]

@@ -72,7 +72,7 @@ def travel(solver: Solver) -> Travel:
     """
     if not isinstance(solver, Solver):
         raise ConfigurationError(f'{shown(solver)}: must be a Solver, as in Solver(mechanism)')
-    reach = solver.reach
+    reach = solver.mechanism.reach() or solver.reach  # loads do not change the motion
     reach.require_full_turn()
     period = reach.period_turns * 2 * math.pi
     # Midpoints, because at symmetric angles a rate may be exactly 0.

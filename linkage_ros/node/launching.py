@@ -134,7 +134,7 @@ def follow(arguments: Mapping[str, str]) -> tuple[Values, Values]:
     file = read_values(arguments['params'], arguments['namespace'])
     configure(file)
     kind = MechanismAndDrive.of({'mechanism': 'four_bar', **file, 'drive': 'follow'})
-    known = {leaf.name for leaf in parameter_leaves(kind)}
+    known = {leaf.name for leaf in parameter_leaves(kind, file)}
     kept = {name: value for name, value in file.items() if name in known}
     return _linkage({**kept, 'drive': 'follow', **given(arguments, names)}, arguments)
 

@@ -64,7 +64,7 @@ class LinkageNode(ParameterNode):
         self._stop, self._drive = stop, configuration.drive  # set_live replaces the drive
         values = configuration.parameters()
         values.setdefault('start_rpm', values.get('rpm'))  # the effective default
-        self.declare(parameter_leaves(configuration.kind), values)
+        self.declare(parameter_leaves(configuration.kind, values), values)
         self._simulator = simulator = Simulator(configuration)
         simulator.prepare_live()
         self._motion: Motion | None = None

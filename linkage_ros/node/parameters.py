@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Declares quantities as parameters of an rclpy node: descriptors, checks, live changes."""
 
+import itertools
+import sys
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -16,7 +18,8 @@ from rclpy.parameter import Parameter
 
 from linkage_ros.node.process import rclpy_internals, reported_as_configuration
 from linkage_ros.quantities import Leaf, Quantity
-from linkage_ros.settings.configuration import without_ros_parameters
+from linkage_ros.settings.configuration import with_files, without_ros_parameters
+from linkage_ros.settings.yaml_file import read_parameter_file
 
 _TYPES = {
     'number': ParameterType.PARAMETER_DOUBLE,
@@ -29,11 +32,21 @@ _TYPES = {
 
 
 def given_values(node: Node) -> dict[str, object]:
-    """Returns the node's own parameters that command line and parameter files set, by name."""
+    """Returns the node's own parameters that command line and parameter files set, by name.
+
+    Files that a parameter file names are relative to it.
+    """
     with rclpy_internals():
         # The public automatic declaration refuses empty lists and accepts use_sim_time: 7.
         overrides = node._parameter_overrides  # noqa: SLF001
-    return without_ros_parameters({name: p.value for name, p in overrides.items()})
+    found = without_ros_parameters({name: p.value for name, p in overrides.items()})
+    for option, path in itertools.pairwise(sys.argv):
+        if option == '--params-file' and any(name.endswith('.file') for name in found):
+            read = read_parameter_file(path, node.get_fully_qualified_name())
+            for name, value in with_files(read, path).items():
+                if found.get(name) == read[name]:
+                    found[name] = value
+    return found
 
 
 class ParameterNode(Node):  # type: ignore[misc]  # rclpy has no types

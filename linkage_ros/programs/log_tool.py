@@ -56,8 +56,10 @@ def info(log: LogReader) -> Iterator[str]:
     yield 'motion:'
     yield from (f'  {_time(segment.stamp)}: {_motion(segment)}' for segment in log.motions)
     yield 'configuration:'
-    units = {leaf.name: leaf.quantity.unit for leaf in parameter_leaves(log.configuration.kind)}
-    for name, value in log.configuration.parameters().items():
+    values = log.configuration.parameters()
+    leaves = parameter_leaves(log.configuration.kind, values)
+    units = {leaf.name: leaf.quantity.unit for leaf in leaves}
+    for name, value in values.items():
         text = str(list(value) if isinstance(value, tuple) else value) or "''"
         yield f'  {name}: {text}' + (f'  # {units[name]}' if units[name] else '')
 

@@ -3,8 +3,10 @@
 """Creates a validated configuration from the parameters of a node, a file or a log."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
 
 from linkage_ros.errors import ConfigurationError, UnreachableError
 from linkage_ros.mechanism.registry import MECHANISMS
@@ -79,16 +81,27 @@ class Configuration:
     def parameters(self) -> dict[str, object]:
         """Returns the values of all parameters by name, including defaults."""
         parts = (self.kind, self.mechanism, self.drive, self.session)
-        known = {leaf.name for leaf in parameter_leaves(self.kind)}
-        flat = (item for part in parts for item in flatten(part).items())
-        return {name: value for name, value in flat if name in known}
+        flat = {name: value for part in parts for name, value in flatten(part).items()}
+        known = {leaf.name for leaf in parameter_leaves(self.kind, flat)}
+        return {name: value for name, value in flat.items() if name in known}
 
 
-def parameter_leaves(kind: MechanismAndDrive) -> tuple[Leaf, ...]:
-    """Returns the parameters of a mechanism, a drive and a run, in order of declaration."""
+def parameter_leaves(
+    kind: MechanismAndDrive, values: Mapping[str, object] | None = None
+) -> tuple[Leaf, ...]:
+    """Returns the parameters of a mechanism, a drive and a run, in order of declaration.
+
+    Args:
+        kind: The kinds of mechanism and drive.
+        values: Values by parameter name, whose names of loads are included.
+
+    Raises:
+        ConfigurationError: A load in the values has no valid kind.
+    """
     classes = (MechanismAndDrive, MECHANISMS[kind.mechanism], DRIVES[kind.drive], Session)
     unused = 'rate_hz' if kind.drive == 'follow' else ''  # measurements set the rate
-    return tuple(leaf for cls in classes for leaf in leaves(cls) if leaf.name != unused)
+    found = (leaf for cls in classes for leaf in leaves(cls, values=values))
+    return tuple(leaf for leaf in found if leaf.name != unused)
 
 
 def without_ros_parameters(values: Mapping[str, object]) -> dict[str, object]:
@@ -115,10 +128,11 @@ def configure(values: Mapping[str, object]) -> Configuration:
     preset = {} if 'mechanism' in given else read_parameter_file(preset_path(DEFAULT_PRESET))
     chosen = {**preset, **given}
     kind = MechanismAndDrive.of(chosen)
-    valid = [leaf.name for leaf in parameter_leaves(kind)]
+    valid = parameter_leaves(kind, given)
+    names = {leaf.name for leaf in valid}
     for name in given:
-        if name not in valid:
-            raise ConfigurationError(_not_a_parameter(name, kind))
+        if name not in names:
+            raise ConfigurationError(_not_a_parameter(name, kind, valid))
     mechanism = build(MECHANISMS[kind.mechanism], chosen)
     drive, session = build(DRIVES[kind.drive], chosen), build(Session, chosen)
     if 'mechanism' not in given:
@@ -161,11 +175,10 @@ def _require_harmless(drive: Drive) -> None:
         )
 
 
-def _not_a_parameter(name: str, kind: MechanismAndDrive) -> str:
+def _not_a_parameter(name: str, kind: MechanismAndDrive, valid: Sequence[Leaf]) -> str:
     """Returns the error message for an unknown parameter of a mechanism and drive."""
     driven = {'torque': 'torque-driven {}', 'follow': 'measured {}', 'motion': '{} along a motion'}
     owner = f'a {driven.get(kind.drive, "{}").format(kind.mechanism)}'
-    valid = parameter_leaves(kind)
     block = name.partition('.')[0]
     sought = name if any(leaf.name.startswith(f'{block}.') for leaf in valid) else block
     drives, mechanisms = (
@@ -208,7 +221,25 @@ def read_values(source: str, namespace: str = '') -> Mapping[str, object]:
         ConfigurationError: There is no such file or preset, it cannot be read, or it has no
             parameters of linkage_node.
     """
-    return read_parameter_file(find_file(source), f'{namespace}/linkage_node')
+    path = find_file(source)
+    return with_files(read_parameter_file(path, f'{namespace}/linkage_node'), path)
+
+
+def with_files(values: Mapping[str, Any], path: Path | str) -> dict[str, Any]:
+    """Makes the files that a parameter file names relative to this parameter file.
+
+    Args:
+        values: Values by dotted parameter name.
+        path: Path of the parameter file.
+
+    Returns:
+        The values, with the paths of all parameters named `file` relative to the parameter file.
+    """
+    folder = Path(path).parent
+    return {
+        name: str(folder / value) if name.endswith('.file') and value else value
+        for name, value in values.items()
+    }
 
 
 def load(source: str) -> Configuration:

@@ -7,12 +7,13 @@ import math
 from collections.abc import Iterable
 from dataclasses import MISSING, replace
 
+from linkage_ros.mechanism.parts import LOADS
 from linkage_ros.mechanism.registry import MECHANISMS
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.mechanism.travel import travel
 from linkage_ros.motion.drives import FollowDrive, LawDrive, TorqueDrive
 from linkage_ros.motion.law import Law, Sine
-from linkage_ros.quantities import Leaf
+from linkage_ros.quantities import Leaf, leaves
 from linkage_ros.settings.configuration import (
     Configuration,
     MechanismAndDrive,
@@ -52,15 +53,18 @@ def _default(value: object) -> str:
 def help_on_every_kind() -> str:
     """Describes the parameters of a four_bar, then those added by other drives and mechanisms."""
     usual = MechanismAndDrive('four_bar', 'speed')
-    leaves = parameter_leaves(usual)
-    parts = ['parameters of a four_bar:', help_on(leaves)]
-    known = {leaf.name for leaf in leaves}
+    own = parameter_leaves(usual)
+    parts = ['parameters of a four_bar:', help_on(own)]
+    known = {leaf.name for leaf in own}
     mechanisms = (('mechanism', name) for name in MECHANISMS if name != usual.mechanism)
     drives = (('drive', name) for name in DRIVES if name != usual.drive)
     for name, value in (*drives, *mechanisms):
         found = parameter_leaves(replace(usual, **{name: value}))
         parts.append(f'also, with {name}: {value}:')
         parts.append(help_on(leaf for leaf in found if leaf.name not in known))
+    for kind, cls in LOADS.items():
+        parts.append(f'also, any number of loads, by names of your own, with kind: {kind}:')
+        parts.append(help_on(leaves(cls, 'loads.NAME.')))
     return '\n'.join(parts)
 
 

@@ -43,7 +43,7 @@ _FACTORS = 0.25, 0.5, 1.0, 2.0, 4.0  # default speeds, relative to the mechanism
 _SAMPLES = 2048  # evenly spaced torques: series are fitted to all, tables use a subset
 _LEAST = 1e-4  # smaller errors are not drawn
 _ROOM = 0.88  # width of a group of bars, relative to the distance between groups
-_OTHERS = {'gravity': DARK, STATIC: PURPLE, 'load': ORANGE, 'friction': SKY}
+_OTHERS = {'gravity': DARK, STATIC: PURPLE, 'load': ORANGE, 'loads': ORANGE, 'friction': SKY}
 _HATCHES = {'': '', 'inertia': '', 'damping': 'xxx', 'stiffness': '...'}
 # Marker, size, colour and legend label of the reduced models, by a word in their names.
 _REDUCED = {

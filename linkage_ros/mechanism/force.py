@@ -1,0 +1,86 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""A constant force at a point of a link."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from linkage_ros.formulas import ZERO, Vector, dot, turned
+from linkage_ros.mechanism.kinematics import LinkPose
+from linkage_ros.mechanism.loads import AppliedLoad
+from linkage_ros.mechanism.wrenches import Wrench, place
+from linkage_ros.numeric import Real
+from linkage_ros.quantities import quantity
+
+WORLD, LINK = 'world', 'link'
+
+
+@dataclass(frozen=True)
+class Force(AppliedLoad):
+    """A constant force at a point of a link.
+
+    Attributes:
+        link: Name of the link.
+        force: Force [x, y] on the link, N.
+        at: Point [along, across] from the link's first pin, m; on a slider, from its pin in the
+            axes of the guide.
+        axes: Axes of `force`: 'world' for those of base_link, 'link' for along and across the
+            link, or the guide.
+    """
+
+    link: str = quantity('text', 'link on which the force acts')
+    force: tuple[float, float] = quantity(
+        'pair', 'force [x, y] on the link', 'N', span=(-1e12, 1e12)
+    )
+    at: tuple[float, float] = quantity(
+        'pair', 'point [along, across] from the first pin of the link', 'm',
+        span=(-1e9, 1e9), default=(0.0, 0.0),
+    )  # fmt: skip
+    axes: str = quantity(
+        'choice', 'axes of the force: world, or along and across the link',
+        choices=(WORLD, LINK), default=WORLD,
+    )  # fmt: skip
+
+    def on(self, mechanism: Any) -> 'PointForce':
+        """See `AppliedLoad.on`.
+
+        Raises:
+            ConfigurationError: The mechanism has no such link.
+        """
+        structure = mechanism.structure()
+        link = structure.link_index(self.link, f'{self.label}.link')
+        point, turns = structure.point_of(link, self.at), self.axes == LINK
+        is_fixed = not turns or structure.links[link].slides
+        return PointForce(link, point, complex(*self.force), turns, is_fixed)
+
+
+class PointForce(NamedTuple):
+    """A force at a point, in the form used by formulas.
+
+    Attributes:
+        link: Index of the link.
+        point: The point.
+        force: The force, N; a `Vector` in formulas.
+        turns: Whether the force is given in the axes of the link.
+        is_fixed: Whether its direction is constant, so that it has a potential.
+    """
+
+    link: int
+    point: Any
+    force: Any
+    turns: bool
+    is_fixed: bool
+
+    def _force(self, links: Sequence[LinkPose]) -> Vector:
+        if not self.turns:
+            return self.force  # type: ignore[no-any-return]
+        return turned(links[self.link].direction, self.force.x, self.force.y)
+
+    def wrenches(self, links: Sequence[LinkPose], _rates: Sequence[Real]) -> list[Wrench]:
+        """See `Load`."""
+        return [Wrench(self.link, force=self._force(links), point=self.point)]
+
+    def potential(self, links: Sequence[LinkPose]) -> Real:
+        """Returns the potential energy, J, or ZERO if the force turns with a link; see `Load`."""
+        return -dot(self._force(links), place(self.point, links)) if self.is_fixed else ZERO

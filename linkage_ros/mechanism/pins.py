@@ -1,0 +1,78 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Viscous friction in pins."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from linkage_ros.errors import ConfigurationError
+from linkage_ros.formulas import ZERO
+from linkage_ros.mechanism.kinematics import LinkPose
+from linkage_ros.mechanism.loads import AppliedLoad
+from linkage_ros.mechanism.wrenches import FRAME, Wrench
+from linkage_ros.numeric import Real
+from linkage_ros.quantities import quantity, shown
+
+
+@dataclass(frozen=True)
+class Pins(AppliedLoad):
+    """Viscous friction in all pins, or in one: a torque against the relative rotation.
+
+    Attributes:
+        damping: Damping coefficient of each pin, N m s.
+        pin: Name of the pin, such as 'B'; empty for all pins.
+    """
+
+    damping: float = quantity(
+        'number', 'torque per relative angular velocity of each pin', 'N m s', span=(0.0, 1e12)
+    )
+    pin: str = quantity('text', 'name of the pin; empty: all pins', default='')
+
+    def on(self, mechanism: Any) -> 'PinDamping':
+        """See `AppliedLoad.on`.
+
+        Raises:
+            ConfigurationError: The mechanism has no such pin, or its pins are unknown.
+        """
+        structure = mechanism.structure()
+        names = [pin.name for pin in structure.pins]
+        if not names or (self.pin and self.pin not in names):
+            raise ConfigurationError(
+                f'{self.label}.pin = {shown(self.pin)}: must be '
+                + (f'one of {", ".join(names)}, or empty for all' if names else 'left out, since '
+                   'the pins of this mechanism are unknown')
+            )  # fmt: skip
+        return PinDamping(
+            self.damping,
+            tuple(
+                tuple(
+                    # A sliding link does not turn: its guide transmits the couple to the frame.
+                    FRAME if j is None or structure.links[j].slides else j
+                    for j in (pin.first, pin.second)
+                )
+                for pin in structure.pins
+                if self.pin in {'', pin.name}
+            ),
+        )
+
+
+class PinDamping(NamedTuple):
+    """Viscous friction in pins, in the form used by formulas.
+
+    Attributes:
+        damping: Damping coefficient, N m s.
+        pairs: Indices of the two links of each pin; FRAME for a body that does not turn.
+    """
+
+    damping: Real
+    pairs: tuple[tuple[int, ...], ...]
+
+    def wrenches(self, _links: Sequence[LinkPose], rates: Sequence[Real]) -> list[Wrench]:
+        """See `Load`."""
+        found = []
+        for first, second in self.pairs:
+            rate, other = (ZERO if j == FRAME else rates[j] for j in (second, first))
+            couple = -(self.damping * (rate - other))
+            found += [Wrench(second, couple), Wrench(first, -couple)]
+        return found

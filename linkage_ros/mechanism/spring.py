@@ -1,0 +1,141 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""A spring and damper between points of two links, or of a link and the frame."""
+
+import functools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple, NoReturn
+
+from linkage_ros.errors import ConfigurationError, UnreachableError
+from linkage_ros.formulas import ZERO, Opaque, dot, require, sqrt
+from linkage_ros.mechanism.kinematics import LinkPose
+from linkage_ros.mechanism.loads import AppliedLoad
+from linkage_ros.mechanism.wrenches import FRAME, Wrench, place, velocity
+from linkage_ros.numeric import Real
+from linkage_ros.quantities import quantity
+
+_POSITIVE = (0.0, 1e12)
+
+
+@dataclass(frozen=True)
+class Spring(AppliedLoad):
+    """A spring with damping between two points.
+
+    Its tension is stiffness x (length - free_length) + damping x rate of length.
+
+    Attributes:
+        link: Name of the link at the spring's first end.
+        at: First end [along, across] from the link's first pin, m; on a slider, from its pin in
+            the axes of the guide.
+        to: Name of the link at the second end, or 'frame'.
+        to_at: Second end, likewise; on the frame, in the axes of base_link from A0.
+        stiffness: Stiffness, N/m.
+        free_length: Length without tension, m.
+        damping: Damping coefficient, N s/m.
+    """
+
+    link: str = quantity('text', "link at the spring's first end")
+    at: tuple[float, float] = quantity(
+        'pair', 'first end [along, across] from the first pin of the link', 'm',
+        span=(-1e9, 1e9), default=(0.0, 0.0),
+    )  # fmt: skip
+    to: str = quantity('text', "link at the spring's second end, or frame", default='frame')
+    to_at: tuple[float, float] = quantity(
+        'pair', 'second end, likewise; on the frame, in the axes of base_link', 'm',
+        span=(-1e9, 1e9), default=(0.0, 0.0),
+    )  # fmt: skip
+    stiffness: float = quantity('number', 'stiffness', 'N/m', span=_POSITIVE, default=0.0)
+    free_length: float = quantity(
+        'number', 'length without tension', 'm', span=(0.0, 1e9), default=0.0
+    )
+    damping: float = quantity(
+        'number', 'damping coefficient', 'N s/m', span=_POSITIVE, default=0.0
+    )
+
+    def on(self, mechanism: Any) -> 'PointSpring':
+        """See `AppliedLoad.on`.
+
+        Raises:
+            ConfigurationError: The mechanism has no such link, or both ends are on one link.
+        """
+        structure = mechanism.structure()
+        link = structure.link_index(self.link, f'{self.label}.link')
+        other = FRAME
+        if self.to != 'frame':
+            other = structure.link_index(self.to, f'{self.label}.to', 'frame')
+        if link == other:
+            raise ConfigurationError(
+                f'{self.label}.to = {self.to!r}: a spring between two points of one link does '
+                'nothing; name another link, or frame'
+            )
+        return PointSpring(
+            link, structure.point_of(link, self.at), other,
+            structure.point_of(other, self.to_at), self.stiffness, self.free_length, self.damping,
+            Opaque(functools.partial(_refuse, self.label)),
+        )  # fmt: skip
+
+
+def _refuse(label: str, crank: float) -> NoReturn:
+    raise UnreachableError(
+        f'at {math.degrees(crank):.9g} deg the ends of the spring {label} coincide, so that its '
+        'direction is undefined: move at or to_at, or set free_length and damping to 0',
+        crank_angle=crank, arcs=(),
+    )  # fmt: skip
+
+
+class PointSpring(NamedTuple):
+    """A spring between two points, in the form used by formulas.
+
+    Attributes:
+        link: Index of the link at the first end.
+        point: The first end.
+        other: Index of the link at the second end, or FRAME.
+        other_point: The second end.
+        stiffness: Stiffness, N/m.
+        free_length: Length without tension, m.
+        damping: Damping coefficient, N s/m.
+        refuse: Function that rejects a crank angle at which the ends coincide.
+    """
+
+    link: int
+    point: Any
+    other: int
+    other_point: Any
+    stiffness: Real
+    free_length: Real
+    damping: Real
+    refuse: Opaque
+
+    def wrenches(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> list[Wrench]:
+        """See `Load`."""
+        apart = place(self.other_point, links) - place(self.point, links)
+        if self.free_length is ZERO and self.damping is ZERO:
+            force = apart * self.stiffness
+        else:
+            length = self._length(links)
+            tension = self.stiffness * (length - self.free_length)
+            if self.damping is not ZERO:
+                ends = (velocity(x, links, rates) for x in (self.other_point, self.point))
+                second, first = ends
+                tension = tension + self.damping * (dot(second - first, apart) / length)
+            force = apart * (tension / length)
+        return [
+            Wrench(self.link, force=force, point=self.point),
+            Wrench(self.other, force=-force, point=self.other_point),
+        ]
+
+    def potential(self, links: Sequence[LinkPose]) -> Real:
+        """Returns the energy of the spring, J; see `Load`."""
+        if self.free_length is ZERO:
+            apart = place(self.other_point, links) - place(self.point, links)
+            return 0.5 * (self.stiffness * dot(apart, apart))
+        stretch = self._length(links) - self.free_length
+        return 0.5 * (self.stiffness * (stretch * stretch))
+
+    def _length(self, links: Sequence[LinkPose]) -> Real:
+        apart = place(self.other_point, links) - place(self.point, links)
+        square = dot(apart, apart)
+        require(square > 0, self.refuse, links[0].position)
+        return sqrt(square)
