@@ -42,6 +42,7 @@ from linkage_ros.messages.topics import (
 from linkage_ros.quantities import Leaf, leaves
 from linkage_ros.settings.command_lines import PARSERS, Settings
 from linkage_ros.settings.configuration import MechanismAndDrive, Session
+from linkage_ros.settings.joints import JointSettings
 from linkage_ros.settings.presets import preset_names, preset_path
 from linkage_ros.settings.session import DRIVES
 
@@ -222,6 +223,7 @@ def tables() -> dict[str, str]:
         'loads': _sections('kind', LOADS),
         'drives': _sections('drive', DRIVES),
         'session': _parameters(Session),
+        'joints': _parameters(JointSettings),
         'controller': _parameters(Settings),
         'topics': _topics(),
         'executables': _executables(),

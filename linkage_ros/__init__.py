@@ -41,8 +41,8 @@ from linkage_ros.mechanism.parts import (
 from linkage_ros.mechanism.pins import Pins
 from linkage_ros.mechanism.slider_crank import SliderCrank
 from linkage_ros.mechanism.solver import Solver
-from linkage_ros.mechanism.structure import Mechanism
 from linkage_ros.mechanism.spring import Spring
+from linkage_ros.mechanism.structure import Mechanism
 from linkage_ros.mechanism.travel import Travel, assemblies, travel
 from linkage_ros.mechanism.wind_pump import WindPump
 from linkage_ros.settings.presets import preset_names

@@ -289,5 +289,17 @@ class Tree:
 
     def gap(self, q, close):
         """Returns the distance between the origins of two links, m."""
-        found = self.moving(q)
-        return math.dist(*(found[link][0][:3, 3] for link in close))
+        above = {child: joint for joint in self.joints for child in joint[3:4]}
+        ends = []
+        for link in close:
+            place = np.zeros(3)
+            while link in above:
+                name, kind, parent, _, inside, axis = above[link]
+                value = q.get(name, 0.0)
+                if kind == 'prismatic':
+                    place = place + value * axis
+                elif kind != 'fixed':
+                    place = rotated(axis, value) @ place
+                place, link = inside[:3, :3] @ place + inside[:3, 3], parent
+            ends.append(place)
+        return math.dist(*ends)

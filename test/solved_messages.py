@@ -9,7 +9,7 @@ equality means equal bits; otherwise 0.0 and -0.0 would compare equal.
 import struct
 
 from linkage_ros.mechanism.solver import Solver
-from linkage_ros.messages.templates import joint_rows
+from linkage_ros.messages.joints import joint_rows
 from linkage_ros.messages.topics import (
     FLOAT64,
     JOINT_STATE,

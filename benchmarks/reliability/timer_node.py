@@ -17,7 +17,7 @@ from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 
 from linkage_ros import cli
-from linkage_ros.messages.templates import joint_rows
+from linkage_ros.messages.joints import joint_rows
 from linkage_ros.node.topics import wait_for_subscribers
 from linkage_ros.run.states import Simulator
 from linkage_ros.settings.configuration import load

@@ -106,7 +106,9 @@ class Verification:
         self.states, self.missed, self.ulp = 0, 0, 0.0
         self.cut: tuple[str, ...] = ()
         self.stops_at_gap = False
-        own = (*simulator.topics, ROBOT_DESCRIPTION)
+        own = simulator.topics
+        if simulator.description:
+            own = *own, ROBOT_DESCRIPTION
         channels = {topic: channel for topic in own if (channel := log.channel(topic))}
         self.absent = tuple(topic.name for topic in own if topic not in channels)
         if not log.has_same_urdf:
@@ -183,8 +185,9 @@ class Verification:
         """Handles a message that is not part of a state; called in the order of writing."""
         if isinstance(self._timeline, Measurements):
             self._timeline.handle(message)
-        if self._description and message.channel == self._description.number:
-            ulp = _description_ulp(message.data, self._simulator.description)
+        due = self._simulator.description
+        if due and self._description and message.channel == self._description.number:
+            ulp = _description_ulp(message.data, due)
             self.ulp = max(self.ulp, ulp)
             if ulp > _TOLERANCE:
                 self.difference = (

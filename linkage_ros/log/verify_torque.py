@@ -17,6 +17,8 @@ import numpy.typing as npt
 from linkage_ros.errors import LinkageError, LogError
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.timeline import Timeline
+from linkage_ros.mechanism.elementwise import is_noisy, noisy
+from linkage_ros.messages.joints import link_rows
 from linkage_ros.messages.rows import RowLayout
 from linkage_ros.messages.templates import joint_numbers
 from linkage_ros.motion.coordinates import DrivenMechanism, turns_between
@@ -127,11 +129,14 @@ class TorqueStates(Timeline):
         table = np.reshape(columns, (4, len(self._links), -1))
         if not np.isfinite(table).all():
             raise LogError('mechanism_state is not finite')
-        crank = table[0, 0].copy()
-        table[0, 0] = [within_two_turns(angle)[0] for angle in crank.tolist()]
-        for i, link in enumerate(self._links):
-            if link.parent is not None:  # the angle of a joint is relative to its parent link
-                table[:3, i] += table[:3, link.parent]
+        joints = self._simulator.robot_joints
+        if is_noisy() and any(joint.is_mapped for joint in joints):
+            # The logged values of mapped joints have rounding errors of their own.
+            table[:3] = [[noisy(row) for row in rows] for rows in table[:3]]
+        crank = joints[0].own(table[0, 0].copy())
+        table[0, 0] = [joints[0].value(within_two_turns(angle)[0]) for angle in crank.tolist()]
+        table[3, 0] *= joints[0].ratio
+        table[:3] = link_rows(joints, table[:3])
         return table, crank
 
     def take(self, number: int, ticks: list[int]) -> tuple[int, str]:

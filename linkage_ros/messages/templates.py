@@ -5,16 +5,11 @@
 A run publishes and logs the same bytes; replay publishes them again.
 """
 
-import math
 import struct
 from collections.abc import Collection, Iterable, Sequence
 
-from linkage_ros.formulas import rint, where
-from linkage_ros.mechanism.kinematics import State
-from linkage_ros.mechanism.structure import Link
 from linkage_ros.messages.cdr import ENCAPSULATION, STAMP, align, count, header, string
 from linkage_ros.messages.rows import STAMP_FIELDS, Field, Part
-from linkage_ros.numeric import Real, wrap
 from linkage_ros.units import NS_PER_S
 
 ROOT_FRAME = 'base_link'
@@ -23,35 +18,6 @@ POINT_FIELDS = Field('point.x', 'd'), Field('point.y', 'd')
 
 # A trajectory point: four sequences of one number each, aligned to 8 bytes, and a duration.
 _POINT = struct.Struct('<' + 4 * 'I4xd' + 'iI')
-
-
-def joint_rows(
-    links: Sequence[Link],
-    state: State,
-    unwrapped: Real,
-) -> list[list[Real]]:
-    """Converts a state to the joints of the URDF's open tree; compiled as a formula.
-
-    Args:
-        links: The links of the open tree, starting with the crank.
-        state: State of the mechanism.
-        unwrapped: Crank angle including all turns, rad.
-
-    Returns:
-        Rows of positions, rad or m, velocities, accelerations and efforts of the joints. The crank
-        angle includes all turns; other angles are relative to the parent link and in (-pi, pi].
-        The effort of the crank is the driving torque, N m; other efforts are 0.
-    """
-    position, *_ = rows = [list(row) for row in state[:3]]
-    for i, link in reversed(list(enumerate(links))):  # joints with a parent link
-        if link.parent is not None:
-            for row in rows:
-                row[i] = row[i] - row[link.parent]  # -= would modify an array of the state
-            position[i] = wrap(position[i], rint)
-        if not link.slides:
-            position[i] = where(position[i] <= -math.pi, math.pi, position[i])
-    position[0] = unwrapped
-    return [*rows, [state.torque, *(0.0 for _ in links[1:])]]
 
 
 def joint_numbers(names: Sequence[str]) -> list[str]:

@@ -3,12 +3,11 @@
 """Generates the URDF of a mechanism's open tree."""
 
 import math
-from collections.abc import Iterable
 from typing import Any
 from xml.etree import ElementTree as ET
 
 from linkage_ros.mechanism.rigid_links import RigidLink, rigid_links
-from linkage_ros.mechanism.structure import Link, Mechanism
+from linkage_ros.mechanism.structure import Mechanism
 from linkage_ros.messages.templates import ROOT_FRAME
 from linkage_ros.palette import color_of, fractions
 
@@ -21,11 +20,6 @@ _HARDWARE = {
     'joint_states_topic': '/plant/joint_states',
     'trigger_joint_command_threshold': '-1',
 }
-
-
-def joint_names(joints: Iterable[Link], joint_prefix: str) -> tuple[str, ...]:
-    """Returns the names of joints in the URDF and in messages."""
-    return tuple(f'{joint_prefix}{joint.name}' for joint in joints)
 
 
 def link_of(joint: str) -> str:

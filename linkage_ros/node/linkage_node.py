@@ -70,7 +70,9 @@ class LinkageNode(ParameterNode):
         self._motion: Motion | None = None
         self._segment: Segment | None = None  # the last logged segment
         self._state: State | None = None
-        others, heard = [ROBOT_DESCRIPTION, DIAGNOSTICS], inputs_of(simulator)
+        others, heard = [DIAGNOSTICS], inputs_of(simulator)
+        if simulator.description:
+            others.append(ROBOT_DESCRIPTION)
         self._ahead: CrankTrajectory | None = None
         if isinstance(self._drive, TrajectoryFeedForward) and self._drive.trajectory_command_topic:
             self._ahead = CrankTrajectory(simulator, self._drive)
@@ -88,6 +90,12 @@ class LinkageNode(ParameterNode):
         name = self.get_fully_qualified_name().lstrip('/')
         self._monitor = HealthMonitor(name)
         self.get_logger().info(preset_note(given) + summary(configuration, simulator.solver))
+        crank = configuration.joints.get('crank')
+        if heard and isinstance(self._drive, FollowDrive) and crank and crank.zero is None:
+            self.get_logger().warning(
+                f"joints.crank.zero is not given, so zero 0: {simulator.crank_joint}'s 0 is taken "
+                'as the direction of +x'
+            )
         wait_for_subscribers([state.publisher for state in self._states])
         freeze_heap()
         # Reports use real time, because simulated time may be paused.
@@ -109,7 +117,8 @@ class LinkageNode(ParameterNode):
     def work(self) -> int:
         """Runs the motion until the end is requested; returns the exit code."""
         # Publish this before the first tick, for which simulated time may have to wait.
-        self._publish(ROBOT_DESCRIPTION, self._simulator.description)
+        if self._simulator.description:
+            self._publish(ROBOT_DESCRIPTION, self._simulator.description)
         self._ticker.start()
         self._stop.wait()
         ended = self._ticker.stop(self._stop.join)

@@ -93,14 +93,17 @@ class ControllerNode(ParameterNode):
                 raise ConfigurationError(unknown_name(name, _NAME, PARAMETERS, f'{_NAME} --help'))
         settings = build(Settings, given)
         plant = load(settings.plant)
-        if settings.joint_prefix is None:
-            settings = replace(settings, joint_prefix=plant.session.joint_prefix)
+        prefix, session = settings.joint_prefix, plant.session
+        if prefix is not None:
+            session = replace(session, joint_prefix=prefix)
+        settings = replace(settings, joint_prefix=session.joint_prefix)
         self.declare(PARAMETERS, flatten(settings))
         self._controller = SpeedController(
             plant.mechanism, settings.rpm, settings.bandwidth,
             settings.lead_time if settings.feed_forward else None,
         )  # fmt: skip
-        self._crank = f'{settings.joint_prefix}crank'
+        self._joint = replace(plant, session=session).robot_joints[0]
+        self._crank = self._joint.name
         self._commanded = plant.session.crank_joint or self._crank
         self._last_stamp, self._throttle = -_LONGEST_GAP, Throttle()
         self._commands = self.create_publisher(JointState, 'joint_commands', 10)
@@ -132,8 +135,9 @@ class ControllerNode(ParameterNode):
         stamp = state.header.stamp.sec * NS_PER_S + state.header.stamp.nanosec
         gap, self._last_stamp = stamp - self._last_stamp, stamp
         elapsed = gap / NS_PER_S if 0 < gap < _LONGEST_GAP else 0.0
-        torque = self._controller.torque(angle, speed, elapsed)
-        command = JointState(name=[self._commanded], effort=[torque])
+        ratio = self._joint.ratio
+        torque = self._controller.torque(self._joint.own(angle), speed / ratio, elapsed)
+        command = JointState(name=[self._commanded], effort=[torque / ratio])
         command.header.stamp = state.header.stamp
         self._commands.publish(command)
 

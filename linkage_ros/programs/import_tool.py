@@ -240,7 +240,8 @@ def _parser() -> argparse.ArgumentParser:
             "the model's gravity)",
         }),
         (('-o',), None, {
-            'dest': 'out', 'required': True, 'metavar': 'OUT.yaml', 'type': Path, 'help': 'the file to write',
+            'dest': 'out', 'required': True, 'metavar': 'OUT.yaml', 'type': Path,
+            'help': 'the file to write',
         }),
         (('--overwrite',), None, {'action': 'store_true', 'help': 'replace an existing file'}),
     ])  # fmt: skip

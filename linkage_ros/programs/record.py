@@ -90,9 +90,11 @@ def record(
     count, written = count_states(simulator, motion, duration, revolutions), 0
     with LogWriter(path, configuration, overwrite=overwrite) as log:
         log.add_states(simulator.layout, ((topic, qualified(topic)) for topic in simulator.topics))
-        description = log.add_topic(ROBOT_DESCRIPTION, qualified(ROBOT_DESCRIPTION))
+        if simulator.description:
+            description = log.add_topic(ROBOT_DESCRIPTION, qualified(ROBOT_DESCRIPTION))
         log.write_motion(segment := motion.segment)
-        log.write(description, 0, simulator.description)
+        if simulator.description:
+            log.write(description, 0, simulator.description)
         try:
             with cli.progress_bar(
                 total=count, wanted=progress, unit=' states', unit_scale=True
@@ -171,11 +173,12 @@ def record_measured(
         cli.progress_bar(total=source.size, wanted=progress, unit='B', unit_scale=True) as bar,
     ):
         log.add_states(simulator.layout, ((topic, qualified(topic)) for topic in simulator.topics))
-        description = log.add_topic(ROBOT_DESCRIPTION, qualified(ROBOT_DESCRIPTION))
+        if simulator.description:
+            description = log.add_topic(ROBOT_DESCRIPTION, qualified(ROBOT_DESCRIPTION))
         number = log.add_topic(MEASURED_JOINT_STATES, qualified(MEASURED_JOINT_STATES))
         try:
             for batch in _batches(source, name, bar.update):
-                if not log.mcap.statistics.message_count:
+                if simulator.description and not log.mcap.statistics.message_count:
                     log.write(description, batch[0][1], simulator.description)
                 log.write_messages((number, time, data) for _, time, data in batch)
                 rows = crank.rows((time, data) for _, time, data in batch)

@@ -55,15 +55,16 @@ class TorqueCommands:
         counts: Numbers of commands, by their names in diagnostics.
     """
 
-    def __init__(self, drive: TorqueDrive, crank: str) -> None:
+    def __init__(self, drive: TorqueDrive, crank: str, ratio: float = 1.0) -> None:
         """Initializes without an active command.
 
         Args:
             drive: Drive with the limit and the timeout of commands.
             crank: Name of the crank's joint.
+            ratio: Ratio of the joint; the crank's torque is its effort times the ratio.
         """
         self.counts = dict.fromkeys((TAKEN, CUT, REJECTED, TIMEOUTS), 0)
-        self._limit, self._crank = drive.torque_limit, crank
+        self._limit, self._crank, self._ratio = drive.torque_limit, crank, ratio
         self._timeout = round(drive.command_timeout * NS_PER_S)
         self._torque, self._end = 0.0, math.inf  # active torque, N m, and when it expires, ns
         self._is_active = False
@@ -108,7 +109,7 @@ class TorqueCommands:
         if list(names).count(self._crank) != 1:
             shown = ascii(', '.join(names))[1:-1] or 'nothing'
             raise ValueError(f'it names {shown:.80}: must name {self._crank} once')
-        torque = float(efforts[list(names).index(self._crank)])
+        torque = float(efforts[list(names).index(self._crank)]) * self._ratio
         if not math.isfinite(torque):
             raise ValueError(f'effort {torque}: must be a finite number, N m')
         self.counts[TAKEN] += 1
@@ -248,17 +249,21 @@ class MeasuredCrank:
             ValueError: The message is rejected and counted.
         """
         try:
-            stamp, position, velocity = self._decode(data)
+            stamp, value, velocity = self._decode(data)
+            joint = self._simulator.robot_joints[0]
+            position = joint.own(value)
+            velocity = velocity if velocity is None else velocity / joint.ratio
             if self._is_limited and math.isfinite(position):
                 self._require_state(position)  # the filter must not see other angles
             stamp = stamp or received
-            return stamp, self._motion.at(stamp, position, velocity)
+            found = self._motion.at(stamp, position, velocity)
+            return stamp, found._replace(unwrapped=value)
         except ValueError as error:
             self._reject(error)
             raise
 
     def _decode(self, data: bytes) -> tuple[int, float, float | None]:
-        """Returns the stamp, ns, and the crank's angle and, if it was measured, its speed.
+        """Returns the stamp, ns, and position and, if it was measured, velocity of the joint.
 
         Raises:
             ValueError: The message has no measurement. The error text is the cause.
@@ -367,7 +372,11 @@ class CrankTrajectories:
                 'its points do not match: each must have one position and, if every other point '
                 'has them, one velocity, or one velocity and one acceleration'
             )
-        rows = [(*x.positions, *x.velocities, *x.accelerations) for x in points]
+        joint = self._simulator.robot_joints[0]
+        rows = []
+        for point in points:
+            rates = *point.velocities, *point.accelerations
+            rows.append((joint.own(point.positions[0]), *(rate / joint.ratio for rate in rates)))
         if not all(map(math.isfinite, itertools.chain(*rows))):
             raise ValueError('a number of it is not finite')
         times = [start + point.time for point in points]
@@ -412,7 +421,8 @@ def inputs_of(simulator: Simulator) -> dict[Topic, Any]:
     """Returns the topic received by a run, if any, with the reader of its messages."""
     drive = simulator.configuration.drive
     if isinstance(drive, TorqueDrive):
-        return {JOINT_COMMANDS: TorqueCommands(drive, simulator.crank_joint)}
+        ratio = simulator.robot_joints[0].ratio
+        return {JOINT_COMMANDS: TorqueCommands(drive, simulator.crank_joint, ratio)}
     if isinstance(drive, FollowDrive):
         return {MEASURED_JOINT_STATES: MeasuredCrank(simulator)}
     if isinstance(drive, LawDrive):
@@ -440,6 +450,7 @@ class CrankTrajectory:
         """
         self.topic = TRAJECTORY_COMMANDS._replace(name=drive.trajectory_command_topic)
         self._names = simulator.crank_joint, simulator.configuration.session.frame_id
+        self._joint = simulator.robot_joints[0]
         self._solver, self._horizon = simulator.solver, round(drive.trajectory_horizon * NS_PER_S)
         self._motion: SpeedMotion | LawMotion | None = None
         self._points: deque[tuple[int, tuple[float, ...]]] = deque()
@@ -463,7 +474,10 @@ class CrankTrajectory:
             while self._next < stamp + self._horizon + _STEP:
                 (q,), (u,), (a,), unwrapped, _ = motion.at(self._next)
                 torque = float(self._solver.state(q, u, a).torque)
-                self._points.append((self._next, (unwrapped, u, a, torque)))
+                joint = self._joint
+                position, effort = joint.value(unwrapped), torque / joint.ratio
+                values = position, joint.ratio * u, joint.ratio * a, effort
+                self._points.append((self._next, values))
                 self._next += _STEP
         while len(self._points) > 1 and self._points[1][0] <= stamp:
             self._points.popleft()

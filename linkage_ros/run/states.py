@@ -22,13 +22,13 @@ from linkage_ros.mechanism.program import Constants, Program
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.mechanism.structure import Link, Point
 from linkage_ros.messages.cdr import encode_string
+from linkage_ros.messages.joints import RobotJoint, joint_rows, link_rows
 from linkage_ros.messages.rows import STAMP_FIELDS, TIME_FIELDS, RowLayout, Template
 from linkage_ros.messages.templates import (
     POINT_FIELDS,
     float64,
     float64_array,
     joint_numbers,
-    joint_rows,
     joint_state,
     point,
     trajectory,
@@ -41,7 +41,7 @@ from linkage_ros.messages.topics import (
     MECHANISM_STATE,
     Topic,
 )
-from linkage_ros.messages.urdf import joint_names, make_urdf
+from linkage_ros.messages.urdf import make_urdf
 from linkage_ros.motion.along_law import LawMotion
 from linkage_ros.motion.at_speed import SpeedMotion
 from linkage_ros.motion.drives import LawDrive, SpeedDrive, TorqueDrive
@@ -49,7 +49,7 @@ from linkage_ros.motion.measured import ahead as later
 from linkage_ros.motion.segments import Coordinates
 from linkage_ros.motion.steps import Integrate, live_steps
 from linkage_ros.motion.under_torque import Motion, TorqueMotion
-from linkage_ros.numeric import Real
+from linkage_ros.numeric import Array, Real
 from linkage_ros.settings.configuration import Configuration
 from linkage_ros.settings.session import FeedForward
 from linkage_ros.units import NS_PER_S
@@ -90,12 +90,13 @@ class Simulator:
     Attributes:
         configuration: Configuration of the run.
         solver: Solver of the mechanism.
-        joints: Names of the joints, in the order of the messages.
+        robot_joints: The joint of each link in messages.
+        joints: Names of the published joints, in the order of the messages.
         crank_joint: Name of the crank in measurements, commands and trajectories.
         joint_states: Template of the messages on `joint_states`.
         topics: Topics on which a message is published for each state.
         layout: Layout of a state's messages, with channels numbered from 1.
-        description: CDR bytes of the robot_description message.
+        description: CDR bytes of the robot_description message; None if it is not published.
     """
 
     def __init__(self, configuration: Configuration) -> None:
@@ -104,11 +105,18 @@ class Simulator:
         self.solver = Solver(mechanism)
         prefix, frame_id = session.joint_prefix, session.frame_id
         self._links = self.solver.structure.links
-        self.joints = joint_names(self._links, prefix)
+        self.robot_joints = joints = configuration.robot_joints
+        self.joints = tuple(joint.name for joint in joints if joint.name)
         self.crank_joint = session.crank_joint or self.joints[0]
-        self.description = encode_string(make_urdf(mechanism, prefix, frame_id))
+        self.description: bytes | None = None
+        if session.publish_description or (
+            session.publish_description is None and not configuration.joints
+        ):
+            self.description = encode_string(make_urdf(mechanism, prefix, frame_id))
         fields = [field.name for field in (*TIME_FIELDS, *STAMP_FIELDS)]
-        self._names = [*fields, *joint_numbers(self.joints)]
+        # A joint that is not published still has numbers, of which no message has a field.
+        every = [joint.name or f'{i}, not published' for i, joint in enumerate(joints)]
+        self._names = [*fields, *joint_numbers(every)]
         self._parts = {
             JOINT_STATES: joint_state(self.joints, frame_id),
             DRIVING_TORQUE: float64(f'effort[{self.joints[0]}]'),
@@ -128,7 +136,7 @@ class Simulator:
             self._lead = round(drive.lead_time * NS_PER_S)
         letters = 'position', 'velocity', 'acceleration'
         rows = (tuple(f'{word}_{name}' for name in self.solver.links) for word in letters)
-        constants = Constants((self._links, tuple(shown)))
+        constants = Constants((self._links, joints, tuple(shown)))
         self._numbers = Program(_numbers, constants, (*rows, 'torque', 'unwrapped'))
         self.topics = tuple(self._parts)
         self.layout = self.layout_of(zip(itertools.count(1), self.topics))
@@ -268,6 +276,27 @@ class Simulator:
         logged = nanoseconds if times is None else times
         return (layout or self.layout).fill(len(stamps), (logged, logged, *stamped, *numbers))
 
+    def links_of(self, numbers: Array) -> tuple[Array, Array, Array]:
+        """Converts the numbers in messages on joint_states to the motion of the links.
+
+        Args:
+            numbers: Positions, velocities and efforts of the published joints, shape (n, numbers).
+
+        Returns:
+            Positions, rad and m, and rates of the links, shape (n, links), and the driving torque,
+            N m, shape (n, 1).
+        """
+        joints, count = self.robot_joints, len(self.joints)
+        torque = numbers[:, 2 * count :][:, :1] * joints[0].ratio
+        table = np.reshape(numbers[:, : 2 * count].T, (2, count, -1))
+        if count < len(joints):  # the others follow from the crank
+            crank, rate = joints[0].own(table[0, 0]), table[1, 0] / joints[0].ratio
+            state = self.solver.state(crank, rate, 0.0 * rate)
+            table = np.array([(crank, *state.position[1:]), state.velocity])
+        else:
+            table = link_rows(joints, table)
+        return table[0].T, table[1].T, torque
+
     def ahead(self, motion: Motion, stamps: Sequence[int]) -> Coordinates | None:
         """Returns the coordinates `lead_time` after the stamps; None without feed-forward."""
         lead = self._lead
@@ -282,7 +311,8 @@ class Simulator:
         values = *itertools.chain(*rows), torque, coordinates.unwrapped
         numbers = program(*values, by_math=True) if by_math else program.floats(*values)
         if ahead is not None:
-            numbers = *numbers, self._state(ahead, by_math=by_math).torque + 0.0
+            torque = self._state(ahead, by_math=by_math).torque / self.robot_joints[0].ratio
+            numbers = *numbers, torque + 0.0
         return state, numbers
 
     def _state(self, coordinates: Coordinates, *, by_math: bool) -> State:
@@ -294,7 +324,7 @@ class Simulator:
 
 
 def _numbers(
-    constants: tuple[Sequence[Link], Sequence[Point]],
+    constants: tuple[Sequence[Link], Sequence[RobotJoint], Sequence[Point]],
     position: tuple[Real, ...],
     velocity: tuple[Real, ...],
     acceleration: tuple[Real, ...],
@@ -302,9 +332,9 @@ def _numbers(
     unwrapped: Real,
 ) -> tuple[Real, ...]:
     """Computes the numbers in a state's messages, without -0.0; compiled as a formula."""
-    links, points = constants
+    links, joints, points = constants
     state = State(position, velocity, acceleration, torque)
-    rows = joint_rows(links, state, unwrapped)
+    rows = joint_rows(links, state, unwrapped, joints)
     directions = [Vector.at(angle) for angle in position]
     rows += [[*point.follow(directions, velocity, acceleration)[0]] for point in points]
     return tuple(number + 0.0 for row in rows for number in row)

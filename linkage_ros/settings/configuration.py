@@ -4,7 +4,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +12,18 @@ from linkage_ros.errors import ConfigurationError, UnreachableError
 from linkage_ros.mechanism.registry import MECHANISMS
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.mechanism.structure import Mechanism
+from linkage_ros.messages.joints import RobotJoint
 from linkage_ros.motion.along_law import require_possible
 from linkage_ros.motion.drives import Drive, FollowDrive, LawDrive, SpeedDrive, TorqueDrive
 from linkage_ros.motion.under_torque import start
 from linkage_ros.quantities import Checked, Leaf, build, flatten, leaves, quantity, shown
+from linkage_ros.settings.joints import (
+    JointSettings,
+    build_joints,
+    joint_leaves,
+    joint_values,
+    robot_joints,
+)
 from linkage_ros.settings.presets import find_file, preset_path
 from linkage_ros.settings.session import DRIVES, Session
 from linkage_ros.settings.unknown_names import unknown_name
@@ -71,19 +79,29 @@ class Configuration:
         mechanism: The mechanism.
         drive: The drive.
         session: Settings for publishing, logging and viewing.
+        joints: The robot's joints that are given, by link.
     """
 
     kind: MechanismAndDrive
     mechanism: Mechanism
     drive: Drive
     session: Session
+    joints: Mapping[str, JointSettings] = field(default_factory=dict)
+
+    @property
+    def robot_joints(self) -> tuple[RobotJoint, ...]:
+        """The joint of each link in messages."""
+        links, is_measured = self.mechanism.structure().links, isinstance(self.drive, FollowDrive)
+        prefix = self.session.joint_prefix
+        return robot_joints(links, self.joints, prefix, is_measured=is_measured)
 
     def parameters(self) -> dict[str, object]:
         """Returns the values of all parameters by name, including defaults."""
         parts = (self.kind, self.mechanism, self.drive, self.session)
         flat = {name: value for part in parts for name, value in flatten(part).items()}
         known = {leaf.name for leaf in parameter_leaves(self.kind, flat)}
-        return {name: value for name, value in flat.items() if name in known}
+        own = {name: value for name, value in flat.items() if name in known}
+        return {**own, **joint_values(self.joints)}
 
 
 def parameter_leaves(
@@ -101,7 +119,8 @@ def parameter_leaves(
     classes = (MechanismAndDrive, MECHANISMS[kind.mechanism], DRIVES[kind.drive], Session)
     unused = 'rate_hz' if kind.drive == 'follow' else ''  # measurements set the rate
     found = (leaf for cls in classes for leaf in leaves(cls, values=values))
-    return tuple(leaf for leaf in found if leaf.name != unused)
+    own = (leaf for leaf in found if leaf.name != unused)
+    return (*own, *joint_leaves(MECHANISMS[kind.mechanism]))
 
 
 def without_ros_parameters(values: Mapping[str, object]) -> dict[str, object]:
@@ -137,7 +156,13 @@ def configure(values: Mapping[str, object]) -> Configuration:
     drive, session = build(DRIVES[kind.drive], chosen), build(Session, chosen)
     if 'mechanism' not in given:
         _require_harmless(drive)
-    session.require_names(mechanism)
+    found = Configuration(kind, mechanism, drive, session, build_joints(given))
+    session.require_names(mechanism, found.robot_joints)
+    if isinstance(drive, TorqueDrive) and '' in {joint.name for joint in found.robot_joints}:
+        raise ConfigurationError(
+            "joints: a name is '', but with drive: torque each joint must be published, because a "
+            'log of it could not be verified'
+        )
     if isinstance(drive, TorqueDrive):
         try:
             q, u, *_ = start(mechanism, drive)
@@ -154,7 +179,7 @@ def configure(values: Mapping[str, object]) -> Configuration:
             require_possible(drive.motion.law, Solver(mechanism))
         except ConfigurationError as error:
             raise ConfigurationError(f'motion: {error}') from error
-    return Configuration(kind, mechanism, drive, session)
+    return found
 
 
 def _require_harmless(drive: Drive) -> None:

@@ -3,13 +3,15 @@
 """Parameters of a run: publishing, logging, viewing, and torque for a controller."""
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.mechanism.structure import Mechanism
+from linkage_ros.messages.joints import RobotJoint, own_joints
 from linkage_ros.messages.templates import ROOT_FRAME
-from linkage_ros.messages.urdf import joint_names, link_of
+from linkage_ros.messages.urdf import link_of
 from linkage_ros.motion.drives import Drive, FollowDrive, LawDrive, SpeedDrive, TorqueDrive
 from linkage_ros.quantities import Checked, quantity, shown
 
@@ -38,6 +40,8 @@ class Session(Checked):
         crank_joint: Name of the crank joint in measurements, commands and trajectories; empty for
             its name in the other messages.
         frame_id: Name of the link that carries the fixed pivots, and frame of the messages.
+        publish_description: Whether to publish robot_description; None to publish it unless the
+            robot's joints are given, because the robot has its own.
     """
 
     rate_hz: float = quantity('number', 'states per second', 'Hz', span=(0.01, 1e5), default=200.0)
@@ -59,21 +63,32 @@ class Session(Checked):
         'text', 'link that carries the fixed pivots; joint_prefix does not apply to it',
         pattern='[A-Za-z0-9_][A-Za-z0-9_./-]*', default=ROOT_FRAME,
     )  # fmt: skip
+    publish_description: bool | None = quantity(
+        'switch', "publish the linkage's robot_description; default: true without joints",
+        default=None,
+    )  # fmt: skip
 
-    def require_names(self, mechanism: Mechanism) -> None:
+    def require_names(self, mechanism: Mechanism, robot: Sequence[RobotJoint]) -> None:
         """Rejects a frame_id or crank_joint that is already the name of another joint or link.
 
         Args:
             mechanism: Mechanism of the run.
+            robot: Its joints in messages.
 
         Raises:
             ConfigurationError: The name is already in use.
         """
-        joints = joint_names(mechanism.structure().links, self.joint_prefix)
+        links = mechanism.structure().links
+        joints = [joint.name for joint in own_joints(links, self.joint_prefix)]
         if self.frame_id in {*joints, *map(link_of, joints)}:
             raise ConfigurationError(
                 f'frame_id = {shown(self.frame_id)}: must not be a joint or moving link of this '
                 'linkage; name the link that carries its fixed pivots, or change joint_prefix'
+            )
+        if self.crank_joint and robot[0].name != joints[0]:
+            raise ConfigurationError(
+                f'crank_joint = {shown(self.crank_joint)}: joints.crank.name already names the '
+                'crank; leave crank_joint out'
             )
         if self.crank_joint in joints[1:]:
             raise ConfigurationError(

@@ -147,21 +147,6 @@ class Drawing:
         turned = np.exp(1j * np.where([link.slides for link in self._links], 0.0, position))
         return plane(turned @ self._weights.T + self._fixed)
 
-    def links_from_joints(self, position: Array) -> Array:
-        """Converts positions or rates of the joints to positions or rates of the links.
-
-        Args:
-            position: Positions or rates of the joints in the order of the links, shape (n, links).
-
-        Returns:
-            Positions or rates of the links: angles in base_link, and slider positions.
-        """
-        links = position.copy()
-        for i, link in enumerate(self._links):
-            if link.parent is not None:
-                links[:, i] += links[:, link.parent]
-        return links
-
     def links(self, points: Array) -> dict[str, Array]:
         """Draws the moving links.
 

@@ -74,26 +74,25 @@ class Picture:
         self._last_frame = -1
 
     def rows(
-        self, stamps: npt.NDArray[np.int64], position: Array, velocity: Array, effort: Array
+        self, stamps: npt.NDArray[np.int64], places: Array, rates: Array, torque: Array
     ) -> Iterator[Rows]:
         """Converts the next samples to rows.
 
         Args:
             stamps: Stamps of the samples, ns, shape (n,), n > 0.
-            position: Positions of the joints in tree order, rad and m; shape (n, joints).
-            velocity: Velocities of the joints, rad/s and m/s.
-            effort: Efforts of the joints, N m.
+            places: Positions of the links, rad and m, shape (n, links).
+            rates: Rates of the links, rad/s and m/s, shape (n, links).
+            torque: Driving torque, N m, shape (n, 1).
 
         Yields:
             Rows of the moving parts and of the curves.
         """
-        places, rates = map(self.drawing.links_from_joints, (position, velocity))
-        count = self._directions.shape[1]
+        places, count = places.copy(), self._directions.shape[1]
         steps = np.diff(places[:, :count], axis=0, prepend=self._directions)
         places[:, :count] -= 2 * math.pi * np.cumsum(np.round(steps / (2 * math.pi)), axis=0)
         self._directions = places[-1:, :count]
         turning, sliders = slice(count), slice(count, None)
-        values = [effort[:, :1], places[:, sliders], rates[:, sliders]]
+        values = [torque, places[:, sliders], rates[:, sliders]]
         curves = np.concatenate(values, axis=1), rates[:, turning], places[:, 1:count]
         for entity, part in zip(self._curves, curves, strict=True):
             yield entity, stamps, [_column(_SCALARS, pa.array(part.ravel()), part.shape)]
@@ -104,10 +103,9 @@ class Picture:
             yield _MOVING, stamps[due], self._moving(places[due], rates[due])
 
     def frame(
-        self, stamps: npt.NDArray[np.int64], position: Array, velocity: Array, _: Array
+        self, stamps: npt.NDArray[np.int64], places: Array, rates: Array, _: Array
     ) -> Iterator[Rows]:
         """Converts samples to rows of the moving parts only; see `rows`."""
-        places, rates = map(self.drawing.links_from_joints, (position, velocity))
         yield _MOVING, stamps, self._moving(places, rates)
 
     def _moving(self, places: Array, rates: Array) -> list[rr.ComponentColumn]:

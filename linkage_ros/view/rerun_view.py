@@ -87,7 +87,7 @@ class View:
         self.page = self.trouble = ''
         self.dropped, self.period = 0, _PERIOD
         self._picture, self._target = Picture(configuration), target
-        self._template = Simulator(configuration).joint_states
+        self._simulator = Simulator(configuration)
         # Samples that the curves do not show yet, and the time of the next curves, s.
         self._waiting, self._due = list[Sample](), 0.0
         self._process: ViewerProcess | None = None
@@ -197,10 +197,11 @@ class View:
     def _read(
         self, samples: Sequence[Sample]
     ) -> tuple[npt.NDArray[np.int64], Array, Array, Array]:
-        """Decodes samples: shifted stamps, ns; positions, rates and efforts of the joints."""
-        stamps, numbers = self._template.read(b''.join([data for _, data in samples]))
-        position, velocity, effort = np.split(numbers, 3, axis=1)
-        return stamps + np.array([shift for shift, _ in samples]), position, velocity, effort
+        """Decodes samples: shifted stamps, ns; positions and rates of the links; torques."""
+        data = b''.join([data for _, data in samples])
+        stamps, numbers = self._simulator.joint_states.read(data)
+        shifts = np.array([shift for shift, _ in samples])
+        return stamps + shifts, *self._simulator.links_of(numbers)
 
     def _send_rows(self, rows: Iterable[Rows]) -> None:
         for entity, stamps, columns in rows:

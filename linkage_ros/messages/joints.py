@@ -1,0 +1,115 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Joints of messages: the map between the motion of a mechanism and the robot's own joints.
+
+A robot's joint may have another name, zero, direction, gear ratio and parent link than the joint
+of the open tree. Its value is ratio * (own - zero), and its effort is the own effort / ratio.
+`own` is the direction of the link minus that of the parent link, or the position of a slider.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from linkage_ros.formulas import rint, where
+from linkage_ros.mechanism.kinematics import State
+from linkage_ros.mechanism.structure import Link
+from linkage_ros.numeric import Array, Real, wrap
+
+
+class RobotJoint(NamedTuple):
+    """The joint of a link in messages.
+
+    Attributes:
+        name: Name in messages; empty if it is not published.
+        parent: Index of the link from which the joint is measured; None for the frame.
+        zero: Value of `own` at which the joint is at 0, rad or m.
+        ratio: Value of the joint per unit of `own`, not 0.
+        is_mapped: Whether zero, ratio or parent were given.
+        is_measured: Whether messages repeat the measured value.
+    """
+
+    name: str
+    parent: int | None = None
+    zero: float = 0.0
+    ratio: float = 1.0
+    is_mapped: bool = False
+    is_measured: bool = False
+
+    def own(self, value: Real) -> Real:
+        """Returns `own` at a value of the joint, rad or m."""
+        return value / self.ratio + self.zero if self.is_mapped else value
+
+    def value(self, own: Real) -> Real:
+        """Returns the value of the joint, rad or m."""
+        return self.ratio * (own - self.zero) if self.is_mapped else own
+
+
+def own_joints(links: Sequence[Link], joint_prefix: str = '') -> tuple[RobotJoint, ...]:
+    """Returns the joints of the open tree, with their own names, zeros and parents."""
+    return tuple(RobotJoint(f'{joint_prefix}{link.name}', link.parent) for link in links)
+
+
+def joint_rows(
+    links: Sequence[Link], state: State, unwrapped: Real, joints: Sequence[RobotJoint] = ()
+) -> list[list[Real]]:
+    """Converts a state to joints; compiled as a formula.
+
+    Args:
+        links: The links of the open tree, starting with the crank.
+        state: State of the mechanism.
+        unwrapped: Crank angle including all turns, rad, or the measured value of its joint.
+        joints: The joint of each link; by default, those of the open tree.
+
+    Returns:
+        Rows of positions, rad or m, velocities, accelerations and efforts of the joints. The crank
+        angle includes all turns; other angles are relative to the parent link and within pi of
+        `zero`, without -pi. The effort of the crank is the driving torque, N m, divided by its
+        ratio; other efforts are 0.
+    """
+    joints = joints or own_joints(links)
+    position, *_ = rows = [list(row) for row in state[:3]]
+    for i, (link, joint) in enumerate(zip(links, joints, strict=True)):
+        if joint.parent is not None:
+            for row, own in zip(rows, state[:3], strict=True):
+                row[i] = own[i] - own[joint.parent]
+            if not joint.is_mapped:
+                position[i] = wrap(position[i], rint)
+        if joint.is_mapped:
+            position[i] = position[i] - joint.zero
+            if not link.slides:
+                position[i] = wrap(position[i], rint)
+        if not link.slides:
+            position[i] = where(position[i] <= -math.pi, math.pi, position[i])
+        if joint.is_mapped:
+            for row in rows:
+                row[i] = joint.ratio * row[i]
+    crank = joints[0]
+    position[0] = unwrapped if crank.is_measured else crank.value(unwrapped)
+    torque = state.torque / crank.ratio if crank.is_mapped else state.torque
+    return [*rows, [torque, *(0.0 for _ in links[1:])]]
+
+
+def link_rows(joints: Sequence[RobotJoint], table: Array) -> Array:
+    """Converts positions of joints, and their rates and accelerations, to those of the links.
+
+    Args:
+        joints: The joint of each link.
+        table: Positions in the first row, then any number of derivatives, shape (k, links, n).
+
+    Returns:
+        The rows of the links, of the same shape: angles in base_link, and slider positions.
+    """
+    found = np.empty_like(table)
+    done = set[int | None]([None])
+    while len(done) <= len(joints):
+        for i, joint in enumerate(joints):
+            if i not in done and joint.parent in done:
+                found[:, i] = table[:, i] / joint.ratio
+                found[0, i] += joint.zero
+                if joint.parent is not None:
+                    found[:, i] += found[:, joint.parent]
+                done.add(i)
+    return found

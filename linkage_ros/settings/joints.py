@@ -1,0 +1,130 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Parameters that map the linkage to the robot's own joints."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from linkage_ros.errors import ConfigurationError
+from linkage_ros.mechanism.structure import Link, Mechanism
+from linkage_ros.messages.joints import RobotJoint, own_joints
+from linkage_ros.quantities import Checked, Leaf, build, flatten, leaves, quantity, shown
+
+FRAME = 'frame'
+GROUP = 'joints'
+
+
+@dataclass(frozen=True)
+class JointSettings(Checked):
+    """The robot's joint of a link.
+
+    Attributes:
+        name: Name in messages; None for the own name, '' to publish none.
+        zero: Value of the linkage at which the joint is at 0, rad or m; None for 0.
+        ratio: Joint value per unit of the linkage; None for 1.
+        parent: Link from which the joint is measured; None for that of the open tree.
+    """
+
+    name: str | None = quantity(
+        'text', "the robot's name of the joint; '': not published", default=None
+    )
+    zero: float | None = quantity(
+        'number', 'direction relative to the parent, or position, at which the joint is at 0',
+        'rad or m', span=(-1e9, 1e9), default=None,
+    )  # fmt: skip
+    ratio: float | None = quantity(
+        'number', 'joint value per rad or m, negative if the joint is reversed; default 1',
+        span=(-1e6, 1e6), default=None,
+    )  # fmt: skip
+    parent: str | None = quantity(
+        'text', 'link from which the joint is measured, or frame; default: that of the open tree',
+        default=None,
+    )  # fmt: skip
+
+
+def joint_leaves(mechanism: type[Mechanism]) -> tuple[Leaf, ...]:
+    """Returns the parameters of the joints of a kind of mechanism: of each link with a mass."""
+    names = (leaf.name for leaf in leaves(mechanism))
+    links = [name.removesuffix('.mass') for name in names if name.endswith('.mass')]
+    return tuple(leaf for link in links for leaf in leaves(JointSettings, f'{GROUP}.{link}.'))
+
+
+def build_joints(values: Mapping[str, object]) -> dict[str, JointSettings]:
+    """Returns the settings of the given joints, by link; `joint_values` inverts it.
+
+    Raises:
+        ConfigurationError: A value is invalid.
+    """
+    found = dict.fromkeys(x.split('.')[1] for x in values if x.startswith(f'{GROUP}.'))
+    return {link: build(JointSettings, values, f'{GROUP}.{link}.') for link in found}
+
+
+def joint_values(joints: Mapping[str, JointSettings]) -> dict[str, object]:
+    """Returns the given values by parameter name."""
+    return {
+        name: value
+        for link, joint in joints.items()
+        for name, value in flatten(joint, f'{GROUP}.{link}.').items()
+    }
+
+
+def robot_joints(
+    links: Sequence[Link],
+    settings: Mapping[str, JointSettings],
+    joint_prefix: str,
+    *,
+    is_measured: bool = False,
+) -> tuple[RobotJoint, ...]:
+    """Returns the joint of each link in messages.
+
+    Args:
+        links: The links of the mechanism.
+        settings: The given joints, by link.
+        joint_prefix: Prefix of names that are not given.
+        is_measured: Whether the crank is measured, so that messages repeat its value.
+
+    Returns:
+        The joints, in the order of the links.
+
+    Raises:
+        ConfigurationError: A ratio is 0, a parent is not valid, or two joints have one name.
+    """
+    numbers = {FRAME: None, **{link.name: i for i, link in enumerate(links) if not link.slides}}
+    found = list(own_joints(links, joint_prefix))
+    found[0] = found[0]._replace(is_measured=is_measured)
+    for i, (link, joint) in enumerate(zip(links, found, strict=True)):
+        given, group = settings.get(link.name, JointSettings()), f'{GROUP}.{link.name}'
+        valid = [name for name, number in numbers.items() if number != i]
+        if not i or link.slides:
+            valid = [FRAME]
+        if given.parent is not None and given.parent not in valid:
+            raise ConfigurationError(
+                f'{group}.parent = {shown(given.parent)}: must be {" or ".join(valid)}'
+            )
+        if given.ratio == 0:
+            raise ConfigurationError(f'{group}.ratio = 0: must be positive or negative')
+        if not i and given.name == '':
+            raise ConfigurationError(
+                f"{group}.name = '': must be a name, because the others follow it"
+            )
+        found[i] = joint._replace(
+            name=joint.name if given.name is None else given.name,
+            parent=joint.parent if given.parent is None else numbers[given.parent],
+            zero=given.zero or 0.0,
+            ratio=1.0 if given.ratio is None else given.ratio,
+            is_mapped=any(x is not None for x in (given.zero, given.ratio, given.parent)),
+        )
+    for i, link in enumerate(links):
+        above = found[i].parent
+        for _ in links:
+            above = None if above is None else found[above].parent
+        if above is not None:
+            raise ConfigurationError(
+                f'{GROUP}.{link.name}.parent: the parents form a circle; measure one from {FRAME}'
+            )
+    names = [joint.name for joint in found if joint.name]
+    if twice := next((name for name in names if names.count(name) > 1), ''):
+        raise ConfigurationError(
+            f'two joints are named {shown(twice)}: give each of {GROUP} a name of its own'
+        )
+    return tuple(found)

@@ -1,0 +1,269 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The robot's own joints: names, zeros, ratios and parents in all messages, in and out.
+
+The robots are made by `robots`, which reads their URDF again and computes pose and torque itself.
+"""
+
+import math
+import re
+from contextlib import suppress
+from itertools import islice
+
+import numpy as np
+import pytest
+from joint_codec import JointStateCodec
+from mechanisms import FOLLOWED
+from rclpy.serialization import deserialize_message
+from robots import Tree, make_robot
+from ros_harness import report_of
+from trajectory_msgs.msg import JointTrajectory
+
+from linkage_ros import ConfigurationError
+from linkage_ros.messages.cdr import decode_joint_state
+from linkage_ros.messages.templates import QUANTITIES
+from linkage_ros.programs.import_tool import parameter_text, read_robot
+from linkage_ros.programs.record import record
+from linkage_ros.robot.planar_loop import find_loop
+from linkage_ros.run.commands import CrankTrajectory, inputs_of
+from linkage_ros.run.states import Simulator
+from linkage_ros.settings.configuration import (
+    configure,
+    from_strings,
+    load,
+    read_values,
+    to_strings,
+)
+
+X_Z = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+ROBOTS = {
+    'leg with a parallel four-bar': (
+        {'crank.length': 0.06, 'coupler.length': 0.3, 'rocker.length': 0.06, 'frame.length': 0.3},
+        'B', X_Z,
+    ),
+    'gripper driven at the rocker': (
+        {'crank.length': 0.05, 'coupler.length': 0.03, 'rocker.length': 0.02,
+         'frame.length': 0.055},
+        'A', None,
+    ),
+    'tilted crank-rocker, open at the frame': (
+        {'crank.length': 0.1, 'coupler.length': 0.4, 'rocker.length': 0.3, 'frame.length': 0.35},
+        'B0', None,
+    ),
+    'slider-crank': (
+        {'crank.length': 0.05, 'coupler.length': 0.2, 'slider.offset': 0.02}, 'B', X_Z,
+    ),
+    'tilted slider-crank, open at the crank pin': (
+        {'crank.length': 0.05, 'coupler.length': 0.2, 'slider.offset': -0.03}, 'A', None,
+    ),
+}  # fmt: skip
+
+
+def robot_of(name, tmp_path, number=0):
+    """Returns a robot, its tree, the configuration imported from it, and a reachable pose."""
+    lengths, cut, axes = ROBOTS[name]
+    random = np.random.default_rng(number)
+    values = {
+        'mechanism': 'four_bar' if 'frame.length' in lengths else 'slider_crank',
+        'assembly': 'open', 'frame.angle': random.uniform(-3, 3), **lengths,
+    }  # fmt: skip
+    for link in ('crank', 'coupler', 'rocker'):
+        if f'{link}.length' in values:
+            values[f'{link}.mass'] = random.uniform(0.1, 3)
+            values[f'{link}.inertia'] = random.uniform(0.001, 0.1)
+            values[f'{link}.center'] = tuple(random.normal(size=2) * 0.1)
+    if 'slider.offset' in values:
+        values['slider.mass'] = 0.7
+    made = make_robot(values, random, cut, axes)
+    path = tmp_path / 'robot.urdf'
+    path.write_text(made.text)
+    robot, trials = read_robot(path), 0
+    while True:  # a crank value at which the loop closes
+        trials += 1
+        at = {f'{link}_motor': random.uniform(-3, 3) for link in made.joints}
+        try:
+            found = find_loop(robot, 'crank_motor', made.close, at=at)
+            break
+        except ConfigurationError:
+            assert trials < 100
+    parameters = tmp_path / 'robot.yaml'
+    parameters.write_text(parameter_text(found, 'robot.urdf'))
+    return made, Tree(made.text), load(str(parameters)), found
+
+
+def answers(simulator, values, speed=3.0):
+    """Yields measured values of the crank's joint and their snapshots, if within reach."""
+    (crank,) = inputs_of(simulator).values()
+    codec = JointStateCodec([simulator.crank_joint])
+    for number, value in enumerate(values, 1):
+        data = codec.encode(number * 1_000_000, [value], [speed], [0.0])
+        with suppress(ValueError):
+            stamp, coordinates = crank.read(data, 0)
+            yield value, simulator.snapshot(stamp, coordinates, simulator.later(coordinates))
+
+
+def mechanism_state(snapshot, simulator):
+    """Returns positions, velocities, accelerations and efforts by name of the joint."""
+    row, fields = snapshot.row(0), snapshot.layout.fields
+    return [
+        {
+            joint: snapshot.layout.column(row, fields[f'{quantity}[{joint}]'])[0]
+            for joint in simulator.joints
+        }
+        for quantity in QUANTITIES
+    ]
+
+
+@pytest.mark.parametrize('name', ROBOTS)
+def test_answers_close_the_robots_loop_with_its_torque(name, tmp_path):
+    made, tree, configuration, found = robot_of(name, tmp_path)
+    simulator, random = Simulator(configuration), np.random.default_rng(1)
+    values = found.given['crank_motor'] + np.cumsum(random.uniform(-0.02, 0.03, size=4000))
+    torques, errors, count = [], [], 0
+    for value, snapshot in islice(answers(simulator, values), 1000):
+        state = decode_joint_state(snapshot.messages[0])
+        q = dict(zip(state.names, state.positions, strict=True))
+        assert len(q) == 3
+        assert q['crank_motor'] == value  # the measured value itself
+        assert tree.gap(q, made.close) < 1e-9
+        count += 1
+        if count % 10 == 0:
+            q, u, a, efforts = mechanism_state(snapshot, simulator)
+            torques.append(tree.power(q, u, a) / 3.0)
+            errors.append(abs(efforts['crank_motor'] - torques[-1]))
+    assert count == 1000
+    assert max(errors) < 1e-9 * max(map(abs, torques))
+
+
+# The joints of a robot: other names, zeros and directions, a gear, and another tree.
+JOINTS = {
+    'joints.crank.name': 'hip_motor', 'joints.crank.zero': 0.4, 'joints.crank.ratio': -5.0,
+    'joints.coupler.name': 'rod', 'joints.coupler.zero': -1.2, 'joints.coupler.parent': 'rocker',
+    'joints.rocker.ratio': -1.0, 'joint_prefix': 'left_',
+}  # fmt: skip
+DRIVES = {
+    'speed': {'rpm': 150.0, 'trajectory_command_topic': 'ahead', 'effort_command_topic': 'effort'},
+    'torque': {'motor.torque': 9.0, 'motor.damping': 0.5},
+    'motion': {'motion.center': 1.57, 'motion.amplitude': 0.5, 'motion.frequency': 0.5},
+}
+
+
+def driven(drive, **changes):
+    preset = {name: x for name, x in FOLLOWED.items() if name != 'drive'}
+    return configure({**preset, 'drive': drive, **DRIVES[drive], **changes})
+
+
+@pytest.mark.parametrize('drive', DRIVES)
+def test_every_drive_maps_its_messages(drive, tmp_path):
+    mapped, plain = (Simulator(driven(drive, **changes)) for changes in (JOINTS, {}))
+    assert mapped.joints == ('hip_motor', 'rod', 'left_rocker')
+    assert mapped.description is None
+    assert Simulator(driven(drive, **JOINTS, publish_description=True)).description
+    found, due = (
+        mechanism_state(x.snapshot_at(x.begin(0), 700_000_000), x) for x in (mapped, plain)
+    )
+    turned = {}
+    for k, (row, own) in enumerate(zip(found[:3], due[:3], strict=True)):
+        zero = k == 0
+        turned['hip_motor'] = -5.0 * (own['crank'] - 0.4 * zero)
+        turned['rod'] = own['coupler'] + own['crank'] - own['rocker'] + 1.2 * zero
+        turned['left_rocker'] = -own['rocker']
+        for name, value in turned.items():
+            off = row[name] - value
+            off = math.remainder(off, math.tau) if zero else off
+            assert off == pytest.approx(0.0, abs=1e-12 * (1 + abs(value)))
+    assert abs(found[0]['rod']) <= math.pi
+    assert found[3] == {'hip_motor': due[3]['crank'] / -5.0, 'rod': 0.0, 'left_rocker': 0.0}
+    # The view sees the linkage itself.
+    for simulator, rows in ((mapped, found), (plain, due)):
+        numbers = np.array([[x for row in (*rows[:2], rows[3]) for x in row.values()]])
+        places, rates, torque = simulator.links_of(numbers)
+        state = simulator.snapshot_at(simulator.begin(0), 700_000_000).state
+        assert np.remainder(places[0] - state.position + 1, math.tau) == pytest.approx(
+            1, abs=1e-12
+        )
+        assert rates[0] == pytest.approx(state.velocity, rel=1e-12)
+        assert torque[0, 0] == pytest.approx(state.torque, rel=1e-12)
+    # A record verifies, and its configuration survives.
+    log = tmp_path / 'run.mcap'
+    record(mapped.configuration, str(log), duration=2.0)
+    report = report_of(log)
+    assert report.difference == ''
+    assert report.ulp <= (4.0 if drive == 'torque' else 0.0)
+    assert from_strings(to_strings(mapped.configuration)) == mapped.configuration
+
+
+def test_trajectory_and_command_are_those_of_the_motor():
+    mapped, plain = (Simulator(driven('speed', **changes)) for changes in (JOINTS, {}))
+    messages = [
+        CrankTrajectory(x, x.configuration.drive).message_at(x.begin(0), 0)
+        for x in (mapped, plain)
+    ]
+    found, due = (deserialize_message(x, JointTrajectory) for x in messages)
+    assert found.joint_names == ['hip_motor']
+    for one, own in zip(found.points, due.points, strict=True):
+        assert one.positions[0] == pytest.approx(-5.0 * (own.positions[0] - 0.4))
+        assert one.velocities[0] == -5.0 * own.velocities[0]
+        assert one.accelerations[0] + 0.0 == -5.0 * own.accelerations[0] + 0.0
+        assert one.effort[0] == own.effort[0] / -5.0
+    plant = Simulator(driven('torque', **JOINTS, torque_limit=20.0))
+    (commands,) = inputs_of(plant).values()
+    assert commands.commanded(['hip_motor'], [-3.0]) == 15.0
+    assert commands.commanded(['hip_motor'], [-5.0]) == 20.0
+
+
+def test_unpublished_joint(tmp_path):
+    changes = {**JOINTS, 'joints.coupler.name': ''}
+    simulator, every = (Simulator(configure({**FOLLOWED, **x})) for x in (changes, JOINTS))
+    assert simulator.joints == ('hip_motor', 'left_rocker')
+    pairs = zip(answers(simulator, [0.1]), answers(every, [0.1]), strict=True)
+    for (_, one), (_, other) in pairs:
+        state, full = (decode_joint_state(x.messages[0]) for x in (one, other))
+        assert state.names == ['hip_motor', 'left_rocker']
+        assert state.positions == full.positions[::2]
+        places, *_ = simulator.links_of(
+            np.array([[*state.positions, *state.velocities, *state.efforts]])
+        )
+        assert places[0, 1:] == pytest.approx(one.state.position[1:], abs=1e-12)
+
+
+REFUSED = {
+    'a joint of no link': ({'joints.wheel.name': 'a'}, 'joints.wheel.name'),
+    'a joint of another mechanism': ({'joints.slider.name': 'a'}, 'joints.slider.name'),
+    'a misspelt setting': ({'joints.crank.zeros': 0.0}, 'joints.crank.zero'),
+    'no group': ({'joints.crank': 'a'}, 'joints.crank'),
+    'a ratio of 0': ({'joints.crank.ratio': 0.0}, 'positive or negative'),
+    'a word as ratio': ({'joints.crank.ratio': 'left'}, 'joints.crank.ratio'),
+    'NaN as zero': ({'joints.crank.zero': math.nan}, 'joints.crank.zero'),
+    'a number as name': ({'joints.crank.name': 3}, 'joints.crank.name'),
+    'no name of the crank': ({'joints.crank.name': ''}, 'must be a name'),
+    'one name twice': ({'joints.crank.name': 'a', 'joints.rocker.name': 'a'}, 'two joints'),
+    'the name of another joint': ({'joints.crank.name': 'rocker'}, 'two joints'),
+    'a parent that is missing': ({'joints.rocker.parent': 'base'}, 'frame or crank or coupler'),
+    'itself as parent': ({'joints.rocker.parent': 'rocker'}, 'frame or crank or coupler'),
+    'a moving parent of the crank': ({'joints.crank.parent': 'rocker'}, 'must be frame'),
+    'parents in a circle': (
+        {'joints.coupler.parent': 'rocker', 'joints.rocker.parent': 'coupler'}, 'circle',
+    ),
+    'two names of the crank': (
+        {'joints.crank.name': 'a', 'crank_joint': 'b'}, 'leave crank_joint out',
+    ),
+    'a plant with an unpublished joint': (
+        {'drive': 'torque', 'joints.rocker.name': '', 'motor.torque': 1.0}, 'drive: torque',
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize('case', REFUSED)
+def test_wrong_joint_is_refused(case):
+    changes, words = REFUSED[case]
+    with pytest.raises(ConfigurationError, match=re.escape(words)):
+        configure({**FOLLOWED, **changes})
+
+
+def test_parent_of_a_slider_must_be_the_frame():
+    values = read_values('slider_crank')
+    assert configure({**values, 'joints.coupler.parent': 'frame'})
+    for link, parent in (('slider', 'crank'), ('coupler', 'slider')):
+        with pytest.raises(ConfigurationError, match=f'joints.{link}.parent'):
+            configure({**values, f'joints.{link}.parent': parent})
