@@ -25,8 +25,10 @@ from linkage_ros.mechanism.structure import Link, Point, Structure, coupler_poin
 from linkage_ros.mechanism.tracer import Tape
 from linkage_ros.mechanism.wrenches import Wrench, generalised, poses
 from linkage_ros.messages.urdf import make_urdf
+from linkage_ros.motion.along_law import LawMotion
 from linkage_ros.motion.coordinates import DrivenMechanism
-from linkage_ros.motion.drives import FollowDrive, Motor
+from linkage_ros.motion.drives import FollowDrive, LawDrive, Motor
+from linkage_ros.motion.law import Sine
 from linkage_ros.motion.measured import FollowMotion
 from linkage_ros.motion.steps import LONGEST_STEP, TOLERANCE, Integrate, live_steps, record_steps
 from linkage_ros.motion.under_torque import published
@@ -45,6 +47,8 @@ __all__ = [
     'FollowDrive',
     'FollowMotion',
     'Integrate',
+    'LawDrive',
+    'LawMotion',
     'Link',
     'LinkForce',
     'LinkPose',
@@ -55,6 +59,7 @@ __all__ = [
     'Pose',
     'Program',
     'Simulator',
+    'Sine',
     'Structure',
     'Tape',
     'Wrench',

@@ -23,7 +23,7 @@ from matplotlib.axes import Axes
 from scipy.integrate import trapezoid
 from scipy.optimize import brentq
 
-from linkage_lab.output import chart, over_crank
+from linkage_lab.output import chart, over
 from linkage_lab.period import Period, extent, mean
 from linkage_lab.sampling import derivative, integral, samples
 from linkage_ros import ConfigurationError, LinkageError, Mechanism, MechanismError, Solver
@@ -291,8 +291,8 @@ def _draw_cycles(
         curves.insert(0, (speeds, bare.crank, _RPM * bare.velocity, SECOND, 'without flywheel'))
     for axes, crank, values, color, label in curves:
         axes.plot(np.degrees(crank), values, color=fractions(color), label=label)
-    over_crank(speeds, period.crank, 'Crank speed, rpm')
-    over_crank(torques, period.crank, 'Torque, N m')
+    over(speeds, period.marks, 'Crank speed, rpm')
+    over(torques, period.marks, 'Torque, N m')
     torques.set_xlabel('Crank angle, deg')
 
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
-from linkage_lab.period import Column, Period
+from linkage_lab.period import OVER_TIME, Column, Period
 from linkage_ros.extensions import Drawing
 from linkage_ros.formulas import Array
 from linkage_ros.palette import GREY, SECOND, Color, color_of
@@ -65,8 +65,9 @@ def movie_page(
     picture, shape, places = _draw_linkage(linkage, shown)
     curves, scales = _curves(period, quantities, shown)
     data = {
-        'time': _rounded(time[shown]), 'crank': _rounded(np.degrees(period.crank[shown])),
-        'end': math.degrees(period.crank[-1]), 'left': _LEFT, 'width': _SIZE - _LEFT - 12,
+        'time': _rounded(time[shown]), 'across': _rounded(period.marks[shown]),
+        'start': period.marks[0], 'end': period.marks[-1],
+        'left': _LEFT, 'width': _SIZE - _LEFT - 12,
         'total': _SIZE, 'places': base64.b64encode(places.tobytes()).decode(),
         'quantities': [
             {'unit': quantity.unit, 'values': _rounded(quantity.values[shown]), 'scale': scale}
@@ -103,7 +104,13 @@ def _quantities(period: Period) -> list[_Quantity]:
     columns, output = period.columns, period.solver.links[-1]
     rpm = columns['crank.velocity'].values * 30 / math.pi
     found = [
-        _Quantity('Crank angle', 'deg', color_of('crank'), np.degrees(period.crank), False),
+        _Quantity(
+            'Crank angle',
+            'deg',
+            color_of('crank'),
+            np.degrees(period.crank),
+            period.across is OVER_TIME,
+        ),
         _Quantity('Crank speed', 'rpm', color_of('crank'), rpm, bool(np.ptp(rpm) > 0)),
         _quantity(columns[f'{output}.position'], f'{output.capitalize()} position', output, False),
         _quantity(columns[f'{output}.velocity'], f'{output.capitalize()} speed', output),
@@ -139,7 +146,7 @@ class _Linkage(NamedTuple):
 
 
 def _linkage(period: Period) -> _Linkage:
-    drawing = Drawing(period.solver.mechanism)
+    drawing = Drawing(period.solver.mechanism, float(period.crank[0]))
     positions, rates = (
         np.stack([period.columns[f'{joint}.{word}'].values for joint in drawing.joints], axis=-1)
         for word in ('position', 'velocity')
@@ -231,8 +238,8 @@ def _curves(
     """
     drawn = sum(quantity.is_drawn for quantity in quantities)
     height, right = drawn * (_ROW + _GAP) + _FOOT, _SIZE - 12
-    end = math.degrees(period.crank[-1])
-    across = _LEFT + (right - _LEFT) * np.degrees(period.crank) / end
+    start, end = period.marks[0], period.marks[-1]
+    across = _LEFT + (right - _LEFT) * (period.marks - start) / (end - start)
     parts, above = list[str](), list[str]()  # `above` covers the grid
     scales, top = list[tuple[float, float, float] | None](), float(_TOP)
     for i, quantity in enumerate(quantities):
@@ -261,21 +268,21 @@ def _curves(
         above.append(f'<circle id="dot{i}" r="5" fill="rgb{quantity.color}"/>')
         top = bottom + _GAP
     foot = top - _GAP
-    for angle in np.linspace(0, end, 5):
-        x = _LEFT + (right - _LEFT) * angle / end
+    for mark in np.linspace(start, end, 5):
+        x = _LEFT + (right - _LEFT) * (mark - start) / (end - start)
         parts.append(f'<path class="grid" d="M{x:.1f} {_TOP}V{foot:g}"/>')
         parts.append(
             f'<text class="tick" x="{x:.1f}" y="{foot + 16:g}" text-anchor="middle">'
-            f'{angle:g}</text>'
+            f'{mark:.6g}</text>'
         )
-    middle = 0.5 * (_LEFT + right)
+    middle, title = 0.5 * (_LEFT + right), f'{period.across.name}, {period.across.unit}'
     parts += [
-        f'<text x="{middle:g}" y="{foot + 36:g}" text-anchor="middle">Crank angle, deg</text>',
+        f'<text x="{middle:g}" y="{foot + 36:g}" text-anchor="middle">{title}</text>',
         f'<line id="cursor" y1="{_TOP}" y2="{foot:g}"/>', *above, '</svg>',
     ]  # fmt: skip
     head = (
         f'<svg id="curves" viewBox="0 0 {_SIZE} {height}" role="img" '
-        'aria-label="curves over the crank angle">'
+        f'aria-label="curves over the {period.across.name.lower()}">'
     )
     return '\n'.join([head, *parts]), scales
 

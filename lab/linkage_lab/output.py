@@ -4,7 +4,6 @@
 
 import csv
 import json
-import math
 import os
 import platform
 import re
@@ -109,10 +108,10 @@ def chart(
         figure.savefig(path)
 
 
-def over_crank(axes: Any, crank: Array, label: str, parts: int = 8) -> None:
-    """Formats axes over the crank angle, with `parts` equal intervals and a line at y = 0."""
-    end = math.degrees(crank[-1])
-    axes.set(xlim=(0, end), xticks=np.linspace(0, end, parts + 1), ylabel=label)
+def over(axes: Any, marks: Array, label: str, parts: int = 8) -> None:
+    """Formats axes over increasing values, with `parts` equal intervals and a line at y = 0."""
+    ends = marks[0], marks[-1]
+    axes.set(xlim=ends, xticks=np.linspace(*ends, parts + 1), ylabel=label)
     low, high = axes.get_ylim()
     if low < 0 < high:
         axes.axhline(0, color='0.6', linewidth=0.8, zorder=0)

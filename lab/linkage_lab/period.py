@@ -3,6 +3,7 @@
 """Motion, torque and forces of a mechanism over one period, as named columns."""
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple, cast
 
@@ -12,9 +13,12 @@ from linkage_lab.output import progress
 from linkage_lab.pump.analysis import settle
 from linkage_lab.pump.shooting import PeriodicMotion
 from linkage_lab.sampling import SAME, integral, samples, with_breaks
-from linkage_ros import ConfigurationError, Mechanism, Solver, State, WindPump, travel
+from linkage_ros import ConfigurationError, Mechanism, Solver, State, Travel, WindPump, travel
+from linkage_ros.extensions import LawDrive, LawMotion, Sine
 from linkage_ros.formulas import Array
 
+# Speed of a crank that is drawn over its arc, and the part of the arc left out at each end.
+_SLOW_RPM, _MARGIN = 1.0, 0.01
 _MOTION = ('position', ''), ('velocity', '/s'), ('acceleration', '/s^2')
 
 
@@ -30,10 +34,10 @@ class Extent(NamedTuple):
 
     Attributes:
         low: Smallest value.
-        low_at: Crank angle of the smallest value, rad.
+        low_at: Crank angle or time of the smallest value, rad or s.
         high: Largest value.
-        high_at: Crank angle of the largest value, rad.
-        rms: Root mean square over the crank angle.
+        high_at: Crank angle or time of the largest value, rad or s.
+        rms: Root mean square over the crank angle or the time.
     """
 
     low: float
@@ -43,25 +47,49 @@ class Extent(NamedTuple):
     rms: float
 
 
+class Across(NamedTuple):
+    """The variable over which a motion is drawn: name, unit, and units per rad or s."""
+
+    name: str
+    unit: str
+    scale: float
+
+
+OVER_CRANK = Across('Crank angle', 'deg', 180 / math.pi)
+OVER_TIME = Across('Time', 's', 1.0)
+
+
 class Period:
-    """One period of a periodic motion.
+    """One period of a periodic motion, a motion along a law, or a motion over an arc.
 
     Attributes:
         solver: Solver of the mechanism.
-        crank: Crank angles from 0 to the end of the period, in increasing order, rad.
-        speed: Mean crank speed, rad/s.
+        crank: Crank angles, rad. Without a law they increase, over a period from 0.
+        x: The crank angles or, along a law, the times, in increasing order, rad or s.
+        across: The variable in `x`.
+        speed: Mean crank speed, rad/s; along a law, its mean magnitude.
         mean_power: Mean driving power over time, W.
         columns: Quantities by name, such as 'coupler.position'; angles are unwrapped.
     """
 
     def __init__(
-        self, solver: Solver, crank: Array, state: State, *, speed: float, mean_power: float
+        self,
+        solver: Solver,
+        crank: Array,
+        state: State,
+        *,
+        speed: float,
+        mean_power: float,
+        time: Array | None = None,
     ) -> None:
-        """Converts the states at all crank angles to columns."""
+        """Converts the states at all crank angles, and along a law the times, to columns."""
         self.solver = solver
         self.crank, self.speed, self.mean_power = crank, speed, mean_power
+        self.x, self.across = (crank, OVER_CRANK) if time is None else (time, OVER_TIME)
         self.columns: dict[str, Column] = {}
         links = dict(zip(solver.links, solver.structure.links, strict=True))
+        if time is not None:
+            self.add('time', 's', time)
         self.add('crank_angle', 'rad', crank)
         for i, link in enumerate(links.values()):
             for (name, per), rows in zip(_MOTION, state, strict=False):
@@ -78,10 +106,32 @@ class Period:
 
     @property
     def time(self) -> Array:
-        """Time from crank angle 0 to each crank angle, in either direction, s."""
+        """Time from the first crank angle to each crank angle, in either direction, s."""
+        if self.across is OVER_TIME:
+            return self.x
         speed = np.abs(self.columns['crank.velocity'].values)
         steps = 2 * np.diff(self.crank) / (speed[1:] + speed[:-1])
         return np.concatenate([[0.0], np.cumsum(steps)])
+
+    @property
+    def marks(self) -> Array:
+        """The values of `x`, deg or s."""
+        return self.x * self.across.scale
+
+    @property
+    def travel(self) -> Travel | None:
+        """Stroke or swing over a whole period of a turning crank; otherwise None."""
+        return travel(self.solver) if self._is_whole and self.solver.mobility else None
+
+    @property
+    def turns(self) -> float:
+        """Number of crank turns of a whole period; otherwise 1."""
+        return float(self.crank[-1]) / (2 * math.pi) if self._is_whole else 1.0
+
+    @property
+    def _is_whole(self) -> bool:
+        reach = self.solver.mobility
+        return self.across is OVER_CRANK and (reach is None or reach.turns_fully)
 
     def add(self, name: str, unit: str, values: Any) -> None:
         """Adds a column, or one for each component of a vector."""
@@ -111,9 +161,16 @@ def period_to_show(
     """
     name, kind = Path(source).stem, design.kind.mechanism
     # If the crank angle does not determine the motion, the motor does.
-    is_pump = Solver(design.mechanism).mobility is None
-    compute = _settled if is_pump else _at_given_speed
-    period, (group, *lines) = compute(source, design, rpm, options)
+    reach = Solver(design.mechanism).mobility
+    if reach is None:
+        found = _settled(source, design, rpm, options)
+    elif rpm is None and isinstance(design.drive, LawDrive):
+        found = _along_law(source, design, options)
+    elif reach.turns_fully:
+        found = _at_given_speed(source, design, rpm, options)
+    else:
+        found = _over_arc(source, design, rpm, options)
+    period, (group, *lines) = found
     about = [kind if kind != name else '', design.mechanism.assembly, group]
     return period, [name, ', '.join(filter(None, about)), *lines]
 
@@ -145,6 +202,104 @@ def _at_given_speed(
     return period, [period.solver.reach.grashof, speed, *travel(period.solver).words()]
 
 
+def _along_law(source: str, design: Any, options: dict[str, Any]) -> tuple[Period, list[str]]:
+    """Computes the motion along a law, from its start to its end or over one of its periods.
+
+    Raises:
+        ConfigurationError: An option does not apply to a law.
+    """
+    _require_no(options, f'the law of {source} determines its speed')
+    drive, solver = design.drive, Solver(design.mechanism)
+    period = law_period(solver, drive, reactions='reactions' in options)
+    return period, [solver.reach.grashof, drive.motion.law.words, *_ranges(period)]
+
+
+def _over_arc(
+    source: str, design: Any, rpm: float | None, options: dict[str, Any]
+) -> tuple[Period, list[str]]:
+    """Computes the motion of a limited crank over its arc, at a constant speed.
+
+    Raises:
+        ConfigurationError: An option does not apply.
+    """
+    _require_no(options, f'the crank of {source} cannot turn fully')
+    rpm, solver = _SLOW_RPM if rpm is None else rpm, Solver(design.mechanism)
+    begin, arcs = design.drive.crank_angle, solver.reach.arcs
+    low, high = min(arcs, key=lambda arc: (begin - arc[0]) % math.tau - (arc[1] - arc[0]))
+    margin = _MARGIN * (high - low)  # the rates are infinite at the ends
+    crank = np.linspace(low + margin, high - margin, 721)
+    period = _at_speed(solver, crank, rpm * math.pi / 30, reactions='reactions' in options)
+    return period, [solver.reach.grashof, f'{rpm:g} rpm over its arc', *_ranges(period)]
+
+
+def _require_no(options: Mapping[str, Any], reason: str) -> None:
+    """Refuses the options that only a steady turning speed can have.
+
+    Raises:
+        ConfigurationError: One of these options is given.
+    """
+    for option in ('acceleration', 'fluctuation'):
+        if option in options:
+            raise ConfigurationError(
+                f'--{option} is for a crank that turns at a given speed, but {reason}: leave '
+                f'--{option} out'
+            )
+
+
+def _ranges(period: Period) -> list[str]:
+    """Describes the ranges of the crank and of the output link."""
+    words = []
+    for name in (period.solver.links[0], period.solver.links[-1]):
+        unit, values = period.columns[f'{name}.position']
+        low, high = float(values.min()), float(values.max())
+        if unit == 'rad':
+            unit, low, high = 'deg', math.degrees(low), math.degrees(high)
+        words.append(f'{name} {low:.6g} to {high:.6g} {unit}')
+    return words
+
+
+def law_period(solver: Solver, drive: LawDrive, *, reactions: bool = False) -> Period:
+    """Computes the motion along a law, from its start to its end or over one of its periods.
+
+    There are 720 steps of equal time, the points of the law, and both sides of each corner or jump
+    of a load.
+
+    Args:
+        solver: Solver of a mechanism with one degree of freedom.
+        drive: The drive.
+        reactions: Whether to add pin forces, shaking force and shaking moment.
+
+    Returns:
+        The motion over time.
+
+    Raises:
+        ConfigurationError: The requested reactions are infinite at a change point.
+    """
+    motion, law = LawMotion.begin(drive, 0), drive.motion.law
+    last = law.duration
+    even = {last * n // 720 for n in range(720)} | {max(last - 1, 1)}
+    # At a point, the acceleration may jump: take 1 ns before it as well.
+    points = {stamp for time in getattr(law, 'times', ())[1:-1] for stamp in (time - 1, time)}
+    found = np.array(sorted(even | points))
+
+    def crank(time: Array) -> Any:
+        return motion.at_all([int(x) for x in np.floor(time * 1e9 + 1e-3)])
+
+    def states(time: Array) -> State:
+        (q,), (u,), (a,), *_ = crank(time)
+        return solver.state(q, u, a)
+
+    # The two sides of a point are closer than `SAME`.
+    before = np.isin(found, [time - 1 for time in points])
+    time = with_breaks((found + np.where(before, 0.5, 0.0)) / 1e9, solver, states)
+    state, angle = states(time), crank(time).unwrapped
+    repeats = isinstance(law, Sine) or law.turns is not None
+    power = _load_power(solver, state) if repeats else state.torque * state.velocity[0]
+    speed = mean(time, np.abs(state.velocity[0]))
+    period = Period(solver, angle, state, speed=speed, mean_power=mean(time, power), time=time)
+    return _completed(period, state, reactions=reactions)
+
+
 def speed_driven_period(
     mechanism: Mechanism, speed: float, acceleration: float = 0.0, *, reactions: bool = False
 ) -> Period:
@@ -169,16 +324,38 @@ def speed_driven_period(
     """
     solver = Solver(mechanism)
     solver.reach.require_full_turn()
-    crank = samples(solver)
+    return _at_speed(solver, samples(solver), speed, acceleration, reactions=reactions)
+
+
+def _at_speed(
+    solver: Solver, crank: Array, speed: float, acceleration: float = 0.0, *, reactions: bool
+) -> Period:
+    """Computes the motion at crank angles, rad; see `speed_driven_period`."""
     state = solver.state(crank, speed, acceleration)
-    ((inertia,),) = solver.matrix(crank)
-    # At a constant speed, weights and inertia have zero mean power. Summing only the power of the
-    # loads and of the crank's acceleration avoids cancellation.
-    power = np.zeros_like(crank) + state.velocity[0] * acceleration * inertia
+    power = state.torque * state.velocity[0]
+    if solver.reach.turns_fully:
+        # Summing only the power of the loads and of the crank's acceleration avoids cancellation.
+        ((inertia,),) = solver.matrix(crank)
+        power = _load_power(solver, state) + state.velocity[0] * acceleration * inertia
+    period = Period(solver, crank, state, speed=speed, mean_power=mean(crank, power))
+    return _completed(period, state, reactions=reactions)
+
+
+def _load_power(solver: Solver, state: State) -> Array:
+    """Returns the power that drives the loads, W.
+
+    Over a period of a motion that repeats, weights and inertia have zero mean power.
+    """
+    power: Array = np.zeros_like(state.torque)
     for name, force in solver.load_forces(state).items():
         power = power - force * state.velocity[solver.links.index(name)]
-    period = Period(solver, crank, state, speed=speed, mean_power=mean(crank, power))
-    ratios = solver.state(crank, 1.0).velocity  # document 2, after eq. 33
+    return power
+
+
+def _completed(period: Period, state: State, *, reactions: bool) -> Period:
+    """Adds transmission ratios and, on request, reactions to a period."""
+    solver = period.solver
+    ratios = solver.state(period.crank, 1.0).velocity  # document 2, after eq. 33
     for link, ratio in zip(solver.structure.links[1:], ratios[1:], strict=True):
         period.add(f'{link.name}.transmission_ratio', 'm/rad' if link.slides else '1', ratio)
     if reactions:
@@ -252,36 +429,38 @@ def mean(crank: Array, values: Array) -> float:
     return float(integral(crank, values)[-1]) / float(crank[-1] - crank[0])
 
 
-def extent(crank: Array, values: Array) -> Extent:
+def extent(x: Array, values: Array) -> Extent:
     """Finds the extreme values of a quantity over a period, and its root mean square.
 
     Args:
-        crank: Crank angles of the whole period in increasing order, rad.
-        values: Values at these angles.
+        x: Crank angles or times in increasing order, rad or s.
+        values: Values at these angles or times.
 
     Returns:
         The extent. A peak between two samples is interpolated by a parabola through the three
         nearest values.
     """
-    low, low_at = _peak(crank, -values)
-    high, high_at = _peak(crank, values)
-    return Extent(-low, low_at, high, high_at, math.sqrt(mean(crank, values * values)))
+    low, low_at = _peak(x, -values)
+    high, high_at = _peak(x, values)
+    return Extent(-low, low_at, high, high_at, math.sqrt(mean(x, values * values)))
 
 
-def _peak(crank: Array, values: Array) -> tuple[float, float]:
-    """Finds the largest value and its crank angle."""
+def _peak(x: Array, values: Array) -> tuple[float, float]:
+    """Finds the largest value, and where it is."""
     top = int(np.argmax(values))
-    if top in (0, len(values) - 1):  # the end of the period coincides with its start
-        return float(values[top]), 0.0
-    slopes = np.diff(values) / np.diff(crank)
-    bends = np.diff(slopes) / (crank[2:] - crank[:-2])  # at all samples but the first and last
+    if top in (0, len(values) - 1):
+        # The end of a period coincides with its start.
+        top *= bool(values[-1] - values[0] > 1e-9 * np.ptp(values))
+        return float(values[top]), float(x[top])
+    slopes = np.diff(values) / np.diff(x)
+    bends = np.diff(slopes) / (x[2:] - x[:-2])  # at all samples but the first and last
     bend, around = bends[top - 1], bends[max(0, top - 2) : top + 1]
     # No parabola is fitted at a corner of a load.
-    steps = np.diff(crank[top - 1 : top + 2])
+    steps = np.diff(x[top - 1 : top + 2])
     if not (
         steps.min() > SAME and bend < 0 and np.all((2 * bend < around) & (around < 0.5 * bend))
     ):
-        return float(values[top]), float(crank[top])
-    slope = slopes[top - 1] + bend * (crank[top] - crank[top - 1])
+        return float(values[top]), float(x[top])
+    slope = slopes[top - 1] + bend * (x[top] - x[top - 1])
     aside = -0.5 * slope / bend
-    return float(values[top] + 0.5 * slope * aside), float(crank[top] + aside)
+    return float(values[top] + 0.5 * slope * aside), float(x[top] + aside)

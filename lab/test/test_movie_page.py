@@ -70,7 +70,7 @@ def test_values_at_the_slider_equal_the_solver(opened):
     for i in (0, 77, last // 3, last // 2, last - 1, last):
         opened.run(f"slider.value = {i}; slider.dispatchEvent(new Event('input'))")
         found = readings(opened)
-        crank = math.radians(opened.run(f'data.crank[{i}]'))
+        crank = math.radians(opened.run(f'data.across[{i}]'))
         state = solver.state(crank, speed)
         expected = (
             math.degrees(crank), state.position[-1], state.velocity[-1], state.torque,

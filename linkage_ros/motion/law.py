@@ -61,6 +61,12 @@ class Sine(NamedTuple):
         """The time at which the law ends, ns; always None."""
         return None
 
+    @property
+    def words(self) -> str:
+        """Describes the law; angles in degrees."""
+        center, amplitude = math.degrees(self.center), math.degrees(self.amplitude)
+        return f'{center:g} deg with amplitude {amplitude:g} deg at {self.frequency:g} Hz'
+
     def at(self, time: int) -> Moment:
         """Returns the crank at a time, ns."""
         numerator, denominator = self.frequency.as_integer_ratio()
@@ -112,6 +118,14 @@ class Spline(NamedTuple):
     def end(self) -> int | None:
         """The time at which the motion ends, ns; None if it repeats, or the crank rests."""
         return self.times[-1] if self.turns is None and len(self.rows) < len(self.times) else None
+
+    @property
+    def words(self) -> str:
+        """Describes the law."""
+        words = f'{len(self.times)} points in {self.duration / NS_PER_S:g} s'
+        if self.turns is None:
+            return words
+        return f'{words}, repeated' + (f' with {self.turns} turns' if self.turns else '')
 
     def at(self, time: int) -> Moment:
         """Returns the crank at a time, ns, which is not after the end."""

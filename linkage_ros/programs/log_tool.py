@@ -20,7 +20,7 @@ from linkage_ros.motion.along_law import LawMotion
 from linkage_ros.motion.at_speed import SpeedMotion
 from linkage_ros.motion.segments import LawSegment, Segment, TorqueSegment
 from linkage_ros.settings.configuration import parameter_leaves
-from linkage_ros.settings.help import law_line, summary
+from linkage_ros.settings.help import summary
 from linkage_ros.units import NS_PER_S
 
 _NAME = 'linkage_log'
@@ -74,7 +74,7 @@ def _motion(segment: Segment) -> str:
     if isinstance(segment, LawSegment):
         (_, (speed,), _, angle, _), words = (
             LawMotion(segment).at(segment.stamp),
-            law_line(segment.law),
+            segment.law.words,
         )
         return f'from {angle:.6f} rad, {speed:.6f} rad/s along {words}'
     _, (speed,), _, angle, _ = SpeedMotion(segment).at(segment.stamp)

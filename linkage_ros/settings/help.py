@@ -3,7 +3,6 @@
 """Describes parameters for --help, and configurations for the summary line of each run."""
 
 import json
-import math
 from collections.abc import Iterable
 from dataclasses import MISSING, replace
 
@@ -12,7 +11,6 @@ from linkage_ros.mechanism.registry import MECHANISMS
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.mechanism.travel import travel
 from linkage_ros.motion.drives import FollowDrive, LawDrive, TorqueDrive
-from linkage_ros.motion.law import Law, Sine
 from linkage_ros.quantities import Leaf, leaves
 from linkage_ros.settings.configuration import (
     Configuration,
@@ -20,7 +18,6 @@ from linkage_ros.settings.configuration import (
     parameter_leaves,
 )
 from linkage_ros.settings.session import DRIVES
-from linkage_ros.units import NS_PER_S
 
 
 def help_on(parameters: Iterable[Leaf]) -> str:
@@ -87,17 +84,6 @@ def summary(configuration: Configuration, solver: Solver) -> str:
     return ', '.join(words)
 
 
-def law_line(law: Law) -> str:
-    """Describes a law of motion."""
-    if isinstance(law, Sine):
-        center, amplitude = math.degrees(law.center), math.degrees(law.amplitude)
-        return f'{center:g} deg with amplitude {amplitude:g} deg at {law.frequency:g} Hz'
-    words = f'{len(law.times)} points in {law.duration / NS_PER_S:g} s'
-    if law.turns is None:
-        return words
-    return f'{words}, repeated' + (f' with {law.turns} turns' if law.turns else '')
-
-
 def _drive(configuration: Configuration) -> str:
     drive, rate = configuration.drive, f' at {configuration.session.rate_hz:g} Hz'
     if isinstance(drive, FollowDrive):
@@ -105,7 +91,7 @@ def _drive(configuration: Configuration) -> str:
     if isinstance(drive, TorqueDrive):
         return f'{drive.motor}, from {drive.start_rpm:g} rpm{rate}'
     if isinstance(drive, LawDrive):
-        return f'{law_line(drive.motion.law)}{rate}'
+        return f'{drive.motion.law.words}{rate}'
     if drive.start_rpm is None or not drive.crank_acceleration:
         return f'{drive.rpm:g} rpm{rate}'
     speeds = f'from {drive.start_rpm:g} to {drive.rpm:g} rpm'

@@ -3,6 +3,7 @@
 """linkage_chart motion: curves of one mechanism over a period, or of several side by side."""
 
 import argparse
+import cmath
 import math
 import re
 import textwrap
@@ -17,9 +18,9 @@ from matplotlib.lines import Line2D
 
 from linkage_lab.commands.movie import LinkagePicture
 from linkage_lab.flywheel import size_flywheel
-from linkage_lab.output import NUMBERS, TEXT, WIDTH, chart, folder, over_crank, save_csv
-from linkage_lab.period import Period, extent, period_to_show
-from linkage_ros import ConfigurationError, load, palette, travel
+from linkage_lab.output import NUMBERS, TEXT, WIDTH, chart, folder, over, save_csv
+from linkage_lab.period import OVER_CRANK, Period, extent, period_to_show
+from linkage_ros import ConfigurationError, load, palette
 from linkage_ros.formulas import Array
 from linkage_ros.palette import BLACK, COLORS, DARK, Color, color_of, fractions
 
@@ -47,12 +48,12 @@ DESIGN_COLORS = (
 
 
 class _Curve(NamedTuple):
-    """A quantity as a function of the crank angle, rad."""
+    """A quantity over a period."""
 
     name: str
     color: Color
     unit: str
-    crank: Array
+    period: Period
     values: Array
 
 
@@ -82,6 +83,11 @@ def motion(options: argparse.Namespace) -> None:
     ]
     periods = dict(zip(names, (period for period, _ in shown), strict=True))
     period, title = shown[0]
+    if len({one.across for one in periods.values()}) > 1:
+        raise ConfigurationError(
+            'a motion along a law is drawn over time, the others over the crank angle: draw them '
+            'separately, or give --rpm'
+        )
     stem = 'comparison' if len(names) > 1 else f'{names[0]}_motion'
     picture, table = (options.out / f'{stem}.{suffix}' for suffix in ('png', 'csv'))
     with folder(options.out):
@@ -92,7 +98,8 @@ def motion(options: argparse.Namespace) -> None:
             columns = [values.tolist() for _, values in period.columns.values()]
             save_csv(table, head, zip(*columns, strict=True))
             lines = [', '.join(title)]
-            notes = [*title[1:], f'drawn at crank angle {_DRAWN_AT:g} deg']
+            angle = math.degrees(period.crank[_drawn(period)])
+            notes = [*title[1:], f'drawn at crank angle {angle:.4g} deg']
         if options.fluctuation is not None:
             motor = getattr(designs[0].drive, 'motor', None)
             flywheel = options.out / f'{names[0]}_flywheel.png'
@@ -136,9 +143,9 @@ def _compare(periods: Mapping[str, Period], path: Path) -> list[str]:
 def _measures(period: Period) -> dict[str, float | None]:
     """Computes the measures of a design by name and unit; None if a measure does not apply."""
     solver, columns = period.solver, period.columns
-    link, found = solver.structure.links[-1], travel(solver) if solver.mobility else None
+    link, found = solver.structure.links[-1], period.travel
     way, torque = (
-        extent(period.crank, columns[name].values)
+        extent(period.x, columns[name].values)
         for name in (f'{link.name}.position', 'driving_torque')
     )
     angles = found.transmission if found else None
@@ -175,8 +182,7 @@ def _draw_motion(periods: Mapping[str, Period], lines: Sequence[str], path: Path
         for i, (name, period) in enumerate(periods.items()):
             bottom, color = 1 - (_LINKAGE - 0.2) / height, DESIGN_COLORS[i] if others else BLACK
             axes = figure.add_axes(((i + 0.1) / cells, bottom, 0.8 / cells, 2.0 / height))
-            sample = int(np.abs(period.crank - math.radians(_DRAWN_AT)).argmin())
-            LinkagePicture(axes, period, [sample])
+            LinkagePicture(axes, period, [_drawn(period)])
             axes.set_title(
                 textwrap.shorten(name, 40), pad=16, color=fractions(color), weight='bold',
                 fontsize=TEXT,
@@ -192,7 +198,13 @@ def _draw_motion(periods: Mapping[str, Period], lines: Sequence[str], path: Path
         )  # fmt: skip
         for axes, panel in zip(grid.subplots(squeeze=False).flat, panels, strict=True):
             _draw(axes, *panel)
-        axes.set_xlabel('Crank angle, deg', labelpad=1)
+        axes.set_xlabel(f'{first.across.name}, {first.across.unit}', labelpad=1)
+
+
+def _drawn(period: Period) -> int:
+    """Returns the sample of the drawing."""
+    apart = np.exp(1j * period.crank) - cmath.rect(1.0, math.radians(_DRAWN_AT))
+    return int(np.abs(apart).argmin())
 
 
 def _wrapped(text: str) -> str:
@@ -206,7 +218,8 @@ def _panels(period: Period) -> Iterator[_Panel]:
     columns, links = period.columns, period.solver.links
     even = not np.ptp(columns['crank.velocity'].values)
     for quantity in ('position', 'velocity', 'acceleration'):
-        shown = links[1:] if even or quantity == 'position' else links
+        is_known = period.across is OVER_CRANK and (even or quantity == 'position')
+        shown = links[1:] if is_known else links
         yield from _by_unit([_curve(period, f'{link}.{quantity}', link) for link in shown])
     power = _extent(_curve(period, 'driving_power', 'power, W'))
     words = power, f'mean power {period.mean_power:.4g} W', ''
@@ -239,7 +252,7 @@ def _curve(period: Period, column: str, name: str, across: str = '') -> _Curve:
     if unit == 'rad':
         unit, values = 'deg', np.degrees(values)
     values = np.round(values, 12) + 0.0  # hides rounding errors of constant values
-    return _Curve(name, _FORCES.get(name) or color_of(name), unit, period.crank, values)
+    return _Curve(name, _FORCES.get(name) or color_of(name), unit, period, values)
 
 
 def _by_unit(curves: Sequence[_Curve], title: str = '') -> Iterator[_Panel]:
@@ -251,14 +264,14 @@ def _by_unit(curves: Sequence[_Curve], title: str = '') -> Iterator[_Panel]:
 
 def _draw(axes: Axes, title: str, curves: Sequence[_Curve], words: Sequence[str]) -> None:
     """Draws the curves; writes their peaks, the angles of the peaks, and rms next to them."""
-    unit = curves[0].unit
-    heading = f'{unit:<13}{"min":>11}{"at deg":>7}{"max":>11}{"at deg":>7}{"rms":>10}'
+    unit, at = curves[0].unit, f'at {curves[0].period.across.unit}'
+    heading = f'{unit:<13}{"min":>11}{at:>7}{"max":>11}{at:>7}{"rms":>10}'
     lines = [Line2D([], [], color='0.4', linestyle='none')]
     # Force curves may coincide: dashes let the curve below show through.
     dashes = cycle(_DASHES if unit == 'N' else _DASHES[:1])
     for curve, dash in zip(curves, dashes, strict=False):
-        degrees, color = np.degrees(curve.crank), fractions(curve.color)
-        lines += axes.plot(degrees, curve.values, linestyle=dash, color=color, linewidth=1.6)
+        marks, color = curve.period.marks, fractions(curve.color)
+        lines += axes.plot(marks, curve.values, linestyle=dash, color=color, linewidth=1.6)
     lines += [Line2D([], [], color='0.1', linestyle='none')] * len(words)
     axes.legend(
         lines, [heading, *map(_extent, curves), *words], loc='upper left',
@@ -266,12 +279,14 @@ def _draw(axes: Axes, title: str, curves: Sequence[_Curve], words: Sequence[str]
         prop={'family': 'monospace', 'size': NUMBERS},
         labelspacing=0.35, borderaxespad=1.2, borderpad=0.0, handletextpad=0.5,
     )  # fmt: skip
-    over_crank(axes, max((curve.crank for curve in curves), key=np.max), title, 4)
+    over(axes, max((curve.period.marks for curve in curves), key=np.max), title, 4)
 
 
 def _extent(curve: _Curve) -> str:
-    low, low_at, high, high_at, rms = extent(curve.crank, curve.values)
+    low, low_at, high, high_at, rms = extent(curve.period.x, curve.values)
+    across = curve.period.across
+    digits = f'>7.{1 if across.unit == "deg" else 3}f'
     return (
-        f'{curve.name:<13.13}{low:>11.4g}{math.degrees(low_at):>7.1f}'
-        f'{high:>11.4g}{math.degrees(high_at):>7.1f}{rms:>10.4g}'
+        f'{curve.name:<13.13}{low:>11.4g}{across.scale * low_at:{digits}}'
+        f'{high:>11.4g}{across.scale * high_at:{digits}}{rms:>10.4g}'
     )

@@ -17,7 +17,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 
 from linkage_lab.movie_page import movie_page
-from linkage_lab.output import SMALL, STYLE, TEXT, folder, over_crank, progress
+from linkage_lab.output import SMALL, STYLE, TEXT, folder, over, progress
 from linkage_lab.period import Period, period_to_show
 from linkage_ros import ConfigurationError, load
 from linkage_ros.extensions import Drawing
@@ -50,7 +50,7 @@ class LinkagePicture:
             samples: Indices of the crank angles to be shown.
         """
         self.period, self._axes = period, axes
-        self._drawing = drawing = Drawing(period.solver.mechanism)
+        self._drawing = drawing = Drawing(period.solver.mechanism, float(period.crank[0]))
         columns = [period.columns[f'{joint}.position'].values for joint in drawing.joints]
         self._tracks = drawing.place(np.stack(columns, axis=-1))
         for line in drawing.ground:
@@ -116,9 +116,9 @@ def movie(options: argparse.Namespace) -> None:
         raise ConfigurationError(
             f'{path}: must end with .html, .gif or, with ffmpeg installed, .mp4'
         )
-    if not np.abs(period.columns['crank.velocity'].values).min() > 0:
+    if not period.speed:
         raise ConfigurationError('the crank is at rest: a movie needs a speed, such as --rpm 30')
-    pace = 2 * math.pi / _SECONDS / abs(period.speed)
+    pace = float(period.time[-1]) / (_SECONDS * period.turns)
     words = f'{about}, {speed}'
     with folder(path.parent):
         if is_page:
@@ -146,30 +146,30 @@ def _slower(pace: float) -> str:
 def _film(period: Period, name: str, words: str, writer: Any, path: Path) -> None:
     """Draws the moving mechanism, and its torque up to the current crank angle."""
     samples = _frames(period)
-    degrees, torque = np.degrees(period.crank), period.columns['driving_torque'].values
+    marks, torque = period.marks, period.columns['driving_torque'].values
     with rc_context(STYLE):
         figure = Figure(figsize=_SIZE, dpi=_DPI)
         figure.text(0.02, 0.94, name, weight='bold', fontsize=TEXT)
         figure.text(0.02, 0.885, words)
         picture = LinkagePicture(figure.add_axes((0.02, 0.06, 0.5, 0.78)), period, samples)
         axes = figure.add_axes((0.62, 0.16, 0.35, 0.66))
-        axes.plot(degrees, torque, color='0.8', linewidth=1.2)
+        axes.plot(marks, torque, color='0.8', linewidth=1.2)
         (drawn,) = axes.plot([], [], color=fractions(COLORS['crank']), linewidth=1.8)
         (dot,) = axes.plot([], [], 'o', color=fractions(DARK), markersize=5)
-        over_crank(axes, period.crank, 'Driving torque, N m', 4)
-        axes.set_xlabel('Crank angle, deg')
+        over(axes, marks, 'Driving torque, N m', 4)
+        axes.set_xlabel(f'{period.across.name}, {period.across.unit}')
         saved = writer(fps=_RATE)
         with saved.saving(figure, path, _DPI):
             for sample in progress(samples, 'frames'):
                 picture.move(sample)
-                drawn.set_data(degrees[: sample + 1], torque[: sample + 1])
-                dot.set_data(degrees[sample : sample + 1], torque[sample : sample + 1])
+                drawn.set_data(marks[: sample + 1], torque[: sample + 1])
+                dot.set_data(marks[sample : sample + 1], torque[sample : sample + 1])
                 saved.grab_frame()
 
 
 def _frames(period: Period) -> list[int]:
     """Selects samples of the period at equal time intervals."""
-    time, frames = period.time, round(period.crank[-1] / (2 * math.pi) * _SECONDS * _RATE)
+    time, frames = period.time, round(period.turns * _SECONDS * _RATE)
     even = np.linspace(0, time[-1], frames, endpoint=False)
     samples: list[int] = np.searchsorted(time, even).tolist()
     return samples if period.speed > 0 else samples[::-1]

@@ -1,0 +1,131 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Charts and movies of cranks that follow a law of motion, or that cannot turn fully."""
+
+import json
+import math
+import re
+
+import numpy as np
+import pytest
+from PIL import Image
+from ros_harness import assert_refused
+from test_chart import table
+
+from linkage_lab import chart_tool
+from linkage_lab.commands import movie
+from linkage_lab.period import law_period
+from linkage_ros import Solver, load
+
+LIMITED = """
+/**:
+  ros__parameters:
+    mechanism: four_bar
+    drive: {drive}
+    {rest}
+    frame: {{length: 0.425, angle: 5.497787143782138}}
+    crank: {{length: 0.3, inertia: 0.0245}}
+    coupler: {{length: 0.315, mass: 2.0, inertia: 0.016, center: [0.1575, 0.0]}}
+    rocker: {{length: 0.5, mass: 3.5, inertia: 0.066, center: [0.25, 0.0], torque: -3.0}}
+"""
+LAWS = {
+    'sine': 'motion: {center: 1.2, amplitude: 0.5, frequency: 0.5, phase: 0.3}',
+    'points': 'motion: {times: [0.0, 0.3, 1.0], angles: [1.2, 2.0, 1.0]}',
+    'speeds': 'motion: {times: [0.0, 0.3, 1.0], angles: [1.2, 2.0, 1.2], speeds: [0.0, 1.0, 0.0]}',
+    'ends moving': 'motion: {times: [0.0, 1.0], angles: [1.2, 1.5], speeds: [0.0, 1.0]}',
+}
+
+
+@pytest.fixture
+def file(tmp_path):
+    def write(drive, rest='', name='servo'):
+        path = tmp_path / f'{name}.yaml'
+        path.write_text(LIMITED.format(drive=drive, rest=rest))
+        return path
+
+    return write
+
+
+@pytest.mark.parametrize('law', LAWS)
+def test_a_law_is_charted_over_time(tmp_path, called, file, law):
+    path = file('motion', LAWS[law])
+    code, out, err = called(chart_tool, 'motion', path, '--reactions', '--out', tmp_path)
+    assert code == 0, err
+    columns, design = table(tmp_path / 'servo_motion.csv'), load(str(path))
+    time, solver = columns['time [s]'], Solver(design.mechanism)
+    end = design.drive.motion.law.duration / 1e9
+    assert time[0] == 0
+    assert end - 2e-9 < time[-1] <= end
+    assert np.diff(time).min() > 0
+    state = solver.state(*(columns[f'crank.{x}'] for x in (
+        'position [rad]', 'velocity [rad/s]', 'acceleration [rad/s^2]',
+    )))  # fmt: skip
+    assert columns['driving_torque [N m]'] == pytest.approx(state.torque)
+    # The rate is the slope of the angle, and the acceleration that of the rate.
+    for whole, part in (('position [rad]', 'velocity [rad/s]'),
+                        ('velocity [rad/s]', 'acceleration [rad/s^2]')):  # fmt: skip
+        smooth = np.diff(time) > 1e-4
+        steps, means = np.diff(columns[f'crank.{whole}']), columns[f'crank.{part}']
+        means = 0.5 * (means[1:] + means[:-1]) * np.diff(time)
+        assert steps[smooth] == pytest.approx(means[smooth], abs=2e-4)
+    low, high = columns['crank.position [rad]'].min(), columns['crank.position [rad]'].max()
+    assert f'crank {math.degrees(low):.6g} to {math.degrees(high):.6g} deg' in out
+
+
+def test_both_sides_of_a_jump_in_acceleration_are_charted(file):
+    design = load(str(file('motion', LAWS['speeds'])))
+    period = law_period(Solver(design.mechanism), design.drive)
+    at = np.flatnonzero(np.diff(period.x) < 1e-9)
+    assert period.x[at] == pytest.approx([0.3])
+    jump = np.diff(period.columns['crank.acceleration'].values)[at]
+    assert abs(jump) > 10
+
+
+def test_mean_power_of_a_law_that_repeats_is_that_of_its_loads(file):
+    rest = 'motion: {times: [0.0, 0.3, 1.0], angles: [1.2, 2.0, 1.2], repeat: true}'
+    design = load(str(file('motion', rest)))
+    solver = Solver(design.mechanism)
+    period = law_period(solver, design.drive)
+    # The torque on the rocker is constant, and its angle returns.
+    assert abs(period.mean_power) < 1e-8 * np.abs(period.columns['driving_power'].values).max()
+
+
+@pytest.mark.parametrize('drive', ['follow', 'torque'])
+def test_a_limited_crank_without_a_law_is_charted_over_its_arc(tmp_path, called, file, drive):
+    rest = 'crank_angle: 2.0' if drive == 'torque' else ''
+    path = file(drive, rest)
+    code, out, err = called(chart_tool, 'motion', path, '--out', tmp_path)
+    assert code == 0, err
+    assert '1 rpm over its arc' in out
+    columns = table(tmp_path / 'servo_motion.csv')
+    ((low, high),) = Solver(load(str(path)).mechanism).reach.arcs
+    crank = columns['crank_angle [rad]']
+    assert crank[0] - low == pytest.approx(0.01 * (high - low))
+    assert high - crank[-1] == pytest.approx(0.01 * (high - low))
+    assert set(columns['crank.velocity [rad/s]']) == {math.pi / 30}
+    said = re.search(r'crank ([\d.]+) to ([\d.]+) deg', out)
+    assert [float(x) for x in said.groups()] == pytest.approx(np.degrees(crank[[0, -1]]), rel=1e-5)
+
+
+@pytest.mark.parametrize(('drive', 'rest'), [('motion', LAWS['points']), ('follow', '')])
+def test_movies_of_limited_cranks(tmp_path, monkeypatch, called, file, drive, rest):
+    monkeypatch.setattr(movie, '_SECONDS', 0.5)
+    for name in ('made.gif', 'made.html'):
+        code, _, err = called(chart_tool, 'movie', file(drive, rest), tmp_path / name)
+        assert code == 0, err
+    with Image.open(tmp_path / 'made.gif') as image:
+        assert image.n_frames == 10
+    page = (tmp_path / 'made.html').read_text()
+    data = json.loads(re.search(r'\{"time".*\}', page)[0])
+    assert data['across'][0] == pytest.approx(data['start'], rel=1e-6)
+    assert data['across'][-1] == pytest.approx(data['end'], rel=1e-6)
+    assert ('Time, s' in page) == (drive == 'motion')
+
+
+def test_options_and_mixtures_that_do_not_fit_are_refused(called, file):
+    law, arc = file('motion', LAWS['sine']), file('follow', name='arc')
+    for option in ('--fluctuation', '--acceleration'):
+        for path in (law, arc):
+            words = f'{option} is for a crank that turns at a given speed'
+            assert_refused(*called(chart_tool, 'motion', path, option, 0.02), words)
+    assert_refused(*called(chart_tool, 'motion', law, arc), 'drawn over time.*separately')
