@@ -48,6 +48,7 @@ from linkage_ros.mechanism.wind_pump import WindPump
 from linkage_ros.settings.presets import preset_names
 
 if TYPE_CHECKING:
+    from linkage_ros.numeric import Array
     from linkage_ros.settings.configuration import Configuration
 
 
@@ -66,6 +67,27 @@ def load(source: str) -> 'Configuration':
     from linkage_ros.settings import configuration  # needs PyYAML
 
     return configuration.load(source)
+
+
+def read_log(path: str) -> 'dict[str, dict[str, Array]]':
+    """Reads the joint states of a log, or of a bag of another program.
+
+    Args:
+        path: An MCAP file, or the folder of a rosbag2 recording.
+
+    Returns:
+        For each topic of joint states, one-dimensional arrays: the stamps `t`, s, and for each
+        joint `<joint>.position`, `.velocity` and `.effort` in the units of the messages, which in
+        logs of this package are rad or m, rad/s or m/s, and N m or N; for `mechanism_state` also
+        `.acceleration`. As in the messages, angles are relative to the parent link; a coupler is
+        measured from the crank. Values that a message lacks are NaN.
+
+    Raises:
+        LogError: The file cannot be read, or is incomplete or damaged.
+    """
+    from linkage_ros.log import tables  # needs MCAP
+
+    return tables.read_log(path)
 
 
 __all__ = [
@@ -105,5 +127,6 @@ __all__ = [
     'assemblies',
     'load',
     'preset_names',
+    'read_log',
     'travel',
 ]

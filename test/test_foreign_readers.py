@@ -11,7 +11,6 @@ import sys
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
 import pytest
 from live_logs import START, live, ticks
 from mcap.reader import make_reader
@@ -249,12 +248,15 @@ def test_pandas_example_makes_a_column_per_joint_and_quantity(log, monkeypatch):
     assert len(lines) == len(tree.body) - 2
     tree.body = lines
     run_python(tree, 'mcap.md', names)
-    rows = log.messages['/mechanism_state']
-    quantities = ('positions', 'velocities', 'accelerations', 'effort')
+    rows, states = log.messages['/mechanism_state'], names['states']
+    quantities = {'position': 'positions', 'velocity': 'velocities',
+                  'acceleration': 'accelerations', 'effort': 'effort'}  # fmt: skip
     joints = Simulator(log.configuration).joints
-    assert list(names['columns']) == [(joint, word) for joint in joints for word in quantities]
-    for (joint, quantity), column in names['columns'].items():
+    columns = [f'{joint}.{word}' for word in quantities for joint in joints]
+    assert list(states) == ['t', *columns]
+    for name in columns:
+        joint, quantity = name.split('.')
         place = joints.index(joint)
-        expected = [message['points'][0][quantity][place] for _, message in rows]
-        assert plain(np.asarray(column, float)) == expected
-    assert names['times'] == [time for time, _ in rows]
+        expected = [message['points'][0][quantities[quantity]][place] for _, message in rows]
+        assert plain(states[name]) == expected
+    assert states['t'].tolist() == pytest.approx([time / 1e9 for time, _ in rows], rel=1e-12)

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""linkage_log: describes, verifies or recovers a log."""
+"""linkage_log: describes, verifies or recovers a log, or writes it as a table."""
 
 import argparse
 import math
@@ -14,6 +14,7 @@ from linkage_ros import __version__, cli
 from linkage_ros.errors import LogError, printable
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.recover import Recovered, recover
+from linkage_ros.log.tables import write_csv
 from linkage_ros.log.verify import Verification, verify
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.motion.along_law import LawMotion
@@ -161,6 +162,15 @@ def _recover(options: argparse.Namespace) -> int:
     return 1 if done.places and not done.messages else 0
 
 
+def _csv(options: argparse.Namespace) -> None:
+    with cli.progress_bar(unit='B', unit_scale=True, delay=2) as bar:
+        topic, rows = write_csv(
+            options.log, options.out, topic=options.topic, overwrite=options.overwrite,
+            progress=bar.update,
+        )  # fmt: skip
+    _print([f'{options.out}: {cli.counted(rows, "row")} from {topic}'])
+
+
 def _print(lines: Iterable[str]) -> None:
     with suppress(BrokenPipeError):  # without a reader, the exit code still shows the outcome
         print('\n'.join(map(printable, lines)))
@@ -188,14 +198,31 @@ _COMMANDS = {
           {'metavar': 'OUT.mcap', 'type': Path, 'help': 'the complete log to write'}),
          (('--overwrite',), None, {'action': 'store_true', 'help': 'replace an existing file'})),
     ),
+    'csv': cli.Command(
+        _csv,
+        'write the joint states of a log, or of a bag of another program, as a table',
+        ('run.mcap run.csv', 'robot.mcap robot.csv --topic /joint_states'),
+        ((('log',), None,
+          {'metavar': 'LOG', 'type': Path, 'help': 'an MCAP file, or a rosbag2 folder'}),
+         (('out',), None, {'metavar': 'OUT.csv', 'type': Path, 'help': 'the table to write'}),
+         (('--topic',), None,
+          {'metavar': 'NAME', 'default': '', 'help': 'topic of the joint states (default: the '
+           'states of a log, or the only such topic of a bag)'}),
+         (('--overwrite',), None, {'action': 'store_true', 'help': 'replace an existing file'})),
+    ),
 }  # fmt: skip
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = cli.make_parser(
         _NAME,
-        'Describe, verify or recover a log of linkage_ros.',
-        ('info run.mcap', 'verify run.mcap', 'recover run.mcap saved.mcap'),
+        'Describe, verify or recover a log of linkage_ros, or write it as a table.',
+        (
+            'info run.mcap',
+            'verify run.mcap',
+            'recover run.mcap saved.mcap',
+            'csv run.mcap run.csv',
+        ),
     )
     cli.add_commands(parser, _COMMANDS)
     return parser

@@ -1,0 +1,198 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Joint states of logs and of other bags as arrays, and as tables for a spreadsheet."""
+
+import csv
+import math
+from array import array
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from io import TextIOWrapper
+from itertools import chain
+from pathlib import Path
+
+import numpy as np
+
+from linkage_ros.errors import LogError
+from linkage_ros.files import is_same_file, replacement
+from linkage_ros.log.bag import Bag, BagTopic
+from linkage_ros.log.reader import LogReader
+from linkage_ros.messages.cdr import decode_joint_state, decode_trajectory
+from linkage_ros.messages.templates import QUANTITIES
+from linkage_ros.messages.topics import (
+    JOINT_STATE,
+    JOINT_STATES,
+    JOINT_TRAJECTORY,
+    MEASURED_JOINT_STATES,
+    MECHANISM_STATE,
+)
+from linkage_ros.numeric import Array
+from linkage_ros.run.states import Simulator
+from linkage_ros.units import NS_PER_S
+
+_TYPES = JOINT_STATE.name, JOINT_TRAJECTORY.name
+_IN_JOINT_STATE = tuple(name for name in QUANTITIES if name != 'acceleration')
+# Units of a turning and of a sliding joint.
+_UNITS = {
+    'position': ('rad', 'm'), 'velocity': ('rad/s', 'm/s'),
+    'acceleration': ('rad/s^2', 'm/s^2'), 'effort': ('N m', 'N'),
+}  # fmt: skip
+
+
+class _Table:
+    """The joint states of a topic.
+
+    Attributes:
+        topic: The topic.
+        stamps: Stamp of each row, ns.
+        columns: Values by name, such as 'crank.position'; NaN where a message has none.
+    """
+
+    def __init__(self, topic: BagTopic) -> None:
+        self.topic, self.stamps = topic, array('q')
+        self.columns: dict[str, array[float]] = {}
+
+    def add(self, time: int, data: bytes) -> None:
+        """Adds a message with its log time, ns.
+
+        Raises:
+            ValueError: The bytes are not a message of the topic's type.
+        """
+        rows: Sequence[tuple[float, ...]]
+        if self.topic.type == JOINT_STATE.name:
+            stamp, names, *rows = decode_joint_state(data)
+            quantities = _IN_JOINT_STATE
+        else:
+            stamp, names, ((*rows, _),) = decode_trajectory(data)
+            quantities = QUANTITIES
+        count = len(self.stamps)
+        self.stamps.append(stamp or time)
+        for quantity, row in zip(quantities, rows, strict=True):
+            for joint, value in zip(names, row, strict=False):
+                column = self.columns.setdefault(f'{joint}.{quantity}', array('d'))
+                if len(column) <= count:  # a repeated name is ignored
+                    column.extend(_missing(count - len(column)))
+                    column.append(value)
+
+    def complete(self) -> None:
+        """Adds the missing values at the end of each column."""
+        for column in self.columns.values():
+            column.extend(_missing(len(self.stamps) - len(column)))
+
+
+def _missing(count: int) -> Iterator[float]:
+    return (math.nan for _ in range(count))
+
+
+def _tables(bag: Bag, progress: Callable[[int], object] = lambda _: None) -> list[_Table]:
+    """Reads the joint states of each topic that has any; leaves out invalid messages.
+
+    Raises:
+        LogError: The bag is incomplete or damaged.
+    """
+    tables = dict[BagTopic, _Table]()
+    for topic, time, data in chain.from_iterable(bag.messages(_TYPES, progress)):
+        if topic.type == JOINT_TRAJECTORY.name and topic.role != MECHANISM_STATE.role:
+            continue  # a command
+        with suppress(ValueError):
+            tables.setdefault(topic, _Table(topic)).add(time, data)
+    found = [table for table in tables.values() if table.stamps]
+    for table in found:
+        table.complete()
+    return found
+
+
+def read_log(path: Path | str) -> dict[str, dict[str, Array]]:
+    """Reads joint states as arrays; see `linkage_ros.read_log`."""
+    return {
+        table.topic.name: {
+            't': np.array(table.stamps, np.int64) / NS_PER_S,
+            **{name: np.array(column) for name, column in table.columns.items()},
+        }
+        for table in _tables(Bag(path))
+    }
+
+
+def write_csv(
+    source: Path | str,
+    target: Path | str,
+    *,
+    topic: str = '',
+    overwrite: bool = False,
+    progress: Callable[[int], object] = lambda _: None,
+) -> tuple[str, int]:
+    """Writes the joint states of a topic as a table, with a row for each message.
+
+    Args:
+        source: An MCAP file, or the folder of a rosbag2 recording.
+        target: Path of the table.
+        topic: Name of the topic; by default, the states of a log, or the only topic of joint
+            states of a bag.
+        overwrite: Whether to replace an existing file.
+        progress: Called with the number of bytes read since the last call.
+
+    Returns:
+        The name of the topic, and the number of rows.
+
+    Raises:
+        LogError: The source cannot be read, is incomplete or damaged, or has no such topic; or the
+            target is the source or cannot be written.
+    """
+    bag = Bag(source)
+    if any(is_same_file(str(file), str(target)) for file in bag.files):
+        raise LogError(f'{target} is the log itself: choose another name')
+    with replacement(target, LogError, overwrite=overwrite, cure='give --overwrite') as path:
+        table = _chosen(source, _tables(bag, progress), topic)
+        labels = {} if table.topic.role == MEASURED_JOINT_STATES.role else _labels(source)
+        head = ['t [s]', *(labels.get(name, name) for name in table.columns)]
+        columns = (_cells(column) for column in table.columns.values())
+        with path.open('wb') as stream, TextIOWrapper(stream, newline='') as text:
+            writer = csv.writer(text, lineterminator='\n')
+            writer.writerows([head, *zip(map(_seconds, table.stamps), *columns, strict=True)])
+    return table.topic.name, len(table.stamps)
+
+
+def _chosen(source: Path | str, tables: Sequence[_Table], name: str) -> _Table:
+    """Chooses a table; see `write_csv`.
+
+    Raises:
+        LogError: There is no such table, or more than one.
+    """
+    roles = {table.topic.role: table for table in tables}
+    for role in (MECHANISM_STATE.role, JOINT_STATES.role):
+        if not name and role in roles:
+            return roles[role]
+    fitting = [table for table in tables if table.topic.name == name or not name]
+    if len(fitting) == 1:
+        return fitting[0]
+    names = ', '.join(sorted(table.topic.name for table in tables))
+    raise LogError(
+        f'{source} has joint states on {names}: give one of these as --topic' if names
+        else f'{source} has no joint states'
+    )  # fmt: skip
+
+
+def _labels(path: Path | str) -> dict[str, str]:
+    """Returns columns with units and references if this package wrote the log; otherwise none."""
+    labels = dict[str, str]()
+    try:
+        simulator = Simulator(LogReader(path).configuration)
+    except LogError:
+        return labels
+    for joint, link in zip(simulator.joints, simulator.solver.structure.links, strict=True):
+        for quantity, units in _UNITS.items():
+            name = f'{joint}.{quantity}'
+            is_relative = link.parent is not None and quantity != 'effort'
+            origin = f' relative to {simulator.joints[link.parent or 0]}' if is_relative else ''
+            labels[name] = f'{name}{origin} [{units[link.slides]}]'
+    return labels
+
+
+def _cells(column: Sequence[float]) -> Iterator[float | str]:
+    """Yields the cells of a column, which are empty for NaN."""
+    return ('' if math.isnan(value) else value for value in column)
+
+
+def _seconds(stamp: int) -> str:
+    """Formats a stamp, ns, as seconds, without rounding."""
+    return f'{"-" * (stamp < 0)}{abs(stamp) // NS_PER_S}.{abs(stamp) % NS_PER_S:09d}'

@@ -1,0 +1,132 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Joint states as arrays and as tables: logs of this package, and bags of other programs."""
+
+import csv
+import math
+
+import numpy as np
+import pytest
+from mechanisms import FOLLOWED
+from other_bags import GRIPPER, START, measurement, robot, write_mcap, write_rosbag2, write_split
+from ros_harness import assert_refused, finished, logged
+
+from linkage_ros import LogError, read_log
+from linkage_ros.log.tables import write_csv
+from linkage_ros.messages.cdr import decode_joint_state
+from linkage_ros.messages.rows import Template
+from linkage_ros.messages.templates import joint_state
+from linkage_ros.messages.topics import JOINT_STATE
+from linkage_ros.programs.record import record, record_measured
+from linkage_ros.settings.configuration import configure, load
+
+
+def table(path):
+    """Returns the head and the cells of a CSV file."""
+    with path.open(newline='') as stream:
+        head, *rows = csv.reader(stream)
+    return head, rows
+
+
+@pytest.mark.parametrize('preset', ['quadrilateral', 'compressor', 'wind_pump'])
+def test_a_log_is_read_as_arrays_and_as_a_table_with_references(tmp_path, preset):
+    log, out = tmp_path / 'run.mcap', tmp_path / 'run.csv'
+    record(load(preset), log, duration=0.3)
+    found = read_log(log)
+    messages = [decode_joint_state(one.data) for one in logged(log)[1]['/joint_states']]
+    states = found['/joint_states']
+    assert states['t'].tolist() == [message.stamp / 1e9 for message in messages]
+    for i, joint in enumerate(messages[0].names):
+        for quantity in ('position', 'velocity', 'effort'):
+            due = [getattr(message, _plural(quantity))[i] for message in messages]
+            assert states[f'{joint}.{quantity}'].tolist() == due
+            assert found['/mechanism_state'][f'{joint}.{quantity}'].tolist() == due
+    assert write_csv(log, out) == ('/mechanism_state', len(messages))
+    head, rows = table(out)
+    values = np.array(rows, float).T
+    for name, column in zip(head, values, strict=True):
+        key, *_ = name.split(' ')
+        assert column.tolist() == found['/mechanism_state'][key].tolist()
+    relative = {'coupler', 'rod'} & {*messages[0].names}
+    for joint in messages[0].names:
+        origin = {'coupler': ' relative to crank', 'rod': ' relative to coupler'}.get(joint, '')
+        unit = 'm' if joint == 'slider' else 'rad'
+        assert f'{joint}.position{origin} [{unit}]' in head
+    assert relative
+
+
+def _plural(quantity):
+    return {'velocity': 'velocities'}.get(quantity, f'{quantity}s')
+
+
+WRITERS = {'mcap': write_mcap, 'rosbags': write_rosbag2, 'split': write_split}
+
+
+@pytest.mark.parametrize('write', WRITERS.values(), ids=WRITERS)
+def test_a_bag_of_another_writer_is_read_with_missing_values(tmp_path, write):
+    bag, out = write(tmp_path / 'robot', robot(90)), tmp_path / 'robot.csv'
+    found = read_log(bag)
+    assert found.keys() == {'/joint_states', '/gripper/joint_states'}
+    states = found['/joint_states']
+    sent = [decode_joint_state(data) for topic, _, _, data in robot(90)
+            if topic == '/joint_states' and len(data) != 40]  # fmt: skip
+    assert states['t'].tolist() == [message.stamp / 1e9 for message in sent]
+    for joint in ('crank', 'finger'):
+        for quantity in ('position', 'velocity', 'effort'):
+            due = [
+                dict(zip(x.names, getattr(x, _plural(quantity)), strict=True)).get(joint, math.nan)
+                for x in sent
+            ]
+            assert np.array_equal(states[f'{joint}.{quantity}'], due, equal_nan=True)
+    with pytest.raises(
+        LogError, match=r'on /gripper/joint_states, /joint_states: give one .*--to'
+    ):
+        write_csv(bag, out)
+    assert not out.exists()
+    write_csv(bag, out, topic='/joint_states')
+    head, rows = table(out)
+    assert head == ['t [s]', *(name for name in states if name != 't')]
+    crank, finger = head.index('crank.position'), head.index('finger.position')
+    assert [row[0] for row in rows[:2]] == [f'{START // 10**9}.{START % 10**9:09d}'] * 2
+    assert [bool(row[crank]) for row in rows[:3]] == [True, False, True]
+    assert [bool(row[finger]) for row in rows[:3]] == [False, True, False]
+
+
+def test_absent_sequences_stamps_and_repeated_names_are_read(tmp_path):
+    parts = Template(joint_state(('crank', 'crank'), ''))
+    whole = parts.pack(0, 0, *range(1, 7))
+    bag = write_mcap(tmp_path / 'a.mcap', [('/a', JOINT_STATE, 5, whole)])
+    states = read_log(bag)['/a']
+    assert {name: column.tolist() for name, column in states.items()} == {
+        't': [5e-9], 'crank.position': [1.0], 'crank.velocity': [3.0], 'crank.effort': [5.0]
+    }  # fmt: skip
+
+
+def test_measurements_in_a_log_have_no_references(tmp_path):
+    bag = write_mcap(tmp_path / 'robot.mcap', robot(30))
+    record_measured(configure(FOLLOWED), tmp_path / 'run.mcap', bag)
+    write_csv(tmp_path / 'run.mcap', tmp_path / 'a.csv', topic='/measured_joint_states')
+    assert 'crank.position' in table(tmp_path / 'a.csv')[0]
+    write_csv(tmp_path / 'run.mcap', tmp_path / 'b.csv')
+    assert 'coupler.position relative to crank [rad]' in table(tmp_path / 'b.csv')[0]
+
+
+def test_the_command_writes_a_table_or_one_line(tmp_path):
+    bag = write_mcap(tmp_path / 'robot.mcap', [('/a', JOINT_STATE, START, measurement(0))])
+    out, other = tmp_path / 'out.csv', tmp_path / 'other.mcap'
+    done = finished('log_tool', 'csv', bag, out)
+    assert (done.returncode, done.stdout) == (0, f'{out}: 1 row from /a\n'), done.stderr
+    other.write_bytes(bag.read_bytes()[:200])
+    number = write_mcap(
+        tmp_path / 'b.mcap', [('/b', JOINT_STATE, START, GRIPPER.pack(*[0] * 8)[:9])]
+    )
+    for words, problem in (
+        ((bag, out), 'already exists'),
+        ((bag, bag, '--overwrite'), 'the log itself'),
+        ((bag, out, '--overwrite', '--topic', '/b'), 'joint states on /a: give one'),
+        ((number, out, '--overwrite'), 'has no joint states'),
+        ((other, out, '--overwrite'), 'incomplete after'),
+    ):
+        done = finished('log_tool', 'csv', *words)
+        assert_refused(done.returncode, done.stdout, done.stderr, problem)
+    assert len(table(out)[1]) == 1
