@@ -62,9 +62,9 @@ def _table(head: str, rows: Iterable[Iterable[str]]) -> str:
 # ---------------------------------------------------------------- parameters
 
 
-def _parameters(cls: type) -> str:
+def _parameters(cls: type, prefix: str = '') -> str:
     """Makes the table of the parameters that a class declares."""
-    return _table('name, value, default, meaning', map(parameter_row, leaves(cls)))
+    return _table('name, value, default, meaning', map(parameter_row, leaves(cls, prefix)))
 
 
 def parameter_row(leaf: Leaf) -> tuple[str, str, str, str]:
@@ -223,7 +223,7 @@ def tables() -> dict[str, str]:
         'loads': _sections('kind', LOADS),
         'drives': _sections('drive', DRIVES),
         'session': _parameters(Session),
-        'joints': _parameters(JointSettings),
+        'joints': _parameters(JointSettings, 'joints.<link>.'),
         'controller': _parameters(Settings),
         'topics': _topics(),
         'executables': _executables(),
