@@ -164,7 +164,7 @@ def draw(
     ticks: Sequence[dict], logs: Sequence[dict], accuracy: dict, peers: dict, path: Path
 ) -> None:
     """Draws the figures of the page as bar charts."""
-    from linkage_lab.output import chart
+    from linkage_lab.output import Pictures, chart
 
     def bars(axes, title: str, values: dict[str, float]) -> None:
         names = list(values)[::-1]
@@ -175,7 +175,8 @@ def draw(
         axes.grid(visible=False, axis='y')
         axes.spines[['top', 'right']].set_visible(False)
 
-    with chart(path, 7.5, 'Processor time of ticks, logs, motions and states') as figure:
+    title = 'Processor time of ticks, logs, motions and states'
+    with chart(Pictures((path,)), 7.5, title) as figure:
         grid = figure.subplots(2, 2)
         costs = {CONTENDERS[one['contender']]: per_tick(one) for one in ticks}
         bars(grid[0, 0], 'A tick at 1 kHz, us', costs)

@@ -10,14 +10,28 @@ import sys
 from importlib import import_module
 from pathlib import Path
 
+from linkage_lab.output import DEFAULT, FORMATS, QUANTITIES
 from linkage_ros import cli, preset_names
-from linkage_ros.quantities import Quantity
+from linkage_ros.quantities import Quantity, shown
 
 _NAME = 'linkage_chart'
 _RPM = Quantity('number', 'crank speed', 'rpm', -1e6, 1e6)
+
+
+def _formats(text: str) -> tuple[str, ...]:
+    given = tuple(text.split(','))
+    if not set(given) <= set(FORMATS):
+        raise argparse.ArgumentTypeError(f'{shown(text)}: must be of {",".join(FORMATS)}')
+    return given
+
+
 _OUT: cli.Option = (('--out',), None, {
     'type': Path, 'default': Path(), 'metavar': 'DIR',
     'help': 'folder for the results; existing files are replaced (default: the current folder)',
+})  # fmt: skip
+_FORMAT: cli.Option = (('--format',), None, {
+    'type': _formats, 'default': ('png',), 'metavar': 'F',
+    'help': f'formats of the pictures, of {",".join(FORMATS)} (default png)',
 })  # fmt: skip
 _QUICK: cli.Option = (('--quick',), None, {
     'action': 'store_true', 'help': 'fewer settings and cases, in a fraction of the time',
@@ -39,7 +53,7 @@ def _parser() -> argparse.ArgumentParser:
     rpm: cli.Option = (('--rpm',), _RPM, {'metavar': 'N', 'note': note})
     cli.add_commands(parser, {
         'motion': cli.Command(
-            _run, 'position, rate, acceleration and torque over one period: PNG and CSV',
+            _run, 'position, torque and load over one period: picture and CSV',
             ('quadrilateral', 'my_linkage.yaml --rpm 30 --reactions --out charts',
              'my_linkage.yaml --fluctuation 0.02', 'long_rod.yaml short_rod.yaml'),
             (
@@ -53,10 +67,14 @@ def _parser() -> argparse.ArgumentParser:
                 (('--fluctuation',),
                  Quantity('number', 'coefficient of fluctuation, (largest - smallest speed) / '
                           'mean, that a flywheel must keep', '', 1e-6, 1.0),
-                 {'metavar': 'F', 'note': '; sizes the flywheel and checks the motor: PNG'}),
+                 {'metavar': 'F', 'note': '; sizes the flywheel and checks the motor'}),
+                (('--show',), None,
+                 {'nargs': '+', 'choices': QUANTITIES, 'default': DEFAULT, 'metavar': 'Q',
+                  'help': f'diagrams to draw, of {", ".join(QUANTITIES)} (default '
+                  f'{" ".join(DEFAULT)})'}),
                 (('--reactions',), None,
                  {'action': 'store_true', 'help': 'add joint forces, shaking force and moment'}),
-                _OUT,
+                _OUT, _FORMAT,
             ),
         ),
         'movie': cli.Command(
@@ -72,15 +90,15 @@ def _parser() -> argparse.ArgumentParser:
             ),
         ),
         'accuracy': cli.Command(
-            _run, 'speed against accuracy of all methods: PNG and JSON',
-            ('--quick --out charts',), (_QUICK, _OUT),
+            _run, 'speed against accuracy of all methods: pictures and JSON',
+            ('--quick --out charts',), (_QUICK, _OUT, _FORMAT),
         ),
         'stability': cli.Command(
-            _run, 'outcome of each method in the situations where some fail: PNG and JSON',
-            ('--quick --out charts',), (_QUICK, _OUT),
+            _run, 'outcome of each method in the situations where some fail: pictures and JSON',
+            ('--quick --out charts',), (_QUICK, _OUT, _FORMAT),
         ),
         'economy': cli.Command(
-            _run, 'error of the torque without each of its terms: PNG and JSON',
+            _run, 'error of the torque without each of its terms: pictures and JSON',
             ('quadrilateral', 'my_linkage.yaml --rpm 30 60 --tolerance 0.02 --quick --out charts'),
             (
                 (('params',), None, params),
@@ -91,12 +109,12 @@ def _parser() -> argparse.ArgumentParser:
                 (('--tolerance',),
                  Quantity('number', 'allowed error, relative to the peak torque', '', 1e-9, 1.0),
                  {'default': 0.01, 'metavar': 'E', 'note': ' (default 0.01)'}),
-                _OUT,
+                _OUT, _FORMAT,
             ),
             '%(prog)s PARAMS [options]',  # after --rpm, PARAMS would be parsed as a speed
         ),
         'sweep': cli.Command(
-            _run, 'many designs of one mechanism, measured and compared: CSV and PNG',
+            _run, 'many designs of one mechanism, measured and compared: CSV and picture',
             ('tolerances.yaml', 'study.yaml --out charts --workers 8',
              'study.yaml --scheduler tcp://192.168.0.2:8786'),
             (
@@ -106,7 +124,7 @@ def _parser() -> argparse.ArgumentParser:
                  {'metavar': 'N', 'note': ' (default: one for each processor)'}),
                 (('--scheduler',), None,
                  {'metavar': 'ADDRESS', 'help': 'use the Dask cluster at this address instead'}),
-                _OUT,
+                _OUT, _FORMAT,
             ),
         ),
         'mjcf': cli.Command(
@@ -126,7 +144,7 @@ def _parser() -> argparse.ArgumentParser:
             ),
         ),
         'pump': cli.Command(
-            _run, 'steady states of a wind pump by start speed and motor torque: PNG and JSON',
+            _run, 'steady states of a wind pump by start speed and motor torque: picture and JSON',
             ('', 'my_pump.yaml --speeds 1 4 --quick --out charts'),
             (
                 (('params',), None,
@@ -136,7 +154,7 @@ def _parser() -> argparse.ArgumentParser:
                 (('--speeds',),
                  Quantity('number', 'initial crank speed', 'rad/s', 1e-6, 1e6),
                  {'nargs': '+', 'default': [2.0, 6.0], 'metavar': 'W', 'note': ' (default 2 6)'}),
-                _OUT,
+                _OUT, _FORMAT,
             ),
             '%(prog)s [PARAMS] [options]',  # after --speeds, PARAMS would be parsed as a speed
         ),

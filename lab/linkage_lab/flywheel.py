@@ -14,8 +14,7 @@ same energy at its start and end. Without a motor, c keeps a given mean speed. W
 """
 
 import math
-from collections.abc import Callable
-from pathlib import Path
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,8 +22,8 @@ from matplotlib.axes import Axes
 from scipy.integrate import trapezoid
 from scipy.optimize import brentq
 
-from linkage_lab.output import chart, over
-from linkage_lab.period import Period, extent, mean
+from linkage_lab.output import NUMBERS, Pictures, chart, over
+from linkage_lab.period import Extent, Period, extent, mean
 from linkage_lab.sampling import derivative, integral, samples
 from linkage_ros import ConfigurationError, LinkageError, Mechanism, MechanismError, Solver
 from linkage_ros.extensions import Motor
@@ -220,12 +219,13 @@ def _start(crank: Array, fixed: Array, each: Array, inertia: Array, speed: float
 
 
 def size_flywheel(
-    period: Period, motor: Motor | None, fluctuation: float, name: str, picture: Path
+    period: Period, motor: Motor | None, fluctuation: float, name: str, files: Pictures
 ) -> list[str]:
     """Sizes a flywheel for a mechanism, plots its effect, and checks the motor, if any.
 
     `fluctuation` is the allowed difference between the largest and the smallest speed, relative to
-    the mean speed; `name` is the name of the parameter file. Returns the summary, line by line.
+    the mean speed; `name` is the name of the parameter file; `files` are the files of the picture.
+    Returns the summary, line by line.
     """
     crank, speed = Crank(period.solver.mechanism), period.speed
     added, energy = crank.inertia_for(fluctuation, speed), crank.energy(speed)
@@ -238,22 +238,38 @@ def size_flywheel(
         f'fluctuation {fluctuation:g}: add {added:.5g} kg m^2 to the crank (without: {without})',
         f'to first order: {energy:.4g} J between the extremes, {total:.5g} kg m^2 in total',
     ]
+    size, power = (extent(period.crank, period.columns[f'driving_{x}'].values)
+                   for x in ('torque', 'power'))  # fmt: skip
+    rows = [
+        ('mean speed', f'{_RPM * speed:.5g} rpm'),
+        ('fluctuation', f'{fluctuation:g}' + (f', {without} without' if bare else '')),
+        ('added to the crank', f'{added:.5g} kg m\u00b2'),
+        ('surplus of a turn', f'{energy:.4g} J'),
+        ('torque: peak, rms, mean', f'{_peak(size):.4g}, {size.rms:.4g}, {torque + 0.0:.4g} N m'),
+        ('power: peak, mean', f'{_peak(power):.4g}, {period.mean_power + 0.0:.4g} W'),
+    ]
     carried = None
     if motor:
         carried, words = _attempt(crank.cycle, speed, added, motor)
+        range_ = f'{_RPM * carried.speed:.4g} rpm, {carried.fluctuation:.4g}' if carried else words
+        rows += [('motor', str(motor).removeprefix('motor ')), ('with this motor', range_)]
         needed = f'and the cycle needs {torque:.4g} N m'
         lines += [
             f'{motor}: {motor.at(speed):.4g} N m at this speed, {needed}',
             f'with the flywheel: {words}',
             f'without: {_attempt(crank.cycle, speed, 0.0, motor)[1]}',
         ]
-    with chart(picture, 9.2 if motor else 6.4, '\n'.join([name, *lines])) as figure:
-        speeds, torques, *planes = figure.subplots(3 if motor else 2, 1)
+    with chart(files, 9.2 if motor else 7.0, f'{name}: flywheel') as figure:
+        heights = (0.16 * math.ceil(len(rows) / 2), *(2.2,) * (3 if motor else 2))
+        table, torques, speeds, *planes = figure.subplots(
+            len(heights), 1, gridspec_kw={'height_ratios': heights}
+        )
+        _write_table(table, rows)
         _draw_cycles(speeds, torques, period, bare, steady)
         if motor:
             _draw_plane(planes[0], motor, carried, steady)
         for axes in (speeds, torques, *planes):
-            axes.legend(loc='lower left', bbox_to_anchor=(0, 0.98), ncols=3)
+            axes.legend(loc='lower left', bbox_to_anchor=(0, 0.98), ncols=4)
     return lines
 
 
@@ -262,9 +278,13 @@ def _demand(period: Period, name: str, average: float) -> str:
     unit, values = period.columns[name]
     size = extent(period.crank, values)
     return (
-        f'{name.replace("_", " ")}: peak {max(-size.low, size.high) + 0.0:.4g} {unit}, '
+        f'{name.replace("_", " ")}: peak {_peak(size):.4g} {unit}, '
         f'rms {size.rms:.4g} {unit}, mean {average + 0.0:.4g} {unit}'
     )
+
+
+def _peak(size: Extent) -> float:
+    return max(-size.low, size.high) + 0.0
 
 
 def _attempt(compute: Callable[..., Cycle], *arguments: Any) -> tuple[Cycle | None, str]:
@@ -280,20 +300,42 @@ def _attempt(compute: Callable[..., Cycle], *arguments: Any) -> tuple[Cycle | No
 def _draw_cycles(
     speeds: Axes, torques: Axes, period: Period, bare: Cycle | None, steady: Cycle
 ) -> None:
-    """Plots the crank speed and the torque, with and without the flywheel."""
+    """Plots torque and crank speed; shades the energy that the flywheel stores and returns."""
+    degrees, way = np.degrees(period.crank), math.copysign(1.0, period.speed)
     taken = period.columns['driving_torque'].values
+    given = np.interp(period.crank, steady.crank, steady.torque)
+    surplus = way * (given - taken) > 0
+    for where, color, label in (
+        (surplus, FIRST, 'surplus, stored in the flywheel'),
+        (~surplus, SECOND, 'deficit, returned by it'),
+    ):
+        torques.fill_between(
+            degrees, taken, given, where, interpolate=True, color=fractions(color), alpha=0.45,
+            linewidth=0, label=label,
+        )  # fmt: skip
     curves = [
+        (torques, period.crank, taken, COLORS['crank'], 'needed at a constant speed'),
+        (torques, steady.crank, steady.torque, BLACK, 'mean torque of the drive'),
         (speeds, steady.crank, _RPM * steady.velocity, COLORS['crank'], 'with the flywheel'),
-        (torques, period.crank, taken, FIRST, 'driving torque at a constant speed'),
-        (torques, steady.crank, steady.torque, BLACK, 'mean torque, with the flywheel'),
     ]
     if bare:
-        curves.insert(0, (speeds, bare.crank, _RPM * bare.velocity, SECOND, 'without flywheel'))
+        curves.append((speeds, bare.crank, _RPM * bare.velocity, FIRST, 'without flywheel'))
     for axes, crank, values, color, label in curves:
         axes.plot(np.degrees(crank), values, color=fractions(color), label=label)
-    over(speeds, period.marks, 'Crank speed, rpm')
     over(torques, period.marks, 'Torque, N m')
-    torques.set_xlabel('Crank angle, deg')
+    over(speeds, period.marks, 'Crank speed, rpm')
+    speeds.set_xlabel('Crank angle, deg')
+
+
+def _write_table(axes: Axes, rows: Sequence[tuple[str, str]]) -> None:
+    """Writes names and values in two pairs of columns."""
+    axes.set_axis_off()
+    half = math.ceil(len(rows) / 2)
+    for i, (name, value) in enumerate(rows):
+        x, y = 0.52 * (i // half), 1 - (i % half + 0.5) / half
+        style: dict[str, Any] = {'va': 'center', 'fontsize': NUMBERS, 'transform': axes.transAxes}
+        axes.text(x, y, name, color='0.35', **style)
+        axes.text(x + 0.19, y, value, **style)
 
 
 def _draw_plane(axes: Axes, motor: Motor, carried: Cycle | None, steady: Cycle) -> None:

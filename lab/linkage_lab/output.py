@@ -2,19 +2,21 @@
 # SPDX-License-Identifier: Apache-2.0
 """Output of linkage_chart: folder, JSON and CSV files, charts in a common style, progress bars."""
 
+import argparse
 import csv
 import json
 import os
 import platform
 import re
+import urllib.parse
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from linkage_ros import ConfigurationError, __version__
+from linkage_ros import ConfigurationError, __version__, preset_names
 from linkage_ros.cli import progress_bar
 from linkage_ros.formulas import Array
 
@@ -27,6 +29,54 @@ STYLE: dict[Any, Any] = {
     'axes.grid': True, 'axes.axisbelow': True, 'grid.color': '0.88', 'grid.linewidth': 0.6,
     'legend.frameon': False, 'axes.formatter.useoffset': False,
 }  # fmt: skip
+FORMATS = 'png', 'svg', 'pdf'
+# Diagrams of `linkage_chart motion`.
+QUANTITIES = 'position', 'velocity', 'acceleration', 'torque', 'load', 'point'
+DEFAULT = 'position', 'torque', 'load'
+# Metadata with the source of a picture, by format; quoting leaves no special characters.
+_METADATA = {'.png': 'Source', '.svg': 'Source', '.pdf': 'Subject'}
+_SOURCE = re.compile(rb'linkage_ros:([\w.~/%-]+)')
+
+
+class Pictures(NamedTuple):
+    """The files of a picture.
+
+    Attributes:
+        paths: A path for each format.
+        source: Description of the parameter file or preset that it shows; empty if there is none.
+    """
+
+    paths: tuple[Path, ...]
+    source: str = ''
+
+
+def pictures(options: argparse.Namespace, stem: str, *sources: str) -> Pictures:
+    """Names the files of a picture.
+
+    Args:
+        options: Parsed command-line options with the folder and the formats.
+        stem: Name of the files, without the suffix.
+        *sources: Parameter files or presets that the picture shows.
+
+    Returns:
+        The files. The source of a parameter file is relative to the folder, so that both can be
+        moved.
+
+    Raises:
+        ConfigurationError: A file would replace the picture of another source.
+    """
+    presets = preset_names()
+    source = ', '.join(
+        f'preset {x}' if x in presets else os.path.relpath(x, options.out) for x in sources
+    )
+    paths = tuple(options.out / f'{stem}.{suffix}' for suffix in dict.fromkeys(options.format))
+    for path in paths:
+        found = _SOURCE.search(path.read_bytes()) if path.is_file() else None
+        if found and (other := urllib.parse.unquote(found[1].decode())) != source:
+            raise ConfigurationError(
+                f'{path} shows {other}: choose another folder with --out, or remove this file'
+            )
+    return Pictures(paths, source)
 
 
 @contextmanager
@@ -81,12 +131,12 @@ def save_csv(path: Path, head: Sequence[str], rows: Iterable[Iterable[object]]) 
 
 @contextmanager
 def chart(
-    path: Path, height: float, title: str = '', layout: Any = 'constrained'
+    pictures: Pictures, height: float, title: str = '', layout: Any = 'constrained'
 ) -> Iterator[Any]:
     """Creates a figure in the common style, and saves it at the end of the context.
 
     Args:
-        path: The PNG file, replaced if it exists.
+        pictures: The files, replaced if they exist.
         height: Height, inches.
         title: Title of the whole chart.
         layout: Layout engine of matplotlib.
@@ -105,7 +155,9 @@ def chart(
         figure = Figure(figsize=(WIDTH, height), dpi=DPI, layout=layout)
         figure.suptitle(title)
         yield figure
-        figure.savefig(path)
+        for path in pictures.paths:
+            source = f'linkage_ros:{urllib.parse.quote(pictures.source)}'
+            figure.savefig(path, metadata={_METADATA[path.suffix]: source})
 
 
 def over(axes: Any, marks: Array, label: str, parts: int = 8) -> None:

@@ -26,7 +26,14 @@ from scipy.integrate import cumulative_trapezoid, trapezoid
 from linkage_lab import chart_tool
 from linkage_lab.commands import movie
 from linkage_lab.commands.motion import DESIGN_COLORS
-from linkage_lab.period import extent, mean, settled_period, speed_driven_period
+from linkage_lab.output import QUANTITIES
+from linkage_lab.period import (
+    extent,
+    mean,
+    period_to_show,
+    settled_period,
+    speed_driven_period,
+)
 from linkage_lab.pump.analysis import settle
 from linkage_ros import (
     Body,
@@ -37,6 +44,7 @@ from linkage_ros import (
 )
 from linkage_ros.mechanism.travel import travel
 from linkage_ros.settings.configuration import load
+from linkage_ros.settings.presets import preset_names
 
 # A coupler point, a guide and a load curve run at a given speed; a wind pump runs at the speed at
 # which it settles.
@@ -75,9 +83,10 @@ def drawn(tmp_path_factory):
         pages, said = [], io.StringIO()
         with pytest.MonkeyPatch.context() as patch, redirect_stdout(said):
             patch.setattr(
-                Figure, 'savefig', lambda page, path, to=pages: to.append(page) or save(page, path)
-            )
-            words = ['motion', preset, *options, '--out', folder]
+                Figure, 'savefig',
+                lambda page, path, to=pages, **meta: to.append(page) or save(page, path, **meta),
+            )  # fmt: skip
+            words = ['motion', preset, *options, '--show', *QUANTITIES, '--out', folder]
             patch.setattr(sys, 'argv', ['linkage_chart', *map(str, words)])
             assert chart_tool.main() == 0
         *said, picture, written = said.getvalue().splitlines()
@@ -130,9 +139,61 @@ def test_peaks_are_written_next_to_the_curve(drawn, preset):
     columns = drawn[preset].columns
     found = extent(columns['crank_angle [rad]'], columns['driving_torque [N m]'])
     texts = [text.get_text().split() for text in drawn[preset].page.findobj(Text)]
-    (row,) = (text[1:] for text in texts if text[:1] == ['torque'])
+    (row,) = (text[3:] for text in texts if text[:3] == ['torque', 'N', 'm'])
     assert row[::2] == [f'{x:.4g}' for x in (found.low, found.high, found.rms)]
     assert row[1::2] == [f'{math.degrees(x):.1f}' for x in (found.low_at, found.high_at)]
+
+
+@pytest.mark.parametrize('preset', ALL)
+def test_picture_fits_a_page_and_its_axes_are_labelled(drawn, preset):
+    page, pixels = drawn[preset].page, drawn[preset].pixels
+    assert pixels.shape[0] <= 1800
+    _, *diagrams = page.axes
+    assert all(axes.get_ylabel() and axes.get_yticklabels() for axes in diagrams)
+    assert 'rad/s\N{SUPERSCRIPT TWO}' in ''.join(axes.get_ylabel() for axes in diagrams)
+    # All crank angles are below one another, and no quarter of the picture is empty.
+    assert len({axes.get_xlim() for axes in diagrams}) == 1
+    high, wide = pixels.shape[0] // 2, pixels.shape[1] // 2
+    for part in (pixels[:high, :wide], pixels[:high, wide:], pixels[high:, :wide]):
+        assert (part.min(axis=2) < 0.9).mean() > 0.01
+    boxes = [axes.get_tightbbox() for axes in diagrams]
+    assert not any(one.overlaps(other) for one, other in itertools.combinations(boxes, 2))
+
+
+def test_formats_hold_the_same_picture_and_no_file_of_another_source_is_replaced(
+    tmp_path, called, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    Path('wiper.yaml').write_text(CHANGE_POINT)
+    motion = 'motion', '--format', 'png,svg,pdf'
+    for _ in range(2):  # the second call replaces the files of the first
+        code, out, _ = called(chart_tool, *motion, 'wiper.yaml')
+        assert code == 0
+        assert out.splitlines()[-4:-1] == [f'wiper_motion.{x}' for x in ('png', 'svg', 'pdf')]
+    starts = [Path(f'wiper_motion.{x}').read_bytes()[:5] for x in ('png', 'svg', 'pdf')]
+    assert starts == [b'\x89PNG\r', b'<?xml', b'%PDF-']
+    before = Path('wiper_motion.csv').read_bytes()
+    for suffix in ('png', 'svg', 'pdf'):
+        assert_refused(
+            *called(chart_tool, 'motion', 'wiper', '--format', suffix),
+            f'wiper_motion.{suffix} shows wiper.yaml: choose another folder with --out',
+        )
+    assert Path('wiper_motion.csv').read_bytes() == before
+    Path('new').mkdir()
+    assert called(chart_tool, 'motion', 'wiper', '--out', 'new')[0] == 0
+
+
+@pytest.mark.parametrize('preset', preset_names())
+def test_names_in_a_movie_do_not_overlap(preset):
+    period, _ = period_to_show(preset, load(preset), None)
+    figure = Figure(figsize=(8.0, 4.2), dpi=90)
+    axes = figure.add_axes((0.02, 0.06, 0.5, 0.78))
+    samples = range(0, len(period.crank), 20)
+    picture = movie.LinkagePicture(axes, period, samples)
+    for sample in samples:
+        picture.move(sample)
+        boxes = [text.get_window_extent() for text in axes.texts]
+        assert not any(one.overlaps(other) for one, other in itertools.combinations(boxes, 2))
 
 
 @pytest.mark.parametrize('preset', ALL)
@@ -337,6 +398,8 @@ def test_several_mechanisms_are_drawn_side_by_side_with_one_table(tmp_path, call
         (['motion', 'wind_pump', '--acceleration', '1'], ': leave --acceleration out'),
         (['motion', 'wind_pump', '--rpm', '-5'], '--rpm = -5: must be above 0 rpm, because'),
         (['motion', 'wind_pump', '--rpm', '0'], '--rpm = 0: must be above 0 rpm, because'),
+        (['motion', 'wiper', '--format', 'jpg'], "--format: 'jpg': must be of png,svg,pdf"),
+        (['motion', 'wiper', '--show', 'x'], "--show: invalid choice: 'x' (choose from 'position"),
         (['motion', 'wiper', 'wiper'], 'wiper, wiper: give each file another name'),
         (
             ['motion', 'wiper', 'press', '--fluctuation', '0.1'],

@@ -13,7 +13,7 @@ from matplotlib.text import Text
 from scipy.integrate import solve_ivp
 from scipy.optimize import root
 
-from linkage_lab.output import DPI
+from linkage_lab.output import DPI, Pictures
 from linkage_lab.pump.analysis import STOPPED, STRETCHED, UNSETTLED, analyse, settle
 from linkage_lab.pump.averaged import averaged
 from linkage_lab.pump.chart import draw_pump, states_table
@@ -374,15 +374,17 @@ def test_the_record_has_every_number(analysis, motions):
 def test_a_pump_without_a_state_is_drawn_and_recorded(analysis, tmp_path):
     runs = [run._replace(state=None) for run in analysis.runs]
     none = analysis._replace(states=[], pieces=[], runs=runs, lost={UNSETTLED: 1.0})
-    draw_pump(none, 'no state', tmp_path / 'none.png', DPI / 4)
+    draw_pump(none, 'no state', Pictures((tmp_path / 'none.png',)), DPI / 4)
     record = json.loads(json.dumps(none.record(), allow_nan=False))
     assert (record['states'], record['runs'][0]['settles_at_state']) == ([], None)
 
 
 def test_the_picture_can_be_read_at_half_its_size(analysis, monkeypatch, tmp_path):
     pages, save = [], Figure.savefig
-    monkeypatch.setattr(Figure, 'savefig', lambda *page: pages.append(page) or save(*page))
-    draw_pump(analysis, 'wind_pump', tmp_path / 'pump.png', DPI)
+    monkeypatch.setattr(
+        Figure, 'savefig', lambda *page, **meta: pages.append(page) or save(*page, **meta)
+    )
+    draw_pump(analysis, 'wind_pump', Pictures((tmp_path / 'pump.png',)), DPI)
     ((figure, path),) = pages
     assert path.read_bytes().startswith(b'\x89PNG')
     pixels = 700 / figure.get_figwidth() / 72  # of a point

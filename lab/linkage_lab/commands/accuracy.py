@@ -15,7 +15,6 @@ import math
 import operator
 import textwrap
 from collections.abc import Iterable, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -38,7 +37,17 @@ from linkage_lab.methods.measure import (
 from linkage_lab.methods.motion_cases import ENERGY, MEAN, SLOWEST, TRAJECTORY, motions
 from linkage_lab.methods.registry import DEFAULT, INTEGRATORS, LIVE, METHODS, RECORDS
 from linkage_lab.methods.stages import QUANTITIES
-from linkage_lab.output import SMALL, TEXT, about, chart, folder, progress, save_records
+from linkage_lab.output import (
+    SMALL,
+    TEXT,
+    Pictures,
+    about,
+    chart,
+    folder,
+    pictures,
+    progress,
+    save_records,
+)
 from linkage_lab.reference.motions import InitialValueProblem
 from linkage_ros import Solver, load
 from linkage_ros.extensions import FollowDrive, FollowMotion, Motor, live_steps
@@ -125,24 +134,26 @@ def accuracy(options: argparse.Namespace) -> None:
         for point in solved:
             charts.setdefault(point['mechanism'], []).append(point)
         for name, points in {**charts, 'motions': moved}.items():
-            written.append(out / f'accuracy_{name.replace(" ", "_")}.png')
+            drawn = pictures(options, f'accuracy_{name.replace(" ", "_")}')
             title = f'Speed against accuracy: {name.replace("_", "-")}\n{on}'
-            draw_accuracy(points, title, written[-1])
-        written += (out / 'accuracy_follow.json', out / 'accuracy_follow.png')
+            draw_accuracy(points, title, drawn)
+            written += drawn.paths
+        drawn = pictures(options, 'accuracy_follow')
+        written += [out / 'accuracy_follow.json', *drawn.paths]
         errors, speeds = _measure_follow(quick=quick)
-        save_records(written[-2], errors)
+        save_records(out / 'accuracy_follow.json', errors)
         title = f'Torque error of a measured crank: quadrilateral, {speeds}, measured at 1 kHz'
-        draw_follow(errors, title, written[-1])
+        draw_follow(errors, title, drawn)
     print(*written, sep='\n')
 
 
-def draw_accuracy(points: Sequence[Point], title: str, path: Path) -> None:
+def draw_accuracy(points: Sequence[Point], title: str, files: Pictures) -> None:
     """Draws the chart of a linkage (a row per quantity) or of all motions (a row per motion).
 
     Args:
         points: Points of a linkage, or of all motions.
         title: Title of the picture.
-        path: The PNG file, replaced if it exists.
+        files: The files, replaced if they exist.
     """
     methods: Sequence[Method] = METHODS
     wide, columns = 2, [*itertools.product(QUANTITIES, (ONE, BATCH))]
@@ -155,7 +166,7 @@ def draw_accuracy(points: Sequence[Point], title: str, path: Path) -> None:
     mechanisms = dict.fromkeys(point['mechanism'] for point in points)
     names = [(name, *column) for name in mechanisms for column in columns]
     high = len(names) // wide
-    with chart(path, 2.6 + 2.2 * high, title) as figure:
+    with chart(files, 2.6 + 2.2 * high, title) as figure:
         rcParams['text.parse_math'] = True  # for the powers of ten of tick labels
         grid = figure.subplots(high, wide, sharey=True, sharex='col')
         for axes, panel in zip(grid.flat, names, strict=True):
@@ -278,16 +289,16 @@ def _measure_follow(*, quick: bool) -> tuple[list[dict[str, Any]], str]:
     return points, f'{rpm.min():.0f} to {rpm.max():.0f} rpm'
 
 
-def draw_follow(points: Sequence[dict[str, Any]], title: str, path: Path) -> None:
+def draw_follow(points: Sequence[dict[str, Any]], title: str, files: Pictures) -> None:
     """Plots the torque error of a measured crank against the bandwidth, for each encoder.
 
     Args:
         points: The points from `_measure_follow`.
         title: Title of the picture.
-        path: The PNG file, replaced if it exists.
+        files: The files, replaced if they exist.
     """
     default = FollowDrive().follow_bandwidth
-    with chart(path, 4.8, title) as figure:
+    with chart(files, 4.8, title) as figure:
         panels = figure.subplots(1, 2, sharey=True, sharex=True)
         for axes, velocity in zip(panels, (False, True), strict=True):
             _log_axes(axes, ylim=(1.0, 100.0), xlabel='follow_bandwidth, Hz')

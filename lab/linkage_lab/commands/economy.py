@@ -16,7 +16,17 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator, NullLocator
 
 from linkage_lab import torque_models
-from linkage_lab.output import NUMBERS, SMALL, TEXT, chart, folder, progress, save_records
+from linkage_lab.output import (
+    NUMBERS,
+    SMALL,
+    TEXT,
+    Pictures,
+    chart,
+    folder,
+    pictures,
+    progress,
+    save_records,
+)
 from linkage_lab.sampling import samples
 from linkage_lab.torque_models import STATIC, TorqueProgram
 from linkage_ros import ConfigurationError, Mechanism, MechanismError, Solver, load
@@ -42,6 +52,7 @@ _TIMED = 8  # one of this many angles is timed
 _FACTORS = 0.25, 0.5, 1.0, 2.0, 4.0  # default speeds, relative to the mechanism's own speed
 _SAMPLES = 2048  # evenly spaced torques: series are fitted to all, tables use a subset
 _LEAST = 1e-4  # smaller errors are not drawn
+_ROUNDING = 1e-12  # smaller errors are rounding errors
 _ROOM = 0.88  # width of a group of bars, relative to the distance between groups
 _OTHERS = {'gravity': DARK, STATIC: PURPLE, 'load': ORANGE, 'loads': ORANGE, 'friction': SKY}
 _HATCHES = {'': '', 'inertia': '', 'damping': 'xxx', 'stiffness': '...'}
@@ -84,13 +95,14 @@ def economy(options: argparse.Namespace) -> None:
             f'{options.params} at 0 rpm: the torque is compared over a turn of the crank, which '
             'needs a speed; choose speeds, such as --rpm 30 60'
         )
-    records, picture = (options.out / f'{name}_economy.{suffix}' for suffix in ('json', 'png'))
+    records = options.out / f'{name}_economy.json'
+    drawn = pictures(options, f'{name}_economy', options.params)
     with folder(options.out):
         savings = measured.measure(rpms, 20 if options.quick else 200)
         sentence = measured.sentence(own, options.tolerance, savings)
         save_records(records, savings)
-        _draw(savings, [*measured.terms], sentence, own, options.tolerance, picture)
-    print(f'{name}: {sentence}', records, picture, sep='\n')
+        _draw(savings, [*measured.terms], sentence, own, options.tolerance, drawn)
+    print(f'{name}: {sentence}', records, *drawn.paths, sep='\n')
 
 
 class Economy:
@@ -267,12 +279,12 @@ def _draw(
     sentence: str,
     rpm: float,
     tolerance: float,
-    path: Path,
+    files: Pictures,
 ) -> None:
     """Draws bars for each speed and, for one speed, the reduced models and a table of savings."""
     own, heights = [x for x in savings if x['rpm'] == rpm], (3.7, 2.4 + 0.17 * len(terms))
     words = textwrap.fill(f'{sentence[0].upper()}{sentence[1:]}.', 88)
-    with chart(path, sum(heights), words) as figure:
+    with chart(files, sum(heights), words) as figure:
         bars, reduced, table = figure.subplot_mosaic(
             [['bars', 'bars'], ['reduced', 'table']], width_ratios=(1, 1.1), height_ratios=heights
         ).values()
@@ -293,11 +305,16 @@ def _draw_bars(axes: Axes, savings: Sequence[Saving], terms: Sequence[str]) -> N
     width = _ROOM / len(terms)
     for i, name in enumerate(terms):
         places = np.arange(len(speeds)) + (i + 0.5) * width - _ROOM / 2
-        heights = [max(x['error'], _LEAST) for x in savings if x['left_out'] == name]
+        errors = [x['error'] for x in savings if x['left_out'] == name]
         group, _, part = name.partition('.')
         color = _OTHERS.get(group) or color_of(group)
+        for place, error in zip(places, errors, strict=True):
+            if error < _LEAST:  # too low to be drawn
+                words = '0' if error < _ROUNDING else f'{error:.0e}'
+                axes.text(place, 1.2 * _LEAST, words, ha='center', fontsize=NUMBERS,
+                          rotation=0 if words == '0' else 90)  # fmt: skip
         axes.bar(
-            places, heights, width, label=name, hatch=_HATCHES.get(part, '///'),
+            places, np.maximum(errors, _LEAST), width, label=name, hatch=_HATCHES.get(part, '///'),
             color=fractions(mixed(color, WHITE, 0.55) if part else color),
             edgecolor=fractions(mixed(color, BLACK, 0.4)),
         )  # fmt: skip
@@ -328,9 +345,11 @@ def _draw_reduced(axes: Axes, own: Sequence[Saving]) -> None:
         if group:
             points = zip(*group.values(), strict=True)
             axes.plot(*points, style, color=fractions(color), lw=0.9, ms=size, label=label)
+        side = -1 if kind == 'table' else 1  # nodes and harmonics may take the same time
         for name, point in group.items():
             axes.annotate(
-                ''.join(filter(str.isdigit, name)), point, xytext=(6, 1),
+                ''.join(filter(str.isdigit, name)), point, xytext=(6 * side, 1),
+                ha='left' if side > 0 else 'right',
                 textcoords='offset points', fontsize=NUMBERS, va='center',
             )  # fmt: skip
     axes.axvline(full, color=fractions(BLACK), linewidth=1.2, label='full model')
@@ -344,18 +363,22 @@ def _draw_reduced(axes: Axes, own: Sequence[Saving]) -> None:
 
 
 def _write_table(axes: Axes, own: Sequence[Saving], terms: Sequence[str]) -> None:
-    """Lists the costs of the full model, and the savings of each simpler model."""
-    full = {'left_out': _FULL, 'error': 0.0} | {x: own[0][f'full_{x}'] for x in _COSTS}
-    line = '{name:17}{error:>8.3g}{operations:>8d}{microseconds:>8.2f}{parameters:>8d}'
+    """Lists the costs of the full model and of each simpler model."""
+    full = {'left_out': _FULL, 'error': 0.0} | dict.fromkeys(_COSTS, 0)
+    line = '{name:17}{error:>8.3g}{operations:>8d}{microseconds:>8.1f}{parameters:>8d}'
     words, *costs = (
-        line.format(name=x['left_out'].removeprefix('coupler as '), **x)
+        line.format(
+            name=x['left_out'].removeprefix('coupler as '),
+            error=0.0 if x['error'] < _ROUNDING else x['error'],
+            **{word: own[0][f'full_{word}'] - x[word] for word in _COSTS},
+        )
         for x in (full, *own) if x['left_out'] in (_FULL, *terms, POINT_MASSES)
     )  # fmt: skip
     at = f'at {own[0]["rpm"]:g} rpm'
     lines = [
         f'{"":17}{"":>8}{"oper-":>8}{"micro-":>8}{"para-":>8}',
         f'{at:17}{"error":>8}{"ations":>8}{"seconds":>8}{"meters":>8}',
-        words, 'saved by leaving out', *costs,
+        words, 'without', *costs,
     ]  # fmt: skip
     axes.set_axis_off()
     axes.text(

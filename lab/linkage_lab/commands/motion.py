@@ -4,41 +4,64 @@
 
 import argparse
 import cmath
+import itertools
 import math
 import re
 import textwrap
-from collections.abc import Iterator, Mapping, Sequence
-from itertools import cycle
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from linkage_lab.commands.movie import LinkagePicture
+from linkage_lab.commands.movie import WIDE, LinkagePicture, proportion
 from linkage_lab.flywheel import size_flywheel
-from linkage_lab.output import NUMBERS, TEXT, WIDTH, chart, folder, over, save_csv
+from linkage_lab.output import (
+    NUMBERS,
+    QUANTITIES,
+    TEXT,
+    WIDTH,
+    Pictures,
+    chart,
+    folder,
+    over,
+    pictures,
+    save_csv,
+)
 from linkage_lab.period import OVER_CRANK, Period, extent, period_to_show
 from linkage_ros import ConfigurationError, load, palette
 from linkage_ros.formulas import Array
 from linkage_ros.palette import BLACK, COLORS, DARK, Color, color_of, fractions
 
-# Inches. Heights: linkage, diagram, gap for tick labels below a diagram, bottom margin. Widths:
-# margin left of the diagrams, text right of them.
-_LINKAGE, _ROW, _GAP, _FOOT = 2.8, 1.35, 0.5, 0.1
-_LEFT, _TEXT = 0.8, 4.86
+# Inches. Heights: picture, at most; linkage; linkage above the text; diagram, at most; gap between
+# diagrams; bottom margin; line of text; row of the table.
+_TALLEST, _LINKAGE, _ABOVE, _ROW, _GAP, _FOOT, _LINE, _ROWS = (
+    12.8,
+    2.9,
+    2.2,
+    1.5,
+    0.14,
+    0.5,
+    0.17,
+    0.172,
+)
+# Widths: margin left of the diagrams, linkage beside the text, table.
+_MARGIN, _LEFT_OF_TEXT, _TABLE = 0.95, 4.3, 5.4
+_SINGLE = 6  # most diagrams in one column
 _DRAWN_AT = 45.0  # crank angle of the drawing, deg, at which links rarely overlap
 _TITLES = {
-    'deg': 'Direction', 'rad/s': 'Rate', 'rad/s^2': 'Accel.', 'N m': 'Driving torque',
-    'm': 'Slider position', 'm/s': 'Slider velocity', 'm/s^2': 'Slider accel.',
+    'deg': 'Direction', 'rad/s': 'Rate', 'rad/s\u00b2': 'Acceleration', 'N m': 'Driving torque',
+    'm': 'Slider', 'm/s': 'Slider', 'm/s\u00b2': 'Slider',
 }  # fmt: skip
 _DASHES = ('-', (0, (6, 3)), (0, (3, 3)), (0, (1, 2)))
 # A pin's force has the colour of the link on which it acts; the force at B0 has the colour of the
 # ground. Shaking force, shaking moment and guide force have colours of their own.
 _FORCES: dict[str, Color] = {
     'A0': COLORS['crank'], 'A': COLORS['coupler'], 'B': COLORS['rocker'], 'B0': DARK,
-    'guide': BLACK, 'x': BLACK, 'y': DARK, 'moment': BLACK, 'torque': COLORS['crank'],
+    'guide': BLACK, 'force.x': BLACK, 'force.y': DARK, 'moment': BLACK, 'power': BLACK,
+    'torque': COLORS['crank'], 'C.x': COLORS['coupler'], 'C.y': DARK,
 }  # fmt: skip
 # Colours of the designs, in order.
 DESIGN_COLORS = (
@@ -57,8 +80,11 @@ class _Curve(NamedTuple):
     values: Array
 
 
-# A diagram: the title, with quantity and unit; the curves; lines of text below the legend.
-_Panel: TypeAlias = tuple[str, Sequence[_Curve], Sequence[str]]
+class _Panel(NamedTuple):
+    """A diagram: its title, with quantity and unit, and its curves."""
+
+    title: str
+    curves: Sequence[_Curve]
 
 
 def motion(options: argparse.Namespace) -> None:
@@ -89,7 +115,7 @@ def motion(options: argparse.Namespace) -> None:
             'separately, or give --rpm'
         )
     stem = 'comparison' if len(names) > 1 else f'{names[0]}_motion'
-    picture, table = (options.out / f'{stem}.{suffix}' for suffix in ('png', 'csv'))
+    drawn, table = pictures(options, stem, *options.params), options.out / f'{stem}.csv'
     with folder(options.out):
         if len(names) > 1:
             lines, notes = _compare(periods, table), []
@@ -99,14 +125,15 @@ def motion(options: argparse.Namespace) -> None:
             save_csv(table, head, zip(*columns, strict=True))
             lines = [', '.join(title)]
             angle = math.degrees(period.crank[_drawn(period)])
-            notes = [*title[1:], f'drawn at crank angle {angle:.4g} deg']
+            notes = [*title[1:], f'mean power {period.mean_power:.4g} W',
+                     f'drawn at crank angle {angle:.4g} deg']  # fmt: skip
         if options.fluctuation is not None:
             motor = getattr(designs[0].drive, 'motor', None)
-            flywheel = options.out / f'{names[0]}_flywheel.png'
+            flywheel = pictures(options, f'{names[0]}_flywheel', *options.params)
             lines += size_flywheel(period, motor, options.fluctuation, names[0], flywheel)
-            lines.append(str(flywheel))
-        _draw_motion(periods, notes, picture)
-    print(*lines, picture, table, sep='\n')
+            lines += map(str, flywheel.paths)
+        _draw_motion(periods, notes, options.show, drawn)
+    print(*lines, *drawn.paths, table, sep='\n')
 
 
 def _names(options: argparse.Namespace) -> list[str]:
@@ -164,41 +191,79 @@ def _measures(period: Period) -> dict[str, float | None]:
     }
 
 
-def _draw_motion(periods: Mapping[str, Period], lines: Sequence[str], path: Path) -> None:
-    """Draws position, rate, acceleration, torque and, if present, reactions over a period.
+def _draw_motion(
+    periods: Mapping[str, Period], lines: Sequence[str], show: Collection[str], files: Pictures
+) -> None:
+    """Draws the mechanisms, a table of extreme values, and diagrams over a period.
 
     For several mechanisms, shared diagrams show the motion of the output links and the torques.
 
     Args:
         periods: Periods by mechanism name; at most as many as `DESIGN_COLORS`.
         lines: Description of the mechanism; empty for several mechanisms.
-        path: The PNG file, replaced if it exists.
+        show: Quantities to draw, of `QUANTITIES`.
+        files: The files, replaced if they exist.
     """
     first, *others = periods.values()
-    panels = [*(_compared(periods) if others else _panels(first))]
-    height = _LINKAGE + (_ROW + _GAP) * len(panels) + _FOOT
-    cells = max(2, len(periods))
-    with chart(path, height, layout=None) as figure:
+    panels = [*(_compared(periods, show) if others else _panels(first, show))]
+    curves = [curve for panel in panels for curve in panel.curves]
+    extra = [] if others else [_curve(first, 'driving_power', 'power')]
+    # The linkage is beside the text, or above it if it is wide or if there are several.
+    above = bool(others) or proportion(first) > WIDE
+    notes = '\n'.join(_wrapped(line, 44 if above else 60) for line in lines)
+    said = 1.25 * _LINE * (notes.count('\n') + 1) + 0.1 if notes else 0.0
+    written = _ROWS * (len(curves) + len(extra) + 2)
+    beside = max(said, written) if above else said + written
+    linkage = (_ABOVE if not others else _LINKAGE) if above else max(_LINKAGE, beside)
+    top = linkage + beside * above
+    columns = 1 if len(panels) <= _SINGLE else 2
+    rows = math.ceil(len(panels) / columns)
+    row = min(_ROW, (_TALLEST - top - _FOOT) / rows - _GAP)
+    height = top + rows * (row + _GAP) + _FOOT
+    with chart(files, height, layout=None) as figure:
+        share = 1 / len(periods) if above else _LEFT_OF_TEXT / WIDTH
         for i, (name, period) in enumerate(periods.items()):
-            bottom, color = 1 - (_LINKAGE - 0.2) / height, DESIGN_COLORS[i] if others else BLACK
-            axes = figure.add_axes(((i + 0.1) / cells, bottom, 0.8 / cells, 2.0 / height))
+            color = DESIGN_COLORS[i] if others else BLACK
+            axes = figure.add_axes((
+                (i + 0.03) * share, 1 - (linkage - 0.05) / height, 0.94 * share,
+                (linkage - 0.5) / height,
+            ))  # fmt: skip
             LinkagePicture(axes, period, [_drawn(period)])
-            axes.set_title(
-                textwrap.shorten(name, 40), pad=16, color=fractions(color), weight='bold',
-                fontsize=TEXT,
+            figure.text(
+                (i + 0.5) * share, 1 - 0.12 / height, textwrap.shorten(name, 40), va='top',
+                ha='center', color=fractions(color), weight='bold', fontsize=TEXT,
             )  # fmt: skip
-        text, place = (
-            '\n'.join(map(_wrapped, lines)),
-            (1 - (_TEXT - 0.15) / WIDTH, 1 - 0.3 / height),
-        )
-        figure.text(*place, text, fontsize=TEXT, va='top', linespacing=1.45)
-        grid = figure.add_gridspec(
-            len(panels), 1, hspace=_GAP / _ROW, left=_LEFT / WIDTH, right=1 - _TEXT / WIDTH,
-            top=1 - _LINKAGE / height, bottom=(_GAP + _FOOT) / height,
+        y = linkage if above else 0.15
+        figure.text(
+            (_MARGIN if above else _LEFT_OF_TEXT + 0.1) / WIDTH, 1 - y / height, notes,
+            fontsize=TEXT, va='top', linespacing=1.3,
         )  # fmt: skip
-        for axes, panel in zip(grid.subplots(squeeze=False).flat, panels, strict=True):
-            _draw(axes, *panel)
-        axes.set_xlabel(f'{first.across.name}, {first.across.unit}', labelpad=1)
+        left = WIDTH - _TABLE if not others else 0.5 * (WIDTH - _TABLE)
+        grid = figure.add_gridspec(
+            rows, columns, hspace=_GAP / row, wspace=0.27, left=_MARGIN / WIDTH,
+            right=1 - 0.2 / WIDTH, top=1 - (top + _GAP) / height, bottom=_FOOT / height,
+        )  # fmt: skip
+        handles: list[Line2D] = []
+        subplots = grid.subplots(squeeze=False, sharex=True)
+        for axes, panel in itertools.zip_longest(subplots.T.flat, panels):
+            if panel is None:
+                axes.remove()
+            else:
+                handles += _draw(axes, panel)
+        for axes in (*subplots[-1], subplots.T.flat[len(panels) - 1]):  # the last of each column
+            axes.tick_params(labelbottom=True)
+            axes.set_xlabel(f'{first.across.name}, {first.across.unit}', labelpad=1)
+        figure.align_ylabels()
+        blank = Line2D([], [], linestyle='none')
+        at = f'at {first.across.unit}'
+        heading = f'{"":<14}{"":<7}{"min":>10}{at:>7}{"max":>10}{at:>7}{"rms":>10}'
+        figure.legend(
+            [blank, *handles, *(blank for _ in extra)],
+            [heading, *map(_extent, [*curves, *extra])],
+            loc='upper left', bbox_to_anchor=(left / WIDTH, 1 - (y + said * (not above)) / height),
+            prop={'family': 'monospace', 'size': NUMBERS}, labelspacing=0.35, borderpad=0.0,
+            borderaxespad=0.0, handletextpad=0.5, handlelength=2.4,
+        )  # fmt: skip
 
 
 def _drawn(period: Period) -> int:
@@ -207,41 +272,51 @@ def _drawn(period: Period) -> int:
     return int(np.abs(apart).argmin())
 
 
-def _wrapped(text: str) -> str:
-    """Wraps the text next to the linkage; keeps numbers and units together."""
+def _wrapped(text: str, width: int) -> str:
+    """Wraps text; keeps numbers and units together."""
     bound = re.sub(r'(?<=\d) (?=[a-zA-Z])', '\N{NO-BREAK SPACE}', text)
-    return textwrap.fill(bound, 48).replace('\N{NO-BREAK SPACE}', ' ')
+    return textwrap.fill(bound, width).replace('\N{NO-BREAK SPACE}', ' ')
 
 
-def _panels(period: Period) -> Iterator[_Panel]:
+def _panels(period: Period, show: Collection[str]) -> Iterator[_Panel]:
     """Yields the diagrams of one mechanism."""
     columns, links = period.columns, period.solver.links
     even = not np.ptp(columns['crank.velocity'].values)
-    for quantity in ('position', 'velocity', 'acceleration'):
-        is_known = period.across is OVER_CRANK and (even or quantity == 'position')
-        shown = links[1:] if is_known else links
-        yield from _by_unit([_curve(period, f'{link}.{quantity}', link) for link in shown])
-    power = _extent(_curve(period, 'driving_power', 'power, W'))
-    words = power, f'mean power {period.mean_power:.4g} W', ''
-    yield 'Driving torque, N m', [_curve(period, 'driving_torque', 'torque')], words
-    loads = [name for name in columns if name.endswith('.load')]
-    yield from _by_unit([_curve(period, name, name.split('.')[0]) for name in loads], 'Load')
+    for quantity in QUANTITIES:
+        if quantity not in show:
+            continue
+        if quantity == 'torque':
+            yield _Panel('Driving torque, N m', [_curve(period, 'driving_torque', 'torque')])
+        elif quantity == 'load':
+            loads = [name for name in columns if name.endswith('.load')]
+            yield from _by_unit([_curve(period, x, x.replace('.', ' ')) for x in loads], 'Load')
+        elif quantity == 'point':
+            point = [name for name in columns if name.startswith('coupler_point.position')]
+            yield from _by_unit([_curve(period, x, f'C.{x[-1]}') for x in point], 'Coupler point')
+        else:
+            is_known = period.across is OVER_CRANK and (even or quantity == 'position')
+            shown = links[1:] if is_known else links
+            yield from _by_unit([_curve(period, f'{link}.{quantity}', link) for link in shown])
     if 'shaking_moment' in columns:
         pins = dict.fromkeys(name[4:-2] for name in columns if name.startswith('pin_'))
         forces = [_curve(period, f'pin_{pin}.x', pin, f'pin_{pin}.y') for pin in pins]
         forces += [_curve(period, name, 'guide') for name in columns if name == 'guide_force']
-        yield 'Joint forces, N', forces, ()
-        yield 'Shaking force, N', [_curve(period, f'shaking_force.{x}', x) for x in 'xy'], ()
-        yield 'Shaking moment, N m', [_curve(period, 'shaking_moment', 'moment')], ()
+        yield _Panel('Joint forces, N', forces)
+        yield _Panel(
+            'Shaking force, N', [_curve(period, f'shaking_force.{x}', f'force.{x}') for x in 'xy']
+        )
+        yield _Panel('Shaking moment, N m', [_curve(period, 'shaking_moment', 'moment')])
 
 
-def _compared(periods: Mapping[str, Period]) -> Iterator[_Panel]:
+def _compared(periods: Mapping[str, Period], show: Collection[str]) -> Iterator[_Panel]:
     """Yields the shared diagrams of several mechanisms: motion of the outputs, and torques."""
-    for quantity in ('{}.position', '{}.acceleration', 'driving_torque'):
-        yield from _by_unit([
-            _curve(period, quantity.format(period.solver.links[-1]), name)._replace(color=color)
-            for (name, period), color in zip(periods.items(), DESIGN_COLORS, strict=False)
-        ])  # fmt: skip
+    for quantity in QUANTITIES:
+        column = {'torque': 'driving_torque'}.get(quantity, f'{{}}.{quantity}')
+        if quantity in show and quantity not in {'load', 'point'}:
+            yield from _by_unit([
+                _curve(period, column.format(period.solver.links[-1]), name)._replace(color=color)
+                for (name, period), color in zip(periods.items(), DESIGN_COLORS, strict=False)
+            ])  # fmt: skip
 
 
 def _curve(period: Period, column: str, name: str, across: str = '') -> _Curve:
@@ -251,42 +326,37 @@ def _curve(period: Period, column: str, name: str, across: str = '') -> _Curve:
         values = np.hypot(values, period.columns[across].values)
     if unit == 'rad':
         unit, values = 'deg', np.degrees(values)
+    unit = unit.replace('^2', '\N{SUPERSCRIPT TWO}')
     values = np.round(values, 12) + 0.0  # hides rounding errors of constant values
-    return _Curve(name, _FORCES.get(name) or color_of(name), unit, period, values)
+    return _Curve(name, _FORCES.get(name) or color_of(name.split()[0]), unit, period, values)
 
 
 def _by_unit(curves: Sequence[_Curve], title: str = '') -> Iterator[_Panel]:
     """Groups curves into one diagram per unit."""
     for unit in dict.fromkeys(curve.unit for curve in curves):
         group = [curve for curve in curves if curve.unit == unit]
-        yield f'{title or _TITLES[unit]}, {unit}', group, ()
+        yield _Panel(f'{title or _TITLES[unit]}, {unit}', group)
 
 
-def _draw(axes: Axes, title: str, curves: Sequence[_Curve], words: Sequence[str]) -> None:
-    """Draws the curves; writes their peaks, the angles of the peaks, and rms next to them."""
-    unit, at = curves[0].unit, f'at {curves[0].period.across.unit}'
-    heading = f'{unit:<13}{"min":>11}{at:>7}{"max":>11}{at:>7}{"rms":>10}'
-    lines = [Line2D([], [], color='0.4', linestyle='none')]
-    # Force curves may coincide: dashes let the curve below show through.
-    dashes = cycle(_DASHES if unit == 'N' else _DASHES[:1])
-    for curve, dash in zip(curves, dashes, strict=False):
+def _draw(axes: Axes, panel: _Panel) -> list[Line2D]:
+    """Draws the curves of a diagram; returns their lines."""
+    # Curves of forces may coincide: dashes let the curve below show through.
+    dashes = itertools.cycle(_DASHES if panel.curves[0].unit == 'N' else _DASHES[:1])
+    lines: list[Line2D] = []
+    for curve, dash in zip(panel.curves, dashes, strict=False):
         marks, color = curve.period.marks, fractions(curve.color)
         lines += axes.plot(marks, curve.values, linestyle=dash, color=color, linewidth=1.6)
-    lines += [Line2D([], [], color='0.1', linestyle='none')] * len(words)
-    axes.legend(
-        lines, [heading, *map(_extent, curves), *words], loc='upper left',
-        bbox_to_anchor=(1.0, 1.1), labelcolor='linecolor',
-        prop={'family': 'monospace', 'size': NUMBERS},
-        labelspacing=0.35, borderaxespad=1.2, borderpad=0.0, handletextpad=0.5,
-    )  # fmt: skip
-    over(axes, max((curve.period.marks for curve in curves), key=np.max), title, 4)
+    label = textwrap.fill(panel.title, 14)  # not higher than a low diagram
+    over(axes, max((curve.period.marks for curve in panel.curves), key=np.max), label, 4)
+    return lines
 
 
 def _extent(curve: _Curve) -> str:
+    """Describes a curve by its extreme values, their crank angles, and rms."""
     low, low_at, high, high_at, rms = extent(curve.period.x, curve.values)
     across = curve.period.across
     digits = f'>7.{1 if across.unit == "deg" else 3}f'
     return (
-        f'{curve.name:<13.13}{low:>11.4g}{across.scale * low_at:{digits}}'
-        f'{high:>11.4g}{across.scale * high_at:{digits}}{rms:>10.4g}'
+        f'{curve.name:<14.13}{curve.unit:<7}{low:>10.4g}{across.scale * low_at:{digits}}'
+        f'{high:>10.4g}{across.scale * high_at:{digits}}{rms:>10.4g}'
     )

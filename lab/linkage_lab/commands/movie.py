@@ -15,6 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
+from matplotlib.transforms import Bbox
 
 from linkage_lab.movie_page import movie_page
 from linkage_lab.output import SMALL, STYLE, TEXT, folder, over, progress
@@ -26,12 +27,31 @@ from linkage_ros.palette import COLORS, DARK, GREY, Color, color_of, fractions
 
 _SECONDS = 3.0  # duration of a crank turn in the movie
 _RATE = 20  # frames per second
-_SIZE, _DPI = (8.0, 4.2), 90  # inches, and pixels per inch
+# Inches, of a film with linkage and torque side by side, and one below the other; pixels per inch.
+_SIZE, _HIGH, _DPI = (8.0, 4.2), (8.0, 5.4), 90
 _PACES = 4  # slower, and faster, playing speeds on a page
+WIDE = 2.2  # a drawing with this ratio of width to height is above text or diagrams
+# A name's distances from its pin, points, and its directions relative to the preferred one, deg;
+# radius of a pin, points.
+_DISTANCES, _TURNS, _PIN = (16.0, 26.0, 36.0), (0, 40, -40, 80, -80, 120, -120, 180), 2.5
 _WRITERS: dict[str, Any] = {'.gif': PillowWriter, '.mp4': FFMpegWriter}
 _NAME: dict[str, Any] = {
     'textcoords': 'offset points', 'fontsize': SMALL, 'va': 'center', 'annotation_clip': False,
 }  # fmt: skip
+
+
+def proportion(period: Period) -> float:
+    """Computes the ratio of width to height of the drawing of a mechanism."""
+    drawing = Drawing(period.solver.mechanism, float(period.crank[0]))
+    points = np.concatenate([*drawing.ground, _tracks(period, drawing).reshape(-1, 2)])
+    width, height = np.ptp(points, axis=0)
+    return float(width / height)
+
+
+def _tracks(period: Period, drawing: Drawing) -> Array:
+    """Returns the positions of the moving points over a period, shape (n, pins, 2), m."""
+    columns = [period.columns[f'{joint}.position'].values for joint in drawing.joints]
+    return drawing.place(np.stack(columns, axis=-1))
 
 
 class LinkagePicture:
@@ -51,12 +71,12 @@ class LinkagePicture:
         """
         self.period, self._axes = period, axes
         self._drawing = drawing = Drawing(period.solver.mechanism, float(period.crank[0]))
-        columns = [period.columns[f'{joint}.position'].values for joint in drawing.joints]
-        self._tracks = drawing.place(np.stack(columns, axis=-1))
+        self._tracks = _tracks(period, drawing)
         for line in drawing.ground:
             self._plot(line, GREY, linewidth=0.9)
         for pin, owner in drawing.owners.items():
-            self._plot(self._tracks[:, drawing.pins.index(pin)], color_of(owner), linewidth=0.8)
+            path = self._tracks[:, drawing.pins.index(pin)]
+            self._plot(path, color_of(owner), linewidth=1.3 if pin == 'C' else 0.8)
         shown = self._tracks[list(samples)]
         self._links = {
             link: self._plot(lines.reshape(-1, 2), color_of(link), linewidth=2.6)
@@ -69,7 +89,8 @@ class LinkagePicture:
         low, high = axes.dataLim.get_points()
         scale = drawing.scale - drawing.scale.min(axis=0) + low - (0.0, 0.06 * (high - low).max())
         self._plot(scale, GREY, linewidth=0.9)
-        axes.annotate(f'{drawing.scale_length:g} m', tuple(scale[2]), xytext=(5, 0), **_NAME)
+        length = f'{drawing.scale_length:g} m'
+        unit = axes.annotate(length, tuple(scale[2]), xytext=(5, 0), **_NAME)
         halo = withStroke(linewidth=2.5, foreground='white')  # names may lie on paths
         self._names = [
             axes.annotate(name, (0, 0), xytext=(0, 0), ha='center', path_effects=[halo], **_NAME)
@@ -78,6 +99,10 @@ class LinkagePicture:
         axes.set_aspect('equal')
         axes.margins(0.08)
         axes.set_axis_off()
+        axes.apply_aspect()
+        self._points = 72 / axes.figure.dpi  # per pixel
+        corners = [text.get_window_extent().get_points() for text in (unit, *self._names)]
+        self._unit, *self._sizes = (Bbox(self._points * corner) for corner in corners)
         self.move(samples[0])
 
     def move(self, sample: int) -> None:
@@ -88,9 +113,37 @@ class LinkagePicture:
         pins = np.array([*drawing.pivots, *now[0]])
         self._pins.set_data(*pins.T)
         ways = np.array([*self._asides, *(drawing.labels(now)[0] - now[0])])
-        for name, pin, way in zip(self._names, pins, ways, strict=True):
+        at = self._points * self._axes.transData.transform(pins)
+        for name, pin, place in zip(self._names, pins, self._apart(at, ways), strict=True):
             name.xy = tuple(pin)
-            name.set_position(16.0 * way / np.linalg.norm(way))  # points from the pin
+            name.set_position(place)
+
+    def _apart(self, pins: Array, ways: Array) -> list[tuple[float, float]]:
+        """Places the names of pins so that they do not overlap each other or another pin.
+
+        Args:
+            pins: Positions of the pins, shape (n, 2), points.
+            ways: Preferred direction of each name from its pin, of the same shape.
+
+        Returns:
+            Positions of the names relative to their pins, points.
+        """
+        taken, found = [self._unit], list[tuple[float, float]]()
+        taken += [Bbox([pin - _PIN, pin + _PIN]) for pin in pins]
+        for pin, way, size in zip(pins, ways, self._sizes, strict=True):
+            half = 0.5 * np.array([size.width, size.height]) + 1.0
+            turns = np.exp(1j * np.radians(_TURNS)) * complex(*way) / math.hypot(*way)
+            places = [distance * turn for distance in _DISTANCES for turn in turns]
+
+            def box(place: complex, pin: Array = pin, half: Array = half) -> Bbox:
+                middle = np.add(pin, (place.real, place.imag))
+                return Bbox([middle - half, middle + half])
+
+            # The first of the places with the fewest overlaps.
+            best = min(places, key=lambda place: box(place).count_overlaps(taken))
+            taken.append(box(best))
+            found.append((best.real, best.imag))
+        return found
 
     def _plot(self, points: Array, color: Color, **style: Any) -> Line2D:
         style |= {'color': fractions(color), 'solid_capstyle': 'round'}
@@ -148,11 +201,14 @@ def _film(period: Period, name: str, words: str, writer: Any, path: Path) -> Non
     samples = _frames(period)
     marks, torque = period.marks, period.columns['driving_torque'].values
     with rc_context(STYLE):
-        figure = Figure(figsize=_SIZE, dpi=_DPI)
-        figure.text(0.02, 0.94, name, weight='bold', fontsize=TEXT)
-        figure.text(0.02, 0.885, words)
-        picture = LinkagePicture(figure.add_axes((0.02, 0.06, 0.5, 0.78)), period, samples)
-        axes = figure.add_axes((0.62, 0.16, 0.35, 0.66))
+        size, places = _SIZE, ((0.02, 0.06, 0.5, 0.78), (0.62, 0.16, 0.35, 0.66))
+        if proportion(period) > WIDE:
+            size, places = _HIGH, ((0.04, 0.47, 0.92, 0.4), (0.1, 0.11, 0.87, 0.32))
+        figure = Figure(figsize=size, dpi=_DPI)
+        figure.text(0.02, 1 - 0.25 / size[1], name, weight='bold', fontsize=TEXT)
+        figure.text(0.02, 1 - 0.48 / size[1], words)
+        linkage, axes = map(figure.add_axes, places)
+        picture = LinkagePicture(linkage, period, samples)
         axes.plot(marks, torque, color='0.8', linewidth=1.2)
         (drawn,) = axes.plot([], [], color=fractions(COLORS['crank']), linewidth=1.8)
         (dot,) = axes.plot([], [], 'o', color=fractions(DARK), markersize=5)

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any, cast
 
-from linkage_lab.output import DPI, folder, progress, save_records
+from linkage_lab.output import DPI, folder, pictures, progress, save_records
 from linkage_lab.pump.analysis import analyse
 from linkage_ros import ConfigurationError, WindPump, load
 
@@ -25,7 +25,8 @@ def pump(options: argparse.Namespace) -> None:
     if not isinstance(mechanism, WindPump):
         raise ConfigurationError(f'{options.params} is not a wind_pump: try the preset wind_pump')
     name, motor = Path(options.params).stem, drive.motor
-    records, picture = (options.out / f'{name}_settled.{end}' for end in ('json', 'png'))
+    records = options.out / f'{name}_settled.json'
+    drawn = pictures(options, f'{name}_settled', options.params)
     with folder(options.out):
         found = analyse(
             mechanism, motor.torque, motor.damping, speeds=options.speeds, progress=progress
@@ -34,5 +35,5 @@ def pump(options: argparse.Namespace) -> None:
 
         save_records(records, [found.record()])
         title = f'{name}: {motor}'
-        draw_pump(found, title, picture, DPI / 2 if options.quick else DPI)
-    print(records, *states_table(found), picture, sep='\n')
+        draw_pump(found, title, drawn, DPI / 2 if options.quick else DPI)
+    print(records, *states_table(found), *drawn.paths, sep='\n')

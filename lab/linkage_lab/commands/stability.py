@@ -5,7 +5,6 @@
 import argparse
 import textwrap
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,8 +17,10 @@ from linkage_lab.output import (
     NUMBERS,
     SMALL,
     WIDTH,
+    Pictures,
     chart,
     folder,
+    pictures,
     save_records,
 )
 from linkage_ros.palette import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, WHITE, fractions, mixed
@@ -67,7 +68,7 @@ def stability(options: argparse.Namespace) -> None:
     Raises:
         ConfigurationError: The folder cannot be written.
     """
-    records, picture = options.out / 'stability.json', options.out / 'stability.png'
+    records, drawn = options.out / 'stability.json', pictures(options, 'stability')
     with folder(options.out):
         cases = 2 if options.quick else 30
         cells = [
@@ -79,24 +80,24 @@ def stability(options: argparse.Namespace) -> None:
             'Outcome of each method in each situation\n'
             f'worst outcome of {cases} cases, or of a few motions, and largest relative error'
         )
-        draw_stability(cells, title, picture)
-    print(records, picture, sep='\n')
+        draw_stability(cells, title, drawn)
+    print(records, *drawn.paths, sep='\n')
 
 
-def draw_stability(cells: Sequence[dict[str, Any]], title: str, path: Path) -> None:
+def draw_stability(cells: Sequence[dict[str, Any]], title: str, files: Pictures) -> None:
     """Draws all grids, one below the other.
 
     Args:
         cells: Cells of all grids.
         title: Title of the picture.
-        path: The PNG file, replaced if it exists.
+        files: The files, replaced if they exist.
 
     Raises:
         OSError: The picture cannot be written.
     """
     height = _TOP + sum(_ABOVE + _HIGH * len(places) for _, places in GRIDS) + _FOOT
     y = height - _TOP
-    with chart(path, height, title, layout=None) as figure:
+    with chart(files, height, title, layout=None) as figure:
         for methods, places in GRIDS:
             across, down = _WIDE * len(methods), _HIGH * len(places)
             y -= _ABOVE + down

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from linkage_lab.output import chart, folder, save_csv
+from linkage_lab.output import Pictures, chart, folder, pictures, save_csv
 from linkage_lab.sweep.measures import CANNOT_TURN, MEASURES, REFUSED, TURNS, measure
 from linkage_lab.sweep.spread import cluster, processes, spread
 from linkage_lab.sweep.study import Study, read_study
@@ -46,7 +46,7 @@ def sweep(options: argparse.Namespace) -> None:
     """
     study = read_study(options.study)
     name, count = Path(options.study).stem, len(study.designs)
-    table, picture = (options.out / f'{name}.{suffix}' for suffix in ('csv', 'png'))
+    table, drawn = options.out / f'{name}.csv', pictures(options, name, options.study)
     work = partial(measure, study.task)
     (base,) = work(np.array([[leaf.default for leaf in study.columns]]))
     blocks = np.split(study.designs, range(_BLOCK, count, _BLOCK))
@@ -71,9 +71,9 @@ def sweep(options: argparse.Namespace) -> None:
                 f'no design is left of {results.summary}; change the ranges or the constraints'
             )
         if study.goals:
-            _draw_front(results, name, picture)
-    pictures = [picture] if study.goals else []
-    print(results.summary, *results.lines(), table, *pictures, sep='\n')
+            _draw_front(results, name, drawn)
+    written = [table, *drawn.paths] if study.goals else [table]
+    print(results.summary, *results.lines(), *written, sep='\n')
 
 
 class _Results:
@@ -152,10 +152,10 @@ class _Results:
         return head, [[i + 1, *cells[i].tolist(), self.outcomes[i]] for i in measured]
 
 
-def _draw_front(results: _Results, name: str, path: Path) -> None:
+def _draw_front(results: _Results, name: str, files: Pictures) -> None:
     """Plots the two goals of all designs against each other."""
     first, second = results.study.goals
-    with chart(path, 4.6, f'{name}: {results.summary}') as figure:
+    with chart(files, 4.6, f'{name}: {results.summary}') as figure:
         axes = figure.add_subplot()
         for outcome, look in _LOOKS.items():
             x, y = (results.of[goal][results.outcomes == outcome] for goal in (first, second))

@@ -3,7 +3,6 @@
 """Draws the steady states of a wind pump in six panels, with a table below."""
 
 import itertools
-from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -11,7 +10,7 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from scipy.interpolate import CubicHermiteSpline
 
-from linkage_lab.output import NUMBERS, SMALL, chart
+from linkage_lab.output import NUMBERS, SMALL, Pictures, chart
 from linkage_lab.pump.analysis import Analysis, SteadyState
 from linkage_lab.pump.continuation import (
     END,
@@ -52,13 +51,13 @@ _CELLS = '{:<9}{:>6}{:>12}{:>10}{:>10}{:>9}{:>20}{:>10}'
 _Colors: TypeAlias = dict[Piece, tuple[float, float, float]]
 
 
-def draw_pump(analysis: Analysis, title: str, path: Path, dpi: float) -> None:
+def draw_pump(analysis: Analysis, title: str, files: Pictures, dpi: float) -> None:
     """Draws steady states, motions that reach them, and their dependence on the motor's torque.
 
     Args:
         analysis: Analysis of a pump.
         title: Title of the picture.
-        path: The PNG file, replaced if it exists.
+        files: The files, replaced if they exist.
         dpi: Pixels per inch.
 
     Raises:
@@ -68,7 +67,7 @@ def draw_pump(analysis: Analysis, title: str, path: Path, dpi: float) -> None:
     colors = {piece: next(stable) if piece.stable else _UNSTABLE for piece in analysis.pieces}
     lines = '', *states_table(analysis)
     height = 3 * _ROW + _LINE * len(lines)
-    with rc_context({'savefig.dpi': dpi}), chart(path, height, title) as figure:
+    with rc_context({'savefig.dpi': dpi}), chart(files, height, title) as figure:
         (plane, runs), (load, *over_torque), others = figure.subplots(3, 2)
         _draw_phase_plane(plane, analysis, colors)
         _draw_runs(runs, analysis, colors)
