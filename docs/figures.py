@@ -89,7 +89,7 @@ def methods_figures() -> list[Figure]:
     others = [method.name for method in METHODS if method.name != DEFAULT]
     errors = [p['max_error'] for name in others for p in _points(name, NEAR, 'position', _ONE)]
     single = _points('factored, float32', quadrilateral, 'torque', _BATCH)
-    listing = _points("document 1's listing", quadrilateral, 'position', _ONE)
+    listing = _points("Ghalbi's listing", quadrilateral, 'position', _ONE)
     (vector_c,) = (r['ratio'] for r in records('peers') if r['peer'] == 'C, vector math')
     ratios = [_over_live(name, quadrilateral, mean, 'tolerance 1e-09') for name in _MULTIPLIERS]
     gaps = [_cell(name, _LOOP) for name in _MULTIPLIERS]

@@ -8,6 +8,7 @@ import json
 import os
 import platform
 import re
+import time
 import urllib.parse
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -29,6 +30,7 @@ STYLE: dict[Any, Any] = {
     'axes.grid': True, 'axes.axisbelow': True, 'grid.color': '0.88', 'grid.linewidth': 0.6,
     'legend.frameon': False, 'axes.formatter.useoffset': False,
 }  # fmt: skip
+_UNDISTURBED = 0.95  # share of a processor above which times are trusted
 FORMATS = 'png', 'svg', 'pdf'
 # Diagrams of `linkage_chart motion`.
 QUANTITIES = 'position', 'velocity', 'acceleration', 'torque', 'load', 'point'
@@ -114,6 +116,22 @@ def about() -> dict[str, str]:
         'system': f'{platform.system()} {platform.machine()}',
         'processors': f'{os.cpu_count()} x {models[0]}' if models else str(os.cpu_count()),
     }
+
+
+class Stopwatch:
+    """Compares the processor time of this process with the time that passes."""
+
+    def __init__(self) -> None:
+        self._start, self._used = time.perf_counter(), time.process_time()
+
+    def warning(self) -> str:
+        """Says that other programs slowed this one down; empty if they did not."""
+        passed = time.perf_counter() - self._start
+        share = (time.process_time() - self._used) / passed if passed else 1.0
+        if share > _UNDISTURBED:
+            return ''
+        got = f'{100 * share:.0f} % of a processor'
+        return f'busy machine: this program had {got}; times are too long'
 
 
 def save_records(path: Path, records: list[dict[str, Any]]) -> None:

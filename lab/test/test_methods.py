@@ -6,6 +6,7 @@ import itertools
 import json
 import math
 import sys
+import time
 
 import numpy as np
 import pytest
@@ -28,6 +29,7 @@ from linkage_lab.methods.registry import (
     newton_raphson,
 )
 from linkage_lab.methods.stages import ACCELERATION, OWN, QUANTITIES, SPEED
+from linkage_lab.output import Stopwatch
 from linkage_lab.reference import states
 from linkage_lab.reference.states import Reference
 from linkage_ros import ConfigurationError, Solver, __version__
@@ -216,12 +218,23 @@ def test_deliberate_errors_are_detected(turns):
 
 EVERY = {method.name for method in (*METHODS, *INTEGRATORS)}
 EASY = 'quadrilateral', 'slider_crank'
-LISTING = "document 1's listing"
+LISTING = "Ghalbi's listing"
 
 
 def committed(name):
     """Returns the records in the docs."""
     return json.loads((ROOT / 'docs' / f'{name}.json').read_text())['records']
+
+
+def test_busy_machine_is_reported(monkeypatch):
+    now = {'passed': 0.0, 'used': 0.0}
+    monkeypatch.setattr(time, 'perf_counter', lambda: now['passed'])
+    monkeypatch.setattr(time, 'process_time', lambda: now['used'])
+    watch = Stopwatch()
+    now |= {'passed': 10.0, 'used': 9.9}
+    assert watch.warning() == ''
+    now['used'] = 6.0
+    assert 'had 60 % of a processor' in watch.warning()
 
 
 def run_quick(command, folder):

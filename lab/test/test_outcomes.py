@@ -250,7 +250,7 @@ NAMED = {
     ('Newton-Raphson', 'wrong first guess'): WRONG_BRANCH,
     ('Newton-Raphson', 'few steps'): WRONG_BRANCH,
     ('Newton-Raphson', 'no assembly'): DIVERGED,
-    ("document 1's listing", 'few steps'): NAN,
+    ("Ghalbi's listing", 'few steps'): NAN,
     ('table, cubic Hermite', 'near a change point'): DIVERGED,
     ('table, cubic Hermite', 'dead centre'): REFUSED,
     ('2x2 solve', 'change point hit'): NAN,

@@ -41,6 +41,7 @@ from linkage_lab.output import (
     SMALL,
     TEXT,
     Pictures,
+    Stopwatch,
     about,
     chart,
     folder,
@@ -88,7 +89,7 @@ _STYLES = {
     'two circles': _style('D', BLACK),
     'half-angle': _style('s', BLUE),
     'Newton-Raphson': _style('^', GREEN),
-    "document 1's listing": _style('v', SKY, 7),
+    "Ghalbi's listing": _style('v', SKY, 7),
     'table, cubic Hermite': _style('o', PURPLE),
     '2x2 solve': _style('P', ORANGE, 7),
     'central differences': _style('.', DARK, 7),
@@ -125,11 +126,13 @@ def accuracy(options: argparse.Namespace) -> None:
     """
     out, quick = options.out, options.quick
     with folder(out):
+        watch = Stopwatch()
         solved = measure_accuracy(linkages(quick=quick), METHODS, quick=quick)
         moved = measure_accuracy(motions(quick=quick), INTEGRATORS, quick=quick)
         written = [out / 'accuracy.json']
         save_records(written[0], [*solved, *moved])
-        on = ', '.join(f'{name} {value}' for name, value in about().items())
+        machine = ', '.join(f'{name} {value}' for name, value in about().items())
+        on = f'{machine}\n{watch.warning()}'.rstrip()
         charts: dict[str, list[Point]] = {}
         for point in solved:
             charts.setdefault(point['mechanism'], []).append(point)

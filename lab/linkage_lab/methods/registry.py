@@ -78,7 +78,7 @@ def listing(case: LinkageCase, _: Setting) -> Locate:
         nonlocal x
         r, b, c, d = lengths(mechanism)
         if c is None:
-            raise ConfigurationError("document 1's listing is for a four-bar")
+            raise ConfigurationError("Ghalbi's listing is for a four-bar")
         fixed = cmath.rect(r, crank) - cmath.rect(d, mechanism.frame.angle)
         for _ in range(_ENDLESS):
             coupler, rocker = np.exp(1j * x)
@@ -162,7 +162,7 @@ METHODS = [
         {'tolerance': 1e-12}, (ONE,), tool=newton_raphson,
     ),
     Method(
-        "document 1's listing", POSITION, 'the same; a four-bar',
+        "Ghalbi's listing", POSITION, 'the same; a four-bar',
         'document 1, as printed; see the errata', stages.looked_up, modes=(ONE,),
         tool=listing,
     ),
