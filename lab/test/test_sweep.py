@@ -9,6 +9,7 @@ import math
 import os
 import subprocess
 import sys
+import textwrap
 import time
 from concurrent.futures import BrokenExecutor
 from contextlib import contextmanager
@@ -20,6 +21,7 @@ from pathlib import Path
 import mortal
 import numpy as np
 import pytest
+from test_law_chart import LIMITED
 
 from linkage_lab import chart_tool
 from linkage_lab.commands import sweep as command
@@ -27,12 +29,13 @@ from linkage_lab.commands.sweep import FRONT
 from linkage_lab.sweep import spread as command_spread
 from linkage_lab.sweep.measures import Task, groups, measure, torque_of, with_value
 from linkage_lab.sweep.spread import cluster, processes, spread
-from linkage_lab.sweep.study import Settings, _designs, parameters
+from linkage_lab.sweep.study import Settings, _designs, _way, parameters
 from linkage_ros import Body, Frame
-from linkage_ros.errors import ConfigurationError, MechanismError
+from linkage_ros.errors import ConfigurationError, MechanismError, UnreachableError
 from linkage_ros.mechanism.program import Program
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.mechanism.travel import travel
+from linkage_ros.motion.drives import LawDrive, Prescribed
 from linkage_ros.quantities import Leaf, Quantity, build, flatten
 from linkage_ros.settings.configuration import load
 from linkage_ros.units import radians_per_second
@@ -72,7 +75,7 @@ def test_designs_equal_their_solvers_to_the_bit(preset):
     angles = np.random.default_rng(1).uniform(0, 2 * math.pi, (len(table), 1))
     found = np.full(len(table), math.nan)
     columns, sizes = dict(zip(names, table.T, strict=True)), []
-    for rows, transmission, constants in groups(mechanism, columns, len(table)):
+    for rows, (transmission, *_), constants in groups(mechanism, columns, len(table)):
         if transmission.turns_fully:
             program = Program(torque_of, constants, ('angle', 'speed'))
             found[rows] = program.designs(angles[rows], 15.0, by_math=True).ravel()
@@ -198,6 +201,67 @@ measures: [time_ratio]
 constraints: {transmission_angle: [20.0, .inf]}
 goals: {peak_torque: least, swing: most}
 """
+
+
+@pytest.mark.parametrize('law', [True, False])
+def test_measures_within_an_arc_match_the_solver(law):
+    mechanism, names, table = drawn('quadrilateral', 60, seed=4)
+    settings = {'times': (0.0, 0.4, 1.0), 'angles': (0.5, 2.0, 1.0)}
+    drive = LawDrive(Prescribed(**settings))
+    chosen = Settings('quadrilateral', angles=48, **({} if law else {'swing': (0.5, 2.0)}))
+    way, rpm = _way(chosen, drive), None if law else RPM
+    measures = 'peak_torque', 'rms_torque', 'shaking_force', 'swing', 'transmission_angle'
+    found = measure(Task(mechanism, rpm, names, measures, 48, (), way), table)
+    counts = [0, 0]
+    speed = way.speeds if law else RPM * math.pi / 30
+    for row, (fits, *values) in zip(table, found, strict=True):
+        design = mechanism
+        for name, value in zip(names, row, strict=True):
+            design = with_value(design, name, float(value))
+        solver = Solver(design)
+        try:
+            for angle in (way.low, way.high, *np.linspace(way.low, way.high, 500)):
+                solver.state(float(angle))
+            state = solver.state(way.angles, speed, way.accelerations)
+        except UnreachableError:
+            assert (fits, *np.isnan(values)) == (0, *[True] * len(values))
+            counts[0] += 1
+            continue
+        assert fits == 1
+        counts[1] += not solver.reach.turns_fully
+        force = np.hypot(*solver.reactions(state).shaking_force).max()
+        _, coupler, rocker = state.position
+        acute = np.degrees(np.arcsin(np.abs(np.sin(rocker - coupler)).min()))
+        expected = [
+            np.abs(state.torque).max(), np.sqrt(np.mean(state.torque**2)), force,
+            np.degrees(np.ptp(np.unwrap(rocker))), acute,
+        ]  # fmt: skip
+        assert values == pytest.approx(expected, rel=1e-9)
+    assert min(counts) > 3
+
+
+def test_a_study_of_a_limited_crank_has_a_swing(run):
+    text = LIMITED.format(drive='follow', rest='')
+    Path('servo.yaml').write_text(text)
+    study = """
+        base: servo.yaml
+        designs: 40
+        ranges: {crank.length: [0.05, 0.6]}
+        measures: [swing]
+        """
+    study = textwrap.dedent(study)
+    assert 'cannot turn' in run(study)[1]
+    code, out, _ = run(f'{study}swing: [0.2, 2.0]\n')
+    assert code == 0
+    assert 'cannot move so far' in out
+    for line, words in (
+        ('swing: [2.0, 0.2]', 'give the smaller angle first'),
+        ('swing: [0.2, 2.0]\ngoals: {peak_torque: least, swing: most}', 'needs a crank speed'),
+        ('swing: [0.2, 2.0]\ngoals: {time_ratio: least, swing: most}', 'needs a crank that turns'),
+    ):
+        code, _, errors = run(f'{study}{line}\n')
+        assert (code, errors.count('\n')) == (2, 1)
+        assert words in errors
 
 
 SPRUNG = """

@@ -65,8 +65,8 @@ class Constants:
         """The constants, with vectors in place of complex numbers and ZERO in place of 0.0."""
         return transformed(_prepared, self._given)
 
-    def part(self, rows: slice) -> 'Constants':
-        """Selects some designs of stacked constants."""
+    def part(self, rows: Any) -> 'Constants':
+        """Selects some designs of stacked constants, by a slice or an array of indices."""
         chosen = copy.copy(self)
         chosen.numbers = [x[rows] if isinstance(x, np.ndarray) else x for x in self.numbers]
         return chosen

@@ -21,9 +21,9 @@ from linkage_ros.cli import counted, progress_bar
 from linkage_ros.formulas import Array
 from linkage_ros.palette import BLUE, GREY, SKY, VERMILION, fractions
 
-LIMITED, UNFIT, OUTSIDE, VALID, FRONT = OUTCOMES = (
-    'cannot turn', 'a spring or load curve does not fit', 'outside the constraints', 'valid',
-    'on the Pareto front',
+LIMITED, STUCK, UNFIT, OUTSIDE, VALID, FRONT = OUTCOMES = (
+    'cannot turn', 'cannot move so far', 'a spring or load curve does not fit',
+    'outside the constraints', 'valid', 'on the Pareto front',
 )  # fmt: skip
 _BLOCK = 2048  # designs per block, independent of the number of workers
 _LOOKS: dict[str, dict[str, Any]] = {
@@ -103,7 +103,7 @@ class _Results:
         held = [(self.of[name] >= low) & (self.of[name] <= high) for name, (low, high) in limits]
         self.good = np.all([self._turns == TURNS, *held], axis=0)
         self.outcomes = np.where(self.good, VALID, OUTSIDE).astype(object)
-        self.outcomes[self._turns == CANNOT_TURN] = LIMITED
+        self.outcomes[self._turns == CANNOT_TURN] = STUCK if study.task.way else LIMITED
         self.outcomes[self._turns == REFUSED] = UNFIT
         if study.goals:
             self.outcomes[self._front()] = FRONT

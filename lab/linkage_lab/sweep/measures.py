@@ -24,6 +24,32 @@ RPM = 'rpm'
 CANNOT_TURN, TURNS, REFUSED = range(3)
 
 
+class Way(NamedTuple):
+    """A motion of the crank within an arc, which all designs make.
+
+    Attributes:
+        low: Smallest crank angle of the motion, rad.
+        high: Largest crank angle, rad.
+        angles: Crank angles at equal times, rad.
+        speeds: Crank speeds there, rad/s; None for a constant speed.
+        accelerations: Crank accelerations there, rad/s^2; 0 for a constant speed.
+    """
+
+    low: float
+    high: float
+    angles: Array
+    speeds: Array | None = None
+    accelerations: Real = 0.0
+
+    def fits(self, transmission: Any) -> bool:
+        """Returns whether a mechanism can make the motion."""
+        shifts = ((self.low - start) // math.tau * math.tau for start, _ in transmission.arcs())
+        ends = zip(transmission.arcs(), shifts, strict=True)
+        return transmission.turns_fully or any(
+            start + shift < self.low and self.high < end + shift for (start, end), shift in ends
+        )
+
+
 class Task(NamedTuple):
     """Specifies the computation for every design.
 
@@ -34,6 +60,7 @@ class Task(NamedTuple):
         measures: Names of the measures.
         angles: Number of crank angles in a turn.
         points: Points that the coupler point should pass through, x + iy, m.
+        way: Motion of the crank; None for whole turns at a constant speed.
     """
 
     mechanism: Mechanism
@@ -42,6 +69,7 @@ class Task(NamedTuple):
     measures: tuple[str, ...]
     angles: int
     points: tuple[complex, ...] = ()
+    way: Way | None = None
 
 
 def measure(task: Task, designs: Array) -> Array:
@@ -52,8 +80,9 @@ def measure(task: Task, designs: Array) -> Array:
         designs: Parameter values; a row for each design, a column for each name in the task.
 
     Returns:
-        A row for each design: TURNS, CANNOT_TURN, or REFUSED if it can turn but a spring or load
-        curve does not fit; then the measures, NaN where one does not apply.
+        A row for each design: TURNS, CANNOT_TURN, or REFUSED if it can turn, or make the motion of
+        the task, but a spring or load curve does not fit; then the measures, NaN where one does
+        not apply.
     """
     found = np.full((len(designs), 1 + len(task.measures)), math.nan)
     found[:, 0] = CANNOT_TURN
@@ -63,17 +92,21 @@ def measure(task: Task, designs: Array) -> Array:
     # As in Program.arrays: makes glibc keep freed arrays for reuse.
     np.empty(3_000_000)
     with np.errstate(all='ignore'):
-        for rows, transmission, constants in groups(task.mechanism, columns, len(designs)):
-            if not transmission.turns_fully:
-                continue
+        for rows, transmissions, constants in groups(task.mechanism, columns, len(designs)):
+            (able,) = np.nonzero(
+                [task.way.fits(x) if task.way else x.turns_fully for x in transmissions]
+            )
+            rows = rows[able]
             if constants is None:
                 found[rows, 0] = REFUSED
                 continue
             found[rows, 0] = TURNS
+            constants = constants.part(able)
             for start in range(0, len(rows), at_once):
                 part = slice(start, start + at_once)
                 speed: Real = rpms[rows[part], None] * math.pi / 30
-                batch = Batch(constants.part(part), transmission, speed, task)
+                kind = SwingBatch if task.way else Batch
+                batch = kind(constants.part(part), transmissions[0], speed, task)
                 for i, name in enumerate(task.measures, 1):
                     found[rows[part], i] = MEASURES[name].of(batch)
     return found
@@ -84,7 +117,7 @@ def measure(task: Task, designs: Array) -> Array:
 
 def groups(
     mechanism: Mechanism, columns: Mapping[str, Array], count: int
-) -> Iterator[tuple[npt.NDArray[np.intp], Any, Constants | None]]:
+) -> Iterator[tuple[npt.NDArray[np.intp], tuple[Any, ...], Constants | None]]:
     """Divides designs into groups that share a structure, and therefore a program.
 
     Args:
@@ -93,7 +126,7 @@ def groups(
         count: Number of designs.
 
     Yields:
-        For each group, the indices of its designs, the transmission of the first one, and the
+        For each group, the indices of its designs, their transmissions, and the
         constants of the formulas, in which numbers are arrays of shape (designs, 1), or None if a
         load does not fit. Designs that cannot be assembled are omitted.
     """
@@ -104,13 +137,13 @@ def groups(
         with suppress(LinkageError):
             transmission, constants = _constants(mechanism, columns, row)
             if constants is None:
-                yield np.array([row]), transmission, None
+                yield np.array([row]), (transmission,), None
                 continue
             key = row if has_curve else id(constants.tapes)
             found.setdefault(key, []).append((row, transmission, constants))
     for group in found.values():
         rows, transmissions, each = zip(*group, strict=True)
-        yield np.array(rows), transmissions[0], Constants.stacked(each)
+        yield np.array(rows), transmissions, Constants.stacked(each)
 
 
 def _constants(
@@ -283,6 +316,64 @@ class Batch:
         return np.asarray(found.max(-1))
 
 
+class SwingBatch(Batch):
+    """Designs with the same structure, evaluated along a motion within an arc of the crank."""
+
+    def __init__(self, constants: Constants, transmission: Any, speed: Array, task: Task) -> None:
+        """See `Batch`."""
+        super().__init__(constants, transmission, speed, task)
+        way = cast('Way', task.way)
+        self._angles, self._count = way.angles, len(speed)
+        self._motion = speed if way.speeds is None else way.speeds, way.accelerations
+
+    def _along(self, formula: Callable[..., Any]) -> Any:
+        names = 'angle', 'speed', 'acceleration'
+        program = Program(formula, self._constants, names)
+        found = program.designs(self._angles, *self._motion)
+        shape = self._count, len(self._angles)
+        return transformed(lambda x: np.broadcast_to(x, shape), found)
+
+    @cached_property
+    def torque(self) -> Array:
+        """Driving torque, N m."""
+        return cast('Array', self._along(_torque_along))
+
+    def shaking_force(self) -> Array:
+        """Computes the largest force on the frame, N; infinite if there are change points."""
+        if self._has_change_point:
+            return np.full(self._count, math.inf)
+        return np.asarray(np.hypot(*self._along(_force_along)).max(-1))
+
+    def stroke(self) -> Array:
+        """Computes the distance that the output covers, rad or m."""
+        place, _ = self._along(_output_along)
+        return np.asarray(np.ptp(place, axis=-1))
+
+    def swing(self) -> Array:
+        """Computes the swing of the rocker, deg."""
+        place, _ = self._along(_output_along)
+        return np.asarray(np.degrees(np.ptp(np.unwrap(place), axis=-1)))
+
+    def transmission_angle(self) -> Array:
+        """Computes the smallest transmission angle, measured as an acute angle, deg."""
+        _, sine = self._along(_output_along)
+        return np.asarray(np.degrees(np.arcsin(np.abs(sine).min(-1))))
+
+
+def _torque_along(constants: Any, angle: Real, speed: Real, acceleration: Real) -> Real:
+    return torque(constants[0], (angle,), (speed,), (acceleration,))[0]
+
+
+def _force_along(constants: Any, angle: Real, speed: Real, acceleration: Real) -> Vector:
+    return reactions(constants[0], (angle,), (speed,), (acceleration,))[2]
+
+
+def _output_along(constants: Any, angle: Real, *_: Real) -> tuple[Real, Real]:
+    """Computes the position of the output link and the sine of the transmission angle."""
+    pose = constants[0].loop.pose((angle,))
+    return pose.links[-1].position, pose.sines[0]
+
+
 class Measure(NamedTuple):
     """One measure of designs.
 
@@ -306,21 +397,27 @@ def _slides(task: Task) -> bool:
 
 # For torques and forces.
 _SPEED: Any = (
-    'a crank speed, such as rpm: 60.0, and no dry friction',
-    lambda task: task.rpm is not None and not task.mechanism.joint_loads(),
+    'a crank speed, such as rpm: 60.0, or a law of motion, and no dry friction',
+    lambda task: (
+        (task.rpm is not None or (task.way is not None and task.way.speeds is not None))
+        and not task.mechanism.joint_loads()
+    ),
 )
+_WHOLE: Any = ('a crank that turns fully', lambda task: task.way is None)
 MEASURES = {
     'peak_torque': Measure('N m', lambda x: np.abs(x.torque).max(-1), *_SPEED),
     'rms_torque': Measure('N m', lambda x: np.sqrt(np.mean(x.torque * x.torque, -1)), *_SPEED),
-    'shaking_force': Measure('N', Batch.shaking_force, *_SPEED),
-    'swing': Measure('deg', Batch.swing, 'a rocker', lambda task: not _slides(task)),
+    'shaking_force': Measure('N', lambda x: x.shaking_force(), *_SPEED),
+    'swing': Measure('deg', lambda x: x.swing(), 'a rocker', lambda task: not _slides(task)),
     'stroke': Measure('m', lambda x: np.abs(x.stroke()), 'a slider', _slides),
-    'time_ratio': Measure('', Batch.time_ratio),
-    'transmission_angle': Measure('deg', Batch.transmission_angle),
+    'time_ratio': Measure('', Batch.time_ratio, *_WHOLE),
+    'transmission_angle': Measure('deg', lambda x: x.transmission_angle()),
     'point_distance': Measure(
         'm',
         Batch.point_distance,
-        'coupler.point, and points: [x, y, ...]',
-        lambda task: bool(task.points) and 'C' in task.mechanism.structure().points,
+        'coupler.point, and points: [x, y, ...], and a crank that turns fully',
+        lambda task: (
+            bool(task.points) and 'C' in task.mechanism.structure().points and not task.way
+        ),
     ),
 }

@@ -10,9 +10,9 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from scipy.stats import qmc
 
-from linkage_lab.sweep.measures import MEASURES, RPM, Task
+from linkage_lab.sweep.measures import MEASURES, RPM, Task, Way
 from linkage_ros import ConfigurationError, Mechanism, load
-from linkage_ros.extensions import read_yaml
+from linkage_ros.extensions import LawDrive, LawMotion, read_yaml
 from linkage_ros.formulas import Array
 from linkage_ros.quantities import Checked, Leaf, Quantity, build, flatten, leaves, quantity, shown
 
@@ -32,6 +32,8 @@ class Settings(Checked):
         seed: Seed of the random numbers.
         angles: Number of crank angles per turn.
         rpm: Crank speed, rpm; None for the speed of the base.
+        swing: Crank angles between which the crank moves at this speed, rad; None for the law of
+            the base or, if it has none, whole turns.
         points: Points that the coupler point should pass through, as x, y, x, y, ..., m.
     """
 
@@ -44,6 +46,9 @@ class Settings(Checked):
     seed: int = quantity('whole', 'seed of the random numbers', span=(0, 2**32 - 1), default=0)
     angles: int = quantity('whole', 'crank angles in a turn', span=(12, 36000), default=360)
     rpm: float | None = quantity('number', 'crank speed', 'rpm', span=(-1e6, 1e6), default=None)
+    swing: tuple[float, float] | None = quantity(
+        'pair', 'crank angles between which the crank moves', 'rad', span=(-1e6, 1e6), default=None
+    )
     points: tuple[float, ...] | None = quantity(
         'list',
         'points that the coupler point should pass through',
@@ -103,11 +108,36 @@ def read_study(path: str) -> Study:
         raise ConfigurationError(f'measures {shown(measures)}: choose from {", ".join(MEASURES)}')
     names, points = tuple(leaf.name for leaf in columns), settings.points or ()
     places = tuple(map(complex, points[::2], points[1::2]))
-    task = Task(mechanism, rpm, names, tuple(dict.fromkeys(measures)), settings.angles, places)
+    way = _way(settings, configuration.drive)
+    chosen = tuple(dict.fromkeys(measures))
+    task = Task(mechanism, rpm, names, chosen, settings.angles, places, way)
     for name in measures:
         if not MEASURES[name].applies(task):
             raise ConfigurationError(f'measure {name}: needs {MEASURES[name].needs}')
     return Study(task, columns, _designs(settings, columns), constraints, goals)
+
+
+def _way(settings: Settings, drive: Any) -> Way | None:
+    """Returns the motion of the crank within an arc; None for whole turns.
+
+    Raises:
+        ConfigurationError: The swing is empty.
+    """
+    count = settings.angles
+    if settings.swing is not None:
+        low, high = settings.swing
+        if not low < high:
+            raise ConfigurationError(
+                f'swing = {shown(settings.swing)}: give the smaller angle first'
+            )
+        return Way(low, high, np.linspace(low, high, count))
+    if settings.rpm is not None or not isinstance(drive, LawDrive):
+        return None
+    law = drive.motion.law
+    ends = [law.at(time).angle for time in law.extremes(math.inf, -math.inf)]
+    stamps = [(law.duration - 1) * i // (count - 1) for i in range(count)]
+    found = LawMotion.begin(drive, 0).at_all(stamps)
+    return Way(min(ends), max(ends), found.unwrapped, found.u[0], found.a[0])
 
 
 def _read_groups(path: str) -> tuple[dict[str, dict[str, Any]], dict[str, Any]]:
