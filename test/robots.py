@@ -157,6 +157,8 @@ def make_robot(values, random, cut='B', axes=None):
         kind = 'prismatic' if link == 'slider' else 'continuous'
         inside = np.linalg.inv(bodies[parent]) @ bodies[link]
         axis = f'<axis xyz="{numbers(bodies[link][:3, :3].T @ axis)}"/>'
+        if kind == 'prismatic':  # a valid URDF has its limits
+            axis += '<limit lower="-9" upper="9" effort="9" velocity="9"/>'
         parts.append(joint(f'{link}_motor', kind, parent, link, inside, axis))
         parts += masses(link, values, own[link], bodies[link], random, turn)
 
