@@ -62,6 +62,7 @@ install = { n=0; while [ -t 2 ] && sleep 1 && kill -0 $$$$ 2>/dev/null; do n=$$(
 
 demo: $(VENV)/demo-ready
 	@$(RUN) -m linkage_ros.programs.demo
+	@echo 'draw one turn:    $(VENV)/bin/linkage_chart motion quadrilateral'
 
 controller: $(VENV)/demo-ready
 	@$(RUN) benchmarks/controller.py --quick --out controller
@@ -101,6 +102,7 @@ $(VENV)/pip-ready: $(SETUP)
 	@touch $@
 
 $(VENV)/check-ready: EXTRAS := $(EXTRAS),test
+$(VENV)/check-ready: LAB := --editable './lab[sweep]'
 $(VENV)/docs-ready: EXTRAS := docs
 $(VENV)/docs-ready: LAB :=
 $(VENV)/package-ready: EXTRAS := $(EXTRAS),test,package

@@ -95,7 +95,6 @@ setup(
         'test': [
             'colcon-bash',
             'colcon-ros',
-            'dask[distributed]',
             'hypothesis',
             'import-linter',
             'mcap-ros2-support',

@@ -1,6 +1,9 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Writes the API reference of linkage_ros as HTML, from the docstrings of its public names."""
+"""Writes the API reference of linkage_ros as HTML, from the docstrings of its public names.
+
+It includes the modules that other packages may import.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +13,14 @@ import warnings
 from pathlib import Path
 
 import linkage_ros
+
+PUBLIC = (
+    'linkage_ros',
+    *(
+        f'linkage_ros.{name}'
+        for name in ('cli', 'extensions', 'formulas', 'palette', 'quantities')
+    ),
+)
 
 
 def write(folder: Path) -> None:
@@ -28,7 +39,7 @@ def write(folder: Path) -> None:
     pdoc.render.configure(docformat='google', show_source=False)
     with warnings.catch_warnings():
         warnings.simplefilter('error')
-        pdoc.pdoc('linkage_ros', output_directory=folder)
+        pdoc.pdoc(*PUBLIC, output_directory=folder)
 
 
 if __name__ == '__main__':

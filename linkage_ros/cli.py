@@ -276,7 +276,7 @@ def print_error(name: str, error: object) -> None:
 
 def progress_bar(
     items: Iterable[Any] | None = None, *, wanted: bool = True, **options: Any
-) -> 'tqdm[Any]':
+) -> Any:
     """Creates a progress bar on stderr, if it is a terminal; the bar disappears when it is done.
 
     Args:

@@ -59,10 +59,7 @@ _LIBRARIES = {
     'zstandard': ('logs need zstandard', 'mcap lz4 zstandard'),
     # A new rerun-sdk installs NumPy 2, which is incompatible with Ubuntu's SciPy and Matplotlib.
     'rerun': ('the viewer needs rerun-sdk', 'rerun-sdk scipy matplotlib'),
-    'matplotlib': ('charts need matplotlib', 'matplotlib'),
-    'mpmath': ('accuracy and stability charts need mpmath', 'mpmath'),
-    'scipy': ('charts, and records of a motion under a torque, need scipy', 'scipy'),
-    'distributed': ('--scheduler needs Dask', "'dask[distributed]'"),
+    'scipy': ('records of a motion under a torque need scipy', 'scipy'),
     'numba': ('compiled=True needs numba', 'numba'),
     'yaml': ('parameter files need PyYAML', 'PyYAML'),
 }
@@ -87,7 +84,7 @@ def missing_library(name: str, reason: str = '') -> str:
             f'ROS 2 topics need {name}, which {state}: source ROS 2 Jazzy, or, without '
             "ROS 2 on Linux x86-64, pip install 'linkage_ros[ros]'"
         )
-    need, packages = _LIBRARIES.get(name, (f'linkage_ros needs {name}', name))
+    need, packages = _LIBRARIES.get(name, (f'this program needs {name}', name))
     return f'{need}, which {state}: pip install --upgrade {packages}; {_UBUNTU}'
 
 

@@ -1,8 +1,8 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Builds sdist and wheel into a folder, and tests the wheel in a fresh environment.
+"""Builds sdists and wheels of linkage_ros and linkage_lab, and tests them in a fresh environment.
 
-The wheel is built from the sdist, which shows that the sdist is complete. The tested programs
+Each wheel is built from its sdist, which shows that the sdist is complete. The tested programs
 cannot access the clone.
 """
 
@@ -31,40 +31,45 @@ TRIED = (
 )
 
 
-def build(folder: Path) -> tuple[Path, Path]:
-    """Builds sdist and wheel, and checks their metadata."""
+def build(folder: Path) -> list[Path]:
+    """Builds sdists and wheels, checks their metadata, and returns the wheels."""
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     with tempfile.TemporaryDirectory() as parent:
         tree = copy_tree(Path(parent) / 'linkage_ros')
-        run(sys.executable, '-c', BUILD_SDIST, folder, cwd=tree)
-    (sdist,) = folder.glob('*.tar.gz')
-    wheel = build_wheel(sdist, folder)
-    print(run(sys.executable, '-m', 'twine', 'check', '--strict', sdist, wheel, cwd=folder))
-    with ZipFile(wheel) as archive:
-        assert 'linkage_ros/py.typed' in archive.namelist()
-    return sdist, wheel
+        for place in (tree, tree / 'lab'):
+            run(sys.executable, '-c', BUILD_SDIST, folder, cwd=place)
+    wheels = []
+    for name in ('linkage_ros', 'linkage_lab'):
+        (sdist,) = folder.glob(f'{name}-*.tar.gz')
+        wheel = build_wheel(sdist, folder, name)
+        print(run(sys.executable, '-m', 'twine', 'check', '--strict', sdist, wheel, cwd=folder))
+        with ZipFile(wheel) as archive:
+            assert f'{name}/py.typed' in archive.namelist()
+        wheels.append(wheel)
+    return wheels
 
 
-def try_out(wheel: Path, folder: Path) -> None:
-    """Installs a wheel into a new environment in a folder, and runs its programs there."""
+def try_out(wheel: Path, lab: Path, folder: Path) -> None:
+    """Installs both wheels into a new environment in a folder, and runs their programs there."""
     run(sys.executable, '-m', 'venv', folder / 'venv', cwd=folder)
     programs = folder / 'venv' / 'bin'
     pip = (programs / 'python', '-m', 'pip', 'install', '--quiet', '--no-compile')
-    run(*pip, '-c', ROOT / 'constraints.txt', f'{wheel}[{EXTRAS}]', cwd=folder)
+    run(*pip, '-c', ROOT / 'constraints.txt', f'{wheel}[{EXTRAS}]', lab, cwd=folder)
     for line in TRIED:
         name, *rest = line.split()
         printed = run(programs / name, *rest, cwd=folder)
         print(f'{line}\n    {printed.strip().splitlines()[-1].strip()}')
-    found = run(
-        programs / 'python', '-c', 'import linkage_ros as p; print(p.__file__)', cwd=folder
-    )
-    assert Path(found).is_relative_to(folder), found
+    for name in ('linkage_ros', 'linkage_lab'):
+        found = run(
+            programs / 'python', '-c', f'import {name} as p; print(p.__file__)', cwd=folder
+        )
+        assert Path(found).is_relative_to(folder), found
 
 
 if __name__ == '__main__':
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('folder', type=Path, nargs='?', default=Path('dist'), help='default: dist')
-    _, wheel = build(parser.parse_args().folder.resolve())
+    wheels = build(parser.parse_args().folder.resolve())
     with tempfile.TemporaryDirectory() as folder:
-        try_out(wheel, Path(folder))
+        try_out(*wheels, Path(folder))

@@ -94,9 +94,9 @@ NODE = 'node', '--ros-args', '-p', 'log:=run.mcap', '-p'
         (['rclpy'], ['node'], 'linkage_node: ROS 2 topics need rclpy, .*: source ROS 2 Jazzy'),
         (['mcap'], ('replay', 'x.mcap'), 'linkage_replay: logs need mcap, '),
         (['scipy'], ('record', 'wind_pump', 'x.mcap'),
-         'records of a motion under a torque, need'),
+         'records of a motion under a torque need'),
         (['matplotlib'], ('chart', 'motion', 'quadrilateral'),
-         'linkage_chart: charts need matplot'),
+         'linkage_chart: this program needs matplotlib, '),
     ],
 )  # fmt: skip
 def test_a_tool_names_the_library_that_it_lacks(hide, tmp_path, monkeypatch, hidden, words, said):

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Builds the package as users do, with colcon and pip, and inspects the installation."""
 
+import configparser
 import json
 import os
 import shutil
@@ -17,6 +18,7 @@ from zipfile import ZipFile
 import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
+from ros_harness import assert_refused
 
 import linkage_ros
 from linkage_ros.settings.presets import preset_names, preset_path
@@ -47,7 +49,8 @@ def copy_tree(folder: Path) -> Path:
 
     def ignored(path: str, names: list[str]) -> set[str]:
         junk = {name for name in names if name.startswith('.') or name.endswith('.egg-info')}
-        return junk | {'__pycache__'} | set(made if Path(path) == ROOT else ())
+        is_top = Path(path) in (ROOT, ROOT / 'lab')
+        return junk | {'__pycache__'} | set(made if is_top else ())
 
     return Path(shutil.copytree(ROOT, folder, ignore=ignored))
 
@@ -79,10 +82,10 @@ def run_sourced(workspace: Path, *command: str) -> str:
     return run('bash', '-c', sourced, 'bash', *command, cwd=workspace)
 
 
-def build_wheel(tree: Path, folder: Path) -> Path:
+def build_wheel(tree: Path, folder: Path, name: str = 'linkage_ros') -> Path:
     options = ('--quiet', '--no-deps', '--no-build-isolation', '--no-index')
     run(sys.executable, '-m', 'pip', 'wheel', *options, '-w', folder, tree, cwd=folder)
-    (wheel,) = folder.glob('*.whl')
+    (wheel,) = folder.glob(f'{name}-*.whl')
     return wheel
 
 
@@ -118,11 +121,27 @@ def wheel(tree: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope='module')
+def lab(tree: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Returns the wheel of linkage_lab."""
+    return build_wheel(tree / 'lab', tmp_path_factory.mktemp('lab'), 'linkage_lab')
+
+
+def read_from(wheel: Path, name: str) -> str:
+    """Returns the text of a file in the metadata of a wheel."""
+    with ZipFile(wheel) as archive:
+        (found,) = (x for x in archive.namelist() if x.endswith(f'.dist-info/{name}'))
+        return archive.read(found).decode()
+
+
+@pytest.fixture(scope='module')
 def metadata(wheel: Path) -> Message:
     """Returns the metadata from setup.py, as pip reads them."""
-    with ZipFile(wheel) as archive:
-        (name,) = (name for name in archive.namelist() if name.endswith('.dist-info/METADATA'))
-        return Parser().parsestr(archive.read(name).decode())
+    return Parser().parsestr(read_from(wheel, 'METADATA'))
+
+
+@pytest.fixture(scope='module')
+def lab_metadata(lab: Path) -> Message:
+    return Parser().parsestr(read_from(lab, 'METADATA'))
 
 
 @pytest.mark.parametrize('options', [(), ('--symlink-install',)])
@@ -147,21 +166,38 @@ def test_colcon_build_gives_a_package_that_ros2_run_finds(
     printed = run_sourced(tmp_path, sys.executable, '-c', FIND)
     code, config = tree if linked else prefix, prefix / ROS_SHARE / 'config'
     check_found(printed, module_in=code, preset_in=config)
+    told = run_sourced(
+        tmp_path, str(prefix / 'lib' / 'linkage_ros' / 'linkage_chart'), '--version'
+    )
+    assert told == f'linkage_chart {linkage_ros.__version__}\n'
     # Without sourcing, the code still finds the presets of its own installation.
     lib = tmp_path / 'build' / 'linkage_ros' if linked else site_packages(prefix)
     printed = run(sys.executable, '-c', FIND, cwd=tmp_path, PYTHONPATH=str(lib))
     check_found(printed, module_in=code, preset_in=tree / 'config' if linked else config)
 
 
+def test_linkage_chart_of_ros2_run_says_how_to_get_linkage_lab(tmp_path: Path) -> None:
+    python = tmp_path / 'python3'
+    python.write_text(f'#!/bin/sh\nexec "{sys.executable}" -S "$@"\n')  # sees no linkage_lab
+    python.chmod(0o755)
+    environment = {'PATH': f'{tmp_path}{os.pathsep}{os.defpath}'}
+    done = subprocess.run(
+        [ROOT / 'scripts' / 'linkage_chart', 'motion', 'wiper'], env=environment, text=True,
+        capture_output=True, check=False,
+    )  # fmt: skip
+    words = 'pip install src/linkage_ros/lab'
+    assert_refused(done.returncode, done.stdout, done.stderr, words)
+
+
 def test_pip_install_gives_executables_and_presets(
-    wheel: Path, tree: Path, tmp_path: Path
+    wheel: Path, lab: Path, tree: Path, tmp_path: Path
 ) -> None:
     prefix = tmp_path / 'prefix'
     pip = (sys.executable, '-m', 'pip', 'install', '--quiet', '--no-deps', '--no-index')
-    run(*pip, '--ignore-installed', '--no-compile', '--prefix', prefix, wheel, cwd=tmp_path)
+    run(*pip, '--ignore-installed', '--no-compile', '--prefix', prefix, wheel, lab, cwd=tmp_path)
 
     assert missing(prefix, tree) == []
-    assert executables(prefix / 'bin') == set(EXECUTABLES)
+    assert executables(prefix / 'bin') == {*EXECUTABLES, 'linkage_chart'}
     lib = site_packages(prefix)
     printed = run(sys.executable, '-c', FIND, cwd=tmp_path, PYTHONPATH=str(lib))
     check_found(printed, module_in=lib, preset_in=prefix / ROS_SHARE / 'config')
@@ -177,23 +213,27 @@ def site_packages(prefix: Path) -> Path:
     return module.parents[2]
 
 
-def test_each_executable_names_a_function(wheel: Path) -> None:
-    with ZipFile(wheel) as archive:
-        (name,) = (name for name in archive.namelist() if name.endswith('/entry_points.txt'))
-        lines = archive.read(name).decode().split()
-    targets = dict(zip(lines[1::3], lines[3::3], strict=True))
-    assert set(targets) == set(EXECUTABLES)
+def test_each_executable_names_a_function(wheel: Path, lab: Path) -> None:
+    entries = configparser.ConfigParser()
+    targets = {}
+    for path, names in ((wheel, set(EXECUTABLES)), (lab, {'linkage_chart'})):
+        entries.read_string(read_from(path, 'entry_points.txt'))
+        found = dict(entries['console_scripts'])
+        assert set(found) - set(targets) == names
+        targets |= found
     for target in targets.values():
         module, _, function = target.partition(':')
         assert callable(getattr(import_module(module), function))
 
 
-def test_every_version_is_the_same(metadata: Message) -> None:
+def test_every_version_is_the_same(metadata: Message, lab_metadata: Message) -> None:
     manifest = ET.parse(ROOT / 'package.xml').getroot()
     assert (manifest.tag, manifest.get('format')) == ('package', '3')
     assert manifest.findtext('export/build_type') == 'ament_python'
     assert manifest.findtext('name') == metadata['Name'].replace('-', '_')
     assert manifest.findtext('version') == metadata['Version'] == linkage_ros.__version__
+    assert lab_metadata['Version'] == linkage_ros.__version__
+    assert f'linkage_ros=={linkage_ros.__version__}' in lab_metadata.get_all('Requires-Dist')
     assert manifest.findtext('description') == metadata['Summary']
     assert manifest.findtext('license') == 'Apache-2.0'
 
@@ -224,7 +264,9 @@ def test_package_xml_has_only_keys_with_debian_packages_on_ubuntu() -> None:
     assert 'rclpy' in keys  # the keys were found
 
 
-def test_constraints_pin_what_the_metadata_ask_for(metadata: Message) -> None:
+def test_constraints_pin_what_the_metadata_ask_for(
+    metadata: Message, lab_metadata: Message
+) -> None:
     pinned = set()
     for line in (ROOT / 'constraints.txt').read_text().splitlines():
         if not line.startswith('#'):
@@ -233,9 +275,11 @@ def test_constraints_pin_what_the_metadata_ask_for(metadata: Message) -> None:
             assert pin.url is None, line
             pinned.add(canonicalize_name(pin.name))
     asked = {
-        canonicalize_name(Requirement(line).name) for line in metadata.get_all('Requires-Dist', [])
+        canonicalize_name(Requirement(line).name)
+        for each in (metadata, lab_metadata)
+        for line in each.get_all('Requires-Dist', [])
     }
-    assert asked <= pinned
+    assert asked - {'linkage-ros'} <= pinned
 
 
 def preset(folder: Path, name: str = 'quadrilateral') -> Path:

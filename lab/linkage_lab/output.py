@@ -101,7 +101,8 @@ def folder(path: Path) -> Iterator[None]:
 
 def progress(items: Iterable[Any], words: str) -> Iterable[Any]:
     """Iterates over items with a progress bar."""
-    return progress_bar(items, desc=words, unit=' steps')
+    bar: Iterable[Any] = progress_bar(items, desc=words, unit=' steps')
+    return bar
 
 
 def about() -> dict[str, str]:
