@@ -179,11 +179,12 @@ def _labels(path: Path | str) -> dict[str, str]:
         simulator = Simulator(LogReader(path).configuration)
     except LogError:
         return labels
-    for joint, link in zip(simulator.joints, simulator.solver.structure.links, strict=True):
+    joints, links = simulator.robot_joints, simulator.solver.structure.links
+    for joint, link in zip(joints, links, strict=True):
         for quantity, units in _UNITS.items():
-            name = f'{joint}.{quantity}'
-            is_relative = link.parent is not None and quantity != 'effort'
-            origin = f' relative to {simulator.joints[link.parent or 0]}' if is_relative else ''
+            name, origin = f'{joint.name}.{quantity}', ''
+            if joint.parent is not None and quantity != 'effort':
+                origin = f' relative to {joints[joint.parent].name or links[joint.parent].name}'
             labels[name] = f'{name}{origin} [{units[link.slides]}]'
     return labels
 

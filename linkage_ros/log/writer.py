@@ -137,22 +137,26 @@ class LogWriter(AbstractContextManager['LogWriter']):
         Raises:
             LogError: The file cannot be written.
         """
-        records, channels, times, starts = bytearray(), list[int](), list[int](), list[int]()
+        records, channels, times, starts = list[bytes](), list[int](), list[int](), list[int]()
+        end = self.mcap.position
 
         def add() -> None:
             entries = np.array((times, starts), np.uint64).T
             index = {x: entries[np.equal(channels, x)] for x in dict.fromkeys(channels)}
-            self.mcap.add_records(bytes(records), entries[:, 0], index)
+            self.mcap.add_records(b''.join(records), entries[:, 0], index)
             for one in (records, channels, times, starts):
                 one.clear()
 
         for channel, stamp, data in messages:
+            record = message_record(channel, (stamp, stamp), data)
+            records.append(record)
             channels.append(channel)
             times.append(stamp)
-            starts.append(self.mcap.position + len(records))
-            records += message_record(channel, (stamp, stamp), data)
-            if self.mcap.position + len(records) > CHUNK_SIZE:
+            starts.append(end)
+            end += len(record)
+            if end > CHUNK_SIZE:
                 add()
+                end = self.mcap.position
         if records:
             add()
 

@@ -162,6 +162,7 @@ class MeasuredCrank:
             simulator: Simulator of a configuration with `drive: follow`.
         """
         self._simulator, self._joint = simulator, JointReader(simulator.crank_joint)
+        self._robot_joint = simulator.robot_joints[0]
         drive, reach = cast('FollowDrive', simulator.configuration.drive), simulator.solver.reach
         self._motion, self._is_limited = (
             FollowMotion(drive, reach.period_turns),
@@ -201,11 +202,13 @@ class MeasuredCrank:
         """
         times, stamps, found = list[int](), list[int](), list[Coordinates]()
         for received, data in messages:
-            with suppress(ValueError):
+            try:
                 stamp, coordinates = self._measure(data, received)
-                times.append(received)
-                stamps.append(stamp)
-                found.append(coordinates)
+            except ValueError:
+                continue
+            times.append(received)
+            stamps.append(stamp)
+            found.append(coordinates)
         try:
             return self._rows(times, stamps, found)
         except LinkageError:  # of at least one state
@@ -250,14 +253,15 @@ class MeasuredCrank:
         """
         try:
             stamp, value, velocity = self._decode(data)
-            joint = self._simulator.robot_joints[0]
-            position = joint.own(value)
-            velocity = velocity if velocity is None else velocity / joint.ratio
+            position, joint = value, self._robot_joint
+            if joint.is_mapped:
+                position = joint.own(value)
+                velocity = velocity if velocity is None else velocity / joint.ratio
             if self._is_limited and math.isfinite(position):
                 self._require_state(position)  # the filter must not see other angles
             stamp = stamp or received
             found = self._motion.at(stamp, position, velocity)
-            return stamp, found._replace(unwrapped=value)
+            return stamp, found._replace(unwrapped=value) if joint.is_mapped else found
         except ValueError as error:
             self._reject(error)
             raise
