@@ -638,10 +638,13 @@ class _Planar:
             try:
                 state = solver.state(own, 0.0, 0.0)
             except UnreachableError as error:
+                reached = ' or '.join(
+                    ' to '.join(f'{(angle - crank.zero) * crank.ratio:.6g}' for angle in arc)
+                    for arc in error.arcs
+                )
                 raise ConfigurationError(
-                    f'with {crank.name} at {given[crank.name]:g} the loop cannot close: {error}; '
-                    f'these are directions of the crank, {crank.zero:.6g} rad where the joint is '
-                    'at 0: give --at and a value of the joint'
+                    f'the loop cannot close with {crank.name} at {given[crank.name]:g}: it can '
+                    f'from {reached} rad, plus whole turns; give --at {crank.name}=VALUE'
                 ) from error
             places = dict(zip(solver.links, map(float, state.position), strict=True))
             closed, away = dict[str, float](), 0.0
