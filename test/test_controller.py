@@ -158,6 +158,24 @@ def test_states_of_other_robots_and_without_velocity_change_no_command():
     assert 'a callback failed' not in output
 
 
+def test_controller_answers_in_the_robots_joint(tmp_path):
+    law, ratio, plant = SpeedController(MECHANISM, 150.0, 15.0, 0.0015), -5.0, tmp_path / 'p.yaml'
+    joints = f'    joints: {{crank: {{name: motor, zero: 0.4, ratio: {ratio}}}}}\n'
+    plant.write_text(f'{preset_path("quadrilateral").read_text().rstrip()}\n{joints}')
+    arguments = node_arguments(plant=plant)
+    with watched([COMMANDS], *arguments, module='controller') as (listener, process):
+        states = listener.node.create_publisher(JointState, 'joint_states', 10)
+        place, speed = 0.9, 15.2
+        state = JointState(name=['motor'], position=[ratio * (place - 0.4)])
+        state.velocity = [ratio * speed]
+        commands = listener.received[COMMANDS]
+        wait_for(lambda: states.publish(state) or commands)
+        stop(process)
+    command = deserialize_message(commands[0], JointState)
+    assert command.name == ['motor']
+    assert command.effort[0] == pytest.approx(law.torque(place, speed, 0.0) / ratio, rel=1e-9)
+
+
 def sent_back(commands):
     """Returns the torque of each command, by its stamp in ms."""
     found = [deserialize_message(data, JointState) for data in commands]

@@ -90,8 +90,7 @@ class LinkageNode(ParameterNode):
         name = self.get_fully_qualified_name().lstrip('/')
         self._monitor = HealthMonitor(name)
         self.get_logger().info(preset_note(given) + summary(configuration, simulator.solver))
-        crank = configuration.joints.get('crank')
-        if heard and isinstance(self._drive, FollowDrive) and crank and crank.zero is None:
+        if isinstance(self._drive, FollowDrive) and simulator.guesses_zero:
             self.get_logger().warning(
                 f"joints.crank.zero is not given, so zero 0: {simulator.crank_joint}'s 0 is taken "
                 'as the direction of +x'

@@ -22,7 +22,7 @@ from linkage_ros.mechanism.program import Constants, Program
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.mechanism.structure import Link, Point
 from linkage_ros.messages.cdr import encode_string
-from linkage_ros.messages.joints import RobotJoint, joint_rows, link_rows
+from linkage_ros.messages.joints import RobotJoint, joint_rows, link_rows, own_joints
 from linkage_ros.messages.rows import STAMP_FIELDS, TIME_FIELDS, RowLayout, Template
 from linkage_ros.messages.templates import (
     POINT_FIELDS,
@@ -142,6 +142,13 @@ class Simulator:
         self.layout = self.layout_of(zip(itertools.count(1), self.topics))
         # Use the decimal value, so that ticks at 0.1 Hz are exactly 10 s apart.
         self._rate = Fraction(repr(session.rate_hz)).as_integer_ratio()
+
+    @property
+    def guesses_zero(self) -> bool:
+        """Whether the crank has the name of a robot's joint, but its zero is not given."""
+        prefix, given = self.configuration.session.joint_prefix, self.configuration.joints
+        is_own = self.crank_joint == own_joints(self._links, prefix)[0].name
+        return not is_own and ('crank' not in given or given['crank'].zero is None)
 
     def begin(self, stamp: int, integrate: Integrate = live_steps) -> Motion:
         """Starts a motion.
