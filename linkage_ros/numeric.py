@@ -84,15 +84,15 @@ def within_two_turns(angle: float) -> tuple[float, int]:
     return with_turns(angle, -pairs), pairs
 
 
-def with_turns(angle: float, pairs: int | Fraction) -> float:
+def with_turns(angle: float, pairs: float | Fraction) -> float:
     """Adds pairs of turns to an angle, rad, and rounds once; inverts `within_two_turns`."""
     return math.fsum((angle, *_parts_of(pairs))) if pairs else angle
 
 
 @functools.lru_cache(maxsize=64)
-def _parts_of(pairs: int | Fraction) -> tuple[float, ...]:
+def _parts_of(pairs: float | Fraction) -> tuple[float, ...]:
     """Converts pairs of turns to rad, as floats whose sum is exact."""
-    parts, rest = [], pairs * 2 * TURN
+    parts, rest = [], Fraction(pairs) * 2 * TURN
     while rest:
         parts.append(float(rest))
         rest -= Fraction(parts[-1])

@@ -5,7 +5,6 @@
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from fractions import Fraction
 from typing import Any
 
 from linkage_ros.errors import ConfigurationError, MotionError, UnreachableError
@@ -50,9 +49,8 @@ class LawMotion:
             MotionError: The motion ends before the stamp.
         """
         turns, angle, rate, acceleration = self._moment(stamp)
-        unwrapped = with_turns(angle, Fraction(turns, 2))
-        pairs = int((turns + angle / math.tau) / 2)
-        reduced = with_turns(angle, Fraction(turns, 2) - pairs)
+        unwrapped = with_turns(angle, turns / 2)
+        reduced = with_turns(angle, turns / 2 - int((turns + angle / math.tau) / 2))
         return Coordinates((reduced,), (rate,), (acceleration,), unwrapped)
 
     def at_all(self, stamps: Sequence[int]) -> Coordinates:
@@ -104,8 +102,8 @@ class LawMotion:
         turns, angle, *rates = self._moment(stamp)
         extra = nearest_turns(angle)
         turns += extra
-        start = Moment(turns, with_turns(angle, Fraction(-extra, 2)), *rates)
-        near = [with_turns(angle, Fraction(-turns, 2)) for angle in angles]
+        start = Moment(turns, with_turns(angle, -extra / 2), *rates)
+        near = [with_turns(angle, -turns / 2) for angle in angles]
         law = joined(start, [time - stamp for time in stamps], near, slopes)
         return LawMotion(LawSegment(stamp, law, 0, turns))
 
@@ -162,8 +160,8 @@ class LawMotion:
                 f'speed is still {last.rate:g} rad/s: end the law at rest, or repeat it',
                 time=law.end / NS_PER_S, coordinates=(last.angle,),
             )  # fmt: skip
-        found = law.at(time)
-        return found._replace(turns=found.turns + self.segment.turns)
+        found, turns = law.at(time), self.segment.turns
+        return found._replace(turns=found.turns + turns) if turns else found
 
 
 def require_possible(law: Law, solver: Solver) -> None:
