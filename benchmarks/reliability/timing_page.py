@@ -44,23 +44,17 @@ second motions, and the third makes the page:
 
 ## Ticks at 1 kHz
 
-The programs run in turn, in slices of seconds, each node with one subscriber in another process.
-The rclpy timers publish only joint states, without a log. Lateness is the time from a tick's
-deadline to its start: of the median and the 99th percentile of each slice, the table shows the
-medians over all slices; and it shows the largest lateness of all. For linkage_node, lateness
-includes the start-up before each slice; the other columns do not. The processor time is that of
-the node's process in the median second.
-
-This table and that of logs are from a machine with two processors (AMD EPYC of the fourth
-generation), in 3 slices of 10 s; the other table is from another machine. The results scatter with
-the load of the host.
+The programs run in turn, in slices of seconds, each node with one subscriber in another process;
+the rclpy timers publish only joint states. Lateness is the time from a tick's deadline to its
+start: medians over all slices, and the largest of all, which for linkage_node includes the
+start-up. This table and that of logs are from two processors (AMD EPYC of the fourth generation),
+in 3 slices of 10 s; that of motions is from another machine. The results scatter with the load of
+the host.
 
 {ticks}
 
-Processor time per tick of the threads, us, measured separately. The log has a thread that writes
-and one that syncs the disk; the viewer has one of this package and those of the Rerun SDK. The
-rclpy timers run in the main thread. `top -H` lists the threads by name: ticker, executor, log,
-sync and viewer.
+Processor time per tick of the threads, us, measured separately; `top -H` lists the threads by
+name:
 
 {parts}
 
@@ -71,9 +65,7 @@ discovery thread of Fast DDS may sleep that long while it holds a lock that publ
 ## Logs
 
 Processor time per state, for the quadrilateral at a given speed (four messages) and for the wind
-pump under its torque (three). Compression of the same bytes (zstd and crc32) is the minimum for
-writing a log. Each figure is a median over several rounds, so the last column is not exactly the
-ratio of the medians.
+pump under its torque (three). Compression of the same bytes (zstd and crc32) is the minimum.
 
 {logs}
 
@@ -87,14 +79,12 @@ Time per millisecond of motion, on average and in the slowest millisecond:
 
 {limits}
 
-The cost that log or viewer adds to a tick is the difference between two programs that were started
-separately, and the processor time of the tick thread varies by 20 us from one start to the next.
-In eighteen runs on a machine half as fast, the log added -27 to 50 us, in nine of them more than
-the limit; the viewer added 2 to 80 us in thirteen runs, in two of them more than the limit. The
-time of the threads of log and viewer is measured within one program, without this scatter: those
-of the log took 5 to 9 us in six runs. In addition, the tick thread passes each state to the log.
-In 20 pairs of runs of 5 s, it took 0.5 us more with log than without (standard error 5.7 us); in 9
-pairs of 12 s, 10.4 us (3.6 us).
+The cost that log or viewer adds to a tick is the difference between two programs, and the
+processor time of the tick thread varies by 20 us from one start to the next. In eighteen runs on
+a machine half as fast, the log added -27 to 50 us, in nine of them more than the limit; the
+viewer added 2 to 80 us in thirteen runs, in two of them more than the limit. In 20 pairs of runs
+of 5 s, the tick thread took 0.5 us more with log than without (standard error 5.7 us); in 9 pairs
+of 12 s, 10.4 us (3.6 us).
 """
 
 
