@@ -16,9 +16,9 @@ from linkage_ros.mechanism.equations import (
 )
 from linkage_ros.mechanism.joint_forces import reactions
 from linkage_ros.mechanism.kinematics import LinkPose, Pose
-from linkage_ros.mechanism.loads import LinkForce, Load
+from linkage_ros.mechanism.loads import AppliedLoad, LinkForce, Load
 from linkage_ros.mechanism.nested import transformed
-from linkage_ros.mechanism.parts import gravity_quantity
+from linkage_ros.mechanism.parts import LOADS, gravity_quantity
 from linkage_ros.mechanism.program import Constants, Program
 from linkage_ros.mechanism.registry import MECHANISMS
 from linkage_ros.mechanism.structure import Link, Point, Structure, coupler_point
@@ -38,9 +38,11 @@ from linkage_ros.settings.yaml_file import read_yaml
 from linkage_ros.view.drawing import Drawing
 
 __all__ = [
+    'LOADS',
     'LONGEST_STEP',
     'MECHANISMS',
     'TOLERANCE',
+    'AppliedLoad',
     'Constants',
     'Drawing',
     'DrivenMechanism',

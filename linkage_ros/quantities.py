@@ -289,13 +289,14 @@ def leaves(
     return tuple(found)
 
 
-def build(cls: type[_T], values: Mapping[str, object], prefix: str = '') -> _T:
+def build(cls: type[_T], values: Mapping[str, object], prefix: str = '', **others: object) -> _T:
     """Builds an instance of a dataclass from values by dotted name; inverts `flatten`.
 
     Args:
         cls: Dataclass whose fields are quantities or nested dataclasses of this kind.
         values: Values by dotted name; other names are ignored.
         prefix: Prefix of the names in `values`.
+        **others: Values of fields that are not parameters.
 
     Returns:
         The instance; fields without a value have their defaults.
@@ -303,7 +304,7 @@ def build(cls: type[_T], values: Mapping[str, object], prefix: str = '') -> _T:
     Raises:
         ConfigurationError: A value is missing or invalid. The message starts with its dotted name.
     """
-    arguments: dict[str, object] = {}
+    arguments = others
     for field, part in _parts(cls):
         name = prefix + field.name
         if not isinstance(part, Quantity):
@@ -312,7 +313,7 @@ def build(cls: type[_T], values: Mapping[str, object], prefix: str = '') -> _T:
                 for group, kind in part.kinds.items()
                 if not part.is_group or any(x.startswith(f'{prefix}{group}.') for x in values)
             ) + tuple(
-                dataclasses.replace(build(kind, values, f'{name}.{key}.'), name=key)
+                build(kind, values, f'{name}.{key}.', name=key)
                 for key, kind in part.members(f'{name}.', values).items()
             )
             arguments[field.name] = members if part.is_group else members[0]

@@ -25,6 +25,7 @@ from linkage_ros import Body, Coupler, MechanismError, Solver
 from linkage_ros.mechanism.parts import Guide, Slider
 from linkage_ros.mechanism.registry import MECHANISMS
 from linkage_ros.messages.urdf import make_urdf
+from linkage_ros.settings.presets import preset_path
 from linkage_ros.view.drawing import Drawing
 
 EXAMPLES = ROOT / 'docs' / 'examples'
@@ -200,6 +201,30 @@ def test_real_node_publishes_states_of_the_textbook_formula(folder):
     for data in listener.received['/joint_states']:
         check_textbook(deserialize_message(data, JointState))
     assert 'every one equal to the bit' in run('log', 'verify', path, cwd=folder)
+
+
+def test_a_kind_of_load_works_in_every_program(tmp_path):
+    """The drive supplies the power of the fan, coefficient x |rate|^3."""
+    preset = preset_path('wiper').read_text()
+    fan = '    loads:\n      blower: {kind: fan, link: rocker, coefficient: 0.4}\n'
+    (tmp_path / 'fan.yaml').write_text(preset + fan)
+    (tmp_path / 'wiper.yaml').write_text(preset)
+    run('record', 'fan.yaml', 'fan.mcap', '--duration', 1, cwd=tmp_path)
+    assert 'every one equal to the bit' in run('log', 'verify', 'fan.mcap', cwd=tmp_path)
+    assert 'loads.blower.coefficient: 0.4  # N m s^2' in run(
+        'log', 'info', 'fan.mcap', cwd=tmp_path
+    )
+    tables = []
+    for name in ('fan', 'wiper'):
+        run('chart', 'motion', f'{name}.yaml', '--reactions', cwd=tmp_path)
+        with (tmp_path / f'{name}_motion.csv').open() as stream:
+            tables.append({row['crank_angle [rad]']: row for row in csv.DictReader(stream)})
+    for angle, row in tables[0].items():
+        rate = float(row['rocker.velocity [rad/s]'])
+        bare = float(tables[1][angle]['driving_power [W]'])
+        assert float(row['driving_power [W]']) - bare == pytest.approx(
+            0.4 * abs(rate) ** 3, abs=1e-11
+        )
 
 
 MEASURE = """

@@ -26,6 +26,7 @@ def main() -> int:
     program = parser.parse_args(sys.argv[1:2]).program
     del sys.argv[1]
     import_module('cardan_gear')
+    import_module('fan')
     if program == 'chart':  # only this program uses methods of solving
         import_module('inverse_cosine')
     code: int = (chart_tool.main if program == 'chart' else getattr(executables, program))()

@@ -15,7 +15,7 @@ from linkage_lab.pump.shooting import PeriodicMotion
 from linkage_lab.sampling import SAME, integral, samples, with_breaks
 from linkage_ros import ConfigurationError, Mechanism, Solver, State, Travel, WindPump, travel
 from linkage_ros.extensions import LawDrive, LawMotion, Sine
-from linkage_ros.formulas import Array
+from linkage_ros.formulas import ZERO, Array, number
 
 # Speed of a crank that is drawn over its arc, and the part of the arc left out at each end.
 _SLOW_RPM, _MARGIN = 1.0, 0.01
@@ -98,8 +98,7 @@ class Period:
                 self.add(f'{link.name}.{name}', ('m' if link.slides else 'rad') + per, values)
         self.add('driving_torque', 'N m', state.torque)
         self.add('driving_power', 'W', state.torque * state.velocity[0])
-        for name, force in solver.load_forces(state).items():
-            self.add(f'{name}.load', 'N' if links[name].slides else 'N m', force)
+        self._add_loads(state)
         if 'C' in solver.structure.points:
             for (name, per), vector in zip(_MOTION, solver.point(state, 'C'), strict=True):
                 self.add(f'coupler_point.{name}', 'm' + per, vector)
@@ -132,6 +131,24 @@ class Period:
     def _is_whole(self) -> bool:
         reach = self.solver.mobility
         return self.across is OVER_CRANK and (reach is None or reach.turns_fully)
+
+    def _add_loads(self, state: State) -> None:
+        """Adds the sum of couples or of forces along the guide of each link, and other forces."""
+        links = self.solver.structure.links
+        solver, efforts = self.solver, dict[str, Any]()
+        for name, wrenches in solver.wrenches(state).items():
+            for wrench in wrenches:
+                if wrench.body >= 0 and wrench.effort is not ZERO:
+                    link = solver.links[wrench.body]
+                    efforts[link] = efforts.get(link, 0.0) + wrench.effort
+            # The second force of a spring is the opposite of the first.
+            force = next((x.force for x in wrenches if x.point is not None), None)
+            if force is not None:
+                self.add(f'{name}.force', 'N', (number(force.x), number(force.y)))
+        for link, effort in efforts.items():
+            self.add(
+                f'{link}.load', 'N' if links[solver.links.index(link)].slides else 'N m', effort
+            )
 
     def add(self, name: str, unit: str, values: Any) -> None:
         """Adds a column, or one for each component of a vector."""

@@ -264,6 +264,11 @@ class CurveForce(NamedTuple):
     return_value: Opaque | None = None
     work: Opaque | None = None
 
+    @property
+    def ends(self) -> tuple[float, float] | None:
+        """First and last position of the points; None over the crank angle, or for one point."""
+        return cast('Table', self.value.function).ends if self.over == self.link else None
+
     def wrenches(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> list[Wrench]:
         """See `Load`."""
         position = continuous(links[self.over].position, self.middle)
@@ -309,6 +314,12 @@ class Table:
         rows = at, *starts, [before, *slopes, after]
         self._arrays = [np.array(row) for row in rows]
         self._lists = [row.tolist() for row in self._arrays]
+
+    @property
+    def ends(self) -> tuple[float, float] | None:
+        """First and last x of the points; None for a single point or a periodic function."""
+        at = self._lists[0]
+        return None if self._turns or len(at) < 2 else (at[0], at[-1])
 
     def __call__(self, x: Real) -> Real:
         """Evaluates the function at x, a float or an array."""

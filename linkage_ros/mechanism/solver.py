@@ -439,29 +439,32 @@ class Solver:
         """
         bodies, found = self.structure.links, dict[str, Real]()
         links = poses(bodies, self._rows(state)[0])
-        for wrench in self.wrenches(state):
-            for j, force in generalised(wrench, bodies, links):
-                found[self.links[j]] = found.get(self.links[j], ZERO) + force
+        for wrenches in self.wrenches(state).values():
+            for wrench in wrenches:
+                for j, force in generalised(wrench, bodies, links):
+                    found[self.links[j]] = found.get(self.links[j], ZERO) + force
         return {name: number(force) for name, force in found.items()}
 
-    def wrenches(self, state: State) -> list[Wrench]:
+    def wrenches(self, state: State) -> dict[str, list[Wrench]]:
         """Computes the forces and couples of loads and friction on all bodies, excluding weights.
 
         Args:
             state: A state of floats or arrays, from `state`.
 
         Returns:
-            The wrenches of the loads, in the order of `model.loads`, then those of friction.
+            The wrenches of each load by its name: that under `loads` in a parameter file, 'load',
+            or the name of a link; and those of friction by 'friction'.
 
         Raises:
             ConfigurationError: The argument is not a state of this mechanism.
         """
         position, velocity, _ = self._rows(state)
-        loads: list[Load] = list(self._constants.tree.loads)
+        names = self.mechanism.load_names()
+        loads: dict[str, Load] = dict(zip(names, self._constants.tree.loads, strict=True))
         if self.model.joint_loads:
-            loads.append(self._settle(*self._motion(state)).load)
+            loads['friction'] = self._settle(*self._motion(state)).load
         links = poses(self.structure.links, position)
-        return [wrench for load in loads for wrench in load.wrenches(links, velocity)]
+        return {name: load.wrenches(links, velocity) for name, load in loads.items()}
 
     def alignment(self, q: Sequence[float]) -> tuple[float, str]:
         """Measures how close a dyad is to being in line, where the motion may end.

@@ -41,6 +41,7 @@ from linkage_ros.run.states import Simulator, Snapshot
 from linkage_ros.settings.command_lines import node_parser
 from linkage_ros.settings.configuration import configure, parameter_leaves, preset_note
 from linkage_ros.settings.help import summary
+from linkage_ros.settings.notes import notes
 from linkage_ros.settings.session import TrajectoryFeedForward
 from linkage_ros.units import NS_PER_MS
 
@@ -95,6 +96,8 @@ class LinkageNode(ParameterNode):
                 f"joints.crank.zero is not given, so zero 0: {simulator.crank_joint}'s 0 is taken "
                 'as the direction of +x'
             )
+        for line in notes(configuration):
+            self.get_logger().warning(line)
         wait_for_subscribers([state.publisher for state in self._states])
         freeze_heap()
         # Reports use real time, because simulated time may be paused.
@@ -217,6 +220,8 @@ class LinkageNode(ParameterNode):
                 logger.warning(status.message)
             else:
                 logger.info(status.message)
+        for line in self._simulator.ranges.notes():
+            logger.warning(line)
         now = self.get_clock().now().nanoseconds  # 0 until the first /clock message
         hardware = self._simulator.configuration.kind.mechanism
         self._publish(DIAGNOSTICS, encode_diagnostics(now, hardware, statuses))

@@ -22,6 +22,7 @@ from linkage_ros.motion.at_speed import SpeedMotion
 from linkage_ros.motion.segments import LawSegment, Segment, TorqueSegment
 from linkage_ros.settings.configuration import parameter_leaves
 from linkage_ros.settings.help import summary
+from linkage_ros.settings.notes import notes
 from linkage_ros.units import NS_PER_S
 
 _NAME = 'linkage_log'
@@ -47,6 +48,7 @@ def info(log: LogReader) -> Iterator[str]:
         f'duration:   {seconds:.6f} s',
         f'mechanism:  {summary(log.configuration, solver)}',
     )
+    yield from (f'note:       {line}' for line in notes(log.configuration))
     if solver.mobility:
         yield from (f'            {words}' for words in solver.mobility.equalities)
     yield 'topics:'

@@ -38,6 +38,7 @@ from linkage_ros.settings.configuration import (
     read_values,
 )
 from linkage_ros.settings.help import help_on_every_kind, summary
+from linkage_ros.settings.notes import notes
 from linkage_ros.settings.presets import preset_names
 from linkage_ros.settings.session import Session
 from linkage_ros.units import NS_PER_S
@@ -61,6 +62,7 @@ def record(
     overwrite: bool = False,
     progress: bool = False,
     stopped: Callable[[], bool] = lambda: False,
+    note: Callable[[str], object] = lambda _: None,
 ) -> int:
     """Writes the states from t = 0 up to, but not including, the end.
 
@@ -75,6 +77,7 @@ def record(
         progress: Whether to show a progress bar on stderr.
         stopped: Function called before each batch of states; the record ends early if it returns
             True.
+        note: Function called with a line for each load curve that the motion has left.
 
     Returns:
         The number of states written.
@@ -113,6 +116,9 @@ def record(
                 f'{error}; {path} keeps the {cli.counted(written, "state")} before it',
                 time=error.time, coordinates=error.coordinates,
             ) from error  # fmt: skip
+        finally:
+            for line in simulator.ranges.notes():
+                note(line)
     return written
 
 
@@ -328,11 +334,17 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
+def _note(line: str) -> None:
+    print(f'note: {line}')
+
+
 def _record(options: argparse.Namespace) -> int:
     stop, values = cli.Stop(), dict(read_values(options.params))
     if options.rate is not None:
         values['rate_hz'] = options.rate
     configuration = configure(values)
+    for line in notes(configuration):
+        _note(line)
     if options.measured:
         return _record_measured(options, configuration, stop)
     if options.topic:
@@ -345,9 +357,10 @@ def _record(options: argparse.Namespace) -> int:
         overwrite=options.overwrite or configuration.session.log_overwrite,
         progress=True,
         stopped=stop.is_set,
+        note=_note,
     )
-    if note := preset_note(values):
-        print(note + summary(configuration, Solver(configuration.mechanism)))
+    if prefix := preset_note(values):
+        print(prefix + summary(configuration, Solver(configuration.mechanism)))
     if stop.is_set():
         print(f'{options.out}: stopped; {cli.counted(count, "state")} kept')
         return cli.STOPPED_BY_USER

@@ -19,6 +19,7 @@ from linkage_ros.errors import ConfigurationError, LinkageError
 from linkage_ros.formulas import Vector
 from linkage_ros.mechanism.kinematics import State
 from linkage_ros.mechanism.program import Constants, Program
+from linkage_ros.mechanism.ranges import Ranges
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.mechanism.structure import Link, Point
 from linkage_ros.messages.cdr import encode_string
@@ -92,6 +93,7 @@ class Simulator:
         solver: Solver of the mechanism.
         robot_joints: The joint of each link in messages.
         joints: Names of the published joints, in the order of the messages.
+        ranges: Load curves that the states so far have left.
         crank_joint: Name of the crank in measurements, commands and trajectories.
         joint_states: Template of the messages on `joint_states`.
         topics: Topics on which a message is published for each state.
@@ -103,6 +105,7 @@ class Simulator:
         self.configuration = configuration
         mechanism, session = configuration.mechanism, configuration.session
         self.solver = Solver(mechanism)
+        self.ranges = Ranges(self.solver)
         prefix, frame_id = session.joint_prefix, session.frame_id
         self._links = self.solver.structure.links
         self.robot_joints = joints = configuration.robot_joints
@@ -325,9 +328,12 @@ class Simulator:
     def _state(self, coordinates: Coordinates, *, by_math: bool) -> State:
         q, u, a, _, state = coordinates
         if state is not None:
+            self.ranges.see(state)
             return state
         row = (q[0], u[0], a[0]) if len(q) == 1 else (q, u, a)
-        return self.solver.state(*row, by_math=by_math)
+        state = self.solver.state(*row, by_math=by_math)
+        self.ranges.see(state)
+        return state
 
 
 def _numbers(

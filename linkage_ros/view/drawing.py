@@ -41,7 +41,7 @@ class Drawing:
         ends: Both pins of each link that turns, in the order of the loop.
         owners: Names of the links that own the moving points, by point; the path of a point has
             the colour of its owner. Points on the circle of the crank pin have no owner.
-        loaded: Names of the links on which loads act.
+        loaded: Names of the arrows of the loads; see `LoadArrows`.
         paths: Closed paths of the output link's pin and of the coupler point C, by the name of
             the owner; shape (n, 2), m. Empty for a mechanism with a free slider.
         ground: Drawing of the fixed link, lines of shape (n, 2), m.
@@ -96,8 +96,9 @@ class Drawing:
         above = np.where(is_low, _LABEL_DISTANCE + _LABEL_HEIGHT, -_PIVOT_HEIGHT)
         self.pivot_labels = self.pivots + mark * above * [0.0, 1.0]
         self._arrows = LoadArrows(mechanism, mark, positions)
-        self.loaded = self._arrows.links
-        everything = np.concatenate([everything, *self.ground, self.pivot_labels])
+        self.loaded = self._arrows.names
+        arrows = plane(self._arrows.reach)
+        everything = np.concatenate([everything, *self.ground, self.pivot_labels, arrows])
         if self.joints[-1] in self.loaded and self._links[-1].slides:
             far = plane(np.array(self._arrows.farthest))
             everything = np.concatenate([everything, swept[:, self._output] + far])
@@ -169,12 +170,16 @@ class Drawing:
             rates: Rates of the links, rad/s and m/s.
 
         Returns:
-            Lines of shape (n, k, 2), m, by the name of the link on which the load acts.
+            Lines of shape (n, k, 2), m, by the name of the arrow.
         """
         if not self.loaded:
             return {}
         arrows = self._arrows.lines(positions, rates, points[:, self._output] @ (1, 1j))
-        return {link: plane(lines) for link, lines in arrows.items()}
+        return {name: plane(lines) for name, lines in arrows.items()}
+
+    def load_values(self, positions: Array, rates: Array) -> dict[str, list[str]]:
+        """Returns the sizes of the loads as text, by the name of the arrow; see `loads`."""
+        return self._arrows.values(positions, rates) if self.loaded else {}
 
     def labels(self, points: Array) -> Array:
         """Places the label of each pin in the widest gap between the links around the pin.

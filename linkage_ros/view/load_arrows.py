@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Arrows for loads on links: straight for forces, curved about the pivot for torques."""
+"""Arrows for loads: straight for forces, curved about the pivot for torques."""
 
 import cmath
 import math
@@ -10,9 +10,11 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from linkage_ros.formulas import ZERO, number
 from linkage_ros.mechanism.kinematics import State
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.mechanism.structure import Link, Mechanism
+from linkage_ros.mechanism.wrenches import FRAME, place, poses
 from linkage_ros.numeric import Array
 
 Complex: TypeAlias = npt.NDArray[np.complexfloating[Any, Any]]
@@ -27,13 +29,15 @@ _HARDLY = 1e-300  # a rate with a sign but negligible damping force
 
 
 class LoadArrows:
-    """Arrows for the sum of all loads on a link, except loads that depend on joint forces.
+    """Arrows for the loads on links, except loads that depend on joint forces.
 
     The longest arrow corresponds to the largest load so far; loads that do not depend on speed are
     known from the start. Points are x + iy, m.
 
     Attributes:
-        links: Names of the links on which loads act.
+        names: Names of the arrows: that of a link for the sum of its couples or its forces along
+            the guide, or 'LOAD on LINK' for a force at a point.
+        reach: Corners of the area that arrows at points may cover, shape (n,).
     """
 
     def __init__(self, mechanism: Mechanism, mark: float, positions: Array) -> None:
@@ -50,9 +54,17 @@ class LoadArrows:
             bare = replace(mechanism, loads=loads)  # type: ignore[type-var]
         self._solver, self._mark = Solver(bare), mark
         self._largest: dict[str, float] = {}
+        places = []
         for rate in (_HARDLY, -_HARDLY):
-            self._shares(positions, np.full_like(positions, rate))
-        self.links = tuple(self._largest)
+            exerted = self._exerted(positions, np.full_like(positions, rate))
+            for name, (force, at) in exerted.items():
+                self._share(name, force)
+                places += [] if at is None else [at]
+        self.names = tuple(self._largest)
+        room = _LONGEST * mark
+        ends = np.concatenate(places) if places else np.empty(0, complex)
+        # Corners of the area that arrows at points may cover.
+        self.reach = np.concatenate([ends + room * (1 + 1j), ends - room * (1 + 1j)])
         # Straight arrows are on the far side of the slider, where they overlap no link.
         self._side = math.copysign(1.0, positions[:, -1].mean())
         self._outwards = cmath.rect(self._side, self._solver.structure.links[-1].angle)
@@ -71,10 +83,16 @@ class LoadArrows:
             slider_pin: Positions of the slider's pin, shape (n,); not used without a slider.
 
         Returns:
-            Lines of shape (n, points), by the name of the link on which the load acts.
+            Lines of shape (n, points), by the name of the arrow.
         """
         found = {}
-        for name, share in self._shares(positions, rates).items():
+        for name, (force, at) in self._exerted(positions, rates).items():
+            share = self._share(name, force)
+            if at is not None:
+                ends = np.stack([at, at + share * _LONGEST * self._mark], axis=1)
+                size = np.where(share, abs(share), 1.0)
+                found[name] = self._with_head(ends, share / size, abs(share) * _LONGEST)
+                continue
             j = self._solver.links.index(name)
             link = self._solver.structure.links[j]
             found[name] = (
@@ -84,17 +102,47 @@ class LoadArrows:
             )
         return found
 
-    def _shares(self, positions: Array, rates: Array) -> dict[str, Array]:
-        """Scales the load on each link by its largest magnitude so far, to -1 to 1."""
+    def values(self, positions: Array, rates: Array) -> dict[str, list[str]]:
+        """Returns the sizes of the loads as text, by the name of the arrow; see `lines`."""
+        units = {link.name: 'N' for link in self._solver.structure.links if link.slides}
+        return {
+            name: [
+                f'{x:.4g} {"N" if at is not None else units.get(name, "N m")}'
+                for x in (force if at is None else abs(force)).tolist()
+            ]
+            for name, (force, at) in self._exerted(positions, rates).items()
+        }
+
+    def _exerted(
+        self, positions: Array, rates: Array
+    ) -> dict[str, tuple[Complex | Array, Complex | None]]:
+        """Returns the load and, of a force at a point, the point, by the name of the arrow."""
+        positions = np.nan_to_num(positions)  # a state in a log may be impossible
         state = State(tuple(positions.T), tuple(rates.T), tuple(0.0 * rates.T), 0.0)
-        found = {}
-        with np.errstate(all='ignore'):  # a state in a log may be impossible
-            for link, force in self._solver.load_forces(state).items():
-                forces = np.broadcast_to(force, len(positions))
-                largest = np.fmax.accumulate([self._largest.get(link, 0.0), *abs(forces)])
-                self._largest[link] = float(largest[-1])
-                found[link] = forces / np.where(largest[1:] > 0, largest[1:], 1.0)
+        links = poses(self._solver.structure.links, state.position)
+        found = dict[str, tuple[Any, Any]]()
+        with np.errstate(all='ignore'):
+            for name, wrenches in self._solver.wrenches(state).items():
+                for wrench in wrenches:
+                    if wrench.body == FRAME:
+                        continue
+                    link = self._solver.links[wrench.body]
+                    if wrench.effort is not ZERO:
+                        effort = found.get(link, (0.0, None))[0] + wrench.effort
+                        found[link] = np.broadcast_to(effort, len(positions)), None
+                    if wrench.point is not None:
+                        force, at = (
+                            np.broadcast_to(number(x) + 1j * number(y), len(positions))
+                            for x, y in (wrench.force, place(wrench.point, links))
+                        )
+                        found[f'{name} on {link}'] = force, at
         return found
+
+    def _share(self, name: str, force: Any) -> Any:
+        """Scales a load by its largest magnitude so far, to -1 to 1."""
+        largest = np.fmax.accumulate([self._largest.get(name, 0.0), *abs(force)])
+        self._largest[name] = float(largest[-1])
+        return force / np.where(largest[1:] > 0, largest[1:], 1.0)
 
     def _straight(self, pin: Complex, share: Array) -> Complex:
         """Draws arrows that push or pull the slider."""

@@ -25,6 +25,7 @@ from linkage_ros.view.drawing import Drawing
 TIMELINE = 'ros2_timestamp'  # Rerun's name for the stamps in an MCAP log
 LINKAGE = 'linkage'
 _MOVING, _FIXED = f'{LINKAGE}/moving', f'{LINKAGE}/fixed'
+_LOADS = f'{LINKAGE}/loads'  # the values of the loads, at the tips of their arrows
 # Entities of curves. VALUES: the torque, and position and rate of a slider. RATES, DIRECTIONS:
 # rates and directions of the links that turn, in base_link, because joint angles are relative to
 # the parent link and jump at pi.
@@ -37,11 +38,11 @@ _FRONT = 32.0  # drawing order of the pins, above all lines
 _THIN, _MEDIUM, _THICK, _PIN = -1.0, -2.0, -3.5, -5.0  # radii; negative: points on the screen
 
 # Rerun's components with the Arrow types that it requires.
-_SCALARS, _POSITIONS, _STRIPS = (
+_SCALARS, _POSITIONS, _LABELS, _STRIPS = (
     (column.component_descriptor(), column.as_arrow_array().type.value_type)
     for column in (
         *rr.Scalars.columns(scalars=[0.0]),
-        *rr.Points2D.columns(positions=[[0.0, 0.0]]),
+        *rr.Points2D.columns(positions=[[0.0, 0.0]], labels=['']),
         *rr.LineStrips2D.columns(strips=[np.zeros((2, 2))]),
     )
 )
@@ -100,26 +101,37 @@ class Picture:
         due = np.diff(frames, prepend=self._last_frame) != 0
         self._last_frame = frames[-1]
         if due.any():
-            yield _MOVING, stamps[due], self._moving(places[due], rates[due])
+            yield from self._drawn(stamps[due], places[due], rates[due])
 
     def frame(
         self, stamps: npt.NDArray[np.int64], places: Array, rates: Array, _: Array
     ) -> Iterator[Rows]:
         """Converts samples to rows of the moving parts only; see `rows`."""
-        yield _MOVING, stamps, self._moving(places, rates)
+        yield from self._drawn(stamps, places, rates)
 
-    def _moving(self, places: Array, rates: Array) -> list[rr.ComponentColumn]:
-        """Draws labels and pins as points, and links and loads as lines."""
+    def _drawn(self, stamps: npt.NDArray[np.int64], places: Array, rates: Array) -> Iterator[Rows]:
+        """Draws labels and pins as points, links and loads as lines, and the loads' values."""
         drawing = self.drawing
         pins = drawing.place(places)
         points = np.concatenate([drawing.labels(pins), pins], axis=1)
-        lines = [*drawing.links(pins).values(), *drawing.loads(pins, places, rates).values()]
+        loads = drawing.loads(pins, places, rates)
+        lines = [*drawing.links(pins).values(), *loads.values()]
         lengths = np.tile([line.shape[1] for line in lines], len(pins))
         ends = np.concatenate([[0], np.cumsum(lengths)]).astype(np.int32)
         corners = _pairs(np.concatenate(lines, axis=1))
         strips = pa.ListArray.from_arrays(ends, corners, type=_STRIPS[1])
-        return [_column(_POSITIONS, _pairs(points), points.shape),
-                _column(_STRIPS, strips, (len(pins), len(lines)))]  # fmt: skip
+        moving = [_column(_POSITIONS, _pairs(points), points.shape),
+                  _column(_STRIPS, strips, (len(pins), len(lines)))]  # fmt: skip
+        yield _MOVING, stamps, moving
+        if loads:
+            tips = np.stack([line[:, -2] for line in loads.values()], axis=1)
+            words = zip(*drawing.load_values(places, rates).values(), strict=True)
+            texts = pa.array([text for row in words for text in row])
+            values = (
+                _column(_POSITIONS, _pairs(tips), tips.shape),
+                _column(_LABELS, texts, tips.shape),
+            )
+            yield _LOADS, stamps, [*values]
 
     def constants(self) -> dict[str, list[rr.AsComponents]]:
         """Returns the components that are sent once, by entity: colours, labels, paths, ground."""
@@ -139,6 +151,7 @@ class Picture:
                         [*drawing.pivot_names, f'{drawing.scale_length:g} m'],
                         len(drawing.pivots)),
             ],
+            _LOADS: [rr.Points2D.from_fields(colors=SECOND, radii=0.0, show_labels=True)],
             _MOVING: [
                 rr.LineStrips2D.from_fields(
                     colors=[*map(color_of, drawing.joints), *(SECOND for _ in drawing.loaded)],

@@ -290,6 +290,10 @@ def _panels(period: Period, show: Collection[str]) -> Iterator[_Panel]:
         elif quantity == 'load':
             loads = [name for name in columns if name.endswith('.load')]
             yield from _by_unit([_curve(period, x, x.replace('.', ' ')) for x in loads], 'Load')
+            points = [name for name in columns if name.endswith('.force.x')]
+            for name in (x.removesuffix('.force.x') for x in points):
+                forces = [_curve(period, f'{name}.force.{x}', x) for x in 'xy']
+                yield _Panel(f'Force {name}, N', forces)
         elif quantity == 'point':
             point = [name for name in columns if name.startswith('coupler_point.position')]
             yield from _by_unit([_curve(period, x, f'C.{x[-1]}') for x in point], 'Coupler point')

@@ -1,0 +1,46 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Notes about valid parameters whose unit is probably wrong."""
+
+import math
+from collections.abc import Iterator
+
+from linkage_ros.settings.configuration import Configuration, parameter_leaves
+
+_LONG, _SHORT = 10.0, 1e-4  # m
+
+
+def notes(configuration: Configuration) -> list[str]:
+    """Returns a line for each parameter that was probably given in another unit.
+
+    They name the value in the other unit. A mechanism that needs no torque at all is also noted.
+    """
+    return [*_angles(configuration), *_lengths(configuration), *_nothing(configuration)]
+
+
+def _angles(configuration: Configuration) -> Iterator[str]:
+    values = configuration.parameters()
+    for name, quantity, _ in parameter_leaves(configuration.kind, values):
+        value = values.get(name)
+        if quantity.unit == 'rad' and isinstance(value, float) and abs(value) > 2 * math.pi:
+            yield (
+                f'{name} = {value:g} rad = {math.degrees(value) % 360:.4g} deg after whole turns; '
+                f'did you mean {value:g} deg = {math.radians(value):.4g} rad?'
+            )
+
+
+def _lengths(configuration: Configuration) -> Iterator[str]:
+    for name, value in configuration.parameters().items():
+        if not name.endswith('.length') or not isinstance(value, float):
+            continue
+        if value > _LONG:
+            yield f'{name} = {value:g} m; did you mean {value:g} mm = {value * 1e-3:g} m?'
+        elif value < _SHORT:
+            yield f'{name} = {value:g} m = {value * 1e3:g} mm; did you mean {value * 1e3:g} m?'
+
+
+def _nothing(configuration: Configuration) -> Iterator[str]:
+    mechanism = configuration.mechanism
+    bodies = [(link.mass, link.inertia) for link in mechanism.structure().links]
+    if not any(map(any, bodies)) and not mechanism.link_loads() and not mechanism.joint_loads():
+        yield 'no link has a mass or an inertia, and there is no load or friction: the torque is 0'
