@@ -3,6 +3,7 @@
 """Reads MuJoCo's MJCF: https://mujoco.readthedocs.io/en/stable/XMLreference.html."""
 
 import math
+import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from xml.etree import ElementTree as ET
@@ -31,6 +32,7 @@ from linkage_ros.robot.model import (
 )
 
 _KINDS = {'hinge': REVOLUTE, 'slide': PRISMATIC}
+_SIZES = {'sphere': 1, 'capsule': 2, 'cylinder': 2, 'box': 3, 'ellipsoid': 3}
 _WORLD = 'world'
 
 
@@ -92,6 +94,10 @@ class _Reader:
         options = {key: x for part in root.findall('compiler') for key, x in part.items()}
         self.per_angle = 1.0 if options.get('angle') == 'radian' else math.pi / 180
         self.sequence = options.get('eulerseq', 'xyz')
+        if not re.fullmatch('[xyzXYZ]{3}', self.sequence):
+            raise ConfigurationError(
+                f'eulerseq = {shown(self.sequence)}: must be three of xyz or XYZ, such as xyz'
+            )
         self.links: dict[str, Inertial | None] = {_WORLD: None}
         self.joints: list[Joint] = []
         self.defaults: dict[tuple[str, str], dict[str, str]] = {}
@@ -233,9 +239,14 @@ class _Reader:
         return Inertial(float(mass), pose.place, pose.rotation @ inertia @ pose.rotation.T)
 
     def geom(self, geom: ET.Element) -> Inertial:
-        """Computes the mass of a geom; NaN if it is that of a mesh."""
+        """Computes the mass of a geom; NaN if it is that of a mesh.
+
+        Raises:
+            ConfigurationError: A size is missing or not positive.
+        """
         pose, kind = self.pose(geom), geom.get('type', 'sphere')
-        size = [float(word) for word in geom.get('size', '').split()] + 3 * [math.nan]
+        words = geom.get('size', '').split()
+        size = [*numbers(geom, 'size', len(words)), *3 * [math.nan]]
         if geom.get('fromto'):
             ends = numbers(geom, 'fromto', 6).reshape(2, 3)
             way = ends[1] - ends[0]
@@ -243,6 +254,12 @@ class _Reader:
             size[1 if kind in {'capsule', 'cylinder'} else 2] = math.hypot(*way) / 2
             frame = ET.Element('geom', zaxis=' '.join(map(repr, map(float, way))))
             pose = Transform(self.pose(frame).rotation, ends.mean(axis=0))
+        needed = _SIZES.get(kind, 0)
+        if not all(part > 0 for part in size[:needed]):
+            raise ConfigurationError(
+                f'geom {shown(geom.get("name", ""))} of type {kind} has size {shown(words)}: must '
+                f'be {needed} positive numbers, of which fromto gives the last'
+            )
         volume, squares = _solid(kind, *size[:3])
         density = float(numbers(geom, 'density', 1, '1000')[0])
         mass = float(numbers(geom, 'mass', 1)[0]) if geom.get('mass') else density * volume

@@ -606,7 +606,7 @@ class _Planar:
         """Returns the mass of a body in its own coordinates.
 
         Raises:
-            ConfigurationError: The mass depends on a mesh.
+            ConfigurationError: The mass is that of a mesh, or not finite.
         """
         parts = []
         for link, pose in self.tree.bodies[body].links.items():
@@ -615,7 +615,8 @@ class _Planar:
                 continue
             if not math.isfinite(inertial.mass):
                 raise ConfigurationError(
-                    f'the mass of {link} depends on a mesh, which is not read: give it an inertial'
+                    f'the mass of {link} is that of a mesh, which is not read, or not finite: '
+                    'give it an inertial'
                 )
             turned = pose.rotation @ inertial.inertia @ pose.rotation.T
             parts.append(Inertial(inertial.mass, pose.of(inertial.center), turned))
