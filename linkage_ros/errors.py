@@ -6,7 +6,11 @@ Attributes of an exception are for programs. Its message is for users: one line 
 value, the valid range and a remedy.
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 _LONGEST = 600  # largest length of an error message, characters
+_FULL = 480  # length of a message to which no further mistake is added
 
 
 def printable(text: str) -> str:
@@ -115,7 +119,71 @@ class LinkageError(Exception):
 
 
 class ConfigurationError(LinkageError, ValueError):
-    """A parameter, file or argument has an invalid value."""
+    """A parameter, file or argument has an invalid value.
+
+    Attributes:
+        mistakes: The messages of all mistakes, if there are several.
+    """
+
+    mistakes: tuple[str, ...] = ()
+
+
+class Mistakes:
+    """Collects errors of a configuration, so that they are reported together.
+
+    As a context manager, it collects the error that its block raises.
+    """
+
+    def __init__(self) -> None:
+        self._found: list[ConfigurationError] = []
+
+    def __enter__(self) -> None:
+        """Begins a block."""
+
+    def __exit__(self, _: object, error: BaseException | None, __: object) -> bool:
+        """Collects the error of the block, if it is a ConfigurationError."""
+        if isinstance(error, ConfigurationError):
+            self._found.append(error)
+            return True
+        return False
+
+    def check(self) -> None:
+        """Raises the collected errors.
+
+        Raises:
+            ConfigurationError: There is an error. If there are several, the message numbers as
+                many as fit into a line.
+        """
+        if len(self._found) == 1:
+            raise self._found[0]
+        if not self._found:
+            return
+        found = tuple(words for error in self._found for words in error.mistakes or (str(error),))
+        text = f'{len(found)} mistakes: '
+        for number, words in enumerate(found, 1):
+            if number > 1 and len(text) + len(words) > _FULL:
+                text += f'and {len(found) + 1 - number} more  '
+                break
+            text += f'({number}) {words}; '
+        error = ConfigurationError(text[:-2])
+        error.mistakes = found
+        raise error
+
+
+@contextmanager
+def in_file(path: str) -> Iterator[None]:
+    """Adds the name of a file to the errors of a block.
+
+    Args:
+        path: The file, as the user gave it.
+
+    Raises:
+        ConfigurationError: The block raised this error.
+    """
+    try:
+        yield
+    except ConfigurationError as error:
+        raise type(error)(f'{path}: {error}') from error
 
 
 class MechanismError(ConfigurationError):

@@ -18,7 +18,7 @@ from dataclasses import MISSING, dataclass
 from numbers import Real
 from typing import Any, NamedTuple, TypeVar
 
-from linkage_ros.errors import ConfigurationError, shortened
+from linkage_ros.errors import ConfigurationError, Mistakes, shortened
 
 _T = TypeVar('_T')
 _LONGEST = 80  # largest length of a value in an error message, characters
@@ -82,7 +82,8 @@ class Quantity:
         """
         cleaned = self._read(value)
         if cleaned is None:
-            raise ConfigurationError(f'{name} = {shown(value)}: must be {self.valid}')
+            hint = _comma_hint(value) if self.kind == 'number' else ''
+            raise ConfigurationError(f'{name} = {shown(value)}: must be {self.valid}{hint}')
         return cleaned
 
     def _read(self, value: object) -> object:
@@ -116,6 +117,13 @@ class Quantity:
                 return None
         # Adding 0.0 converts -0.0 to 0.0, so that equal settings give equal bytes.
         return float(value) + 0.0 if self.low <= value <= self.high else None
+
+
+def _comma_hint(value: object) -> str:
+    """Suggests a point instead of a decimal comma, for an error message."""
+    if not isinstance(value, str) or not re.fullmatch(r'[-+]?\d+,\d+', value):
+        return ''
+    return f'; write {value.replace(",", ".")}, with a point instead of a comma'
 
 
 def shown(value: object) -> str:
@@ -304,24 +312,38 @@ def build(cls: type[_T], values: Mapping[str, object], prefix: str = '', **other
     Raises:
         ConfigurationError: A value is missing or invalid. The message starts with its dotted name.
     """
-    arguments = others
+    found: dict[str, object] = {}
+    mistakes = Mistakes()
     for field, part in _parts(cls):
-        name = prefix + field.name
-        if not isinstance(part, Quantity):
-            members = tuple(
-                build(kind, values, f'{prefix}{group}.')
-                for group, kind in part.kinds.items()
-                if not part.is_group or any(x.startswith(f'{prefix}{group}.') for x in values)
-            ) + tuple(
-                build(kind, values, f'{name}.{key}.', name=key)
-                for key, kind in part.members(f'{name}.', values).items()
-            )
-            arguments[field.name] = members if part.is_group else members[0]
-        elif name in values:
-            arguments[field.name] = part.clean(name, values[name])
-        elif field.default is MISSING:
-            raise ConfigurationError(f'{name} is missing: must be {part.valid}')
-    return cls(**arguments)
+        with mistakes:
+            found[field.name] = _built(field, part, values, prefix)
+    mistakes.check()
+    return cls(**others, **{name: value for name, value in found.items() if value is not MISSING})
+
+
+def _built(field: Any, part: Any, values: Mapping[str, object], prefix: str) -> object:
+    """Builds the value of a field; returns `MISSING` for its default.
+
+    Raises:
+        ConfigurationError: A value is missing or invalid.
+    """
+    name = prefix + field.name
+    if not isinstance(part, Quantity):
+        mistakes, members = Mistakes(), list[Any]()
+        for group, kind in part.kinds.items():
+            if not part.is_group or any(x.startswith(f'{prefix}{group}.') for x in values):
+                with mistakes:
+                    members.append(build(kind, values, f'{prefix}{group}.'))
+        for key, kind in part.members(f'{name}.', values).items():
+            with mistakes:
+                members.append(build(kind, values, f'{name}.{key}.', name=key))
+        mistakes.check()
+        return tuple(members) if part.is_group else members[0]
+    if name in values:
+        return part.clean(name, values[name])
+    if field.default is MISSING:
+        raise ConfigurationError(f'{name} is missing: must be {part.valid}')
+    return MISSING
 
 
 def flatten(instance: object, prefix: str = '') -> dict[str, object]:

@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from linkage_ros import ConfigurationError
+from linkage_ros import ConfigurationError, load
 from linkage_ros.settings.yaml_file import read_parameter_file
 
 # Reads every file as a node does. Each result is a line of JSON, so that a crash shows its case;
@@ -408,7 +408,16 @@ MESSAGES = {
     'a: "x': r'not YAML in UTF-8 \(found unexpected end of stream\); correct',
     'a: \x01': r'not YAML in UTF-8 \(.*\); correct this line',
 }  # fmt: skip
+# Mistakes of beginners, in a file and in another with all of them.
+COMMON = {
+    'rpm: 1\n\tx: 1': 'line 4: a tab; indent with spaces',
+    'rpm:45.0': 'line 3: no space after the colon; write rpm: 45.0',
+    'frame: {length:0.4, angle: 1}': 'no space after the colon; write length: 0.4',
+    'frame: {length: 0,4}': 'a comma in a number; write 0.4',
+    'gravity: [0.0, -9,81]': 'a comma in a number; write -9.81',
+}  # fmt: skip
 LAYOUT = {
+    'x:\n  ros__parameters:\n    a: 1\n   b: 2': 'line 4: not YAML .* check the indentation of',
     'hello': "line 1: 'hello' instead of a mapping; begin the file with",
     '- 1': 'line 1: a list instead of a mapping; begin',
     'linkage_node: {a: 1}': "'1' instead of a mapping; begin",
@@ -434,6 +443,60 @@ def test_error_names_line_problem_and_cure(text, message, write):
     assert str(caught.value).startswith(f'{path}, line ')
     assert '\n' not in str(caught.value)
     assert len(str(caught.value)) < len(str(path)) + 200
+
+
+@pytest.mark.parametrize(('text', 'message'), COMMON.items())
+def test_common_mistake_is_described(text, message, write):
+    with pytest.raises(ConfigurationError, match=re.escape(message)):
+        read_parameter_file(write(own(text)))
+
+
+def test_all_lines_with_common_mistakes_are_named_at_once(write):
+    text = own(
+        'a:1\n# b:1 0,1\nc: "x:1"\nd: [1,2,3]\ne: {f: 0,5}\n\tg: 1\nh: rerun+http://x:1/proxy'
+    )
+    with pytest.raises(ConfigurationError) as caught:
+        read_parameter_file(write(text))
+    words = re.findall(r'line (\d+): ([a-z ]+)', str(caught.value))
+    assert words == [
+        ('3', 'no space after the colon'), ('7', 'a comma in a number'), ('8', 'a tab'),
+    ]  # fmt: skip
+
+
+def test_log_is_not_taken_for_a_parameter_file(tmp_path):
+    path = tmp_path / 'run.mcap'
+    path.write_bytes(b'\x89MCAP0\r\n' + bytes(100))
+    with pytest.raises(
+        ConfigurationError, match=r'run\.mcap is a log, not a parameter file: linka'
+    ):
+        read_parameter_file(path)
+
+
+def test_all_invalid_values_and_names_are_reported_at_once_with_the_file(write):
+    path = write(
+        own("""mechanism: four_bar
+rmp: 45.0
+frame: 0.4
+crank: {length: "0,1", mass: -1.0}
+coupler: {length: 0.4}
+rocker: {length: 0.3 m}
+rate_hz: 0.0""")
+    )
+    with pytest.raises(ConfigurationError) as caught:
+        load(str(path))
+    assert str(caught.value).startswith(f'{path}: 6 mistakes: (1) ')
+    words = caught.value.__cause__.mistakes
+    assert [one.split()[0].strip("'") for one in words] == [
+        'rmp',
+        'frame',
+        'crank.length',
+        'crank.mass',
+        'rocker.length',
+        'rate_hz',
+    ]
+    assert 'frame has length, angle: write frame: {length: ...}' in words[1]
+    assert 'write 0.1, with a point instead of a comma' in words[2]
+    assert len(str(caught.value)) <= 600
 
 
 @pytest.mark.parametrize(

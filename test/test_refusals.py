@@ -313,7 +313,7 @@ BAD_CALLS = [
     (lambda: SpeedDrive(60.0, crank_acceleration=-1.0), 'crank_acceleration = -1.0: must be …'),
     (
         lambda: configure({'mechanism': 'wind_pump', 'rpm': 60.0}),
-        "'rpm' … a torque-driven wind_pump: only a crank with drive: speed has rpm; …",
+        "5 mistakes: (1) 'rpm' … a torque-driven wind_pump: only a crank with drive: speed …",
     ),
     # States.
     (lambda: state(STRETCHED, math.pi), f'{CANNOT_MOVE} 180 deg: … it reaches … deg'),

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from linkage_ros import cli
-from linkage_ros.errors import ConfigurationError
+from linkage_ros.errors import ConfigurationError, in_file
 from linkage_ros.files import create_file, is_same_file
 from linkage_ros.messages.urdf import make_urdf
 from linkage_ros.settings.configuration import configure, read_values
@@ -29,7 +29,8 @@ def urdf(options: argparse.Namespace) -> None:
     values = dict(read_values(options.params))
     if options.joint_prefix is not None:
         values['joint_prefix'] = options.joint_prefix
-    configuration = configure(values)
+    with in_file(options.params):
+        configuration = configure(values)
     session = configuration.session
     text = make_urdf(
         configuration.mechanism, session.joint_prefix, session.frame_id,

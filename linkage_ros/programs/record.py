@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from linkage_ros import cli
-from linkage_ros.errors import ConfigurationError, LogError, MotionError
+from linkage_ros.errors import ConfigurationError, LogError, MotionError, in_file
 from linkage_ros.files import is_same_file
 from linkage_ros.log.bag import Bag, BagMessage, topic_of
 from linkage_ros.log.writer import LogWriter
@@ -342,7 +342,8 @@ def _record(options: argparse.Namespace) -> int:
     stop, values = cli.Stop(), dict(read_values(options.params))
     if options.rate is not None:
         values['rate_hz'] = options.rate
-    configuration = configure(values)
+    with in_file(options.params):
+        configuration = configure(values)
     for line in notes(configuration):
         _note(line)
     if options.measured:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from linkage_ros.errors import ConfigurationError, UnreachableError
+from linkage_ros.errors import ConfigurationError, Mistakes, UnreachableError, in_file
 from linkage_ros.mechanism.registry import MECHANISMS
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.mechanism.structure import Mechanism
@@ -26,7 +26,7 @@ from linkage_ros.settings.joints import (
 )
 from linkage_ros.settings.presets import find_file, preset_path
 from linkage_ros.settings.session import DRIVES, Session
-from linkage_ros.settings.unknown_names import unknown_name
+from linkage_ros.settings.unknown_names import nearest, unknown_name
 from linkage_ros.settings.yaml_file import read_parameter_file
 
 DEFAULT_PRESET = 'quadrilateral'
@@ -148,12 +148,21 @@ def configure(values: Mapping[str, object]) -> Configuration:
     chosen = {**preset, **given}
     kind = MechanismAndDrive.of(chosen)
     valid = parameter_leaves(kind, given)
-    names = {leaf.name for leaf in valid}
-    for name in given:
-        if name not in names:
+    names = {leaf.name: leaf.quantity.kind for leaf in valid}
+    mistakes = Mistakes()
+    for name in [name for name in given if name not in names]:
+        with mistakes:
+            near = nearest(name, names)
+            if names.get(near) == 'number':  # the value is also checked
+                chosen.setdefault(near, given[name])
             raise ConfigurationError(_not_a_parameter(name, kind, valid))
-    mechanism = build(MECHANISMS[kind.mechanism], chosen)
-    drive, session = build(DRIVES[kind.drive], chosen), build(Session, chosen)
+    with mistakes:
+        mechanism = build(MECHANISMS[kind.mechanism], chosen)
+    with mistakes:
+        drive = build(DRIVES[kind.drive], chosen)
+    with mistakes:
+        session = build(Session, chosen)
+    mistakes.check()
     if 'mechanism' not in given:
         _require_harmless(drive)
     found = Configuration(kind, mechanism, drive, session, build_joints(given))
@@ -280,7 +289,9 @@ def load(source: str) -> Configuration:
         ConfigurationError: There is no such file or preset, it cannot be used, or it has only
             parameters of other nodes.
     """
-    return configure(read_values(source))
+    values = read_values(source)
+    with in_file(source):
+        return configure(values)
 
 
 def to_strings(configuration: Configuration) -> dict[str, str]:

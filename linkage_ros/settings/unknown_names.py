@@ -9,6 +9,7 @@ from linkage_ros.quantities import Leaf, shown
 
 # Smallest similarity of a suggestion, from 0 to 1: to the whole name, and to a name without group.
 _SIMILAR, _SIMILAR_WORD = 0.85, 0.65
+_FIRST = 'length'  # parameter that a group may be given as, as in frame: 0.4
 # Groups that users may put before a parameter that has no group, as in crank.rpm.
 _TOP = ('', 'crank', 'motor', 'drive')
 
@@ -64,7 +65,9 @@ def unknown_name(
     )
     words = [known.rpartition('.')[2] for known in units if known.rpartition('.')[0] == group]
     near = nearest(name, units)
-    if near:
+    if near and near == f'{name}.{_FIRST}':
+        hint = f'; {name} has {", ".join(words)}: write {name}: {{{_FIRST}: ...}};'
+    elif near:
         unit = f' ({units[near]})' if units[near] not in ('', near) else ''
         hint = f'; did you mean {near}{unit}?'
     elif elsewhere:
@@ -86,7 +89,8 @@ def nearest(name: str, valid: Collection[str]) -> str:
     """
     group, _, word = name.lower().rpartition('.')
     words = [word, *_meanings(word)]
-    meant = [f'{other}.{meaning}' for meaning in words for other in (group, *_meanings(group))]
+    meant = [f'{name}.{_FIRST}']
+    meant += [f'{other}.{meaning}' for meaning in words for other in (group, *_meanings(group))]
     if group in _TOP:
         grouped = [known for known in valid if known.rpartition('.')[2] in words]
         meant += words + (grouped if len(grouped) == 1 else [])

@@ -31,6 +31,13 @@ _NODE = re.compile(r'/?((\*\*?|[A-Za-z_]\w{0,243})/)*(\*\*?|[A-Za-z_]\w*)', re.A
 _BOOL = re.compile('([yY]|[yY]es|YES|[tT]rue|TRUE|[oO]n|ON)|[nN]o?|NO|[fF]alse|FALSE|[oO]ff|OFF')
 _VALUE = 'write a bool, integer, float or string, or a list of one of these'
 _SECTION = 'ros__parameters'
+_LOG = b'\x89MCAP0\r\n'
+# Common mistakes: pattern of the line, and description.
+_COMMON = {
+    r'^ *\t': 'a tab; indent with spaces',
+    r'(?<![\w/])([A-Za-z_]\w*):([-+.\w][^,}\s]*)': 'no space after the colon; write {0}: {1}',
+    r'(?<![\w.])([-+]?\d+),(\d+)(?![.\w])': 'a comma in a number; write {0}.{1}',
+}
 _LAYOUT = f'begin the file with /**:, indent {_SECTION}: below it, and the parameters below that'
 
 
@@ -91,6 +98,11 @@ class _Reader:
             ) from error
         if len(self.data) > _MAX_BYTES:
             raise ConfigurationError(f'{self.file}: over {_MAX_BYTES} bytes; give a {kind} file')
+        if self.data.startswith(_LOG):
+            raise ConfigurationError(
+                f'{self.file} is a log, not a {kind} file: linkage_replay shows it, and '
+                'linkage_log info prints the parameters of its run'
+            )
         self.events = yaml.parse(self.data, Loader=CSafeLoader)
         self.sections: dict[str, Parameters] = {}
         self.nodes: list[str] = []  # the node names of all sections, also of other nodes
@@ -102,7 +114,7 @@ class _Reader:
                 for names, value in self.leaves(path):
                     self.take(names, value)
             elif isinstance(event, yaml.NodeEvent):
-                raise self.error(f'{_show(event)} instead of a mapping; {self.layout}')
+                raise self.syntax_error(f'{_show(event)} instead of a mapping; {self.layout}')
         return {name: value for own in self.sections.values() for name, value in own.items()}
 
     def leaves(self, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], yaml.Event]]:
@@ -129,7 +141,7 @@ class _Reader:
         """Stores a value if its section applies to this node."""
         section = _section(path)
         if section is None or section == len(path) - 1:
-            raise self.error(f'{_show(event)} instead of a mapping; {self.layout}')
+            raise self.syntax_error(f'{_show(event)} instead of a mapping; {self.layout}')
         node, name = '/'.join(path[:section]), '.'.join(path[section + 1 :])
         if section > 1:
             node = node.replace('//', '/')
@@ -159,14 +171,16 @@ class _Reader:
             items.append(self.scalar(name, event))
             if type(items[0]) is not type(items[-1]):
                 mix = f'{shown(items[0])} and {shown(items[-1])}'
-                raise self.error(f'{name!r} mixes types, {mix}; give one, as in [0.0, -9.81]')
+                raise self.syntax_error(
+                    f'{name!r} mixes types, {mix}; give one, as in [0.0, -9.81]'
+                )
         return cast('ParameterValue', items)
 
     def scalar(self, name: str, event: yaml.ScalarEvent) -> _Scalar:
         if event.style in {'"', "'"} or (event.value and event.tag == 'tag:yaml.org,2002:str'):
             return event.value
         if not event.value:
-            raise self.error(f'{name!r} has no value; {_VALUE}')
+            raise self.syntax_error(f'{name!r} has no value; {_VALUE}')
         return read_scalar(event.value)
 
     def key(self, path: tuple[str, ...]) -> str:
@@ -190,7 +204,8 @@ class _Reader:
                 self.line = self.data.count(b'\n', 0, error.position) + 1
             self.line = getattr(getattr(error, 'problem_mark', None), 'line', self.line - 1) + 1
             reason = getattr(error, 'problem', None) or getattr(error, 'reason', error)
-            raise self.error(f'not YAML in UTF-8 ({reason}); correct this line') from error
+            cure = 'correct' if 'expected key' not in str(reason) else 'check the indentation of'
+            raise self.syntax_error(f'not YAML in UTF-8 ({reason}); {cure} this line') from error
         self.line = getattr(event.start_mark, 'line', 0) + 1
         if isinstance(event, yaml.AliasEvent):
             raise self.error(
@@ -199,6 +214,21 @@ class _Reader:
         if isinstance(event, yaml.ScalarEvent) and re.search('[\0\ud800-\udfff]', event.value):
             raise self.error(f'{_show(event)} contains a NUL or a surrogate; remove it')
         return event
+
+    def syntax_error(self, problem: str) -> ConfigurationError:
+        """Returns an error with all lines that have a common mistake, or else with the problem."""
+        found = []
+        text = self.data.decode(errors='replace')
+        for number, line in enumerate(text.split('\n'), 1):
+            bare = re.sub(r'"[^"]*"|\'[^\']*\'|(^|\s)#.*', '', line)
+            # In a list, numbers may be separated by a comma without a space.
+            single = bare if number == self.line else re.sub(r'\[[^]]*\]', '', bare)
+            for pattern, mistake in _COMMON.items():
+                if match := re.search(pattern, single):
+                    found.append(f'line {number}: {mistake.format(*match.groups())}')
+        if not found:
+            return self.error(problem)
+        return ConfigurationError(f'{self.file}, {shortened("; ".join(found), 400)}')
 
     def error(self, problem: str) -> ConfigurationError:
         return ConfigurationError(f'{self.file}, line {self.line}: {problem}')
