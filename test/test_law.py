@@ -14,6 +14,7 @@ from fractions import Fraction
 from itertools import pairwise
 
 import pytest
+from live_logs import live, ticks
 from mechanisms import LIMITED, of
 from mpmath import mp
 from oracle import oracle_of
@@ -286,6 +287,16 @@ def test_a_record_of_a_limited_crank_verifies_to_the_bit(tmp_path, values):
     for stamp, data in zip((0, 3_000_300), torques, strict=False):
         (q,), (u,), (a,), *_ = motion.at(stamp + 12_300_000)
         assert struct.unpack('<d', data[-8:]) == (solver.state(q, u, a).torque,)
+
+
+@pytest.mark.parametrize('values', SERVO_LAWS.values(), ids=SERVO_LAWS)
+def test_a_live_log_with_clock_steps_verifies_to_the_bit(tmp_path, values):
+    plan = [*ticks(50), ('step', 10**9), *ticks(70), ('step', -(10**10)), ('skip', 7), *ticks(80)]
+    path = live(tmp_path / 'run.mcap', configured(values), plan)
+    log = LogReader(path)
+    done = verify(log)
+    assert (done.states, done.missed, done.difference, done.ulp) == (202, 7, '', 0.0)
+    assert len(log.motions) == 3
 
 
 def test_a_record_keeps_the_states_before_the_end(tmp_path):
