@@ -41,6 +41,7 @@ _TOLERANCE, _TRIALS = 1e-11, 10_000
 # by more than the difference from the logged state, the difference is accepted.
 _NUDGE = 1e-9
 _NOWHERE = 1e300  # predicted value if the motion cannot be integrated
+_ROUNDINGS = 8  # bound on the rounding errors of a mapped value
 # If all states are integrated at once: median motion per step, in rad or crank lengths, and the
 # smallest and largest number of steps between two states.
 _STEP, _STEPS = 0.02, (2, 20)
@@ -130,13 +131,15 @@ class TorqueStates(Timeline):
         if not np.isfinite(table).all():
             raise LogError('mechanism_state is not finite')
         joints = self._simulator.robot_joints
-        if is_noisy() and any(joint.is_mapped for joint in joints):
-            # The logged values of mapped joints have rounding errors of their own.
-            table[:3] = [[noisy(row) for row in rows] for rows in table[:3]]
+        is_inexact = is_noisy() and any(joint.is_mapped for joint in joints)
+        if is_inexact:
+            table[:3] = _rounded_often(table[:3])
         crank = joints[0].own(table[0, 0].copy())
         table[0, 0] = [joints[0].value(within_two_turns(angle)[0]) for angle in crank.tolist()]
         table[3, 0] *= joints[0].ratio
         table[:3] = link_rows(joints, table[:3])
+        if is_inexact:
+            table[:3] = _rounded_often(table[:3])
         return table, crank
 
     def take(self, number: int, ticks: list[int]) -> tuple[int, str]:
@@ -275,3 +278,9 @@ def _agrees(
     sizes[count:] *= np.maximum(1.0, pace)
     allowed = _APART * sizes + 4 * np.spacing(abs(values[0]))  # a crank angle of many turns
     return np.asarray(abs(values - due) <= allowed, bool)
+
+
+def _rounded_often(table: Array) -> Array:
+    """Adds the noise of the rounding errors with which joints are mapped, and mapped back."""
+    rows = [[row + _ROUNDINGS * (noisy(row) - row) for row in rows] for rows in table]
+    return np.array(rows)
