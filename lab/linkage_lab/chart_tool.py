@@ -72,6 +72,10 @@ def _parser() -> argparse.ArgumentParser:
                  {'nargs': '+', 'choices': QUANTITIES, 'default': DEFAULT, 'metavar': 'Q',
                   'help': f'diagrams to draw, of {", ".join(QUANTITIES)} (default '
                   f'{" ".join(DEFAULT)})'}),
+                (('--csv',),
+                 Quantity('number', 'step of the crank angle in the table, deg; its angles are in '
+                          'degrees, and it has the coordinates of the pins', '', 0.01, 180.0),
+                 {'metavar': 'STEP', 'note': ' (default: about 0.5 deg, in SI units)'}),
                 (('--reactions',), None,
                  {'action': 'store_true', 'help': 'add joint forces, shaking force and moment'}),
                 _OUT, _FORMAT,

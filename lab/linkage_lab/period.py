@@ -14,7 +14,7 @@ from linkage_lab.pump.analysis import settle
 from linkage_lab.pump.shooting import PeriodicMotion
 from linkage_lab.sampling import SAME, integral, samples, with_breaks
 from linkage_ros import ConfigurationError, Mechanism, Solver, State, Travel, WindPump, travel
-from linkage_ros.extensions import LawDrive, LawMotion, Sine
+from linkage_ros.extensions import Drawing, LawDrive, LawMotion, Sine
 from linkage_ros.formulas import ZERO, Array, number
 
 # Speed of a crank that is drawn over its arc, and the part of the arc left out at each end.
@@ -356,6 +356,51 @@ def _at_speed(
         power = _load_power(solver, state) + state.velocity[0] * acceleration * inertia
     period = Period(solver, crank, state, speed=speed, mean_power=mean(crank, power))
     return _completed(period, state, reactions=reactions)
+
+
+def stepped(period: Period, step: float, *, reactions: bool = False) -> dict[str, Column]:
+    """Computes a table with equal steps of the crank angle, for people: angles are in degrees.
+
+    Args:
+        period: Motion at a constant crank speed and acceleration.
+        step: Step of the crank angle, deg.
+        reactions: Whether to add pin forces, shaking force and shaking moment.
+
+    Returns:
+        The columns of the period, and the coordinates of the pins, by name.
+
+    Raises:
+        ConfigurationError: The crank has no constant speed.
+    """
+    given = [period.columns[f'crank.{name}'].values for name in ('velocity', 'acceleration')]
+    if period.across is OVER_TIME or any(np.ptp(values) for values in given):
+        raise ConfigurationError(
+            '--csv is for a crank at a given speed: leave it out, or give --rpm if the crank has '
+            'a law'
+        )
+    speed, acceleration = (float(values[0]) for values in given)
+    first, last = period.marks[0], period.marks[-1]
+    degrees = first + step * np.arange(math.floor((last - first) / step + 1e-9) + 1)
+    crank, solver = np.radians(degrees), period.solver
+    table = _at_speed(solver, crank, speed, acceleration, reactions=reactions)
+    drawing = Drawing(solver.mechanism, float(period.crank[0]))
+    columns = {'crank_angle': Column('deg', degrees)}
+    for name, (unit, values) in table.columns.items():
+        if name in {'crank_angle', 'crank.position'}:
+            continue
+        if unit == 'rad':  # continuous, although the steps may be large
+            near = np.interp(crank, period.crank, period.columns[name].values)
+            values = np.degrees(values + math.tau * np.round((near - values) / math.tau))
+        columns[name] = Column('deg' if unit == 'rad' else unit, values)
+    positions = [table.columns[f'{joint}.position'].values for joint in drawing.joints]
+    places = drawing.place(np.stack(positions, axis=-1))
+    for pin, place in zip(drawing.pins, np.moveaxis(places, 1, 0), strict=True):
+        columns |= {f'{pin}.{x}': Column('m', place[:, i]) for i, x in enumerate('xy')}
+    # Without the digits that hold rounding errors, such as those of 59.99999999999999 deg.
+    return {
+        name: Column(unit, np.array([float(f'{x:.12g}') for x in values]))
+        for name, (unit, values) in columns.items()
+    }
 
 
 def _load_power(solver: Solver, state: State) -> Array:

@@ -125,6 +125,26 @@ def test_csv_equals_solver_to_the_last_bit(drawn, preset):
     assert ('coupler_point.acceleration.y [m/s^2]' in columns) == has_point
 
 
+@pytest.mark.parametrize('preset', ['coupler_point', 'slider_crank'])
+@pytest.mark.parametrize('step', [90.0, 0.7])
+def test_table_with_steps_equals_solver_in_degrees(tmp_path, called, preset, step):
+    options = '--csv', step, '--rpm', 90, '--acceleration', 2.5, '--reactions'
+    assert called(chart_tool, 'motion', preset, *options, '--out', tmp_path)[0] == 0
+    columns = table(tmp_path / f'{preset}_motion.csv')
+    degrees, solver = columns['crank_angle [deg]'], Solver(load(preset).mechanism)
+    assert [round(x, 9) for x in degrees] == [round(step * n, 9) for n in range(len(degrees))]
+    assert 360 - step < degrees[-1] <= 360
+    state = solver.state(np.radians(degrees), 3 * math.pi, 2.5)
+    assert columns['driving_torque [N m]'] == pytest.approx(state.torque, rel=1e-11)
+    assert columns['coupler.velocity [rad/s]'] == pytest.approx(state.velocity[1], rel=1e-11)
+    turned = np.radians(columns['coupler.position [deg]']) - state.position[1]
+    assert np.allclose(turned, math.tau * np.rint(turned / math.tau), atol=1e-11)
+    for pin in ('A', 'B'):
+        for axis, values in zip('xy', solver.point(state, pin).position, strict=True):
+            assert columns[f'{pin}.{axis} [m]'] == pytest.approx(values, abs=1e-12)
+    assert columns['shaking_moment [N m]'] == pytest.approx(solver.reactions(state).shaking_moment)
+
+
 @pytest.mark.parametrize('preset', ALL)
 def test_nothing_is_cut_off_at_the_edges(drawn, preset):
     pixels = drawn[preset].pixels
@@ -396,6 +416,9 @@ def test_several_mechanisms_are_drawn_side_by_side_with_one_table(tmp_path, call
             '--reactions is for a crank at a given speed, but the motor of wind_pump',
         ),
         (['motion', 'wind_pump', '--acceleration', '1'], ': leave --acceleration out'),
+        (['motion', 'wind_pump', '--csv', '5'], '--csv is for a crank at a given speed'),
+        (['motion', 'wiper', 'press', '--csv', '5'], 'only one with --fluctuation or --csv'),
+        (['motion', 'wiper', '--csv', '0'], "--csv: '0': must be a number from 0.01 to 180"),
         (['motion', 'wind_pump', '--rpm', '-5'], '--rpm = -5: must be above 0 rpm, because'),
         (['motion', 'wind_pump', '--rpm', '0'], '--rpm = 0: must be above 0 rpm, because'),
         (['motion', 'wiper', '--format', 'jpg'], "--format: 'jpg': must be of png,svg,pdf"),

@@ -30,7 +30,7 @@ from linkage_lab.output import (
     pictures,
     save_csv,
 )
-from linkage_lab.period import OVER_CRANK, Period, extent, period_to_show
+from linkage_lab.period import OVER_CRANK, Period, extent, period_to_show, stepped
 from linkage_ros import ConfigurationError, load, palette
 from linkage_ros.formulas import Array
 from linkage_ros.palette import BLACK, COLORS, DARK, Color, color_of, fractions
@@ -120,9 +120,12 @@ def motion(options: argparse.Namespace) -> None:
         if len(names) > 1:
             lines, notes = _compare(periods, table), []
         else:
-            head = [f'{name} [{unit}]' for name, (unit, _) in period.columns.items()]
-            columns = [values.tolist() for _, values in period.columns.values()]
-            save_csv(table, head, zip(*columns, strict=True))
+            columns = period.columns
+            if options.csv is not None:
+                columns = stepped(period, options.csv, reactions=options.reactions)
+            head = [f'{name} [{unit}]' for name, (unit, _) in columns.items()]
+            rows = zip(*(values.tolist() for _, values in columns.values()), strict=True)
+            save_csv(table, head, rows)
             lines = [', '.join(title)]
             angle = math.degrees(period.crank[_drawn(period)])
             notes = [*title[1:], f'mean power {period.mean_power:.4g} W',
@@ -143,9 +146,10 @@ def _names(options: argparse.Namespace) -> list[str]:
         ConfigurationError: There are too many mechanisms, or two have the same name.
     """
     count, most = len(options.params), len(DESIGN_COLORS)
-    if count > most or (count > 1 and options.fluctuation is not None):
+    single = [x for x in ('fluctuation', 'csv') if getattr(options, x) is not None]
+    if count > most or (count > 1 and single):
         raise ConfigurationError(
-            f'{count} mechanisms: must be at most {most}, and only one with --fluctuation'
+            f'{count} mechanisms: must be at most {most}, and only one with --fluctuation or --csv'
         )
     names = [Path(source).stem for source in options.params]
     if len(set(names)) < count:
