@@ -2,14 +2,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """Joint states of logs and of other bags as arrays, and as tables for a spreadsheet."""
 
+from __future__ import annotations
+
 import csv
 import math
 from array import array
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from io import TextIOWrapper
-from itertools import chain
+from itertools import chain, repeat
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -51,6 +54,9 @@ class _Table:
     def __init__(self, topic: BagTopic) -> None:
         self.topic, self.stamps = topic, array('q')
         self.columns: dict[str, array[float]] = {}
+        # The columns of each layout of messages, in the order of the values, and the last layout.
+        self._layouts: dict[Any, list[array[float]]] = {}
+        self._last: Any = None
 
     def add(self, time: int, data: bytes) -> None:
         """Adds a message with its log time, ns.
@@ -65,23 +71,34 @@ class _Table:
         else:
             stamp, names, ((*rows, _),) = decode_trajectory(data)
             quantities = QUANTITIES
-        count = len(self.stamps)
+        layout = (*names, *map(len, rows))
+        if layout != self._last:
+            self._last = layout
+            if layout not in self._layouts:
+                sizes = zip(quantities, map(len, rows), strict=True)
+                self._layouts[layout] = [*self._columns_of(names, sizes)]
+            self.complete()  # messages of other layouts lack some of its values
         self.stamps.append(stamp or time)
-        for quantity, row in zip(quantities, rows, strict=True):
-            for joint, value in zip(names, row, strict=False):
-                column = self.columns.setdefault(f'{joint}.{quantity}', array('d'))
-                if len(column) <= count:  # a repeated name is ignored
-                    column.extend(_missing(count - len(column)))
-                    column.append(value)
+        for column, value in zip(self._layouts[layout], chain(*rows), strict=True):
+            column.append(value)
+
+    def _columns_of(
+        self, names: Sequence[str], sizes: Iterable[tuple[str, int]]
+    ) -> Iterator[array[float]]:
+        """Yields the column of each value; a value without a name of its own is not kept."""
+        taken = set[str]()
+        for quantity, size in sizes:
+            for i in range(size):
+                name, column = f'{names[i] if i < len(names) else ""}.{quantity}', array('d')
+                if i < len(names) and name not in taken:
+                    column = self.columns.setdefault(name, column)
+                taken.add(name)
+                yield column
 
     def complete(self) -> None:
         """Adds the missing values at the end of each column."""
         for column in self.columns.values():
-            column.extend(_missing(len(self.stamps) - len(column)))
-
-
-def _missing(count: int) -> Iterator[float]:
-    return (math.nan for _ in range(count))
+            column.extend(repeat(math.nan, len(self.stamps) - len(column)))
 
 
 def _tables(bag: Bag, progress: Callable[[int], object] = lambda _: None) -> list[_Table]:
