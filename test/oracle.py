@@ -21,8 +21,6 @@ from typing import NamedTuple
 import mpmath
 from mpmath import mp
 
-from linkage_lab.reference.multibody import eliminate
-
 ASIDE = '1e-60'
 
 
@@ -626,9 +624,20 @@ def solutions(rows):
     Returns:
         A row for each unknown, with a value for each right-hand side.
     """
-    matrix, sides = [row[: len(rows)] for row in rows], [row[len(rows) :] for row in rows]
-    columns = [eliminate(matrix, side) for side in zip(*sides, strict=True)]
-    return list(zip(*columns, strict=True))
+    rows, count = [list(row) for row in rows], len(rows)
+    for i in range(count):
+        largest = max(range(i, count), key=lambda k: abs(rows[k][i]))
+        rows[i], rows[largest] = rows[largest], rows[i]
+        rows[i][i:] = pivot = [x / rows[i][i] for x in rows[i][i:]]
+        for row in rows[i + 1 :]:
+            if row[i]:
+                row[i:] = [x - row[i] * y for x, y in zip(row[i:], pivot, strict=True)]
+    for i in reversed(range(count)):
+        for row in rows[:i]:
+            row[count:] = [
+                x - row[i] * y for x, y in zip(row[count:], rows[i][count:], strict=True)
+            ]
+    return [row[count:] for row in rows]
 
 
 def settle(rubbing, joints):

@@ -12,8 +12,6 @@ from hypothesis import strategies as st
 from mechanisms import LIMITED, of, wind_pump
 from ros_harness import logged, report_of, verified
 
-from linkage_lab.methods.integrators import Multipliers
-from linkage_lab.reference.motions import InitialValueProblem
 from linkage_ros import Solver
 from linkage_ros.errors import LinkageError, MotionError
 from linkage_ros.log.writer import LogWriter
@@ -103,21 +101,6 @@ def test_energy_is_conserved_past_dead_centres(name, integrate):
         described.add(steps.driven.solver.description)
         assert kinetic + potential == pytest.approx(before, abs=2e-8 * largest + 1e-12)
     assert len(described) > 2, 'no dead centre was passed'
-
-
-@every
-def test_motion_agrees_with_absolute_coordinates(name):
-    mechanism = MECHANISMS[name]
-    follower = Multipliers(InitialValueProblem(mechanism, start(mechanism)), 1e-12)
-    steps, due, crank = begun(record_steps, mechanism), None, 0.0
-    described = set()
-    for tick in range(1, 101):
-        due = follower.at(tick * 1e-2)
-        steps.advance(tick * 1e-2)
-        crank = steps.driven.crank(steps.phase, steps.pairs)
-        described.add(steps.driven.solver.description)
-        assert crank == pytest.approx(due[0], abs=1e-7)
-    assert len(described) > 1 or name in {'pump', 'offset_right'}
 
 
 def configuration(mechanism, rate=100.0):
