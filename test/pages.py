@@ -76,9 +76,13 @@ def run_python(text, page, names=None):
 
 
 def page_files(text):
-    """Returns the parameter files of a page, by the file name in their first line."""
-    found = [re.match(r'# (\w+\.yaml)\n', one) for one in blocks(text)]
-    return {match[1]: match.string + '\n' for match in found if match}
+    """Returns the parameter files and CSV files of a page, by the name in their first line."""
+    found = [re.match(r'# (\w+\.(?:yaml|csv))\n', one) for one in blocks(text)]
+    return {
+        match[1]: match.string[match.end() if match[1].endswith('csv') else 0 :] + '\n'
+        for match in found
+        if match
+    }
 
 
 def load_script(name):

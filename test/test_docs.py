@@ -354,6 +354,18 @@ def test_readme_python_prints_the_swing_and_the_accuracy(capsys):
 # ---------------------------------------------------------------- sizing
 
 
+def test_indicator_page_quotes_the_output_of_its_commands(run_page):
+    page = read('lab/docs/indicator.md')
+    _, printed = run_page('lab/docs/indicator.md')
+    told, lines = ' '.join(page.split()), 0
+    for text in printed.values():
+        for line in text.splitlines():
+            if re.match('driv|fluct|to first|motor |with', line):
+                lines += 1
+                assert line in told
+    assert lines == 4 + 7
+
+
 def test_sizing_quotes_the_output_of_its_commands(run_page):
     page = read('lab/docs/sizing.md')
     _, printed = run_page('lab/docs/sizing.md')

@@ -522,6 +522,14 @@ def test_motion_beyond_the_points_of_a_curve_is_noted_once(tmp_path, called):
     assert 'note:' not in called(record_module, tmp_path / 'own.yaml', tmp_path / 'b.mcap')[1]
 
 
+def test_crank_that_reverses_with_valves_is_noted_once(tmp_path, called):
+    for rpm, count in ((-60.0, 1), (60.0, 0)):
+        drive = f'start_rpm: {rpm}, crank_acceleration: 20.0'
+        configured(tmp_path, f'{SLIDER}, {drive}', f'loads: {{x: {{{GAS}, outlet: 2.0e5}}}}')
+        told = called(record_module, tmp_path / 'own.yaml', tmp_path / f'{count}.mcap')[1]
+        assert told.count('the crank has reversed') == count
+
+
 def test_arrows_stand_at_the_points_of_forces():
     force = Force('coupler', (30.0, -40.0), (0.2, 0.3), name='payload')
     mechanism = with_loads(MECHANISMS['four_bar'], force, Pins(1.0))

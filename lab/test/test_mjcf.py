@@ -214,6 +214,21 @@ def test_mujoco_differs_from_the_plant_by_the_documented_angle(preset):
         ('quadrilateral', {'rocker.torque': 3.0, 'rocker.damping': 0.5, 'rocker.stiffness': 40.0,
                            'rocker.rest_angle': 3.0}),
         ('slider_crank', {'slider.stiffness': 50.0, 'slider.rest_position': 0.1}),
+        ('quadrilateral', {
+            'loads.a.kind': 'force', 'loads.a.link': 'coupler', 'loads.a.at': [0.1, 0.05],
+            'loads.a.force': [20.0, -30.0]}),
+        ('quadrilateral', {
+            'loads.a.kind': 'force', 'loads.a.link': 'rocker', 'loads.a.at': [0.1, 0.05],
+            'loads.a.force': [20.0, -30.0], 'loads.a.axes': 'link'}),
+        ('quadrilateral', {
+            'loads.a.kind': 'spring', 'loads.a.link': 'coupler', 'loads.a.at': [0.1, 0.05],
+            'loads.a.to_at': [0.3, 0.4], 'loads.a.stiffness': 90.0, 'loads.a.damping': 3.0,
+            'loads.a.free_length': 0.1}),
+        ('slider_crank', {
+            'loads.a.kind': 'spring', 'loads.a.link': 'slider', 'loads.a.at': [0.1, 0.05],
+            'loads.a.to': 'crank', 'loads.a.stiffness': 90.0}),
+        ('quadrilateral', {'loads.a.kind': 'pins', 'loads.a.damping': 0.3}),
+        ('slider_crank', {'loads.a.kind': 'pins', 'loads.a.damping': 0.5}),
     ],
 )  # fmt: skip
 def test_springs_and_torques_act_as_on_our_plant(preset, values):

@@ -1,6 +1,10 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Tells which load curves over position a motion has left, where their end values apply."""
+"""Finds motions that a load does not describe.
+
+Beyond the points of a load curve over position, its end values apply. Valves of a gas open by
+themselves only if the slider reverses at the ends of its stroke, that is, if the crank does not.
+"""
 
 import math
 from typing import Any
@@ -15,7 +19,7 @@ _ROUNDING = 1e-9  # relative to the span of the points
 
 
 class Ranges:
-    """Compares the states of a motion with the points of load curves over position."""
+    """Compares the states of a motion with load curves over position, and with valves."""
 
     def __init__(self, solver: Solver) -> None:
         """Collects the curves.
@@ -32,11 +36,24 @@ class Ranges:
             for name, load in zip(names, loads, strict=True)
             if (ends := getattr(load, 'ends', None))
         }
+        self._valves = [
+            labels[name]
+            for name, load in zip(names, loads, strict=True)
+            if getattr(load, 'outlet', None) is not None
+        ]
+        self._way = 0.0  # of the crank
         self._found: dict[str, tuple[float, float]] = {}
+        self._reversed = False
         self._said: set[str] = set()
 
     def see(self, state: State) -> None:
         """Takes note of a state, or of an array of states."""
+        if self._valves:
+            ways = np.sign(np.append(self._way, state.velocity[0]))
+            ways = ways[ways != 0]
+            if np.any(ways != ways[:1]):
+                self._reversed = True
+            self._way = float(ways[-1]) if len(ways) else 0.0
         for label, (link, middle, (low, high)) in self._curves.items():
             place = continuous(state.position[link], middle)
             room = _ROUNDING * (high - low)
@@ -48,8 +65,15 @@ class Ranges:
             )  # fmt: skip
 
     def notes(self) -> list[str]:
-        """Returns a line for each curve that the motion has left since the last call."""
+        """Returns a line for each load that does not describe the motion, once."""
         lines = []
+        if self._reversed:
+            lines += [
+                f'{label}: the crank has reversed inside the stroke, where the valves would not '
+                'switch at once, so that the pressure there is wrong; keep the crank turning'
+                for label in self._valves
+            ]
+            self._valves, self._reversed = [], False
         for label, (low, high) in self._found.items():
             if label in self._said:
                 continue

@@ -13,8 +13,8 @@ from typing import Any
 from xml.etree import ElementTree as ET
 
 from linkage_lab.output import folder
-from linkage_ros import ConfigurationError, Mechanism, State, load
-from linkage_ros.extensions import Link, LinkForce, Simulator, make_urdf
+from linkage_ros import ConfigurationError, Force, Mechanism, Pins, Spring, State, load
+from linkage_ros.extensions import Link, LinkForce, Simulator, Structure, make_urdf
 
 # MuJoCo raises the time constant of a constraint, the first number of solref, to at least twice
 # the timestep, so this makes the loop as stiff as the timestep allows.
@@ -92,9 +92,15 @@ def make_mjcf(mechanism: Mechanism, start: State, joint_prefix: str = '') -> str
     ends = [f'{names[number]}_end' for number in (first, second)]
     bodies[first].append(_site(ends[0], weights[first]))
     bodies[second].append(_site(ends[1], -weights[second]))
-    of_joints = [load for load in mechanism.loads if load.in_joints(mechanism)]
-    acting: list[Any] = [*mechanism.link_loads(), *of_joints]
-    loads = [_load(load, links, names, position) for load in acting]
+    passive = _Passive(structure, names, [*bodies, world])
+    described_by = {x.name: x for x in mechanism.loads if isinstance(x, (Force, Spring, Pins))}
+    for one in described_by.values():
+        passive.add(one)
+    others = zip(mechanism.load_names(), mechanism.link_loads(), strict=True)
+    acting: list[tuple[str, Any]] = [pair for pair in others if pair[0] not in described_by]
+    acting += [('', one) for one in mechanism.loads if one.in_joints(mechanism)]
+    motors = [_load(name, one, links, names, position) for name, one in acting]
+    loads = [*passive.forces, *motors]
     sensors = [
         _element(kind, name=f'{name}_{word}', joint=name)
         for kind, word in (('jointpos', 'position'), ('jointvel', 'velocity'))
@@ -114,6 +120,7 @@ def make_mjcf(mechanism: Mechanism, start: State, joint_prefix: str = '') -> str
             gravity=_text(*mechanism.gravity, 0.0),
         ),
         world,
+        *([_element('tendon', *passive.tendons)] if passive.tendons else []),
         _element('equality', _element(
             'connect', site1=ends[0], site2=ends[1], solref=_text(*_SOLREF),
             solimp=_text(*_SOLIMP),
@@ -162,14 +169,76 @@ def _site(name: str, place: complex) -> ET.Element:
     return _element('site', name=name, pos=_text(x, y, 0.0))
 
 
+class _Passive:
+    """Forces at points, springs and viscous pins, which need no control input.
+
+    Attributes:
+        forces: Actuators of the forces.
+        tendons: Tendons of the springs and pins.
+    """
+
+    def __init__(self, structure: Structure, names: list[str], bodies: list[ET.Element]) -> None:
+        """Takes the bodies of the links and, last, of the world, to which it adds sites."""
+        self._structure, self._names, self._bodies = structure, names, bodies
+        self.forces: list[ET.Element] = []
+        self.tendons: list[ET.Element] = []
+
+    def add(self, one: Any) -> None:
+        """Adds a one."""
+        if isinstance(one, Force):
+            self._add_force(one)
+        elif isinstance(one, Spring):
+            ends = (one.link, one.at), (one.to, one.to_at)
+            sites = [self._add_site(f'{one.name}_{i}', *end) for i, end in enumerate(ends, 1)]
+            self.tendons.append(_element(
+                'spatial', *(_element('site', site=site) for site in sites), name=one.name,
+                stiffness=repr(one.stiffness), damping=repr(one.damping),
+                springlength=repr(one.free_length),
+            ))  # fmt: skip
+        else:
+            self._add_pins(one)
+
+    def _add_site(self, name: str, link: str, at: tuple[float, float]) -> str:
+        number = -1 if link == 'frame' else self._structure.link_index(link, name)
+        self._bodies[number].append(_site(name, complex(*at)))
+        return name
+
+    def _add_force(self, one: Force) -> None:
+        site, world = self._add_site(one.name, one.link, one.at), f'{one.name}_axes'
+        axes = {}
+        if one.axes == 'world':
+            axes = {'refsite': self._add_site(world, 'frame', (0.0, 0.0))}
+        gear = _text(*one.force, 0.0, 0.0, 0.0, 0.0)
+        self.forces.append(_element(
+            'general', name=one.name, site=site, **axes, gear=gear, gainprm='0',
+            biastype='affine', biasprm='1',
+        ))  # fmt: skip
+
+    def _add_pins(self, one: Pins) -> None:
+        links = self._structure.links
+        for pin in self._structure.pins:
+            rates = dict.fromkeys(self._names, 0)
+            for link, sign in ((pin.second, 1), (pin.first, -1)):
+                j = None if link is None or links[link].slides else link
+                while j is not None:  # the rate of a link is the sum of those of its joints
+                    rates[self._names[j]] += sign
+                    j = links[j].parent
+            if one.pin in {'', pin.name}:
+                joints = [_element('joint', joint=x, coef=str(c)) for x, c in rates.items() if c]
+                self.tendons.append(_element(
+                    'fixed', *joints, name=f'{one.name}_{pin.name}', damping=repr(one.damping)
+                ))  # fmt: skip
+
+
 def _load(
-    load: Any, links: tuple[Link, ...], names: list[str], position: list[float]
+    own: str, load: Any, links: tuple[Link, ...], names: list[str], position: list[float]
 ) -> ET.Element:
     """Returns the actuator of a load.
 
     A `LinkForce` becomes an actuator without control input that exerts force - stiffness x stretch
     - damping x rate. Another load, such as a load curve, becomes a motor whose control input the
-    user must set to the value of the load, because MJCF has no tables.
+    user must set to the value of the load, because MJCF has no tables; its name is that of the
+    load, or LINK_curve for the group `load`.
 
     Raises:
         ConfigurationError: The load acts in joints, on several links, or on a link with a moving
@@ -178,12 +247,13 @@ def _load(
     link: int | None = getattr(load, 'link', None)
     if link is None or links[link].parent is not None:
         raise ConfigurationError(
-            f'MJCF does not support {type(load).__name__}: only load curves, forces, damping and '
-            'stiffness of a link on the frame; leave the parameters of friction out'
+            f'MJCF does not support {type(load).__name__}: only load curves, forces, damping, '
+            'stiffness and gas of a link on the frame, forces at points, springs and viscous '
+            'pins; leave the parameters of friction out'
         )
     name = names[link]
     if not isinstance(load, LinkForce):
-        return _element('motor', name=f'{name}_curve', joint=name)
+        return _element('motor', name=f'{name}_curve' if own == 'load' else own, joint=name)
     force, stiffness = float(load.force), float(load.stiffness)
     if stiffness:  # MuJoCo positions are relative to the start, without a jump from pi to -pi
         jump = 0.0 if load.middle is None else position[link] - float(load.middle)
