@@ -59,8 +59,8 @@ def called(monkeypatch, capfd):
 LONGEST = ('test_docs', 'test_pump_chart', 'test_outcomes', 'test_faults', 'test_hostile',
            'test_methods', 'test_mjcf', 'test_fifty_digits', 'test_replay',
            'test_rerun_view', 'test_two_hosts', 'test_out_of_package',
-           'test_packaging', 'test_sizing', 'test_chart',
-           'test_node', 'test_launch', 'test_ros', 'test_torque_driven_motion', 'test_integrators')  # fmt: skip
+           'test_packaging', 'test_sizing', 'test_chart', 'test_node', 'test_launch', 'test_ros',
+           'test_torque_driven_motion', 'test_integrators')  # fmt: skip
 
 
 def pytest_collection_modifyitems(items):

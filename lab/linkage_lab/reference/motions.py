@@ -6,7 +6,7 @@ The multibody equations are integrated by extrapolation (Gragg, Bulirsch and Sto
 and Wanner, Solving Ordinary Differential Equations I, II.9), which no compared method uses. Unit
 vectors replace angles, so that no trigonometry is needed. The numbers are decimals of 34 digits,
 which are five times as fast as those of mpmath. Shorter steps, a quadrature of the energy and an
-independent implementation give the same results (test/test_torque_driven_motion.py).
+independent implementation give the same results (lab/test/test_integrators.py).
 """
 
 import itertools
