@@ -186,6 +186,17 @@ def test_motion_and_torque_follow_the_formula(values):
             assert error <= 1e-13 * (size or 1)
 
 
+def test_sines_of_a_law_are_accurate_to_two_ulp():
+    law = drive_of(amplitude=1.0, frequency=1.0).motion.law
+    with mp.workdps(50):
+        for n in range(2000):
+            time = n * 10**9 // 1999 if n % 2 else (n % 9) * 125_000_000 + n * n // 2000
+            found, angle = law.at(time), 2 * mp.pi * time / 10**9
+            cosine = found.rate / mp.mpf(2 * math.pi)
+            for value, exact in ((found.angle, mp.sin(angle)), (cosine, mp.cos(angle))):
+                assert abs(value - exact) <= 5e-16 * abs(exact) + mp.mpf('1e-40')
+
+
 @each_law
 def test_many_times_and_a_logged_segment_give_equal_bits(values):
     motion = LawMotion.begin(drive_of(**values), NOW)

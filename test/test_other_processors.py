@@ -24,7 +24,7 @@ from test_verify import rewrite, written_over
 from linkage_ros.mechanism.elementwise import noise
 from linkage_ros.mechanism.program import Constants, Program
 from linkage_ros.programs.record import record
-from linkage_ros.settings.configuration import configure
+from linkage_ros.settings.configuration import configure, read_values
 
 # The names of the switches depend on the version of glibc, which ignores unknown ones.
 TUNABLES = 'glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX2_Usable,-FMA_Usable,-FMA4_Usable'
@@ -32,13 +32,20 @@ TUNABLES = 'glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX2_Usable,-FMA_Usable,-FMA4_Usa
 FAST = configure(
     {'drive': 'torque', 'motor.torque': 0.5, 'motor.damping': 0.01, 'start_rpm': 1000.0}
 )
+# A sine that ends 3e-3 rad before the limits of the crank, where all errors of its angle grow.
+SINE = configure({
+    **{name: value for name, value in read_values('quadrilateral').items() if name != 'rpm'},
+    'drive': 'motion', 'crank.length': 0.3, 'motion.center': 2.75 * math.pi,
+    'motion.amplitude': 2.75452930305509, 'motion.frequency': 1.37, 'motion.phase': 0.3,
+})  # fmt: skip
 
 
 def write(folder):
-    """Writes a live log with commands, and a record."""
+    """Writes a live log with commands, and records."""
     plan = [(('command', math.sin(n)), *ticks(7)) for n in range(150)]
     live(folder / 'live.mcap', FAST, [item for part in plan for item in part])
     record(FAST, folder / 'record.mcap', duration=5.0)
+    record(SINE, folder / 'sine.mcap', duration=5.0)
 
 
 def outcome(folder):

@@ -6,6 +6,7 @@ Times are integers, ns, and whole turns are counted, so that a law that repeats 
 after any time.
 """
 
+import functools
 import json
 import math
 from bisect import bisect_right
@@ -18,6 +19,41 @@ import numpy as np
 
 from linkage_ros.numeric import TURN
 from linkage_ros.units import NS_PER_S
+
+# Angles of a sine are integers in units of 2^-_BITS turn.
+_BITS = 128
+# Coefficients of x^2, x^4, ... in sin(x) / x - 1 and cos(x) - 1, the last ones first.
+_SINES, _COSINES = (
+    [(-1) ** n / math.factorial(2 * n + more) for n in range(9, 0, -1)] for more in (1, 0)
+)
+
+
+@functools.lru_cache(maxsize=16)
+def _in_turns(angle: float) -> int:
+    """Converts an angle, rad, to units of 2^-_BITS turn."""
+    return round(Fraction(angle) / TURN * (1 << _BITS))
+
+
+def _direction(angle: int) -> tuple[float, float]:
+    """Computes sine and cosine with elementary arithmetic, which is equal on all processors.
+
+    Args:
+        angle: Angle in units of 2^-_BITS turn.
+
+    Returns:
+        Sine and cosine, accurate to two ulp.
+    """
+    quarter = 1 << _BITS - 2
+    quarters = (angle + quarter // 2) // quarter
+    x = math.ldexp(2 * math.pi * float(angle - quarters * quarter), -_BITS)
+    square, sine, cosine = x * x, 0.0, 0.0
+    for one, other in zip(_SINES, _COSINES, strict=True):
+        sine = sine * square + one
+        cosine = cosine * square + other
+    sine, cosine = x + x * (square * sine), 1.0 + square * cosine
+    if quarters & 1:
+        sine, cosine = cosine, -sine
+    return (-sine, -cosine) if quarters & 2 else (sine, cosine)
 
 
 class Moment(NamedTuple):
@@ -70,11 +106,10 @@ class Sine(NamedTuple):
     def at(self, time: int) -> Moment:
         """Returns the crank at a time, ns."""
         numerator, denominator = self.frequency.as_integer_ratio()
-        unit = denominator * NS_PER_S
-        share = numerator * time % unit
-        angle = 2 * math.pi * ((share - unit if 2 * share > unit else share) / unit) + self.phase
+        turned = (numerator * time << _BITS) // (denominator * NS_PER_S)
+        sine, cosine = _direction(turned + _in_turns(self.phase))
         speed = 2 * math.pi * self.frequency
-        swing, slope = self.amplitude * math.sin(angle), self.amplitude * math.cos(angle)
+        swing, slope = self.amplitude * sine, self.amplitude * cosine
         return Moment(0, self.center + swing, slope * speed, -swing * speed * speed)
 
     @property
