@@ -14,7 +14,6 @@ import argparse
 import sys
 from importlib import import_module
 
-from linkage_lab import chart_tool
 from linkage_ros import executables
 
 
@@ -27,9 +26,12 @@ def main() -> int:
     del sys.argv[1]
     import_module('cardan_gear')
     import_module('fan')
-    if program == 'chart':  # only this program uses methods of solving
+    if program == 'chart':  # of linkage_lab, which alone uses methods of solving
         import_module('inverse_cosine')
-    code: int = (chart_tool.main if program == 'chart' else getattr(executables, program))()
+        start = import_module('linkage_lab.chart_tool').main
+    else:
+        start = getattr(executables, program)
+    code: int = start()
     return code
 
 
