@@ -229,21 +229,24 @@ def test_a_kind_of_load_works_in_every_program(tmp_path):
 
 MEASURE = """
 import json
+from pathlib import Path
 from linkage_lab.commands.accuracy import draw_accuracy
 from linkage_lab.commands.stability import draw_stability
 from linkage_lab.methods import linkage_cases, measure
 from linkage_lab.methods.registry import METHODS
 from linkage_lab.methods.situations import SITUATIONS
+from linkage_lab.output import Pictures
 import inverse_cosine
 
+FILES = [Pictures((Path(f'{name}.png'),)) for name in ('accuracy', 'stability')]
 METHODS[1:-1] = []  # of all, the default and the new one
 points = measure.measure_accuracy(
     linkage_cases.linkages(quick=True)[::2], METHODS, quick=True
 )
-draw_accuracy([p for p in points if p['mechanism'] == 'quadrilateral'], 'it', 'accuracy.png')
+draw_accuracy([p for p in points if p['mechanism'] == 'quadrilateral'], 'it', FILES[0])
 some = [s for s in SITUATIONS if s.name in ('ordinary', 'no assembly')]
 cells = measure.measure_outcomes(some, METHODS, cases=2)
-draw_stability(cells, 'it', 'stability.png')
+draw_stability(cells, 'it', FILES[1])
 print(json.dumps([points, cells]))
 """
 
