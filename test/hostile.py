@@ -109,7 +109,7 @@ def yaml_bombs():
         lambda: f'{own}    gravity: {"[" * 100_000}\n'.encode(),
         lambda: f'{own}    gravity: {"{a: " * 100_000}\n'.encode(),
         lambda: (own + ''.join(f'{" " * n}a:\n' for n in range(4, 700))).encode(),
-        lambda: (own + ''.join(f'    a{n}: 1\n' for n in range(20_000))).encode(),
+        lambda: (own + ''.join(f'    a{n}: 1\n' for n in range(5_000))).encode(),
         lambda: f'{own}    log: "{"x" * 1_000_000}"\n'.encode(),
         lambda: f'{own}    {"k" * 100_000}: 1\n'.encode(),
         lambda: f'{own}    log: "\\ud83d\\0\\e\\u202e"\n'.encode(),

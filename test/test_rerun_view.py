@@ -6,6 +6,7 @@ No window is opened. Instead, RERUN_CLI_PATH names a script that replaces the vi
 own command also supports.
 """
 
+import http.client
 import os
 import re
 import signal
@@ -301,7 +302,9 @@ def test_window_that_cannot_be_opened_is_refused(window, monkeypatch, settings, 
 
 
 def reached(page):
-    with suppress(OSError), urllib.request.urlopen(page, timeout=PATIENCE) as answer:
+    # A server that is killed while it answers sends only a part.
+    failures = OSError, http.client.HTTPException
+    with suppress(*failures), urllib.request.urlopen(page, timeout=PATIENCE) as answer:
         return answer.read().decode()
     return ''
 
