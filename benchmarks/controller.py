@@ -136,7 +136,7 @@ def measure(path: Path, rpm: float) -> tuple[dict[str, float], np.ndarray]:
     difference = verify(log).difference
     assert not difference, difference
     data = b''.join(message.data for message in log.messages(['/joint_states']))
-    columns = Simulator(log.configuration).joint_states.read(data)
+    columns = Simulator(log.configuration).templates.joint_states.read(data)
     rows = list(zip(*(column.tolist() for column in columns), strict=True))
     commands = list(log.messages(['/joint_commands']))
     speed, effort = np.array([values[3] for _, values in rows]), np.array([v[6] for _, v in rows])

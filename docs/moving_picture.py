@@ -24,6 +24,7 @@ from PIL import Image
 
 from linkage_ros import cli
 from linkage_ros.errors import ViewerError
+from linkage_ros.messages.topics import JOINT_STATES
 from linkage_ros.motion.drives import SpeedDrive
 from linkage_ros.run.states import Simulator
 from linkage_ros.settings.configuration import Configuration, load
@@ -55,7 +56,13 @@ def _messages(configuration: Configuration) -> list[tuple[int, bytes]]:
     simulator = Simulator(configuration)
     motion = simulator.begin(0)
     stamps = map(simulator.elapsed, range(simulator.tick_at(round(_TURN * NS_PER_S)) + 1))
-    return [(0, simulator.snapshot_at(motion, stamp).messages[0]) for stamp in stamps]
+    templates, samples = simulator.templates, []
+    for stamp in stamps:
+        found = motion.at(stamp)
+        numbers = templates.numbers(simulator.state(found), found.unwrapped)
+        messages = templates.pack(stamp, numbers)
+        samples.append((0, messages[templates.slices[JOINT_STATES]]))
+    return samples
 
 
 def _blueprint(configuration: Configuration) -> rrb.Blueprint:

@@ -9,6 +9,7 @@ import io
 from contextlib import redirect_stderr, redirect_stdout
 
 from joint_codec import JointStateCodec
+from state_messages import messages_at
 
 from linkage_ros import LinkageError
 from linkage_ros.log.reader import LogReader
@@ -152,7 +153,7 @@ class LiveNode:
 
         def go():
             self.motion = self.motion.follow(self._stamp, self._drive)
-            self._simulator.snapshot_at(self.motion, self._stamp)
+            messages_at(self._simulator, self.motion, self._stamp)
 
         if outcome(go):
             self.motion, self._stamp = self._simulator.begin(0), 0

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Encodes and decodes single messages; the package itself works on arrays of numbers."""
 
-from linkage_ros.messages.rows import Template
+from linkage_ros.messages.fields import Template
 from linkage_ros.messages.templates import float64, joint_state
 
 

@@ -5,6 +5,8 @@
 import itertools
 from dataclasses import replace
 
+from state_messages import messages_at
+
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.messages.cdr import OK, Status, encode_diagnostics
 from linkage_ros.messages.topics import DIAGNOSTICS, ROBOT_DESCRIPTION
@@ -51,7 +53,7 @@ def moments(simulator, plan):
 
 def live(
     path, configuration, plan, *, prefix='/', names=None, diagnostics=True, topics=None,
-    alter=lambda _, snapshot: snapshot.messages,
+    alter=lambda _, made: made.messages,
 ):  # fmt: skip
     """Writes a log as the node does.
 
@@ -65,7 +67,8 @@ def live(
         names: Other names of topics.
         diagnostics: Whether to add messages that do not belong to states.
         topics: Names of the topics of states; None for all.
-        alter: Makes the messages of a state from its number, counted from 1, and its snapshot.
+        alter: Makes the messages of a state from its number, counted from 1, and the usual
+            `StateMessages`.
 
     Returns:
         The path.
@@ -75,7 +78,7 @@ def live(
     with LogWriter(path, configuration, overwrite=True) as log:
         channels = {
             i: log.add_topic(topic, prefix + (names or {}).get(topic.name, topic.name))
-            for i, topic in enumerate(simulator.topics)
+            for i, topic in enumerate(simulator.templates.topics)
             if topics is None or topic.name in topics
         }
         extra = log.add_topic(DIAGNOSTICS, '/diagnostics') if diagnostics else None
@@ -83,12 +86,12 @@ def live(
         description = log.add_topic(ROBOT_DESCRIPTION, f'{prefix}robot_description')
         log.write(description, START, simulator.description)
         for motion, tick, stamp in moments(simulator, plan):
-            snapshot = None if stamp is None else simulator.snapshot_at(motion, stamp)
+            made = None if stamp is None else messages_at(simulator, motion, stamp)
             if motion.segment != segment:  # computing the state may change its description
                 log.write_motion(segment := motion.segment)
-            if snapshot is None:
+            if made is None:
                 continue
-            messages = alter(next(number), snapshot)
+            messages = alter(next(number), made)
             now = stamp + 40_000 + tick % 7
             for i, channel in channels.items():
                 log.write(channel, now, messages[i])

@@ -7,7 +7,7 @@ import math
 from mcap.writer import CompressionType, Writer
 from rosbags import rosbag2
 
-from linkage_ros.messages.rows import Template
+from linkage_ros.messages.fields import Template
 from linkage_ros.messages.templates import float64, joint_state
 from linkage_ros.messages.topics import FLOAT64, JOINT_STATE
 

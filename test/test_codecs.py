@@ -20,7 +20,7 @@ from linkage_ros.messages.cdr import (
     encode_diagnostics,
     encode_string,
 )
-from linkage_ros.messages.rows import Template
+from linkage_ros.messages.fields import Template
 from linkage_ros.messages.templates import float64_array, point, trajectory
 from linkage_ros.messages.topics import (
     CLOCK,

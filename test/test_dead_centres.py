@@ -141,7 +141,7 @@ def test_states_next_to_the_jump_at_pi_close_the_loop_and_verify(name, tmp_path)
     simulator = Simulator(settings)
     motion = simulator.begin(0, record_steps)
     for tick in range(600 if name in SEAMS else 200):
-        state = simulator.snapshot_at(motion, simulator.elapsed(tick)).state
+        state = simulator.state(motion.at(simulator.elapsed(tick)))
         assert simulator.solver.structure.loop_residual(state) < 1e-13
         turning = state.position[2:3] if name in SEAMS else ()
         assert all(-math.pi < angle <= math.pi for angle in turning)
@@ -183,7 +183,7 @@ def test_live_run_compiles_the_programs_of_its_dead_centres_in_advance(monkeypat
     )
     described = set()
     for tick in range(300):
-        simulator.snapshot_at(motion, tick * 10 * NS_PER_MS)
+        simulator.state(motion.at(tick * 10 * NS_PER_MS))
         described.add(motion.segment.description)
     assert len(described) > 2
     assert compiled == []

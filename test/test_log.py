@@ -29,6 +29,7 @@ from linkage_ros import LogError, __version__
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.records import CONFIGURATION_RECORD, END_RECORD, MOTION_RECORD
 from linkage_ros.log.recover import recover
+from linkage_ros.log.rows import RowLayout
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.messages.cdr import encode_string
 from linkage_ros.messages.topics import DRIVING_TORQUE, JOINT_STATES, ROBOT_DESCRIPTION
@@ -98,7 +99,7 @@ def content(path):
 def written(log):
     """Returns the messages of a log in the order of writing; none is on these channels."""
     simulator, found = Simulator(CONFIGURATION), []
-    layout = simulator.layout_of(enumerate(simulator.topics, 200))
+    layout = RowLayout(simulator.templates, enumerate(simulator.templates.topics, 200))
     assert not list(log.rows(layout, found.append))
     return found
 
@@ -199,8 +200,9 @@ def test_rows_have_the_bytes_that_the_library_would_write(tmp_path, start):
     simulator, path = Simulator(load('quadrilateral')), tmp_path / 'run.mcap'
     stamps = [start + simulator.elapsed(tick) for tick in range(6000)]
     with LogWriter(path, simulator.configuration, overwrite=False) as log:
-        log.add_states(simulator.layout, ((topic, topic.name) for topic in simulator.topics))
-        log.write_rows(simulator.rows(stamps, simulator.begin(start).at_all(stamps)))
+        log.add_states(simulator.templates, lambda topic: topic.name)
+        found = simulator.begin(start).at_all(stamps)
+        log.write_states(stamps, stamps, simulator.numbers(found))
     write_records(tmp_path / 'other.mcap', records_of(path), chunk_size=1 << 30,
                   enable_data_crcs=True)  # fmt: skip
     assert (tmp_path / 'other.mcap').read_bytes() == path.read_bytes()

@@ -11,10 +11,12 @@ from mcap.records import Channel
 from mcap_records import records_of, write_records
 from mechanisms import FOLLOWED
 from ros_harness import verified
+from state_messages import messages_at, messages_of
 
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.records import ROLE
 from linkage_ros.log.recover import recover
+from linkage_ros.log.rows import LoggedState
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.messages.cdr import encode_diagnostics
 from linkage_ros.messages.topics import (
@@ -59,9 +61,9 @@ def write(path, configuration, names):
     others = [ROBOT_DESCRIPTION, DIAGNOSTICS, *inputs]
     crank = CrankTrajectory(simulator, drive) if isinstance(drive, SpeedFeedForward) else None
     others += [crank.topic] if crank else []
-    used = {topic.role: next(names) for topic in (*simulator.topics, *others)}
+    used = {topic.role: next(names) for topic in (*simulator.templates.topics, *others)}
     with LogWriter(path, configuration, overwrite=True) as log:
-        log.add_states(simulator.layout, [(t, used[t.role]) for t in simulator.topics])
+        log.add_states(simulator.templates, lambda topic: used[topic.role])
         channels = {topic.role: log.add_topic(topic, used[topic.role]) for topic in others}
         foreign = []
         for like, name in zip([*log.mcap.channels.values()], names, strict=False):
@@ -73,7 +75,7 @@ def write(path, configuration, names):
             log.write_motion(motion.segment)
         for tick in range(STATES):
             stamp = START + simulator.elapsed(tick)
-            row = None
+            made = None
             for number in foreign:
                 log.write(number, stamp, b'\0\1\0\0')
             message = CRANK.encode(stamp, (0.1 * tick,), (tick % 3,), (0.1 * tick,))
@@ -81,12 +83,12 @@ def write(path, configuration, names):
                 log.write(channels[topic.role], stamp, message)
                 if isinstance(drive, FollowDrive):
                     _, found = source.read(message, stamp)
-                    row = simulator.snapshot(stamp, found, simulator.later(found))
+                    made = messages_of(simulator, stamp, found, simulator.later(found))
                 else:
                     source.read(message, stamp)
                     motion.command(stamp, 0.1 * tick)
-            row = row or simulator.snapshot_at(motion, stamp)
-            log.write_rows(row.row(stamp + 1000))
+            made = made or messages_at(simulator, motion, stamp)
+            log.consume([LoggedState(stamp + 1000, stamp, made.numbers)])
             if crank and (data := crank.message_at(motion, stamp)):
                 log.write(channels[crank.topic.role], stamp, data)
         log.write(channels['diagnostics'], stamp, encode_diagnostics(stamp, '', STATUSES))
@@ -110,7 +112,7 @@ def test_log_is_verified_whatever_the_names_of_its_topics(tmp_path, drive, seed)
     configuration = configure(DRIVES[drive])
     used = write(path, configuration, random_names(seed))
     recover(path, saved)
-    own = [topic.role for topic in (*Simulator(configuration).topics, ROBOT_DESCRIPTION)]
+    own = [topic.role for topic in (*Simulator(configuration).templates.topics, ROBOT_DESCRIPTION)]
     for log in map(LogReader, (path, saved)):
         report = verified(log.path)
         assert report.states == STATES
@@ -127,7 +129,7 @@ def test_log_is_verified_whatever_the_names_of_its_topics(tmp_path, drive, seed)
 def test_log_of_an_older_version_without_roles_is_verified(tmp_path, drive):
     path, configuration = tmp_path / 'run.mcap', configure(DRIVES[drive])
     simulator = Simulator(configuration)
-    topics = [*simulator.topics, ROBOT_DESCRIPTION, DIAGNOSTICS, *inputs_of(simulator)]
+    topics = [*simulator.templates.topics, ROBOT_DESCRIPTION, DIAGNOSTICS, *inputs_of(simulator)]
     names = [f'/left/{topic.name.strip("/")}' for topic in topics]
     write(path, configuration, [*names, *['/ahead'] * (drive == 'speed')])
     records = records_of(path)
@@ -136,4 +138,4 @@ def test_log_of_an_older_version_without_roles_is_verified(tmp_path, drive):
             del record.metadata[ROLE]
     report = verified(write_records(path, records))
     assert report.states == STATES
-    assert len(report.compared) == len(simulator.topics) + 1
+    assert len(report.compared) == len(simulator.templates.topics) + 1

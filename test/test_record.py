@@ -18,8 +18,10 @@ import pytest
 from joint_codec import encode_float64
 from mechanisms import FOLLOWED
 from ros_harness import CODEC, assert_refused, command, decoded, logged, wait_for
+from state_messages import messages_at
 
 from linkage_ros import ConfigurationError, Solver
+from linkage_ros.log.rows import RowLayout, message_record
 from linkage_ros.messages.cdr import encode_string
 from linkage_ros.messages.urdf import make_urdf
 from linkage_ros.motion.at_speed import SpeedMotion
@@ -122,14 +124,19 @@ def test_many_states_at_once_have_the_bits_of_each_alone(name, start, integrate)
     simulator = Simulator(configure(values))
     stamps = [start + simulator.elapsed(tick) for tick in range(900)]
     together, alone = (simulator.begin(start, integrate) for _ in range(2))
-    single = b''.join(simulator.snapshot_at(alone, s).row(s) for s in stamps)
-    rows, pieces = bytearray(), 0
+    layout = RowLayout(simulator.templates, enumerate(simulator.templates.topics))
+    single = b''.join(
+        message_record(channel, (stamp, stamp), message)
+        for stamp in stamps
+        for channel, message in enumerate(messages_at(simulator, alone, stamp).messages)
+    )
+    many, pieces = bytearray(), 0
     while stamps:  # one description at a time
         found = together.at_all(stamps)
         now, stamps = stamps[: len(found.unwrapped)], stamps[len(found.unwrapped) :]
-        rows += simulator.rows(now, found, simulator.ahead(together, now))
+        many += layout.rows(now, now, simulator.numbers(found, simulator.ahead(together, now)))
         pieces += 1
-    assert rows == single
+    assert many == single
     assert (pieces > 4) == (name == 'limited crank')
 
 

@@ -14,11 +14,12 @@ from mechanisms import FOLLOWED, LIMITED, four_bar
 from other_bags import JOINTS, MS, START, WRITERS, measurement, robot, write_mcap, write_rosbag2
 from ros_harness import assert_refused, finished, logged, verified
 from rosbags import rosbag2
+from state_messages import messages_of
 
 from linkage_ros import ConfigurationError, LogError
 from linkage_ros.log.bag import Bag
 from linkage_ros.messages.cdr import JointReader, decode_joint_state
-from linkage_ros.messages.rows import Template
+from linkage_ros.messages.fields import Template
 from linkage_ros.messages.templates import joint_state
 from linkage_ros.messages.topics import JOINT_STATE
 from linkage_ros.programs.record import record_measured
@@ -36,8 +37,8 @@ def live(configuration, messages):
     for time, data in messages:
         with suppress(ValueError):
             stamp, coordinates = crank.read(data, time)
-            snapshot = simulator.snapshot(stamp, coordinates, simulator.later(coordinates))
-            found.append((time, snapshot.messages))
+            made = messages_of(simulator, stamp, coordinates, simulator.later(coordinates))
+            found.append((time, made))
     return simulator, found, crank.rejected
 
 
@@ -52,9 +53,9 @@ def test_a_bag_of_another_writer_is_answered_like_live_measurements(tmp_path, wr
     assert len(due) == 300
     log, found = logged(out)
     assert [(one.time, one.data) for one in found['/measured_joint_states']] == messages
-    for i, topic in enumerate(simulator.topics):
+    for i, topic in enumerate(simulator.templates.topics):
         states = [(one.time, one.data) for one in found[log.channel(topic).name]]
-        assert states == [(time, row[i]) for time, row in due]
+        assert states == [(time, made.messages[i]) for time, made in due]
     assert verified(out).states == 300
 
 
@@ -70,12 +71,12 @@ def test_extreme_measurements_are_rejected_in_batches_as_one_by_one(lead):
         messages = [(n, joints.pack(0, n * MS, *one, 0.0)) for n, one in enumerate(values, 1)]
         simulator, due, rejected = live(configuration, messages)
         crank = MeasuredCrank(simulator)
-        rows = crank.rows(messages)
+        times, stamps, numbers = crank.answers(messages)
         assert crank.rejected == rejected
-        assert len(rows) == len(due) * simulator.layout.size
-        for i, (_, row) in enumerate(due):
-            one = rows[i * simulator.layout.size : (i + 1) * simulator.layout.size]
-            assert tuple(one[body] for body in simulator.layout.bodies) == row
+        assert times == [time for time, _ in due]
+        assert stamps == [made.stamp for _, made in due]
+        rows = np.transpose(numbers)
+        assert rows.tobytes() == np.array([made.numbers for _, made in due]).tobytes()
 
 
 def test_one_joint_is_read_as_from_the_whole_message():

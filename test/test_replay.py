@@ -26,6 +26,7 @@ from ros_harness import (
     watched,
 )
 from shell_harness import Shell, held
+from state_messages import messages_at
 from test_hostile import little_memory
 
 from linkage_ros import ViewerError
@@ -310,7 +311,7 @@ def test_commands_in_a_log_are_not_shown(called, tmp_path):
         log.write_motion(motion.segment)
         for stamp in range(0, 50_000_000, 5_000_000):
             log.write(commands, stamp, command_)
-            log.write(states, stamp, simulator.snapshot_at(motion, stamp).messages[0])
+            log.write(states, stamp, messages_at(simulator, motion, stamp).messages[0])
     code, out, err = called(replay, path, '--no-ros', '--viewer', tmp_path / 'run.rrd')
     assert (code, err) == (0, '')
     assert '20 messages replayed' in out

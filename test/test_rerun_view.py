@@ -23,6 +23,7 @@ from pathlib import Path
 import pytest
 from ros_harness import PATIENCE, stop, wait_for
 from ros_harness import running as running_program
+from state_messages import messages_at
 
 from linkage_ros import ViewerError
 from linkage_ros.programs.record import record
@@ -44,8 +45,8 @@ def run_of(configuration, count, rate=200, start=0):
     """Returns stamps, messages of joint states and solved states of a run from its start."""
     simulator = Simulator(configuration)
     motion, stamps = simulator.begin(start), [start + n * 10**9 // rate for n in range(count)]
-    snapshots = [simulator.snapshot_at(motion, stamp) for stamp in stamps]
-    return stamps, [one.messages[0] for one in snapshots], [one.state for one in snapshots]
+    made = [messages_at(simulator, motion, stamp) for stamp in stamps]
+    return stamps, [one.messages[0] for one in made], [one.state for one in made]
 
 
 def feed(view, messages, shift=0):
@@ -132,7 +133,7 @@ from linkage_ros.node.workers import Worker
 from linkage_ros.view import rerun_view
 from linkage_ros.view.rerun_view import View
 from linkage_ros.run.states import Simulator
-template = Simulator(load('quadrilateral')).joint_states
+template = Simulator(load('quadrilateral')).templates.joint_states
 messages = [template.pack(*divmod(k * 10**7, 10**9), k / 7, 1.0, 2.0, *[0.0] * 6)
             for k in range(1000)]
 """

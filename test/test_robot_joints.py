@@ -27,11 +27,12 @@ from ros_harness import (
     watched,
 )
 from sensor_msgs.msg import JointState
+from state_messages import messages_at, messages_of
 from trajectory_msgs.msg import JointTrajectory
 
 from linkage_ros import ConfigurationError
 from linkage_ros.messages.cdr import decode_joint_state
-from linkage_ros.messages.templates import QUANTITIES
+from linkage_ros.messages.templates import trajectory
 from linkage_ros.programs.import_tool import parameter_text, read_robot
 from linkage_ros.programs.record import record
 from linkage_ros.robot.planar_loop import find_loop
@@ -102,26 +103,23 @@ def robot_of(name, tmp_path, number=0):
 
 
 def answers(simulator, values, speed=3.0):
-    """Yields measured values of the crank's joint and their snapshots, if within reach."""
+    """Yields measured values of the crank's joint and their messages, if within reach."""
     (crank,) = inputs_of(simulator).values()
     codec = JointStateCodec([simulator.crank_joint])
     for number, value in enumerate(values, 1):
         data = codec.encode(number * 1_000_000, [value], [speed], [0.0])
         with suppress(ValueError):
             stamp, coordinates = crank.read(data, 0)
-            yield value, simulator.snapshot(stamp, coordinates, simulator.later(coordinates))
+            yield value, messages_of(simulator, stamp, coordinates, simulator.later(coordinates))
 
 
-def mechanism_state(snapshot, simulator):
+def mechanism_state(made, simulator):
     """Returns positions, velocities, accelerations and efforts by name of the joint."""
-    row, fields = snapshot.row(0), snapshot.layout.fields
-    return [
-        {
-            joint: snapshot.layout.column(row, fields[f'{quantity}[{joint}]'])[0]
-            for joint in simulator.joints
-        }
-        for quantity in QUANTITIES
-    ]
+    frame_id = simulator.configuration.session.frame_id
+    codec = JointStateCodec(simulator.joints, frame_id, trajectory)
+    _, numbers = codec.decode(made.messages[2])
+    rows = np.reshape(numbers, (4, -1)).tolist()
+    return [dict(zip(simulator.joints, row, strict=True)) for row in rows]
 
 
 @pytest.mark.parametrize('name', ROBOTS)
@@ -130,15 +128,15 @@ def test_answers_close_the_robots_loop_with_its_torque(name, tmp_path):
     simulator, random = Simulator(configuration), np.random.default_rng(1)
     values = found.given['crank_motor'] + np.cumsum(random.uniform(-0.02, 0.03, size=4000))
     torques, errors, count = [], [], 0
-    for value, snapshot in islice(answers(simulator, values), 1000):
-        state = decode_joint_state(snapshot.messages[0])
+    for value, answer in islice(answers(simulator, values), 1000):
+        state = decode_joint_state(answer.messages[0])
         q = dict(zip(state.names, state.positions, strict=True))
         assert len(q) == 3
         assert q['crank_motor'] == value  # the measured value itself
         assert tree.gap(q, made.close) < 1e-9
         count += 1
         if count % 10 == 0:
-            q, u, a, efforts = mechanism_state(snapshot, simulator)
+            q, u, a, efforts = mechanism_state(answer, simulator)
             torques.append(tree.power(q, u, a) / 3.0)
             errors.append(abs(efforts['crank_motor'] - torques[-1]))
     assert count == 1000
@@ -172,7 +170,7 @@ def test_every_drive_maps_its_messages(drive, tmp_path):
     assert mapped.description is None
     assert Simulator(driven(drive, **JOINTS, publish_description=True)).description
     found, due = (
-        mechanism_state(x.snapshot_at(x.begin(0), 700_000_000), x) for x in (mapped, plain)
+        mechanism_state(messages_at(x, x.begin(0), 700_000_000), x) for x in (mapped, plain)
     )
     turned = {}
     for k, (row, own) in enumerate(zip(found[:3], due[:3], strict=True)):
@@ -190,7 +188,7 @@ def test_every_drive_maps_its_messages(drive, tmp_path):
     for simulator, rows in ((mapped, found), (plain, due)):
         numbers = np.array([[x for row in (*rows[:2], rows[3]) for x in row.values()]])
         places, rates, torque = simulator.links_of(numbers)
-        state = simulator.snapshot_at(simulator.begin(0), 700_000_000).state
+        state = simulator.state(simulator.begin(0).at(700_000_000))
         assert np.remainder(places[0] - state.position + 1, math.tau) == pytest.approx(
             1, abs=1e-12
         )

@@ -148,7 +148,7 @@ sys.exit(cli.leave(node.main()))
 @pytest.mark.parametrize(
     ('module', 'kind', 'method', 'calls', 'words'),
     [
-        ('linkage_ros.run.states', 'Simulator', 'snapshot_at', 100, 'a tick hangs'),
+        ('linkage_ros.run.states', 'Simulator', 'state', 100, 'a tick hangs'),
         ('linkage_ros.log.log_file', 'LogFile', 'flush', 20, 'the disk hangs'),
     ],
 )

@@ -14,7 +14,7 @@ from ros_harness import assert_refused, finished, logged
 from linkage_ros import LogError, read_log
 from linkage_ros.log.tables import write_csv
 from linkage_ros.messages.cdr import decode_joint_state
-from linkage_ros.messages.rows import Template
+from linkage_ros.messages.fields import Template
 from linkage_ros.messages.templates import joint_state
 from linkage_ros.messages.topics import JOINT_STATE
 from linkage_ros.programs.record import record, record_measured

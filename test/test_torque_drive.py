@@ -10,6 +10,7 @@ import pytest
 from joint_codec import JointStateCodec
 from live_logs import START, live, ticks
 from ros_harness import decoded, logged, report_of, verified
+from state_messages import messages_at, messages_of
 from test_playback import Clock
 
 from linkage_ros import ConfigurationError, LogError, MotionError, Solver
@@ -18,7 +19,7 @@ from linkage_ros.mechanism import program
 from linkage_ros.mechanism.tracer import Tape
 from linkage_ros.messages.templates import trajectory
 from linkage_ros.motion.drives import Motor, TorqueDrive
-from linkage_ros.motion.segments import Coordinates, stacked
+from linkage_ros.motion.segments import Coordinates
 from linkage_ros.motion.steps import AdaptiveSteps
 from linkage_ros.numeric import within_two_turns
 from linkage_ros.programs.record import record
@@ -277,20 +278,19 @@ def test_change_of_motor_torque_keeps_the_command_in_force():
     motion.command(START, 3.0)
     motor = replace(QUADRILATERAL.drive.motor, torque=5.0)
     motion.follow(START, replace(QUADRILATERAL.drive, motor=motor))
-    assert simulator.snapshot_at(motion, START).state.torque == pytest.approx(8.0)
+    assert simulator.state(motion.at(START)).torque == pytest.approx(8.0)
 
 
 def forge(path, claimed, real):
     """Records one run with the configuration of another."""
     simulator, motion = Simulator(real), Simulator(real).begin(0, AdaptiveSteps)
     with LogWriter(path, claimed, overwrite=False) as log:
-        channels = [log.add_topic(topic, f'/{topic.name}') for topic in simulator.topics]
+        channels = [log.add_topic(topic, f'/{topic.name}') for topic in simulator.templates.topics]
         log.write_motion(Simulator(claimed).begin(0).segment)
         for tick in range(20):
             stamp = simulator.elapsed(tick)
-            for channel, message in zip(
-                channels, simulator.snapshot_at(motion, stamp).messages, strict=True
-            ):
+            made = messages_at(simulator, motion, stamp)
+            for channel, message in zip(channels, made.messages, strict=True):
                 log.write(channel, stamp, message)
 
 
@@ -320,28 +320,27 @@ def test_state_after_many_turns_belongs_to_the_published_angle(tmp_path, turned)
 def moved(joint, row, by):
     """Changes a number in joint_states and mechanism_state."""
 
-    def alter(simulator, snapshot):
+    def alter(simulator, made):
         codec = JointStateCodec(simulator.joints, parts=trajectory)
-        stamp, numbers = codec.decode(snapshot.messages[2])
+        stamp, numbers = codec.decode(made.messages[2])
         rows = np.array(numbers).reshape(4, -1)
         rows[row, joint] += by
         return (
             JointStateCodec(simulator.joints).encode(stamp, rows[0], rows[1], rows[3]),
-            snapshot.messages[1],
+            made.messages[1],
             codec.encode(stamp, *rows),
-            *snapshot.messages[3:],
+            *made.messages[3:],
         )
 
     return alter
 
 
-def elsewhere(shift, simulator, snapshot):
+def elsewhere(shift, simulator, made):
     """Returns a consistent state at another position."""
-    q, u, a = ((row[0], row[3]) for row in snapshot.state[:3])  # of crank and slider
-    moved_to = snapshot.numbers[0] + shift
+    q, u, a = ((row[0], row[3]) for row in made.state[:3])  # of crank and slider
+    moved_to = made.numbers[0] + shift
     state = Coordinates((within_two_turns(moved_to)[0], *q[1:]), u, a, moved_to)
-    rows = simulator.rows([snapshot.stamp], stacked([state]))
-    return [bytes(rows[body]) for body in simulator.layout.bodies]
+    return messages_of(simulator, made.stamp, state).messages
 
 
 @pytest.mark.parametrize(
@@ -363,8 +362,8 @@ def elsewhere(shift, simulator, snapshot):
 def test_changed_state_is_detected(tmp_path, alter, words):
     simulator = Simulator(PUMP)
 
-    def change(number, snapshot):
-        return alter(simulator, snapshot) if number == 30 else snapshot.messages
+    def change(number, made):
+        return alter(simulator, made) if number == 30 else made.messages
 
     report = report_of(live(tmp_path / 'run.mcap', PUMP, ticks(60), alter=change))
     assert report.difference

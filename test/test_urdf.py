@@ -20,6 +20,7 @@ from geometry_msgs.msg import PointStamped
 from pages import block, read
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
+from state_messages import messages_at
 from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
 
@@ -38,11 +39,11 @@ def linkage(preset, stamp=STAMP, **values):
     """Returns a simulator and its messages at a stamp."""
     parameters = {k: v for k, v in load(preset).parameters().items() if v is not None}
     simulator = Simulator(configure({**parameters, **values}))
-    return simulator, simulator.snapshot_at(simulator.begin(0), stamp)
+    return simulator, messages_at(simulator, simulator.begin(0), stamp)
 
 
-def message(simulator, snapshot, topic, kind):
-    return deserialize_message(snapshot.messages[simulator.topics.index(topic)], kind)
+def message(simulator, made, topic, kind):
+    return deserialize_message(made.messages[simulator.templates.topics.index(topic)], kind)
 
 
 def numbers(element, key):
@@ -56,8 +57,8 @@ def posed(linkages):
     pivots in one of them.
     """
     robot, known, positions = ET.Element('robot', name='linkages'), {}, []
-    for simulator, snapshot in linkages:
-        states = message(simulator, snapshot, JOINT_STATES, JointState)
+    for simulator, made in linkages:
+        states = message(simulator, made, JOINT_STATES, JointState)
         positions += zip(states.name, states.position, strict=True)
         text = deserialize_message(simulator.description, String).data
         for part in ET.fromstring(text.encode()):
@@ -82,9 +83,9 @@ def pose(data, frame):
     return body.xpos, body.xmat.reshape(3, 3)
 
 
-def expected(simulator, snapshot):
+def expected(simulator, made):
     """Returns position, x + iy, and direction of each moving link, in the link with the pivots."""
-    mechanism, angles = simulator.configuration.mechanism, snapshot.state.position
+    mechanism, angles = simulator.configuration.mechanism, made.state.position
     pin = mechanism.crank.length * cmath.exp(1j * angles[0])
     end = pin + mechanism.coupler.length * cmath.exp(1j * angles[1])
     poses = {'crank': (0j, angles[0]), 'coupler': (pin, angles[1])}
@@ -97,16 +98,16 @@ def expected(simulator, snapshot):
     return {**poses, 'rod': (end, angles[2]), 'slider': (complex(angles[3]), 0.0)}
 
 
-def assert_poses(data, simulator, snapshot):
+def assert_poses(data, simulator, made):
     session = simulator.configuration.session
     place, axes = pose(data, session.frame_id)
-    for name, (pin, angle) in expected(simulator, snapshot).items():
+    for name, (pin, angle) in expected(simulator, made).items():
         found, turned = pose(data, f'{session.joint_prefix}{name}_link')
         due = place + axes @ [pin.real, pin.imag, 0.0]
         assert np.allclose(found, due, rtol=0, atol=1e-14)
         assert np.allclose(turned[:, 0], axes @ [math.cos(angle), math.sin(angle), 0], atol=1e-14)
-    if COUPLER_POINT in simulator.topics:
-        message_ = message(simulator, snapshot, COUPLER_POINT, PointStamped)
+    if COUPLER_POINT in simulator.templates.topics:
+        message_ = message(simulator, made, COUPLER_POINT, PointStamped)
         assert message_.header.frame_id == session.frame_id
         found, turned = pose(data, f'{session.joint_prefix}coupler_link')
         on_coupler = found + turned @ [*simulator.configuration.mechanism.coupler.point, 0.0]
@@ -117,10 +118,10 @@ def assert_poses(data, simulator, snapshot):
 @pytest.mark.parametrize('preset', preset_names())
 @pytest.mark.parametrize('stamp', [0, STAMP, 777_777_777, 1_234_567_891])
 def test_each_link_has_the_pose_of_the_mechanism(preset, stamp):
-    simulator, snapshot = linkage(preset, stamp)
-    data = posed([(simulator, snapshot)])
+    simulator, made = linkage(preset, stamp)
+    data = posed([(simulator, made)])
     assert data.model.njnt == len(simulator.joints)
-    assert_poses(data, simulator, snapshot)
+    assert_poses(data, simulator, made)
 
 
 @pytest.mark.parametrize(
@@ -137,26 +138,26 @@ def test_two_linkages_are_one_tree_with_the_right_poses(left, right):
     linkages = [linkage('quadrilateral', **left), linkage('compressor', rpm=77.0, **right)]
     data = posed(linkages)
     assert data.model.njnt == 6
-    for simulator, snapshot in linkages:
-        assert_poses(data, simulator, snapshot)
+    for simulator, made in linkages:
+        assert_poses(data, simulator, made)
 
 
 def test_states_name_the_same_joints_and_frame_in_every_message():
-    simulator, snapshot = linkage('quadrilateral', joint_prefix='left_', frame_id='tool0')
-    states = message(simulator, snapshot, JOINT_STATES, JointState)
+    simulator, made = linkage('quadrilateral', joint_prefix='left_', frame_id='tool0')
+    states = message(simulator, made, JOINT_STATES, JointState)
     assert states.header.frame_id == 'tool0'
     assert states.name == ['left_crank', 'left_coupler', 'left_rocker'] == list(simulator.joints)
-    found = message(simulator, snapshot, MECHANISM_STATE, JointTrajectory)
+    found = message(simulator, made, MECHANISM_STATE, JointTrajectory)
     assert (found.header.frame_id, found.joint_names) == ('tool0', states.name)
 
 
 def test_equal_names_and_wrong_poses_are_detected():
     with pytest.raises(ValueError, match='repeated'):
         posed([linkage('quadrilateral'), linkage('quadrilateral')])
-    simulator, snapshot = linkage('quadrilateral', joint_prefix='left_')
-    later = simulator.snapshot_at(simulator.begin(0), STAMP + 1)
+    simulator, made = linkage('quadrilateral', joint_prefix='left_')
+    later = messages_at(simulator, simulator.begin(0), STAMP + 1)
     with pytest.raises(AssertionError):
-        assert_poses(posed([(simulator, snapshot)]), simulator, later)
+        assert_poses(posed([(simulator, made)]), simulator, later)
 
 
 # ---------------------------------------------------------------- text of the URDF

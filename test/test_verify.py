@@ -66,7 +66,7 @@ CHANGED = sum(kind in {'tick', 'step'} for kind, _ in CHANGES)
 def test_records_of_all_presets_are_equal_to_the_bit(tmp_path, preset):
     count = record(load(preset), tmp_path / 'run.mcap', duration=1.3)
     report = assert_equal(tmp_path / 'run.mcap', count)
-    topics = (*Simulator(load(preset)).topics, ROBOT_DESCRIPTION)
+    topics = (*Simulator(load(preset)).templates.topics, ROBOT_DESCRIPTION)
     assert set(report.compared) == {f'/{t.name}' for t in topics}
     assert report.others == report.absent == ()
 

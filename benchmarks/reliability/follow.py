@@ -53,7 +53,7 @@ def compared(path: Path) -> dict:
     log = LogReader(path)
     simulator, difference = Simulator(log.configuration), verify(log).difference
     data = b''.join(message.data for message in log.messages([ANSWERS]))
-    _, answers = simulator.joint_states.read(data)
+    _, answers = simulator.templates.joint_states.read(data)
     for values in answers[:: 1 + len(answers) // COMPARED].tolist():
         crank, coupler, rocker, speed, *rates = values[:6]
         exact = Reference(simulator.configuration.mechanism, speed, 0.0).state(crank)

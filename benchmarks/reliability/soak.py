@@ -100,7 +100,7 @@ def errors(log: LogReader, simulator: Simulator, stamps: set[int]) -> dict[int, 
     oracle = Oracle(simulator.configuration.mechanism)
     found = {}
     for message in log.messages(['/joint_states']):
-        read = simulator.joint_states.read(message.data)
+        read = simulator.templates.joint_states.read(message.data)
         (stamp,), (values,) = (column.tolist() for column in read)
         if stamp in stamps:
             angle = mpf(log.configuration.drive.crank_angle)

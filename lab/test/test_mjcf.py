@@ -58,7 +58,7 @@ def pump(**values):
 
 def start_of(configuration):
     simulator = Simulator(configuration)
-    return simulator.snapshot_at(simulator.begin(0), 0).state
+    return simulator.state(simulator.begin(0).at(0))
 
 
 def exported(configuration, mechanism=None):

@@ -20,9 +20,9 @@ from mcap.records import Channel, Schema
 
 from linkage_ros.errors import LinkageError, LogError, shortened
 from linkage_ros.log.records import ROLE
+from linkage_ros.log.rows import MESSAGE_HEAD
 from linkage_ros.log.scan import HEAD, MAGIC_SIZE, McapFile, open_mcap, parsed, unpack
 from linkage_ros.messages.cdr import JointReader, decode_joint_state
-from linkage_ros.messages.rows import MESSAGE_HEAD
 from linkage_ros.messages.topics import JOINT_STATE
 from linkage_ros.units import TIME_END
 

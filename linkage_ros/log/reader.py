@@ -24,8 +24,8 @@ from linkage_ros.log.records import (
     decode_motion,
     unseal,
 )
+from linkage_ros.log.rows import MESSAGE_HEAD, RowLayout, message_record
 from linkage_ros.log.scan import MAGIC_SIZE, McapFile, open_mcap
-from linkage_ros.messages.rows import MESSAGE_HEAD, RowLayout, message_record
 from linkage_ros.messages.topics import EFFORT_COMMANDS, MEASURED_JOINT_STATES, TOPICS, Topic
 from linkage_ros.motion.drives import FollowDrive
 from linkage_ros.units import TIME_END

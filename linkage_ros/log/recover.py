@@ -25,9 +25,9 @@ from linkage_ros.log.records import (
     Gap,
     unseal,
 )
+from linkage_ros.log.rows import message_heads
 from linkage_ros.log.scan import HEAD, MAGIC_SIZE, McapFile, open_mcap, parsed
 from linkage_ros.log.writer import LogWriter
-from linkage_ros.messages.rows import message_heads
 from linkage_ros.units import NS_PER_S, TIME_END
 
 

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from linkage_ros.errors import MotionError
 from linkage_ros.log.reader import LoggedMessage, LogReader
-from linkage_ros.messages.rows import RowLayout
+from linkage_ros.log.rows import RowLayout
 from linkage_ros.messages.topics import DIAGNOSTICS, MEASURED_JOINT_STATES
 from linkage_ros.motion.along_law import LawMotion
 from linkage_ros.motion.at_speed import SpeedMotion

@@ -24,6 +24,7 @@ import numpy as np
 
 from linkage_ros.errors import LinkageError, LogError
 from linkage_ros.log.reader import LoggedMessage, LogReader
+from linkage_ros.log.rows import MESSAGE_HEAD, RowLayout
 from linkage_ros.log.timeline import (
     Measurements,
     Timeline,
@@ -32,7 +33,6 @@ from linkage_ros.log.timeline import (
 from linkage_ros.log.verify_torque import TorqueStates
 from linkage_ros.mechanism.elementwise import noise
 from linkage_ros.messages.cdr import ENCAPSULATION, encode_string
-from linkage_ros.messages.rows import MESSAGE_HEAD, RowLayout
 from linkage_ros.messages.topics import (
     COUPLER_POINT,
     DIAGNOSTICS,
@@ -106,7 +106,7 @@ class Verification:
         self.states, self.missed, self.ulp = 0, 0, 0.0
         self.cut: tuple[str, ...] = ()
         self.stops_at_gap = False
-        own = simulator.topics
+        own = simulator.templates.topics
         if simulator.description:
             own = *own, ROBOT_DESCRIPTION
         channels = {topic: channel for topic in own if (channel := log.channel(topic))}
@@ -143,9 +143,8 @@ class Verification:
                 f'{log.path} cannot be verified: it has no motion record, or no '
                 f'{" or ".join(topic.name for topic in needed)}'
             )
-        self._layout = layout = simulator.layout_of(
-            (channel.number, topic) for topic, channel in self._channels.items()
-        )
+        channels = [(channel.number, topic) for topic, channel in self._channels.items()]
+        self._layout = layout = RowLayout(simulator.templates, channels)
         self._names = [channel.name for channel in self._channels.values()]
         self._comparison = RowComparison(log, layout, self._names)
         kind = TorqueStates if driven else Measurements if follows else Timeline
@@ -261,8 +260,9 @@ class Verification:
             LinkageError: A logged row does not describe a valid state.
         """
         coordinates, ahead = self._timeline.coordinates(number, stamps, rows)
-        times = None if self._timeline.is_record else self._layout.column(rows, self._layout.times)
-        return self._simulator.rows(stamps, coordinates, ahead, times=times, layout=self._layout)
+        numbers, layout = self._simulator.numbers(coordinates, ahead), self._layout
+        times = stamps if self._timeline.is_record else layout.column(rows, layout.times)
+        return layout.rows(times, stamps, numbers)
 
 
 def _description_ulp(logged: bytes, due: bytes) -> float:

@@ -16,10 +16,10 @@ import numpy.typing as npt
 
 from linkage_ros.errors import LinkageError, LogError
 from linkage_ros.log.reader import LogReader
+from linkage_ros.log.rows import RowLayout
 from linkage_ros.log.timeline import Timeline
 from linkage_ros.mechanism.elementwise import is_noisy, noisy
 from linkage_ros.messages.joints import link_rows
-from linkage_ros.messages.rows import RowLayout
 from linkage_ros.messages.templates import joint_numbers
 from linkage_ros.motion.coordinates import DrivenMechanism, turns_between
 from linkage_ros.motion.runge_kutta import Plant, leap, slope_at

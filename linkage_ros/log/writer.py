@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Writes MCAP logs: bags that ROS tools can open and that contain all data for verification."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import AbstractContextManager
 from itertools import groupby
 from pathlib import Path
@@ -25,9 +25,11 @@ from linkage_ros.log.records import (
     encode_motion,
     seal,
 )
-from linkage_ros.messages.rows import RowLayout, message_record
+from linkage_ros.log.rows import LoggedState, RowLayout, message_record
+from linkage_ros.messages.templates import StateTemplates
 from linkage_ros.messages.topics import Topic
 from linkage_ros.motion.segments import Segment
+from linkage_ros.numeric import Real
 from linkage_ros.settings.configuration import Configuration
 
 _FOREVER = '{sec: 9223372036, nsec: 854775807}'
@@ -107,16 +109,15 @@ class LogWriter(AbstractContextManager['LogWriter']):
         )
         return channel
 
-    def add_states(self, layout: RowLayout, topics: Iterable[tuple[Topic, str]]) -> None:
-        """Declares the channels of rows; must be called before `add_topic`.
+    def add_states(self, templates: StateTemplates, name_of: Callable[[Topic], str]) -> None:
+        """Declares the channels of states.
 
         Args:
-            layout: Layout of the rows.
-            topics: Topics of a row and their fully qualified names.
+            templates: Templates of the messages of a state.
+            name_of: Returns the fully qualified name of a topic.
         """
-        self._layout = layout
-        for topic, name in topics:
-            self.add_topic(topic, name)
+        channels = [(self.add_topic(topic, name_of(topic)), topic) for topic in templates.topics]
+        self._layout = RowLayout(templates, channels)
 
     def write(self, channel: int, stamp: int, data: bytes) -> None:
         """Appends a message.
@@ -160,27 +161,32 @@ class LogWriter(AbstractContextManager['LogWriter']):
         if records:
             add()
 
-    def write_rows(self, rows: bytes | bytearray) -> None:
-        """Appends the messages of states; chunks end with a complete row.
+    def write_states(
+        self, times: Sequence[int], stamps: Sequence[int], numbers: Sequence[Real]
+    ) -> None:
+        """Appends the messages of states; chunks end with a complete state.
 
         Args:
-            rows: Complete rows in the layout passed to `add_states`.
+            times: Log and publish time of each state, ns.
+            stamps: Stamp of each state, ns.
+            numbers: Numbers in the messages, as computed by the templates, as arrays.
 
         Raises:
             LogError: The file cannot be written.
         """
-        layout = self._layout
+        layout, logged = self._layout, np.asarray(times, np.uint64)
+        rows = layout.rows(logged, stamps, numbers)
         while rows:
             start = self.mcap.position
             room = max(0, CHUNK_SIZE - start) // layout.size + 1
             some, rows = rows[: room * layout.size], rows[room * layout.size :]
-            times = layout.column(some, layout.times)
-            index = np.empty((len(layout.channels), len(times), 2), np.uint64)
-            index[:, :, 0] = times
+            now, logged = logged[:room], logged[room:]
+            index = np.empty((len(layout.channels), len(now), 2), np.uint64)
+            index[:, :, 0] = now
             index[:, :, 1] = np.add.outer(
                 layout.starts, np.arange(start, start + len(some), layout.size)
             )
-            self.mcap.add_records(some, times, dict(zip(layout.channels, index, strict=True)))
+            self.mcap.add_records(some, now, dict(zip(layout.channels, index, strict=True)))
 
     def write_motion(self, segment: Segment) -> None:
         """Appends a segment of motion."""
@@ -194,12 +200,13 @@ class LogWriter(AbstractContextManager['LogWriter']):
         """Appends items and flushes them; see `Worker`.
 
         Args:
-            items: Rows, tuples of arguments for `write`, segments of motion, or gaps.
+            items: States, tuples of arguments for `write`, segments of motion, or gaps.
         """
-        # Write adjacent rows or messages together, which is much faster.
+        # Write adjacent states or messages together, which is much faster.
         for kind, group in groupby(items, type):
-            if kind is bytes:
-                self.write_rows(b''.join(group))
+            if kind is LoggedState:
+                times, stamps, numbers = zip(*group, strict=True)
+                self.write_states(times, stamps, np.array(numbers).T)
                 continue
             if kind is tuple:
                 self.write_messages(group)

@@ -1,15 +1,30 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Templates of the messages of a state: CDR, little endian, with zero padding.
+"""Messages of a state as bytes: CDR, little endian, with zero padding.
 
 A run publishes and logs the same bytes; replay publishes them again.
 """
 
 import struct
 from collections.abc import Collection, Iterable, Sequence
+from itertools import chain
 
+from linkage_ros.formulas import Vector
+from linkage_ros.mechanism.kinematics import State
+from linkage_ros.mechanism.program import Constants, Program
+from linkage_ros.mechanism.structure import Link, Point, Structure
 from linkage_ros.messages.cdr import ENCAPSULATION, STAMP, align, count, header, string
-from linkage_ros.messages.rows import STAMP_FIELDS, Field, Part
+from linkage_ros.messages.fields import STAMP_FIELDS, Field, Part, Template
+from linkage_ros.messages.joints import RobotJoint, joint_rows
+from linkage_ros.messages.topics import (
+    COUPLER_POINT,
+    DRIVING_TORQUE,
+    EFFORT_COMMANDS,
+    JOINT_STATES,
+    MECHANISM_STATE,
+    Topic,
+)
+from linkage_ros.numeric import Real
 from linkage_ros.units import NS_PER_S
 
 ROOT_FRAME = 'base_link'
@@ -78,6 +93,105 @@ def float64(name: str) -> list[Part]:
 def float64_array(name: str) -> list[Part]:
     """Returns the template of a std_msgs/Float64MultiArray message with one number."""
     return [ENCAPSULATION + struct.pack('<III4x', 0, 0, 1), Field(name, 'd')]
+
+
+class StateTemplates:
+    """Templates of the messages of a state, which follow each other without gaps.
+
+    Attributes:
+        topics: Topics of the messages, in order.
+        parts: Template of each topic's message.
+        slices: Place of each topic's message among those of a state.
+        names: Names of the numbers in the messages.
+        joint_states: Template of the messages on `joint_states` alone.
+    """
+
+    def __init__(
+        self,
+        structure: Structure,
+        joints: Sequence[RobotJoint],
+        frame_id: str,
+        effort_topic: str = '',
+    ) -> None:
+        """Prepares the templates.
+
+        Args:
+            structure: Structure of the mechanism.
+            joints: The joint of each link.
+            frame_id: Frame of the messages.
+            effort_topic: Topic of the feed-forward torque; empty without feed-forward.
+        """
+        names = [joint.name for joint in joints if joint.name]
+        self.parts = {
+            JOINT_STATES: joint_state(names, frame_id),
+            DRIVING_TORQUE: float64(f'effort[{names[0]}]'),
+            MECHANISM_STATE: trajectory(names, frame_id),
+        }
+        # A joint that is not published still has numbers, of which no message has a field.
+        every = [joint.name or f'{i}, not published' for i, joint in enumerate(joints)]
+        self.names = [field.name for field in STAMP_FIELDS] + joint_numbers(every)
+        shown = [point for name, point in structure.points.items() if name == 'C']
+        if shown:
+            self.parts[COUPLER_POINT] = point(frame_id)
+            self.names += [field.name for field in POINT_FIELDS]
+        if effort_topic:
+            topic = EFFORT_COMMANDS._replace(name=effort_topic)
+            self.parts[topic] = float64_array('torque ahead')
+            self.names.append('torque ahead')
+        self.topics = tuple(self.parts)
+        self.joint_states = Template(self.parts[JOINT_STATES])
+        self._template = Template([*chain(*self.parts.values())], self.names)
+        self.slices, end = dict[Topic, slice](), 0
+        for topic, parts in self.parts.items():
+            start, end = end, end + Template(parts).size
+            self.slices[topic] = slice(start, end)
+        words = 'position', 'velocity', 'acceleration'
+        rows = (tuple(f'{word}_{link.name}' for link in structure.links) for word in words)
+        constants = Constants((structure.links, tuple(joints), tuple(shown)))
+        self._crank_ratio = joints[0].ratio
+        self._program = Program(_numbers, constants, (*rows, 'torque', 'unwrapped'))
+
+    def numbers(
+        self, state: State, unwrapped: Real, ahead: State | None = None, *, by_math: bool = False
+    ) -> tuple[Real, ...]:
+        """Computes the numbers in the messages of a state, except its stamp.
+
+        Args:
+            state: State of the mechanism, with floats or, for many states, arrays.
+            unwrapped: Crank angle including all turns, rad.
+            ahead: State whose torque is the feed-forward torque; None without feed-forward.
+            by_math: Whether the values are arrays.
+
+        Returns:
+            The numbers, without -0.0. Those of arrays have the bits of those of floats.
+        """
+        *rows, torque = state
+        values = *chain(*rows), torque, unwrapped
+        found: tuple[Real, ...] = (
+            self._program(*values, by_math=True) if by_math else self._program.floats(*values)
+        )
+        return found if ahead is None else (*found, ahead.torque / self._crank_ratio + 0.0)
+
+    def pack(self, stamp: int, numbers: Sequence[Real]) -> bytes:
+        """Returns the CDR bytes of a state's messages, from its stamp, ns, and its numbers."""
+        return self._template.pack(*divmod(stamp, NS_PER_S), *numbers)
+
+
+def _numbers(
+    constants: tuple[Sequence[Link], Sequence[RobotJoint], Sequence[Point]],
+    position: tuple[Real, ...],
+    velocity: tuple[Real, ...],
+    acceleration: tuple[Real, ...],
+    torque: Real,
+    unwrapped: Real,
+) -> tuple[Real, ...]:
+    """Computes the numbers in a state's messages, without -0.0; compiled as a formula."""
+    links, joints, points = constants
+    state = State(position, velocity, acceleration, torque)
+    rows = joint_rows(links, state, unwrapped, joints)
+    directions = [Vector.at(angle) for angle in position]
+    rows += [[*point.follow(directions, velocity, acceleration)[0]] for point in points]
+    return tuple(number + 0.0 for row in rows for number in row)
 
 
 def crank_trajectory(

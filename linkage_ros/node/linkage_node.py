@@ -9,6 +9,7 @@ from rclpy.clock import Clock, ClockType
 
 from linkage_ros import cli
 from linkage_ros.errors import LinkageError
+from linkage_ros.log.rows import LoggedState
 from linkage_ros.mechanism.kinematics import State
 from linkage_ros.messages.cdr import WARN, encode_diagnostics
 from linkage_ros.messages.topics import (
@@ -37,7 +38,7 @@ from linkage_ros.node.topics import (
 from linkage_ros.node.workers import freeze_heap
 from linkage_ros.quantities import build, flatten
 from linkage_ros.run.commands import CrankTrajectory, inputs_of
-from linkage_ros.run.states import Simulator, Snapshot
+from linkage_ros.run.states import Simulator
 from linkage_ros.settings.command_lines import node_parser
 from linkage_ros.settings.configuration import configure, parameter_leaves, preset_note
 from linkage_ros.settings.help import summary
@@ -79,8 +80,12 @@ class LinkageNode(ParameterNode):
             self._ahead = CrankTrajectory(simulator, self._drive)
             others.append(self._ahead.topic)
         with reported_as_configuration():  # a topic name may be invalid
-            require_distinct(self, [*heard, *simulator.topics, *others])
-            self._states = [StatePublisher(self, topic) for topic in simulator.topics]
+            require_distinct(self, [*heard, *simulator.templates.topics, *others])
+            # Each with the place of its message among those of a state.
+            self._states = [
+                (StatePublisher(self, topic), place)
+                for topic, place in simulator.templates.slices.items()
+            ]
             self._others = {topic.name: create_publisher(self, topic) for topic in others}
         self._outputs = Outputs(self, simulator, [*others, *heard])
         self._inputs = [
@@ -98,7 +103,7 @@ class LinkageNode(ParameterNode):
             )
         for line in notes(configuration):
             self.get_logger().warning(line)
-        wait_for_subscribers([state.publisher for state in self._states])
+        wait_for_subscribers([state.publisher for state, _ in self._states])
         freeze_heap()
         # Reports use real time, because simulated time may be paused.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -158,9 +163,11 @@ class LinkageNode(ParameterNode):
         elif isinstance(motion, LawMotion):
             for subscription, laws in self._inputs:
                 motion = self._continue(laws.continued(motion, stamp, subscription.take()))
-        snapshot = self._simulator.snapshot_at(motion, stamp)
+        lead = self._simulator.lead
+        ahead = None if lead is None else motion.at(stamp + lead)
+        coordinates = motion.at(stamp)
         self._continue(motion)  # the description may change here
-        self._show(snapshot)
+        self._publish_state(stamp, coordinates, ahead)
         if self._ahead and not isinstance(motion, TorqueMotion):
             message = self._ahead.message_at(motion, stamp)
             if message is not None:
@@ -169,7 +176,7 @@ class LinkageNode(ParameterNode):
     def _answer(self, stamp: int, coordinates: Coordinates) -> None:
         """Publishes the state of a measurement; runs in the ticker's thread."""
         ahead = self._simulator.later(coordinates)
-        self._show(self._simulator.snapshot(stamp, coordinates, ahead))
+        self._publish_state(stamp, coordinates, ahead)
 
     def _continue(self, motion: Motion) -> Motion:
         """Sets the current motion, and logs its segment if it is new."""
@@ -183,16 +190,21 @@ class LinkageNode(ParameterNode):
         if self._motion is not None:
             self._continue(self._motion.restamp(old, new))
 
-    def _show(self, snapshot: Snapshot) -> None:
-        """Publishes, logs and shows a state."""
-        self._state = snapshot.state
-        row = snapshot.row(time.time_ns())
-        bodies = snapshot.layout.bodies
-        for state, body in zip(self._states, bodies, strict=True):
-            if state.is_heard:
-                state.publisher.publish(row[body])
-        self._outputs.log(row)
-        self._outputs.show(row[bodies[0]])
+    def _publish_state(
+        self, stamp: int, coordinates: Coordinates, ahead: Coordinates | None
+    ) -> None:
+        """Computes, publishes, logs and shows the state at a stamp, ns."""
+        simulator = self._simulator
+        self._state = state = simulator.state(coordinates)
+        later = None if ahead is None else simulator.state(ahead)
+        numbers = simulator.templates.numbers(state, coordinates.unwrapped, later)
+        messages = simulator.templates.pack(stamp, numbers)
+        now = time.time_ns()
+        for topic, place in self._states:
+            if topic.is_heard:
+                topic.publisher.publish(messages[place])
+        self._outputs.log(LoggedState(now, stamp, numbers))
+        self._outputs.show(messages[self._states[0][1]])
 
     def _publish(self, topic: Topic, message: bytes) -> None:
         """Publishes and logs a message that is not part of a state."""
@@ -205,8 +217,8 @@ class LinkageNode(ParameterNode):
 
     def _report(self) -> None:
         """Publishes the diagnostics, and logs new warnings and the ends of warnings."""
-        for state in self._states:
-            state.count()
+        for topic, _ in self._states:
+            topic.count()
         is_waiting = isinstance(self._ticker, SimTimeTicker) and not self._state
         troubles, figures = ['waiting for /clock'] * is_waiting, self._figures()
         for subscription, source in self._inputs:

@@ -33,8 +33,8 @@ class Outputs:
     MCAP and Rerun are imported when they are needed, because they are optional.
 
     Attributes:
-        log: Function that queues an item for the `LogWriter`, such as the row of a state; with
-            keep=True, the item is never dropped.
+        log: Function that queues an item for the `LogWriter`, such as a state; with keep=True, the
+            item is never dropped.
     """
 
     def __init__(self, node: Node, simulator: Simulator, others: Iterable[Topic]) -> None:
@@ -94,7 +94,7 @@ class Outputs:
 
         path, resolve = self._session.log, self._node.resolve_topic_name
         log = LogWriter(path, simulator.configuration, overwrite=self._session.log_overwrite)
-        log.add_states(simulator.layout, [(t, resolve(t.name)) for t in simulator.topics])
+        log.add_states(simulator.templates, lambda topic: resolve(topic.name))
         self._channels = {t.name: log.add_topic(t, resolve(t.name)) for t in others}
         ended = 'the run continues without a log'
         self._start('log', log, _LOG_CAPACITY, _LOG_PERIOD, ended, gap=Gap)

@@ -9,7 +9,7 @@ import gc
 import math
 import sys
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from fractions import Fraction
 from pathlib import Path
 from typing import NamedTuple
@@ -28,6 +28,7 @@ from linkage_ros.motion.at_speed import SpeedMotion
 from linkage_ros.motion.drives import FollowDrive
 from linkage_ros.motion.steps import record_steps
 from linkage_ros.motion.under_torque import Motion
+from linkage_ros.numeric import Real
 from linkage_ros.quantities import Quantity, leaves
 from linkage_ros.run.commands import MeasuredCrank
 from linkage_ros.run.states import Simulator
@@ -92,7 +93,7 @@ def record(
     motion = simulator.begin(0, record_steps)
     count, written = count_states(simulator, motion, duration, revolutions), 0
     with LogWriter(path, configuration, overwrite=overwrite) as log:
-        log.add_states(simulator.layout, ((topic, qualified(topic)) for topic in simulator.topics))
+        log.add_states(simulator.templates, qualified)
         if simulator.description:
             description = log.add_topic(ROBOT_DESCRIPTION, qualified(ROBOT_DESCRIPTION))
         log.write_motion(segment := motion.segment)
@@ -102,15 +103,14 @@ def record(
             with cli.progress_bar(
                 total=count, wanted=progress, unit=' states', unit_scale=True
             ) as bar:
-                for rows in _rows(simulator, motion, count, revolutions or 0):
+                for stamps, numbers in _states(simulator, motion, count, revolutions or 0):
                     if stopped():
                         break
                     if motion.segment is not segment:
                         log.write_motion(segment := motion.segment)
-                    log.write_rows(rows)
-                    states = len(rows) // simulator.layout.size
-                    written += states
-                    bar.update(states)
+                    log.write_states(stamps, stamps, numbers)
+                    written += len(stamps)
+                    bar.update(len(stamps))
         except MotionError as error:
             raise MotionError(
                 f'{error}; {path} keeps the {cli.counted(written, "state")} before it',
@@ -178,7 +178,7 @@ def record_measured(
         LogWriter(path, configuration, overwrite=overwrite) as log,
         cli.progress_bar(total=source.size, wanted=progress, unit='B', unit_scale=True) as bar,
     ):
-        log.add_states(simulator.layout, ((topic, qualified(topic)) for topic in simulator.topics))
+        log.add_states(simulator.templates, qualified)
         if simulator.description:
             description = log.add_topic(ROBOT_DESCRIPTION, qualified(ROBOT_DESCRIPTION))
         number = log.add_topic(MEASURED_JOINT_STATES, qualified(MEASURED_JOINT_STATES))
@@ -187,9 +187,10 @@ def record_measured(
                 if simulator.description and not log.mcap.statistics.message_count:
                     log.write(description, batch[0][1], simulator.description)
                 log.write_messages((number, time, data) for _, time, data in batch)
-                rows = crank.rows((time, data) for _, time, data in batch)
-                log.write_rows(rows)
-                states += len(rows) // simulator.layout.size
+                times, stamps, numbers = crank.answers((time, data) for _, time, data in batch)
+                if stamps:
+                    log.write_states(times, stamps, numbers)
+                states += len(stamps)
                 if stopped():
                     break
         except LogError as error:
@@ -219,9 +220,9 @@ def _batches(bag: Bag, name: str, progress: Callable[[int], object]) -> Iterator
         yield batch
 
 
-def _rows(
+def _states(
     simulator: Simulator, motion: Motion, count: int | None, turns: int
-) -> Iterator[bytearray]:
+) -> Iterator[tuple[list[int], Sequence[Real]]]:
     """Yields the states of a motion in batches.
 
     Args:
@@ -231,7 +232,7 @@ def _rows(
         turns: Number of crank turns in either direction, used if `count` is None.
 
     Yields:
-        The rows of a batch, in the simulator's layout.
+        The stamps of the states of a batch, ns, and the numbers in their messages.
 
     Raises:
         ConfigurationError: The crank does not complete its turns within an hour.
@@ -247,19 +248,19 @@ def _rows(
         if ahead is not None and len(ahead.unwrapped) < len(found.unwrapped):
             found = motion.at_all(stamps[: len(ahead.unwrapped)])  # the motion ends
         stamps = stamps[: len(found.unwrapped)]
-        rows = simulator.rows(stamps, found, ahead)
+        numbers = simulator.numbers(found, ahead)
         if count is None:
             turned = np.abs(found.unwrapped - start) / (2 * math.pi)
             after = int((turned < turns).argmin())
             if turned[after] >= turns:
-                yield rows[: after * simulator.layout.size]
+                yield stamps[:after], [np.asarray(x)[:after] for x in numbers]
                 return
             if stamps[-1] > _LONGEST_WAIT * NS_PER_S:
                 raise ConfigurationError(
                     f'the crank has made only {turned[-1]:.3g} of {turns} revolutions within '
                     f'{_LONGEST_WAIT} s: give a --duration'
                 )
-        yield rows
+        yield stamps, numbers
         tick += len(stamps)
 
 

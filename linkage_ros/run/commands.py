@@ -9,10 +9,7 @@ from bisect import bisect_right
 from collections import Counter, deque
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
-from itertools import compress
 from typing import Any, cast
-
-import numpy as np
 
 from linkage_ros.errors import LinkageError, MotionError
 from linkage_ros.messages.cdr import JointReader, decode_joint_state, decode_trajectory
@@ -190,41 +187,34 @@ class MeasuredCrank:
         self._last = time.monotonic()
         return found
 
-    def rows(self, messages: Iterable[tuple[int, bytes]]) -> bytearray:
-        """Answers many messages, with the same results as `read` and `Simulator.snapshot`.
+    def answers(
+        self, messages: Iterable[tuple[int, bytes]]
+    ) -> tuple[list[int], list[int], Sequence[Real]]:
+        """Answers many messages, with the same results as `read`.
 
         Args:
             messages: Time of receipt, ns, and CDR bytes of each JointState.
 
         Returns:
-            The rows of the states, with the times of receipt as log times. Rejected messages are
-            counted.
+            The time of receipt of each accepted message, ns, the stamp of its state, ns, and the
+            numbers in the messages of the states. Rejected messages are counted.
         """
-        times, stamps, found = list[int](), list[int](), list[Coordinates]()
+        heard = list[tuple[int, int, Coordinates]]()
         for received, data in messages:
-            try:
-                stamp, coordinates = self._measure(data, received)
-            except ValueError:
-                continue
-            times.append(received)
-            stamps.append(stamp)
-            found.append(coordinates)
+            with suppress(ValueError):
+                heard.append((received, *self._measure(data, received)))
         try:
-            return self._rows(times, stamps, found)
+            return self._answers(heard)
         except LinkageError:  # of at least one state
-            accepted = [*map(self._has_states, found)]
-            return self._rows(
-                [*compress(times, accepted)], [*compress(stamps, accepted)],
-                [*compress(found, accepted)],
-            )  # fmt: skip
+            return self._answers([one for one in heard if self._has_states(one[-1])])
 
-    def _rows(
-        self, times: Sequence[int], stamps: Sequence[int], found: Sequence[Coordinates]
-    ) -> bytearray:
-        if not found:
-            return bytearray()
-        logged = np.array(times, np.uint64)
-        return self._simulator.rows(stamps, *self.stacked(found), times=logged)
+    def _answers(
+        self, heard: Sequence[tuple[int, int, Coordinates]]
+    ) -> tuple[list[int], list[int], Sequence[Real]]:
+        if not heard:
+            return [], [], ()
+        times, stamps, found = zip(*heard, strict=True)
+        return [*times], [*stamps], self._simulator.numbers(*self.stacked(found))
 
     def _has_states(self, found: Coordinates) -> bool:
         """Returns whether a measurement has states; if not, it is counted as rejected."""

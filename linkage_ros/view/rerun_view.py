@@ -199,7 +199,7 @@ class View:
     ) -> tuple[npt.NDArray[np.int64], Array, Array, Array]:
         """Decodes samples: shifted stamps, ns; positions and rates of the links; torques."""
         data = b''.join([data for _, data in samples])
-        stamps, numbers = self._simulator.joint_states.read(data)
+        stamps, numbers = self._simulator.templates.joint_states.read(data)
         shifts = np.array([shift for shift, _ in samples])
         return stamps + shifts, *self._simulator.links_of(numbers)
 

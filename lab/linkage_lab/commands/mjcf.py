@@ -44,7 +44,7 @@ def mjcf(options: argparse.Namespace) -> None:
     if out.suffix != '.xml':
         raise ConfigurationError(f'{out}: must end with .xml')
     simulator = Simulator(configuration)
-    start = simulator.snapshot_at(simulator.begin(0), 0).state
+    start = simulator.state(simulator.begin(0).at(0))
     text = make_mjcf(configuration.mechanism, start, session.joint_prefix)
     if out.exists() and not options.overwrite:
         raise ConfigurationError(f'{out} already exists: choose another name, or give --overwrite')

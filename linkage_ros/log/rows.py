@@ -1,0 +1,141 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Rows: the MCAP records of all messages of one state.
+
+The messages of a state are adjacent in a log, so that a state is written, found and compared as
+one block of bytes.
+"""
+
+import re
+import struct
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from linkage_ros.messages.fields import Field, Part, Template
+from linkage_ros.messages.templates import StateTemplates
+from linkage_ros.messages.topics import Topic
+from linkage_ros.numeric import Real
+from linkage_ros.units import NS_PER_S
+
+# Opcode and length of the record, channel, sequence number, log time and publish time.
+MESSAGE_HEAD = struct.Struct('<BQHIQQ')
+_HEAD_FIELDS = np.dtype({
+    'names': ['opcode', 'channel', 'time'], 'formats': ['u1', '<u2', '<u8'],
+    'offsets': [0, 9, 15], 'itemsize': MESSAGE_HEAD.size,
+})  # fmt: skip
+_OPCODE = 5
+_CONSTANT = 15  # number of bytes in the head before the times
+_TIMES = Field('log time', 'Q'), Field('publish time', 'Q')
+
+
+def message_record(channel: int, times: tuple[int, int], data: bytes) -> bytes:
+    """Encodes a message as an MCAP record.
+
+    Args:
+        channel: Number of the message's channel.
+        times: Log and publish time, ns.
+        data: CDR bytes of the message.
+
+    Returns:
+        The bytes of the record.
+    """
+    size = MESSAGE_HEAD.size - 9 + len(data)  # without opcode and length
+    return MESSAGE_HEAD.pack(_OPCODE, size, channel, 0, *times) + data
+
+
+def message_heads(data: bytes, starts: Sequence[int]) -> npt.NDArray[Any]:
+    """Reads the heads of message records.
+
+    Args:
+        data: Bytes with the records.
+        starts: Offset of each record.
+
+    Returns:
+        A structured array with the fields opcode, channel and time (log time, ns). If a record is
+        not a message, only its opcode is meaningful.
+    """
+    padded = np.frombuffer(data + bytes(MESSAGE_HEAD.size), np.uint8)
+    windows = np.lib.stride_tricks.sliding_window_view(padded, MESSAGE_HEAD.size)
+    heads: npt.NDArray[Any] = windows[np.array(starts, np.int64)].view(_HEAD_FIELDS)[:, 0]
+    return heads
+
+
+class LoggedState(NamedTuple):
+    """A state to be logged.
+
+    Attributes:
+        time: Log and publish time, ns.
+        stamp: Stamp, ns.
+        numbers: Numbers in the messages, as computed by the templates.
+    """
+
+    time: int
+    stamp: int
+    numbers: Sequence[float]
+
+
+class RowLayout(Template):
+    """The layout of a row, which contains the records of one state's messages.
+
+    Attributes:
+        channels: Channel number of each message.
+        starts: Offset of each message's record.
+        times: Field with the log time of the first message.
+    """
+
+    def __init__(self, templates: StateTemplates, channels: Iterable[tuple[int, Topic]]) -> None:
+        """Computes the offsets of the messages and their fields.
+
+        Args:
+            templates: Templates of the messages.
+            channels: Channel number of each message in the log, and its topic.
+        """
+        parts, patterns = list[Part](), list[bytes]()
+        self.channels, self._ends = list[int](), [0]
+        for channel, topic in channels:
+            size = Template(templates.parts[topic]).size
+            self.channels.append(channel)
+            self._ends.append(self._ends[-1] + MESSAGE_HEAD.size + size)
+            head = message_record(channel, (0, 0), bytes(size))[:_CONSTANT]
+            parts += [head, *_TIMES, *templates.parts[topic]]
+            patterns.append(re.escape(head) + b'.{%d}' % (MESSAGE_HEAD.size - _CONSTANT + size))
+        super().__init__(parts, [*(field.name for field in _TIMES), *templates.names])
+        self.starts, self.times = self._ends[:-1], self.places[0]
+        self._whole = re.compile(b'(?:%b)*' % b''.join(patterns), re.DOTALL)
+
+    def rows(
+        self, times: npt.ArrayLike, stamps: npt.ArrayLike, numbers: Sequence[Real]
+    ) -> bytearray:
+        """Encodes states.
+
+        Args:
+            times: Log and publish time of each state, ns.
+            stamps: Stamp of each state, ns.
+            numbers: Numbers in the messages, as computed by the templates, as arrays.
+
+        Returns:
+            The bytes of the rows.
+        """
+        logged, stamped = np.asarray(times), np.divmod(stamps, NS_PER_S)
+        return self.fill(len(logged), (logged, logged, *stamped, *numbers))
+
+    def fitting(self, records: bytes | bytearray) -> int:
+        """Returns the length of the leading messages that match the start of a row, in bytes."""
+        rows = ((end, records[:end] + self._blank[end:]) for end in self._ends)
+        return max(end for end, row in rows if self.count(row, 0))
+
+    def count(self, data: bytes | bytearray, at: int) -> int:
+        """Counts complete adjacent rows.
+
+        Args:
+            data: MCAP records.
+            at: Offset of the first row.
+
+        Returns:
+            The number of complete rows from that offset on.
+        """
+        found = self._whole.match(data, at)
+        return (found.end() - at) // self.size if found else 0
