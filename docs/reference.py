@@ -1,8 +1,8 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Updates the tables of reference.md: parameters, topics, executables, launch files, methods.
+"""Updates the tables of the reference pages of linkage_ros and of its laboratory.
 
-    python docs/reference.py        updates docs/reference.md
+    python docs/reference.py        updates docs/reference.md and lab/docs/reference.md
 
 The tables come from the declarations in the code; the text between them is written by hand. The
 script requires the extra ros.
@@ -46,7 +46,8 @@ from linkage_ros.settings.joints import JointSettings
 from linkage_ros.settings.presets import preset_names, preset_path
 from linkage_ros.settings.session import DRIVES
 
-_LAUNCH = Path(__file__).parents[1] / 'launch'
+_ROOT = Path(__file__).parents[1]
+PAGES = 'docs/reference.md', 'lab/docs/reference.md'
 
 # A table is between a comment with its name and an end comment.
 _PLACE = re.compile(r'(?<=<!-- table: )(\w+)( -->\n\n).*?(?=\n\n<!-- end -->)', re.DOTALL)
@@ -126,18 +127,17 @@ def _topics() -> str:
 def programs() -> dict[str, argparse.ArgumentParser]:
     """Returns the argument parser of each executable, by name."""
     starts = [value.args for value in vars(executables).values() if isinstance(value, partial)]
-    found = {
+    return {
         name: PARSERS[module]()
         if module in PARSERS
         else import_module(f'linkage_ros.{module}')._parser()  # noqa: SLF001
         for name, module in starts
     }
-    return {**found, 'linkage_chart': chart_tool._parser()}  # noqa: SLF001
 
 
-def _executables() -> str:
+def _executables(parsers: Mapping[str, argparse.ArgumentParser]) -> str:
     return '\n\n'.join(
-        part for name, parser in programs().items() for part in _command(f'### `{name}`', parser)
+        part for name, parser in parsers.items() for part in _command(f'### `{name}`', parser)
     )
 
 
@@ -188,7 +188,9 @@ def launch_arguments(path: Path) -> dict[str, tuple[str | None, str]]:
 
 
 def _launch_files() -> str:
-    return '\n\n'.join(part for path in sorted(_LAUNCH.glob('*.py')) for part in _launch(path))
+    return '\n\n'.join(
+        part for path in sorted((_ROOT / 'launch').glob('*.py')) for part in _launch(path)
+    )
 
 
 def _launch(path: Path) -> Iterator[str]:
@@ -203,7 +205,7 @@ def _launch(path: Path) -> Iterator[str]:
     yield _table('argument, default, meaning', rows)
 
 
-# ---------------------------------------------------------------- the page
+# ---------------------------------------------------------------- the pages
 
 
 def _methods() -> str:
@@ -215,7 +217,7 @@ def _methods() -> str:
 
 
 def tables() -> dict[str, str]:
-    """Makes all tables, by the names in the comments of the page."""
+    """Makes all tables, by the names in the comments of the pages."""
     return {
         'presets': _presets(),
         'kind': _parameters(MechanismAndDrive),
@@ -226,8 +228,9 @@ def tables() -> dict[str, str]:
         'joints': _parameters(JointSettings, 'joints.<link>.'),
         'controller': _parameters(Settings),
         'topics': _topics(),
-        'executables': _executables(),
+        'executables': _executables(programs()),
         'launch': _launch_files(),
+        'charts': _executables({'linkage_chart': chart_tool._parser()}),  # noqa: SLF001
         'methods': _methods(),
     }
 
@@ -239,10 +242,11 @@ def filled(text: str) -> str:
 
 
 def main() -> None:
-    """Updates the page."""
+    """Updates the pages."""
     argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()
-    page = Path(__file__).with_suffix('.md')
-    page.write_text(filled(page.read_text()))
+    for name in PAGES:
+        page = _ROOT / name
+        page.write_text(filled(page.read_text()))
 
 
 if __name__ == '__main__':
