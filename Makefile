@@ -111,5 +111,5 @@ $(VENV)/demo-ready $(VENV)/check-ready $(VENV)/docs-ready $(VENV)/package-ready:
 	@touch $@ $(if $(findstring viewer,$(EXTRAS)),$(VENV)/demo-ready)
 
 clean:
-	@rm -rf .venv-* api build dist install log demo controller reliability *.egg-info lab/*.egg-info lab/build .hypothesis .mypy_cache .pytest_cache \
-		.ruff_cache
+	@rm -rf .venv-* api build dist install log demo controller reliability *.egg-info lab/build \
+		lab/*.egg-info .hypothesis .mypy_cache .pytest_cache .ruff_cache
