@@ -11,6 +11,7 @@ import struct
 import time
 from bisect import bisect
 from itertools import pairwise
+from threading import Event
 
 import pytest
 from joint_codec import JointStateCodec
@@ -257,7 +258,7 @@ def shown(log, until):
     """Shows a loop over 0.1 s of a log until a condition holds."""
     reader = LogReader(log)
     with (
-        showing(reader, 'spawn') as sink,
+        showing(reader, 'spawn', Event()) as sink,
         feed(reader, excerpt_of(reader, 0, 0.1, None), loop=True) as items,
     ):
         for count, item in enumerate(items):
@@ -288,9 +289,20 @@ def test_page_is_opened_in_a_browser_if_there_is_a_screen(
     for name in ('WAYLAND_DISPLAY', 'WAYLAND_SOCKET'):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv('DISPLAY', screen)
-    with showing(LogReader(log), 'web', browser=browser):
+    with showing(LogReader(log), 'web', Event(), browser=browser):
         pass
     assert opened == pages
+
+
+def test_replay_of_a_page_starts_when_one_connects_or_ends_with_ctrl_c(log, view):
+    view.page, answers = 'http://x', iter([False, False, True])
+    view.is_watched = lambda: next(answers)
+    with showing(LogReader(log), 'web', Event(), loop=True):
+        assert list(answers) == []
+    view.is_watched, stop = lambda: False, Event()
+    stop.set()
+    with showing(LogReader(log), 'web', stop, loop=True):
+        pass
 
 
 def test_failed_view_ends_the_replay(log, view):

@@ -337,7 +337,11 @@ def test_page_is_served_on_viewer_bind_alone_and_ends_with_the_run(
         assert page.startswith(f'http://{host}:{port}/?url=rerun%2Bhttp%3A')
         assert re.fullmatch(rf'rerun\+http://{re.escape(host)}:\d+/proxy', data)
         assert (served(page), served(data)) == ([address], [address])
+        assert not view.is_watched()
         feed(view, MESSAGES)
+        with socket.create_connection((host.strip('[]'), urllib.parse.urlsplit(data).port)):
+            wait_for(view.is_watched)
+        wait_for(lambda: not view.is_watched())
         assert view.dropped == 0
         process.send_signal(signal.SIGSTOP)  # even if it is stuck, it ends with the run
         view.close()

@@ -69,6 +69,7 @@ class Outputs:
 
     def _open_view(self, simulator: Simulator) -> None:
         from linkage_ros.view.rerun_view import View
+        from linkage_ros.view.viewer_process import open_page
 
         session, logger = self._session, self._node.get_logger()
         self._view = view = View(
@@ -78,7 +79,8 @@ class Outputs:
             overwrite=session.log_overwrite,
         )
         if view.page:
-            logger.info(f'watch it in a browser: {view.page}')
+            logger.info(f'watch it in a browser, until Ctrl-C: {view.page}')
+            open_page(view.page)
         if session.viewer in (SPAWN, WEB) and not ip_address(session.viewer_bind).is_loopback:
             logger.warning(
                 f'the view is served at {session.viewer_bind} to every host that can reach it; '

@@ -5,9 +5,8 @@
 import argparse
 import os
 import sys
-import webbrowser
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -36,7 +35,7 @@ from linkage_ros.settings.session import VIEWERS, WEB
 from linkage_ros.units import NS_PER_S
 
 _NAME = 'linkage_replay'
-_CLOCK_HZ = 40.0
+_CLOCK_HZ, _POLL_SECONDS = 40.0, 0.2
 _VIEW_CAPACITY, _VIEW_CLOSE_SECONDS = 1_000_000, 10.0  # samples, s
 _OFFSET = Quantity('number', 'length to skip at the beginning', 's of the log', 0.0, 1e9)
 _DURATION = replace(_OFFSET, meaning='length to replay, excluding the end', low=1e-9)
@@ -136,14 +135,15 @@ def _split(arguments: list[str]) -> tuple[list[str], list[str]]:
 
 @contextmanager
 def showing(
-    log: LogReader, target: str, *, loop: bool = False, browser: bool = False
+    log: LogReader, target: str, stop: cli.Stop, *, loop: bool = False, browser: bool = False
 ) -> Iterator[Sink]:
     """Opens a view of a replay that only this machine can access.
 
     Args:
         log: The log to show.
         target: Target of the view; see `View`.
-        loop: Whether the replay repeats until Ctrl-C, which is printed with the page's address.
+        stop: A request to end the program, which ends the wait for a page.
+        loop: Whether the replay starts when a page connects, and repeats until Ctrl-C.
         browser: Whether to open the page in a browser, if there is a screen.
 
     Yields:
@@ -153,7 +153,6 @@ def showing(
         ViewerError: No viewer answers, the view cannot be opened, or it has ended.
     """
     from linkage_ros.view.rerun_view import View
-    from linkage_ros.view.viewer_process import require_screen
 
     def check() -> None:
         if worker.error:
@@ -170,16 +169,14 @@ def showing(
     if view.trouble:
         raise ViewerError(f'no viewer answers at {target}: start one there first with `rerun`')
     if view.page:
-        how = 'repeats until Ctrl-C; ' if loop else ''
-        print(f'{how}watch it in a browser: {view.page}', flush=True)
-        if browser:
-            with suppress(ViewerError):  # no screen
-                require_screen()
-                webbrowser.open(view.page)
+        _announce(view.page, loop=loop, browser=browser)
     worker: Worker[Any] = Worker(
         'view', view, capacity=_VIEW_CAPACITY, period=view.period, on_error=lambda _: None
     )
     try:
+        with cli.waiting('waiting for a page'):
+            while view.page and loop and not view.is_watched() and not stop.wait(_POLL_SECONDS):
+                pass
         yield show
     finally:
         worker.close(_VIEW_CLOSE_SECONDS)
@@ -190,15 +187,25 @@ def showing(
     check()
 
 
+def _announce(page: str, *, loop: bool, browser: bool) -> None:
+    """Prints the address of a page, and opens it in a browser if wanted."""
+    from linkage_ros.view.viewer_process import open_page
+
+    how = 'starts when a page connects, repeats until Ctrl-C; ' if loop else ''
+    print(f'{how}watch it in a browser: {page}', flush=True)
+    if browser:
+        open_page(page)
+
+
 def _sinks(
     stack: ExitStack, options: argparse.Namespace, ros_arguments: list[str], log: LogReader,
-    excerpt: Excerpt, pace: Pace,
+    excerpt: Excerpt, pace: Pace, stop: cli.Stop,
 ) -> list[Sink]:  # fmt: skip
     # Open the viewer first, because its errors occur immediately; but insert the publishers before
     # it, so that each message is published before it is shown.
     sinks: list[Sink] = []
     if options.viewer:
-        view = showing(log, options.viewer, loop=options.loop, browser=not options.no_open)
+        view = showing(log, options.viewer, stop, loop=options.loop, browser=not options.no_open)
         sinks.append(stack.enter_context(view))
     if not options.no_ros:
         from linkage_ros.programs.republish import republishing
@@ -219,7 +226,7 @@ def _run(arguments: list[str]) -> int:
     excerpt = excerpt_of(log, options.start_offset, options.playback_duration, options.topics)
     pace = Pace(excerpt.start, options.rate)
     with ExitStack() as stack:
-        sinks = _sinks(stack, options, ros_arguments, log, excerpt, pace)
+        sinks = _sinks(stack, options, ros_arguments, log, excerpt, pace, stop)
         keyboard = stack.enter_context(Keyboard())
         freeze_heap()
         wake_on_time()

@@ -28,7 +28,7 @@ from linkage_ros.run.states import Simulator
 from linkage_ros.settings.configuration import Configuration
 from linkage_ros.settings.session import SPAWN, WEB, is_recording, viewer_address, viewer_error
 from linkage_ros.view.picture import TIMELINE, Picture, Rows
-from linkage_ros.view.viewer_process import ViewerProcess, open_viewer
+from linkage_ros.view.viewer_process import ViewerProcess, connections, open_viewer
 
 _WALL_CLOCK = 10**18  # ns; smaller stamps, before September 2001, are times since a start
 _BATCH = 20_000  # greatest number of samples sent at once
@@ -123,6 +123,11 @@ class View:
                 self._show(batch)
             else:
                 self.dropped += len(batch)
+
+    def is_watched(self) -> bool:
+        """Returns whether a viewer is connected to the served data, or might be."""
+        found = connections(self._address[1]) if self._address else None
+        return found is None or found > 1  # one connection is that of this process
 
     def close(self) -> None:
         """Sends the remaining samples and disconnects within 3 s, even if the viewer hangs."""

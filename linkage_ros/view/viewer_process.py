@@ -10,11 +10,14 @@ import socket
 import subprocess
 import tempfile
 import urllib.parse
+import webbrowser
+from contextlib import suppress
 from pathlib import Path
 
 from linkage_ros.errors import ViewerError
 from linkage_ros.quantities import shown
 
+_ESTABLISHED = '01'  # state of a connection in /proc/net/tcp
 _WINDOW_MEMORY = '1GB'  # memory limit; beyond it a window drops its oldest data
 _SERVED_MEMORY = '64MB'  # data kept for browsers and windows that connect late
 # Exit codes of a window that the user has closed, or ended with a signal.
@@ -99,6 +102,26 @@ def open_viewer(bind: str, *, window: bool) -> tuple[ViewerProcess, str, str]:
         page = f'http://{name}:{page_port}/?url={url}'
     process = ViewerProcess([find_viewer(), *data, *options], outlives=window)
     return process, f'rerun+http://{host}:{port}/proxy', page
+
+
+def open_page(page: str) -> None:
+    """Opens a page in a browser, if there is a screen."""
+    with suppress(ViewerError):
+        require_screen()
+        webbrowser.open(page)
+
+
+def connections(port: int) -> int | None:
+    """Counts the connections to a port of this machine; None if the system does not list them."""
+    count = None
+    for path in map(Path, ('/proc/net/tcp', '/proc/net/tcp6')):
+        with suppress(OSError):
+            rows = (line.split() for line in path.read_text().splitlines()[1:])
+            count = (count or 0) + sum(
+                row[3] == _ESTABLISHED and int(row[1].rpartition(':')[2], 16) == port
+                for row in rows
+            )
+    return count
 
 
 def require_screen() -> None:
