@@ -71,8 +71,8 @@ def _blueprint(configuration: Configuration) -> rrb.Blueprint:
     import rerun.blueprint as rrb
 
     usual = Picture(configuration).layout()
-    linkage, first, _ = usual.root_container.contents
-    torque = first.contents[0]
+    linkage, plots = usual.root_container.contents
+    torque = plots.contents[0].contents[0]
     start, end = (rr.TimeRangeBoundary.absolute(seconds=seconds) for seconds in _SHOWN)
     turn = rr.TimeRange(start=start, end=end)
     # By default, the axis ends at the cursor, which moves.

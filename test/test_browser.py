@@ -1,11 +1,15 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The page of a replay in a real browser, if Chromium is installed."""
+"""The pages of a replay and of a live run in a real browser, if Chromium is installed."""
+
+import re
+import subprocess
+from contextlib import contextmanager
 
 import browser
 import numpy as np
 import pytest
-from ros_harness import wait_for
+from ros_harness import fresh_domain, running, wait_for
 from test_rerun_view import late_viewer, log, page_of  # noqa: F401, log is a fixture
 
 from linkage_ros.palette import color_of
@@ -19,17 +23,35 @@ def linkage(picture):
     return np.array(masks) if all(mask.any() for mask in masks) else None
 
 
+@contextmanager
+def live_page(_):
+    """Runs a node; yields the process and the URL of its page."""
+    words = '--ros-args', '-p', 'viewer:=web'
+    with running('node', *words, domain=fresh_domain(), stderr=subprocess.STDOUT) as process:
+        lines = iter(process.stdout.readline, '')
+        yield (
+            process,
+            next(filter(None, (re.search(r'browser.* (http://\S+)', x) for x in lines)))[1],
+        )
+
+
+def moves(picture, seen):
+    """Returns whether the linkage is at another place than in an earlier picture."""
+    if (found := linkage(picture)) is not None:
+        seen.append(found)
+    return seen and not np.array_equal(seen[0], seen[-1])
+
+
 @pytest.mark.skipif(not browser.PROGRAM, reason='no browser here: install chromium')
-def test_page_opened_after_20_s_shows_the_linkage_moving(log, tmp_path):  # noqa: F811
-    with page_of(log) as (_, page):
+@pytest.mark.parametrize('served', [page_of, live_page])
+def test_page_opened_late_and_again_shows_the_linkage_moving(log, tmp_path, served):  # noqa: F811
+    """20 s of a replay, or of a live run, have passed, in the time of the log."""
+    late = 20 if served is page_of else 2
+    with served(log) as (_, page):
         with late_viewer(page, tmp_path / 'saved.rrd') as stamps:
-            wait_for(lambda: max(stamps(), default=0) > 20 * NS_PER_S)
-        with browser.opened_page(page) as shown:
-            seen = []
-
-            def moves():
-                if (found := linkage(shown.picture())) is not None:
-                    seen.append(found)
-                return seen and not np.array_equal(seen[0], seen[-1])
-
-            wait_for(moves, 110.0)  # a browser without a graphics card is slow
+            wait_for(lambda: np.ptp(stamps() or [0]) > late * NS_PER_S)
+        for _ in range(2):
+            with browser.opened_page(page) as shown:
+                seen = []
+                # A browser without a graphics card is slow.
+                wait_for(lambda: moves(shown.picture(), seen), 110.0)  # noqa: B023

@@ -299,7 +299,8 @@ def test_curves_are_those_of_the_states_without_jumps(configuration, tmp_path):
     for entity in ('/values', '/rates', '/directions'):
         assert found[entity]['ros2_timestamp'] == stamps
         curves.append(np.array(found[entity]['Scalars:scalars']))
-    values, rates, directions = curves
+    values, rates, degrees = curves
+    directions = np.radians(degrees)
     position, velocity = (np.array([getattr(state, field) for state in states])
                           for field in ('position', 'velocity'))  # fmt: skip
     count = rates.shape[1]

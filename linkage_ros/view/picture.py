@@ -34,6 +34,7 @@ VALUES, RATES, DIRECTIONS = 'values', 'rates', 'directions'
 _DRAWING_NS = 20_000_000  # 50 drawings a second of stamp time
 _TURNS, _LONGEST = 5, 60.0  # plotted at a given speed: turns, and maximum duration, s
 _STANDING_SECONDS, _DRIVEN_SECONDS = 10.0, 5.0  # plotted at standstill, and under a torque
+_WIDE = 2.2  # a linkage with this ratio of width to height is drawn above the plots
 _FRONT = 32.0  # drawing order of the pins, above all lines
 _THIN, _MEDIUM, _THICK, _PIN = -1.0, -2.0, -3.5, -5.0  # radii; negative: points on the screen
 
@@ -94,7 +95,7 @@ class Picture:
         self._directions = places[-1:, :count]
         turning, sliders = slice(count), slice(count, None)
         values = [torque, places[:, sliders], rates[:, sliders]]
-        curves = np.concatenate(values, axis=1), rates[:, turning], places[:, 1:count]
+        curves = np.concatenate(values, axis=1), rates[:, turning], np.degrees(places[:, 1:count])
         for entity, part in zip(self._curves, curves, strict=True):
             yield entity, stamps, [_column(_SCALARS, pa.array(part.ravel()), part.shape)]
         frames = stamps // _DRAWING_NS
@@ -166,7 +167,7 @@ class Picture:
         """Lays out the linkage and two columns of tabbed plots.
 
         The plots are as high as the window, because on a low plot Rerun shows only one label on
-        the y axis.
+        the y axis; only a wide linkage is above them.
 
         Returns:
             The blueprint.
@@ -178,14 +179,16 @@ class Picture:
             visual_bounds=rrb.VisualBounds2D(x_range=(left, right), y_range=(-high, -low)),
         )
         first = [self._plot('Torque, N m', VALUES, 0), self._plot('Rates, rad/s', RATES)]
-        second = [self._plot('Angles, rad', DIRECTIONS)]
+        second = [self._plot('Angles, deg', DIRECTIONS)]
         if isinstance(self._drive, TorqueDrive):
             first.insert(0, self._plot('Crank speed, rad/s', RATES, 0))
         if len(self._curves[VALUES]) > 1:
             second = [self._plot('Slider, m', VALUES, 1), self._plot('Slider, m/s', VALUES, 2),
                       *second]  # fmt: skip
+        parts = linkage, rrb.Horizontal(rrb.Tabs(*first), rrb.Tabs(*second))
+        is_wide = right - left > _WIDE * (high - low)
         return rrb.Blueprint(
-            rrb.Horizontal(linkage, rrb.Tabs(*first), rrb.Tabs(*second)),
+            rrb.Vertical(*parts) if is_wide else rrb.Horizontal(*parts, column_shares=[1, 2]),
             rrb.TimePanel(timeline=TIMELINE, state='collapsed'),
             rrb.SelectionPanel(state='collapsed'),
             rrb.BlueprintPanel(state='collapsed'),
