@@ -4,6 +4,8 @@
 
 Importing rclpy takes most of the start-up time. Importing it inside `cli.run` ensures that Ctrl-C
 during the import prints no traceback, and that a missing rclpy is reported in one line.
+
+Public: other packages may import this module.
 """
 
 from functools import partial

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Names for mechanisms, loads, methods and charts of your own, beside those of `linkage_ros`.
 
-Public: other packages may import this module, and also `formulas`, `quantities`, `cli` and
-`palette`. All further modules may change in any release.
+Public: other packages may import this module, and also `formulas`, `quantities`, `cli`, `palette`
+and `executables`. All further modules may change in any release.
 """
 
 from linkage_ros.mechanism.equations import (

@@ -11,7 +11,7 @@ from pathlib import Path
 from pages import PACKAGE_FILES, ROOT
 from ros_harness import finished
 
-DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef)
+PACKAGE = ROOT / 'linkage_ros'
 WRONG = {
     'linkage_ros/mechanism/parts.py': (
         'import linkage_ros.messages.topics',
@@ -43,6 +43,17 @@ def test_import_linter_detects_forbidden_imports(tmp_path):
     assert done.returncode == 1
     for _, broken in WRONG.values():
         assert broken in done.stdout
+
+
+def test_examples_import_only_public_modules():
+    """A module is public if its docstring says so."""
+    docs = {x.stem: ast.get_docstring(ast.parse(x.read_text())) for x in PACKAGE.glob('*.py')}
+    public = {f'linkage_ros.{name}' for name, doc in docs.items() if '\nPublic: ' in doc}
+    assert 'linkage_ros.extensions' in public
+    for path in (ROOT / 'docs' / 'examples').glob('*.py'):
+        parts = ast.walk(ast.parse(path.read_text()))
+        used = {part.module for part in parts if isinstance(part, ast.ImportFrom)}
+        assert {x for x in used if x.startswith('linkage_ros.')} <= public, path
 
 
 def test_ruff_sees_every_file():
