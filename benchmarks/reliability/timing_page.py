@@ -31,10 +31,9 @@ PAGE = """\
 # Timing
 
 Punctuality of the node at 1 kHz, and the cost of ticks, logs, and motions under a torque;
-[peers.md](../lab/docs/peers.md) has the time of a state. The figures are in
-[realtime.json](realtime.json), [log_speed.json](log_speed.json) and
-[accuracy.json](accuracy.json). The first command measures ticks and logs on an idle machine, the
-second motions, and the third makes the page:
+[peers.md](../lab/docs/peers.md) has the time of a state. These commands measure ticks and logs
+([realtime.json](realtime.json), [log_speed.json](log_speed.json)) on an idle machine, measure
+motions ([accuracy.json](accuracy.json)), and make the page:
 
     python benchmarks/reliability/realtime.py --out docs
     linkage_chart accuracy --out docs
@@ -44,23 +43,19 @@ second motions, and the third makes the page:
 
 ## Ticks at 1 kHz
 
-The programs run in turn, in slices of seconds, each node with one subscriber in another process;
-the rclpy timers publish only joint states. Lateness is the time from a tick's deadline to its
-start: medians over all slices, and the largest of all, which for linkage_node includes the
-start-up. This table and that of logs are from two processors (AMD EPYC of the fourth generation),
-in 3 slices of 10 s; that of motions is from another machine. The results scatter with the load of
-the host.
+The programs run in turn, in 3 slices of 10 s, on two processors (AMD EPYC of the fourth
+generation), each with one subscriber in another process; the rclpy timers publish only joint
+states. Lateness is the time from a tick's deadline to its start: medians over the slices, and the
+largest of all, which for linkage_node includes the start-up.
 
 {ticks}
 
-Processor time per tick of the threads, us, measured separately; `top -H` lists the threads by
-name:
+Processor time per tick of the threads, us; `top -H` lists the threads by name:
 
 {parts}
 
-In 15 of 356 starts of linkage_node one tick waited for 0.33 s soon after the start, because the
-discovery thread of Fast DDS may sleep that long while it holds a lock that publishing needs
-([#6535](https://github.com/eProsima/Fast-DDS/issues/6535)). The node counts the missed ticks.
+In 15 of 356 starts of linkage_node one tick waited for 0.33 s soon after the start, for a lock of
+Fast DDS ([#6535](https://github.com/eProsima/Fast-DDS/issues/6535)).
 
 ## Logs
 
@@ -71,7 +66,7 @@ pump under its torque (three). Compression of the same bytes (zstd and crc32) is
 
 ## Motions under a torque
 
-Time per millisecond of motion, on average and in the slowest millisecond:
+Time per millisecond of motion, on another machine:
 
 {steps}
 
@@ -79,12 +74,10 @@ Time per millisecond of motion, on average and in the slowest millisecond:
 
 {limits}
 
-The cost that log or viewer adds to a tick is the difference between two programs, and the
-processor time of the tick thread varies by 20 us from one start to the next. In eighteen runs on
-a machine half as fast, the log added -27 to 50 us, in nine of them more than the limit; the
-viewer added 2 to 80 us in thirteen runs, in two of them more than the limit. In 20 pairs of runs
-of 5 s, the tick thread took 0.5 us more with log than without (standard error 5.7 us); in 9 pairs
-of 12 s, 10.4 us (3.6 us).
+The processor time of the tick thread varies by 20 us from one start to the next, and so does what
+log or viewer adds. In eighteen runs on a machine half as fast, the log added -27 to 50 us, in nine
+of them more than the limit; the viewer 2 to 80 us in thirteen runs, in two of them more than the
+limit. In 20 pairs of runs of 5 s, the log added 0.5 us (standard error 5.7 us).
 """
 
 
