@@ -22,7 +22,7 @@ from linkage_ros.palette import GREY, SECOND, Color, color_of
 _SIZE, _TALLEST = 480, 400  # px, width of a picture, and largest height of the linkage
 _ROOM = 26  # px around the linkage, for the names of its pins
 _NAME = 17  # px from a pin to the middle of its name
-_LEFT, _TOP, _ROW, _FOOT = 70, 24, 104, 42  # px, of the curves; a row is the height of one
+_LEFT, _RIGHT, _TOP, _ROW, _FOOT = 70, 20, 24, 104, 42  # px, of the curves; a row is the height of one
 _GAP = _TOP + 12  # px between two curves
 _WIDE = 2.2  # a drawing with this ratio of width to height is above the curves, not beside them
 _SAMPLES = 721  # most samples; half a degree each in a period of one turn
@@ -67,7 +67,7 @@ def movie_page(
     data = {
         'time': _rounded(time[shown]), 'across': _rounded(period.marks[shown]),
         'start': period.marks[0], 'end': period.marks[-1],
-        'left': _LEFT, 'width': _SIZE - _LEFT - 12,
+        'left': _LEFT, 'width': _SIZE - _LEFT - _RIGHT,
         'total': _SIZE, 'places': base64.b64encode(places.tobytes()).decode(),
         'quantities': [
             {'unit': quantity.unit, 'values': _rounded(quantity.values[shown]), 'scale': scale}
@@ -237,7 +237,7 @@ def _curves(
         per unit, and the y coordinate of the bottom, or None if it is not drawn.
     """
     drawn = sum(quantity.is_drawn for quantity in quantities)
-    height, right = drawn * (_ROW + _GAP) + _FOOT, _SIZE - 12
+    height, right = drawn * (_ROW + _GAP) + _FOOT, _SIZE - _RIGHT
     start, end = period.marks[0], period.marks[-1]
     across = _LEFT + (right - _LEFT) * (period.marks - start) / (end - start)
     parts, above = list[str](), list[str]()  # `above` covers the grid
