@@ -20,8 +20,10 @@ from rclpy.serialization import deserialize_message
 from ros_harness import Listener, fresh_domain, running, stop, wait_for
 from sensor_msgs.msg import JointState
 from test_control_loop import PERIOD, RUNS, SOLVER, START, delays, speed_errors
+from test_import import CLOSE, LEG
 
 from linkage_ros import ConfigurationError
+from linkage_ros.programs import import_tool
 from linkage_ros.programs.controller import SpeedController
 from linkage_ros.quantities import build
 from linkage_ros.settings.command_lines import Settings
@@ -29,9 +31,9 @@ from linkage_ros.settings.configuration import configure
 from linkage_ros.units import NS_PER_S
 
 ROOT = Path(__file__).resolve().parents[1]
-DEMO, CONTROLLER, FOLLOW, TWO = (
+DEMO, CONTROLLER, FOLLOW, ROBOT, TWO = (
     ROOT / 'launch' / f'{name}.launch.py'
-    for name in ('demo', 'controller', 'follow', 'two_linkages')
+    for name in ('demo', 'controller', 'follow', 'robot', 'two_linkages')
 )
 OWN = """
 /left/linkage_node:
@@ -102,7 +104,8 @@ def launched(monkeypatch, tmp_path):
             started, words = [*started, *nodes.values()], words + more
         if file == TWO:
             return {f'{action.namespace}/{action.executable}': action for action in started}, words
-        return {action.executable: action for action in started}, words
+        names = (getattr(action, 'name', action.executable) for action in started)
+        return dict(zip(names, started, strict=True)), words
 
     return launch
 
@@ -296,6 +299,75 @@ def test_following_node_accepts_the_parameters_of_its_launch_file(launched):
                  or heard.received[topic])  # fmt: skip
         output = stop(node)
     assert 'follows a measured crank, filter of 7 Hz' in output
+
+
+@pytest.fixture
+def leg(called, tmp_path):
+    """Returns the launch arguments of a leg and of the parameters imported from it."""
+    urdf, params = tmp_path / 'leg.urdf', tmp_path / 'leg.yaml'
+    urdf.write_text(LEG)
+    assert called(import_tool, urdf, '-o', params, *CLOSE)[0] == 0
+    return {'urdf': str(urdf), 'params': str(params)}
+
+
+def test_each_joint_of_a_robot_has_one_state_publisher(launched, leg):
+    nodes, words = launched(ROBOT, 'robot_state_publisher', measured='/motors', **leg)
+    assert words == []
+    topics, movable = {}, {}
+    for name in ('robot_state_publisher', 'linkage_state_publisher'):
+        values = values_of(nodes[name])
+        model = ET.fromstring(values['robot_description'])
+        topics[name] = dict(nodes[name].remappings)
+        movable[name] = {
+            joint.get('name') for joint in model.iter('joint') if joint.get('type') != 'fixed'
+        }
+        # A mimic joint would be published with both values.
+        assert model.find("joint[@name='knee']/mimic") is None
+        assert values['publish_frequency'] >= 100.0
+    whole, passive = topics
+    assert topics[whole] == {'joint_states': '/motors'}
+    assert movable[whole] == {'hip', 'knee_motor', 'rod_joint', 'knee', 'ankle'}
+    # The answers name the crank too, which this model must not have.
+    domain, topic = fresh_domain(), f'/{topics[passive]["joint_states"]}'
+    with (
+        Listener(domain, {topic: 'sensor_msgs/msg/JointState'}) as heard,
+        running('node', *ros_arguments(nodes['linkage_node']), domain=domain) as node,
+    ):
+        robot = heard.node.create_publisher(JointState, '/motors', 10)
+        measured = JointState(name=['hip', 'knee_motor'], position=[0.3, 0.5])
+        wait_for(lambda: robot.publish(measured) or heard.received[topic])
+        stop(node)
+    answered = set(by_name(heard.received[topic][0]))
+    assert answered == {'knee_motor', 'rod_joint', 'knee'}
+    assert answered & movable[passive] == {'rod_joint', 'knee'}
+
+
+def by_name(data):
+    state = deserialize_message(data, JointState)
+    return dict(zip(state.name, state.position, strict=True))
+
+
+def test_robot_with_a_state_publisher_of_its_own_gets_that_of_the_linkage(launched, leg):
+    nodes, _ = launched(ROBOT, 'robot_state_publisher', state_publisher='false', **leg)
+    assert set(nodes) == {'linkage_node', 'linkage_state_publisher'}
+    assert 'robot_description' in dict(nodes['linkage_state_publisher'].remappings)
+
+
+@pytest.mark.parametrize(
+    ('text', 'words'),
+    [
+        (None, 'No such file'),
+        ('robot', 'not XML'),
+        ('<sdf/>', 'must be a URDF with the joints knee_motor'),
+        (LEG.replace('"rod_joint"', '"rod"'), 'must be a URDF with the joints knee_motor'),
+    ],
+)
+def test_model_that_is_not_the_robots_is_refused(launched, leg, tmp_path, text, words):
+    other = tmp_path / 'other.urdf'
+    if text is not None:
+        other.write_text(text)
+    with pytest.raises(ConfigurationError, match=words):
+        launched(ROBOT, **{**leg, 'urdf': str(other)})
 
 
 def test_two_linkages_are_one_tree_and_the_right_one_follows_the_left_one(launched):

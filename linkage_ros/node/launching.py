@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree as ET
 
 from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument, LogInfo, OpaqueFunction, Shutdown
@@ -17,6 +18,7 @@ from linkage_ros.errors import ConfigurationError
 from linkage_ros.messages.templates import ROOT_FRAME
 from linkage_ros.messages.urdf import make_urdf
 from linkage_ros.quantities import Quantity, shown
+from linkage_ros.robot.xml_file import read_xml
 from linkage_ros.settings.configuration import (
     MechanismAndDrive,
     configure,
@@ -102,12 +104,12 @@ def given(arguments: Mapping[str, str], names: Iterable[str]) -> Values:
 
     Args:
         arguments: Argument strings by name; empty strings set no parameter.
-        names: Names of the arguments that are parameters.
+        names: Names of the arguments that are parameters, if the launch file has them.
 
     Returns:
         The values by name, with the same types as with `-p NAME:=VALUE`.
     """
-    texts = {name: arguments[name] for name in names if arguments[name]}
+    texts = {name: text for name in names if (text := arguments.get(name))}
     return {name: text if name in _TEXTS else read_scalar(text) for name, text in texts.items()}
 
 
@@ -137,6 +139,54 @@ def follow(arguments: Mapping[str, str]) -> tuple[Values, Values]:
     known = {leaf.name for leaf in parameter_leaves(kind, file)}
     kept = {name: value for name, value in file.items() if name in known}
     return _linkage({**kept, 'drive': 'follow', **given(arguments, names)}, arguments)
+
+
+def robot(arguments: Mapping[str, str]) -> tuple[Values, list[Any]]:
+    """Returns the parameters of a node that follows a robot, and the robot_state_publishers.
+
+    A robot_state_publisher reads one topic. The first one reads the measured joints, the second
+    one the passive joints of the linkage, so that each joint has one publisher.
+
+    Args:
+        arguments: All arguments of robot.launch.py.
+
+    Returns:
+        The parameters of linkage_node, and the actions.
+
+    Raises:
+        ConfigurationError: The URDF, the file or a value cannot be used.
+    """
+    values, publisher = follow(arguments)
+    joints = [joint.name for joint in configure(values).robot_joints if joint.name]
+    path = Path(arguments['urdf'])
+    root = read_xml(path)
+    missing = {*joints} - {joint.get('name') for joint in root.iter('joint')}
+    if root.tag != 'robot' or missing:
+        raise ConfigurationError(
+            f'urdf = {path}: must be a URDF with the joints {", ".join(joints)} of params = '
+            f'{arguments["params"]}, which linkage_import writes'
+        )
+    for joint in root.iter('joint'):
+        mimic = joint.find('mimic')
+        if mimic is not None and joint.get('name') in joints:
+            joint.remove(mimic)
+    whole = ET.tostring(root, encoding='unicode')
+    # The answers repeat the crank, which the first robot_state_publisher already publishes.
+    for joint in (*root.iter('joint'), *root.iter('mimic')):
+        name = 'joint' if joint.tag == 'mimic' else 'name'
+        if joint.get(name) == joints[0]:
+            joint.set(name, f'{joints[0]}, measured')
+    passive = {**publisher, 'robot_description': ET.tostring(root, encoding='unicode')}
+    measured = [('joint_states', arguments['measured'])]
+    own = [
+        ('joint_states', arguments['joint_states']),
+        ('robot_description', 'linkage/robot_description'),
+    ]
+    actions = [_state_publisher(arguments, 'linkage_state_publisher', passive, own)]
+    if is_asked_for(arguments, 'state_publisher'):
+        publisher['robot_description'] = whole
+        actions.append(_state_publisher(arguments, 'robot_state_publisher', publisher, measured))
+    return values, actions
 
 
 def demo(arguments: Mapping[str, str]) -> tuple[Values, Values]:
@@ -220,14 +270,24 @@ def state_publisher(
     # Otherwise both nodes would publish robot_description as latched messages; the log contains
     # that of linkage_node.
     own = 'robot_description', 'robot_state_publisher/robot_description'
+    return [_state_publisher(arguments, 'robot_state_publisher', values, [own, *remappings])]
+
+
+def _state_publisher(
+    arguments: Mapping[str, str],
+    name: str,
+    values: Mapping[str, object],
+    remappings: Sequence[tuple[str, str]],
+) -> Any:
     publisher = Node(
         package='robot_state_publisher',
         executable='robot_state_publisher',
+        name=name,
         namespace=arguments['namespace'],
         parameters=[parameter_file(values)],
-        remappings=[own, *remappings],
+        remappings=list(remappings),
     )
-    return [where_installed('robot_state_publisher', 'tf', publisher)]
+    return where_installed('robot_state_publisher', 'tf', publisher)
 
 
 def where_installed(package: str, feature: str, action: Any) -> Any:

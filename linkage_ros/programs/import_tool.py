@@ -10,23 +10,21 @@ import sys
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from xml.etree import ElementTree as ET
 
 import numpy as np
 
 from linkage_ros import cli
 from linkage_ros.errors import ConfigurationError, printable
-from linkage_ros.files import create_file, is_same_file, open_file
+from linkage_ros.files import create_file, is_same_file
 from linkage_ros.quantities import shown
 from linkage_ros.robot.mjcf import read_mjcf
 from linkage_ros.robot.model import Robot
 from linkage_ros.robot.planar_loop import PlanarLoop, find_loop
 from linkage_ros.robot.sdf import read_sdf
 from linkage_ros.robot.urdf import read_urdf
+from linkage_ros.robot.xml_file import read_xml
 
 _NAME = 'linkage_import'
-_LARGEST = 1 << 26  # bytes
-_COMMENT, _PREFIX = re.compile(b'<!--.*?-->', re.DOTALL), re.compile(rb'<(/?)([\w.-]+):')
 _LAYER = 1e-9  # m, distance along the normal that is worth a line
 
 
@@ -42,40 +40,20 @@ def read_robot(path: Path) -> Robot:
     Raises:
         ConfigurationError: The file cannot be read, has another format or invalid values.
     """
-    root = _read_xml(path)
+    root = read_xml(path)
     try:
         if root.tag == 'robot':
             return read_urdf(root)
         if root.tag == 'sdf':
             return read_sdf(root)
         if root.tag == 'mujoco':
-            return read_mjcf(root, _read_xml, path)
+            return read_mjcf(root, read_xml, path)
     except ConfigurationError as error:
         raise ConfigurationError(f'{path}: {error}') from error
     raise ConfigurationError(
         f'{path}: its root element is <{root.tag}>: must be <robot> (URDF), <sdf> or <mujoco> '
         '(MJCF)'
     )
-
-
-def _read_xml(path: Path) -> ET.Element:
-    try:
-        with open_file(path) as stream:
-            data = stream.read(_LARGEST + 1)
-    except OSError as error:
-        raise ConfigurationError(
-            f'{path}: {error.strerror or error}; give the path of a URDF, SDF or MJCF file'
-        ) from error
-    if len(data) > _LARGEST:
-        raise ConfigurationError(f'{path}: over {_LARGEST} bytes; give a URDF, SDF or MJCF file')
-    # Robot models have comments that contain -- and prefixes that are not declared, which ROS,
-    # Gazebo and MuJoCo accept. Line numbers are kept.
-    data = _COMMENT.sub(lambda comment: b'\n' * comment[0].count(b'\n'), data)
-    data = _PREFIX.sub(rb'<\1\2.', data)
-    try:
-        return ET.fromstring(data)  # noqa: S314, expat limits the growth of entities
-    except (ET.ParseError, ValueError, LookupError) as error:
-        raise ConfigurationError(f'{path}: not XML ({error}); give a URDF, SDF or MJCF') from error
 
 
 def parameter_text(loop: PlanarLoop, source: str) -> str:
