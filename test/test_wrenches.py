@@ -530,11 +530,62 @@ def test_motion_beyond_the_points_of_a_curve_is_noted_once(tmp_path, called):
     assert 'note:' not in called(record_module, tmp_path / 'own.yaml', tmp_path / 'b.mcap')[1]
 
 
-def test_crank_that_reverses_with_valves_is_noted_once(tmp_path, called):
-    for rpm, count in ((-60.0, 1), (60.0, 0)):
-        drive = f'start_rpm: {rpm}, crank_acceleration: 20.0'
-        configured(tmp_path, f'{SLIDER}, {drive}', f'loads: {{x: {{{GAS}, outlet: 2.0e5}}}}')
-        told = called(record_module, tmp_path / 'own.yaml', tmp_path / f'{count}.mcap')[1]
+VALVES = f'loads: {{x: {{{GAS}, outlet: 2.0e5}}}}'
+TURN_BACK = 'angles: [0.0, 2.0, 0.0], repeat: true'
+
+
+def along(law):
+    return f'{SLIDER.replace("rpm: 60.0", "drive: motion")}, motion: {{{law}}}'
+
+
+@pytest.mark.parametrize(
+    ('mechanism', 'angle'),
+    [
+        (f'{SLIDER}, start_rpm: -60.0, crank_acceleration: 20.0, crank_angle: 2.0', '1.01304'),
+        (along('center: 1.5, amplitude: 0.5, frequency: 0.5'), '(1|2)'),
+        (along('center: 1.5, amplitude: 5.0, frequency: 0.5'), '(6.5|-3.5)'),
+        (along(f'times: [0.0, 0.5, 1.0], {TURN_BACK}'), '2'),
+        (along('times: [0.0, 0.5, 1.0, 2.0, 3.0], angles: [0.0, 2.0, 2.0, 2.0, 1.0], '
+               'speeds: [0.0, 0.0, 0.0, 0.0, 0.0]'), '2'),
+        (along('times: [0.0, 1.0], angles: [1.0, 2.0], speeds: [-1.0, 0.0]'), r'0\.946502'),
+    ],
+    ids=range(6),
+)  # fmt: skip
+def test_motion_that_reverses_the_crank_inside_the_stroke_of_valves_is_refused(
+    tmp_path, mechanism, angle
+):
+    words = rf'loads\.x: the crank reverses at {angle} rad = \S+ deg, inside the stroke'
+    with pytest.raises(LinkageError, match=words):
+        configured(tmp_path, mechanism, VALVES)
+    configured(tmp_path, mechanism, f'loads: {{x: {{{GAS}}}}}')  # a closed cylinder
+
+
+@pytest.mark.parametrize(
+    'mechanism',
+    [
+        f'{SLIDER}, start_rpm: 30.0, crank_acceleration: 20.0',
+        f'{SLIDER}, start_rpm: -60.0',  # without an acceleration, the start is at rpm
+        along(f'center: {math.pi / 2!r}, amplitude: {math.pi / 2!r}, frequency: 0.5'),
+        along(
+            f'times: [0.0, 0.4, 1.0], angles: [1.0, 1.0, {1.0 + math.tau!r}], '
+            'speeds: [0.0, 0.0, 0.0], repeat: true'
+        ),
+        along('times: [0.0, 0.5, 1.0], angles: [0.0, 2.0, 5.0]'),
+    ],
+    ids=range(5),
+)
+def test_crank_that_reverses_at_dead_centres_or_nowhere_has_valves(tmp_path, mechanism):
+    configured(tmp_path, mechanism, VALVES)
+
+
+def test_reversal_that_valves_meet_in_a_run_is_noted_once(tmp_path, called):
+    for torque, count in ((-9.0, 1), (0.0, 0)):
+        drive = f'drive: torque, start_rpm: 60.0, motor: {{torque: {torque}}}'
+        mechanism = SLIDER.replace('rpm: 60.0', drive).replace('0.1}', '0.1, inertia: 1.0}', 1)
+        configured(tmp_path, mechanism, VALVES.replace('bore: 0.1', 'bore: 0.001'))
+        told = called(
+            record_module, tmp_path / 'own.yaml', tmp_path / f'{count}.mcap', '--duration', '1'
+        )[1]  # fmt: skip
         assert told.count('the crank has reversed') == count
 
 

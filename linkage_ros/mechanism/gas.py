@@ -122,6 +122,12 @@ class GasForce(NamedTuple):
     exponent: Real
     ambient: Real
 
+    def is_inside(self, position: float) -> bool:
+        """Returns whether a position of the slider, m, is not at an end of its stroke."""
+        length, depth = self.largest - self.clearance, self.way * (self.top - position)
+        room = 1e-9 * length
+        return bool(room < depth < length - room)
+
     def _distance(self, links: Sequence[LinkPose]) -> Real:
         return self.clearance + self.way * (self.top - links[self.link].position)
 

@@ -7,10 +7,12 @@ themselves only if the slider reverses at the ends of its stroke, that is, if th
 """
 
 import math
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 
+from linkage_ros.errors import ConfigurationError
 from linkage_ros.mechanism.kinematics import State
 from linkage_ros.mechanism.loads import continuous
 from linkage_ros.mechanism.solver import Solver
@@ -28,6 +30,7 @@ class Ranges:
             solver: Solver of the mechanism.
         """
         loads: tuple[Any, ...] = solver.model.loads
+        self._solver = solver
         self._links = solver.structure.links
         names = solver.mechanism.load_names()
         labels = {load.name or load.group: load.label for load in solver.mechanism.loads}
@@ -36,15 +39,35 @@ class Ranges:
             for name, load in zip(names, loads, strict=True)
             if (ends := getattr(load, 'ends', None))
         }
-        self._valves = [
-            labels[name]
+        self._valves = {
+            labels[name]: load
             for name, load in zip(names, loads, strict=True)
             if getattr(load, 'outlet', None) is not None
-        ]
+        }
         self._way = 0.0  # of the crank
         self._found: dict[str, tuple[float, float]] = {}
         self._reversed = False
         self._said: set[str] = set()
+
+    def require_valves(self, reversals: Iterable[float]) -> None:
+        """Checks that the crank reverses at ends of the stroke only, if a gas has valves.
+
+        Args:
+            reversals: Crank angles at which it reverses, rad.
+
+        Raises:
+            ConfigurationError: It reverses inside the stroke.
+        """
+        for angle in reversals if self._valves else ():
+            position = self._solver.state(angle).position
+            for label, gas in self._valves.items():
+                if gas.is_inside(position[gas.link]):
+                    raise ConfigurationError(
+                        f'{label}: the crank reverses at {angle:.6g} rad = '
+                        f'{math.degrees(angle):.6g} deg, inside the stroke, where the valves '
+                        'would not switch at once; leave outlet out for a closed cylinder, or '
+                        'keep the crank turning'
+                    )
 
     def see(self, state: State) -> None:
         """Takes note of a state, or of an array of states."""
@@ -69,11 +92,11 @@ class Ranges:
         lines = []
         if self._reversed:
             lines += [
-                f'{label}: the crank has reversed inside the stroke, where the valves would not '
+                f'{label}: the crank has reversed; inside the stroke, the valves would not '
                 'switch at once, so that the pressure there is wrong; keep the crank turning'
                 for label in self._valves
             ]
-            self._valves, self._reversed = [], False
+            self._valves, self._reversed = {}, False
         for label, (low, high) in self._found.items():
             if label in self._said:
                 continue

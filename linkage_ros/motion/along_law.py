@@ -3,11 +3,13 @@
 """Motion of a crank along a law, exact at every stamp even after years."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 from linkage_ros.errors import ConfigurationError, MotionError, UnreachableError
+from linkage_ros.mechanism.ranges import Ranges
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.motion.drives import LawDrive
 from linkage_ros.motion.law import Law, Moment, Spline
@@ -172,7 +174,8 @@ def require_possible(law: Law, solver: Solver) -> None:
         solver: Solver of the mechanism.
 
     Raises:
-        ConfigurationError: The crank leaves its arc, or a value is not finite or beyond 1e12.
+        ConfigurationError: The crank leaves its arc, a value is not finite or beyond 1e12, or the
+            crank reverses inside the stroke of a gas with valves.
     """
     for (name, unit), value in zip(_UNITS.items(), law.largest, strict=True):
         if not value <= _LARGEST:
@@ -180,6 +183,7 @@ def require_possible(law: Law, solver: Solver) -> None:
                 f'the {name} reaches up to {value:.3g} {unit}: must be at most {_LARGEST:g} '
                 f'{unit}; check the times and angles'
             )
+    Ranges(solver).require_valves(law.at(time).angle for time in _reversals(law))
     reach = solver.reach
     if reach.turns_fully:
         return
@@ -197,3 +201,15 @@ def require_possible(law: Law, solver: Solver) -> None:
                 reach.refuse(angle)
         except UnreachableError as error:
             raise ConfigurationError(f'at t = {time / NS_PER_S:.9g} s, {error}') from error
+
+
+def _reversals(law: Law) -> Iterator[int]:
+    """Yields times at which the crank reverses, ns, of the law and of its repetition."""
+    times = sorted({0, law.duration, *law.extremes(math.inf, -math.inf)})
+    rounds = 1 if isinstance(law, Spline) and law.turns is None else 2
+    way = 0.0
+    for start, end in rounds * list(pairwise(times)):
+        rate = law.at((start + end) // 2).rate
+        if rate * way < 0:
+            yield start
+        way = rate or way

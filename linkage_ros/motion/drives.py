@@ -57,6 +57,13 @@ class SpeedDrive(Checked):
         """The speed at t = 0, turns per minute."""
         return self.rpm if self.start_rpm is None else self.start_rpm
 
+    def reversals(self) -> list[float]:
+        """Returns the crank angle at which the crank reverses before it reaches `rpm`, rad."""
+        if not self.crank_acceleration or not self.initial_rpm * self.rpm < 0:
+            return []
+        speed = self.initial_rpm * math.tau / 60
+        return [self.crank_angle + 0.5 * speed * abs(speed) / self.crank_acceleration]
+
 
 @dataclass(frozen=True)
 class Motor(Checked):

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from linkage_ros.errors import ConfigurationError, Mistakes, UnreachableError, in_file
+from linkage_ros.mechanism.ranges import Ranges
 from linkage_ros.mechanism.registry import MECHANISMS
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.mechanism.structure import Mechanism
@@ -180,12 +181,15 @@ def configure(values: Mapping[str, object]) -> Configuration:
             where = f'crank_angle = {drive.crank_angle} rad: ' if error.arcs else ''
             raise ConfigurationError(f'{where}the motion cannot start: {error}') from error
     elif isinstance(drive, SpeedDrive):
-        Solver(mechanism).reach.require_full_turn(
+        solver = Solver(mechanism)
+        solver.reach.require_full_turn(
             '; drive: motion, torque or follow moves it within these angles'
         )
+        Ranges(solver).require_valves(drive.reversals())
     elif isinstance(drive, LawDrive):
+        solver = Solver(mechanism)
         try:
-            require_possible(drive.motion.law, Solver(mechanism))
+            require_possible(drive.motion.law, solver)
         except ConfigurationError as error:
             raise ConfigurationError(f'motion: {error}') from error
     return found
