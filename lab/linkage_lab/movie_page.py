@@ -22,7 +22,8 @@ from linkage_ros.palette import GREY, SECOND, Color, color_of
 _SIZE, _TALLEST = 480, 400  # px, width of a picture, and largest height of the linkage
 _ROOM = 26  # px around the linkage, for the names of its pins
 _NAME = 17  # px from a pin to the middle of its name
-_LEFT, _RIGHT, _TOP, _ROW, _FOOT = 70, 20, 24, 104, 42  # px, of the curves; a row is the height of one
+# Margins of the curves and the height of one, px.
+_LEFT, _RIGHT, _TOP, _ROW, _FOOT = 70, 20, 24, 104, 42
 _GAP = _TOP + 12  # px between two curves
 _WIDE = 2.2  # a drawing with this ratio of width to height is above the curves, not beside them
 _SAMPLES = 721  # most samples; half a degree each in a period of one turn
