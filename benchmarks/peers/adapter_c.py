@@ -18,9 +18,8 @@ class Adapter(Peer):
     name = 'C, scalar libm'
     flags = ()
     how = (
-        'The textbook closed form (benchmarks/peers/plain.c), which keeps B on one side of the '
-        'diagonal, is compiled with cc -O3 as a loop over an array. Like the program of this '
-        'package, it returns ten quantities.'
+        'The textbook closed form (benchmarks/peers/plain.c) is compiled with cc -O3 as a loop '
+        'over an array.'
     )
 
     def __init__(self, mechanism, speed, first):
@@ -55,9 +54,8 @@ class VectorAdapter(Adapter):
     # Otherwise GCC fuses sine and cosine into sincos, which has no vector function.
     flags = ('-ffast-math', '-march=native', '-fdisable-tree-sincos')
     how = (
-        'The same file is compiled with -ffast-math -march=native and libmvec. The compiler pass '
-        'that fuses sine and cosine is switched off, because libmvec has no vector form of the '
-        'fused function. The symbols of the library show that it calls the vector functions.'
+        'The same file is compiled with -ffast-math -march=native and libmvec, without the '
+        'compiler pass that fuses sine and cosine, which libmvec has not in vector form.'
     )
 
     def built(self, folder):

@@ -42,12 +42,10 @@ class Adapter(NewtonPeer):
     name = 'MuJoCo'
     distribution = 'mujoco'
     how = (
-        'The model is a tree of three hinges, solved through the Python functions of MuJoCo. A '
-        'Newton iteration written for this comparison closes the loop with mj_jacSite, starting '
-        'from the last state extrapolated by its rates. The accelerations come from mj_jacDot. '
-        'The torque comes from mj_rne: its joint torques are projected on the velocity of the '
-        'loop, because its value for the crank alone assumes that torques act at the other hinges '
-        'too. The constraints of MuJoCo are not used, because they are soft.'
+        'The model is a tree of three hinges. A Newton iteration in Python closes the loop with '
+        "mj_jacSite, starting from the last state extrapolated by its rates; MuJoCo's own "
+        'constraints are soft. The accelerations come from mj_jacDot, the torque from mj_rne, '
+        'projected on the velocity of the loop.'
     )
 
     def __init__(self, mechanism, speed, first):

@@ -14,9 +14,8 @@ class Adapter(Peer):
     name = 'Numba'
     distribution = 'numba'
     how = (
-        'njit compiles the textbook closed form (benchmarks/peers/plain.py), which keeps B on one '
-        'side of the diagonal. The function is called once for each state; for arrays, a compiled '
-        'loop calls it. The compilation is not timed.'
+        'njit compiles the textbook closed form (benchmarks/peers/plain.py), with a loop over an '
+        'array.'
     )
 
     def __init__(self, mechanism, speed, first):

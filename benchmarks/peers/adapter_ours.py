@@ -21,8 +21,7 @@ class Adapter(Peer):
     name = 'linkage_ros'
     how = (
         'Solver.state is called once for each state, or once for an array. It always computes the '
-        'torque. For the kinematics of one state at a time, the program of the pose is called '
-        'instead, and its derivatives are multiplied by the speed and its square.'
+        'torque. For the kinematics of one state, the program of the pose is called instead.'
     )
 
     def __init__(self, mechanism, speed, first):

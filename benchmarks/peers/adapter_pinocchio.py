@@ -25,11 +25,8 @@ class Adapter(NewtonPeer):
     name = 'Pinocchio'
     distribution = 'pin'
     how = (
-        'The model is a tree of three hinges, solved through the Python functions of Pinocchio. A '
-        'Newton iteration written for this comparison closes the loop with computeJointJacobians '
-        'and getFrameJacobian, starting from the last state extrapolated by its rates. The '
-        'accelerations come from getFrameClassicalAcceleration. The torque comes from rnea: its '
-        'joint torques are projected on the velocity of the loop.'
+        'As for MuJoCo, with computeJointJacobians and getFrameJacobian, '
+        'getFrameClassicalAcceleration, and rnea.'
     )
 
     def __init__(self, mechanism, speed, first):

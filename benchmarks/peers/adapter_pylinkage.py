@@ -20,9 +20,8 @@ class Adapter(Peer):
     distribution = 'pylinkage'
     how = (
         'step_with_derivatives is called with one step of the crank per state; for arrays, '
-        'step_fast_with_kinematics. pylinkage uses Numba, which is installed. Of the two '
-        'assemblies it selects the one nearer to the previous state. It returns the motion of the '
-        'pins; the conversion to angles is not timed. It does not compute the torque.'
+        'step_fast_with_kinematics, with Numba. It selects the assembly nearer to the previous '
+        'state. The conversion of pins to angles is not timed.'
     )
 
     def __init__(self, mechanism, speed, first):

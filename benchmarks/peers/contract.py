@@ -74,9 +74,8 @@ class NewtonPeer(Peer):
 
     STEPS = 50
     COLD = (
-        'This row uses the same code, but each state starts from the first state of the turn, '
-        'which shows the cost of a state without a known neighbour. This package solves every '
-        'state without a neighbour.'
+        'The same code, but each state starts from the first state of the turn, as if no '
+        'neighbour were known. linkage_ros needs no neighbour.'
     )
     # Whether each iteration starts from the first state, as if no neighbouring state were known.
     cold = False

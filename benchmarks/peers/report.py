@@ -22,11 +22,10 @@ the figures in one run and wrote the page on {date}, with {machine[cpu]}, {machi
 The task is to compute the angle, rate and acceleration of coupler and rocker of the four-bar of
 document 1 (`config/quadrilateral.yaml`) at 150 rpm and, in the rows "with torque", the driving
 torque. A ratio is a peer's time divided by the time of this package; above 1, this package is
-faster. For one state at a time, a peer without torque is compared with the package's
-kinematics alone; for arrays, with the package's program that includes the torque. The ratio is
-the median of {rounds} rounds, in which peer and package run alternately on the same machine.
-Set-up and compilation are not timed. Errors are the largest over {turn} crank angles, compared
-with a solution in 50 digits.
+faster. For arrays, a peer without torque is compared with the package's program that includes
+it. The ratio is the median of {rounds} rounds, in which peer and package run alternately. Set-up
+and compilation are not timed. Errors are the largest over {turn} crank angles, compared with a
+solution in 50 digits.
 """
 HARD = """\
 ## Situations
@@ -42,10 +41,9 @@ Each peer solves one state at a time, and each state has one of these outcomes:
 - *diverged*: the angles belong to neither assembly, or the peer returns a number although the loop
   cannot close.
 
-Each cell shows the worst outcome and, unless all states have this outcome, the share of states
-that do. NaN is the worst, followed by wrong branch and diverged. Peers that follow the motion,
-and peers that keep the pin B on one side of the diagonal from A to B0, are given the correct
-first state.
+Each cell shows the worst outcome and, unless all states have it, the share of states that do. NaN
+is the worst, followed by wrong branch and diverged. Peers are given the correct first state, if
+they use it.
 """
 
 
