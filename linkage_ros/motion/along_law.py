@@ -193,12 +193,14 @@ def require_possible(law: Law, solver: Solver) -> None:
         turns = math.floor((begin - start) / math.tau) * math.tau
         if start + turns < begin < end + turns:
             low, high = start + turns, end + turns
+            reach = reach._replace(arcs=((low, high),))
     for time in sorted(law.extremes(low, high)):
-        _, angle, rate, acceleration = law.at(time)
+        whole, angle, rate, acceleration = law.at(time)
+        angle += whole * math.tau
         try:
-            solver.state(angle, rate, acceleration)
             if not low < angle < high:
                 reach.refuse(angle)
+            solver.state(angle, rate, acceleration)
         except UnreachableError as error:
             raise ConfigurationError(f'at t = {time / NS_PER_S:.9g} s, {error}') from error
 
