@@ -65,11 +65,14 @@ def read_columns(
     """
     with open_file(path) as stream:
         head, *lines = stream.read().decode('utf-8-sig').splitlines() or ['']
-    names = [name.strip() for name in head.split(',')]
+    names = [name.strip(' \t"') for name in head.split(',')]
     check(names)
     rows = np.empty((0, 0))
     if any(lines):
-        rows = np.loadtxt(lines, delimiter=',', comments=None, quotechar='"', ndmin=2)
+        try:
+            rows = np.loadtxt(lines, delimiter=',', comments=None, quotechar='"', ndmin=2)
+        except ValueError as error:
+            raise ValueError(str(error).partition('; use ')[0]) from error  # about NumPy
     if rows.shape[1] != len(names):
         raise ValueError(f'each line below {",".join(names)} must be {len(names)} numbers')
     return dict(zip(names, rows.T.tolist(), strict=True))

@@ -414,9 +414,16 @@ def test_a_csv_file_gives_the_points(tmp_path):
         times=(0.0, 1.5), angles=(math.pi / 2, math.radians(120)), speeds=(0.0, 0.0),
         accelerations=(0.0, -math.pi / 2),
     ).motion  # fmt: skip
-    for text in ('time,angle,angle_deg\n', 'time,angel\n', 'time_deg,angle\n', 'time,angle\n'):
+    path.write_text('"time", "angle"\n"0",1\n1,2\n')
+    assert drive_of(file=str(path)) == drive_of(times=(0.0, 1.0), angles=(1.0, 2.0))
+    for text, problem in (
+        ('time,angle,angle_deg\n', 'names time, angle, angle_deg'), ('', 'names nothing'),
+        ('time angel\n', 'names time angel'), ('time_deg,angle\n', 'names time_deg, angle'),
+        ('time,angle\n', 'must be 2 numbers'), ('time,angle\n0,1\n1\n', 'from 2 to 1 at row 2'),
+    ):  # fmt: skip
         path.write_text(text)
-        with pytest.raises(ConfigurationError, match=r'motion\.file = .*: .*; give the path of a'):
+        words = rf'motion\.file = [^;]*: [^;]*{problem}; give the path of a'
+        with pytest.raises(ConfigurationError, match=words):
             drive_of(file=str(path))
     with pytest.raises(ConfigurationError, match='leave out times, angles'):
         drive_of(file=str(path), times=(0.0, 1.0))

@@ -320,7 +320,7 @@ def _check_columns(names: Sequence[str]) -> None:
     """
     plain = [name.removesuffix(_DEGREES) for name in names]
     if not set(plain) <= _COLUMNS.keys() or len({*plain}) < len(plain) or 'time_deg' in names:
-        raise ValueError('the first line has other names')
+        raise ValueError(f'its first line names {", ".join(names) or "nothing"}')
 
 
 @dataclass(frozen=True)
