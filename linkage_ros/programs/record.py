@@ -395,6 +395,7 @@ def main() -> int:
     """Runs `linkage_record`; returns the exit code."""
     options = _parser().parse_args()
     gc.freeze()  # garbage collections need not visit what is imported
+    gc.set_threshold(50_000)  # and rarely what a batch of measurements creates
     return cli.run(_NAME, lambda: _record(options))
 
 

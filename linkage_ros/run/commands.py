@@ -201,8 +201,11 @@ class MeasuredCrank:
         """
         heard = list[tuple[int, int, Coordinates]]()
         for received, data in messages:
-            with suppress(ValueError):
-                heard.append((received, *self._measure(data, received)))
+            try:
+                stamp, found = self._measure(data, received)
+            except ValueError:  # counted; `suppress` takes a twentieth of the time of a record
+                continue
+            heard.append((received, stamp, found))
         try:
             return self._answers(heard)
         except LinkageError:  # of at least one state
