@@ -129,7 +129,8 @@ class LogReader:
         if len(about) != 1:
             raise LogError(
                 f'it is not a log of linkage_ros: it has {len(about)} configuration records '
-                'instead of one'
+                'instead of one; linkage_log csv and linkage_record --measured read bags of other '
+                'programs'
             )
         self.version, self.configuration = decode_configuration(about[0])
         # Versions that name links in the present way also log frame_id.
