@@ -9,7 +9,7 @@ import sys
 import time
 
 import numpy as np
-from pages import ROOT, block, read
+from pages import ROOT, read
 from ros_harness import CODEC, environment, fresh_domain, stop, wait_for, watched
 from sensor_msgs.msg import JointState
 
@@ -48,9 +48,8 @@ def test_way_1_the_subscriber_turns_the_crank():
     assert (prototype.returncode, errors) == (0, '') or 'rclpy._rclpy_pybind11.RCLError' in errors
 
 
-def test_way_2_the_parameters_send_the_torque_to_the_controller(tmp_path):
-    path = tmp_path / 'parameters.yaml'
-    path.write_text(block(PAGE, 'effort_controller:'))
+def test_way_2_the_parameters_send_the_torque_to_the_controller():
+    path = ROOT / 'docs/examples/ros2_control/torque.yaml'
     topics = {'/effort_controller/commands': 'std_msgs/msg/Float64MultiArray'}
     with watched(topics, '--ros-args', '--params-file', path) as (listener, node):
         (received,) = listener.received.values()

@@ -318,7 +318,7 @@ def test_links_pictures_and_named_files_exist(page):
 
 
 def test_tracer_page_shows_what_its_example_prints(capsys):
-    example, tape, program, result, _ = blocks(read('docs/tracer.md'))
+    example, tape, program, result = blocks(read('docs/tracer.md'))
     exec(compile(example, 'docs/tracer.md', 'exec'), {})
     printed = re.sub(r' +$', '', capsys.readouterr().out, flags=re.MULTILINE)
     assert printed == f'{tape}\n{program}\n\n{result}\n'
