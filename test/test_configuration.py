@@ -173,8 +173,8 @@ def test_every_default_is_valid(mechanism, drive):
         assert default in (MISSING, None) or quantity.clean(name, default) == default
 
 
-def test_only_the_speed_or_the_motor_may_be_changed_while_running():
-    assert [name for name, leaf in LEAVES.items() if leaf.quantity.live] == ['rpm']
+def test_only_speed_motor_and_gravity_may_be_changed_while_running():
+    assert [name for name, leaf in LEAVES.items() if leaf.quantity.live] == ['gravity', 'rpm']
     leaves = parameter_leaves(MechanismAndDrive('wind_pump', 'torque'))
     assert [leaf.name for leaf in leaves if leaf.quantity.live] == ['motor.torque']
 

@@ -16,7 +16,13 @@ from linkage_ros import __version__
 from linkage_ros.errors import LogError
 from linkage_ros.mechanism.structure import Description
 from linkage_ros.motion.law import parse_law
-from linkage_ros.motion.segments import LawSegment, Segment, SpeedSegment, TorqueSegment
+from linkage_ros.motion.segments import (
+    FollowSegment,
+    LawSegment,
+    Segment,
+    SpeedSegment,
+    TorqueSegment,
+)
 from linkage_ros.settings.configuration import Configuration, from_strings, to_strings
 from linkage_ros.units import TIME_END
 
@@ -113,14 +119,19 @@ def _description(text: str) -> Description:
     return Description(tuple(coordinates), assembly)
 
 
+def _pair(text: str) -> tuple[float, ...]:
+    """Parses the output of `str(pair)`."""
+    return tuple(map(float, text.strip('()').split(',')))
+
+
 _NAMES = {'old_stamp': 'before'}  # field names of segments that differ in records
 _PARSERS: dict[str, Callable[[str], Any]] = {
     'stamp': int, 'phase': _fraction, 'speed': _fraction, 'rpm': float, 'acceleration': float,
     'torque': float, 'old_stamp': int, 'description': _description, 'law': parse_law,
-    'time': int, 'turns': int,
+    'time': int, 'turns': int, 'gravity': _pair,
 }  # fmt: skip
 # Classes of segments by a field that only they have.
-_KINDS: dict[str, Any] = {'torque': TorqueSegment, 'law': LawSegment}
+_KINDS: dict[str, Any] = {'torque': TorqueSegment, 'law': LawSegment, 'phase': SpeedSegment}
 _LARGEST = {int: TIME_END - 1, float: 1e30, Fraction: 1e30}
 
 
@@ -144,7 +155,7 @@ def decode_motion(record: Mapping[str, str]) -> Segment:
             exceptions.
     """
     fields = unseal(record)
-    kind = next((x for name, x in _KINDS.items() if name in fields), SpeedSegment)
+    kind = next((x for name, x in _KINDS.items() if name in fields), FollowSegment)
     names = {name: _NAMES.get(name, name) for name in _PARSERS}
     given = {n: _PARSERS[n](fields[key]) for n, key in names.items() if key in fields}
     for name, value in given.items():

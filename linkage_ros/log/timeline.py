@@ -19,7 +19,14 @@ from linkage_ros.log.rows import RowLayout
 from linkage_ros.messages.topics import DIAGNOSTICS, MEASURED_JOINT_STATES
 from linkage_ros.motion.along_law import LawMotion
 from linkage_ros.motion.at_speed import SpeedMotion
-from linkage_ros.motion.segments import Coordinates, LawSegment, Segment, SpeedSegment
+from linkage_ros.motion.drives import FollowDrive
+from linkage_ros.motion.segments import (
+    Coordinates,
+    FollowSegment,
+    LawSegment,
+    Segment,
+    SpeedSegment,
+)
 from linkage_ros.run.commands import MeasuredCrank
 from linkage_ros.run.states import Simulator
 from linkage_ros.units import TIME_END
@@ -30,13 +37,15 @@ _MOTIONS: dict[Any, Any] = {SpeedSegment: SpeedMotion, LawSegment: LawMotion}
 
 def _moment(segment: Segment) -> int:
     """Returns the start of a segment on the clock of the previous segment, ns."""
-    return segment.stamp if segment.old_stamp is None else segment.old_stamp
+    old = getattr(segment, 'old_stamp', None)
+    return segment.stamp if old is None else old
 
 
 def check_motions(simulator: Simulator, motions: tuple[Segment, ...]) -> str:
     """Checks that each segment follows from the configuration and from the previous segment.
 
-    The time of a change and the new rpm, torque or clock are user inputs, which are not checked.
+    The time of a change and the new rpm, torque, gravity or clock are user inputs, which are not
+    checked.
 
     Args:
         simulator: Simulator of the logged configuration.
@@ -47,8 +56,12 @@ def check_motions(simulator: Simulator, motions: tuple[Segment, ...]) -> str:
     """
     past: Segment | None = None
     for number, logged in enumerate(motions, 1):
-        due = simulator.begin(logged.stamp).segment if past is None else logged
-        if past and (type(past) is not type(logged) or _moment(logged) < past.stamp):
+        follows = isinstance(logged, FollowSegment)
+        if follows != isinstance(simulator.configuration.drive, FollowDrive):
+            return f'motion record {number} has another drive'
+        due = logged if past or follows else simulator.begin(logged.stamp).segment
+        is_early = past and not follows and _moment(logged) < past.stamp
+        if past and (type(past) is not type(logged) or is_early):
             return f'motion record {number} starts before the previous one or has another drive'
         if type(past) in _MOTIONS:
             try:
@@ -119,6 +132,10 @@ class Timeline:
             if count := np.append(fits, False).argmin():
                 yield number, ticks[:count].tolist()
 
+    def simulator(self, number: int) -> Simulator:
+        """Returns the simulator of a segment, given its index."""
+        return self._simulator.under(getattr(self._motions[number], 'gravity', None))
+
     def coordinates(
         self, number: int, stamps: list[int], rows: bytes  # noqa: ARG002, others read them
     ) -> tuple[Coordinates, Coordinates | None]:  # fmt: skip
@@ -164,6 +181,8 @@ class Measurements:
         """Initializes without a measurement; see `Timeline`."""
         self._crank = MeasuredCrank(simulator)
         self._channel = log.channel(MEASURED_JOINT_STATES)
+        self._simulator, self._number = simulator, 0
+        self._motions: tuple[Any, ...] = log.motions
         # Stamps, ns, and coordinates of measurements whose states are still to be compared.
         self._next: list[tuple[int, Coordinates]] = []
 
@@ -176,8 +195,17 @@ class Measurements:
     def fitting(self, stamps: npt.NDArray[np.int64]) -> Iterator[tuple[int, list[int]]]:
         """Yields the leading stamps that match the next measurements; see `Timeline.fitting`."""
         pairs = zip(stamps.tolist(), self._next, strict=False)
-        if fit := [stamp for stamp, _ in takewhile(lambda pair: pair[0] == pair[1][0], pairs)]:
-            yield 0, fit
+        fit = [stamp for stamp, _ in takewhile(lambda pair: pair[0] == pair[1][0], pairs)]
+        ends = [motion.stamp for motion in self._motions[self._number : self._number + 2]]
+        # If a bag is looped, the stamp at which gravity changes occurs again.
+        if fit and fit[:1] == ends[:1]:
+            yield self._number + 1, [*fit[:1], *takewhile(lambda x: x not in ends[1:], fit[1:])]
+        if before := [*fit[:1], *takewhile(lambda x: x not in ends[:1], fit[1:])]:
+            yield self._number, before
+
+    def simulator(self, number: int) -> Simulator:
+        """Returns the simulator of a segment; see `Timeline.simulator`."""
+        return self._simulator.under(self._motions[number - 1].gravity if number else None)
 
     def coordinates(
         self, _: int, stamps: list[int], __: bytes
@@ -189,7 +217,8 @@ class Measurements:
         """Returns False, because later states depend on all measurements; see `Timeline`."""
         return False
 
-    def take(self, _: int, ticks: list[int]) -> tuple[int, str]:
+    def take(self, number: int, ticks: list[int]) -> tuple[int, str]:
         """Advances past measurements; see `Timeline.take`."""
+        self._number = number
         del self._next[: len(ticks)]
         return len(ticks), ''

@@ -260,7 +260,10 @@ class Verification:
             LinkageError: A logged row does not describe a valid state.
         """
         coordinates, ahead = self._timeline.coordinates(number, stamps, rows)
-        numbers, layout = self._simulator.numbers(coordinates, ahead), self._layout
+        numbers, layout = (
+            self._timeline.simulator(number).numbers(coordinates, ahead),
+            self._layout,
+        )
         times = stamps if self._timeline.is_record else layout.column(rows, layout.times)
         return layout.rows(times, stamps, numbers)
 

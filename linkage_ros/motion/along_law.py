@@ -13,7 +13,7 @@ from linkage_ros.mechanism.ranges import Ranges
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.motion.drives import LawDrive
 from linkage_ros.motion.law import Law, Moment, Spline
-from linkage_ros.motion.segments import Coordinates, LawSegment, stacked
+from linkage_ros.motion.segments import Coordinates, Gravity, LawSegment, stacked
 from linkage_ros.motion.spline import joined
 from linkage_ros.numeric import nearest_turns, with_turns
 from linkage_ros.units import NS_PER_S
@@ -80,6 +80,15 @@ class LawMotion:
         time = self._time(old)
         return LawMotion(replace(self.segment, stamp=new, time=time, old_stamp=old))
 
+    def under(self, stamp: int, gravity: Gravity | None) -> 'LawMotion':
+        """Returns the motion under a gravity, m/s^2, from a stamp, ns, on."""
+        if gravity == self.segment.gravity:
+            return self
+        time = self._time(stamp)
+        return LawMotion(
+            replace(self.segment, stamp=stamp, time=time, old_stamp=None, gravity=gravity)
+        )
+
     def join(
         self,
         stamp: int,
@@ -107,7 +116,7 @@ class LawMotion:
         start = Moment(turns, with_turns(angle, -extra / 2), *rates)
         near = [with_turns(angle, -turns / 2) for angle in angles]
         law = joined(start, [time - stamp for time in stamps], near, slopes)
-        return LawMotion(LawSegment(stamp, law, 0, turns))
+        return LawMotion(LawSegment(stamp, law, 0, turns, gravity=self.segment.gravity))
 
     def require_turns(self, turns: int) -> None:
         """Checks that the crank gets a number of turns away from its start in either direction.
@@ -139,6 +148,8 @@ class LawMotion:
         """
         if logged.old_stamp is not None:
             return self.restamp(logged.old_stamp, logged.stamp).segment
+        if logged.gravity != self.segment.gravity:
+            return self.under(logged.stamp, logged.gravity).segment
         joint, law = self.join(logged.stamp, [logged.stamp + 1], [0.0]).segment, logged.law
         if isinstance(law, Spline) and isinstance(joint.law, Spline):
             (first, *others), start = law.rows, joint.law.rows[0][:3]

@@ -9,13 +9,14 @@ nanoseconds. It is reduced by whole turns and then rounded once to a float.
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
 import numpy as np
 
 from linkage_ros.motion.drives import SpeedDrive
-from linkage_ros.motion.segments import Coordinates, SpeedSegment, stacked
+from linkage_ros.motion.segments import Coordinates, Gravity, SpeedSegment, stacked
 from linkage_ros.units import NS_PER_S
 
 # Phases, speeds and accelerations are integers in units of 2^-128 turn, rpm and rpm/s. Doubles
@@ -134,6 +135,12 @@ class SpeedMotion:
         """
         return self.change(old, self.segment.rpm, new)
 
+    def under(self, stamp: int, gravity: Gravity | None) -> 'SpeedMotion':
+        """Returns the motion under a gravity, m/s^2, from a stamp, ns, on."""
+        if gravity == self.segment.gravity:
+            return self
+        return SpeedMotion(replace(self.change(stamp, self.segment.rpm).segment, gravity=gravity))
+
     def change(self, stamp: int, rpm: float, restamp: int | None = None) -> 'SpeedMotion':
         """Returns the motion after a change of speed or clock, with continuous phase and speed.
 
@@ -147,20 +154,24 @@ class SpeedMotion:
         """
         start, old = (stamp, None) if restamp is None else (restamp, stamp)
         continued = self.phase(stamp), self.speed(stamp)
-        return SpeedMotion(_segment(start, *continued, rpm, self.segment.acceleration, old))
+        segment = _segment(start, *continued, rpm, self.segment.acceleration, old)
+        return SpeedMotion(replace(segment, gravity=self.segment.gravity))
 
     def next_segment(self, logged: SpeedSegment) -> SpeedSegment:
         """Recomputes the segment that follows this motion, given a logged one.
 
         Args:
-            logged: The logged segment, of which only the set speed and the stamps are used.
+            logged: The logged segment, of which only the set speed, the stamps and gravity are
+                used.
 
         Returns:
             The segment as a run would log it.
         """
         if logged.old_stamp is None:
-            return self.change(logged.stamp, logged.rpm).segment
-        return self.change(logged.old_stamp, logged.rpm, logged.stamp).segment
+            segment = self.change(logged.stamp, logged.rpm).segment
+        else:
+            segment = self.change(logged.old_stamp, logged.rpm, logged.stamp).segment
+        return replace(segment, gravity=logged.gravity)
 
     def phase(self, stamp: int) -> Fraction:
         """Returns the unwrapped crank angle at a stamp, turns."""

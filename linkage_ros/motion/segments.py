@@ -17,6 +17,8 @@ from linkage_ros.mechanism.structure import Description
 from linkage_ros.motion.law import Law
 from linkage_ros.numeric import Array, Real
 
+Gravity: TypeAlias = tuple[float, float]
+
 
 @dataclass(frozen=True)
 class SpeedSegment:
@@ -31,6 +33,8 @@ class SpeedSegment:
             immediate change.
         old_stamp: If a step of the clock started the segment, the stamp of its start on the old
             clock, ns; otherwise None.
+        gravity: Acceleration of gravity [x, y], m/s^2, since it was changed; None for that of the
+            configuration.
     """
 
     stamp: int
@@ -39,6 +43,7 @@ class SpeedSegment:
     rpm: float
     acceleration: float
     old_stamp: int | None = None
+    gravity: Gravity | None = None
 
 
 @dataclass(frozen=True)
@@ -70,6 +75,8 @@ class LawSegment:
         turns: Whole turns to add to the angle of the law.
         old_stamp: If a step of the clock started the segment, the stamp of its start on the old
             clock, ns; otherwise None.
+        gravity: Acceleration of gravity [x, y], m/s^2, since it was changed; None for that of the
+            configuration.
     """
 
     stamp: int
@@ -77,9 +84,23 @@ class LawSegment:
     time: int = 0
     turns: int = 0
     old_stamp: int | None = None
+    gravity: Gravity | None = None
 
 
-Segment: TypeAlias = SpeedSegment | TorqueSegment | LawSegment
+@dataclass(frozen=True)
+class FollowSegment:
+    """A segment in which the crank is measured; the first one is not logged.
+
+    Attributes:
+        stamp: Stamp of the first measurement, ns.
+        gravity: Acceleration of gravity [x, y], m/s^2.
+    """
+
+    stamp: int
+    gravity: Gravity
+
+
+Segment: TypeAlias = SpeedSegment | TorqueSegment | LawSegment | FollowSegment
 
 
 class Coordinates(NamedTuple):

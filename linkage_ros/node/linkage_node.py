@@ -4,6 +4,8 @@
 
 import sys
 import time
+from contextlib import suppress
+from typing import Any
 
 from rclpy.clock import Clock, ClockType
 
@@ -20,7 +22,7 @@ from linkage_ros.messages.topics import (
 )
 from linkage_ros.motion.along_law import LawMotion
 from linkage_ros.motion.drives import FollowDrive
-from linkage_ros.motion.segments import Coordinates, Segment
+from linkage_ros.motion.segments import Coordinates, FollowSegment, Gravity, Segment
 from linkage_ros.motion.under_torque import Motion, TorqueMotion
 from linkage_ros.node.health import HealthMonitor
 from linkage_ros.node.outputs import Outputs
@@ -56,7 +58,8 @@ class LinkageNode(ParameterNode):
     and /diagnostics, once a second.
     Subscribed topics: /clock, if use_sim_time is true; commands or measurements, depending on the
     drive.
-    Parameters: those of the configuration. rpm and motor.torque may be set at any time.
+    Parameters: those of the configuration. rpm, motor.torque and, unless the drive is a torque,
+    gravity may be set at any time.
     """
 
     def __init__(self, stop: cli.Stop) -> None:
@@ -69,6 +72,7 @@ class LinkageNode(ParameterNode):
         self.declare(parameter_leaves(configuration.kind, values), values)
         self._simulator = simulator = Simulator(configuration)
         simulator.prepare_live()
+        self._gravity: Gravity | None = None  # set while running
         self._motion: Motion | None = None
         self._segment: Segment | None = None  # the last logged segment
         self._state: State | None = None
@@ -163,6 +167,8 @@ class LinkageNode(ParameterNode):
         elif isinstance(motion, LawMotion):
             for subscription, laws in self._inputs:
                 motion = self._continue(laws.continued(motion, stamp, subscription.take()))
+        if not isinstance(motion, TorqueMotion):
+            motion = self._continue(motion.under(stamp, self._gravity))
         lead = self._simulator.lead
         ahead = None if lead is None else motion.at(stamp + lead)
         coordinates = motion.at(stamp)
@@ -175,7 +181,10 @@ class LinkageNode(ParameterNode):
 
     def _answer(self, stamp: int, coordinates: Coordinates) -> None:
         """Publishes the state of a measurement; runs in the ticker's thread."""
-        ahead = self._simulator.later(coordinates)
+        ahead, gravity = self._simulator.later(coordinates), self._gravity
+        if gravity is not None and gravity != getattr(self._segment, 'gravity', None):
+            self._segment = FollowSegment(stamp, gravity)
+            self._outputs.log(self._segment, keep=True)
         self._publish_state(stamp, coordinates, ahead)
 
     def _continue(self, motion: Motion) -> Motion:
@@ -194,7 +203,7 @@ class LinkageNode(ParameterNode):
         self, stamp: int, coordinates: Coordinates, ahead: Coordinates | None
     ) -> None:
         """Computes, publishes, logs and shows the state at a stamp, ns."""
-        simulator = self._simulator
+        simulator = self._simulator.under(getattr(self._segment, 'gravity', None))
         self._state = state = simulator.state(coordinates)
         later = None if ahead is None else simulator.state(ahead)
         numbers = simulator.templates.numbers(state, coordinates.unwrapped, later)
@@ -211,8 +220,16 @@ class LinkageNode(ParameterNode):
         self._others[topic.name].publish(message)
         self._outputs.write(time.time_ns(), topic, message)
 
-    def set_live(self, name: str, value: float) -> None:
-        """Sets rpm or motor.torque, with effect from the next tick on."""
+    def set_live(self, name: str, value: Any) -> None:
+        """Sets rpm, motor.torque or gravity, with effect from the next tick on."""
+        if name == 'gravity':
+            solver = self._simulator.under(value).solver
+            angle = self._state.position[0] if self._state else 0.0
+            for acceleration in (0.0, 1.0):  # compile the programs before the tick needs them
+                with suppress(LinkageError):
+                    solver.state(angle, 1.0, acceleration)
+            self._gravity = value
+            return
         self._drive = build(type(self._drive), {**flatten(self._drive), name: value})
 
     def _report(self) -> None:

@@ -16,6 +16,7 @@ from rcl_interfaces.msg import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from linkage_ros.errors import ConfigurationError
 from linkage_ros.node.process import rclpy_internals, reported_as_configuration
 from linkage_ros.quantities import Leaf, Quantity
 from linkage_ros.settings.configuration import with_files, without_ros_parameters
@@ -68,10 +69,10 @@ class ParameterNode(Node):  # type: ignore[misc]  # rclpy has no types
         """
         with reported_as_configuration():
             super().__init__(name, **options)
-        self._live: set[str] = set()
+        self._live: dict[str, Quantity] = {}
 
-    def set_live(self, name: str, value: float) -> None:
-        """Handles a change of a live parameter; subclasses override this."""
+    def set_live(self, name: str, value: Any) -> None:
+        """Handles a change of a live parameter to a checked value; subclasses override this."""
 
     def declare(self, parameters: Iterable[Leaf], values: Mapping[str, object]) -> None:
         """Declares parameters with their current values.
@@ -87,7 +88,7 @@ class ParameterNode(Node):  # type: ignore[misc]  # rclpy has no types
                 descriptor = _descriptor(name, quantity)
                 self.declare_parameter(name, values[name], descriptor, ignore_override=True)
                 if quantity.live:
-                    self._live.add(name)
+                    self._live[name] = quantity
 
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
         """Sets all parameters or none; all services that set parameters call this method.
@@ -100,19 +101,34 @@ class ParameterNode(Node):  # type: ignore[misc]  # rclpy has no types
         """
         changed = []
         for given in parameter_list:
-            is_whole = given.name in self._live and given.type_ == Parameter.Type.INTEGER
-            new = Parameter(given.name, value=float(given.value)) if is_whole else given
+            new = _with_floats(given) if given.name in self._live else given
             old = self.get_parameter(new.name) if self.has_parameter(new.name) else None
             if old is None or new.get_parameter_value() != old.get_parameter_value():
                 changed.append(new)
         if any(parameter.name == 'use_sim_time' for parameter in changed):
             reason = 'use_sim_time is read when the node starts: start it again'
             return SetParametersResult(successful=False, reason=reason)
+        live = [parameter for parameter in changed if parameter.name in self._live]
+        try:  # rclpy checks numbers, but not those of an array
+            for one in live:
+                if one.type_ == Parameter.Type.DOUBLE_ARRAY:
+                    self._live[one.name].clean(one.name, one.value)
+        except ConfigurationError as error:
+            return SetParametersResult(successful=False, reason=str(error))
         result = super().set_parameters_atomically(changed)
-        for parameter in changed:
-            if result.successful and parameter.name in self._live:
-                self.set_live(parameter.name, parameter.value)
+        if result.successful:
+            for one in live:
+                self.set_live(one.name, self._live[one.name].clean(one.name, one.value))
         return result
+
+
+def _with_floats(parameter: Parameter) -> Parameter:
+    """Converts whole numbers to floats."""
+    if parameter.type_ == Parameter.Type.INTEGER:
+        return Parameter(parameter.name, value=float(parameter.value))
+    if parameter.type_ == Parameter.Type.INTEGER_ARRAY:
+        return Parameter(parameter.name, value=[*map(float, parameter.value)])
+    return parameter
 
 
 def _descriptor(name: str, quantity: Quantity) -> ParameterDescriptor:

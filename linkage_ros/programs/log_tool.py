@@ -19,7 +19,7 @@ from linkage_ros.log.verify import Verification, verify
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.motion.along_law import LawMotion
 from linkage_ros.motion.at_speed import SpeedMotion
-from linkage_ros.motion.segments import LawSegment, Segment, TorqueSegment
+from linkage_ros.motion.segments import FollowSegment, LawSegment, Segment, TorqueSegment
 from linkage_ros.settings.configuration import parameter_leaves
 from linkage_ros.settings.help import summary
 from linkage_ros.settings.notes import notes
@@ -68,6 +68,14 @@ def info(log: LogReader) -> Iterator[str]:
 
 
 def _motion(segment: Segment) -> str:
+    gravity = getattr(segment, 'gravity', None)
+    under = f', gravity {list(gravity)} m/s^2' if gravity else ''
+    return f'{_crank(segment)}{under}'
+
+
+def _crank(segment: Segment) -> str:
+    if isinstance(segment, FollowSegment):
+        return 'measured'
     if isinstance(segment, TorqueSegment):
         words = f'motor torque {segment.torque:g} N m'
         if segment.description:

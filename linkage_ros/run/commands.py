@@ -448,7 +448,8 @@ class CrankTrajectory:
         self.topic = TRAJECTORY_COMMANDS._replace(name=drive.trajectory_command_topic)
         self._names = simulator.crank_joint, simulator.configuration.session.frame_id
         self._joint = simulator.robot_joints[0]
-        self._solver, self._horizon = simulator.solver, round(drive.trajectory_horizon * NS_PER_S)
+        self._simulator, self._solver = simulator, simulator.solver
+        self._horizon = round(drive.trajectory_horizon * NS_PER_S)
         self._motion: SpeedMotion | LawMotion | None = None
         self._points: deque[tuple[int, tuple[float, ...]]] = deque()
         self._next = self._due = 0
@@ -467,6 +468,7 @@ class CrankTrajectory:
         if motion is not self._motion or stamp >= self._next:
             self._points.clear()
             self._motion, self._next, self._due = motion, stamp, stamp
+            self._solver = self._simulator.under(motion.segment.gravity).solver
         with suppress(MotionError):  # a law may end within the horizon
             while self._next < stamp + self._horizon + _STEP:
                 (q,), (u,), (a,), unwrapped, _ = motion.at(self._next)

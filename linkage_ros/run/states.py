@@ -6,10 +6,12 @@ The node, the recorder and the verification share this code, so equal configurat
 times give bit-identical states.
 """
 
+import copy
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import replace
 from fractions import Fraction
-from typing import TypeVar
+from typing import Any, TypeVar, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -26,7 +28,7 @@ from linkage_ros.motion.along_law import LawMotion
 from linkage_ros.motion.at_speed import SpeedMotion
 from linkage_ros.motion.drives import LawDrive, SpeedDrive, TorqueDrive
 from linkage_ros.motion.measured import ahead as later
-from linkage_ros.motion.segments import Coordinates
+from linkage_ros.motion.segments import Coordinates, Gravity
 from linkage_ros.motion.steps import Integrate, live_steps
 from linkage_ros.motion.under_torque import Motion, TorqueMotion
 from linkage_ros.numeric import Array, Real
@@ -73,6 +75,7 @@ class Simulator:
         if isinstance(drive, FeedForward) and drive.effort_command_topic:
             effort_topic, self.lead = drive.effort_command_topic, round(drive.lead_time * NS_PER_S)
         self.templates = StateTemplates(self.solver.structure, joints, frame_id, effort_topic)
+        self._other: tuple[Gravity, Simulator] | None = None  # the last result of `under`
         # Use the decimal value, so that ticks at 0.1 Hz are exactly 10 s apart.
         self._rate = Fraction(repr(session.rate_hz)).as_integer_ratio()
 
@@ -82,6 +85,22 @@ class Simulator:
         prefix, given = self.configuration.session.joint_prefix, self.configuration.joints
         is_own = self.crank_joint == own_joints(self.solver.structure.links, prefix)[0].name
         return not is_own and ('crank' not in given or given['crank'].zero is None)
+
+    def under(self, gravity: Gravity | None) -> 'Simulator':
+        """Returns the simulator under another gravity, m/s^2; None for that of the configuration.
+
+        Raises:
+            ConfigurationError: The gravity is not valid.
+        """
+        other = self._other
+        if gravity is None:
+            return self
+        if other is None or other[0] != gravity:
+            mechanism = replace(cast('Any', self.configuration.mechanism), gravity=gravity)
+            found = copy.copy(self)
+            found.solver = Solver(mechanism)
+            self._other = other = gravity, found
+        return other[1]
 
     def begin(self, stamp: int, integrate: Integrate = live_steps) -> Motion:
         """Starts a motion.

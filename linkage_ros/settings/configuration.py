@@ -120,7 +120,10 @@ def parameter_leaves(
     classes = (MechanismAndDrive, MECHANISMS[kind.mechanism], DRIVES[kind.drive], Session)
     unused = 'rate_hz' if kind.drive == 'follow' else ''  # measurements set the rate
     found = (leaf for cls in classes for leaf in leaves(cls, values=values))
-    own = (leaf for leaf in found if leaf.name != unused)
+    own = [leaf for leaf in found if leaf.name != unused]
+    for i, (name, described, _) in enumerate(own):
+        if name == 'gravity':  # an integrator keeps its model
+            own[i] = own[i]._replace(quantity=replace(described, live=kind.drive != 'torque'))
     return (*own, *joint_leaves(MECHANISMS[kind.mechanism]))
 
 

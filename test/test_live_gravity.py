@@ -1,0 +1,96 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Gravity that changes while the node runs, as for a linkage on a link of a robot that turns."""
+
+import math
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from rclpy.serialization import deserialize_message
+from ros_harness import logged, node_arguments, stop, verified, wait_for, watched
+from sensor_msgs.msg import JointState
+from test_node_parameters import set_parameter
+from trajectory_msgs.msg import JointTrajectory
+
+from linkage_ros.log.reader import LogReader
+from linkage_ros.log.verify import verify
+from linkage_ros.mechanism.solver import Solver
+from linkage_ros.programs.log_tool import info
+from linkage_ros.settings.configuration import load
+from linkage_ros.units import NS_PER_S
+
+TURNED = (-3.0, 5.0)  # m/s^2
+DRIVES = {
+    'speed': {'rpm': 90.0},
+    'motion': {'motion.center': 0.3, 'motion.amplitude': 0.8, 'motion.frequency': 2.0},
+    'follow': {},
+}
+
+
+@pytest.mark.parametrize('drive', DRIVES)
+def test_each_change_is_logged_and_verified(drive, tmp_path):
+    links = load('quadrilateral').mechanism
+    given = {
+        name: [*value] if isinstance(value, tuple) else value
+        for name, value in load('quadrilateral').parameters().items()
+        if name.split('.')[0] in ('mechanism', 'frame', 'crank', 'coupler', 'rocker')
+    }
+    log = tmp_path / 'run.mcap'
+    arguments = node_arguments(**given, **DRIVES[drive], drive=drive, log=log)
+    with watched(['/joint_states'], *arguments) as (listener, process):
+        heard, sent = listener.received['/joint_states'], [0]
+        robot = listener.node.create_publisher(JointState, '/measured_joint_states', 10)
+
+        def measure():
+            sent[0] += 1
+            message = JointState(name=['crank'], position=[0.01 * sent[0]])
+            stamp = time.time_ns()
+            message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, NS_PER_S)
+            robot.publish(message)
+
+        def await_states(count):
+            goal = len(heard) + count
+            wait_for(lambda: (drive == 'follow' and measure()) or len(heard) > goal)
+
+        await_states(10)
+        for values, words in (
+            ([math.nan, 0.0], 'gravity'), ([1.0], 'gravity'), ([1e7, 0.0], 'gravity'),
+        ):  # fmt: skip
+            refused = set_parameter(listener, 'gravity', type=8, double_array_value=values)
+            assert not refused.successful
+            assert words in refused.reason
+        assert set_parameter(listener, 'gravity', type=8, double_array_value=TURNED).successful
+        await_states(10)
+        # Whole numbers are accepted, and a component of 0 changes the program.
+        assert set_parameter(listener, 'gravity', type=7, integer_array_value=[7, 0]).successful
+        await_states(10)
+        stop(process)
+    reader = LogReader(log)
+    changes = [x for x in reader.motions if getattr(x, 'gravity', None)]
+    assert [change.gravity for change in changes] == [TURNED, (7.0, 0.0)]
+    assert verified(log).states >= len(heard)
+    assert 'gravity [-3.0, 5.0] m/s^2' in '\n'.join(info(reader))
+    moved = [replace(links, gravity=change.gravity) for change in changes]
+    solvers = [Solver(one) for one in (links, *moved)]
+    counts, stamps = [0, 0, 0], [change.stamp for change in changes]
+    for data in logged(log)[1]['/mechanism_state']:
+        state = deserialize_message(data.data, JointTrajectory)
+        stamp, (point,) = state.header.stamp, state.points
+        stamp = stamp.sec * NS_PER_S + stamp.nanosec
+        q, u, a = point.positions[0], point.velocities[0], point.accelerations[0]
+        number = int(np.searchsorted(stamps, stamp, side='right'))
+        counts[number] += 1
+        torque = solvers[number].state(q, u, a).torque
+        assert point.effort[0] == pytest.approx(torque, abs=1e-9)
+    assert min(counts) > 5
+    # A log without the last change, or with another value, differs.
+    for wrong in (reader.motions[:-1], (*reader.motions[:-1], other(reader.motions[-1]))):
+        forged = LogReader(log)
+        forged.motions = wrong
+        assert verify(forged).difference
+
+
+def other(segment):
+    return replace(segment, gravity=(7.0, 1e-6))
