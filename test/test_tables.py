@@ -4,6 +4,7 @@
 
 import csv
 import math
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -109,6 +110,26 @@ def test_measurements_in_a_log_have_no_references(tmp_path):
     assert 'crank.position' in table(tmp_path / 'a.csv')[0]
     write_csv(tmp_path / 'run.mcap', tmp_path / 'b.csv')
     assert 'coupler.position relative to crank [rad]' in table(tmp_path / 'b.csv')[0]
+
+
+def test_tables_need_little_more_memory_than_their_numbers(tmp_path):
+    def peak(use):
+        tracemalloc.start()
+        use()
+        _, most = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+        return most
+
+    def needs(count):
+        states = (('/a', JOINT_STATE, START + i, measurement(i)) for i in range(count))
+        bag = write_mcap(tmp_path / f'{count}.mcap', states, chunk_size=5000)
+        out = tmp_path / f'{count}.csv'
+        return peak(lambda: read_log(bag)), peak(lambda: write_csv(bag, out))
+
+    (read, written), (more_read, more_written) = needs(500), needs(3000)
+    numbers = 8 * 2500 * len(read_log(tmp_path / '500.mcap')['/a'])
+    assert more_read - read < 1.5 * numbers
+    assert more_written - written < 1.5 * numbers
 
 
 def test_the_command_writes_a_table_or_one_line(tmp_path):

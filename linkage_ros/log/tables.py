@@ -123,8 +123,8 @@ def read_log(path: Path | str) -> dict[str, dict[str, Array]]:
     """Reads joint states as arrays; see `linkage_ros.read_log`."""
     return {
         table.topic.name: {
-            't': np.array(table.stamps, np.int64) / NS_PER_S,
-            **{name: np.array(column) for name, column in table.columns.items()},
+            't': np.frombuffer(table.stamps, np.int64) / NS_PER_S,
+            **{name: np.frombuffer(column) for name, column in table.columns.items()},
         }
         for table in _tables(Bag(path))
     }
@@ -165,7 +165,8 @@ def write_csv(
         columns = (_cells(column) for column in table.columns.values())
         with path.open('wb') as stream, TextIOWrapper(stream, newline='') as text:
             writer = csv.writer(text, lineterminator='\n')
-            writer.writerows([head, *zip(map(_seconds, table.stamps), *columns, strict=True)])
+            writer.writerow(head)
+            writer.writerows(zip(map(_seconds, table.stamps), *columns, strict=True))
     return table.topic.name, len(table.stamps)
 
 
@@ -185,7 +186,7 @@ def _chosen(source: Path | str, tables: Sequence[_Table], name: str) -> _Table:
     names = ', '.join(sorted(table.topic.name for table in tables))
     raise LogError(
         f'{source} has joint states on {names}: give one of these as --topic' if names
-        else f'{source} has no joint states'
+        else f'{source} has no joint states, or its messages are compressed or damaged'
     )  # fmt: skip
 
 
