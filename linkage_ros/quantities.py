@@ -131,6 +131,27 @@ def shown(value: object) -> str:
     return shortened(' '.join(repr(value).split()), _LONGEST)
 
 
+def unknown_name(name: str, owner: str, valid: Collection[str], where: str) -> str:
+    """Returns the error message for an unknown parameter name.
+
+    Args:
+        name: The unknown name.
+        owner: Description of the object without such a parameter.
+        valid: The names of its parameters.
+        where: Command that lists them.
+
+    Returns:
+        One line that lists the valid names of the same group, if there is such a group.
+    """
+    groups = {known.rpartition('.')[0] for known in valid} - {''}
+    group = name if name in groups else name.rpartition('.')[0]
+    words = [known.rpartition('.')[2] for known in valid if known.rpartition('.')[0] == group]
+    hint = f'; {group} has {", ".join(words)}' if group in groups else ''
+    if group == name and hint:
+        hint += f'; write {name}: {{{words[0]}: ...}}'
+    return f'{shown(name)} is not a parameter of {owner}{hint}; {where} lists all'
+
+
 def quantity(
     kind: str,
     meaning: str,

@@ -15,7 +15,6 @@ from linkage_ros import ConfigurationError, Solver, WindPump
 from linkage_ros.mechanism.parts import Rocker
 from linkage_ros.mechanism.registry import MECHANISMS
 from linkage_ros.quantities import MISSING
-from linkage_ros.settings import unknown_names
 from linkage_ros.settings.configuration import (
     DEFAULT_PRESET,
     MechanismAndDrive,
@@ -149,16 +148,6 @@ def test_every_preset_loads_by_name_and_by_path_and_turns(path):
         assert np.isfinite(solver.state(crank, 15.0, 3.0).torque).all()
     known = {leaf.name for leaf in parameter_leaves(configuration.kind)}
     assert set(configuration.parameters()) <= known
-
-
-# ---------------------------------------------------------------- names
-
-
-def test_every_hint_names_a_parameter():
-    kinds = [MechanismAndDrive(kind, drive) for kind in MECHANISMS for drive in DRIVES]
-    names = {leaf.name for kind in kinds for leaf in parameter_leaves(kind)}
-    parts = {part for name in names for part in (name, name.split('.')[0], name.split('.')[-1])}
-    assert {meant for row in unknown_names._MEANINGS.values() for meant in row} <= parts
 
 
 # ---------------------------------------------------------------- declarations

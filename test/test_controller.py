@@ -194,7 +194,7 @@ def sent_back(commands):
         ('rpm:=.nan', 'rpm = nan: must be a number'),
         (
             'rmp:=600.0',
-            "'rmp' is not a parameter of linkage_controller; did you mean rpm. linkage_con",
+            "'rmp' is not a parameter of linkage_controller; linkage_contr",
         ),
     ],
 )

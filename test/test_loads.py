@@ -140,7 +140,7 @@ WRONG = {
     'rest outside': (f'{FOUR}, rocker: {{length: 0.5, stiffness: 1.0, rest_angle: 1001.0}}',
                      r'rocker\.rest_angle = 1001\.0: must be a number from -1000 to 1000 rad'),
     'unknown': (f'{SLIDER}, load: {{link: slider, values: [1.0]}}',
-                r"'load\.values' is not a parameter .* did you mean load\.value"),
+                r"'load\.values' is not a parameter .* load has .*, value,"),
     'no group': (f'{SLIDER}, load: 5.0', "'load' is not a parameter .* load has link, over, at"),
     # Friction.
     'under a torque': ((f'{SLIDER.replace("rpm: 60.0", "drive: torque")}, motor: {{torque: 1.0}}, '

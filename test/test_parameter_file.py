@@ -484,18 +484,14 @@ rate_hz: 0.0""")
     )
     with pytest.raises(ConfigurationError) as caught:
         load(str(path))
-    assert str(caught.value).startswith(f'{path}: 6 mistakes: (1) ')
+    assert str(caught.value).startswith(f'{path}: 8 mistakes: (1) ')
     words = caught.value.__cause__.mistakes
-    assert [one.split()[0].strip("'") for one in words] == [
-        'rmp',
-        'frame',
-        'crank.length',
-        'crank.mass',
-        'rocker.length',
+    assert {one.split()[0].strip("'") for one in words} == {
+        'rmp', 'frame', 'frame.length', 'crank.length', 'crank.mass', 'rocker.length', 'rpm',
         'rate_hz',
-    ]
-    assert 'frame has length, angle: write frame: {length: ...}' in words[1]
-    assert 'write 0.1, with a point instead of a comma' in words[2]
+    }  # fmt: skip
+    assert 'frame has length, angle; write frame: {length: ...}' in words[1]
+    assert 'write 0.1, with a point instead of a comma' in words[3]
     assert len(str(caught.value)) <= 600
 
 

@@ -26,7 +26,6 @@ from linkage_ros.settings.configuration import (
     read_values,
 )
 from linkage_ros.settings.session import VIEWERS
-from linkage_ros.settings.unknown_names import nearest
 from linkage_ros.settings.yaml_file import read_scalar
 
 Values = dict[str, object]  # parameters of a node, by dotted name
@@ -92,10 +91,8 @@ def _require_known(arguments: Arguments, file: str) -> None:
     names = [word.partition(':=')[0] for word in sys.argv if ':=' in word]
     unknown = [name for name in names if name not in arguments]
     if unknown and file in [Path(word).name for word in sys.argv]:
-        near = nearest(unknown[0], arguments)
         raise ConfigurationError(
-            f'{shown(unknown[0])} is not an argument of {file}: '
-            f'{f"did you mean {near}? It" if near else "it"} has {", ".join(arguments)}'
+            f'{shown(unknown[0])} is not an argument of {file}, which has {", ".join(arguments)}'
         )
 
 

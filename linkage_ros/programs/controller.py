@@ -20,10 +20,9 @@ from linkage_ros.mechanism.solver import Solver
 from linkage_ros.mechanism.structure import Mechanism
 from linkage_ros.node.parameters import ParameterNode, given_values
 from linkage_ros.node.process import Throttle, run_program
-from linkage_ros.quantities import build, flatten
+from linkage_ros.quantities import build, flatten, unknown_name
 from linkage_ros.settings.command_lines import PARAMETERS, Settings, controller_parser
 from linkage_ros.settings.configuration import load
-from linkage_ros.settings.unknown_names import unknown_name
 from linkage_ros.units import NS_PER_S, radians_per_second
 
 _NAME = 'linkage_controller'
@@ -90,7 +89,7 @@ class ControllerNode(ParameterNode):
         names = [leaf.name for leaf in PARAMETERS]
         for name in given:
             if name not in names:
-                raise ConfigurationError(unknown_name(name, _NAME, PARAMETERS, f'{_NAME} --help'))
+                raise ConfigurationError(unknown_name(name, _NAME, names, f'{_NAME} --help'))
         settings = build(Settings, given)
         plant = load(settings.plant)
         prefix, session = settings.joint_prefix, plant.session

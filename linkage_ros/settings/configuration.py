@@ -17,7 +17,16 @@ from linkage_ros.messages.joints import RobotJoint
 from linkage_ros.motion.along_law import require_possible
 from linkage_ros.motion.drives import Drive, FollowDrive, LawDrive, SpeedDrive, TorqueDrive
 from linkage_ros.motion.under_torque import start
-from linkage_ros.quantities import Checked, Leaf, build, flatten, leaves, quantity, shown
+from linkage_ros.quantities import (
+    Checked,
+    Leaf,
+    build,
+    flatten,
+    leaves,
+    quantity,
+    shown,
+    unknown_name,
+)
 from linkage_ros.settings.joints import (
     JointSettings,
     build_joints,
@@ -27,7 +36,6 @@ from linkage_ros.settings.joints import (
 )
 from linkage_ros.settings.presets import find_file, preset_path
 from linkage_ros.settings.session import DRIVES, Session
-from linkage_ros.settings.unknown_names import nearest, unknown_name
 from linkage_ros.settings.yaml_file import read_parameter_file
 
 DEFAULT_PRESET = 'quadrilateral'
@@ -152,14 +160,11 @@ def configure(values: Mapping[str, object]) -> Configuration:
     chosen = {**preset, **given}
     kind = MechanismAndDrive.of(chosen)
     valid = parameter_leaves(kind, given)
-    names = {leaf.name: leaf.quantity.kind for leaf in valid}
+    names = [leaf.name for leaf in valid]
     mistakes = Mistakes()
     for name in [name for name in given if name not in names]:
         with mistakes:
-            near = nearest(name, names)
-            if names.get(near) == 'number':  # the value is also checked
-                chosen.setdefault(near, given[name])
-            raise ConfigurationError(_not_a_parameter(name, kind, valid))
+            raise ConfigurationError(_not_a_parameter(name, kind, names))
     with mistakes:
         mechanism = build(MECHANISMS[kind.mechanism], chosen)
     with mistakes:
@@ -216,21 +221,23 @@ def _require_harmless(drive: Drive) -> None:
         )
 
 
-def _not_a_parameter(name: str, kind: MechanismAndDrive, valid: Sequence[Leaf]) -> str:
+def _not_a_parameter(name: str, kind: MechanismAndDrive, valid: Sequence[str]) -> str:
     """Returns the error message for an unknown parameter of a mechanism and drive."""
     driven = {'torque': 'torque-driven {}', 'follow': 'measured {}', 'motion': '{} along a motion'}
     owner = f'a {driven.get(kind.drive, "{}").format(kind.mechanism)}'
     block = name.partition('.')[0]
-    sought = name if any(leaf.name.startswith(f'{block}.') for leaf in valid) else block
+    sought = name if any(known.startswith(f'{block}.') for known in valid) else block
     drives, mechanisms = (
         _others(sought, kinds, own)
         for kinds, own in ((DRIVES, kind.drive), (MECHANISMS, kind.mechanism))
     )
     having = [*(f'a crank with drive: {x}' for x in drives), *(f'a {x}' for x in mechanisms)]
-    elsewhere = f': only {" or ".join(having)} has {sought}' if having else ''
+    reason = f'only {" or ".join(having)} has {sought}' if having else ''
     if name == 'rate_hz':
-        elsewhere = ': measurements set the rate'
-    return unknown_name(name, owner, valid, 'linkage_record --help', elsewhere)
+        reason = 'measurements set the rate'
+    if reason:
+        return f'{shown(name)} is not a parameter of {owner}: {reason}; leave it out'
+    return unknown_name(name, owner, valid, 'linkage_record --help')
 
 
 def _others(sought: str, kinds: Mapping[str, type], own: str) -> list[str]:
