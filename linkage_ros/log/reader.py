@@ -88,8 +88,6 @@ class LogReader:
         path: Path of the log.
         configuration: Configuration of the run.
         version: Version of linkage_ros that wrote the log.
-        has_same_urdf: Whether robot_description can be recomputed; older versions used other link
-            names.
         motions: The segments of motion, in order.
         lost: Number of logged messages missing from the file; None if this is unknown, because the
             log was recovered without its end record or written by an old version.
@@ -133,8 +131,6 @@ class LogReader:
                 'programs'
             )
         self.version, self.configuration = decode_configuration(about[0])
-        # Versions that name links in the present way also log frame_id.
-        self.has_same_urdf = 'frame_id' in about[0]
         self.motions = tuple(decode_motion(r.metadata) for r in records if r.name == MOTION_RECORD)
         self.lost = next(
             (int(unseal(record.metadata)['messages']) - statistics.message_count
@@ -346,7 +342,8 @@ def _with_guessed_roles(topics: Sequence[LoggedTopic], *, follows: bool) -> list
     measured = [t.number for t in topics if t.type == MEASURED_JOINT_STATES.interface.name]
     if follows and len(measured) > 1:
         roles[max(measured)] = MEASURED_JOINT_STATES.role
-    for role in (*TOPICS, EFFORT_COMMANDS):
+    # Not that of robot_description, in which version 0.1.0 named the links in another way.
+    for role in (*(topic for topic in TOPICS if not topic.latched), EFFORT_COMMANDS):
         fitting = [t for t in topics if t.type == role.interface.name and t.number not in roles]
         for topic in sorted(fitting, key=lambda t: t.name.rpartition('/')[2] != role.name)[:1]:
             roles[topic.number] = role.role

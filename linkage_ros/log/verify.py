@@ -86,7 +86,7 @@ class Verification:
         states: Number of equal states.
         compared: Names of the compared topics.
         others: Names of the topics that cannot be recomputed.
-        absent: Relative names of the mechanism's topics that are missing from the log.
+        absent: Relative names of the topics of states that are missing from the log.
         missed: Number of ticks without a state.
         stops_at_gap: Whether the states after missing messages were not compared, because they
             depend on the missing measurements.
@@ -110,9 +110,7 @@ class Verification:
         if simulator.description:
             own = *own, ROBOT_DESCRIPTION
         channels = {topic: channel for topic in own if (channel := log.channel(topic))}
-        self.absent = tuple(topic.name for topic in own if topic not in channels)
-        if not log.has_same_urdf:
-            channels.pop(ROBOT_DESCRIPTION, None)
+        self.absent = tuple(x.name for x in simulator.templates.topics if x not in channels)
         self.compared = tuple(channel.name for channel in channels.values())
         self.others = tuple(c.name for c in log.topics if c not in channels.values())
         self._description = channels.pop(ROBOT_DESCRIPTION, None)
