@@ -255,7 +255,6 @@ class LogReader:
                 while at < len(data):
                     if count := layout.count(data, at):
                         rows = data[at : at + count * layout.size]
-                        file.spend(0, count * len(layout.channels))
                         found += count * len(layout.channels)
                         at += len(rows)
                         yield rows

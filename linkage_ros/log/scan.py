@@ -56,11 +56,8 @@ _IN_DATA = {
 }  # fmt: skip
 # Kinds of records in a chunk, and their smallest lengths, bytes.
 _IN_CHUNKS = {Opcode.MESSAGE: 22, Opcode.SCHEMA: 0, Opcode.CHANNEL: 0}
-# Costs in units of decompressing one byte. Reading a message takes as long as decompressing 5000
-# bytes. Parsing a byte takes as long as decompressing 250, but counts as 1000 to reject early a
-# file whose index refers to one large record many times.
-_MESSAGE_COST, _PARSING_COST = 5000, 1000
-_FREE, _COST_PER_BYTE = 1 << 30, 1000
+# Largest size of the decompressed records of a pass, bytes, and per byte of the file.
+_FREE, _RATIO = 1 << 30, 1000
 # Matches the start of a chunk or of a metadata record of linkage_ros.
 _LANDMARK = re.compile(rb'\x06.{36}\x04\0\0\0zstd|\x0c.{8}[\x0b-\x20]\0\0\0linkage_ros', re.DOTALL)
 _LANDMARK_SIZE = 45
@@ -96,12 +93,11 @@ def open_mcap(path: Path, cure: str = _OWN_LOG) -> BinaryIO:
 
 
 class McapFile:
-    """One pass through an MCAP file, with a limit on the work done.
+    """One pass through an MCAP file.
 
     Attributes:
         size: Size of the file, bytes.
-        left: Work still allowed, in units of decompressing one byte; negative once the limit is
-            exceeded.
+        left: Number of bytes that may still be decompressed; negative once this is exceeded.
     """
 
     def __init__(self, stream: BinaryIO) -> None:
@@ -111,25 +107,7 @@ class McapFile:
             stream: The file, whose position changes.
         """
         self._stream, self.size = stream, stream.seek(0, os.SEEK_END)
-        self.left = _FREE + _COST_PER_BYTE * self.size
-
-    def spend(self, size: int, count: int = 0) -> None:
-        """Deducts a cost from the work still allowed.
-
-        Args:
-            size: Cost in units of decompressing one byte.
-            count: Number of messages read, whose cost is added.
-
-        Raises:
-            LogError: The cost exceeds the limit for the size of the file.
-        """
-        self.left -= size + count * _MESSAGE_COST
-        if self.left < 0:
-            raise LogError(
-                f'its {self.size} bytes decompress to more than the limit, {_COST_PER_BYTE} times '
-                'as many bytes or a message for every five bytes; if this is intended, run "mcap '
-                'decompress" first'
-            )
+        self.left = _FREE + _RATIO * self.size
 
     def _read(self, at: int, size: int) -> bytes:
         """Reads up to `size` bytes at an offset; fewer at the end of the file."""
@@ -147,16 +125,20 @@ class McapFile:
             a chunk, None for a message index, or the parsed record of any other kind.
 
         Raises:
-            LogError: The record is too large.
+            LogError: The record is too large, or the file decompresses to too many bytes.
             ValueError: There is no valid record at the offset. Damaged data may raise other
                 exceptions.
         """
         (opcode, body, end), content = self._record(at), None
         if opcode == Opcode.CHUNK:
             content = unpack(parsed(opcode, body))
-            self.spend(len(content))
+            self.left -= len(content)
+            if self.left < 0:
+                raise LogError(
+                    f'its {self.size} bytes decompress to more than {_FREE + _RATIO * self.size}; '
+                    'if this is intended, run "mcap decompress" first'
+                )
         elif opcode in _IN_DATA:
-            self.spend(len(body) * _PARSING_COST)
             content = parsed(opcode, body)
         # The entries of a message index would take long to parse.
         elif opcode != Opcode.MESSAGE_INDEX or len(body) != 6 + int.from_bytes(
@@ -187,11 +169,7 @@ class McapFile:
 
         Returns:
             The offset of the record, or the size of the file if there is none.
-
-        Raises:
-            LogError: The file has too many damaged records.
         """
-        self.spend(LARGEST)  # bytes that only look like a chunk may cost this much to decompress
         while len(data := self._read(at, LARGEST)) >= _LANDMARK_SIZE:
             if found := _LANDMARK.search(data):
                 return at + found.start()
@@ -210,14 +188,12 @@ class McapFile:
 
         Raises:
             ValueError: A length is wrong, or a chunk must not contain records of this kind.
-            LogError: The cost of the records exceeds the limit for the size of the file.
         """
         while at < len(data):
             opcode, length = HEAD.unpack_from(data, at)
             start, at = at, at + HEAD.size + length
             if at > len(data) or length < _IN_CHUNKS.get(opcode, LARGEST):
                 raise ValueError('a chunk contains an invalid record')
-            self.spend(0 if opcode == Opcode.MESSAGE else length * _PARSING_COST, 1)
             yield start, at
 
     def summary(self) -> dict[type, list[Any]] | None:
