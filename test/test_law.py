@@ -393,11 +393,11 @@ def test_verification_finds_a_forged_law(tmp_path):
         ),
         ({'times': (0, 1e-9), 'angles': (0, 1)}, r'up to .* rad/s\^2: must be at most 1e\+12'),
         ({'amplitude': 1.0, 'frequency': 1e6}, r'must be at most 1e\+12 rad/s\^2'),
-        ({'times': (0, 1), 'angles': (1.0, -1.0)}, 'at t = 1 s, .* -57.29.* deg.*reaches -22.98'),
+        ({'times': (0, 1), 'angles': (1.0, -1.0)}, 't = 1 s, .* -57.29.* deg.*reaches .*-22.98'),
         # The points are within the arc of another turn.
         (
             {'times': (0, 1), 'angles': (1.0, 1.0 + TURN), 'repeat': True},
-            'motion: at t = 1 s, .* 417.29.* deg.*it reaches -22.98.* to 292.98',
+            'motion: at t = 1 s, .* 417.29.* deg.*it reaches .*-22.98.* to 292.98',
         ),
     ],
 )

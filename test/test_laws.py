@@ -202,7 +202,7 @@ def test_crank_far_longer_than_its_coupler_loses_only_the_rounding_of_its_angle(
 def test_crank_is_refused_exactly_at_its_limit(mechanism, limit, degrees):
     """Frame = crank + coupler + rocker, or offset = crank + coupler: no rates exist there."""
     for crank in (limit, np.full(2, limit)):
-        with pytest.raises(UnreachableError, match=f'cannot move at {degrees} deg'):
+        with pytest.raises(UnreachableError, match=f'cannot move at .* = {degrees} deg'):
             Solver(mechanism).state(crank)
 
 

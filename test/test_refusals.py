@@ -267,10 +267,10 @@ BAD_CALLS = [
         "5 mistakes: (1) 'rpm' … a torque-driven wind_pump: only a crank with drive: speed …",
     ),
     # States.
-    (lambda: state(STRETCHED, math.pi), f'{CANNOT_MOVE} 180 deg: … it reaches … deg'),
+    (lambda: state(STRETCHED, math.pi), f'{CANNOT_MOVE} … = 180 deg: … it reaches … deg'),
     (
         lambda: state(STRETCHED, np.reshape([0.1] * 3 + [3.0, 3.1, 3.2], (2, 3))),
-        f'{CANNOT_MOVE} 171.887339 deg: … reaches …',
+        f'{CANNOT_MOVE} 3 rad = 171.887339 deg: … reaches …',
     ),
     (
         lambda: Solver(STRETCHED).reach.require_full_turn(),
@@ -345,7 +345,7 @@ BAD_CALLS = [
     *(
         (
             lambda cranks=cranks: Solver(STRETCHED).reactions(state(FOUR_BAR, cranks, 1.0)),
-            f'{CANNOT_MOVE} 171.8…',
+            f'{CANNOT_MOVE} 3 rad = 171.8…',
         )
         for cranks in (3.0, np.array([0.1, 3.0]))
     ),
@@ -443,7 +443,7 @@ def test_crank_that_cannot_turn_is_refused_with_class_limits_and_cure(
     solver = Solver(described(kind, lengths))
     crank = solver.reach.arcs[0][1] + 0.02
     moved = refused(lambda: solver.state(crank, 1.0), '…', UnreachableError)
-    turn = f'move at {math.degrees(crank):.9g} deg'
+    turn = f'move at {crank:.9g} rad = {math.degrees(crank):.9g} deg'
     lengths_alone, _, drives = words.partition('; drive: ')
     assert 'torque' in drives
     assert moved == lengths_alone.replace(f'; {cures}', '').replace('turn fully', turn)

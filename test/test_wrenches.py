@@ -393,6 +393,8 @@ WRONG = [
     (SLIDER, GAS.replace('slider', 'crank'), 'crank of a SliderCrank is not a slider whose'),
     (PUMP, GAS, r'loads\.x: slider of a WindPump is not a slider whose stroke has fixed ends'),
     (LIMITED, GAS, r'loads\.x: this .* linkage has no stroke with fixed ends'),
+    (f'{FOUR.replace("rpm: 60.0", "drive: motion")}, motion: {{amplitude: 1.0, frequency: 1.0}}',
+     GAS, r"own\.yaml: loads\.x\.link = 'slider'"),
     (SLIDER, GAS.replace('bore: 0.1, ', ''), LABEL + 'bore is missing'),
     (SLIDER, GAS.replace('0.01', '0.0'), LABEL + r'clearance = 0\.0: must be a number from 1e-09'),
     (SLIDER, GAS.replace('1.0e5', '-1.0'), LABEL + r'inlet = -1\.0: must be'),

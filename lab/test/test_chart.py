@@ -472,3 +472,11 @@ def test_file_without_crank_speed_needs_rpm_option(tmp_path, called, kind, rest,
     path.write_text(json.dumps({'/**': {'ros__parameters': values}}))
     words = 'crank.yaml has no crank speed of its own: give a speed, such as --rpm 60'
     assert_refused(*called(chart_tool, kind, path, *rest), words)
+
+
+def test_unit_that_is_probably_wrong_is_noted_once(tmp_path, called):
+    path = tmp_path / 'turned.yaml'
+    path.write_text(CHANGE_POINT.replace('rpm: 60.0', 'rpm: 60.0\n    crank_angle: 30.0'))
+    _, out, _ = called(chart_tool, 'motion', path, '--out', tmp_path)
+    (line,) = re.findall('note: .*', out)
+    assert 'crank_angle = 30 rad = 278.9 deg' in line

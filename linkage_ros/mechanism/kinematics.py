@@ -163,12 +163,14 @@ class Reach(NamedTuple):
         Raises:
             UnreachableError: Always. The message states class, causes and reachable arcs.
         """
-        purpose = f'move at {math.degrees(crank):.9g} deg'
+        purpose = f'move at {crank:.9g} rad = {math.degrees(crank):.9g} deg'
         raise UnreachableError(self._refusal(purpose), crank_angle=crank, arcs=self.arcs)
 
     def _refusal(self, purpose: str, cures: str = '') -> str:
         arcs = ' and '.join(
-            f'{math.degrees(start):.6g} to {math.degrees(end):.6g} deg' for start, end in self.arcs
+            f'{start:.6g} to {end:.6g} rad = {math.degrees(start):.6g} to '
+            f'{math.degrees(end):.6g} deg'
+            for start, end in self.arcs
         )
         return (
             f'the crank of this {self.grashof} linkage cannot {purpose}: '

@@ -79,8 +79,9 @@ class Spring(AppliedLoad):
 
 def _refuse(label: str, crank: float) -> NoReturn:
     raise UnreachableError(
-        f'at {math.degrees(crank):.9g} deg the ends of the spring {label} coincide, so that its '
-        'direction is undefined: move at or to_at, or set free_length and damping to 0',
+        f'at {crank:.9g} rad = {math.degrees(crank):.9g} deg the ends of the spring {label} '
+        'coincide, so that its direction is undefined: move at or to_at, or set free_length and '
+        'damping to 0',
         crank_angle=crank, arcs=(),
     )  # fmt: skip
 

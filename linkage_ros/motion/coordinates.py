@@ -275,9 +275,9 @@ class DrivenMechanism:
             )
         elif any(self._is_held(y, i) for i in range(half)):
             reason = (
-                'a load that reverses with the direction of motion (value and return_value) holds '
-                'the linkage at rest, which the equations of motion do not describe; raise the '
-                'torque, or lower the load'
+                'a load that reverses with the direction of motion (return_value of a curve, or '
+                'valves of a gas) holds the linkage at rest, which the equations of motion do not '
+                'describe; raise the torque, or lower the load'
             )
         else:
             reason = (

@@ -32,6 +32,7 @@ from linkage_lab.output import (
 )
 from linkage_lab.period import OVER_CRANK, Period, extent, period_to_show, stepped
 from linkage_ros import ConfigurationError, load, palette
+from linkage_ros.extensions import notes
 from linkage_ros.formulas import Array
 from linkage_ros.palette import BLACK, COLORS, DARK, Color, color_of, fractions
 
@@ -118,7 +119,7 @@ def motion(options: argparse.Namespace) -> None:
     drawn, table = pictures(options, stem, *options.params), options.out / f'{stem}.csv'
     with folder(options.out):
         if len(names) > 1:
-            lines, notes = _compare(periods, table), []
+            lines, remarks = _compare(periods, table), []
         else:
             columns = period.columns
             if options.csv is not None:
@@ -128,15 +129,16 @@ def motion(options: argparse.Namespace) -> None:
             save_csv(table, head, rows)
             lines = [', '.join(title)]
             angle = math.degrees(period.crank[_drawn(period)])
-            notes = [*title[1:], f'mean power {period.mean_power:.4g} W',
-                     f'drawn at crank angle {angle:.4g} deg']  # fmt: skip
+            remarks = [*title[1:], f'mean power {period.mean_power:.4g} W',
+                       f'drawn at crank angle {angle:.4g} deg']  # fmt: skip
         if options.fluctuation is not None:
             motor = getattr(designs[0].drive, 'motor', None)
             flywheel = pictures(options, f'{names[0]}_flywheel', *options.params)
             lines += size_flywheel(period, motor, options.fluctuation, names[0], flywheel)
             lines += map(str, flywheel.paths)
-        _draw_motion(periods, notes, options.show, drawn)
-    print(*lines, *drawn.paths, table, sep='\n')
+        _draw_motion(periods, remarks, options.show, drawn)
+    doubts = [f'note: {line}' for design in designs for line in notes(design)]
+    print(*doubts, *lines, *drawn.paths, table, sep='\n')
 
 
 def _names(options: argparse.Namespace) -> list[str]:
