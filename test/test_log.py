@@ -400,3 +400,36 @@ def test_a_cut_file_and_a_tail_of_zeros_or_of_garbage_are_reported(path, answer)
 )
 def test_foreign_file_is_refused(called, module, arguments, words):
     assert_refused(*called(module, *arguments), words)
+
+
+def test_log_of_a_failed_writer_needs_recovery(tmp_path, monkeypatch):
+    """A log that does not contain the whole run must not look complete."""
+    path, whole = tmp_path / 'run.mcap', LogWriter.write_states
+    batches = []
+
+    def write_states(self, *values):
+        batches.append(len(values[0]))
+        if len(batches) == 3:
+            raise MemoryError
+        whole(self, *values)
+
+    monkeypatch.setattr(LogWriter, 'write_states', write_states)
+    with pytest.raises(MemoryError):
+        record(load('quadrilateral'), path, duration=60.0)
+    with pytest.raises(LogError, match='recover'):
+        LogReader(path)
+    assert recover(path, tmp_path / 'saved.mcap').messages >= 3 * sum(batches[:2])
+
+
+def test_log_of_a_failed_thread_needs_recovery(tmp_path, monkeypatch):
+    path = tmp_path / 'run.mcap'
+    log = LogWriter(path, CONFIGURATION, overwrite=False)
+    channel = log.add_topic(DRIVING_TORQUE, '/driving_torque')
+    log.consume([(channel, START, encode_float64(1.0))])
+    monkeypatch.setattr(log, 'write_messages', lambda _: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        log.consume([(channel, START + 1, encode_float64(2.0))])
+    log.close()
+    with pytest.raises(LogError, match='recover'):
+        LogReader(path)
+    assert recover(path, tmp_path / 'saved.mcap').messages == 1

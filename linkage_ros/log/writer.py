@@ -3,7 +3,7 @@
 """Writes MCAP logs: bags that ROS tools can open and that contain all data for verification."""
 
 from collections.abc import Callable, Iterable, Sequence
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, suppress
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from mcap.records import Channel, Metadata, Schema
 
+from linkage_ros.errors import LinkageError
 from linkage_ros.log.log_file import LogFile
 from linkage_ros.log.mcap_writer import CHUNK_SIZE, McapWriter
 from linkage_ros.log.records import (
@@ -199,9 +200,20 @@ class LogWriter(AbstractContextManager['LogWriter']):
     def consume(self, items: Sequence[Any]) -> None:
         """Appends items and flushes them; see `Worker`.
 
+        If this fails, the log ends without an end record and a summary, so that `linkage_log`
+        asks for `recover`.
+
         Args:
             items: States, tuples of arguments for `write`, segments of motion, or gaps.
         """
+        try:
+            self._append(items)
+            self.flush()
+        except Exception:
+            self.file.close()
+            raise
+
+    def _append(self, items: Sequence[Any]) -> None:
         # Write adjacent states or messages together, which is much faster.
         for kind, group in groupby(items, type):
             if kind is LoggedState:
@@ -216,7 +228,6 @@ class LogWriter(AbstractContextManager['LogWriter']):
                     self.write_gap(item)
                 else:
                     self.write_motion(item)
-        self.flush()
 
     def flush(self) -> None:
         """Passes all messages to the operating system, so that they survive if the run is killed.
@@ -240,5 +251,14 @@ class LogWriter(AbstractContextManager['LogWriter']):
         self.mcap.finish()
         self.file.close()
 
-    def __exit__(self, *error: object) -> None:
-        self.close()
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, _: object
+    ) -> None:
+        """Closes the log, after an unexpected error without end record and summary."""
+        if error is None or isinstance(error, LinkageError):
+            self.close()
+            return
+        if not self.file.stream.closed:
+            with suppress(Exception):  # the cause may prevent it
+                self.flush()
+        self.file.close()

@@ -10,6 +10,7 @@ import math
 import random
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 
 import numpy as np
 
@@ -18,28 +19,30 @@ from linkage_ros.numeric import Real
 SCALAR: dict[str, Callable[..., float]] = {
     'sin': math.sin, 'cos': math.cos, 'atan2': math.atan2, 'exp': math.exp, 'log': math.log,
 }  # fmt: skip
-_factors: list[Iterator[float]] = []  # factors of the noise; empty without noise
+# Factors of the noise, if any, for the calls of this thread.
+_factors: ContextVar[Iterator[float] | None] = ContextVar('factors', default=None)
 
 
 @contextmanager
 def noise(size: float, seed: int) -> Iterator[None]:
     """Multiplies every term of the programs run by `math` by 1 + size or 1 - size, at random."""
     signs = random.Random(seed)
-    _factors.append(iter(lambda: 1.0 + signs.choice((-size, size)), None))
+    before = _factors.set(iter(lambda: 1.0 + signs.choice((-size, size)), None))
     try:
         yield
     finally:
-        _factors.clear()
+        _factors.reset(before)
 
 
 def is_noisy() -> bool:
     """Returns whether programs are run with noise."""
-    return bool(_factors)
+    return _factors.get() is not None
 
 
 def noisy(value: Real) -> Real:
-    """Adds noise to a value."""
-    return value * next(_factors[0])
+    """Adds noise to a value; without `noise`, returns the value."""
+    factors = _factors.get()
+    return value if factors is None else value * next(factors)
 
 
 def by_element(function: Callable[..., float]) -> Callable[..., Real]:
