@@ -208,7 +208,7 @@ class UnreachableError(LinkageError, ValueError):
 
 
 class MotionError(LinkageError):
-    """A torque-driven motion cannot continue.
+    """A motion under a torque or along a law cannot continue.
 
     Attributes:
         time: Time at which the motion ends, s.
