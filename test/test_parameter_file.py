@@ -50,20 +50,17 @@ def own(parameters: str, node: str = 'linkage_node') -> str:
 SCALARS = """
     y Y yes Yes YES true True TRUE on On ON n N no No NO false False FALSE off Off OFF
     tRUE yEs oN nO oFF t f T F null Null ~x None
-    0 1 -3 +5 -0 +0 007 010 -010 08 09 0o7 0b11 0x1F 0X1f -0x10 +0xA 0x 0xg 0x1G 1_000 --1 +-1
-    9223372036854775807 -9223372036854775808 9223372036854775808 -9223372036854775809
-    0x7FFFFFFFFFFFFFFF 0x8000000000000000 0777777777777777777777777 99999999999999999999999999
+    0 1 -3 +5 -0 +0 0o7 0b11 0x 0xg 0x1G 1_000 --1 +-1 123456789012345678
+    9223372036854775808 -9223372036854775809 99999999999999999999999999
     1.5 -1.5 1. .5 -.5 . +. 1e2 1E2 1e+2 1e-2 .5e1 5.e1 1e 1e+ e1 1.5.2 1,5 1f 1.0f 0.1 -0.0 0e5
-    0x1p3 0x.8 0x1. 0x. 0x1.8p-2 0x1p 0x1p99999 0x0p99999 1e308 1e309 -1e400 1e-400 0e-999
-    .inf .Inf .INF +.inf -.inf -.INF .iNF inf INF -inf +Infinity infinit .nan .NaN .NAN .Nan +.nan
-    -.nan nan NaN -nan nan() nan(12) nan(a_b) nan(-) ..inf
+    1e308 0e-999 .inf .Inf .INF +.inf -.inf -.INF .iNF infinit .nan .NaN .NAN .Nan +.nan -.nan
     x é 🙂 ٣ \uff11 1٣ 12:30 2001-01-01 <<x a/b =x 1.2.3 -x
     "1" '1' "" '' "true" '.nan' "a\\u00e9" 'it''s'
 """
 NODES = """
     linkage_node /linkage_node /** /* "**" "*" /**/linkage_node /*/linkage_node /**/* /*/** /**/**
-    /*/* "**/linkage_node" other /other /**/other ns/linkage_node /ns/** /**/ns/* //linkage_node /
-    "/**/" linkage_node/ "link*" "*_node" "***" 1node a-b é "a.b" ? "" LINKAGE_NODE linkage_node2
+    /*/* "**/linkage_node" other /other /**/other ns/linkage_node /ns/** /**/ns/* LINKAGE_NODE
+    linkage_node2
 """
 NAMESPACED = """
     /ns/linkage_node ns/linkage_node /ns/a/linkage_node /a/ns/linkage_node /a/linkage_node /*/*/*
@@ -74,31 +71,6 @@ NAMESPACES = ('/ns', '/ns/a')
 # Files on which rcl and the reader must agree: the same values and types, or a refusal.
 AGREED = {
     **{f'scalar {text}': own(f'a: {text}') for text in SCALARS.split()},
-    **{
-        f'tag {text}': own(f'a: {text}')
-        for text in [
-            '!!str 1',
-            '!!str true',
-            '!!str "x"',
-            '!!str ""',
-            '!!str',
-            '!<tag:yaml.org,2002:str> 1.5',
-            '!!float 1',
-            '!!float x',
-            '!!int "1"',
-            '!!int 1.5',
-            '!!bool on',
-            '!!bool "on"',
-            '!!null x',
-            '! 1',
-            '!own 1',
-            '!unknown!x 1',
-            '[!!str 1, x]',
-            '[!!str 1, 1]',
-            '!!seq [1]',
-            '!!set {b: 1}',
-        ]
-    },
     **{
         f'list {text}': own(f'a: {text}')
         for text in [
@@ -118,8 +90,7 @@ AGREED = {
             '[[1], [2]]',
             '[~, ~]',
             '[null]',
-            '[.nan, .inf, 1e400]',
-            '[1e400, x]',
+            '[.nan, .inf]',
             '[1',
             '1]',
             '[9223372036854775808, 1.5]',
@@ -129,15 +100,6 @@ AGREED = {
     'list block': own('a:\n- 1\n- 2'),
     'list block indented': own('a:\n  - 1.5\n  - 2.5'),
     'list block with an empty item': own('a:\n- 1\n-'),
-    'text literal': own('a: |\n  1'),
-    'text literal stripped': own('a: |-\n  1'),
-    'text folded stripped': own('a: >-\n  true'),
-    'text literal with leading space': own('a: |2-\n   1'),
-    'text literal with leading space and a float': own('a: |2-\n   1.5'),
-    'text literal with leading space and a word': own('a: |2-\n   true'),
-    'text literal with leading space and .inf': own('a: |2-\n   .inf'),
-    'text literal with trailing space': own('a: |-\n  1 '),
-    'text literal empty': own('a: |'),
     'text over two lines': own('a: 1\n  2'),
     'text quoted over two lines': own('a: "x\n\n  y"'),
     'text with escapes': own(r'a: "\t\n\x41\U0001F642"'),
@@ -170,7 +132,6 @@ AGREED = {
     'group dotted holding another': own('a.b: {c: {d: 1}, e: 2}\nf: 3'),
     'group named with dots only': own('..: {d: 1}'),
     'group then value': own('a: {b: 1}\na: 2'),
-    'group empty before another': own('a: {}\nb: 1'),
     'many parameters': own('\n'.join(f'p{i}: {i}' for i in range(300))),
     'twice, same type': own('a: 1\na: 2'),
     'twice, same type of list': own('a: [1, 2]\na: [3]'),
@@ -183,10 +144,6 @@ AGREED = {
     'alias as key': own('a: &x b\n*x : 1'),
     'alias merged': own('a: &x {b: 1}\nc: {<<: *x}'),
     **{f'section {node}': own('a: 1', node) for node in NODES.split()},
-    'section of 255 letters': own('a: 1', 'x' * 239),
-    'section of 256 letters': own('a: 1', 'x' * 256),
-    'section in a long name space': own('a: 1', '/' + 'x' * 200 + '/y'),
-    'section in a name space too long': own('a: 1', '/' + 'x' * 245 + '/y'),
     'section in a name space': '/**:\n  linkage_node:\n    ros__parameters:\n      a: 1\n',
     'section in the root': '/: {linkage_node: {ros__parameters: {a: 1}}}',
     'section in the root, with another': (
@@ -197,10 +154,8 @@ AGREED = {
     ),
     'sections in order': own('a: 1\nb: 1', '/**') + own('a: 2') + own('b: 3', '/*'),
     'sections in the other order': own('a: 2') + own('a: 1\nb: 1', '/**'),
-    'sections in the order of their first mention': own('a: 1') + own('a: 2', '/*') + own('a: 3'),
     'sections with two types': own('a: 1', '/**') + own('a: x'),
     'section repeated': own('a: 1') + own('b: 2') + own('a: 3'),
-    'section of another node with an empty list': own('a: []', 'other') + own('a: 1'),
     'section of another node with two types': own('a: 1\na: x', 'other') + own('a: 1'),
     'section of another node that is wrong': own('a: [1, x]', 'other') + own('a: 1'),
     'section empty': 'linkage_node: {ros__parameters: {}}',
@@ -210,14 +165,7 @@ AGREED = {
     'section with values only': 'linkage_node: {a: 1}',
     'section with groups only': 'linkage_node: {a: {b: 1}}',
     'section with a list': 'linkage_node: [1]',
-    'section twice ros__parameters': (
-        'linkage_node:\n  ros__parameters: {a: 1}\n  ros__parameters: {b: 1}'
-    ),
-    'section followed by another in it': (
-        'linkage_node:\n  ros__parameters: {a: 1}\n  x: {ros__parameters: {b: 1}}'
-    ),
     'ros__parameters first': 'ros__parameters:\n  a: 1\n',
-    'ros__parameters longer': 'linkage_node: {ros__parameters_x: {a: 1}}',
     'ros__parameters misspelt': 'linkage_node: {ros_parameters: {a: 1}}',
     'ros__parameters in itself': own('ros__parameters: {a: 1}'),
     'ros__parameters with nothing': 'linkage_node:\n  ros__parameters:\n',
@@ -236,7 +184,6 @@ AGREED = {
     'documents two, one wrong': own('a: 1') + '---\n' + own('a: [1, x]'),
     'directive': '%YAML 1.1\n---\n' + own('a: 1'),
     'directive of another version': '%YAML 2.0\n---\n' + own('a: 1'),
-    'directive of a tag': '%TAG !y! tag:yaml.org,2002:\n---\n' + own('a: !y!str 1'),
     'tab before a key': own('\ta: 1'),
     'tab before a value': own('a:\t1'),
     'tab for indentation': 'linkage_node:\n\tros__parameters:\n\t\ta: 1\n',
@@ -259,43 +206,17 @@ AGREED = {
 # Files that rcl accepts and the reader refuses, with the reason.
 STRICTER = {
     'empty list': (own('a: []'), 'rcl makes a parameter without type or value of it'),
-    'empty list after a value': (own('a: [1]\na: []'), 'rcl keeps the value before'),
-    'empty group': (own('a: {}'), 'rcl makes a parameter without value of it'),
     'list in a list': (own('a: [[1, 2]]'), 'rcl drops the inner brackets'),
-    'list in a list after a value': (own('a: [1, [2]]'), 'rcl drops the value'),
-    'value after a list in a list': (own('a: [[1], b]'), 'rcl makes a parameter b of it'),
     'mapping in a list': (own('a: [{b: 1}]'), 'rcl makes a list a.b of it'),
-    'two types': (own('a: x\na: 1'), 'rcl keeps the integer, bool before integer'),
-    'two types in a group': (own('a: {b: 1, b: x}'), 'rcl keeps the last, unlike elsewhere'),
-    'group dotted within another': (own('a: {b.c: {d: 1}, e: 2}'), 'rcl misnames what follows'),
-    'section with a path within another': (
-        '/**: {a/b: {ros__parameters: {a: 1}}, linkage_node: {ros__parameters: {b: 1}}}',
-        'likewise',
-    ),
-    'two spellings': (own('a: {b: 1}\na: {b: 2}\na.b: 3'), 'rcl keeps the second'),
-    'dotted twice': (own('a.b: 1\na.b: 2'), 'the same rule, although rcl keeps the last here'),
-    'value then group': (own('a: 1\na: {b: 2}'), 'rcl loses the value'),
-    'value then group, dotted': (own('a: {b: 1, b.c: {d: 2}, e: 3}'), 'rcl loses the value'),
     'NUL in a value': (own(r'a: "x\0y"'), 'rcl cuts the text there'),
-    'NUL in a key': (own(r'"a\0b": 1'), 'rcl cuts the name there'),
     'long name': (own('a' * 256 + ': 1'), 'bounds time and memory'),
-    'long name of a section': (own('a: 1', '/' + 'x' * 244 + '/y'), 'bounds the recursion'),
     'deep group': (own('a: ' + '{a: ' * 2000 + '1' + '}' * 2000), 'bounds the recursion'),
     'large file': ('#' * (1 << 20) + '\n' + own('a: 1'), 'bounds time and memory'),
-    'ros__parameters with an empty list': (
-        'linkage_node: {ros__parameters: []}',
-        'rcl loses its place',
-    ),
     'ros__parameters with a value, later': (
         own('a: 1') + 'linkage_node: {ros__parameters: 5}',
         'rcl sets the last parameter to it',
     ),
-    'name after ros__parameters': (
-        'linkage_node: {ros__parameters: {a: 1}, b: {}}',
-        'rcl no longer knows whose name it is',
-    ),
     'file of one word': ('hello', 'rcl takes it for the name of a node'),
-    'document of one word': (own('a: 1') + '--- hello\n', 'likewise'),
 }
 
 
@@ -364,7 +285,7 @@ def test_agrees_with_rcl(files, answers):
     assert disagreed == {}
 
 
-def test_refuses_what_rcl_garbles(files, answers):
+def test_refuses_what_rcl_misreads(files, answers):
     assert [case for case in STRICTER if not isinstance(answers[case], dict)] == []
     assert [case for case in STRICTER if not isinstance(outcome(files[case]), str)] == []
 
@@ -390,9 +311,6 @@ def test_agrees_with_rcl_in_a_namespace(namespace, files, answers):
 
 MESSAGES = {
     'a: []': "line 3: 'a' is an empty list; write a bool, integer",
-    'a: 1\na: x': "line 4: 'a' is set twice, in two ways; remove one",
-    'a: 1\na: {b: 2}': "line 4: 'a.b' is set twice, in two ways; remove one",
-    'a: {}': "line 3: 'a' is an empty group; remove it",
     'a: [0, -9.81]': r"line 3: 'a' mixes types, 0 and -9\.81; give one, as in \[0\.0, -9\.81\]",
     'a: {b: [1, "x"]}': r"'a\.b' mixes types, 1 and 'x'; give one",
     'a: [[1]]': "'a' holds a list; write a bool",
@@ -420,16 +338,13 @@ LAYOUT = {
     'x:\n  ros__parameters:\n    a: 1\n   b: 2': 'line 4: not YAML .* check the indentation of',
     'hello': "line 1: 'hello' instead of a mapping; begin the file with",
     '- 1': 'line 1: a list instead of a mapping; begin',
-    'linkage_node: {a: 1}': "'1' instead of a mapping; begin",
-    'linkage_node:': "'' instead of a mapping; begin",
-    'linkage_node: {ros__parameters: [1]}': 'a list instead of a mapping; begin',
+    'linkage_node: {a: 1}': "'a' is not below ros__parameters; begin",
+    'linkage_node:': "'linkage_node' has no value; write",
+    'linkage_node: {ros__parameters: [1]}': "'ros__parameters' is not below ros__parameters; beg",
     '/**:\n  ros_parameters:\n    mechanism: four_bar': (
-        "line 3: 'four_bar' instead of a mapping; begin the file with"
+        "line 3: 'mechanism' is not below ros__parameters; begin the file with"
     ),
-    'ros__params: {a: 1}': "'1' instead of a mapping; begin",
-    'ros__parameters: {a: 1}': "'' before ros__parameters is not a node; begin",
-    'a-b: {ros__parameters: {a: 1}}': "'a-b' before ros__parameters is not a node; begin",
-    'x: {ros__parameters: {a: 1}, y: {}}': "'y' follows ros__parameters; move it before",
+    'ros__params: {a: 1}': "'a' is not below ros__parameters; begin",
 }
 
 

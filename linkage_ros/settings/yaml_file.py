@@ -1,21 +1,18 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Reads a ROS 2 parameter file in the same way as a node, without ROS.
+"""Reads ROS 2 parameter files without ROS.
 
-A node gets its parameters from rcl, which interprets YAML differently from PyYAML: `1e2` is a
-float, `on` is a bool, `010` is 8, and `[0, -9.81]` is rejected. To read the same values, this
-reader interprets the events of PyYAML like rcl_yaml_param_parser/src/parse.c. It rejects files
-that rcl rejects, and also files that rcl silently reads incompletely or incorrectly.
+As in rcl, `1e2` is a float, `on` is a bool, a list has one type, and of the sections that apply to
+a node the later one wins. Other spellings of numbers, such as hexadecimal ones, are text.
 """
 
-import itertools
 import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TypeAlias, cast
 
 import yaml
-from yaml import CSafeLoader  # of libyaml, which rcl also uses
+from yaml import CSafeLoader
 
 from linkage_ros.errors import ConfigurationError, shortened
 from linkage_ros.files import open_file
@@ -27,8 +24,15 @@ Parameters: TypeAlias = dict[str, ParameterValue]
 
 _MAX_BYTES = 1 << 20
 _MAX_NAME = 255  # characters including all parents, which also limits the nesting depth
-_NODE = re.compile(r'/?((\*\*?|[A-Za-z_]\w{0,243})/)*(\*\*?|[A-Za-z_]\w*)', re.ASCII)
-_BOOL = re.compile('([yY]|[yY]es|YES|[tT]rue|TRUE|[oO]n|ON)|[nN]o?|NO|[fF]alse|FALSE|[oO]ff|OFF')
+_TRUE, _FALSE = (
+    'y|Y|yes|Yes|YES|true|True|TRUE|on|On|ON',
+    'n|N|no|No|NO|false|False|FALSE|off|Off|OFF',
+)
+_WHOLE = r'0|[1-9][0-9]*'
+_REAL = (
+    rf'[-+]?(({_WHOLE})(\.[0-9]*)?|\.[0-9]+)([eE][-+]?[0-9]+)?|'
+    r'[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)'
+)
 _VALUE = 'write a bool, integer, float or string, or a list of one of these'
 _SECTION = 'ros__parameters'
 _LOG = b'\x89MCAP0\r\n'
@@ -46,20 +50,26 @@ def read_parameter_file(path: Path | str, node_name: str = 'linkage_node') -> Pa
 
     Args:
         path: Path of the YAML file.
-        node_name: Name of the node with its namespace, such as left/linkage_node. Sections for
-            other nodes are checked but not returned.
+        node_name: Name of the node with its namespace, such as left/linkage_node.
 
     Returns:
         The values by dotted name. If two sections set the same name, the later one wins.
 
     Raises:
-        ConfigurationError: The file cannot be read, rcl would reject it or read it incorrectly, or
-            none of its sections applies to the node, which would then run with defaults.
+        ConfigurationError: The file cannot be read or is not a parameter file, or none of its
+            sections applies to the node, which would then run with defaults.
     """
-    reader, node = _Reader(path, 'parameter', node_name, _LAYOUT), f'/{node_name.strip("/")}'
-    values = reader.read(())
-    if not any(_matches(section, node) for section in reader.nodes):
-        others = shortened(', '.join(dict.fromkeys(reader.nodes)), 200)
+    reader, node = _Reader(path, 'parameter', _LAYOUT), f'/{node_name.strip("/")}'
+    values, sections = Parameters(), list[str]()
+    for names, value in reader.values():
+        if _SECTION not in names[1:-1]:
+            raise reader.syntax_error(f'{names[-1]!r} is not below {_SECTION}; {_LAYOUT}')
+        depth = names.index(_SECTION)
+        sections.append('/'.join(names[:depth]))
+        if _matches(sections[-1], node):
+            values['.'.join(names[depth + 1 :])] = value
+    if not values:
+        others = shortened(', '.join(dict.fromkeys(sections)), 200)
         raise ConfigurationError(
             f'{reader.file} has no parameters of {node}{f", only of {others}" if others else ""}: '
             f'write /** or {node} above {_SECTION}'
@@ -80,15 +90,16 @@ def read_yaml(path: Path | str, kind: str) -> Parameters:
     Raises:
         ConfigurationError: The file cannot be read, or has another syntax.
     """
-    return _Reader(path, kind, kind, 'write "name: value"').read((kind, _SECTION))
+    reader = _Reader(path, kind, 'write "name: value"')
+    return {'.'.join(names): value for names, value in reader.values()}
 
 
 class _Reader:
     """Reads a file in one pass over its YAML events."""
 
-    def __init__(self, path: Path | str, kind: str, node_name: str, layout: str) -> None:
+    def __init__(self, path: Path | str, kind: str, layout: str) -> None:
         self.file = str(path) if str(path).isprintable() else repr(str(path))
-        self.node_name, self.layout, self.line = node_name, layout, 1
+        self.layout, self.line = layout, 1
         try:
             with open_file(path) as stream:
                 self.data = stream.read(_MAX_BYTES + 1)
@@ -104,62 +115,29 @@ class _Reader:
                 'linkage_log info prints the parameters of its run'
             )
         self.events = yaml.parse(self.data, Loader=CSafeLoader)
-        self.sections: dict[str, Parameters] = {}
-        self.nodes: list[str] = []  # the node names of all sections, also of other nodes
 
-    def read(self, path: tuple[str, ...]) -> Parameters:
-        """Reads the file as if all its names were nested below a path of names."""
+    def values(self) -> Iterator[tuple[tuple[str, ...], ParameterValue]]:
+        """Yields the names of each value, from the outermost, and the value."""
         while not isinstance(event := self.next(), yaml.StreamEndEvent):
             if isinstance(event, yaml.MappingStartEvent):
-                for names, value in self.leaves(path):
-                    self.take(names, value)
+                yield from self.mapping(())
             elif isinstance(event, yaml.NodeEvent):
                 raise self.syntax_error(f'{_show(event)} instead of a mapping; {self.layout}')
-        return {name: value for own in self.sections.values() for name, value in own.items()}
 
-    def leaves(self, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], yaml.Event]]:
-        """Yields the path of names and the first event of each value in a mapping."""
-        key, section = '', _section(path)
-        if section is not None and section == len(path) - 1:
-            self.nodes.append('/'.join(path[:section]))
-        while following := self.key(path if section is None else path[section + 1 :]):
-            if section is None and key.startswith(_SECTION):
-                raise self.error(f'{following!r} follows ros__parameters; move it before')
-            key = following
-            event = self.next()
-            if not isinstance(event, yaml.MappingStartEvent):
-                yield (*path, key), event
-                continue
-            # If a nested name is a path, rcl assigns wrong names to the following parameters.
-            if path and section != len(path) - 1 and ('/' if section is None else '.') in key:
-                raise self.error(f'{key!r} is a path; write its parts one below the other')
-            yield from self.leaves((*path, key))
-        if section is not None and section < len(path) - 1 and not key:
-            raise self.error(f'{path[-1]!r} is an empty group; remove it')
-
-    def take(self, path: tuple[str, ...], event: yaml.Event) -> None:
-        """Stores a value if its section applies to this node."""
-        section = _section(path)
-        if section is None or section == len(path) - 1:
-            raise self.syntax_error(f'{_show(event)} instead of a mapping; {self.layout}')
-        node, name = '/'.join(path[:section]), '.'.join(path[section + 1 :])
-        if section > 1:
-            node = node.replace('//', '/')
-        if not _NODE.fullmatch(node):
-            raise self.error(f'{node!r} before ros__parameters is not a node; {self.layout}')
-        value = self.value(name, event)
-        if not _matches(node, self.node_name):
-            return
-        values = self.sections.setdefault(node, {})
-        if value == []:
-            raise self.error(f'{name!r} is an empty list; {_VALUE}')
-        # rcl loses a value with the name of a group; which of two values it keeps depends on their
-        # types and the spelling of the name.
-        groups = itertools.accumulate(path[section + 1 : -1], '{}.{}'.format)
-        is_twice = '.' in path[-1] or _types(value) != _types(values.get(name, value))
-        if not values.keys().isdisjoint(groups) or (name in values and is_twice):
-            raise self.error(f'{name!r} is set twice, in two ways; remove one')
-        values[name] = value
+    def mapping(self, names: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], ParameterValue]]:
+        """Yields the names and values in a mapping with given names."""
+        while not isinstance(key := self.next(), yaml.MappingEndEvent):
+            if not isinstance(key, yaml.ScalarEvent) or not key.value:
+                raise self.error(f'{_show(key)} is not a name; write "name: value"')
+            if len('.'.join(path := (*names, key.value))) > _MAX_NAME:
+                raise self.error(
+                    f'{_show(key)} makes a name of over {_MAX_NAME} characters; shorten it'
+                )
+            if isinstance(event := self.next(), yaml.MappingStartEvent):
+                yield from self.mapping(path)
+            else:
+                name = '.'.join(path).rpartition(f'{_SECTION}.')[2]
+                yield path, self.value(name, event)
 
     def value(self, name: str, event: yaml.Event) -> ParameterValue:
         if isinstance(event, yaml.ScalarEvent):
@@ -174,27 +152,16 @@ class _Reader:
                 raise self.syntax_error(
                     f'{name!r} mixes types, {mix}; give one, as in [0.0, -9.81]'
                 )
+        if not items:
+            raise self.error(f'{name!r} is an empty list; {_VALUE}')
         return cast('ParameterValue', items)
 
     def scalar(self, name: str, event: yaml.ScalarEvent) -> _Scalar:
-        if event.style in {'"', "'"} or (event.value and event.tag == 'tag:yaml.org,2002:str'):
+        if event.style:
             return event.value
         if not event.value:
             raise self.syntax_error(f'{name!r} has no value; {_VALUE}')
         return read_scalar(event.value)
-
-    def key(self, path: tuple[str, ...]) -> str:
-        """Reads the next key of the mapping at a path of names; returns '' at its end."""
-        event = self.next()
-        if isinstance(event, yaml.MappingEndEvent):
-            return ''
-        if not isinstance(event, yaml.ScalarEvent) or not event.value:
-            raise self.error(f'{_show(event)} is not a name; write "name: value"')
-        if len('.'.join((*path, event.value))) > _MAX_NAME:
-            raise self.error(
-                f'{_show(event)} makes a name of over {_MAX_NAME} characters; shorten it'
-            )
-        return event.value
 
     def next(self) -> yaml.Event:
         try:
@@ -234,12 +201,6 @@ class _Reader:
         return ConfigurationError(f'{self.file}, line {self.line}: {problem}')
 
 
-def _section(path: tuple[str, ...]) -> int | None:
-    """Returns the index of `ros__parameters` in a path of names; None if it is missing."""
-    # Like rcl, accept any name that starts with `ros__parameters`.
-    return next((i for i, key in enumerate(path) if key.startswith(_SECTION)), None)
-
-
 def _matches(section: str, node: str) -> bool:
     """Returns whether a section applies to a node; '*' matches one name, '**' any number."""
     wildcards = {'**': '(/[^/]+)*', '*': '/[^/]+'}
@@ -253,26 +214,10 @@ def _show(event: yaml.Event) -> str:
     return shown(event.value) if isinstance(event, yaml.ScalarEvent) else other
 
 
-def _types(value: ParameterValue) -> list[type]:
-    return [type(item) for item in (value, *(value[:1] if isinstance(value, list) else ()))]
-
-
 def read_scalar(text: str) -> _Scalar:
-    """Parses an unquoted scalar: a bool, a number as read by strtoll or strtod, or a string."""
-    if match := _BOOL.fullmatch(text):
-        return match[1] is not None
-    if re.fullmatch(r'[+-]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)', text):
-        return float(text.replace('.', ''))
-    number = text.lstrip(' \t\n\v\f\r')
-    if match := re.fullmatch('([+-]?)(0[xX][0-9a-fA-F]+|0[0-7]*|[1-9][0-9]{0,18})', number):
-        base = 10 if match[2][0] != '0' else 16 if match[2][1:2] in {'x', 'X'} else 8
-        if -(2**63) <= (whole := int(match[1] + match[2], base)) < 2**63:
-            return whole
-    number = re.sub(r'(?<=nan)\([a-z0-9_]*\)\Z', '', number.lower())
-    try:
-        real = float.fromhex(number) if 'x' in number else float(number)
-    except (ValueError, OverflowError):
-        return text
-    # float() accepts more than strtod, and rcl reads numbers out of strtod's range as strings.
-    lost = abs(real) in {0, float('inf')} and re.match('[^ex]*[1-9]|[^p]*x[^p]*[1-9a-f]', number)
-    return text if lost or not re.fullmatch('[-+.0-9a-z]+', number) else real
+    """Parses an unquoted scalar: a bool, a decimal number, or else text."""
+    if re.fullmatch(f'{_TRUE}|{_FALSE}', text):
+        return re.fullmatch(_TRUE, text) is not None
+    if len(text) < 19 and re.fullmatch(f'[-+]?({_WHOLE})', text):
+        return int(text)
+    return float(re.sub(r'\.([iInN])', r'\1', text)) if re.fullmatch(_REAL, text) else text
