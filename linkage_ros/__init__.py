@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Exact motion and driving torque of planar linkages, with a ROS 2 node, logs, replay and viewer.
 
-Create a mechanism (`FourBar`, `SliderCrank` or `WindPump`) and pass it to a `Solver`, which
-computes states, accelerations, joint forces and energy. Units are SI: m, kg, rad, s, N. Angles and
-torques are positive counter-clockwise. Coordinates and rates may be floats or arrays.
+Create a mechanism (such as a `FourBar` or an `InvertedSliderCrank`) and pass it to a `Solver`,
+which computes states, accelerations, joint forces and energy. Units are SI: m, kg, rad, s, N.
+Angles and torques are positive counter-clockwise. Coordinates and rates may be floats or arrays.
 """
 
 from typing import TYPE_CHECKING
@@ -23,6 +23,7 @@ from linkage_ros.errors import (
 from linkage_ros.mechanism.force import Force
 from linkage_ros.mechanism.four_bar import FourBar
 from linkage_ros.mechanism.gas import Gas
+from linkage_ros.mechanism.inverted_slider_crank import InvertedSliderCrank
 from linkage_ros.mechanism.joint_forces import Reactions
 from linkage_ros.mechanism.kinematics import PointMotion, Reach, State
 from linkage_ros.mechanism.load_curve import LoadCurve
@@ -30,12 +31,14 @@ from linkage_ros.mechanism.loads import Friction, LinkLoad
 from linkage_ros.mechanism.parts import (
     CROSSED,
     OPEN,
+    Barrel,
     Body,
     Coupler,
     Frame,
     Guide,
     Piston,
     Rocker,
+    Rod,
     Slider,
 )
 from linkage_ros.mechanism.pins import Pins
@@ -93,6 +96,7 @@ def read_log(path: str) -> 'dict[str, dict[str, Array]]':
 __all__ = [
     'CROSSED',
     'OPEN',
+    'Barrel',
     'Body',
     'ConfigurationError',
     'Coupler',
@@ -102,6 +106,7 @@ __all__ = [
     'Friction',
     'Gas',
     'Guide',
+    'InvertedSliderCrank',
     'LinkLoad',
     'LinkageError',
     'LoadCurve',
@@ -115,6 +120,7 @@ __all__ = [
     'Reach',
     'Reactions',
     'Rocker',
+    'Rod',
     'Slider',
     'SliderCrank',
     'Solver',

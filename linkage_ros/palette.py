@@ -30,6 +30,7 @@ COLORS: dict[str, Color] = {
     'coupler': BLUE,
     'rocker': GREEN,
     'rod': PURPLE,
+    'barrel': GREEN,
     'slider': GREEN,
 }
 # Colours of two items that are not links; a third item is grey.

@@ -14,14 +14,17 @@ from mpmath import mp
 from oracle import oracle_of, wrap
 
 from linkage_ros import (
+    Barrel,
     Body,
     Coupler,
     FourBar,
     Frame,
     Guide,
+    InvertedSliderCrank,
     LinkLoad,
     LoadCurve,
     Piston,
+    Rod,
     Slider,
     SliderCrank,
     WindPump,
@@ -73,6 +76,20 @@ def wind_pump(lengths, assembly='crossed', unit=1.0):
         Piston(position=c, mass=1.5, damping=0.9),
         assembly,
         tuple(x * min(unit, 1e4) for x in (1.3, -9.7)),
+    )
+
+
+def cylinder(lengths, angle=0.3, unit=1.0, **loads):
+    """Makes an inverted slider-crank from crank, frame and offset."""
+    r, d, e = (float(x) * unit for x in lengths)
+    return InvertedSliderCrank(
+        Frame(d, angle),
+        Body(r, 0.7, 0.02 * unit**2, (0.3 * r, -0.2 * r)),
+        Barrel(2.0, 0.5 * unit**2, (0.3 * d, 0.1 * d)),
+        Rod(1.5, 0.3 * unit**2, (-0.4 * r, 0.2 * r), 6.0 * unit, 0.9),
+        e,
+        tuple(x * min(unit, 1e4) for x in (1.3, -9.7)),
+        **loads,
     )
 
 
@@ -150,6 +167,12 @@ PUMPS = {
         'crossed',
     ),
 }
+CYLINDERS = {
+    'swinging_barrel': cylinder((1, 2.5, 0.7)),
+    'turning_barrel': cylinder((2.5, 1, -0.6), -2.0),
+    'slotted_lever': cylinder((1, 2.2, 0), 5.5),
+    'close_pivots': cylinder((1, 1.0625, 0.03125)),
+}
 # Some terms of the equations are absent.
 PENDULUM = replace(
     four_bar(FULL['crank_rocker'], 1.1), coupler=Coupler(3.0, point=(0.4, 0.7)), rocker=Body(2.5)
@@ -210,12 +233,20 @@ ALL = {
     'sprung_rocker': SPRUNG_ROCKER,
     'sprung_slider': SPRUNG_SLIDER,
     'sprung_pump': SPRUNG_PUMP,
+    **CYLINDERS,
+    'sprung_cylinder': replace(
+        CYLINDERS['swinging_barrel'],
+        rod=Rod(1.5, 0.3, (-0.4, 0.2), -4.0, 0.9, 12.0, 1.3),
+        loads=(LoadCurve('rod', at=(0.5, 2.0, 6.0), value=(4.0, -3.0, 8.0)),),
+    ),
 }
 
 
 def with_loads(mechanism, *loads):
     """Replaces the loads of a mechanism, and removes those of its output link."""
-    name = 'rocker' if isinstance(mechanism, FourBar) else 'slider'
+    (name,) = {'rocker', 'slider', 'rod'} & {
+        name for name, part in vars(mechanism).items() if hasattr(part, 'load_fields')
+    }
     part = getattr(mechanism, name)
     bare = replace(part, **dict.fromkeys(part.load_fields, 0.0))
     return replace(mechanism, **{name: bare}, loads=loads)
@@ -223,14 +254,18 @@ def with_loads(mechanism, *loads):
 
 def turning_parts(mechanism):
     """Returns the names of the parts that turn, in the order of the links."""
-    return [name for name in ('crank', 'coupler', 'rod', 'rocker') if hasattr(mechanism, name)]
+    names = 'crank', 'coupler', 'rod', 'rocker'
+    return [name for name in names if hasattr(getattr(mechanism, name, None), 'length')]
 
 
 def longest(mechanism):
     lengths = [getattr(mechanism, name).length for name in turning_parts(mechanism)]
     if isinstance(mechanism, SliderCrank):
         lengths.append(abs(mechanism.slider.offset))
-    return max(lengths + ([mechanism.frame.length] if isinstance(mechanism, FourBar) else []))
+    if isinstance(mechanism, InvertedSliderCrank):
+        lengths.append(abs(mechanism.offset))
+    return max([*lengths, getattr(mechanism.frame, 'length', 0.0)] if hasattr(mechanism, 'frame')
+               else lengths)  # fmt: skip
 
 
 def coordinates(mechanism, cranks):
@@ -255,7 +290,7 @@ def motion(mechanism, cranks, speed=2.0, acceleration=1.5):
 
 def is_free(mechanism):
     """Returns whether the accelerations follow from a torque, as for a wind pump."""
-    return hasattr(mechanism, 'rod')
+    return isinstance(mechanism, WindPump)
 
 
 def moving(solver, cranks, speed=2.0, acceleration=1.5, q=None, u=None):
@@ -403,6 +438,9 @@ def force_errors(solver, angles, speed=2.0, acceleration=1.5):
         ):  # fmt: skip
             pins = [abs(mp.mpc(*force) - right.joints[pin]) for pin, force in got.pins.items()]
             guide = mp.mpf(got.guide_force or 0) - right.joints.get('guide', 0)
+            if hasattr(mechanism, 'barrel'):
+                lever = mp.mpf(got.guide_moment) - right.moment
+                guide = max(abs(guide), abs(lever) / longest(mechanism))
             pushes = zip(solver.links, right.exerted, strict=True)
             pushed = max(abs(exerted.get(link, 0.0) - x) for link, x in pushes)
             force = max(map(abs, right.joints.values()))
@@ -425,6 +463,7 @@ def at(forces, i):
     return type(forces)(
         pins, None if guide is None else float(guide[i]), (float(x[i]), float(y[i])),
         float(forces.shaking_moment[i]), float(forces.torque[i]),
+        None if guide is None else float(forces.guide_moment[i]),
     )  # fmt: skip
 
 
@@ -465,4 +504,17 @@ def wind_pumps(draw, scales=20):
     return wind_pump((r, b, c), draw(st.sampled_from(ASSEMBLIES)), unit)
 
 
-ANY = {'four_bar': full_four_bars, 'slider_crank': full_slider_cranks, 'wind_pump': wind_pumps}
+@st.composite
+def full_cylinders(draw, scales=20):
+    r, d = draw(st.tuples(st.integers(4, 512), st.integers(4, 512)).filter(lambda x: x[0] != x[1]))
+    offset = draw(st.integers(1 - abs(d - r), abs(d - r) - 1))
+    angle = draw(st.integers(-3 * 1024, 3 * 1024)) / 1024
+    return cylinder((r, d, offset), angle, 2.0 ** (draw(st.integers(-scales, scales)) - 8))
+
+
+ANY = {
+    'four_bar': full_four_bars,
+    'slider_crank': full_slider_cranks,
+    'wind_pump': wind_pumps,
+    'inverted_slider_crank': full_cylinders,
+}

@@ -37,6 +37,7 @@ class Reference(NamedTuple):
         exerted: Torque, or force along the guide, of loads and friction on each link.
         outside: Share of `exerted` that is external to the machine and its frame.
         pushes: External forces at points, as pairs of a place and a force.
+        moment: Moment of a barrel on its rod, about the rod's pin.
     """
 
     position: tuple
@@ -47,6 +48,7 @@ class Reference(NamedTuple):
     exerted: tuple = ()
     outside: tuple = ()
     pushes: tuple = ()
+    moment: mpmath.mpf = 0
 
 
 class Point(NamedTuple):
@@ -81,6 +83,11 @@ class Oracle:
     `lengths` (crank, coupler, then rocker and frame, offset, or rod), as fractions or decimal
     text, replace the mechanism's lengths if these are only rounded decimals.
     """
+
+    def __new__(cls, mechanism, lengths=None):
+        from cylinder_oracle import CylinderOracle  # which imports this module
+
+        return object.__new__(CylinderOracle if hasattr(mechanism, 'barrel') else cls)
 
     def __init__(self, mechanism, lengths=None):
         self.mechanism = mechanism
@@ -237,6 +244,16 @@ class Oracle:
         else:
             slopes[2] = -slopes[2]
         return slopes
+
+    def gap(self, position):
+        """Returns the closure error of the loop, m, at positions of the links."""
+        rest = [0.0] * len(position)
+        state = Reference(position, rest, rest, 0, {})
+        vectors = self.vectors(state)
+        end, *_ = self.follow(
+            self.points(vectors)['D' if self.is_free else 'B'], vectors, rest, rest
+        )
+        return abs(sum(vectors[: 2 + self.is_free]) - end)
 
     def points(self, vectors):
         """Returns the pins and, if there is one, the coupler point."""

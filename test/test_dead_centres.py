@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from mechanisms import LIMITED, of, wind_pump
+from mechanisms import LIMITED, cylinder, of, wind_pump
 from ros_harness import logged, report_of, verified
 
 from linkage_ros import Solver
 from linkage_ros.errors import LinkageError, MotionError
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.mechanism import program
+from linkage_ros.mechanism.registry import MECHANISMS as MECHANISM_KINDS
 from linkage_ros.mechanism.structure import Description
 from linkage_ros.mechanism.tracer import Tape
 from linkage_ros.motion.coordinates import DrivenMechanism
@@ -28,7 +29,12 @@ from linkage_ros.settings.configuration import configure, load
 from linkage_ros.units import NS_PER_MS
 
 STRETCHED = wind_pump((0.5, 0.6, 0.7), 'open')
-MECHANISMS = {**{name: of(lengths) for name, lengths in LIMITED.items()}, 'pump': STRETCHED}
+MECHANISMS = {
+    **{name: of(lengths) for name, lengths in LIMITED.items()},
+    'cylinder': cylinder((1, 2.2, 2.1)),
+    'cylinder_long_crank': cylinder((2.2, 1, -1.9), -2.0),
+    'pump': STRETCHED,
+}
 # Their arcs contain a change point, where all links are in line and all coordinates are singular.
 WITH_CHANGE_POINT = {'p0_and_near_limit', 'upper_change_point', 'lower_change_point'}
 every = pytest.mark.parametrize('name', [x for x in MECHANISMS if x not in WITH_CHANGE_POINT])
@@ -36,9 +42,10 @@ every = pytest.mark.parametrize('name', [x for x in MECHANISMS if x not in WITH_
 
 def free(mechanism):
     """Returns the mechanism without damping and friction."""
-    if hasattr(mechanism, 'slider'):
-        return replace(mechanism, slider=replace(mechanism.slider, damping=0.0, force=0.0))
-    return mechanism
+    name = 'rod' if hasattr(mechanism, 'barrel') else 'slider'
+    if not hasattr(mechanism, name):
+        return mechanism
+    return replace(mechanism, **{name: replace(getattr(mechanism, name), damping=0.0, force=0.0)})
 
 
 def start(mechanism):
@@ -104,11 +111,11 @@ def test_energy_is_conserved_past_dead_centres(name, integrate):
 
 
 def configuration(mechanism, rate=100.0):
-    kind = 'four_bar' if hasattr(mechanism, 'rocker') else 'slider_crank'
+    kind = next(name for name, cls in MECHANISM_KINDS.items() if type(mechanism) is cls)
     base = configure({'drive': 'torque'})
     base = replace(base, kind=replace(base.kind, mechanism=kind))
     drive = TorqueDrive(Motor(0.3, 0.01), 120 / math.pi, start(mechanism)[0])
-    if hasattr(mechanism, 'rod'):
+    if kind == 'wind_pump':
         base = load('wind_pump')
         slider = replace(mechanism.slider, position=1.0, velocity=0.4)
         mechanism = replace(mechanism, slider=slider)

@@ -5,7 +5,6 @@
 import cmath
 import itertools
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -82,15 +81,6 @@ def test_angles_stay_in_range_and_coordinates_are_returned_as_asked(kind, data, 
         assert link.slides or abs(position) <= math.pi
 
 
-def gap(mechanism, position):
-    """Returns the closure error of the loop, m, in the precision that the caller has set."""
-    oracle, rest = Oracle(mechanism), [0.0] * len(position)
-    vectors = oracle.vectors(SimpleNamespace(position=position))
-    output = oracle.points(vectors)['D' if oracle.is_free else 'B']
-    end, *_ = oracle.follow(output, vectors, rest, rest)
-    return abs(sum(vectors[: 2 + oracle.is_free]) - end)
-
-
 @any_of
 @few
 @given(data=st.data(), crank=st.floats(-TURN, TURN, allow_subnormal=False))
@@ -102,7 +92,7 @@ def test_loop_closes_within_8_ulp_of_the_longest_link(kind, data, crank):
         slides = [abs(x) for x, link in zip(position, solver.structure.links, strict=True)
                   if link.slides]  # fmt: skip
         with mp.workdps(40):
-            residual = gap(mechanism, position)
+            residual = Oracle(mechanism).gap(position)
         assert residual <= 8 * math.ulp(max(longest(mechanism), *slides, 0.0))
 
 

@@ -16,9 +16,9 @@ from xml.etree import ElementTree as ET
 import mujoco  # required by these tests: without it they must fail, not be skipped
 import numpy as np
 import pytest
-from mechanisms import ALL
+from mechanisms import ALL, longest
 
-from linkage_ros import FourBar, SliderCrank, Solver
+from linkage_ros import FourBar, InvertedSliderCrank, SliderCrank, Solver
 from linkage_ros.messages.urdf import make_urdf
 from linkage_ros.quantities import build, flatten
 from linkage_ros.settings.configuration import load
@@ -39,6 +39,8 @@ NAMES = (
     'offset_right',
     'centric',
     'document_4',
+    'swinging_barrel',
+    'turning_barrel',
 )
 MOTION = -11.0, 90.0
 
@@ -46,9 +48,10 @@ MOTION = -11.0, 90.0
 def urdf(mechanism):
     """Returns our URDF with additional data that the engine requires."""
     robot = ET.fromstring(make_urdf(mechanism))
-    if isinstance(mechanism, SliderCrank):
-        joint = robot.find("joint[@name='slider']")
-        ET.SubElement(joint, 'dynamics', damping=repr(mechanism.slider.damping))
+    for name in ('slider', 'rod'):
+        if (body := getattr(mechanism, name, None)) is not None:
+            joint = robot.find(f"joint[@name='{name}']")
+            ET.SubElement(joint, 'dynamics', damping=repr(body.damping))
     extension = ET.SubElement(robot, 'mujoco')
     ET.SubElement(extension, 'option', gravity='{} {} 0'.format(*mechanism.gravity))
     return ET.tostring(robot, encoding='unicode')
@@ -65,11 +68,18 @@ class Engine:
             angle, self.output, reach = mechanism.frame.angle, 'slider', 0.0
             self.force[:2] = math.cos(angle), math.sin(angle)
             self.force *= mechanism.slider.force
+        elif isinstance(mechanism, InvertedSliderCrank):
+            self.output, reach = 'rod', 0.0
         else:
             self.output, reach = 'rocker', mechanism.rocker.length
-        self.ends = {'coupler': mechanism.coupler.length, self.output: reach}
+        self.along, middle = 0.0, 'coupler'
+        if self.output == 'rod':  # the loop is cut at A
+            self.along, middle = mechanism.rod.force, 'barrel'
+            self.ends = {'crank': mechanism.crank.length, 'rod': 0.0}
+        else:
+            self.ends = {'coupler': mechanism.coupler.length, self.output: reach}
         names = [self.model.joint(number).name for number in range(self.model.njnt)]
-        assert names == ['crank', 'coupler', self.output]
+        assert names == ['crank', middle, self.output]
         assert self.model.nv == self.model.nq == 3
 
     def inverse(self, position, velocity, acceleration):
@@ -83,13 +93,13 @@ class Engine:
             (data.qpos, position), (data.qvel, velocity), (data.qacc, acceleration),
         ):  # fmt: skip
             mine[:] = given
-            mine[1] -= given[0]  # relative to the crank
+            mine[1] -= given[0] * (self.output != 'rod')  # a coupler is measured from the crank
         mujoco.mj_inverse(model, data)
         # Forces that the joints need, minus the external force on the slider.
         output, pushed = model.joint(self.output).bodyid[0], np.zeros(3)
         center = data.xipos[output]
         mujoco.mj_applyFT(model, data, self.force, np.zeros(3), center, output, pushed)
-        needed = data.qfrc_inverse - pushed
+        needed = data.qfrc_inverse - pushed - [0.0, 0.0, self.along]
         (here, jacobian, drift), (there, other, other_drift) = map(self._end, self.ends)
         loop, drift = (jacobian - other)[:2], (drift - other_drift)[:2]
         # Rates per crank speed that keep the loop closed, for the virtual power.
@@ -122,7 +132,7 @@ def compare(mechanism, told, speed, acceleration):
         position, velocity and acceleration, relative to typical values.
     """
     engine, solver = Engine(told), Solver(mechanism)
-    size = mechanism.crank.length + mechanism.coupler.length
+    size = longest(mechanism)
     scales = size * np.array([1, abs(speed), speed**2 + abs(acceleration)])
     states = [solver.state(crank, speed, acceleration) for crank in CRANKS.tolist()]
     found = [engine.inverse(*state[:3]) for state in states]
@@ -148,12 +158,16 @@ def test_torque_agrees_with_mujoco(name):
     assert error < TORQUE < PROMISED
 
 
-LOADS = [
-    f'{body}.{what}' for body in ('crank', 'coupler') for what in ('mass', 'inertia', 'center')
-]
+BODIES = {'crank', 'coupler'}
+WHAT = 'mass', 'inertia', 'center'
 OTHERS = {
     'double_crank': (['rocker.mass', 'rocker.inertia', 'rocker.center'],
                      ['rocker.length', 'frame.length']),
+    'swinging_barrel': (
+        ['barrel.mass', 'barrel.inertia', 'barrel.center', 'rod.mass', 'rod.inertia',
+         'rod.center', 'rod.force', 'rod.damping'],
+        ['offset', 'frame.length'],
+    ),
     'offset_right': (['slider.mass', 'slider.force', 'slider.damping'], ['slider.offset']),
 }  # fmt: skip
 
@@ -162,11 +176,14 @@ OTHERS = {
 def test_errors_in_any_number_are_detected(name):
     """Negative control: a relative error of 1e-9 in a mass or load, or 1e-11 in a length."""
     loads, lengths = OTHERS[name]
-    for number in (*LOADS, 'gravity', *loads):
+    bodies = sorted(BODIES & vars(ALL[name]).keys())
+    common = [f'{body}.{what}' for body in bodies for what in WHAT]
+    for number in (*common, 'gravity', *loads):
         error, gap = compare(ALL[name], slipped(ALL[name], number, 1e-9), *MOTION)
         assert error > TORQUE, number
         assert np.all(gap < CLOSED)
-    for number in ('crank.length', 'coupler.length', 'frame.angle', *lengths):
+    links = [f'{body}.length' for body in bodies]
+    for number in (*links, 'frame.angle', *lengths):
         _, gap = compare(ALL[name], slipped(ALL[name], number, 1e-11), *MOTION)
         assert gap[0] > CLOSED, number
 

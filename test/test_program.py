@@ -15,7 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from mechanisms import DOCUMENT_1, PUMPS, four_bar, slider_crank
+from mechanisms import CYLINDERS, DOCUMENT_1, PUMPS, cylinder, four_bar, slider_crank
 from ros_harness import finished
 
 from linkage_ros import (
@@ -65,6 +65,8 @@ MECHANISMS = {
     'offset slider': slider_crank((0.3, 0.9, 0.2)),
     'limited slider': slider_crank((1.0, 0.9, 0.3), -2.0, 'crossed'),
     'slider at change points': slider_crank((1.0, 1.0, 0.0)),
+    'cylinder': CYLINDERS['swinging_barrel'],
+    'limited cylinder': cylinder((1.0, 2.2, 1.7)),
     'pump': PUMPS['pump'],
     'pump of equal links': replace(PUMPS['pump_open'], rod=Body(1.6, 3.0, 0.3, (0.9, -0.6))),
 }

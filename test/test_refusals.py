@@ -143,7 +143,7 @@ BAD_VALUES = [
     (SLIDER, 'wheel.radius', 1, f"'wheel.radius' is … of a slider_crank; {LISTED}"),
     (SLIDER, 'a\nb', 1, rf"'a\nb' is not a parameter of a slider_crank; {LISTED}"),
     (FOUR, 'crank', 0.1, f"'crank' is … {CRANK_HAS}; write crank: {{length: ...}}; {LISTED}"),
-    (SLIDER, 'frame.length', 1, '… only a four_bar has frame.length; leave it out'),
+    (SLIDER, 'frame.length', 1, '… only a four_bar or … has frame.length; leave it out'),
     *((FOUR, x, 1, f'… of a four_bar; {LISTED}') for x in ('zz', '', 'ß', 'length.x' * 3)),
     (FOUR, 'motor.torque', 1.0, '… only a crank with drive: torque has …; leave it out'),
     (FOUR, 'drive', 'torque', "'rpm' … a torque-driven four_bar: only … drive: speed has rpm; …"),

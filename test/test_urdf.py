@@ -87,9 +87,12 @@ def expected(simulator, made):
     """Returns position, x + iy, and direction of each moving link, in the link with the pivots."""
     mechanism, angles = simulator.configuration.mechanism, made.state.position
     pin = mechanism.crank.length * cmath.exp(1j * angles[0])
+    kind = simulator.configuration.kind.mechanism
+    if kind == 'inverted_slider_crank':
+        pivot = mechanism.frame.length * cmath.exp(1j * mechanism.frame.angle)
+        return {'crank': (0j, angles[0]), 'barrel': (pivot, angles[1]), 'rod': (pin, angles[1])}
     end = pin + mechanism.coupler.length * cmath.exp(1j * angles[1])
     poses = {'crank': (0j, angles[0]), 'coupler': (pin, angles[1])}
-    kind = simulator.configuration.kind.mechanism
     if kind == 'four_bar':
         pivot = mechanism.frame.length * cmath.exp(1j * mechanism.frame.angle)
         return {**poses, 'rocker': (pivot, angles[2])}

@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from mechanisms import (
+    CYLINDERS,
     FULL,
     PUMPS,
     TURN,
@@ -47,13 +48,19 @@ MECHANISMS = {
     'four_bar': four_bar(FULL['crank_rocker'], 1.3),
     'slider_crank': slider_crank(FULL['offset_right'], 5.5, 'crossed'),
     'wind_pump': PUMPS['pump'],
+    'cylinder': CYLINDERS['swinging_barrel'],
 }
 LINKS = {
     'four_bar': ('crank', 'coupler', 'rocker'),
     'slider_crank': ('crank', 'coupler', 'slider'),
     'wind_pump': ('crank', 'coupler', 'rod', 'slider'),
+    'cylinder': ('crank', 'barrel', 'rod'),
 }
-FRICTION = {'four_bar': Friction(0.1, 0.05), 'slider_crank': Friction(0.1, 0.05, 0.2)}
+FRICTION = {
+    'four_bar': Friction(0.1, 0.05),
+    'slider_crank': Friction(0.1, 0.05, 0.2),
+    'cylinder': Friction(0.1, 0.05, 0.2),
+}
 CASES = [
     *((name, Force(link, (30.0, -50.0), (0.2, -0.3), axes))
       for name, links in LINKS.items() for link in links for axes in ('world', 'link')),
@@ -63,12 +70,17 @@ CASES = [
     ('four_bar', Spring('coupler', (0.2, 0.1), 'frame', (0.4, 0.3), 80.0)),
     *((name, Pins(7.0, pin)) for name, pins in (
         ('four_bar', ('', 'A0', 'A', 'B', 'B0')), ('slider_crank', ('', 'A0', 'A', 'B')),
-        ('wind_pump', ('', 'A0', 'A', 'B', 'D'))) for pin in pins),
+        ('wind_pump', ('', 'A0', 'A', 'B', 'D')), ('cylinder', ('', 'A0', 'A', 'B0')))
+      for pin in pins),
+    *(('cylinder', Gas('rod', 0.2, 0.1, 1e5, outlet, 1.3, 0.9e5, top))
+      for outlet in (None, 1.5e5) for top in ('far', 'near')),
     *(('slider_crank', Gas('slider', 0.2, 0.1, 1e5, outlet, exponent, 0.9e5, top))
       for outlet in (None, 1.5e5) for exponent in (1.0, 1.3) for top in ('far', 'near')),
     *((name, LoadCurve('crank', at=(-7.0, -5.0, 1.5), value=(2.0, 9.0, -4.0)))
       for name in LINKS),
     ('slider_crank', LoadCurve('slider', at=(0.5, 4.0, 0.5 + 2 * TURN), value=(4.0, -9.0, 4.0))),
+    ('cylinder', LoadCurve('rod', at=(0.5, 4.0, 9.0), pressure=(1e5, 5e5, 9e4), bore=0.1)),
+    ('cylinder', LoadCurve('rod', 'position', (1.5, 2.5, 3.3), (5.0, -7.0, 30.0), (0.0, 2.0, -4))),
     ('slider_crank', LoadCurve('slider', at=(0.5, 4.0, 9.0), pressure=(1e5, 5e5, 9e4), bore=0.1)),
 ]  # fmt: skip
 
@@ -109,14 +121,14 @@ def test_all_loads_with_friction_give_the_forces_of_newton_and_euler(name, speed
 def random_case(seed):
     """Returns a random mechanism with a random set of loads, and its motion."""
     random = np.random.default_rng(seed)
-    name = list(LINKS)[seed % 3]
+    name = list(LINKS)[seed % 4]
     plain = MECHANISMS[name]
     changed = {
         part: replace(
             body, mass=random.uniform(0, 3), inertia=random.uniform(0, 2),
             center=tuple(random.uniform(-1, 1, 2)),
         )
-        for part in ('crank', 'coupler', 'rod', 'rocker')
+        for part in ('crank', 'coupler', 'rod', 'rocker', 'barrel')
         if (body := getattr(plain, part, None)) is not None
     }  # fmt: skip
     plain = replace(plain, gravity=tuple(random.uniform(-10, 10, 2)), **changed)
@@ -129,7 +141,7 @@ def random_case(seed):
         loads += [
             Force(one, random.uniform(-50, 50, 2), points[0], random.choice(('world', 'link'))),
             Spring(one, points[0], other, points[1], *random.uniform(0, (90, 0.5, 9))),
-            Pins(random.uniform(0, 5), random.choice(('', 'A', 'B'))),
+            Pins(random.uniform(0, 5), random.choice(('', 'A0', 'A'))),
         ]
     chosen = random.permutation(len(loads))[: random.integers(1, len(loads) + 1)]
     mechanism = with_loads(plain, *(loads[i] for i in chosen))
@@ -141,18 +153,23 @@ class FreeBodies:
 
     def __init__(self, mechanism, state):
         self.mechanism, self.state = mechanism, state
-        self.names = [x for x in ('crank', 'coupler', 'rod', 'rocker', 'slider')
+        self.names = [x for x in ('crank', 'coupler', 'barrel', 'rod', 'rocker', 'slider')
                       if hasattr(mechanism, x)]  # fmt: skip
+        self.is_cylinder = 'barrel' in self.names
         guide = getattr(getattr(mechanism, 'frame', None), 'angle', 0.0)
+        self.angles = dict(zip(self.names, state.position, strict=True))
+        if self.is_cylinder:
+            self.angles['rod'] = self.angles['barrel']
         self.axes = {
             name: np.exp(1j * (guide if name == 'slider' else angle))
-            for name, angle in zip(self.names, state.position, strict=True)
+            for name, angle in self.angles.items()
         }
         origins = {'crank': (0.0, ()), 'coupler': (0.0, ('crank',)),
                    'rod': (0.0, ('crank', 'coupler'))}  # fmt: skip
-        if 'rocker' in self.names:
-            frame = mechanism.frame
-            origins['rocker'] = frame.length * np.exp(1j * frame.angle), ()
+        for name in ('rocker', 'barrel'):
+            if name in self.names:
+                frame = mechanism.frame
+                origins[name] = frame.length * np.exp(1j * frame.angle), ()
         self.origins = origins
 
     def motion(self, name, at):
@@ -164,6 +181,11 @@ class FreeBodies:
             x, v, a = (row[i] for row in self.state[:3])
             offset = getattr(self.mechanism.slider, 'offset', 0.0)
             return (x + 1j * offset + complex(*at)) * axis, v * axis, a * axis
+        if self.is_cylinder and name == 'rod':  # slides along the barrel, which turns
+            (_, _, s), (_, w, v), (_, e, a) = self.state[:3]
+            arm = (s + 1j * self.mechanism.offset + complex(*at)) * axis
+            place, velocity = self.origins['barrel'][0] + arm, 1j * w * arm + v * axis
+            return place, velocity, (1j * e - w * w) * arm + (2j * w * v + a) * axis
         place, chain = self.origins[name]
         arms = [(x, getattr(self.mechanism, x).length * self.axes[x]) for x in chain]
         velocity = acceleration = 0.0
@@ -177,6 +199,8 @@ class FreeBodies:
         """Yields forces of loads: body, place, force, couple."""
         spins = dict(zip(self.names, self.state.velocity, strict=True))
         spins |= {'frame': 0.0, 'slider': 0.0}
+        if self.is_cylinder:
+            spins['rod'] = spins['barrel']
         for load in self.mechanism.loads:
             if isinstance(load, Force):
                 turned = self.axes[load.link] if load.axes == 'link' else 1.0
@@ -200,6 +224,8 @@ class FreeBodies:
 
     def pins(self):
         """Returns each pin with the body on which its force acts, and the other body."""
+        if self.is_cylinder:
+            return [('A0', 'crank', 'frame'), ('A', 'rod', 'crank'), ('B0', 'barrel', 'frame')]
         chain = ['frame', *self.names[:3], *(['slider'] if 'rod' in self.names else [])]
         names = ['A0', 'A', 'B', *(['D'] if 'rod' in self.names else [])]
         found = [(pin, on, of) for pin, of, on in zip(names, chain, chain[1:], strict=False)]
@@ -208,9 +234,10 @@ class FreeBodies:
     def gaps(self, reactions):
         """Returns unbalanced forces and moments, and the size of the forces and of the points."""
         places = {pin: self.motion(on, (0.0, 0.0))[0] for pin, on, _ in self.pins() if pin != 'B'}
-        last = self.names[-1 if 'rod' not in self.names else 2]
-        length = getattr(self.mechanism, 'rocker', None)
-        places['B'] = self.motion(last, (length.length if length else 0.0, 0.0))[0]
+        if not self.is_cylinder:
+            last = self.names[-1 if 'rod' not in self.names else 2]
+            length = getattr(self.mechanism, 'rocker', None)
+            places['B'] = self.motion(last, (length.length if length else 0.0, 0.0))[0]
         total = {name: [0.0, 0.0] for name in (*self.names, 'frame')}
         size, reach = 1e-300, max(map(abs, places.values()))
 
@@ -227,22 +254,23 @@ class FreeBodies:
             add(on, places[pin], force)
             add(of, places[pin], -force)
         if reactions.guide_force is not None:
-            normal = 1j * self.axes['slider'] * reactions.guide_force
-            place, *_ = self.motion('slider', (0.0, 0.0))
-            add('slider', place, normal)
-            add('frame', place, -normal)
+            slider, guide = ('rod', 'barrel') if self.is_cylinder else ('slider', 'frame')
+            normal = 1j * self.axes[slider] * reactions.guide_force
+            place, *_ = self.motion(slider, (0.0, 0.0))
+            add(slider, place, normal, reactions.guide_moment)
+            add(guide, place, -normal, -reactions.guide_moment)
         add('crank', 0.0, 0.0, reactions.torque)
         add('frame', 0.0, 0.0, -reactions.torque)
         gaps = []
-        for i, name in enumerate(self.names):
+        for name in self.names:
             body = getattr(self.mechanism, name)
             place, _, acceleration = self.motion(name, getattr(body, 'center', (0.0, 0.0)))
             add(name, place, body.mass * (complex(*self.mechanism.gravity) - acceleration))
-            if name == 'slider':  # the guide takes its moment
-                total['frame'][1] += total[name][1]
-            else:
-                add(name, 0.0, 0.0, -body.inertia * self.state.acceleration[i])
-                gaps.append(total[name][1] / reach)
+            if name != 'slider':
+                spin = 'barrel' if self.is_cylinder and name == 'rod' else name
+                change = self.state.acceleration[self.names.index(spin)]
+                add(name, 0.0, 0.0, -body.inertia * change)
+            gaps.append(total[name][1] / reach)
             gaps.append(abs(total[name][0]))
         gaps.append(abs(total['frame'][0] - complex(*reactions.shaking_force)))
         gaps.append((total['frame'][1] - reactions.shaking_moment) / reach)
@@ -267,12 +295,16 @@ CONSERVING = {
                  Force('coupler', (3.0, -5.0), (0.2, 0.1))],
     'slider_crank': [Gas('slider', 0.2, 0.3, 1e4, exponent=1.3),
                      Spring('crank', (0.2, 0.1), 'slider', (0.4, 0.3), 80.0)],
+    'cylinder': [Gas('rod', 0.2, 0.3, 1e4, exponent=1.3),
+                 Spring('crank', (0.2, 0.1), 'rod', (0.4, 0.3), 80.0, 0.3, 0.0),
+                 Force('barrel', (3.0, -5.0), (0.2, 0.1))],
     'wind_pump': [Spring('crank', (0.2, 0.1), 'rod', (0.4, 0.3), 80.0, 0.3, 0.0),
                   Spring('rod', (0.2, 0.1), 'frame', (0.4, 0.9), 30.0)],
 }  # fmt: skip
 LOSING = {
     'four_bar': [Pins(0.7), Spring('rocker', (0.2, 0.1), 'frame', (0.4, 2.3), 80.0, 0.3, 4.0)],
     'slider_crank': [Pins(0.7), Gas('slider', 0.2, 0.3, 1e4, 2e4, exponent=1.3)],
+    'cylinder': [Pins(0.7), Gas('rod', 0.2, 0.3, 1e4, 2e4, exponent=1.3)],
     'wind_pump': [Pins(0.2), Spring('coupler', (0.2, 0.1), 'frame', (0.4, 2.3), 8.0, 0.3, 4.0)],
 }
 
@@ -282,7 +314,7 @@ LOSING = {
 def test_energy_of_torque_driven_runs_balances(name, gain):
     """Work of the motor and, from the wrenches alone, of the loads that lose energy."""
     conserving = CONSERVING[name]
-    if gain and name == 'slider_crank':
+    if gain and name in {'slider_crank', 'cylinder'}:
         conserving = conserving[1:]  # one gas in the cylinder
     mechanism = with_loads(MECHANISMS[name], *conserving, *(LOSING[name] if gain else []))
     solver = Solver(mechanism)

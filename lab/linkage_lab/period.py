@@ -441,6 +441,8 @@ def _add_reactions(period: Period, state: State) -> None:
         period.add(f'pin_{pin}', 'N', force)
     if found.guide_force is not None:
         period.add('guide_force', 'N', found.guide_force)
+        if not period.solver.structure.links[-1].is_guided:
+            period.add('guide_moment', 'N m', found.guide_moment)
     period.add('shaking_force', 'N', found.shaking_force)
     period.add('shaking_moment', 'N m', found.shaking_moment)
 

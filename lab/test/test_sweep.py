@@ -411,7 +411,7 @@ def test_ctrl_c_leaves_complete_rows_of_measured_designs(run, monkeypatch):
         ('designs: 200', 'desings: 200', 'of a study: choose from base, designs, '),
         ('designs: 200', 'designs: 0', 'a whole number from 1'),
         ('base: quadrilateral', 'base: no_such', 'no preset'),
-        ('base: quadrilateral', 'base: wind_pump', 'must be a four_bar'),
+        ('base: quadrilateral', 'base: wind_pump', 'must be a mechanism whose crank'),
         ('base: quadrilateral', 'base: press', 'friction'),
         ('base: quadrilateral', '', 'base is missing'),
         ('seed: 3', 'sampler: dice', 'must be one of sobol'),

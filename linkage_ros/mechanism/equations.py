@@ -19,7 +19,7 @@ undriven coordinates. Pin reactions do not appear.
 import itertools
 import operator
 from collections.abc import Iterable, Iterator, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from linkage_ros.formulas import (
     ZERO,
@@ -30,7 +30,9 @@ from linkage_ros.formulas import (
     is_finite,
     number,
     require,
+    sqrt,
     total,
+    turned,
     where,
 )
 from linkage_ros.mechanism.kinematics import LinkPose, Loop, PointMotion, Pose, State
@@ -112,10 +114,10 @@ class Model(NamedTuple):
         )
 
     def weight(self, j: int) -> Vector:
-        """Returns conj(W_j) g as a vector, N m; for a sliding link, m g, N."""
-        if self.links[j].slides:
+        """Returns conj(W_j) g as a vector, N m; for a guided link, m g, N."""
+        if self.links[j].is_guided:
             return self.gravity * self.links[j].mass
-        turning = (link for link in self.links if not link.slides)
+        turning = (link for link in self.links if not link.is_guided)
         arm = total(link.center.weights[j] * link.mass for link in turning)
         return Vector(dot(arm, self.gravity), cross(arm, self.gravity))
 
@@ -123,15 +125,17 @@ class Model(NamedTuple):
         """Returns C_jk as (real, imaginary), kg m^2; both ZERO if no body couples the links."""
         result = Vector(ZERO, ZERO)
         for link in self.links:
-            if not link.slides:
+            if not link.is_guided:
                 first, second = link.center.weights[j] * link.mass, link.center.weights[k]
                 result += Vector(dot(first, second), cross(first, second))
         return result
 
     def inertia(self, j: int) -> Real:
-        """Returns C_jj of a link, kg m^2; for a sliding link, its mass, kg."""
-        link = self.links[j]
-        return link.mass if link.slides else self.coupling(j, j).x + link.inertia
+        """Returns C_jj of a link, kg m^2; for a guided link, its mass, kg."""
+        if self.links[j].is_guided:
+            return self.links[j].mass
+        spinning = (link.inertia for k, link in enumerate(self.links) if link.spin(k) == j)
+        return self.coupling(j, j).x + total(spinning)
 
     def coupled(self, pose: Pose, j: int, k: int) -> tuple[Real, Real]:
         """Returns A and B, the real and imaginary parts of C_jk e^(i (phi_k - phi_j))."""
@@ -179,7 +183,7 @@ def acting_forces(
         Index of a link and torque on it, N m, or force along its guide, N.
     """
     for j, link in enumerate(links):
-        yield j, (dot if model.links[j].slides else cross)(link.direction, model.weight(j))
+        yield j, (dot if model.links[j].is_guided else cross)(link.direction, model.weight(j))
     for load in model.loads:
         for wrench in load.wrenches(links, rates):
             yield from generalised(wrench, model.links, links)
@@ -330,15 +334,44 @@ def dyad_sines(model: Model, q: Sequence[Real], u: Sequence[Real]) -> tuple[Dyad
     """
     pose = model.loop.pose(tuple(q))
     rates, found = velocities(pose, u), []
-    for (i, j), exact in itertools.zip_longest((*model.dyads, *model.other_dyads), pose.sines):
-        first, second = pose.links[i].direction, pose.links[j].direction
-        # A sliding link does not turn; the angle is measured from the normal of its guide.
-        slides = model.links[j].slides
-        normal = second.left() if slides else second
-        slope, sine = dot(first, normal), cross(first, normal) if exact is None else exact
-        rate = slope * ((ZERO if slides else rates[j]) - rates[i])
+    for dyad, exact in itertools.zip_longest((*model.dyads, *model.other_dyads), pose.sines):
+        (first, rate), (second, other_rate) = dyad_lines(model, pose, rates, dyad)
+        slope, sine = dot(first, second), cross(first, second) if exact is None else exact
+        rate = slope * (other_rate - rate)
         found.append(DyadSine(abs(sine), where(sine >= 0, rate, -rate)))
     return tuple(found)
+
+
+def dyad_lines(
+    model: Model, pose: Pose, rates: Sequence[Real], dyad: Dyad
+) -> list[tuple[Vector, Real]]:
+    """Returns the lines that are parallel where a dyad is in line: of its first and second link.
+
+    Args:
+        model: Constants of the mechanism.
+        pose: Positions of the links.
+        rates: Velocities of the links, or their derivatives with respect to a coordinate.
+        dyad: The two links; see `structure.Dyad`.
+
+    Returns:
+        The unit vector of each line, and its angular velocity, rad/s.
+    """
+    i, j = dyad
+    first, slider = pose.links[i].direction, model.links[j]
+    found = [(-first.left() if slider.parent == i and slider.slides else first, rates[i])]
+    direction, parent = pose.links[j].direction, slider.parent
+    if not slider.slides:
+        found.append((direction, rates[j]))
+    elif parent is None:
+        found.append((direction.left(), ZERO))
+    else:
+        origin: Any = slider.origin  # a `Vector` in formulas
+        along, across = pose.links[j].position, origin.y
+        square = along * along + across * across
+        length = sqrt(square)
+        line = turned(direction, along / length, across / length)
+        found.append((line, rates[parent] - across * rates[j] / square))
+    return found
 
 
 def point_motion(
@@ -366,7 +399,7 @@ def energy(model: Model, q: Sequence[Real], u: Sequence[Real]) -> tuple[Real, Re
     )
     links = zip(pose.links, model.links, strict=True)
     weights = total(
-        -dot(link.direction, model.weight(j)) * (link.position if body.slides else 1.0)
+        -dot(link.direction, model.weight(j)) * (link.position if body.is_guided else 1.0)
         for j, (link, body) in enumerate(links)
     )
     loads = (load.potential(pose.links) for load in model.loads if hasattr(load, 'potential'))

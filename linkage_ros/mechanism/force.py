@@ -51,7 +51,7 @@ class Force(AppliedLoad):
         structure = mechanism.structure()
         link = structure.link_index(self.link, f'{self.label}.link')
         point, turns = structure.point_of(link, self.at), self.axes == LINK
-        is_fixed = not turns or structure.links[link].slides
+        is_fixed = not turns or structure.links[link].is_guided
         return PointForce(link, point, complex(*self.force), turns, is_fixed)
 
 

@@ -21,7 +21,7 @@ reaches 0, the forces become infinite or cease to exist: the mechanism is self-l
 import functools
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 from linkage_ros.formulas import (
     ZERO,
@@ -39,13 +39,14 @@ from linkage_ros.mechanism.equations import (
     Model,
     accelerations,
     determinant,
+    dyad_lines,
     solved,
     state,
     velocities,
 )
 from linkage_ros.mechanism.kinematics import LinkPose, Pose, State
 from linkage_ros.mechanism.loads import Contact
-from linkage_ros.mechanism.structure import Pin
+from linkage_ros.mechanism.structure import Link, Pin
 from linkage_ros.mechanism.wrenches import FRAME, Wrench, place
 from linkage_ros.numeric import Real
 
@@ -65,14 +66,17 @@ class Reactions(NamedTuple):
 
     Attributes:
         pins: Forces (x, y), N, by pin name. 'A0' is the force of the frame on the crank, 'A' of
-            the crank on the coupler, 'B' of the coupler on the rocker, rod or slider, 'B0' of the
-            frame on the rocker, and 'D' of the rod on the slider.
-        guide_force: Normal force of the guide on the slider, positive to the left of the guide's
-            direction, N; None if there is no slider.
+            the crank on the coupler or on the rod of a cylinder, 'B' of the coupler on the rocker,
+            rod or slider, 'B0' of the frame on the rocker or barrel, and 'D' of the rod on the
+            slider.
+        guide_force: Normal force of the guide on the slider, or of the barrel on the rod, positive
+            to the left of the guide's direction, N; None if there is neither.
         shaking_force: Force (x, y) of bearings and guide on the frame, N. It includes an external
             force on the slider, because that force originates outside the machine.
         shaking_moment: Moment on the frame about A0, including the drive's reaction, N m.
         torque: Driving torque from the moment balance of the crank, N m.
+        guide_moment: Moment of the guide on the slider, about the slider's pin, N m; None if there
+            is no slider.
     """
 
     pins: dict[str, Vector]
@@ -80,11 +84,12 @@ class Reactions(NamedTuple):
     shaking_force: Vector
     shaking_moment: Real
     torque: Real
+    guide_moment: Real | None = None
 
 
 def reactions(
     model: Model, q: Sequence[Real], u: Sequence[Real], a: Sequence[Real]
-) -> tuple[tuple[Vector, ...], tuple[Real, ...], Vector, Real, Real]:
+) -> tuple[tuple[Vector, ...], tuple[Real, ...], Vector, Real, Real, tuple[Real, ...]]:
     """Computes the joint forces of a moving mechanism, in the order of the fields of `Reactions`.
 
     The forces grow without bound near a change point or a limit of the crank.
@@ -92,18 +97,22 @@ def reactions(
     require(is_finite(*q, *u, *a), model.refuse, *q, *u, *a)
     pose = model.loop.pose(tuple(q))
     balance = _Balance(model, pose, velocities(pose, u), accelerations(pose, u, a))
-    for (i, j), sine in reversed(list(zip(model.dyads, pose.sines, strict=True))):
-        for angle, k1, k2 in zip(q, pose.links[i].jacobian, pose.links[j].jacobian, strict=True):
-            slope = (ZERO if model.links[j].slides else k2) - k1
+    for dyad, sine in reversed(list(zip(model.dyads, pose.sines, strict=True))):
+        columns = zip(*(link.jacobian for link in pose.links), strict=True)
+        for angle, column in zip(q, columns, strict=True):
+            (_, k1), (_, k2) = dyad_lines(model, pose, column, dyad)
             # Reject coordinates within rounding errors of a change point.
-            near = _ULPS * abs(slope) * (1 + abs(angle))
+            near = _ULPS * abs(k2 - k1) * (1 + abs(angle))
             require(abs(sine) > near, model.refuse_forces, *q)
+        i, j = dyad
         balance.solve(i, j, sine)
     for j in reversed(range(len(pose.links))):
         balance.solve_last_pin(j)
-    guides = tuple(balance.solve_guide(j) for j, link in enumerate(model.links) if link.slides)
+    sliding = [j for j, link in enumerate(model.links) if link.slides]
+    guides, moments = zip(*map(balance.guide, sliding), strict=True) if sliding else ((), ())
     torque, forces = balance.moment(0), tuple(balance.forces[pin.name] for pin in model.pins)
-    return forces, guides, -balance.force(_FRAME), -balance.moment(_FRAME) - torque, torque
+    shaking = -balance.force(_FRAME), -balance.moment(_FRAME) - torque
+    return forces, guides, *shaking, torque, moments
 
 
 class _Balance:
@@ -122,7 +131,8 @@ class _Balance:
         changes: Sequence[Real],
     ) -> None:
         self.forces: dict[str, Vector] = {}
-        self._links, self._pins = model.links, model.pins
+        self._guides: dict[int, tuple[Real, Real]] = {}
+        self._links, self._pins, self._poses = model.links, model.pins, pose.links
         self._directions = [link.direction for link in pose.links]
         self._positions = {
             pin.name: place.follow(self._directions, rates, changes)[0]
@@ -132,26 +142,37 @@ class _Balance:
         # Following d'Alembert, inertia is included as reversed forces and couples.
         self._known: list[list[tuple[Vector, Vector]]] = [[] for _ in (*model.links, 'frame')]
         self._couples = [ZERO] * len(self._known)
-        self._centers = []
-        for j, (body, change) in enumerate(zip(model.links, changes, strict=True)):
+        # For each sliding link, its pin, through which the forces along and across its guide pass.
+        self._slid: dict[int, Vector] = {}
+        for j, body in enumerate(model.links):
             center, _, acceleration = body.center.follow(self._directions, rates, changes)
-            self._centers.append(center)
             self._known[j].append((center, (model.gravity - acceleration) * body.mass))
+            spin = body.spin(j)
+            change = ZERO if spin is None else changes[spin]
             self._couples[j] = self._couples[j] - body.inertia * change
+            if body.slides:
+                self._slid[j] = center
+        for pin in model.pins:
+            if model.links[pin.second].slides:
+                self._slid[pin.second] = self._positions[pin.name]
         for load in model.loads:
             for wrench in load.wrenches(pose.links, rates):
                 self._exert(wrench, pose.links)
 
     def _exert(self, wrench: Wrench, links: Sequence[LinkPose]) -> None:
-        """Adds a wrench to the balances of its body and, for its `held` share, of the frame."""
-        body, effort, held, force, point = wrench
+        """Adds a wrench to the balances of its body and of the body that exerts it, if any."""
+        body, effort, held, force, point, couple = wrench
         self._add_effort(body, body, effort)
-        self._add_effort(_FRAME, body, -held)
+        if body != _FRAME and self._links[body].slides and not self._links[body].is_guided:
+            self._add_effort(self._parent(body), body, -effort)
+        else:
+            self._add_effort(_FRAME, body, -held)
+        self._couples[body] = self._couples[body] + couple
         if point is None:
             return
         at = place(point, links)
-        if body != _FRAME and self._links[body].slides:
-            center = self._centers[body]
+        if body != _FRAME and self._links[body].is_guided:
+            center = self._slid[body]
             self._couples[body] = self._couples[body] + cross(at - center, force)
             at = center
         self._known[body].append((at, force))
@@ -161,7 +182,12 @@ class _Balance:
         if j == _FRAME or not self._links[j].slides:
             self._couples[body] = self._couples[body] + effort
         elif effort is not ZERO:
-            self._known[body].append((self._centers[j], self._directions[j] * effort))
+            self._known[body].append((self._slid[j], self._directions[j] * effort))
+
+    def _parent(self, j: int) -> int:
+        """Returns the body on which a link slides."""
+        parent = self._links[j].parent
+        return _FRAME if parent is None else parent
 
     def force(self, j: int) -> Vector:
         """Returns the force, N, that is missing from the force balance of body j."""
@@ -184,6 +210,10 @@ class _Balance:
     def solve(self, i: int, j: int, sine: Real) -> None:
         """Computes the force in the common pin of a dyad from the moments about its outer pins."""
         own, others = self._pins_of(i), self._pins_of(j)
+        if self._links[j].slides and self._links[j].parent == i:
+            (pin,), (outer_pin,) = others, own
+            self._solve_cylinder(i, j, pin, self._positions[outer_pin.name])
+            return
         (pin,), (outer_pin,) = own & others, own - others
         inner, outer = self._positions[pin.name], self._positions[outer_pin.name]
         first, second = self._directions[i], self._directions[j]
@@ -198,6 +228,19 @@ class _Balance:
         force = (second * across_first - first * across_second) * (1.0 / sine)
         self._add_pin_force(pin, force)
 
+    def _solve_cylinder(self, i: int, j: int, pin: Pin, pivot: Vector) -> None:
+        """Computes the forces in the pin and in the guide of a link j that slides on a link i.
+
+        The force balance of link j gives the component along the guide, and the moments of both
+        links about the pivot of link i give the component across it.
+        """
+        axis, origin = self._directions[j], cast('Any', self._links[j].origin)
+        along = dot(axis, self.force(j))
+        moment = self.moment(i, pivot) + self.moment(j, pivot)
+        across = (moment + origin.y * along) / self._poses[j].position
+        self._add_pin_force(pin, axis * along + axis.left() * across)
+        self.guide(j)
+
     def _pins_of(self, j: int) -> set[Pin]:
         return {pin for pin in self._pins if j in (pin.first, pin.second)}
 
@@ -208,13 +251,17 @@ class _Balance:
             (pin,), force = unknown, self.force(j)
             self._add_pin_force(pin, force if pin.second == j else -force)
 
-    def solve_guide(self, j: int) -> Real:
-        """Computes the force of a guide on its slider; see `Reactions.guide_force`."""
-        across = self._directions[j].left()
-        force = dot(across, self.force(j))
-        self._known[_FRAME].append((self._centers[j], across * -force))
-        self._couples[_FRAME] = self._couples[_FRAME] + self._couples[j]
-        return force
+    def guide(self, j: int) -> tuple[Real, Real]:
+        """Computes the force and the moment of a guide on its slider; see `Reactions`."""
+        if j not in self._guides:
+            across, place, body = self._directions[j].left(), self._slid[j], self._parent(j)
+            force = dot(across, self.force(j))
+            # All forces on a guided link pass through its pin.
+            moment = -self._couples[j] if body == _FRAME else self.moment(j, place)
+            self._known[body].append((place, across * -force))
+            self._couples[body] = self._couples[body] - moment
+            self._guides[j] = force, moment
+        return self._guides[j]
 
 
 # Loads that joint forces cause.
@@ -226,15 +273,19 @@ class FoundLoad(NamedTuple):
     Attributes:
         inner: Torque on each link at its pins to other moving links, N m.
         outer: Load on each link from the frame: torque at a pin, N m, or force of a guide, N.
+        couples: Torque on each link that slides on another link, at its pin, N m.
     """
 
     inner: tuple[Real, ...]
     outer: tuple[Real, ...]
+    couples: tuple[Real, ...]
 
     def wrenches(self, _links: Sequence[LinkPose], _rates: Sequence[Real]) -> list[Wrench]:
         """See `Load`."""
-        both = zip(self.inner, self.outer, strict=True)
-        return [Wrench(j, inner + outer, outer) for j, (inner, outer) in enumerate(both)]
+        return [
+            Wrench(j, inner + outer, outer, couple=couple)
+            for j, (inner, outer, couple) in enumerate(zip(*self, strict=True))
+        ]
 
 
 class Search(NamedTuple):
@@ -305,7 +356,7 @@ def joint_load_round(
     """
     rates = velocities(model.loop.pose(tuple(q)), u)
     contacts = _contacts(model, rates)
-    exert = functools.partial(_caused_loads, contacts, search.share, len(rates))
+    exert = functools.partial(_caused_loads, contacts, search.share, model.links)
     load, everyone = exert(search.sizes), range(len(contacts))
     loaded = model._replace(loads=(*model.loads, load))
     found = reactions(loaded, q, u, a)
@@ -327,15 +378,17 @@ def _contacts(model: Model, rates: Sequence[Real]) -> list[Contact]:
 
 
 def _caused_loads(
-    contacts: Sequence[Contact], share: Real, links: int, sizes: Sequence[Real]
+    contacts: Sequence[Contact], share: Real, links: Sequence[Link], sizes: Sequence[Real]
 ) -> FoundLoad:
     """Computes the loads caused by forces of given magnitudes; `share` scales the coefficients."""
-    inner, outer = [ZERO] * links, [ZERO] * links
+    inner, outer, couples = ([ZERO] * len(links) for _ in range(3))
     for contact, size in zip(contacts, sizes, strict=True):
-        row = inner if len(contact.levers) > 1 else outer
         for j, lever in contact.levers.items():
+            row = inner if len(contact.levers) > 1 else outer
+            if links[j].slides and contact.joint != links[j].name:
+                row = couples
             row[j] = row[j] + lever * (share * size)
-    return FoundLoad(tuple(inner), tuple(outer))
+    return FoundLoad(tuple(inner), tuple(outer), tuple(couples))
 
 
 def _forces(model: Model, contacts: Sequence[Contact], found: tuple[Any, ...]) -> list[Vector]:

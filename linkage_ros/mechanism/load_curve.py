@@ -40,7 +40,7 @@ class LoadCurve(AppliedLoad):
     """A force, torque or pressure on a link, interpolated linearly between points.
 
     Attributes:
-        link: Loaded link: 'crank', 'rocker' or 'slider'.
+        link: Loaded link: 'crank', 'rocker', 'slider', or the 'rod' of a cylinder.
         over: Independent variable. With 'crank_angle', the curve repeats every turn of the crank
             or, if its points span more than a turn, every two turns. With 'position', it is the
             slider's position, or the rocker's angle without a jump in its swing; outside the
@@ -64,7 +64,7 @@ class LoadCurve(AppliedLoad):
     has_corners: ClassVar[bool] = True
 
     link: str = quantity(
-        'choice', 'link that the load curve acts on', choices=('crank', 'rocker', 'slider')
+        'choice', 'link that the load curve acts on', choices=('crank', 'rocker', 'slider', 'rod')
     )
     over: str = quantity(
         'choice', 'variable of the load curve', choices=('crank_angle', 'position'),
@@ -154,7 +154,11 @@ class LoadCurve(AppliedLoad):
                 raise ConfigurationError(
                     f'{label}.{extra[0]} is for a pressure: leave it out, or give {label}.pressure'
                 )
-        elif self.bore is None or self.link != 'slider' or self.return_value is not None:
+        elif (
+            self.bore is None
+            or self.link not in {'slider', 'rod'}
+            or self.return_value is not None
+        ):
             raise ConfigurationError(
                 f'{label}.pressure acts on a slider with a bore: give {label}.bore, in m, and '
                 f'{label}.link: slider, and no return_value'
@@ -209,7 +213,7 @@ class LoadCurve(AppliedLoad):
             )
         top = self.top
         if variable == 'crank_angle_from_tdc_deg':
-            (_, start), _ = mechanism.stroke(f'{label}.file', 'slider').ends(top or FAR)
+            (_, start), _ = mechanism.stroke(f'{label}.file', self.link).ends(top or FAR)
             lists['at'] = tuple(start + x for x in lists['at'])
             top = top if 'pressure' in lists else None
         return (replace(self, file='', top=top, **lists),)

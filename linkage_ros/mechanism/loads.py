@@ -147,14 +147,16 @@ class LinkLoad(AppliedLoad):
     `FourBar(..., loads=(LinkLoad('rocker', -5.0),))` applies a torque of -5 N m to the rocker.
 
     Attributes:
-        link: Loaded link: 'rocker' or 'slider'.
+        link: Loaded link: 'rocker', 'slider', or the rod of a cylinder.
         force: Torque, N m, positive counter-clockwise; on a slider, force along the guide, N.
         damping: Damping coefficient, N m s or N s/m.
         stiffness: Stiffness of a spring to the frame, N m/rad or N/m.
         rest: Position at which the spring exerts no force, rad or m.
     """
 
-    link: str = quantity('choice', 'link that the load acts on', choices=('rocker', 'slider'))
+    link: str = quantity(
+        'choice', 'link that the load acts on', choices=('rocker', 'slider', 'rod')
+    )
     force: float = quantity(
         'number', 'force or torque', 'N or N m', span=(-1e12, 1e12), default=0.0
     )
@@ -300,7 +302,7 @@ class DryFriction(NamedTuple):
         """Returns the contacts of the joints with friction, pins first; see `JointLoad`."""
         contacts = []
         for joint, first, others, rate in self._rubbing(pins, links, rates):
-            lever = (self.guide if links[first].slides else self.arm) * _sign(rate)
+            lever = (self.guide if joint == links[first].name else self.arm) * _sign(rate)
             levers = {first: -lever, **dict.fromkeys(others, lever)}
             contacts.append(Contact(joint, levers))
         return contacts
@@ -315,11 +317,12 @@ class DryFriction(NamedTuple):
     ) -> Iterator[tuple[str, int, list[int], Real]]:
         """Yields each joint with friction: its name, link, other link if it moves, and rate."""
         for pin in pins if self.arm is not ZERO else ():
-            # A sliding link does not turn, because its guide transmits the couple to the frame.
-            first, *others = (
-                j for j in (pin.second, pin.first) if j is not None and not links[j].slides
-            )
-            yield pin.name, first, others, rates[first] - (rates[others[0]] if others else ZERO)
+            moving = [j for j in (pin.second, pin.first) if j is not None]
+            # A guided link does not turn.
+            first, *others = sorted(moving, key=lambda j: links[j].is_guided)
+            spins = [links[j].spin(j) for j in (first, *others)]
+            rate, *other = (ZERO if j is None else rates[j] for j in spins)
+            yield pin.name, first, others, rate - (other[0] if other else ZERO)
         for j, link in enumerate(links):
             if link.slides and self.guide is not ZERO:
                 yield link.name, j, [], rates[j]

@@ -183,6 +183,65 @@ class Slider(Checked):
 
 
 @dataclass(frozen=True)
+class Barrel(Checked):
+    """The barrel of a cylinder, or a slotted lever, which turns about the fixed pivot B0.
+
+    Attributes:
+        mass: Mass, kg.
+        inertia: Moment of inertia about its centre of mass, kg m^2.
+        center: Centre of mass [along, across] from B0, m.
+    """
+
+    mass: float = quantity('number', 'mass', 'kg', span=_MASSES, default=0.0)
+    inertia: float = quantity(
+        'number', 'moment of inertia about the centre of mass', 'kg m^2', span=_MASSES, default=0.0
+    )
+    center: tuple[float, float] = quantity(
+        'pair', 'centre of mass [along, across] from the pivot B0', 'm',
+        span=(-1e9, 1e9), default=(0.0, 0.0),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Rod(Checked):
+    """The rod of a cylinder, which slides in the barrel; its loads act between the two.
+
+    Attributes:
+        mass: Mass, kg.
+        inertia: Moment of inertia about its centre of mass, kg m^2.
+        center: Centre of mass [along, across] from the crank pin A in the barrel's direction, m.
+            A centre between B0 and A is behind A, at a negative distance along.
+        force: Force between barrel and rod that lengthens the cylinder, N.
+        damping: Damping coefficient of the cylinder, N s/m.
+        stiffness: Stiffness of a spring between barrel and rod, N/m.
+        rest_position: Position of the rod at which the spring exerts no force, m.
+    """
+
+    load_fields: ClassVar[tuple[str, ...]] = _SLIDER_LOAD
+
+    mass: float = quantity('number', 'mass', 'kg', span=_MASSES, default=0.0)
+    inertia: float = quantity(
+        'number', 'moment of inertia about the centre of mass', 'kg m^2', span=_MASSES, default=0.0
+    )
+    center: tuple[float, float] = quantity(
+        'pair', "centre of mass [along, across] from A in the barrel's direction", 'm',
+        span=(-1e9, 1e9), default=(0.0, 0.0),
+    )  # fmt: skip
+    force: float = quantity(
+        'number', 'force that lengthens the cylinder', 'N', span=_FORCES, default=0.0
+    )
+    damping: float = quantity(
+        'number', 'resistance per sliding speed', 'N s/m', span=_MASSES, default=0.0
+    )
+    stiffness: float = quantity(
+        'number', 'stiffness of a spring between barrel and rod', 'N/m', span=_MASSES, default=0.0
+    )
+    rest_position: float = quantity(
+        'number', 'position at which the spring is at rest', 'm', span=(-1e9, 1e9), default=0.0
+    )
+
+
+@dataclass(frozen=True)
 class Piston(Checked):
     """A slider on the x axis of base_link, whose position is an independent coordinate.
 

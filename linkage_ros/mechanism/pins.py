@@ -46,11 +46,7 @@ class Pins(AppliedLoad):
         return PinDamping(
             self.damping,
             tuple(
-                tuple(
-                    # A sliding link does not turn: its guide transmits the couple to the frame.
-                    FRAME if j is None or structure.links[j].slides else j
-                    for j in (pin.first, pin.second)
-                )
+                tuple(_turning(structure, j) for j in (pin.first, pin.second))
                 for pin in structure.pins
                 if self.pin in {'', pin.name}
             ),
@@ -62,17 +58,31 @@ class PinDamping(NamedTuple):
 
     Attributes:
         damping: Damping coefficient, N m s.
-        pairs: Indices of the two links of each pin; FRAME for a body that does not turn.
+        pairs: For the two bodies of each pin, the index of the body and that of the link with
+            which it turns, or FRAME.
     """
 
     damping: Real
-    pairs: tuple[tuple[int, ...], ...]
+    pairs: tuple[tuple[tuple[int, int], ...], ...]
 
     def wrenches(self, _links: Sequence[LinkPose], rates: Sequence[Real]) -> list[Wrench]:
         """See `Load`."""
         found = []
         for first, second in self.pairs:
-            rate, other = (ZERO if j == FRAME else rates[j] for j in (second, first))
+            rate, other = (ZERO if j == FRAME else rates[j] for _, j in (second, first))
             couple = -(self.damping * (rate - other))
-            found += [Wrench(second, couple), Wrench(first, -couple)]
+            found += [_couple(*second, couple), _couple(*first, -couple)]
         return found
+
+
+def _turning(structure: Any, j: int | None) -> tuple[int, int]:
+    """Returns a body and the link with which it turns; see `PinDamping.pairs`."""
+    if j is None:
+        return FRAME, FRAME
+    spin = structure.links[j].spin(j)
+    return j, FRAME if spin is None else spin
+
+
+def _couple(body: int, spin: int, couple: Real) -> Wrench:
+    """Returns a couple on a body."""
+    return Wrench(body, couple) if body == spin else Wrench(body, couple=couple)

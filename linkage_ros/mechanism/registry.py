@@ -3,6 +3,7 @@
 """Registry of mechanism classes, keyed by their names in parameter files."""
 
 from linkage_ros.mechanism.four_bar import FourBar
+from linkage_ros.mechanism.inverted_slider_crank import InvertedSliderCrank
 from linkage_ros.mechanism.slider_crank import SliderCrank
 from linkage_ros.mechanism.structure import Mechanism
 from linkage_ros.mechanism.wind_pump import WindPump
@@ -11,5 +12,6 @@ from linkage_ros.mechanism.wind_pump import WindPump
 MECHANISMS: dict[str, type[Mechanism]] = {
     'four_bar': FourBar,
     'slider_crank': SliderCrank,
+    'inverted_slider_crank': InvertedSliderCrank,
     'wind_pump': WindPump,
 }

@@ -5,8 +5,7 @@
 import math
 from typing import Any, NamedTuple
 
-from linkage_ros.mechanism.parts import Body
-from linkage_ros.mechanism.structure import Link, Mechanism
+from linkage_ros.mechanism.structure import Link, Mechanism, mouth
 
 # Simulators reject a moving link without mass or inertia, so such a link is given this fraction
 # of the linkage's total mass.
@@ -43,9 +42,9 @@ class RigidLink(NamedTuple):
 def rigid_links(mechanism: Mechanism, joint_prefix: str = '') -> list[RigidLink]:
     """Returns the moving links of a mechanism, in the order of its joints.
 
-    The x axis of a link points from its first to its second pin; for a slider, it points along the
-    guide. The width of the bars' boxes is 1/20 of the length of the shortest bar. They are stacked
-    along z so that they do not intersect.
+    The x axis of a link points from its first to its second pin; for a sliding link, it points
+    along the guide. The width of the bars' boxes is 1/20 of the length of the shortest bar. They
+    are stacked along z so that they do not intersect.
 
     Args:
         mechanism: Mechanism to convert.
@@ -54,15 +53,19 @@ def rigid_links(mechanism: Mechanism, joint_prefix: str = '') -> list[RigidLink]
     Returns:
         The links, in which a small value replaces a mass or inertia of 0.
     """
-    joints = mechanism.structure().links
+    structure = mechanism.structure()
+    joints, opening = structure.links, mouth(structure)
     bodies: list[Any] = [getattr(mechanism, joint.name) for joint in joints]
-    width = min(body.length for body in bodies if isinstance(body, Body)) / 20
+    width = min(body.length for body in bodies if hasattr(body, 'length')) / 20
     least_mass = max(_SMALL * (math.fsum(body.mass for body in bodies) or 1.0), _LEAST)
     links = []
     for layer, (joint, body) in enumerate(zip(joints, bodies, strict=True)):
-        turns, mass = isinstance(body, Body), body.mass or least_mass
+        turns, mass = not joint.is_guided, body.mass or least_mass
         # A slider does not turn, so the inertia of a box does not change the motion.
-        length, height = (body.length, width) if turns else (6 * width, 4 * width)
+        length, height = (6 * width, 4 * width)
+        if turns:
+            length, height = getattr(body, 'length', opening.real), width
+        behind = -1 if joint.slides else 1  # a rod is between its pin and the mouth of its barrel
         box = least_mass * length**2 if turns else mass * math.hypot(length, height) ** 2
         inertia = (turns and body.inertia) or max(box / 12, _LEAST)
         zeros = [word for word in ('mass', 'inertia') if getattr(body, word, 1.0) == 0]
@@ -72,7 +75,7 @@ def rigid_links(mechanism: Mechanism, joint_prefix: str = '') -> list[RigidLink]
                 joint, f'{joint_prefix}{joint.name}', mass, inertia,
                 body.center if turns else (0.0, 0.0), note if zeros else '',
                 (length, height, width),
-                (length / 2 if turns else 0.0, 0.0, layer * width),
+                (behind * length / 2 if turns else 0.0, 0.0, layer * width),
             )
         )  # fmt: skip
     return links

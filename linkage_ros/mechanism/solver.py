@@ -414,12 +414,12 @@ class Solver:
             )
         q, u, a = self._motion(state)
         if self.model.joint_loads:
-            forces, guides, *others = self._settle(q, u, a).reactions
+            forces, guides, *others, moments = self._settle(q, u, a).reactions
         else:
-            forces, guides, *others = self._run(reactions, q=q, u=u, a=a)
-        return Reactions(
-            dict(zip(pins, forces, strict=True)), guides[0] if guides else None, *others
-        )
+            forces, guides, *others, moments = self._run(reactions, q=q, u=u, a=a)
+        guide, moment = (guides[0], moments[0]) if guides else (None, None)
+        found = Reactions(dict(zip(pins, forces, strict=True)), guide, *others)
+        return found._replace(guide_moment=moment)
 
     def load_forces(self, state: State) -> dict[str, Real]:
         """Computes the generalised forces of loads and friction, excluding weights.

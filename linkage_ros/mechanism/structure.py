@@ -73,13 +73,13 @@ class Link(NamedTuple):
     URDF does not support closed loops, so the loop is cut at the output link's pin. This pin is B
     between coupler and rocker or slider or, in a wind pump, D between rod and slider. Joint
     positions are relative to the parent link: the coupler is measured from the crank, the rod from
-    the coupler.
+    the coupler. The loop of an inverted slider-crank is cut at the rod's pin A.
 
     Attributes:
         name: Name of the link and of its joint.
         mass: Mass, kg.
-        inertia: Moment of inertia about the centre of mass, kg m^2; 0 for a sliding link.
-        center: Centre of mass; for a sliding link, its pin.
+        inertia: Moment of inertia about the centre of mass, kg m^2; 0 for a guided link.
+        center: Centre of mass; for a guided link, its pin.
         parent: Index of the parent link; None if the parent is base_link.
         origin: Position of the joint in the axes of the parent, x + iy, m.
         angle: Direction of the joint's x axis in the axes of the parent, rad.
@@ -94,6 +94,22 @@ class Link(NamedTuple):
     origin: complex = 0j
     angle: float = 0.0
     slides: bool = False
+
+    @property
+    def is_guided(self) -> bool:
+        """Whether the link slides on the frame, so that it does not turn."""
+        return self.slides and self.parent is None
+
+    def spin(self, index: int) -> int | None:
+        """Returns the index of the link whose angle gives the direction of this one.
+
+        Args:
+            index: Index of this link.
+
+        Returns:
+            This link, the link on which it slides, or None if it is guided by the frame.
+        """
+        return self.parent if self.slides else index
 
     @classmethod
     def turning(cls, name: str, body: Body, index: int, pin: Point) -> 'Link':
@@ -148,8 +164,9 @@ class Pin(NamedTuple):
 
 
 # The indices of two links joined by a pin; their other pins determine their positions (an Assur
-# group). If the second link slides, it is treated as an infinitely long link perpendicular to its
-# guide.
+# group). If the second link slides on the frame, it is treated as an infinitely long link
+# perpendicular to its guide; if it slides on another link, as the line from that link's pin to its
+# own. If it slides on the first link, the two are a dyad with an inner guide (a cylinder).
 Dyad: TypeAlias = tuple[int, int]
 
 
@@ -158,7 +175,8 @@ class Structure(NamedTuple):
 
     Attributes:
         links: The moving links, each after its parent.
-        points: The pins A0, A, B and, if present, B0, D and the coupler point C, by name.
+        points: The pins A0, A, B and, if present, B0, D, the coupler point C and the mouth E of a
+            barrel, by name.
         closure: Sum of the turning links' vectors around the loop. In a closed loop, this sum is
             0 or, with a sliding link, the position of that link's pin.
         pins: The pin joints; empty if joint forces are not supported.
@@ -202,6 +220,9 @@ class Structure(NamedTuple):
         if link == FRAME:
             return Point.at(complex(*at), len(self.links))
         body = self.links[link]
+        if body.slides and body.parent is not None:
+            pin = next(pin.name for pin in self.pins if link in (pin.first, pin.second))
+            return self.points[pin].along(body.parent, *at)
         if body.slides:
             center = body.center
             return center._replace(fixed=center.fixed + complex(*at) * direction(body.angle))
@@ -222,8 +243,22 @@ class Structure(NamedTuple):
             if weight
         )
         if last.slides:
-            reached -= last.origin + state.position[-1] * direction(last.angle)
+            slid = last.origin + state.position[-1] * direction(last.angle)
+            axis = 1.0 if last.parent is None else direction(state.position[last.parent])
+            reached -= slid * axis
         return abs(reached)
+
+
+def mouth(structure: Structure) -> complex:
+    """Returns the point of a barrel, [along, across] as x + iy, to which the barrel is drawn.
+
+    Returns:
+        The point E of the link on which the last link slides, m; 0 without such a link.
+    """
+    last = structure.links[-1]
+    if last.parent is None or not last.slides:
+        return 0j
+    return complex(structure.points['E'].weights[last.parent])
 
 
 class Description(NamedTuple):

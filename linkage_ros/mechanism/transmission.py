@@ -28,6 +28,21 @@ from linkage_ros.mechanism.kinematics import Arc, Reach
 from linkage_ros.numeric import Real, is_rounding, short_sum, two_sum, wrap
 
 
+def half_angle(crank: Real, reference: tuple[float, float]) -> tuple[Real, Real]:
+    """Computes sine and cosine of h, half the crank angle from a direction, to an ulp.
+
+    Args:
+        crank: Crank angle, rad.
+        reference: The direction, rad, as a sum of two doubles. The rounding error of the
+            difference is compensated.
+    """
+    high, low = reference
+    half, error = two_sum(0.5 * crank, -0.5 * high)
+    half_error = error - 0.5 * low
+    sine, cosine = sin(half), cos(half)
+    return sine + half_error * cosine, cosine - half_error * sine
+
+
 class Square(NamedTuple):
     """A function of h: cos^2 m = p + (kappa cos h)^2 or sin^2 m = q + (kappa sin h)^2.
 
@@ -102,11 +117,7 @@ class Transmission(NamedTuple):
             sin h, cos h, sin m, cos m, u and v. They are accurate to an ulp even near change
             points, because the rounding error of crank - reference is compensated.
         """
-        high, low = self.reference
-        half, error = two_sum(0.5 * crank, -0.5 * high)
-        half_error = error - 0.5 * low
-        sine, cosine = sin(half), cos(half)
-        sin_h, cos_h = sine + half_error * cosine, cosine - half_error * sine
+        sin_h, cos_h = half_angle(crank, self.reference)
         x, y = self.kappa * sin_h, self.kappa * cos_h
         cos_m = self.cos.root(y, x, self.refuse, crank)
         sin_m = self.sin.root(x, y, self.refuse, crank)
@@ -153,12 +164,12 @@ class Transmission(NamedTuple):
         nearest = 2 * math.atan2(math.sqrt(lacks[0]), math.sqrt(self.sin.most))
         farthest = 2 * math.atan2(math.sqrt(self.cos.most), math.sqrt(lacks[1]))
         if not self.sin.limits:
-            return (_normalized(middle - farthest, middle + farthest),)
+            return (normalized(middle - farthest, middle + farthest),)
         if not self.cos.limits:
-            return (_normalized(middle + nearest, middle + 2 * math.pi - nearest),)
+            return (normalized(middle + nearest, middle + 2 * math.pi - nearest),)
         return (
-            _normalized(middle + nearest, middle + farthest),
-            _normalized(middle - farthest, middle - nearest),
+            normalized(middle + nearest, middle + farthest),
+            normalized(middle - farthest, middle - nearest),
         )
 
     def extremes(self) -> Arc:
@@ -222,7 +233,8 @@ class Transmission(NamedTuple):
         )
 
 
-def _normalized(start: float, end: float) -> Arc:
+def normalized(start: float, end: float) -> Arc:
+    """Shifts an arc by whole turns, so that its start is in [0, 2 pi), rad."""
     whole = 2 * math.pi * math.floor(start / (2 * math.pi))
     return start - whole, end - whole
 

@@ -23,10 +23,11 @@ class Wrench(NamedTuple):
     Attributes:
         body: Index of the link on which it acts, or FRAME.
         effort: Couple, N m, positive counter-clockwise; on a sliding link, force along its guide
-            through its pin, N.
+            through its pin, N. A link on which it slides takes the opposite force.
         held: Share of `effort` that the frame exerts, so that its opposite acts on the frame.
         force: Force at `point`, in the axes of base_link, N.
         point: Point of the body, a `structure.Point`; None without a force.
+        couple: Couple on a sliding link, N m; the guide of a guided link takes it.
     """
 
     body: int
@@ -34,6 +35,7 @@ class Wrench(NamedTuple):
     held: Real = ZERO
     force: Vector = Vector(ZERO, ZERO)
     point: Any = None
+    couple: Real = ZERO
 
 
 def poses(bodies: Sequence[Any], positions: Sequence[Real]) -> list[LinkPose]:
@@ -43,10 +45,12 @@ def poses(bodies: Sequence[Any], positions: Sequence[Real]) -> list[LinkPose]:
         bodies: The moving links of the mechanism, `structure.Link`s.
         positions: Positions as in `State`, rad and m.
     """
-    return [
-        LinkPose(position, Vector.at(body.angle if body.slides else position), (), ())
-        for body, position in zip(bodies, positions, strict=True)
-    ]
+    found = []
+    for j, (body, position) in enumerate(zip(bodies, positions, strict=True)):
+        spin = body.spin(j)
+        angle = body.angle if spin is None else positions[spin]
+        found.append(LinkPose(position, Vector.at(angle), (), ()))
+    return found
 
 
 def place(point: Any, links: Sequence[LinkPose]) -> Vector:
@@ -78,14 +82,16 @@ def generalised(
     Yields:
         Index of a link and torque on it, N m, or force along its guide, N.
     """
-    body, effort, _, force, point = wrench
+    body, effort, _, force, point, couple = wrench
     if body == FRAME:
         return
     if effort is not ZERO:
         yield body, effort
+    if couple is not ZERO and (spin := bodies[body].spin(body)) is not None:
+        yield spin, couple
     if point is None:
         return
-    if bodies[body].slides:
+    if bodies[body].is_guided:
         yield body, dot(links[body].direction, force)
         return
     for j, weight in enumerate(point.weights):

@@ -24,7 +24,8 @@ class RobotJoint(NamedTuple):
 
     Attributes:
         name: Name in messages; empty if it is not published.
-        parent: Index of the link from which the joint is measured; None for the frame.
+        parent: Index of the link from which the joint is measured; None for the frame, and for the
+            position of a sliding link.
         zero: Value of `own` at which the joint is at 0, rad or m.
         ratio: Value of the joint per unit of `own`, not 0.
         is_mapped: Whether zero, ratio or parent were given.
@@ -49,7 +50,10 @@ class RobotJoint(NamedTuple):
 
 def own_joints(links: Sequence[Link], joint_prefix: str = '') -> tuple[RobotJoint, ...]:
     """Returns the joints of the open tree, with their own names, zeros and parents."""
-    return tuple(RobotJoint(f'{joint_prefix}{link.name}', link.parent) for link in links)
+    return tuple(
+        RobotJoint(f'{joint_prefix}{link.name}', None if link.slides else link.parent)
+        for link in links
+    )
 
 
 def joint_rows(

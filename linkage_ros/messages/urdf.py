@@ -56,7 +56,8 @@ def make_urdf(
     """
     links = rigid_links(mechanism, joint_prefix)
     # The loop cannot close beyond these limits.
-    reach = repr(math.fsum(link.box[0] for link in links if not link.joint.slides))
+    closure = mechanism.structure().closure
+    reach = repr(math.fsum(map(abs, (*closure.weights, closure.fixed))))
     parents = [frame_id, *(link_of(link.name) for link in links)]  # base_link first
     robot = element('robot', element('link', name=frame_id), name='linkage')
     for link in links:

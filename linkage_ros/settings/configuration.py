@@ -224,20 +224,24 @@ def _require_harmless(drive: Drive) -> None:
 def _not_a_parameter(name: str, kind: MechanismAndDrive, valid: Sequence[str]) -> str:
     """Returns the error message for an unknown parameter of a mechanism and drive."""
     driven = {'torque': 'torque-driven {}', 'follow': 'measured {}', 'motion': '{} along a motion'}
-    owner = f'a {driven.get(kind.drive, "{}").format(kind.mechanism)}'
+    owner = _with_article(driven.get(kind.drive, '{}').format(kind.mechanism))
     block = name.partition('.')[0]
     sought = name if any(known.startswith(f'{block}.') for known in valid) else block
     drives, mechanisms = (
         _others(sought, kinds, own)
         for kinds, own in ((DRIVES, kind.drive), (MECHANISMS, kind.mechanism))
     )
-    having = [*(f'a crank with drive: {x}' for x in drives), *(f'a {x}' for x in mechanisms)]
+    having = [*(f'a crank with drive: {x}' for x in drives), *map(_with_article, mechanisms)]
     reason = f'only {" or ".join(having)} has {sought}' if having else ''
     if name == 'rate_hz':
         reason = 'measurements set the rate'
     if reason:
         return f'{shown(name)} is not a parameter of {owner}: {reason}; leave it out'
     return unknown_name(name, owner, valid, 'linkage_record --help')
+
+
+def _with_article(name: str) -> str:
+    return f'{"an" if name[0] in "aeiou" else "a"} {name}'
 
 
 def _others(sought: str, kinds: Mapping[str, type], own: str) -> list[str]:

@@ -96,7 +96,7 @@ def robot_joints(
         given, group = settings.get(link.name, JointSettings()), f'{GROUP}.{link.name}'
         valid = [name for name, number in numbers.items() if number != i]
         if not i or link.slides:
-            valid = [FRAME]
+            valid = [FRAME if link.parent is None else links[link.parent].name]
         if given.parent is not None and given.parent not in valid:
             raise ConfigurationError(
                 f'{group}.parent = {shown(given.parent)}: must be {" or ".join(valid)}'
@@ -109,7 +109,7 @@ def robot_joints(
             )
         found[i] = joint._replace(
             name=joint.name if given.name is None else given.name,
-            parent=joint.parent if given.parent is None else numbers[given.parent],
+            parent=joint.parent if given.parent is None or link.slides else numbers[given.parent],
             zero=given.zero or 0.0,
             ratio=1.0 if given.ratio is None else given.ratio,
             is_mapped=any(x is not None for x in (given.zero, given.ratio, given.parent)),

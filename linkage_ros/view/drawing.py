@@ -33,12 +33,13 @@ class Drawing:
 
     Attributes:
         joints: Names of the joints, in the order of the links.
-        turning: Names of the links that turn: all except a slider.
+        turning: Names of the links with an angle: all except a slider or rod.
         pivots: The fixed pivots A0 and, if there is one, B0; shape (1 or 2, 2), m.
         pivot_names: Names of the pivots.
         pivot_labels: Positions of the labels of the pivots; shape as `pivots`, m.
         pins: Names of the moving points, in the order in which `place` returns them.
-        ends: Both pins of each link that turns, in the order of the loop.
+        ends: Both pins of each link that turns, and of the rod of a cylinder, whose other end is
+            the mouth of its barrel; in the order of `joints`.
         owners: Names of the links that own the moving points, by point; the path of a point has
             the colour of its owner. Points on the circle of the crank pin have no owner.
         loaded: Names of the arrows of the loads; see `LoadArrows`.
@@ -68,10 +69,15 @@ class Drawing:
         self._weights = np.array([points[name].weights for name in self.pins])
         self._fixed = np.array([points[name].fixed for name in self.pins])
         self.pivots = plane(np.array([points[name].fixed for name in self.pivot_names]))
-        loop = _pins_of_the_loop(structure)
-        self.ends = dict(zip(self.turning, pairwise(loop), strict=True))
+        loop, output = _pins_of_the_loop(structure), self._links[-1]
+        self.ends = dict(zip(self.turning, pairwise(loop), strict=False))
         # The owner of a pin between two links is the later link; C belongs to the coupler.
         self.owners = dict(zip(loop[2:], self.joints[2:], strict=False))
+        self._has_block = output.is_guided
+        if output.slides and not self._has_block:
+            self.ends |= {'barrel': ('B0', 'E'), output.name: ('E', loop[-1])}
+            self.owners['E'] = 'barrel'
+            loop.append('E')
         asides = {name: self.joints[np.flatnonzero(points[name].weights)[-1]] for name in self.pins
                   if name not in loop}  # fmt: skip
         self.owners |= asides
@@ -85,10 +91,15 @@ class Drawing:
             for pin, link in self.owners.items()
             if mechanism.reach()
         }
-        self._output = self.pins.index(loop[len(self.joints) - 1])  # the output link's pin
+        # The output link's pin.
+        self._output = self.pins.index(
+            next(pin.name for pin in structure.pins if pin.second == len(self.joints) - 1)
+            if structure.pins
+            else loop[len(self.joints) - 1]
+        )
         self._connect(asides)
         self.ground = [line for pivot in self.pivots for line in _pivot(pivot, mark)]
-        if self._links[-1].slides:
+        if self._has_block:
             axis = cmath.rect(1.0, self._links[-1].angle)
             self.ground += _rail(swept[:, self._output] @ (1, 1j), axis, mark)
         # Labels of pivots are below the pivots, or above them if the links are below.
@@ -99,8 +110,8 @@ class Drawing:
         self.loaded = self._arrows.names
         arrows = plane(self._arrows.reach)
         everything = np.concatenate([everything, *self.ground, self.pivot_labels, arrows])
-        if self.joints[-1] in self.loaded and self._links[-1].slides:
-            far = plane(np.array(self._arrows.farthest))
+        if self.joints[-1] in self.loaded and output.slides:
+            far = plane(self._arrows.farthest(positions))
             everything = np.concatenate([everything, swept[:, self._output] + far])
         low, high = everything.min(axis=0), everything.max(axis=0)
         room = (_LABEL_DISTANCE + _LABEL_HEIGHT) * mark  # room for the names of the pins
@@ -124,7 +135,7 @@ class Drawing:
         sides = [side for shape in self._corners.values() for side in pairwise(shape)]
         sides += [side[::-1] for side in sides]
         self._around, distances = np.zeros((0, 2)), np.full((len(self.pins), 1), _LABEL_DISTANCE)
-        if self._links[-1].slides:
+        if self._has_block:
             axis = self._mark * cmath.rect(1.0, self._links[-1].angle)
             block = axis * np.array([1 + 0.6j, -1 + 0.6j, -1 - 0.6j, 1 - 0.6j, 1, -1, -0.6j])
             self._around, first = plane(block), len(names)

@@ -67,12 +67,16 @@ class LoadArrows:
         self.reach = np.concatenate([ends + room * (1 + 1j), ends - room * (1 + 1j)])
         # Straight arrows are on the far side of the slider, where they overlap no link.
         self._side = math.copysign(1.0, positions[:, -1].mean())
-        self._outwards = cmath.rect(self._side, self._solver.structure.links[-1].angle)
 
-    @property
-    def farthest(self) -> complex:
-        """The vector from the slider's pin to the far end of the longest straight arrow, m."""
-        return (_BESIDE_PIN + _LONGEST) * self._mark * self._outwards
+    def _outwards(self, positions: Array) -> Complex:
+        """Returns the direction of straight arrows from the slider's pin, shape (n,) or ()."""
+        output = self._solver.structure.links[-1]
+        angle = output.angle if output.parent is None else positions[:, output.parent]
+        return np.asarray(self._side * np.exp(1j * np.asarray(angle)))
+
+    def farthest(self, positions: Array) -> Complex:
+        """Returns the vectors from the slider's pin to the far end of the longest arrow, m."""
+        return np.asarray((_BESIDE_PIN + _LONGEST) * self._mark * self._outwards(positions))
 
     def lines(self, positions: Array, rates: Array, slider_pin: Complex) -> dict[str, Complex]:
         """Draws the arrows.
@@ -96,7 +100,7 @@ class LoadArrows:
             j = self._solver.links.index(name)
             link = self._solver.structure.links[j]
             found[name] = (
-                self._straight(slider_pin, share)
+                self._straight(slider_pin, share, self._outwards(positions))
                 if link.slides
                 else self._curved(self._pivot(link, positions), positions[:, j], share)
             )
@@ -144,13 +148,13 @@ class LoadArrows:
         self._largest[name] = float(largest[-1])
         return force / np.where(largest[1:] > 0, largest[1:], 1.0)
 
-    def _straight(self, pin: Complex, share: Array) -> Complex:
+    def _straight(self, pin: Complex, share: Array, outwards: Complex) -> Complex:
         """Draws arrows that push or pull the slider."""
-        near = pin + np.where(share, _BESIDE_PIN * self._mark, 0.0) * self._outwards
-        far = near + abs(share) * _LONGEST * self._mark * self._outwards
+        near = pin + np.where(share, _BESIDE_PIN * self._mark, 0.0) * outwards
+        far = near + abs(share) * _LONGEST * self._mark * outwards
         pulls = share * self._side > 0
         body = np.stack([np.where(pulls, near, far), np.where(pulls, far, near)], axis=1)
-        forward = np.where(pulls, 1.0, -1.0) * self._outwards
+        forward = np.where(pulls, 1.0, -1.0) * outwards
         return self._with_head(body, forward, abs(share) * _LONGEST)
 
     def _pivot(self, link: Link, positions: Array) -> Complex:

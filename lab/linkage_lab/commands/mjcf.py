@@ -75,7 +75,7 @@ def make_mjcf(mechanism: Mechanism, start: State, joint_prefix: str = '') -> str
     links, names = structure.links, [f'{joint_prefix}{link.name}' for link in structure.links]
     position, velocity = (list(map(float, row)) for row in start[:2])
     for i, link in reversed([*enumerate(links)]):
-        if link.parent is not None:
+        if link.parent is not None and not link.slides:
             position[i] = math.remainder(position[i] - position[link.parent], math.tau)
             velocity[i] -= velocity[link.parent]
     parser = ET.XMLParser(target=ET.TreeBuilder(insert_comments=True))  # noqa: S314
@@ -219,7 +219,7 @@ class _Passive:
         for pin in self._structure.pins:
             rates = dict.fromkeys(self._names, 0)
             for link, sign in ((pin.second, 1), (pin.first, -1)):
-                j = None if link is None or links[link].slides else link
+                j = None if link is None else links[link].spin(link)
                 while j is not None:  # the rate of a link is the sum of those of its joints
                     rates[self._names[j]] += sign
                     j = links[j].parent
@@ -241,11 +241,11 @@ def _load(
     load, or LINK_curve for the group `load`.
 
     Raises:
-        ConfigurationError: The load acts in joints, on several links, or on a link with a moving
-            parent, on which the actuator would also act.
+        ConfigurationError: The load acts in joints, on several links, or on a turning link with a
+            moving parent, on which the actuator would also act.
     """
     link: int | None = getattr(load, 'link', None)
-    if link is None or links[link].parent is not None:
+    if link is None or (links[link].parent is not None and not links[link].slides):
         raise ConfigurationError(
             f'MJCF does not support {type(load).__name__}: only load curves, forces, damping, '
             'stiffness and gas of a link on the frame, forces at points, springs and viscous '

@@ -16,10 +16,10 @@ compared methods; in multiple precision, they are the reference for states and m
 
 import operator
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, cast
 
-from linkage_ros import FourBar, Mechanism
-from linkage_ros.extensions import LinkPose, generalised, transformed
+from linkage_ros import FourBar, InvertedSliderCrank, Mechanism
+from linkage_ros.extensions import Link, LinkPose, generalised, transformed
 from linkage_ros.formulas import ZERO, Vector, dot
 
 Row: TypeAlias = list[Any]  # of floats, Decimals or mpfs
@@ -30,7 +30,7 @@ class Multibody:
 
     Attributes:
         slides: For each link, whether it slides.
-        axis: Direction of the guide; (1, 0) if no link slides.
+        axis: Direction of a guide on the frame; (1, 0) if there is none.
     """
 
     def __init__(
@@ -56,16 +56,20 @@ class Multibody:
         self._bodies = []
         for i, link in enumerate(links):
             # The vector from the last pin to the centre is given; the others follow from lengths.
-            *pins, own = (0j,) * i + (1 + 0j,) if link.slides else link.center.weights[: i + 1]
-            center = _vectors(pins, length) | _vectors([0j] * i + [own], number)
-            self._bodies.append((number(link.mass), number(link.inertia), center))
+            spin = i if link.is_guided else cast('int', link.spin(i))
+            weights = (0j,) * i + (1 + 0j,) if link.is_guided else link.center.weights[: spin + 1]
+            *pins, own = weights
+            center = _vectors(pins, length) | _vectors([0j] * spin + [own], number)
+            self._bodies.append((number(link.mass), number(link.inertia), spin, center))
         self._closure = _vectors(structure.closure.weights, length)
         fixed = structure.closure.fixed
-        if last.slides:
+        # The link on which the last one slides, and the offset of the guide from its pin.
+        self._parent, self._offset = last.parent if last.slides else None, length(last.origin.imag)
+        if last.is_guided:
             self._closure[len(links) - 1] = Vector(number(-1.0), self._zero)
             fixed -= last.origin
         self._fixed = Vector(length(fixed.real), length(fixed.imag))
-        if isinstance(mechanism, FourBar):  # the structure holds its pivot in doubles
+        if isinstance(mechanism, (FourBar, InvertedSliderCrank)):  # the pivot is in doubles
             self._fixed = unit(mechanism.frame.angle) * -length(mechanism.frame.length)
         self._links = links
         self._loads = transformed(lambda x: _constant(x, number), mechanism.link_loads())
@@ -83,11 +87,20 @@ class Multibody:
         for j, weight in self._closure.items():
             slid = self.axis * places[j].x if self.slides[j] else places[j]
             gap = gap + turned(weight, slid)
-        return gap
+        return gap if self._parent is None else gap - self._arm(places)
+
+    def _arm(self, places: Sequence[Vector]) -> Vector:
+        """Returns the vector from the parent's pivot to the pin of a link that slides on it."""
+        return turned(Vector(places[-1].x, self._offset), places[cast('int', self._parent)])
 
     def closure(self, places: Sequence[Vector], rates: Row) -> tuple[list[Row], Row]:
         """Returns the jacobian G of the gap, as rows x and y, and G' q'."""
         columns, bias = self._columns(self._closure, places, rates)
+        if (j := self._parent) is not None:
+            arm = self._arm(places)
+            columns |= {j: -arm.left(), len(rates) - 1: -places[j]}
+            twice = 2 * rates[-1] * rates[j]
+            bias = bias + arm * (rates[j] * rates[j]) - places[j].left() * twice
         empty = Vector(self._zero, self._zero)
         xy = zip(*(columns.get(j, empty) for j in range(len(rates))), strict=True)
         return list(map(list, xy)), list(bias)
@@ -114,16 +127,16 @@ class Multibody:
         count = len(rates)
         rows = [[self._zero] * count for _ in rates]
         right = [self._zero] * count
-        for i, (mass, inertia, weights) in enumerate(self._bodies):
+        for mass, inertia, spin, weights in self._bodies:
             columns, bias = self._columns(weights, places, rates)
-            rows[i][i] += inertia
+            rows[spin][spin] += inertia
             for j, one in columns.items():
                 right[j] += mass * dot(one, self._gravity - bias)
                 for k, other in columns.items():
                     rows[j][k] += mass * dot(one, other)
         poses = [
-            LinkPose(place.x, self.axis if slides else place, (), ())
-            for place, slides in zip(places, self.slides, strict=True)
+            LinkPose(place.x, self._axis(link, place, places), (), ())
+            for place, link in zip(places, self._links, strict=True)
         ]
         for load in self._loads:
             for wrench in load.wrenches(poses, rates):
@@ -134,6 +147,12 @@ class Multibody:
             row += [rest[j] for rest in closure]
         rows += [[*row, self._zero, self._zero] for row in closure]
         return rows, [*right, *(-x for x in rest_of_gap)]
+
+    def _axis(self, link: Link, place: Vector, places: Sequence[Vector]) -> Vector:
+        """Returns the direction of a link, or of its guide."""
+        if not link.slides:
+            return place
+        return self.axis if link.parent is None else places[link.parent]
 
     def _columns(
         self, weights: Mapping[int, Vector], places: Sequence[Vector], rates: Row

@@ -41,11 +41,11 @@ class Way(NamedTuple):
     speeds: Array | None = None
     accelerations: Real = 0.0
 
-    def fits(self, transmission: Any) -> bool:
+    def fits(self, mobility: Any) -> bool:
         """Returns whether a mechanism can make the motion."""
-        shifts = ((self.low - start) // math.tau * math.tau for start, _ in transmission.arcs())
-        ends = zip(transmission.arcs(), shifts, strict=True)
-        return transmission.turns_fully or any(
+        shifts = ((self.low - start) // math.tau * math.tau for start, _ in mobility.arcs())
+        ends = zip(mobility.arcs(), shifts, strict=True)
+        return mobility.turns_fully or any(
             start + shift < self.low and self.high < end + shift for (start, end), shift in ends
         )
 
@@ -92,9 +92,9 @@ def measure(task: Task, designs: Array) -> Array:
     # As in Program.arrays: makes glibc keep freed arrays for reuse.
     np.empty(3_000_000)
     with np.errstate(all='ignore'):
-        for rows, transmissions, constants in groups(task.mechanism, columns, len(designs)):
+        for rows, mobilities, constants in groups(task.mechanism, columns, len(designs)):
             (able,) = np.nonzero(
-                [task.way.fits(x) if task.way else x.turns_fully for x in transmissions]
+                [task.way.fits(x) if task.way else x.turns_fully for x in mobilities]
             )
             rows = rows[able]
             if constants is None:
@@ -106,7 +106,7 @@ def measure(task: Task, designs: Array) -> Array:
                 part = slice(start, start + at_once)
                 speed: Real = rpms[rows[part], None] * math.pi / 30
                 kind = SwingBatch if task.way else Batch
-                batch = kind(constants.part(part), transmissions[0], speed, task)
+                batch = kind(constants.part(part), mobilities[0], speed, task)
                 for i, name in enumerate(task.measures, 1):
                     found[rows[part], i] = MEASURES[name].of(batch)
     return found
@@ -126,7 +126,7 @@ def groups(
         count: Number of designs.
 
     Yields:
-        For each group, the indices of its designs, their transmissions, and the
+        For each group, the indices of its designs, what tells the reach of their cranks, and the
         constants of the formulas, in which numbers are arrays of shape (designs, 1), or None if a
         load does not fit. Designs that cannot be assembled are omitted.
     """
@@ -135,34 +135,34 @@ def groups(
     has_curve = any(map(callable, Constants(mechanism.link_loads()).numbers))
     for row in range(count):
         with suppress(LinkageError):
-            transmission, constants = _constants(mechanism, columns, row)
+            mobility, constants = _constants(mechanism, columns, row)
             if constants is None:
-                yield np.array([row]), (transmission,), None
+                yield np.array([row]), (mobility,), None
                 continue
             key = row if has_curve else id(constants.tapes)
-            found.setdefault(key, []).append((row, transmission, constants))
+            found.setdefault(key, []).append((row, mobility, constants))
     for group in found.values():
-        rows, transmissions, each = zip(*group, strict=True)
-        yield np.array(rows), transmissions, Constants.stacked(each)
+        rows, mobilities, each = zip(*group, strict=True)
+        yield np.array(rows), mobilities, Constants.stacked(each)
 
 
 def _constants(
     mechanism: Mechanism, columns: Mapping[str, Array], row: int
 ) -> tuple[Any, Constants | None]:
-    """Returns the transmission and the constants of the formulas below, for one design.
+    """Returns what tells the crank's reach, and the constants of the formulas below.
 
     The constants are None if a load does not fit the mechanism.
     """
     for name, column in columns.items():
         mechanism = with_value(mechanism, name, float(column[row]))
     structure, loop = mechanism.structure(), mechanism.loop()
-    transmission = cast('Any', loop).transmission
+    mobility: Any = getattr(loop, 'transmission', loop)
     try:
         model = Model.of(mechanism, structure, loop)
     except LinkageError:
-        return transmission, None
-    constants = model, structure.points.get('C'), transmission.extremes()
-    return transmission, Constants(constants)
+        return mobility, None
+    constants = model, structure.points.get('C'), mobility.extremes()
+    return mobility, Constants(constants)
 
 
 def with_value(part: Any, name: str, value: Any) -> Any:
@@ -234,10 +234,11 @@ class Batch:
     All arrays have a row for each design.
     """
 
-    def __init__(self, constants: Constants, transmission: Any, speed: Array, task: Task) -> None:
+    def __init__(self, constants: Constants, mobility: Any, speed: Array, task: Task) -> None:
         """Stores constants and crank speeds, rad/s, of shape (designs, 1), and the task."""
         self._constants, self._speed, self._points = constants, speed, task.points
-        straight = [square.least is ZERO for square in (transmission.cos, transmission.sin)]
+        squares = (getattr(mobility, name, None) for name in ('cos', 'sin'))
+        straight = [square.least is ZERO for square in squares if square]
         self._has_change_point, turns = any(straight), 2 if sum(straight) == 1 else 1
         self._step = 2 * math.pi / task.angles
         self._angles = (np.arange(turns * task.angles) + 0.5) * self._step
@@ -319,9 +320,9 @@ class Batch:
 class SwingBatch(Batch):
     """Designs with the same structure, evaluated along a motion within an arc of the crank."""
 
-    def __init__(self, constants: Constants, transmission: Any, speed: Array, task: Task) -> None:
+    def __init__(self, constants: Constants, mobility: Any, speed: Array, task: Task) -> None:
         """See `Batch`."""
-        super().__init__(constants, transmission, speed, task)
+        super().__init__(constants, mobility, speed, task)
         way = cast('Way', task.way)
         self._angles, self._count = way.angles, len(speed)
         self._motion = speed if way.speeds is None else way.speeds, way.accelerations
@@ -411,7 +412,12 @@ MEASURES = {
     'swing': Measure('deg', lambda x: x.swing(), 'a rocker', lambda task: not _slides(task)),
     'stroke': Measure('m', lambda x: np.abs(x.stroke()), 'a slider', _slides),
     'time_ratio': Measure('', Batch.time_ratio, *_WHOLE),
-    'transmission_angle': Measure('deg', lambda x: x.transmission_angle()),
+    'transmission_angle': Measure(
+        'deg',
+        lambda x: x.transmission_angle(),
+        'a four_bar or a slider_crank',
+        lambda task: hasattr(task.mechanism.loop(), 'transmission'),
+    ),
     'point_distance': Measure(
         'm',
         Batch.point_distance,

@@ -92,8 +92,10 @@ def read_study(path: str) -> Study:
     settings, listed = build(Settings, values), values.get('measures', [])
     configuration = load(settings.base)
     mechanism = configuration.mechanism
-    if not hasattr(mechanism.loop(), 'transmission'):
-        raise ConfigurationError(f'base = {settings.base}: must be a four_bar or a slider_crank')
+    if not mechanism.reach():
+        raise ConfigurationError(
+            f'base = {settings.base}: must be a mechanism whose crank angle determines its motion'
+        )
     rpm = getattr(configuration.drive, RPM, None) if settings.rpm is None else settings.rpm
     columns = _columns(groups, mechanism, rpm)
     constraints = {

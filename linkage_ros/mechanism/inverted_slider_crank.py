@@ -1,0 +1,362 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""The inverted slider-crank: a cylinder or a slotted lever, and its exact pose.
+
+A rod slides in a barrel, which turns about the fixed pivot B0; the rod's end is pinned to the
+crank at A. With theta = alpha - delta and h = theta/2, the vector from B0 to A is
+
+    A - B0 = e^(i (delta + h)) [-(d-r) cos h + i (d+r) sin h]
+
+and with the rod's position s and its offset e to the left of B0, A - B0 = (s + i e) e^(i phi). So
+
+    s^2 = (|d-r| - |e|)(|d-r| + |e|) + x^2        x = 2 sqrt(rd) sin h
+        = (d+r - |e|)(d+r + |e|) - y^2            y = 2 sqrt(rd) cos h
+
+in which nothing cancels if the crank turns fully. With L^2 = s^2 + e^2, the direction psi of
+A - B0 and the direction phi of the barrel, differentiation with respect to alpha gives
+
+    s s' = x y / 2        s s'' = [q y^2 / s^2 - x^2] / 4        q = (|d-r| - |e|)(|d-r| + |e|)
+    psi' = [x^2 / 2 - r (d-r)] / L^2               psi'' = x y (d-r)(d+r) / (2 L^4)
+    phi' = psi' + e s' / L^2                       phi'' = psi'' + e (s'' - 2 s s'^2 / L^2) / L^2
+
+and, as a function of s, alpha' = 2 s / (x y) and alpha'' = 2 [x^4 - q (y^2 - x^2)] / (x y)^3.
+These formulas were derived for this project.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from fractions import Fraction
+from typing import Any, ClassVar, NamedTuple, NoReturn
+
+from linkage_ros.errors import ConfigurationError, MechanismError, UnreachableError
+from linkage_ros.formulas import ZERO, Opaque, Vector, atan2, require, sqrt, turned
+from linkage_ros.mechanism.kinematics import FULL_TURN, Arc, LinkPose, Pose, Reach, Stroke
+from linkage_ros.mechanism.parts import (
+    OPEN,
+    Barrel,
+    Body,
+    Frame,
+    Rod,
+    gravity_quantity,
+    loads_field,
+)
+from linkage_ros.mechanism.structure import (
+    Description,
+    Link,
+    Mechanism,
+    Pin,
+    Point,
+    Structure,
+    direction,
+)
+from linkage_ros.mechanism.transmission import Square, half_angle, normalized
+from linkage_ros.numeric import Real, exact_sum, rounded, short_sum
+from linkage_ros.quantities import quantity, unlisted
+
+
+class InvertedSliderCrankLoop(NamedTuple):
+    """The kinematic constants of an inverted slider-crank; the coordinate is the crank angle.
+
+    Attributes:
+        reference: Direction delta from A0 to B0, rad, as a sum of two doubles.
+        axis: Unit vector of this direction.
+        side: 1 if s > 0, otherwise -1.
+        crank: Length r of the crank, m.
+        ground: d - r and d + r, m.
+        offset: Offset e of the rod's axis, m.
+        growth: 2 sqrt(r d), m.
+        square: s^2 as a function of h, m^2.
+        ends: Smallest and largest |s|, m, each as a sum of two doubles; the smallest is 0 for a
+            limited crank.
+        refuse: Function that rejects a coordinate.
+    """
+
+    reference: tuple[float, float]
+    axis: Vector
+    side: int
+    crank: float
+    ground: tuple[float, float]
+    offset: float
+    growth: float
+    square: Square
+    ends: tuple[tuple[float, float], tuple[float, float]]
+    refuse: Opaque
+
+    @property
+    def turns_fully(self) -> bool:
+        """Whether a state exists at every crank angle."""
+        return not self.square.limits
+
+    def arcs(self) -> tuple[Arc, ...]:
+        """Computes the arcs of crank angles at which s exists; see `Reach.arcs`."""
+        if self.turns_fully:
+            return FULL_TURN
+        least, most = float(self.square.least), self.square.most
+        nearest = 2 * math.atan2(math.sqrt(-least), math.sqrt(most))
+        start = self.reference[0] + nearest
+        return (normalized(start, start + 2 * (math.pi - nearest)),)
+
+    def extremes(self) -> None:
+        """Returns None, because there is no transmission angle."""
+
+    def pose(self, q: tuple[Real, ...]) -> Pose:
+        """Computes the pose of crank, barrel and rod at a crank angle, rad."""
+        (crank,) = q
+        sine, cosine = half_angle(crank, self.reference)
+        x, y = self.growth * sine, self.growth * cosine
+        slide = self.side * self.square.root(x, y, self.refuse, crank)
+        slope = 0.5 * (x * y) / slide
+        bend = 0.25 * (self.square.least * (y * y) / (slide * slide) - x * x) / slide
+        ways, (turn, turn_bend), over = self._directions(x, y, sine, cosine, slide)
+        reach = self.offset * (over * over)
+        barrel = turn + reach * slope
+        barrel_bend = turn_bend + reach * (bend - 2 * (over * slope) * (over * slope) * slide)
+        return _pose(
+            ways,
+            (crank, slide),
+            ((1.0, ZERO), (barrel, barrel_bend), (slope, bend)),
+            slide * over,
+        )
+
+    def _directions(
+        self, x: Real, y: Real, sine: Real, cosine: Real, slide: Real
+    ) -> tuple[tuple[Vector, Vector], tuple[Real, Real], Real]:
+        """Computes the directions of crank and barrel, psi' and psi'', and 1 / L."""
+        near, far = self.ground
+        half_way = turned(self.axis, cosine, sine)
+        line = turned(half_way, -near * cosine, far * sine)
+        square = slide * slide + self.offset * self.offset
+        scale = 1.0 / square
+        barrel = turned(line, scale * slide, scale * -self.offset)
+        turn = scale * (0.5 * (x * x) - self.crank * near)
+        turn_bend = 0.5 * (x * y) * (scale * near) * (scale * far)
+        return (turned(half_way, cosine, sine), barrel), (turn, turn_bend), 1.0 / sqrt(square)
+
+
+class ByRod(InvertedSliderCrankLoop):
+    """The kinematic constants with the rod's position as the coordinate.
+
+    `side` is 1 if A lies to the left of the line from A0 to B0, otherwise -1.
+    """
+
+    def pose(self, q: tuple[Real, ...]) -> Pose:
+        """Computes the pose of crank, barrel and rod at a position of the rod, m."""
+        (slide,) = q
+        least, (near, far) = self.square.least, self.ends
+        size = abs(slide)
+        stretch = ((far[0] - size) + far[1]) * (far[0] + size)
+        if self.square.limits:
+            fold = slide * slide - least
+        else:
+            fold = ((size - near[0]) - near[1]) * (size + near[0])
+        require(stretch > 0, self.refuse, slide)
+        require(fold > 0, self.refuse, slide)
+        x, y = self.side * sqrt(fold), sqrt(stretch)
+        area = x * y
+        slope = 2 * slide / area
+        bend = 2 * (x * x * (x * x) - least * (y * y - x * x)) / (area * area * area)
+        ways, (turn, turn_bend), over = self._directions(
+            x, y, x / self.growth, y / self.growth, slide
+        )
+        reach = self.offset * (over * over)
+        barrel = turn * slope + reach
+        barrel_bend = turn_bend * (slope * slope) + turn * bend - 2 * reach * slide * (over * over)
+        crank = atan2(ways[0].y, ways[0].x)
+        sine = 0.5 * area * over / self.crank
+        return _pose(
+            ways, (crank, slide), ((slope, bend), (barrel, barrel_bend), (1.0, ZERO)), sine
+        )
+
+
+def _root(square: Fraction) -> tuple[float, float]:
+    """Computes a square root as a sum of two doubles."""
+    high = math.sqrt(square)
+    return high, float(square - Fraction(high) ** 2) / (2 * high) if high else 0.0
+
+
+def _pose(
+    ways: tuple[Vector, Vector],
+    places: tuple[Real, Real],
+    slopes: tuple[tuple[Real, Real], ...],
+    sine: Real,
+) -> Pose:
+    """Collects a pose from directions of crank and barrel, and derivatives of all links."""
+    (crank, barrel), (angle, slide) = ways, places
+    positions = (angle, crank), (atan2(barrel.y, barrel.x), barrel), (slide, barrel)
+    links = zip(positions, slopes, strict=True)
+    return Pose(tuple(LinkPose(*place, (one,), (two,)) for place, (one, two) in links), (sine,))
+
+
+@dataclass(frozen=True)
+class InvertedSliderCrank(Mechanism):
+    """An inverted slider-crank: crank A0-A, barrel about B0, rod from the barrel to A.
+
+    The direction of barrel and rod is that in which the rod's position increases, from B0 to A
+    without an offset.
+
+    Attributes:
+        frame: The fixed link, from A0 to B0.
+        crank: Driven link, from A0, the origin.
+        barrel: Cylinder or slotted lever, which turns about B0.
+        rod: Output link, which slides in the barrel and is pinned to the crank at A. Its position
+            is measured from the foot of the perpendicular from B0.
+        offset: Distance of the rod's axis from B0, positive to the left of the barrel's direction,
+            m.
+        gravity: Acceleration of gravity [x, y], m/s^2.
+        loads: Loads on the links. A `LinkLoad` given here is moved into the rod.
+        assembly: 'open'; there is only one.
+    """
+
+    other_coordinates: ClassVar[tuple[str, ...]] = ('rod',)
+    frame: Frame
+    crank: Body
+    barrel: Barrel = field(default_factory=Barrel)
+    rod: Rod = field(default_factory=Rod)
+    offset: float = quantity(
+        'number', "distance of the rod's axis from B0, to the left of the barrel's direction", 'm',
+        span=(-1e9, 1e9), default=0.0,
+    )  # fmt: skip
+    gravity: tuple[float, float] = gravity_quantity()
+    loads: tuple[Any, ...] = loads_field()
+    assembly: str = unlisted(OPEN)
+
+    def _lengths(self) -> tuple[float, float, float]:
+        return self.crank.length, self.frame.length, abs(self.offset)
+
+    def _sums(self) -> tuple[float, float, float, float]:
+        """Returns |d - r| - |e|, |d - r| + |e|, d + r - |e| and d + r + |e|, m."""
+        r, d, e = self._lengths()
+        long, short, longest = max(r, d), min(r, d), max(r, d, e)
+        terms = (long, -short, -e), (long, -short, e), (long, short, -e), (long, short, e)
+        a, b, c, f = (short_sum(longest, *x) for x in terms)
+        return a, b, c, f
+
+    def require_closed(self) -> None:
+        """See `Mechanism.require_closed`.
+
+        Raises:
+            MechanismError: The offset is too large, or equals the difference of frame and crank.
+        """
+        r, d, _ = self._lengths()
+        least, other, most, _ = self._sums()
+        if most <= 0:
+            raise MechanismError(
+                f'the offset of the rod, {self.offset:g} m, is farther from 0 than crank + frame, '
+                f'{r + d:g} m: the loop cannot close; bring the offset nearer to 0, or lengthen '
+                'crank or frame'
+            )
+        if least == 0 or other == 0:
+            raise MechanismError(
+                f'the offset of the rod, {self.offset:g} m, is equal to the difference of frame '
+                f'and crank, {d:g} m and {r:g} m, so that the rod has no direction where they are '
+                'in line; change the offset or a length'
+            )
+
+    def loop_of(self, description: Description) -> InvertedSliderCrankLoop:
+        """Returns the kinematic constants; `assembly` is the sign of s, or the side of A."""
+        self.require_closed()
+        r, d, _ = self._lengths()
+        least, other, most, all_sum = self._sums()
+        kind = (
+            ByRod if description.coordinates == self.other_coordinates else InvertedSliderCrankLoop
+        )
+        return kind(
+            (self.frame.angle, 0.0),
+            Vector.at(self.frame.angle),
+            1 if description.assembly == OPEN else -1,
+            r,
+            (exact_sum(d, -r), exact_sum(d, r)),
+            self.offset,
+            2 * math.sqrt(r * d),
+            Square.of(least * other, most * all_sum),
+            self._ends(),
+            Opaque(self._refuse_rod if kind is ByRod else self._refuse_crank),
+        )
+
+    def _ends(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Computes the smallest and the largest |s|; see the attribute `ends` of the loop."""
+        r, d, e = map(Fraction, self._lengths())
+        short, long = _root(max((d - r) ** 2 - e**2, Fraction(0))), _root((d + r) ** 2 - e**2)
+        return short, long
+
+    def loop(self) -> InvertedSliderCrankLoop:
+        """Returns the kinematic constants; the coordinate is the crank angle."""
+        return self.loop_of(self.description)
+
+    def _refuse_crank(self, crank: float) -> NoReturn:
+        self.reach().refuse(crank)
+
+    def _refuse_rod(self, slide: float) -> NoReturn:
+        raise UnreachableError(
+            f'with the rod at {slide:.9g} m, the crank does not reach it or is in line with the '
+            'frame',
+            crank_angle=math.nan,
+            arcs=(),
+        )
+
+    def reach(self) -> Reach:
+        """Computes the reach of the crank."""
+        r, d, _ = self._lengths()
+        least, other, *_ = self._sums()
+        loop = self.loop()
+        if loop.turns_fully:
+            grashof = 'swinging-barrel' if r < d else 'turning-barrel'
+            width = math.sqrt(least * other) / loop.growth
+            return Reach(grashof, fast=self.frame.angle, width=width)
+        limits = (f'|frame - crank| - |offset| = {least:.6g} m is negative',)
+        return Reach('non-Grashof', loop.arcs(), limits=limits, cures=tuple(self._cures()))
+
+    def _cures(self) -> Iterator[str]:
+        """Yields alternative changes of length that let a limited crank turn fully."""
+        r, d, e = self._lengths()
+        if d != r:
+            yield f'bring the offset nearer to 0 than {rounded(abs(d - r), up=False)} m'
+        if d > e:
+            yield f'make the crank shorter than {rounded(d - e, up=False)} m'
+        yield f'make the crank longer than {rounded(d + e, up=True)} m'
+
+    def stroke(self, what: str, name: str) -> Stroke:
+        """See `Mechanism.stroke`; the piston is far from the crank where the cylinder is short.
+
+        Raises:
+            ConfigurationError: The link is not the rod, or the crank does not turn fully.
+        """
+        if name != 'rod':
+            return super().stroke(what, name)
+        square, angle = self.loop().square, self.frame.angle
+        if square.limits:
+            raise ConfigurationError(
+                f'{what}: this rod has no stroke with fixed ends, because its crank does not turn '
+                f'fully; {" or ".join(self._cures())}'
+            )
+        short, long = math.sqrt(float(square.least)), math.sqrt(square.most)
+        return Stroke((short, angle), (long, angle + math.pi))
+
+    def structure(self) -> Structure:
+        """Returns the links, points and joints; the loop is cut at A."""
+        crank, barrel, rod = self.crank, self.barrel, self.rod
+        A0 = Point.at(0j, 3)
+        A = A0.along(0, crank.length)
+        B0 = Point.at(self.frame.length * direction(self.frame.angle), 3)
+        # The barrel is drawn to E: as long as the rod allows or, if that is 0, as a slotted lever.
+        (short, _), (long, _) = self._ends()
+        mouth = short or long
+        return Structure(
+            (
+                Link.turning('crank', crank, 0, A0),
+                Link(
+                    'barrel', barrel.mass, barrel.inertia, B0.along(1, *barrel.center),
+                    origin=B0.fixed,
+                ),
+                Link(
+                    'rod', rod.mass, rod.inertia, A.along(1, *rod.center),
+                    parent=1, origin=1j * self.offset, slides=True,
+                ),
+            ),
+            {'A0': A0, 'A': A, 'B0': B0, 'E': B0.along(1, mouth, self.offset)},
+            closure=Point.at(-B0.fixed, 3).along(0, crank.length),
+            pins=(Pin('A0', None, 0), Pin('A', 0, 2), Pin('B0', None, 1)),
+            dyads=((1, 2),),
+            other_dyads=((0, 2),),
+        )  # fmt: skip
