@@ -12,3 +12,8 @@ TIME_END = 2**31 * NS_PER_S  # ns, exclusive upper limit of stamps in ROS
 def radians_per_second(rpm: float) -> float:
     """Converts a speed from turns per minute to rad/s."""
     return rpm * math.pi / 30
+
+
+def rad_and_deg(angle: float) -> str:
+    """Formats an angle, rad, for messages: parameters are in rad, and people think in deg."""
+    return f'{angle:.9g} rad = {math.degrees(angle):.9g} deg'

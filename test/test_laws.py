@@ -213,13 +213,16 @@ def every_answer(solver, q, u):
 @pytest.mark.parametrize(
     ('q', 'words'),
     [
-        ((0.0, 2.6), 'in line, at crank angle 0 deg and slider position 2.6 m; at this'),
-        ((0.0, 2.52), 'or are in line, at crank angle 0 deg'),
-        ((np.array([0.1, 0.0]), np.array([1.5, 0.92])), 'or are in line, at crank angle 0 deg'),
+        ((0.0, 2.6), 'in line, at crank angle 0 rad = 0 deg and slider position 2.6 m; at this'),
+        ((0.0, 2.52), 'or are in line, at crank angle 0 rad = 0 deg'),
+        (
+            (np.array([0.1, 0.0]), np.array([1.5, 0.92])),
+            'or are in line, at crank angle 0 rad = 0 deg',
+        ),
         ((0.0, 0.5), 'do not close the loop, or .* within -2.28 to -0.68 or 0.92 to 2.52 m'),
         ((0.0, -3.0), 'do not close'),
-        ((np.array([0.0, 0.3]), np.array([1.5, 9.0])), 'at crank angle 17.1887339 deg .* 9 m'),
-        ((np.zeros((2, 3)), np.array([[1.5], [-9.0]])), 'at crank angle 0 deg .* -9 m'),
+        ((np.array([0.0, 0.3]), np.array([1.5, 9.0])), 'at crank angle 0.3 rad = 17.1887339 deg .* 9 m'),
+        ((np.zeros((2, 3)), np.array([[1.5], [-9.0]])), 'at crank angle 0 rad = 0 deg .* -9 m'),
     ],
 )
 def test_dyad_that_does_not_close_is_one_clear_error(q, words):
@@ -234,7 +237,7 @@ def test_exactly_stretched_and_folded_dyads_are_in_line(slide):
     """No double is exactly this point; the margins are 1e-16 m^2, of either sign."""
     solver = Solver(PUMP)
     assert solver.alignment((0.0, slide)) == (0.0, 'coupler and rod are in line')
-    with pytest.raises(UnreachableError, match='or are in line, at crank angle 0 deg'):
+    with pytest.raises(UnreachableError, match='or are in line, at crank angle 0 rad = 0 deg'):
         solver.driven_by(lambda _: 6.0)(0.0, slide, 2.0, 0.1)
 
 

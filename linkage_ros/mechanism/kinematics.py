@@ -10,6 +10,7 @@ import numpy as np
 from linkage_ros.errors import MechanismError, UnreachableError
 from linkage_ros.formulas import Vector, turned
 from linkage_ros.numeric import Array, Real
+from linkage_ros.units import rad_and_deg
 
 Arc: TypeAlias = tuple[float, float]
 
@@ -163,7 +164,7 @@ class Reach(NamedTuple):
         Raises:
             UnreachableError: Always. The message states class, causes and reachable arcs.
         """
-        purpose = f'move at {crank:.9g} rad = {math.degrees(crank):.9g} deg'
+        purpose = f'move at {rad_and_deg(crank)}'
         raise UnreachableError(self._refusal(purpose), crank_angle=crank, arcs=self.arcs)
 
     def _refusal(self, purpose: str, cures: str = '') -> str:

@@ -36,6 +36,7 @@ from linkage_ros.mechanism.tracer import Tape
 from linkage_ros.mechanism.wrenches import Wrench, generalised, poses
 from linkage_ros.numeric import Real, real_numbers, require_finite, single_numbers
 from linkage_ros.quantities import shown
+from linkage_ros.units import rad_and_deg
 
 _ROUND = 'q', 'u', 'a', 'search'  # arguments of `joint_load_round`
 _ROUNDS = 10_000
@@ -579,7 +580,7 @@ class Solver:
         """
         reach = self.mechanism.reach()
         raise UnreachableError(
-            f'at {math.degrees(crank):.9g} deg {reason}',
+            f'at {rad_and_deg(crank)} {reason}',
             crank_angle=crank, arcs=reach.arcs if reach else (),
         )  # fmt: skip
 

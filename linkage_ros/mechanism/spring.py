@@ -3,7 +3,6 @@
 """A spring and damper between points of two links, or of a link and the frame."""
 
 import functools
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, NoReturn
@@ -15,6 +14,7 @@ from linkage_ros.mechanism.loads import AppliedLoad
 from linkage_ros.mechanism.wrenches import FRAME, Wrench, place, velocity
 from linkage_ros.numeric import Real
 from linkage_ros.quantities import quantity
+from linkage_ros.units import rad_and_deg
 
 _POSITIVE = (0.0, 1e12)
 
@@ -79,7 +79,7 @@ class Spring(AppliedLoad):
 
 def _refuse(label: str, crank: float) -> NoReturn:
     raise UnreachableError(
-        f'at {crank:.9g} rad = {math.degrees(crank):.9g} deg the ends of the spring {label} '
+        f'at {rad_and_deg(crank)} the ends of the spring {label} '
         'coincide, so that its direction is undefined: move at or to_at, or set free_length and '
         'damping to 0',
         crank_angle=crank, arcs=(),

@@ -48,6 +48,7 @@ from linkage_ros.mechanism.parts import (
 from linkage_ros.mechanism.structure import Link, Mechanism, Pin, Point, Structure, coupler_point
 from linkage_ros.numeric import Real
 from linkage_ros.quantities import quantity
+from linkage_ros.units import rad_and_deg
 
 _EPSILON = 2.0**-52
 
@@ -241,7 +242,7 @@ class WindPump(Mechanism):
     def _refuse(self, angle: float, slide: float) -> NoReturn:
         raise UnreachableError(
             'coupler and rod do not close the loop, or are in line, at crank angle '
-            f'{math.degrees(angle):.9g} deg and slider position {slide:.9g} m; '
+            f'{rad_and_deg(angle)} and slider position {slide:.9g} m; '
             f'{self._slider_range(angle)}',
             crank_angle=angle,
             arcs=(),
@@ -250,7 +251,7 @@ class WindPump(Mechanism):
     def _refuse_rod(self, crank: float, coupler: float) -> NoReturn:
         raise UnreachableError(
             f'the rod does not reach the guide, or is perpendicular to it, at crank angle '
-            f'{math.degrees(crank):.9g} deg and coupler angle {math.degrees(coupler):.9g} deg',
+            f'{rad_and_deg(crank)} and coupler angle {rad_and_deg(coupler)}',
             crank_angle=crank,
             arcs=(),
         )

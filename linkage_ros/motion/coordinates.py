@@ -25,6 +25,7 @@ from linkage_ros.mechanism.solver import Solver
 from linkage_ros.mechanism.structure import Description
 from linkage_ros.motion.runge_kutta import Plant, jacobian, slope_at
 from linkage_ros.numeric import Real, with_turns, within_two_turns, wrap
+from linkage_ros.units import rad_and_deg
 
 _PLACES = 12  # number of crank angles per arc at which eigenvalues are computed
 _SLOW = 1e-3  # rad/s or m/s, treated as rest
@@ -265,7 +266,7 @@ class DrivenMechanism:
         places = ', '.join(
             f'{link.name} at {value:.6g} m'
             if link.slides
-            else f'{link.name} at {math.degrees(value) % 360:.6g} deg'
+            else f'{link.name} at {rad_and_deg(value % (2 * math.pi))}'
             for value, link in zip(y, self.links, strict=False)
         )
         if sine < _NEAR and self.is_limited:
