@@ -221,7 +221,10 @@ def every_answer(solver, q, u):
         ),
         ((0.0, 0.5), 'do not close the loop, or .* within -2.28 to -0.68 or 0.92 to 2.52 m'),
         ((0.0, -3.0), 'do not close'),
-        ((np.array([0.0, 0.3]), np.array([1.5, 9.0])), 'at crank angle 0.3 rad = 17.1887339 deg .* 9 m'),
+        (
+            (np.array([0.0, 0.3]), np.array([1.5, 9.0])),
+            'at crank angle 0.3 rad = 17.1887339 deg .* 9 m',
+        ),
         ((np.zeros((2, 3)), np.array([[1.5], [-9.0]])), 'at crank angle 0 rad = 0 deg .* -9 m'),
     ],
 )

@@ -340,7 +340,10 @@ BAD_CALLS = [
         lambda: forces(PARALLELOGRAM, 0.25),
         'at 0.25 rad = 14.3239449 deg … change point; choose another angle',
     ),
-    (lambda: forces(EQUAL_ROD, math.pi / 2), 'at 1.57079633 rad = 90 deg … change point; choose another angle'),
+    (
+        lambda: forces(EQUAL_ROD, math.pi / 2),
+        'at 1.57079633 rad = 90 deg … change point; choose another angle',
+    ),
     # The state of a linkage whose crank turns fully, given to one whose crank does not.
     *(
         (
