@@ -235,9 +235,7 @@ class Solver:
         Raises:
             LinkageError: As for `state`.
         """
-        if self._takes_floats and type(q) is type(u) is type(a) is float:
-            return self._torque.floats(q, u, a)[0]
-        if self._takes_floats and (single := single_numbers(q, u, a)):
+        if single := self._single(q, u, a):
             return self._torque.floats(*single)[0]
         if self.model.joint_loads:
             return self._settle(q, u, a, by_math=by_math).state.torque
@@ -279,9 +277,7 @@ class Solver:
             ConfigurationError: A value is not a finite number, or an acceleration overflows.
             MechanismError: A moving coordinate has no mass.
         """
-        if self._takes_floats and type(q) is type(u) is type(torque) is float:
-            return self._forward.floats(q, u, torque)[0]
-        if self._takes_floats and (single := single_numbers(q, u, torque)):
+        if single := self._single(q, u, torque):
             found = self._forward.floats(*single)
             return found if type(q) is tuple else found[0]
         if self.model.joint_loads:
@@ -534,6 +530,13 @@ class Solver:
                 crank[locked].item(0),
             )
         return found
+
+    def _single(self, q: Any, u: Any, other: Any) -> Sequence[float]:
+        """Returns single numbers as floats if programs take them as they are, or else nothing."""
+        if not self._takes_floats:
+            return ()
+        values = q, u, other
+        return values if type(q) is type(u) is type(other) is float else single_numbers(*values)
 
     def _row(self, letter: str, row: Any) -> tuple[Any, ...]:
         """Converts an argument of a method to one value per coordinate or, for a torque, one.
