@@ -4,7 +4,6 @@
 
 import ast
 import functools
-import inspect
 import itertools
 import math
 import pickle
@@ -101,18 +100,13 @@ def inside(mechanism):
     return (start + 0.37 * (end - start),)
 
 
-def inputs(program):
-    """Returns the names of a program's arguments."""
-    return [*inspect.signature(program.floats).parameters]
-
-
 def columns(mechanism, program, count, seed=5):
     """Returns arguments of a program for many states, all within reach."""
     random = np.random.default_rng(seed)
     sizes = {'angle': 13.0, 'position': 13.0, 'speed': 30.0, 'velocity': 30.0,
              'acceleration': 200.0, 'torque': 90.0}  # fmt: skip
     found = [
-        random.uniform(-1, 1, count) * sizes[name.rpartition('_')[2]] for name in inputs(program)
+        random.uniform(-1, 1, count) * sizes[name.rpartition('_')[2]] for name in program.names
     ]
     if isinstance(mechanism, WindPump):
         r, b, c = (getattr(mechanism, part).length for part in ('crank', 'coupler', 'rod'))
@@ -363,7 +357,7 @@ def test_singular_places_raise_no_warning_and_give_no_nan(name):
     for kind, program in programs_of(name).items():
         if kind == 'point_motion':
             continue  # this state has no singular position
-        names = inputs(program)[len(places[0]) :]
+        names = program.names[len(places[0]) :]
         motion = [
             {'speed': 1.5, 'acceleration': -3.0, 'torque': 2.0}[n.rpartition('_')[2]]
             for n in names
