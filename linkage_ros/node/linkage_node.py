@@ -16,6 +16,7 @@ from linkage_ros.mechanism.kinematics import State
 from linkage_ros.messages.cdr import WARN, encode_diagnostics
 from linkage_ros.messages.topics import (
     DIAGNOSTICS,
+    JOINT_STATES,
     ROBOT_DESCRIPTION,
     SIMULATED_CLOCK,
     Topic,
@@ -91,9 +92,10 @@ class LinkageNode(ParameterNode):
                 for topic, place in simulator.templates.slices.items()
             ]
             self._others = {topic.name: create_publisher(self, topic) for topic in others}
+        self._joint_states = simulator.templates.slices[JOINT_STATES]
         self._outputs = Outputs(self, simulator, [*others, *heard])
         self._inputs = [
-            (PolledSubscription(self, topic, source.read, self._outputs.write), source)
+            (PolledSubscription(self, topic, source.read, self._outputs.log_message), source)
             for topic, source in heard.items()
         ]
         self._ticker = self._make_ticker()
@@ -184,14 +186,14 @@ class LinkageNode(ParameterNode):
         ahead, gravity = self._simulator.later(coordinates), self._gravity
         if gravity is not None and gravity != getattr(self._segment, 'gravity', None):
             self._segment = FollowSegment(stamp, gravity)
-            self._outputs.log(self._segment, keep=True)
+            self._outputs.log_segment(self._segment)
         self._publish_state(stamp, coordinates, ahead)
 
     def _continue(self, motion: Motion) -> Motion:
         """Sets the current motion, and logs its segment if it is new."""
         if motion.segment is not self._segment:
             self._segment = motion.segment
-            self._outputs.log(self._segment, keep=True)
+            self._outputs.log_segment(self._segment)
         self._motion = motion
         return motion
 
@@ -212,13 +214,13 @@ class LinkageNode(ParameterNode):
         for topic, place in self._states:
             if topic.is_heard:
                 topic.publisher.publish(messages[place])
-        self._outputs.log(LoggedState(now, stamp, numbers))
-        self._outputs.show(messages[self._states[0][1]])
+        self._outputs.log_state(LoggedState(now, stamp, numbers))
+        self._outputs.show(messages[self._joint_states])
 
     def _publish(self, topic: Topic, message: bytes) -> None:
         """Publishes and logs a message that is not part of a state."""
         self._others[topic.name].publish(message)
-        self._outputs.write(time.time_ns(), topic, message)
+        self._outputs.log_message(time.time_ns(), topic, message)
 
     def set_live(self, name: str, value: Any) -> None:
         """Sets rpm, motor.torque or gravity, with effect from the next tick on."""

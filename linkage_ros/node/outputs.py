@@ -10,7 +10,9 @@ from rclpy.node import Node
 
 from linkage_ros import cli
 from linkage_ros.errors import LogError
+from linkage_ros.log.rows import LoggedState
 from linkage_ros.messages.topics import Topic
+from linkage_ros.motion.segments import Segment
 from linkage_ros.node.health import Health
 from linkage_ros.node.workers import DiskSync, Worker, accompany_ticker
 from linkage_ros.run.states import Simulator
@@ -31,10 +33,6 @@ class Outputs:
     """Log and live view of a run, if configured, in separate threads; any thread may add to them.
 
     MCAP and Rerun are imported when they are needed, because they are optional.
-
-    Attributes:
-        log: Function that queues an item for the `LogWriter`, such as a state; with keep=True, the
-            item is never dropped.
     """
 
     def __init__(self, node: Node, simulator: Simulator, others: Iterable[Topic]) -> None:
@@ -56,7 +54,6 @@ class Outputs:
         self._view: Any = None
         if self._session.viewer:
             self._open_view(simulator)
-        self.log: Callable[..., None] = lambda *_, **__: None
         if self._session.log:
             try:
                 self._open_log(simulator, others)
@@ -65,7 +62,6 @@ class Outputs:
                     self._workers['viewer'].close(_VIEW_CLOSE_SECONDS)
                     self._view.discard()
                 raise
-            self.log = self._workers['log'].offer
 
     def _open_view(self, simulator: Simulator) -> None:
         from linkage_ros.view.rerun_view import View
@@ -120,17 +116,27 @@ class Outputs:
             on_error=lambda error: logger.error(f'{consequence}: {error}'), gap=gap,
         )  # fmt: skip
 
-    def write(self, stamp: int, topic: Topic, message: bytes) -> None:
-        """Logs a message.
+    def log_state(self, state: LoggedState) -> None:
+        """Logs a state."""
+        if self._session.log:
+            self._workers['log'].offer(state)
+
+    def log_segment(self, segment: Segment) -> None:
+        """Logs a segment of motion, which is never dropped."""
+        if self._session.log:
+            self._workers['log'].offer(segment, keep=True)
+
+    def log_message(self, stamp: int, topic: Topic, message: bytes) -> None:
+        """Logs a message; a latched message, which is not repeated, is never dropped.
 
         Args:
             stamp: Time of publishing or receipt, ns.
             topic: One of the `others` given to the constructor.
             message: CDR bytes.
         """
-        if self._channels:
-            # A latched message is not repeated.
-            self.log((self._channels[topic.name], stamp, message), keep=topic.latched)
+        if self._session.log:
+            item = self._channels[topic.name], stamp, message
+            self._workers['log'].offer(item, keep=topic.latched)
 
     def show(self, joint_states: bytes) -> None:
         """Shows the state in a message on joint_states, given as CDR bytes."""
