@@ -26,7 +26,7 @@ from test_law import SERVO
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from linkage_ros.messages.cdr import decode_trajectory
-from linkage_ros.run.commands import CrankTrajectories
+from linkage_ros.run.commands import LawCommands
 from linkage_ros.run.states import Simulator
 from linkage_ros.settings.configuration import configure
 
@@ -53,7 +53,7 @@ def trajectory(*points, stamp=0, names=('crank',)):
 def crank():
     """Returns a function that sends a message at a stamp, and the simulator's first motion."""
     simulator = Simulator(configure(STEADY))
-    source, first = CrankTrajectories(simulator), simulator.begin(NOW)
+    source, first = LawCommands(simulator), simulator.begin(NOW)
 
     def send(message, stamp, motion=first):
         data = serialize_message(message)

@@ -29,8 +29,8 @@ from trajectory_msgs.msg import JointTrajectory
 from linkage_ros.messages.cdr import stamp_of
 from linkage_ros.motion.at_speed import SpeedMotion
 from linkage_ros.numeric import wrap
-from linkage_ros.run.commands import CrankTrajectory
 from linkage_ros.run.states import Simulator
+from linkage_ros.run.trajectory_ahead import TrajectoryAhead
 from linkage_ros.settings.configuration import configure, load, read_values
 from linkage_ros.settings.presets import preset_path
 from linkage_ros.units import NS_PER_MS, NS_PER_S
@@ -49,7 +49,7 @@ def machine(**values):
 
 
 def trajectory(machine):
-    return CrankTrajectory(machine, machine.configuration.drive)
+    return TrajectoryAhead(machine, machine.configuration.drive)
 
 
 def nanoseconds(time):

@@ -29,7 +29,8 @@ from state_messages import messages_of
 from linkage_ros import Solver
 from linkage_ros.motion.drives import FollowDrive
 from linkage_ros.motion.measured import NOT_FINITE, NOT_NEWER, FollowMotion, ahead
-from linkage_ros.run.commands import NO_CRANK, NO_JOINT_STATE, OUT_OF_REACH, inputs_of
+from linkage_ros.run.commands import inputs_of
+from linkage_ros.run.measured_crank import NO_CRANK, NO_JOINT_STATE, OUT_OF_REACH
 from linkage_ros.run.states import Simulator
 from linkage_ros.settings.configuration import configure, load
 

@@ -29,8 +29,9 @@ from linkage_ros.messages.topics import (
 )
 from linkage_ros.motion.drives import FollowDrive
 from linkage_ros.programs.log_tool import info
-from linkage_ros.run.commands import CrankTrajectory, inputs_of
+from linkage_ros.run.commands import inputs_of
 from linkage_ros.run.states import Simulator
+from linkage_ros.run.trajectory_ahead import TrajectoryAhead
 from linkage_ros.settings.configuration import configure, load, read_values
 from linkage_ros.settings.session import SpeedFeedForward
 
@@ -59,7 +60,7 @@ def write(path, configuration, names):
     simulator, names = Simulator(configuration), iter(names)
     inputs, drive = inputs_of(simulator), configuration.drive
     others = [ROBOT_DESCRIPTION, DIAGNOSTICS, *inputs]
-    crank = CrankTrajectory(simulator, drive) if isinstance(drive, SpeedFeedForward) else None
+    crank = TrajectoryAhead(simulator, drive) if isinstance(drive, SpeedFeedForward) else None
     others += [crank.topic] if crank else []
     used = {topic.role: next(names) for topic in (*simulator.templates.topics, *others)}
     with LogWriter(path, configuration, overwrite=True) as log:

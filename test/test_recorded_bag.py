@@ -23,7 +23,7 @@ from linkage_ros.messages.fields import Template
 from linkage_ros.messages.templates import joint_state
 from linkage_ros.messages.topics import JOINT_STATE
 from linkage_ros.programs.record import record_measured
-from linkage_ros.run.commands import MeasuredCrank
+from linkage_ros.run.measured_crank import MeasuredCrank
 from linkage_ros.run.states import Simulator
 from linkage_ros.settings.configuration import configure, load
 

@@ -36,8 +36,9 @@ from linkage_ros.messages.templates import trajectory
 from linkage_ros.programs.import_tool import parameter_text, read_robot
 from linkage_ros.programs.record import record
 from linkage_ros.robot.planar_loop import find_loop
-from linkage_ros.run.commands import CrankTrajectory, inputs_of
+from linkage_ros.run.commands import inputs_of
 from linkage_ros.run.states import Simulator
+from linkage_ros.run.trajectory_ahead import TrajectoryAhead
 from linkage_ros.settings.configuration import (
     configure,
     from_strings,
@@ -206,7 +207,7 @@ def test_every_drive_maps_its_messages(drive, tmp_path):
 def test_trajectory_and_command_are_those_of_the_motor():
     mapped, plain = (Simulator(driven('speed', **changes)) for changes in (JOINTS, {}))
     messages = [
-        CrankTrajectory(x, x.configuration.drive).message_at(x.begin(0), 0)
+        TrajectoryAhead(x, x.configuration.drive).message_at(x.begin(0), 0)
         for x in (mapped, plain)
     ]
     found, due = (deserialize_message(x, JointTrajectory) for x in messages)

@@ -27,7 +27,7 @@ from linkage_ros.motion.segments import (
     Segment,
     SpeedSegment,
 )
-from linkage_ros.run.commands import MeasuredCrank
+from linkage_ros.run.measured_crank import MeasuredCrank
 from linkage_ros.run.states import Simulator
 from linkage_ros.units import TIME_END
 

@@ -40,8 +40,9 @@ from linkage_ros.node.topics import (
 )
 from linkage_ros.node.workers import freeze_heap
 from linkage_ros.quantities import build, flatten
-from linkage_ros.run.commands import CrankTrajectory, inputs_of
+from linkage_ros.run.commands import inputs_of
 from linkage_ros.run.states import Simulator
+from linkage_ros.run.trajectory_ahead import TrajectoryAhead
 from linkage_ros.settings.command_lines import node_parser
 from linkage_ros.settings.configuration import configure, parameter_leaves, preset_note
 from linkage_ros.settings.help import summary
@@ -80,10 +81,10 @@ class LinkageNode(ParameterNode):
         others, heard = [DIAGNOSTICS], inputs_of(simulator)
         if simulator.description:
             others.append(ROBOT_DESCRIPTION)
-        self._ahead: CrankTrajectory | None = None
+        self._trajectory: TrajectoryAhead | None = None
         if isinstance(self._drive, TrajectoryFeedForward) and self._drive.trajectory_command_topic:
-            self._ahead = CrankTrajectory(simulator, self._drive)
-            others.append(self._ahead.topic)
+            self._trajectory = TrajectoryAhead(simulator, self._drive)
+            others.append(self._trajectory.topic)
         with reported_as_configuration():  # a topic name may be invalid
             require_distinct(self, [*heard, *simulator.templates.topics, *others])
             # Each with the place of its message among those of a state.
@@ -176,10 +177,10 @@ class LinkageNode(ParameterNode):
         coordinates = motion.at(stamp)
         self._continue(motion)  # the description may change here
         self._publish_state(stamp, coordinates, ahead)
-        if self._ahead and not isinstance(motion, TorqueMotion):
-            message = self._ahead.message_at(motion, stamp)
+        if self._trajectory and not isinstance(motion, TorqueMotion):
+            message = self._trajectory.message_at(motion, stamp)
             if message is not None:
-                self._publish(self._ahead.topic, message)
+                self._publish(self._trajectory.topic, message)
 
     def _answer(self, stamp: int, coordinates: Coordinates) -> None:
         """Publishes the state of a measurement; runs in the ticker's thread."""

@@ -30,7 +30,7 @@ from linkage_ros.motion.steps import record_steps
 from linkage_ros.motion.under_torque import Motion
 from linkage_ros.numeric import Real
 from linkage_ros.quantities import Quantity, leaves
-from linkage_ros.run.commands import MeasuredCrank
+from linkage_ros.run.measured_crank import MeasuredCrank
 from linkage_ros.run.states import Simulator
 from linkage_ros.settings.configuration import (
     Configuration,

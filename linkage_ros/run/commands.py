@@ -1,48 +1,32 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Messages of a run other than its states: commands, measurements, crank trajectories."""
+"""Commands to a run: torques and laws of the crank; and the topic that a run receives."""
 
 import itertools
 import math
 import time
 from bisect import bisect_right
-from collections import Counter, deque
 from collections.abc import Iterable, Sequence
-from contextlib import suppress
 from typing import Any, cast
 
-from linkage_ros.errors import LinkageError, MotionError
-from linkage_ros.messages.cdr import JointReader, decode_joint_state, decode_trajectory
-from linkage_ros.messages.templates import crank_trajectory
+from linkage_ros.messages.cdr import decode_joint_state, decode_trajectory
 from linkage_ros.messages.topics import (
     CRANK_TRAJECTORY,
     JOINT_COMMANDS,
     MEASURED_JOINT_STATES,
-    TRAJECTORY_COMMANDS,
     Topic,
 )
 from linkage_ros.motion.along_law import LawMotion, require_possible
-from linkage_ros.motion.at_speed import SpeedMotion
 from linkage_ros.motion.drives import FollowDrive, LawDrive, TorqueDrive
-from linkage_ros.motion.measured import FollowMotion
-from linkage_ros.motion.segments import Coordinates, stacked
-from linkage_ros.numeric import Real
+from linkage_ros.run.measured_crank import MeasuredCrank
 from linkage_ros.run.states import Simulator
-from linkage_ros.settings.session import TrajectoryFeedForward
-from linkage_ros.units import NS_PER_MS, NS_PER_S
+from linkage_ros.units import NS_PER_S
 
 WINDOW = 10  # s, period to which the rates and warnings of diagnostics refer
-_SILENCE = 2.0  # s without a measurement after which a warning is issued
-NO_CRANK, NO_JOINT_STATE, OUT_OF_REACH = (
-    'without a position of the crank', 'no JointState', 'out of reach'
-)  # fmt: skip
 TAKEN, CUT, REJECTED, TIMEOUTS = (
     'commands taken', 'commands cut to torque_limit', 'commands rejected', 'command timeouts'
 )  # fmt: skip
 TRAJECTORIES_TAKEN, TRAJECTORIES_REJECTED = 'trajectories taken', 'trajectories rejected'
-
-# Time between points, ns; short, because the controller interpolates the effort linearly.
-_STEP = NS_PER_MS
 
 
 class TorqueCommands:
@@ -145,171 +129,7 @@ class TorqueCommands:
         return {'command, N m': f'{self._torque:.6g}', **counts}
 
 
-class MeasuredCrank:
-    """Reads measurements of the crank, in order of arrival.
-
-    Attributes:
-        rejected: Number of rejected messages, by cause.
-    """
-
-    def __init__(self, simulator: Simulator) -> None:
-        """Initializes without a measurement.
-
-        Args:
-            simulator: Simulator of a configuration with `drive: follow`.
-        """
-        self._simulator, self._joint = simulator, JointReader(simulator.crank_joint)
-        self._robot_joint = simulator.robot_joints[0]
-        drive, reach = cast('FollowDrive', simulator.configuration.drive), simulator.solver.reach
-        self._motion, self._is_limited = (
-            FollowMotion(drive, reach.period_turns),
-            not reach.turns_fully,
-        )
-        self.rejected: Counter[str] = Counter()
-        self._last = -math.inf  # time of the last accepted measurement, s
-
-    def read(self, data: bytes, received: int) -> tuple[int, Coordinates]:
-        """Reads a measurement from a message.
-
-        Args:
-            data: CDR bytes of a JointState.
-            received: Time of receipt, ns; replaces the stamp if the message has none.
-
-        Returns:
-            The stamp, ns, and the coordinates of the crank.
-
-        Raises:
-            ValueError: The message is rejected and counted. The error text is the cause, which may
-                be followed by a colon and details.
-        """
-        found = self._measure(data, received)
-        self._require_states(found[1])
-        self._last = time.monotonic()
-        return found
-
-    def answers(
-        self, messages: Iterable[tuple[int, bytes]]
-    ) -> tuple[list[int], list[int], Sequence[Real]]:
-        """Answers many messages, with the same results as `read`.
-
-        Args:
-            messages: Time of receipt, ns, and CDR bytes of each JointState.
-
-        Returns:
-            The time of receipt of each accepted message, ns, the stamp of its state, ns, and the
-            numbers in the messages of the states. Rejected messages are counted.
-        """
-        heard = list[tuple[int, int, Coordinates]]()
-        for received, data in messages:
-            try:
-                stamp, found = self._measure(data, received)
-            except ValueError:  # counted; `suppress` takes a twentieth of the time of a record
-                continue
-            heard.append((received, stamp, found))
-        try:
-            return self._answers(heard)
-        except LinkageError:  # of at least one state
-            return self._answers([one for one in heard if self._has_states(one[-1])])
-
-    def _answers(
-        self, heard: Sequence[tuple[int, int, Coordinates]]
-    ) -> tuple[list[int], list[int], Sequence[Real]]:
-        if not heard:
-            return [], [], ()
-        times, stamps, found = zip(*heard, strict=True)
-        return [*times], [*stamps], self._simulator.numbers(*self.stacked(found))
-
-    def _has_states(self, found: Coordinates) -> bool:
-        """Returns whether a measurement has states; if not, it is counted as rejected."""
-        with suppress(ValueError):
-            self._require_states(found)
-            return True
-        return False
-
-    def stacked(self, found: Sequence[Coordinates]) -> tuple[Coordinates, Coordinates | None]:
-        """Stacks the coordinates of accepted measurements.
-
-        Args:
-            found: The coordinates of each measurement.
-
-        Returns:
-            The coordinates as arrays, and those for the feed-forward torque or None.
-        """
-        later = [x for one in found if (x := self._simulator.later(one))]
-        return stacked(found), stacked(later) if later else None
-
-    def _measure(self, data: bytes, received: int) -> tuple[int, Coordinates]:
-        """Reads the coordinates of the crank; see `read`.
-
-        Raises:
-            ValueError: The message is rejected and counted.
-        """
-        try:
-            stamp, value, velocity = self._decode(data)
-            position, joint = value, self._robot_joint
-            if joint.is_mapped:
-                position = joint.own(value)
-                velocity = velocity if velocity is None else velocity / joint.ratio
-            if self._is_limited and math.isfinite(position):
-                self._require_state(position)  # the filter must not see other angles
-            stamp = stamp or received
-            found = self._motion.at(stamp, position, velocity)
-            return stamp, found._replace(unwrapped=value) if joint.is_mapped else found
-        except ValueError as error:
-            self._reject(error)
-            raise
-
-    def _decode(self, data: bytes) -> tuple[int, float, float | None]:
-        """Returns the stamp, ns, and position and, if it was measured, velocity of the joint.
-
-        Raises:
-            ValueError: The message has no measurement. The error text is the cause.
-        """
-        try:
-            stamp, position, velocity = self._joint.read(data)
-        except ValueError as error:
-            raise ValueError(NO_JOINT_STATE) from error
-        if position is None:
-            raise ValueError(NO_CRANK)
-        return stamp, position, velocity
-
-    def _require_states(self, found: Coordinates) -> None:
-        """Checks the states of a measurement; near a limit of the crank, rates may overflow.
-
-        Raises:
-            ValueError: The message is rejected and counted.
-        """
-        try:
-            for one in filter(None, (found, self._simulator.later(found))):
-                self._require_state(one.q[0], one.u[0], one.a[0])
-        except ValueError as error:
-            self._reject(error)
-            raise
-
-    def _require_state(self, *motion: Real) -> None:
-        try:
-            self._simulator.solver.state(*motion)
-        except LinkageError as error:
-            raise ValueError(f'{OUT_OF_REACH}: {error}') from error
-
-    def _reject(self, error: ValueError) -> None:
-        self.rejected[str(error).partition(':')[0]] += 1
-
-    def troubles(self, topic: str) -> list[str]:
-        """Returns a warning if no measurement has been accepted for 2 s."""
-        if time.monotonic() < self._last + _SILENCE:
-            return []
-        crank = self._simulator.crank_joint
-        return [f'no measurement of {crank} on {topic} in the last {_SILENCE:g} s']
-
-    def diagnostics(self) -> dict[str, str]:
-        """Returns the counts of rejected messages, for diagnostics."""
-        # Copy in one step, because the tick thread may add a count meanwhile.
-        counts = list(self.rejected.items())
-        return {f'rejected, {cause}': str(count) for cause, count in counts}
-
-
-class CrankTrajectories:
+class LawCommands:
     """Reads trajectories of the crank, and joins each of them to the motion.
 
     Attributes:
@@ -423,64 +243,5 @@ def inputs_of(simulator: Simulator) -> dict[Topic, Any]:
     if isinstance(drive, FollowDrive):
         return {MEASURED_JOINT_STATES: MeasuredCrank(simulator)}
     if isinstance(drive, LawDrive):
-        return {CRANK_TRAJECTORY: CrankTrajectories(simulator)}
+        return {CRANK_TRAJECTORY: LawCommands(simulator)}
     return {}
-
-
-class CrankTrajectory:
-    """Computes trajectories of a fixed duration; the next one is due after half of it.
-
-    A trajectory starts at or just before its stamp, so that a controller can follow it as soon as
-    it arrives. Each tick computes only the new points within the horizon. The first tick, and the
-    first one after a change of the motion, compute all points.
-
-    Attributes:
-        topic: Topic of the trajectories.
-    """
-
-    def __init__(self, simulator: Simulator, drive: TrajectoryFeedForward) -> None:
-        """Prepares the trajectories.
-
-        Args:
-            simulator: Simulator of the run.
-            drive: Drive with the topic and the duration of the trajectories.
-        """
-        self.topic = TRAJECTORY_COMMANDS._replace(name=drive.trajectory_command_topic)
-        self._names = simulator.crank_joint, simulator.configuration.session.frame_id
-        self._joint = simulator.robot_joints[0]
-        self._simulator, self._solver = simulator, simulator.solver
-        self._horizon = round(drive.trajectory_horizon * NS_PER_S)
-        self._motion: SpeedMotion | LawMotion | None = None
-        self._points: deque[tuple[int, tuple[float, ...]]] = deque()
-        self._next = self._due = 0
-
-    def message_at(self, motion: SpeedMotion | LawMotion, stamp: int) -> bytes | None:
-        """Returns the trajectory to send at a stamp, if one is due.
-
-        Args:
-            motion: Motion in the segment that contains the stamp. If it differs from the motion in
-                the last call, the previous trajectory is invalid, and a new one is due.
-            stamp: Stamp of the current tick, ns.
-
-        Returns:
-            The CDR bytes of the message; None if no message is due.
-        """
-        if motion is not self._motion or stamp >= self._next:
-            self._points.clear()
-            self._motion, self._next, self._due = motion, stamp, stamp
-            self._solver = self._simulator.under(motion.segment.gravity).solver
-        with suppress(MotionError):  # a law may end within the horizon
-            while self._next < stamp + self._horizon + _STEP:
-                (q,), (u,), (a,), unwrapped, _ = motion.at(self._next)
-                torque = float(self._solver.state(q, u, a).torque)
-                joint = self._joint
-                position, effort = joint.value(unwrapped), torque / joint.ratio
-                values = position, joint.ratio * u, joint.ratio * a, effort
-                self._points.append((self._next, values))
-                self._next += _STEP
-        while len(self._points) > 1 and self._points[1][0] <= stamp:
-            self._points.popleft()
-        if stamp < self._due:
-            return None
-        self._due = stamp + self._horizon // 2
-        return crank_trajectory(*self._names, self._points)
