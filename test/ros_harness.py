@@ -24,7 +24,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.verify import verify
 from linkage_ros.messages.topics import JOINT_COMMANDS, SIMULATED_CLOCK, TOPICS
-from linkage_ros.node.topics import message_class
+from linkage_ros.node.endpoints import message_class
 
 # Time, s, after which a wait counts as a hang. On a machine with ten busy processes per core, a
 # program that imports Rerun takes 20 s to start.

@@ -33,7 +33,7 @@ from linkage_ros.messages.topics import (
     STRING,
     TOPICS,
 )
-from linkage_ros.node.topics import message_class
+from linkage_ros.node.endpoints import message_class
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 JOINTS = ('crank', 'coupler', 'rocker')

@@ -18,7 +18,7 @@ from sensor_msgs.msg import JointState
 
 from linkage_ros import cli
 from linkage_ros.messages.joints import joint_rows
-from linkage_ros.node.topics import wait_for_subscribers
+from linkage_ros.node.endpoints import wait_for_subscribers
 from linkage_ros.run.states import Simulator
 from linkage_ros.settings.configuration import load
 

@@ -25,12 +25,7 @@ from linkage_ros.motion.along_law import LawMotion
 from linkage_ros.motion.drives import FollowDrive
 from linkage_ros.motion.segments import Coordinates, FollowSegment, Gravity, Segment
 from linkage_ros.motion.under_torque import Motion, TorqueMotion
-from linkage_ros.node.health import HealthMonitor
-from linkage_ros.node.outputs import Outputs
-from linkage_ros.node.parameters import ParameterNode, given_values
-from linkage_ros.node.process import reported_as_configuration, run_program
-from linkage_ros.node.ticker import RealTimeTicker, SimTimeTicker, Ticker
-from linkage_ros.node.topics import (
+from linkage_ros.node.endpoints import (
     PolledSubscription,
     StatePublisher,
     create_publisher,
@@ -38,6 +33,11 @@ from linkage_ros.node.topics import (
     require_distinct,
     wait_for_subscribers,
 )
+from linkage_ros.node.health import HealthMonitor
+from linkage_ros.node.outputs import Outputs
+from linkage_ros.node.parameters import ParameterNode, given_values
+from linkage_ros.node.process import reported_as_configuration, run_program
+from linkage_ros.node.ticker import RealTimeTicker, SimTimeTicker, Ticker
 from linkage_ros.node.workers import freeze_heap
 from linkage_ros.quantities import build, flatten
 from linkage_ros.run.commands import inputs_of

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Starts, spins and ends a program on ROS 2, and protects it from a blocked stderr."""
+"""Starts, spins and ends a program on ROS 2."""
 
 import argparse
 import faulthandler
@@ -8,12 +8,10 @@ import itertools
 import math
 import os
 import re
-import sys
-import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -32,13 +30,11 @@ from rclpy.utilities import remove_ros_args
 from linkage_ros import cli
 from linkage_ros.errors import ConfigurationError, LinkageError, one_line
 from linkage_ros.files import path_exists
+from linkage_ros.node.stderr import muted_stderr, nonblocking_stderr
 from linkage_ros.node.workers import accompany_ticker, show_name
 from linkage_ros.settings.presets import preset_names, preset_path
 from linkage_ros.settings.yaml_file import read_parameter_file
 
-_PIPE_SIZE = 65536  # bytes, the size of a pipe
-_STDERR = 2  # its file descriptor
-_FLUSH_SECONDS = 1.0  # time limit for writing the program's last lines
 # A process whose node takes longer to end is killed; the shorter time is for an urgent end.
 _DESTROY_SECONDS, _URGENT_SECONDS = 10.0, 2.0
 _REPORT_SECONDS = 1.0  # shortest time between two reports of the same kind
@@ -259,65 +255,3 @@ def spinning(node: Node, is_urgent: Callable[[], bool] = lambda: False) -> Itera
             faulthandler.dump_traceback_later(seconds, exit=True, file=devnull)
             node.destroy_node()
             faulthandler.cancel_dump_traceback_later()
-
-
-@contextmanager
-def nonblocking_stderr() -> Iterator[None]:
-    """Makes stderr non-blocking, so that Ctrl-S in the terminal cannot stop the crank.
-
-    Log lines pass through a pipe of this process. Lines beyond the pipe's 64 KiB are lost, as are
-    the last lines if they are not read within a second after the end.
-    """
-    # Files opened later must not get the number of a standard stream closed by `2>&-`.
-    while (unused := os.open(os.devnull, os.O_RDWR)) <= _STDERR:
-        pass
-    os.close(unused)
-    original = os.dup(_STDERR)
-    if os.isatty(original):  # rcutils would check the pipe instead
-        os.environ.setdefault('RCUTILS_COLORIZED_OUTPUT', '1')
-    outlet, inlet = os.pipe()
-    os.set_blocking(inlet, False)
-    _redirect(inlet)
-    thread = threading.Thread(target=_copy, args=(outlet, original), name='stderr', daemon=True)
-    thread.start()
-    try:
-        yield
-    finally:
-        _redirect(os.open(os.devnull, os.O_WRONLY))  # closes the pipe
-        thread.join(_FLUSH_SECONDS)
-        if not thread.is_alive():
-            _redirect(original)
-
-
-@contextmanager
-def muted_stderr() -> Iterator[None]:
-    """Drops rcl's output about errors that it also raises, so that the user sees one line.
-
-    If no error is raised, the output is printed afterwards.
-    """
-    with tempfile.TemporaryFile() as held:
-        original = os.dup(2)
-        _redirect(os.dup(held.fileno()))
-        try:
-            yield
-        finally:
-            _redirect(original)
-        held.seek(0)
-        os.write(2, held.read())
-
-
-def _redirect(number: int) -> None:
-    """Redirects stderr to an open file, and closes the file's original descriptor."""
-    with suppress(OSError, AttributeError):  # the disk is full, or stderr is closed
-        sys.stderr.flush()
-    os.dup2(number, 2)
-    os.close(number)
-
-
-def _copy(outlet: int, original: int) -> None:
-    """Copies a pipe to a file that may block."""
-    while data := os.read(outlet, _PIPE_SIZE):
-        with suppress(OSError):  # the terminal is closed, or the disk is full
-            while data:
-                data = data[os.write(original, data) :]
-    os.close(outlet)

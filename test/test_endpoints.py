@@ -27,7 +27,7 @@ from sensor_msgs.msg import JointState
 
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.messages.topics import JOINT_COMMANDS
-from linkage_ros.node import topics
+from linkage_ros.node import endpoints
 from linkage_ros.node.process import spinning
 
 MESSAGES = 300
@@ -54,8 +54,8 @@ def polled(monkeypatch):
     monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     domain = fresh_domain()
     with node_of('subscriber', domain) as node, node_of('robot', domain) as robot:
-        subscription = topics.PolledSubscription(node, JOINT_COMMANDS, reject, lambda *_: None)
-        publisher = topics.create_publisher(robot, JOINT_COMMANDS)
+        subscription = endpoints.PolledSubscription(node, JOINT_COMMANDS, reject, lambda *_: None)
+        publisher = endpoints.create_publisher(robot, JOINT_COMMANDS)
         wait_for(publisher.get_subscription_count)
         yield node, subscription, publisher, robot
 
@@ -131,4 +131,4 @@ def test_another_rclpy_is_refused_in_one_line(polled, monkeypatch):
     with monkeypatch.context() as other:
         other.setattr(impl.implementation_singleton, 'rclpy_implementation', object())
         with pytest.raises(ConfigurationError, match=r'^this rclpy .*Jazzy[^\n]*$'):
-            topics.PolledSubscription(node, JOINT_COMMANDS, reject, lambda *_: None)
+            endpoints.PolledSubscription(node, JOINT_COMMANDS, reject, lambda *_: None)

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Topics of a node: publishers of CDR bytes, subscriptions to commands and measurements."""
+"""Publishers and subscriptions of a node, which pass messages as CDR bytes."""
 
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator
