@@ -34,7 +34,7 @@ from linkage_ros.motion.steps import LONGEST_STEP, TOLERANCE, Integrate, live_st
 from linkage_ros.motion.under_torque import published
 from linkage_ros.numeric import two_sum
 from linkage_ros.run.states import Simulator
-from linkage_ros.settings.notes import notes
+from linkage_ros.settings.summary import notes
 from linkage_ros.settings.yaml_file import read_yaml
 from linkage_ros.view.drawing import Drawing
 

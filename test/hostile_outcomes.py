@@ -23,7 +23,7 @@ from linkage_ros.programs.record import record
 from linkage_ros.quantities import build, flatten
 from linkage_ros.run.states import Simulator
 from linkage_ros.settings.configuration import load, parameter_leaves
-from linkage_ros.settings.help import summary
+from linkage_ros.settings.summary import summary
 
 LONGEST = 700  # characters: at most 600 of an error, plus what the command line adds
 

@@ -26,7 +26,7 @@ from linkage_ros.programs.record import record
 from linkage_ros.run import commands as commands_module
 from linkage_ros.run.states import Simulator
 from linkage_ros.settings.configuration import configure, load
-from linkage_ros.settings.help import summary
+from linkage_ros.settings.summary import summary
 from linkage_ros.units import NS_PER_MS, NS_PER_S
 
 PUMP = load('wind_pump')

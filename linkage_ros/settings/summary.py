@@ -1,13 +1,52 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Notes about valid parameters whose unit is probably wrong."""
+"""Describes a configuration in one line, and notes values whose unit is probably wrong."""
 
 import math
 from collections.abc import Iterator
 
-from linkage_ros.settings.configuration import Configuration, parameter_leaves
+from linkage_ros.mechanism.solver import Solver
+from linkage_ros.mechanism.travel import travel
+from linkage_ros.motion.drives import FollowDrive, LawDrive, TorqueDrive
+from linkage_ros.settings.configuration import (
+    Configuration,
+    parameter_leaves,
+)
 
 _LONG, _SHORT = 10.0, 1e-4  # m
+
+
+def summary(configuration: Configuration, solver: Solver) -> str:
+    """Describes mechanism and motion in one line.
+
+    Args:
+        configuration: Configuration of the run.
+        solver: Solver of the configured mechanism.
+
+    Returns:
+        The line, without a newline.
+    """
+    words = [configuration.kind.mechanism, configuration.mechanism.assembly]
+    if reach := solver.mobility:
+        words.append(reach.grashof)
+        if reach.turns_fully:
+            words += travel(solver).words()
+    words.append(_drive(configuration))
+    return ', '.join(words)
+
+
+def _drive(configuration: Configuration) -> str:
+    drive, rate = configuration.drive, f' at {configuration.session.rate_hz:g} Hz'
+    if isinstance(drive, FollowDrive):
+        return f'follows a measured crank, filter of {drive.follow_bandwidth:g} Hz'
+    if isinstance(drive, TorqueDrive):
+        return f'{drive.motor}, from {drive.start_rpm:g} rpm{rate}'
+    if isinstance(drive, LawDrive):
+        return f'{drive.motion.law.words}{rate}'
+    if drive.start_rpm is None or not drive.crank_acceleration:
+        return f'{drive.rpm:g} rpm{rate}'
+    speeds = f'from {drive.start_rpm:g} to {drive.rpm:g} rpm'
+    return f'{speeds} with {drive.crank_acceleration:g} rad/s^2{rate}'
 
 
 def notes(configuration: Configuration) -> list[str]:
