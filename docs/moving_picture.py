@@ -55,7 +55,9 @@ def _messages(configuration: Configuration) -> list[tuple[int, bytes]]:
     """Computes the messages of one turn, including the state at its end."""
     simulator = Simulator(configuration)
     motion = simulator.begin(0)
-    stamps = map(simulator.elapsed, range(simulator.tick_at(round(_TURN * NS_PER_S)) + 1))
+    stamps = map(
+        simulator.ticks.elapsed, range(simulator.ticks.tick_at(round(_TURN * NS_PER_S)) + 1)
+    )
     templates, samples = simulator.templates, []
     for stamp in stamps:
         found = motion.at(stamp)

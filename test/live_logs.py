@@ -40,7 +40,7 @@ def moments(simulator, plan):
         elif kind == 'skip':
             tick += value
         else:
-            stamp = t0 + simulator.elapsed(tick) + value
+            stamp = t0 + simulator.ticks.elapsed(tick) + value
             if kind == 'step':
                 motion, t0 = motion.restamp(stamp - value, stamp), t0 + value
                 yield motion, None, None

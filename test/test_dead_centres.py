@@ -148,7 +148,7 @@ def test_states_next_to_the_jump_at_pi_close_the_loop_and_verify(name, tmp_path)
     simulator = Simulator(settings)
     motion = simulator.begin(0, record_steps)
     for tick in range(600 if name in SEAMS else 200):
-        state = simulator.state(motion.at(simulator.elapsed(tick)))
+        state = simulator.state(motion.at(simulator.ticks.elapsed(tick)))
         assert simulator.solver.structure.loop_residual(state) < 1e-13
         turning = state.position[2:3] if name in SEAMS else ()
         assert all(-math.pi < angle <= math.pi for angle in turning)

@@ -198,7 +198,7 @@ def test_the_same_record_has_the_same_bytes(tmp_path):
 def test_rows_have_the_bytes_that_the_library_would_write(tmp_path, start):
     """Includes chunks, indexes, counts and times, message by message, in several chunks."""
     simulator, path = Simulator(load('quadrilateral')), tmp_path / 'run.mcap'
-    stamps = [start + simulator.elapsed(tick) for tick in range(6000)]
+    stamps = [start + simulator.ticks.elapsed(tick) for tick in range(6000)]
     with LogWriter(path, simulator.configuration, overwrite=False) as log:
         log.add_states(simulator.templates, lambda topic: topic.name)
         found = simulator.begin(start).at_all(stamps)

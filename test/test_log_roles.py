@@ -75,7 +75,7 @@ def write(path, configuration, names):
             motion = simulator.begin(START)
             log.write_motion(motion.segment)
         for tick in range(STATES):
-            stamp = START + simulator.elapsed(tick)
+            stamp = START + simulator.ticks.elapsed(tick)
             made = None
             for number in foreign:
                 log.write(number, stamp, b'\0\1\0\0')

@@ -448,7 +448,7 @@ def test_a_flood_of_commands_costs_neither_memory_nor_ticks(tmp_path):
     first, last = (CODEC.decode(messages[STATES][i].data)[0] for i in (0, -1))
     assert output.count('are rejected') <= 2 + (last - first) / 1e9  # once a second
     # If each command woke a thread of the node, five of six ticks would be missed.
-    due = Simulator(log.configuration).tick_at(last - first)
+    due = Simulator(log.configuration).ticks.tick_at(last - first)
     assert len(messages[STATES]) > due / 3
 
 

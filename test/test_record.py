@@ -122,7 +122,7 @@ def test_many_states_at_once_have_the_bits_of_each_alone(name, start, integrate)
         base = {} if 'mechanism' in values else read_values('quadrilateral')
         values = {**base, **values, 'effort_command_topic': 'torque', 'lead_time': 0.01}
     simulator = Simulator(configure(values))
-    stamps = [start + simulator.elapsed(tick) for tick in range(900)]
+    stamps = [start + simulator.ticks.elapsed(tick) for tick in range(900)]
     together, alone = (simulator.begin(start, integrate) for _ in range(2))
     layout = RowLayout(simulator.templates, enumerate(simulator.templates.topics))
     single = b''.join(

@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 
 from linkage_ros.node import ticker as ticker_module
 from linkage_ros.node.ticker import CLOCK_STEP, RealTimeTicker, SimTimeTicker
-from linkage_ros.run.states import Simulator
-from linkage_ros.settings.configuration import configure
+from linkage_ros.run.ticks import TickRate
 
 MS = 1_000_000
 
@@ -51,11 +50,11 @@ def clock(monkeypatch):
 class Run:
     """Records what a ticker does: stamps, t0 at the first, steps of the clock, errors."""
 
-    def __init__(self, kind, simulator, last=None, act=lambda tick: None, receive=tuple):
+    def __init__(self, kind, rate, last=None, act=lambda tick: None, receive=tuple):
         self.stamps, self.begun, self.moved, self.failed = [], [], [], []
         self._last, self._act = last, act
         self.ticker = kind(
-            simulator, self._tick, lambda *pair: self.moved.append(pair), self.failed.append,
+            rate, self._tick, lambda *pair: self.moved.append(pair), self.failed.append,
             lambda: receive(self.ticker),
         )  # fmt: skip
         self.ticker.start()
@@ -72,7 +71,7 @@ class Run:
 
 
 def real(rate_hz, ticks, act=lambda tick: None):
-    return Run(RealTimeTicker, Simulator(configure({'rate_hz': rate_hz})), ticks, act)
+    return Run(RealTimeTicker, TickRate(rate_hz), ticks, act)
 
 
 def test_stamps_are_the_start_plus_whole_periods_whatever_the_lateness(clock):
@@ -121,8 +120,8 @@ def test_a_thread_stopped_between_readings_of_the_clocks_sees_no_step(clock):
 
 
 def test_ticker_at_a_low_rate_stops_at_once():
-    simulator, first = Simulator(configure({'rate_hz': 0.01})), threading.Event()
-    ticker = RealTimeTicker(simulator, lambda _: first.set(), lambda *_: None, lambda _: None)
+    rate, first = TickRate(0.01), threading.Event()
+    ticker = RealTimeTicker(rate, lambda _: first.set(), lambda *_: None, lambda _: None)
     ticker.start()
     assert first.wait(5)
     ticker.stop()
@@ -134,11 +133,11 @@ def test_ticker_at_a_low_rate_stops_at_once():
     tick=st.integers(0, 10**12),
 )
 def test_tick_at_a_time_is_the_last_one_due(rate, tick):
-    simulator = Simulator(configure({'rate_hz': rate}))
+    rate_of_ticks = TickRate(rate)
     exact = Fraction(10**9) / Fraction(repr(rate))
-    assert simulator.elapsed(tick) == int(tick * exact)
-    assert simulator.tick_at(simulator.elapsed(tick)) == tick
-    assert simulator.tick_at(simulator.elapsed(tick + 1) - 1) == tick
+    assert rate_of_ticks.elapsed(tick) == int(tick * exact)
+    assert rate_of_ticks.tick_at(rate_of_ticks.elapsed(tick)) == tick
+    assert rate_of_ticks.tick_at(rate_of_ticks.elapsed(tick + 1) - 1) == tick
 
 
 # ---------------------------------------------------------------- simulated time
@@ -146,7 +145,7 @@ def test_tick_at_a_time_is_the_last_one_due(rate, tick):
 
 def simulated(*times, rate_hz=200.0, **options):
     """The run of a clock that told some times before it was stopped."""
-    times, simulator = list(times), Simulator(configure({'rate_hz': rate_hz}))
+    times, rate = list(times), TickRate(rate_hz)
 
     def receive(ticker):
         if not times:
@@ -154,7 +153,7 @@ def simulated(*times, rate_hz=200.0, **options):
         while times:
             yield times.pop(0)
 
-    return Run(SimTimeTicker, simulator, receive=receive, **options)
+    return Run(SimTimeTicker, rate, receive=receive, **options)
 
 
 @pytest.mark.parametrize(

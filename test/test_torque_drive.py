@@ -262,7 +262,7 @@ def test_long_gaps_at_extreme_speeds_verify(tmp_path, rpm, torques):
 @pytest.mark.parametrize('rate_hz', [1000.0, 0.5])
 def test_plant_is_paused_only_while_a_tick_is_over_a_quarter_second_late(rate_hz):
     simulator, drive = Simulator(changed(session={'rate_hz': rate_hz})), PUMP.drive
-    motion, latest = simulator.begin(START), simulator.elapsed(1) + 250_000_000
+    motion, latest = simulator.begin(START), simulator.ticks.elapsed(1) + 250_000_000
     before, first = motion.at(START), motion.segment
     assert motion.follow(START + latest, drive).segment is first
     moved = motion.at(START + latest)
@@ -288,7 +288,7 @@ def forge(path, claimed, real):
         channels = [log.add_topic(topic, f'/{topic.name}') for topic in simulator.templates.topics]
         log.write_motion(Simulator(claimed).begin(0).segment)
         for tick in range(20):
-            stamp = simulator.elapsed(tick)
+            stamp = simulator.ticks.elapsed(tick)
             made = messages_at(simulator, motion, stamp)
             for channel, message in zip(channels, made.messages, strict=True):
                 log.write(channel, stamp, message)

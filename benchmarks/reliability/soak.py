@@ -126,7 +126,7 @@ def account(path: Path, heard: Path, output: str) -> dict:
     return {
         'published': published,
         'missed': missed,
-        'ticks': simulator.tick_at(stamps[-1] - log.motions[0].stamp) + 1,
+        'ticks': simulator.ticks.tick_at(stamps[-1] - log.motions[0].stamp) + 1,
         'logged': dict(topics),
         'heard': len(received),
         'heard_of_the_logged': len(set(stamps) & set(received.tolist())),

@@ -123,9 +123,9 @@ class Timeline:
             # With False at the end, argmin counts the leading true values.
             leading = stamps[: np.append(inside, False).argmin()]
             elapsed = leading.astype(object) - self._anchors[number]
-            ticks = self._simulator.tick_at(elapsed)
+            ticks = self._simulator.ticks.tick_at(elapsed)
             steps = np.diff(ticks, prepend=self._tick)
-            fits = self._simulator.elapsed(ticks) == elapsed
+            fits = self._simulator.ticks.elapsed(ticks) == elapsed
             fits &= steps > 0
             if self.is_record:
                 fits[self._is_after_gap :] &= steps[self._is_after_gap :] == 1

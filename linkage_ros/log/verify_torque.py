@@ -148,9 +148,9 @@ class TorqueStates(Timeline):
         found[-1] -= self._motor.at(found[len(self._links)])
         origin = np.concatenate([self._before, found[:, :-1]], axis=1)
         numbers = np.array([max(self._tick, 0), *ticks], object)  # of any size
-        late = np.diff(self._simulator.elapsed(numbers)).astype(float)
+        late = np.diff(self._simulator.ticks.elapsed(numbers)).astype(float)
         if not self.is_record:  # the plant is paused in longer gaps
-            late[late > self._simulator.elapsed(1) + CATCH_UP] = 0
+            late[late > self._simulator.ticks.elapsed(1) + CATCH_UP] = 0
         spans = late / NS_PER_S
         follows = self._many_follow(driven, origin, found, spans) | (spans > _LONGEST)
         follows[0] |= self._is_after_gap

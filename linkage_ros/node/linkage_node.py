@@ -116,11 +116,11 @@ class LinkageNode(ParameterNode):
         self._report_timer = self.create_timer(1.0, self._report, clock=steady)
 
     def _make_ticker(self) -> Ticker:
-        callbacks = self._simulator, self._tick, self._restamp, self._fail
+        callbacks = self._simulator.ticks, self._tick, self._restamp, self._fail
         if isinstance(self._drive, FollowDrive):
             ((measured, _),) = self._inputs
             return Ticker(
-                self._simulator, self._answer, self._restamp, self._fail, measured.receive
+                self._simulator.ticks, self._answer, self._restamp, self._fail, measured.receive
             )
         if not self.get_parameter('use_sim_time').value:
             return RealTimeTicker(*callbacks)

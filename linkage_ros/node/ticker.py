@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from linkage_ros.node.workers import show_name, take_real_time_priority, wake_on_time
-from linkage_ros.run.states import Simulator
+from linkage_ros.run.ticks import TickRate
 from linkage_ros.units import NS_PER_MS, NS_PER_S
 
 _LATENESS_SAMPLES = 10_000  # number of ticks whose lateness is stored
@@ -64,7 +64,7 @@ class Ticker:
 
     def __init__(
         self,
-        simulator: Simulator,
+        ticks: TickRate,
         tick: Callable[..., None],
         restamp: Callable[[int, int], None],
         fail: Callable[[BaseException], None],
@@ -73,7 +73,7 @@ class Ticker:
         """Prepares the thread.
 
         Args:
-            simulator: Simulator with the tick rate.
+            ticks: Times of the ticks.
             tick: Called at each tick, with its stamp, ns, or the fields of a measurement.
             restamp: Called before the first tick after a step of the clock, with the stamps of
                 this tick on the old and the new clock, ns.
@@ -84,7 +84,7 @@ class Ticker:
         self.counts = TickCounts()
         self.error: BaseException | None = None
         self.t0 = 0
-        self._simulator, self._tick, self._restamp, self._fail = simulator, tick, restamp, fail
+        self._ticks, self._tick, self._restamp, self._fail = ticks, tick, restamp, fail
         self._receive = receive
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name='ticker', daemon=True)
@@ -124,7 +124,7 @@ class Ticker:
             yield from self._receive()
 
     def _stamp(self, tick: int) -> int:
-        return self.t0 + self._simulator.elapsed(tick)
+        return self.t0 + self._ticks.elapsed(tick)
 
     def _step_clock(self, tick: int, shift: int) -> None:
         """Shifts the stamps of a tick and all later ticks by a step of the clock, ns."""
@@ -142,12 +142,12 @@ class RealTimeTicker(Ticker):
         tick, origin = 0, time.monotonic_ns()
         self.t0 = origin + _clock_offset()
         while True:
-            late = self._sleep_until(origin + self._simulator.elapsed(tick))
+            late = self._sleep_until(origin + self._ticks.elapsed(tick))
             if self._stop.is_set():
                 return
             self.counts.lateness.append(late)
             self.counts.max_lateness = max(self.counts.max_lateness, late)
-            due = self._simulator.tick_at(time.monotonic_ns() - origin)
+            due = self._ticks.tick_at(time.monotonic_ns() - origin)
             self.counts.missed += due - tick
             stepped = origin + _clock_offset() - self.t0
             if abs(stepped) > CLOCK_STEP:
@@ -194,7 +194,7 @@ class SimTimeTicker(Ticker):
                     # Stamp the next state with the new time, without a jump of the motion.
                     self._step_clock(tick, now - self._stamp(tick))
                 jump, last = 0 if last is None else now - last, now
-                due = self._simulator.tick_at(now - self.t0) if now >= self.t0 else -1
+                due = self._ticks.tick_at(now - self.t0) if now >= self.t0 else -1
                 if due - tick >= _MAX_TICKS_PER_MESSAGE:
                     self.counts.missed += due - tick
                     self.counts.clock_steps += 1

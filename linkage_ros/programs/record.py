@@ -241,8 +241,8 @@ def _states(
     start, tick = simulator.configuration.drive.crank_angle, 0
     while tick != count:
         # If turns are counted, compute at most one second beyond the last turn.
-        most = simulator.tick_at(NS_PER_S) + 1 if count is None else count - tick
-        stamps = [simulator.elapsed(tick + i) for i in range(min(_BATCH, most))]
+        most = simulator.ticks.tick_at(NS_PER_S) + 1 if count is None else count - tick
+        stamps = [simulator.ticks.elapsed(tick + i) for i in range(min(_BATCH, most))]
         found = motion.at_all(stamps)
         ahead = simulator.ahead(motion, stamps[: len(found.unwrapped)])
         if ahead is not None and len(ahead.unwrapped) < len(found.unwrapped):
@@ -300,7 +300,7 @@ def count_states(
                 f'the crank does not make {revolutions} revolutions within {_LONGEST:g} s: '
                 'give a --duration, fewer revolutions, or a higher rpm'
             )
-    return simulator.tick_at(end - 1) + 1
+    return simulator.ticks.tick_at(end - 1) + 1
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""States of a configured mechanism, and the ticks at which they are computed.
+"""States of a configured mechanism.
 
 The node, the recorder and the verification share this code, so equal configurations and elapsed
 times give bit-identical states.
@@ -10,11 +10,9 @@ import copy
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
-from fractions import Fraction
-from typing import Any, TypeVar, cast
+from typing import Any, cast
 
 import numpy as np
-import numpy.typing as npt
 
 from linkage_ros.errors import ConfigurationError, LinkageError
 from linkage_ros.mechanism.kinematics import State
@@ -32,12 +30,10 @@ from linkage_ros.motion.segments import Coordinates, Gravity
 from linkage_ros.motion.steps import Integrate, live_steps
 from linkage_ros.motion.under_torque import Motion, TorqueMotion
 from linkage_ros.numeric import Array, Real
+from linkage_ros.run.ticks import TickRate
 from linkage_ros.settings.configuration import Configuration
 from linkage_ros.settings.session import FeedForward
 from linkage_ros.units import NS_PER_S
-
-# Integers of any size; arrays of them have dtype object.
-Whole = TypeVar('Whole', int, npt.NDArray[np.object_])
 
 
 class Simulator:
@@ -51,6 +47,7 @@ class Simulator:
         ranges: Load curves that the states so far have left.
         crank_joint: Name of the crank in measurements, commands and trajectories.
         templates: Templates of the messages of a state.
+        ticks: Times of the ticks.
         lead: Time by which the feed-forward torque is ahead of the stamp, ns; None without
             feed-forward.
         description: CDR bytes of the robot_description message; None if it is not published.
@@ -75,9 +72,8 @@ class Simulator:
         if isinstance(drive, FeedForward) and drive.effort_command_topic:
             effort_topic, self.lead = drive.effort_command_topic, round(drive.lead_time * NS_PER_S)
         self.templates = StateTemplates(self.solver.structure, joints, frame_id, effort_topic)
+        self.ticks = TickRate(session.rate_hz)
         self._other: tuple[Gravity, Simulator] | None = None  # the last result of `under`
-        # Use the decimal value, so that ticks at 0.1 Hz are exactly 10 s apart.
-        self._rate = Fraction(repr(session.rate_hz)).as_integer_ratio()
 
     @property
     def guesses_zero(self) -> bool:
@@ -117,7 +113,7 @@ class Simulator:
         """
         drive = self.configuration.drive
         if isinstance(drive, TorqueDrive):
-            return TorqueMotion(self.solver, drive, stamp, self.elapsed(1), integrate)
+            return TorqueMotion(self.solver, drive, stamp, self.ticks.elapsed(1), integrate)
         if isinstance(drive, SpeedDrive):
             return SpeedMotion.begin(drive, stamp)
         if isinstance(drive, LawDrive):
@@ -136,7 +132,7 @@ class Simulator:
         """
         drive = self.configuration.drive
         if isinstance(drive, TorqueDrive):
-            tick = self.elapsed(1)
+            tick = self.ticks.elapsed(1)
             if round(drive.command_timeout * NS_PER_S) < tick:
                 raise ConfigurationError(
                     f'command_timeout = {drive.command_timeout} s: must be at least a tick, '
@@ -149,20 +145,6 @@ class Simulator:
                 found = motion.at(NS_PER_S)
                 self.templates.numbers(self.state(found), found.unwrapped)
                 motion.rehearse()
-
-    def elapsed(self, tick: Whole) -> Whole:
-        """Returns the time from tick 0 to a tick, ns, without accumulated error."""
-        numerator, denominator = self._rate
-        elapsed: Whole = tick * NS_PER_S * denominator // numerator
-        return elapsed
-
-    def tick_at(self, elapsed: Whole) -> Whole:
-        """Returns the last tick at or before an elapsed time, ns."""
-        numerator, denominator = self._rate
-        tick: Whole = elapsed * numerator // (NS_PER_S * denominator)
-        # Because `elapsed` rounds down, the next tick may already be due.
-        tick += self.elapsed(tick + 1) <= elapsed
-        return tick
 
     def state(self, coordinates: Coordinates, *, by_math: bool = False) -> State:
         """Computes the state at given coordinates.
