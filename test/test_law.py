@@ -21,9 +21,9 @@ from oracle import oracle_of
 
 from linkage_ros import ConfigurationError, Solver
 from linkage_ros.errors import MotionError
+from linkage_ros.log.expected_states import check_motions
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.records import decode_motion, encode_motion
-from linkage_ros.log.timeline import check_motions
 from linkage_ros.log.verify import verify
 from linkage_ros.motion.along_law import LawMotion, require_possible
 from linkage_ros.motion.drives import LawDrive

@@ -23,14 +23,15 @@ from contextlib import suppress
 import numpy as np
 
 from linkage_ros.errors import LinkageError, LogError
-from linkage_ros.log.reader import LoggedMessage, LogReader
-from linkage_ros.log.rows import MESSAGE_HEAD, RowLayout
-from linkage_ros.log.timeline import (
-    Measurements,
-    Timeline,
+from linkage_ros.log.expected_states import (
+    ExpectedStates,
+    MeasuredStates,
+    TickStates,
     check_motions,
 )
-from linkage_ros.log.verify_torque import TorqueStates
+from linkage_ros.log.reader import LoggedMessage, LogReader
+from linkage_ros.log.rows import MESSAGE_HEAD, RowLayout
+from linkage_ros.log.torque_states import TorqueStates
 from linkage_ros.mechanism.elementwise import noise
 from linkage_ros.messages.cdr import ENCAPSULATION, encode_string
 from linkage_ros.messages.topics import (
@@ -145,8 +146,8 @@ class Verification:
         self._layout = layout = RowLayout(simulator.templates, channels)
         self._names = [channel.name for channel in self._channels.values()]
         self._comparison = RowComparison(log, layout, self._names)
-        kind = TorqueStates if driven else Measurements if follows else Timeline
-        self._timeline: Timeline | Measurements = kind(simulator, log, layout)
+        kind = TorqueStates if driven else MeasuredStates if follows else TickStates
+        self._expected: ExpectedStates = kind(simulator, log, layout)
 
     def run(self, progress: Callable[[int], object]) -> None:
         """Compares the messages, up to the first difference; see `verify`.
@@ -170,18 +171,17 @@ class Verification:
                 if self.difference or len(self._rows) >= size:
                     break
         self._compare_last(progress)
-        self.missed, self.ulp = self._timeline.missed, max(self.ulp, self._comparison.ulp)
+        self.missed, self.ulp = self._expected.missed, max(self.ulp, self._comparison.ulp)
 
     def _cross_gap(self, progress: Callable[[int], object]) -> None:
         """Compares the states before missing messages, and prepares for those after them."""
         self._compare_last(progress)
         self._rows.clear()
-        self.cut, self.stops_at_gap = (), not self._timeline.cross_gap()
+        self.cut, self.stops_at_gap = (), not self._expected.cross_gap()
 
     def _handle(self, message: LoggedMessage) -> None:
         """Handles a message that is not part of a state; called in the order of writing."""
-        if isinstance(self._timeline, Measurements):
-            self._timeline.handle(message)
+        self._expected.handle(message)
         due = self._simulator.description
         if due and self._description and message.channel == self._description.number:
             ulp = _description_ulp(message.data, due)
@@ -227,7 +227,7 @@ class Verification:
             description is empty if the next state was not compared.
         """
         stamps, count, wrong = self._layout.stamps(rows), 0, ''
-        for number, ticks in self._timeline.fitting(stamps):
+        for number, ticks in self._expected.fitting(stamps):
             logged = rows[: len(ticks) * self._layout.size]
             try:
                 made = self._again(number, stamps[: len(ticks)].tolist(), logged)
@@ -240,7 +240,7 @@ class Verification:
             count, difference = self._comparison.compare(logged, made, again)
             wrong = wrong or difference
             if count:
-                count, wrong = self._timeline.take(number, ticks[:count])
+                count, wrong = self._expected.take(number, ticks[:count])
                 break
         else:
             wrong = wrong or (
@@ -257,12 +257,12 @@ class Verification:
         Raises:
             LinkageError: A logged row does not describe a valid state.
         """
-        coordinates, ahead = self._timeline.coordinates(number, stamps, rows)
+        coordinates, ahead = self._expected.coordinates(number, stamps, rows)
         numbers, layout = (
-            self._timeline.simulator(number).numbers(coordinates, ahead),
+            self._expected.simulator(number).numbers(coordinates, ahead),
             self._layout,
         )
-        times = stamps if self._timeline.is_record else layout.column(rows, layout.times)
+        times = stamps if self._expected.is_record else layout.column(rows, layout.times)
         return layout.rows(times, stamps, numbers)
 
 

@@ -15,9 +15,9 @@ import numpy as np
 import numpy.typing as npt
 
 from linkage_ros.errors import LinkageError, LogError
+from linkage_ros.log.expected_states import TickStates
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.rows import RowLayout
-from linkage_ros.log.timeline import Timeline
 from linkage_ros.mechanism.elementwise import is_noisy, noisy
 from linkage_ros.messages.joints import link_rows
 from linkage_ros.messages.templates import joint_numbers
@@ -47,7 +47,7 @@ _ROUNDINGS = 8  # bound on the rounding errors of a mapped value
 _STEP, _STEPS = 0.02, (2, 20)
 
 
-class TorqueStates(Timeline):
+class TorqueStates(TickStates):
     """Recomputes the states of a torque-driven log.
 
     A state is stored as a column: positions of all links, including all turns of the crank;
@@ -55,7 +55,7 @@ class TorqueStates(Timeline):
     """
 
     def __init__(self, simulator: Simulator, log: LogReader, layout: RowLayout) -> None:
-        """Prepares the check; see `Timeline`. The layout must contain mechanism_state."""
+        """Prepares the check; see `TickStates`. The layout must contain mechanism_state."""
         super().__init__(simulator, log, layout)
         drive: Any = simulator.configuration.drive
         solver, self._motor = simulator.solver, drive.motor
@@ -143,7 +143,7 @@ class TorqueStates(Timeline):
         return table, crank
 
     def take(self, number: int, ticks: list[int]) -> tuple[int, str]:
-        """Checks that states follow from their predecessors; see `Timeline.take`."""
+        """Checks that states follow from their predecessors; see `ExpectedStates`."""
         driven, found = self._driven, self._found[:, : len(ticks)]
         found[-1] -= self._motor.at(found[len(self._links)])
         origin = np.concatenate([self._before, found[:, :-1]], axis=1)

@@ -1,10 +1,11 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Matches the stamps of a log to segments of motion or to measurements.
+"""States that a log must contain, by its segments of motion or its measurements.
 
 A step of the clock starts a new segment, but tick numbers continue.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from contextlib import suppress
 from itertools import accumulate, takewhile
@@ -75,13 +76,76 @@ def check_motions(simulator: Simulator, motions: tuple[Segment, ...]) -> str:
     return ''
 
 
-class Timeline:
-    """Matches the states of a log to ticks in the logged segments.
+class ExpectedStates(ABC):
+    """The states that a log must contain, in order.
 
     Attributes:
         missed: Number of ticks so far without a state.
         is_record: Whether linkage_record wrote the log, so that every tick has a state.
     """
+
+    missed, is_record = 0, False
+
+    def handle(self, message: LoggedMessage) -> None:  # noqa: B027, most ignore it
+        """Takes a message that is not part of a state, in the order of writing."""
+
+    @abstractmethod
+    def cross_gap(self) -> bool:
+        """Prepares for the states after missing messages; returns whether they can be compared."""
+
+    @abstractmethod
+    def fitting(self, stamps: npt.NDArray[np.int64]) -> Iterator[tuple[int, list[int]]]:
+        """Finds the segments that may contain the next stamps, starting with the current one.
+
+        If the clock was set back, segments may overlap. The caller must then compare the states to
+        find the right one.
+
+        Args:
+            stamps: The next stamps, ns; at least one.
+
+        Yields:
+            Index of a segment, and the ticks of all leading stamps that fit the segment.
+        """
+
+    @abstractmethod
+    def simulator(self, number: int) -> Simulator:
+        """Returns the simulator of a segment, given its index."""
+
+    @abstractmethod
+    def coordinates(
+        self, number: int, stamps: list[int], rows: bytes
+    ) -> tuple[Coordinates, Coordinates | None]:
+        """Computes the coordinates of states.
+
+        Args:
+            number: Index of the states' segment.
+            stamps: Stamps of the states, ns.
+            rows: Logged rows of the states.
+
+        Returns:
+            The coordinates, and those for the feed-forward torque or None.
+
+        Raises:
+            LinkageError: There is no state at one of the stamps, or the messages do not describe
+                valid states.
+        """
+
+    @abstractmethod
+    def take(self, number: int, ticks: list[int]) -> tuple[int, str]:
+        """Advances past states whose messages are equal.
+
+        Args:
+            number: Index of the states' segment.
+            ticks: Ticks of the states.
+
+        Returns:
+            The number of states consistent with their predecessors, and the error of the next
+            state, empty if all are consistent.
+        """
+
+
+class TickStates(ExpectedStates):
+    """States at the ticks of the logged segments."""
 
     def __init__(self, simulator: Simulator, log: LogReader, layout: RowLayout) -> None:
         """Starts with the first segment.
@@ -101,22 +165,12 @@ class Timeline:
         self._ends = [*map(_moment, log.motions[1:]), TIME_END]
 
     def cross_gap(self) -> bool:
-        """Prepares for the states after missing messages; returns whether they can be compared."""
+        """Expects any later tick next; see `ExpectedStates`."""
         self._is_after_gap = True
         return True
 
     def fitting(self, stamps: npt.NDArray[np.int64]) -> Iterator[tuple[int, list[int]]]:
-        """Finds the segments that may contain the next stamps, starting with the current one.
-
-        If the clock was set back, segments may overlap. The caller must then compare the states to
-        find the right one.
-
-        Args:
-            stamps: The next stamps, ns; at least one.
-
-        Yields:
-            Index of a segment, and the ticks of all leading stamps that fit the segment.
-        """
+        """Finds segments by their stamps; see `ExpectedStates`."""
         for number in range(self._number, len(self._motions)):
             start, end = self._motions[number].stamp, self._ends[number]
             inside = (start <= stamps) & (stamps < end)
@@ -133,52 +187,29 @@ class Timeline:
                 yield number, ticks[:count].tolist()
 
     def simulator(self, number: int) -> Simulator:
-        """Returns the simulator of a segment, given its index."""
+        """Returns the simulator under the gravity of a segment; see `ExpectedStates`."""
         return self._simulator.under(getattr(self._motions[number], 'gravity', None))
 
     def coordinates(
         self, number: int, stamps: list[int], rows: bytes  # noqa: ARG002, others read them
     ) -> tuple[Coordinates, Coordinates | None]:  # fmt: skip
-        """Recomputes the coordinates of states.
-
-        Args:
-            number: Index of the states' segment.
-            stamps: Stamps of the states, ns.
-            rows: Logged rows of the states.
-
-        Returns:
-            The coordinates, and those for the feed-forward torque or None.
-
-        Raises:
-            LinkageError: The segment does not reach all stamps.
-        """
+        """Follows the motion of a segment; see `ExpectedStates`."""
         segment = self._motions[number]
         motion = _MOTIONS[type(segment)](segment)
         return motion.at_all(stamps), self._simulator.ahead(motion, stamps)
 
     def take(self, number: int, ticks: list[int]) -> tuple[int, str]:
-        """Advances past states whose messages are equal.
-
-        Args:
-            number: Index of the states' segment.
-            ticks: Ticks of the states.
-
-        Returns:
-            The number of states consistent with their predecessors, and the error of the next
-            state, empty if all are consistent.
-        """
+        """Counts the ticks before and between states; see `ExpectedStates`."""
         self.missed += ticks[-1] - self._tick - len(ticks)
         self._number, self._tick, self._is_after_gap = number, ticks[-1], False
         return len(ticks), ''
 
 
-class Measurements:
-    """Matches the states of a log to logged measurements; has the interface of `Timeline`."""
-
-    missed, is_record = 0, False
+class MeasuredStates(ExpectedStates):
+    """States at logged measurements."""
 
     def __init__(self, simulator: Simulator, log: LogReader, _: RowLayout) -> None:
-        """Initializes without a measurement; see `Timeline`."""
+        """Initializes without a measurement; see `TickStates`."""
         self._crank = MeasuredCrank(simulator)
         self._channel = log.channel(MEASURED_JOINT_STATES)
         self._simulator, self._number = simulator, 0
@@ -187,13 +218,13 @@ class Measurements:
         self._next: list[tuple[int, Coordinates]] = []
 
     def handle(self, message: LoggedMessage) -> None:
-        """Reads a measurement; must be called in the order in which messages were written."""
+        """Reads a measurement; see `ExpectedStates`."""
         if self._channel and message.channel == self._channel.number:
             with suppress(ValueError):  # a rejected measurement has no state
                 self._next.append(self._crank.read(message.data, message.time))
 
     def fitting(self, stamps: npt.NDArray[np.int64]) -> Iterator[tuple[int, list[int]]]:
-        """Yields the leading stamps that match the next measurements; see `Timeline.fitting`."""
+        """Yields the leading stamps that match the next measurements; see `ExpectedStates`."""
         pairs = zip(stamps.tolist(), self._next, strict=False)
         fit = [stamp for stamp, _ in takewhile(lambda pair: pair[0] == pair[1][0], pairs)]
         ends = [motion.stamp for motion in self._motions[self._number : self._number + 2]]
@@ -204,21 +235,21 @@ class Measurements:
             yield self._number, before
 
     def simulator(self, number: int) -> Simulator:
-        """Returns the simulator of a segment; see `Timeline.simulator`."""
+        """Returns the simulator of a segment; see `ExpectedStates`."""
         return self._simulator.under(self._motions[number - 1].gravity if number else None)
 
     def coordinates(
         self, _: int, stamps: list[int], __: bytes
     ) -> tuple[Coordinates, Coordinates | None]:
-        """Returns the coordinates of the next measurements; see `Timeline.coordinates`."""
+        """Returns the coordinates of the next measurements; see `ExpectedStates`."""
         return self._crank.stacked([one for _, one in self._next[: len(stamps)]])
 
     def cross_gap(self) -> bool:
-        """Returns False, because later states depend on all measurements; see `Timeline`."""
+        """Returns False, because later states depend on all measurements; see `ExpectedStates`."""
         return False
 
     def take(self, number: int, ticks: list[int]) -> tuple[int, str]:
-        """Advances past measurements; see `Timeline.take`."""
+        """Advances past measurements; see `ExpectedStates`."""
         self._number = number
         del self._next[: len(ticks)]
         return len(ticks), ''
