@@ -42,9 +42,9 @@ from linkage_ros.messages.topics import (
 from linkage_ros.quantities import Leaf, leaves
 from linkage_ros.settings.command_lines import PARSERS, Settings
 from linkage_ros.settings.configuration import MechanismAndDrive, Session
+from linkage_ros.settings.feed_forward import DRIVES
 from linkage_ros.settings.joints import JointSettings
 from linkage_ros.settings.presets import preset_names, preset_path
-from linkage_ros.settings.session import DRIVES
 
 _ROOT = Path(__file__).parents[1]
 PAGES = 'docs/reference.md', 'lab/docs/reference.md'

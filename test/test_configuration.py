@@ -24,7 +24,7 @@ from linkage_ros.settings.configuration import (
     parameter_leaves,
     to_strings,
 )
-from linkage_ros.settings.session import DRIVES
+from linkage_ros.settings.feed_forward import DRIVES
 
 CONFIG = Path(__file__).resolve().parents[1] / 'config'
 LEAVES = {leaf.name: leaf for leaf in parameter_leaves(MechanismAndDrive('four_bar'))}

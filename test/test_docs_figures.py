@@ -25,7 +25,7 @@ from linkage_ros.messages.topics import (
     qualified,
 )
 from linkage_ros.settings.configuration import MechanismAndDrive, parameter_leaves
-from linkage_ros.settings.session import DRIVES
+from linkage_ros.settings.feed_forward import DRIVES
 
 DOCS = ROOT / 'docs'
 

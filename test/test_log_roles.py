@@ -33,7 +33,7 @@ from linkage_ros.run.commands import inputs_of
 from linkage_ros.run.states import Simulator
 from linkage_ros.run.trajectory_ahead import TrajectoryAhead
 from linkage_ros.settings.configuration import configure, load, read_values
-from linkage_ros.settings.session import SpeedFeedForward
+from linkage_ros.settings.feed_forward import SpeedFeedForward
 
 STATES = 20
 CRANK = JointStateCodec(('crank',))

@@ -25,7 +25,7 @@ from linkage_ros.settings.configuration import (
     parameter_leaves,
     read_values,
 )
-from linkage_ros.settings.session import VIEWERS
+from linkage_ros.settings.viewer import VIEWERS
 from linkage_ros.settings.yaml_file import read_scalar
 
 Values = dict[str, object]  # parameters of a node, by dotted name

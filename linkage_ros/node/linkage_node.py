@@ -45,7 +45,7 @@ from linkage_ros.run.states import Simulator
 from linkage_ros.run.trajectory_ahead import TrajectoryAhead
 from linkage_ros.settings.command_lines import node_parser
 from linkage_ros.settings.configuration import configure, parameter_leaves, preset_note
-from linkage_ros.settings.session import TrajectoryFeedForward
+from linkage_ros.settings.feed_forward import TrajectoryFeedForward
 from linkage_ros.settings.summary import notes, summary
 from linkage_ros.units import NS_PER_MS
 

@@ -16,7 +16,7 @@ from linkage_ros.motion.segments import Segment
 from linkage_ros.node.health import Health
 from linkage_ros.node.workers import DiskSync, Worker, accompany_ticker
 from linkage_ros.run.states import Simulator
-from linkage_ros.settings.session import SPAWN, WEB
+from linkage_ros.settings.viewer import SPAWN, WEB
 
 # Queue lengths: for a stalled disk, enough for half a minute at 1 kHz; for a slow viewer.
 _LOG_CAPACITY, _VIEW_CAPACITY = 30_000, 4_000

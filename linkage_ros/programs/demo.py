@@ -14,7 +14,7 @@ from pathlib import Path
 
 from linkage_ros import cli
 from linkage_ros.errors import LinkageError, ViewerError
-from linkage_ros.settings.session import SPAWN
+from linkage_ros.settings.viewer import SPAWN
 from linkage_ros.view.viewer_process import require_screen
 
 _NAME = 'demo'

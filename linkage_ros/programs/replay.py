@@ -31,7 +31,7 @@ from linkage_ros.programs.player import (
     play,
 )
 from linkage_ros.quantities import Quantity
-from linkage_ros.settings.session import VIEWERS, WEB
+from linkage_ros.settings.viewer import VIEWERS, WEB
 from linkage_ros.units import NS_PER_S
 
 _NAME = 'linkage_replay'

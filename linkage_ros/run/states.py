@@ -32,7 +32,7 @@ from linkage_ros.motion.under_torque import Motion, TorqueMotion
 from linkage_ros.numeric import Array, Real
 from linkage_ros.run.ticks import TickRate
 from linkage_ros.settings.configuration import Configuration
-from linkage_ros.settings.session import FeedForward
+from linkage_ros.settings.feed_forward import FeedForward
 from linkage_ros.units import NS_PER_S
 
 

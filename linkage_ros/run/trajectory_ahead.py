@@ -13,7 +13,7 @@ from linkage_ros.messages.topics import (
 from linkage_ros.motion.along_law import LawMotion
 from linkage_ros.motion.at_speed import SpeedMotion
 from linkage_ros.run.states import Simulator
-from linkage_ros.settings.session import TrajectoryFeedForward
+from linkage_ros.settings.feed_forward import TrajectoryFeedForward
 from linkage_ros.units import NS_PER_MS, NS_PER_S
 
 # Time between points, ns; short, because the controller interpolates the effort linearly.

@@ -27,6 +27,7 @@ from linkage_ros.quantities import (
     shown,
     unknown_name,
 )
+from linkage_ros.settings.feed_forward import DRIVES
 from linkage_ros.settings.joints import (
     JointSettings,
     build_joints,
@@ -35,7 +36,7 @@ from linkage_ros.settings.joints import (
     robot_joints,
 )
 from linkage_ros.settings.presets import find_file, preset_path
-from linkage_ros.settings.session import DRIVES, Session
+from linkage_ros.settings.session import Session
 from linkage_ros.settings.yaml_file import read_parameter_file
 
 DEFAULT_PRESET = 'quadrilateral'

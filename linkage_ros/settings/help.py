@@ -13,7 +13,7 @@ from linkage_ros.settings.configuration import (
     MechanismAndDrive,
     parameter_leaves,
 )
-from linkage_ros.settings.session import DRIVES
+from linkage_ros.settings.feed_forward import DRIVES
 
 
 def help_on(parameters: Iterable[Leaf]) -> str:

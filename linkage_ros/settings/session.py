@@ -1,29 +1,19 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Parameters of a run: publishing, logging, viewing, and torque for a controller."""
+"""Parameters of a run: publishing, logging and viewing."""
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.mechanism.structure import Mechanism
 from linkage_ros.messages.joints import RobotJoint, own_joints
 from linkage_ros.messages.templates import ROOT_FRAME
 from linkage_ros.messages.urdf import link_of
-from linkage_ros.motion.drives import Drive, FollowDrive, LawDrive, SpeedDrive, TorqueDrive
 from linkage_ros.quantities import Checked, quantity, shown
+from linkage_ros.settings.viewer import VIEWERS
 
 JOINT_PREFIX = '[A-Za-z0-9_]*'  # regular expression
-SPAWN, WEB = 'spawn', 'web'
-# Valid values of the parameter `viewer`, for help and error messages.
-VIEWERS = f'{SPAWN}, {WEB}, rerun+http://HOST:PORT/proxy or a .rrd path'
-
-_URL = re.compile(r'rerun\+http://(\[[0-9a-fA-F:.]+\]|[^][/:\s]+):(\d{1,5})/proxy')
-_LAST_PORT = 65535
-_NAME = '[A-Za-z_][A-Za-z0-9_]*'
-_TOPIC = f'(/?{_NAME}(/{_NAME})*)?'
 
 
 @dataclass(frozen=True)
@@ -95,89 +85,3 @@ class Session(Checked):
                 f'crank_joint = {shown(self.crank_joint)}: must not be another joint of this '
                 f"linkage, {', '.join(joints[1:])}; give the robot's name for the crank"
             )
-
-
-@dataclass(frozen=True)
-class FeedForward(Checked):
-    """Settings of the feed-forward torque for a controller.
-
-    Attributes:
-        effort_command_topic: Topic of the driving torque for a controller; empty for none.
-        lead_time: Time by which the torque is computed in advance of its stamp, s.
-    """
-
-    effort_command_topic: str = quantity(
-        'text', 'topic of the driving torque for a controller; empty: none',
-        pattern=_TOPIC, default='',
-    )  # fmt: skip
-    lead_time: float = quantity(
-        'number', 'time after the stamp for which the torque is computed', 's',
-        span=(0.0, 10.0), default=0.0,
-    )  # fmt: skip
-
-
-@dataclass(frozen=True)
-class TrajectoryFeedForward(FeedForward):
-    """Settings of the crank's trajectory for a controller, if its motion is known in advance.
-
-    Attributes:
-        trajectory_command_topic: Topic of the crank's trajectory for a controller; empty for none.
-        trajectory_horizon: Duration of each trajectory, s.
-    """
-
-    trajectory_command_topic: str = quantity(
-        'text', "topic of the crank's motion and torque ahead of time; empty: none",
-        pattern=_TOPIC, default='',
-    )  # fmt: skip
-    trajectory_horizon: float = quantity(
-        'number', 'duration of that motion; a new message follows after half this time', 's',
-        span=(0.01, 10.0), default=0.5,
-    )  # fmt: skip
-
-
-@dataclass(frozen=True)
-class SpeedFeedForward(TrajectoryFeedForward, SpeedDrive):
-    """A speed-driven crank, with feed-forward torque and trajectory."""
-
-
-@dataclass(frozen=True)
-class LawFeedForward(TrajectoryFeedForward, LawDrive):
-    """A crank that follows a law, with feed-forward torque and trajectory."""
-
-
-@dataclass(frozen=True)
-class FollowFeedForward(FeedForward, FollowDrive):
-    """A measured crank, with feed-forward torque."""
-
-
-DRIVES: dict[str, type[Drive]] = {
-    'speed': SpeedFeedForward,
-    'torque': TorqueDrive,
-    'follow': FollowFeedForward,
-    'motion': LawFeedForward,
-}
-
-
-def viewer_address(target: str) -> tuple[str, int] | None:
-    """Parses the URL of a viewer.
-
-    Args:
-        target: Value of the parameter `viewer`.
-
-    Returns:
-        Host and port; None if the value is not the URL of a viewer.
-    """
-    match = _URL.fullmatch(target)
-    if match is None or int(match[2]) > _LAST_PORT:
-        return None
-    return match[1].strip('[]'), int(match[2])
-
-
-def is_recording(target: str) -> bool:
-    """Returns whether a value of the parameter `viewer` is the path of a .rrd file."""
-    return Path(target).suffix == '.rrd' and '://' not in target
-
-
-def viewer_error(target: str) -> str:
-    """Returns the error message for an invalid value of the parameter `viewer`."""
-    return f'viewer = {shown(target)} is not one of: {VIEWERS}'

@@ -26,7 +26,7 @@ from linkage_ros.files import create_file
 from linkage_ros.numeric import Array
 from linkage_ros.run.states import Simulator
 from linkage_ros.settings.configuration import Configuration
-from linkage_ros.settings.session import SPAWN, WEB, is_recording, viewer_address, viewer_error
+from linkage_ros.settings.viewer import SPAWN, WEB, is_recording, viewer_address, viewer_error
 from linkage_ros.view.picture import TIMELINE, Picture, Rows
 from linkage_ros.view.viewer_process import ViewerProcess, connections, open_viewer
 

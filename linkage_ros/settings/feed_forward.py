@@ -1,0 +1,72 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Parameters of the torque for a controller, and the drives that may have them."""
+
+from dataclasses import dataclass
+
+from linkage_ros.motion.drives import Drive, FollowDrive, LawDrive, SpeedDrive, TorqueDrive
+from linkage_ros.quantities import Checked, quantity
+
+_NAME = '[A-Za-z_][A-Za-z0-9_]*'
+_TOPIC = f'(/?{_NAME}(/{_NAME})*)?'
+
+
+@dataclass(frozen=True)
+class FeedForward(Checked):
+    """Settings of the feed-forward torque for a controller.
+
+    Attributes:
+        effort_command_topic: Topic of the driving torque for a controller; empty for none.
+        lead_time: Time by which the torque is computed in advance of its stamp, s.
+    """
+
+    effort_command_topic: str = quantity(
+        'text', 'topic of the driving torque for a controller; empty: none',
+        pattern=_TOPIC, default='',
+    )  # fmt: skip
+    lead_time: float = quantity(
+        'number', 'time after the stamp for which the torque is computed', 's',
+        span=(0.0, 10.0), default=0.0,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class TrajectoryFeedForward(FeedForward):
+    """Settings of the crank's trajectory for a controller, if its motion is known in advance.
+
+    Attributes:
+        trajectory_command_topic: Topic of the crank's trajectory for a controller; empty for none.
+        trajectory_horizon: Duration of each trajectory, s.
+    """
+
+    trajectory_command_topic: str = quantity(
+        'text', "topic of the crank's motion and torque ahead of time; empty: none",
+        pattern=_TOPIC, default='',
+    )  # fmt: skip
+    trajectory_horizon: float = quantity(
+        'number', 'duration of that motion; a new message follows after half this time', 's',
+        span=(0.01, 10.0), default=0.5,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class SpeedFeedForward(TrajectoryFeedForward, SpeedDrive):
+    """A speed-driven crank, with feed-forward torque and trajectory."""
+
+
+@dataclass(frozen=True)
+class LawFeedForward(TrajectoryFeedForward, LawDrive):
+    """A crank that follows a law, with feed-forward torque and trajectory."""
+
+
+@dataclass(frozen=True)
+class FollowFeedForward(FeedForward, FollowDrive):
+    """A measured crank, with feed-forward torque."""
+
+
+DRIVES: dict[str, type[Drive]] = {
+    'speed': SpeedFeedForward,
+    'torque': TorqueDrive,
+    'follow': FollowFeedForward,
+    'motion': LawFeedForward,
+}
