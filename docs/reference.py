@@ -40,8 +40,9 @@ from linkage_ros.messages.topics import (
     TRAJECTORY_COMMANDS,
 )
 from linkage_ros.quantities import Leaf, leaves
-from linkage_ros.settings.command_lines import PARSERS, Settings
+from linkage_ros.settings.command_lines import PARSERS
 from linkage_ros.settings.configuration import MechanismAndDrive, Session
+from linkage_ros.settings.controller import ControllerSettings
 from linkage_ros.settings.feed_forward import DRIVES
 from linkage_ros.settings.joints import JointSettings
 from linkage_ros.settings.presets import preset_names, preset_path
@@ -226,7 +227,7 @@ def tables() -> dict[str, str]:
         'drives': _sections('drive', DRIVES),
         'session': _parameters(Session),
         'joints': _parameters(JointSettings, 'joints.<link>.'),
-        'controller': _parameters(Settings),
+        'controller': _parameters(ControllerSettings),
         'topics': _topics(),
         'executables': _executables(programs()),
         'launch': _launch_files(),

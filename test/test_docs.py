@@ -41,8 +41,8 @@ from linkage_ros.errors import ConfigurationError
 from linkage_ros.messages.topics import TOPICS, qualified
 from linkage_ros.motion.drives import SpeedDrive
 from linkage_ros.quantities import build, leaves
-from linkage_ros.settings.command_lines import Settings
 from linkage_ros.settings.configuration import configure, read_values
+from linkage_ros.settings.controller import ControllerSettings
 
 MODULES = {
     'linkage_node': 'linkage_ros.node.linkage_node',
@@ -105,8 +105,8 @@ def check_parameters(name, words):
         del flags[at : at + 2]
     assert flags in ([], ['--ros-args', *['-p'] * len(given)]), words
     if name == 'linkage_controller':
-        assert set(values) <= {leaf.name for leaf in leaves(Settings)}
-        build(Settings, values)
+        assert set(values) <= {leaf.name for leaf in leaves(ControllerSettings)}
+        build(ControllerSettings, values)
     else:
         configure(values)
 

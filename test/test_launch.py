@@ -26,8 +26,8 @@ from linkage_ros import ConfigurationError
 from linkage_ros.programs import import_tool
 from linkage_ros.programs.controller import SpeedController
 from linkage_ros.quantities import build
-from linkage_ros.settings.command_lines import Settings
 from linkage_ros.settings.configuration import configure
+from linkage_ros.settings.controller import ControllerSettings
 from linkage_ros.units import NS_PER_S
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -255,7 +255,7 @@ def test_controller_and_plant_accept_the_parameters_of_their_launch_file(launche
 def test_controller_of_the_launch_file_keeps_its_speed_in_a_loop_with_delays(launched):
     nodes, _ = launched(CONTROLLER)
     plant, given = (values_of(nodes[f'linkage_{name}']) for name in ('node', 'controller'))
-    settings, rng = build(Settings, given), np.random.default_rng(3)
+    settings, rng = build(ControllerSettings, given), np.random.default_rng(3)
     controllers = [
         SpeedController(SOLVER.mechanism, settings.rpm, settings.bandwidth, settings.lead_time)
         for _ in range(RUNS)

@@ -11,8 +11,8 @@ from typing import Any, ClassVar, NamedTuple, cast
 
 import numpy as np
 
+from linkage_ros.columns import read_columns
 from linkage_ros.errors import ConfigurationError
-from linkage_ros.files import read_columns
 from linkage_ros.formulas import ZERO, Opaque, where
 from linkage_ros.mechanism.gas import AMBIENT, FAR, NEAR
 from linkage_ros.mechanism.kinematics import LinkPose

@@ -13,8 +13,8 @@ from fractions import Fraction
 from itertools import pairwise
 from typing import Any, TypeAlias, cast
 
+from linkage_ros.columns import read_columns
 from linkage_ros.errors import ConfigurationError
-from linkage_ros.files import read_columns
 from linkage_ros.motion.law import Law, Sine
 from linkage_ros.motion.spline import interpolated
 from linkage_ros.numeric import Real

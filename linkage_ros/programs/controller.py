@@ -21,8 +21,9 @@ from linkage_ros.mechanism.structure import Mechanism
 from linkage_ros.node.parameters import ParameterNode, given_values
 from linkage_ros.node.process import Throttle, run_program
 from linkage_ros.quantities import build, flatten, unknown_name
-from linkage_ros.settings.command_lines import PARAMETERS, Settings, controller_parser
+from linkage_ros.settings.command_lines import controller_parser
 from linkage_ros.settings.configuration import load
+from linkage_ros.settings.controller import PARAMETERS, ControllerSettings
 from linkage_ros.units import NS_PER_S, radians_per_second
 
 _NAME = 'linkage_controller'
@@ -43,7 +44,7 @@ class SpeedController:
             mechanism: The controlled mechanism.
             rpm: Set crank speed, turns per minute.
             bandwidth: Bandwidth of the proportional control alone, Hz.
-            lead: See `Settings.lead_time`; None for no feed-forward.
+            lead: See `ControllerSettings.lead_time`; None for no feed-forward.
 
         Raises:
             MechanismError: The mechanism is a wind pump, or its crank does not turn fully.
@@ -90,7 +91,7 @@ class ControllerNode(ParameterNode):
         for name in given:
             if name not in names:
                 raise ConfigurationError(unknown_name(name, _NAME, names, f'{_NAME} --help'))
-        settings = build(Settings, given)
+        settings = build(ControllerSettings, given)
         plant = load(settings.plant)
         prefix, session = settings.joint_prefix, plant.session
         if prefix is not None:
