@@ -165,8 +165,8 @@ class StateTemplates:
         Returns:
             The numbers, without -0.0. Those of arrays have the bits of those of floats.
         """
-        *rows, torque = state
-        values = *chain(*rows), torque, unwrapped
+        position, velocity, acceleration, torque = state
+        values = *position, *velocity, *acceleration, torque, unwrapped
         found: tuple[Real, ...] = (
             self._program(*values, by_math=True) if by_math else self._program.floats(*values)
         )
