@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Settings for all tests: floating-point warnings are errors, seeds are fixed, signals work."""
 
+import gc
 import os
 import signal
 import sys
@@ -39,6 +40,7 @@ def called(monkeypatch, capfd):
     monkeypatch.setenv('ROS_DOMAIN_ID', str(fresh_domain()))
     numbers = signal.SIGINT, signal.SIGTERM, signal.SIGHUP
     before = [signal.getsignal(number) for number in numbers]
+    threshold = gc.get_threshold()
 
     def call(module, *arguments):
         name = module.__name__.rpartition('.')[2].removesuffix('_tool')
@@ -51,6 +53,9 @@ def called(monkeypatch, capfd):
         return code, *capfd.readouterr()
 
     yield call
+    # A program collects garbage as suits it; this process goes on.
+    gc.set_threshold(*threshold)
+    gc.unfreeze()
     for number, handler in zip(numbers, before, strict=True):
         signal.signal(number, handler)
 

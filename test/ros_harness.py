@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Starts real processes on DDS for the tests, listens to them from outside, and stops them."""
 
+import gc
 import itertools
 import os
 import re
@@ -63,10 +64,19 @@ def clear_ports(domain, folder=Path('/dev/shm')):
         folder.joinpath(f'fastrtps_port{port}').unlink(missing_ok=True)
 
 
+def _next_unused():
+    taken = taken_domains()
+    candidates = itertools.islice(_domains, _OWN)
+    return next((domain for domain in candidates if domain not in taken), None)
+
+
 def fresh_domain():
     """Returns an unused domain, isolated from leftovers and other test runs."""
-    taken = taken_domains()
-    domain = next(domain for domain in itertools.islice(_domains, _OWN) if domain not in taken)
+    domain = _next_unused()
+    if domain is None:
+        # A node that was refused in this process keeps its domain until its cycles are collected.
+        gc.collect()
+        domain = _next_unused()
     clear_ports(domain)
     return domain
 
