@@ -25,10 +25,10 @@ from pathlib import Path
 from typing import cast
 from unittest.mock import MagicMock, patch
 
-from linkage_lab import chart_tool
-from linkage_lab.commands.stability import GRIDS
+from linkage_lab import command_line
+from linkage_lab.charts.stability import GRIDS
 from linkage_ros import executables
-from linkage_ros.mechanism.parts import LOADS
+from linkage_ros.mechanism.loads import LOADS
 from linkage_ros.mechanism.registry import MECHANISMS
 from linkage_ros.messages.topics import (
     CRANK_TRAJECTORY,
@@ -231,7 +231,7 @@ def tables() -> dict[str, str]:
         'topics': _topics(),
         'executables': _executables(programs()),
         'launch': _launch_files(),
-        'charts': _executables({'linkage_chart': chart_tool._parser()}),  # noqa: SLF001
+        'charts': _executables({'linkage_chart': command_line._parser()}),  # noqa: SLF001
         'methods': _methods(),
     }
 

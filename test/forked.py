@@ -15,7 +15,7 @@ _PROCESSES.set_forkserver_preload(
     [
         'linkage_ros.node.linkage_node',
         *(f'linkage_ros.programs.{name}' for name in ('record', 'replay', 'log_tool')),
-        *('linkage_lab.chart_tool', 'linkage_lab.commands.motion'),
+        *('linkage_lab.command_line', 'linkage_lab.charts.motion'),
         *('matplotlib.figure', 'matplotlib.backends.backend_agg', 'rerun'),
     ]
 )

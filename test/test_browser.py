@@ -10,7 +10,7 @@ import browser
 import numpy as np
 import pytest
 from ros_harness import fresh_domain, running, wait_for
-from test_rerun_view import late_viewer, log, page_of  # noqa: F401, log is a fixture
+from test_rerun_connection import late_viewer, log, page_of  # noqa: F401, log is a fixture
 
 from linkage_ros.palette import color_of
 from linkage_ros.units import NS_PER_S

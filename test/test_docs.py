@@ -47,7 +47,7 @@ from linkage_ros.settings.controller import ControllerSettings
 MODULES = {
     'linkage_node': 'linkage_ros.node.linkage_node',
     'linkage_log': 'linkage_ros.programs.log_tool',
-    'linkage_chart': 'linkage_lab.chart_tool',
+    'linkage_chart': 'linkage_lab.command_line',
     'linkage_export': 'linkage_ros.programs.export_tool',
     'linkage_import': 'linkage_ros.programs.import_tool',
 }  # fmt: skip

@@ -17,7 +17,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from joint_codec import encode_float64
 from rclpy.serialization import deserialize_message
 from ros_harness import decoded, logged, node_arguments, stop, verified, wait_for, watched
-from test_rerun_view import running as viewing
+from test_rerun_connection import running as viewing
 
 from linkage_ros import LogError
 from linkage_ros.log.reader import LogReader

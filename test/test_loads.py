@@ -24,7 +24,7 @@ from mechanisms import (
 from oracle import Oracle, oracle_of
 from ros_harness import assert_refused
 
-from linkage_lab import chart_tool
+from linkage_lab import command_line
 from linkage_ros import (
     ConfigurationError,
     FourBar,
@@ -166,7 +166,7 @@ def test_a_wrong_load_is_one_line_of_every_command(called, tmp_path, monkeypatch
     (tmp_path / 'wrong.yaml').write_text(f'/**: {{ros__parameters: {{{text}}}}}\n')
     asked = ('wrong.yaml', 'run.mcap', '--duration', 0.1)
     assert_refused(*called(record_module, *asked), words)
-    assert_refused(*called(chart_tool, 'motion', 'wrong.yaml', '--out', 'charts'), words)
+    assert_refused(*called(command_line, 'motion', 'wrong.yaml', '--out', 'charts'), words)
     assert not (tmp_path / 'run.mcap').exists()
 
 
@@ -177,7 +177,7 @@ def test_friction_that_locks_during_a_record_is_one_line(called, tmp_path):
     path.write_text(f'/**: {{ros__parameters: {{{text}}}}}\n')
     words = r'at [\d.]+ rad = [\d.]+ deg friction locks the mechanism: .* equilibrium; lower'
     assert_refused(*called(record_module, path, tmp_path / 'run.mcap', '--duration', 0.1), words)
-    assert_refused(*called(chart_tool, 'motion', path, '--out', tmp_path), words)
+    assert_refused(*called(command_line, 'motion', path, '--out', tmp_path), words)
 
 
 def test_spreadsheet_gives_the_curve_in_its_columns(tmp_path):

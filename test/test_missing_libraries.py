@@ -43,7 +43,7 @@ def hide(tmp_path, monkeypatch):
 
 def run(entry, *arguments):
     """Runs an entry point as its console script does."""
-    place = {'chart': 'linkage_lab.chart_tool import main'}
+    place = {'chart': 'linkage_lab.command_line import main'}
     found = place.get(entry, f'linkage_ros.executables import {entry}')
     code = f'import sys; from {found} as run; sys.exit(run())'
     return finished([sys.executable, '-c', code], *arguments)

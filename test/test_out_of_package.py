@@ -18,7 +18,7 @@ from pages import ROOT
 from rclpy.serialization import deserialize_message
 from ros_harness import assert_refused, finished, stop, wait_for, watched
 from sensor_msgs.msg import JointState
-from test_rerun_view import read
+from test_rerun_connection import read
 
 from linkage_lab.methods.registry import METHODS
 from linkage_ros import Body, Coupler, MechanismError, Solver
@@ -230,8 +230,8 @@ def test_a_kind_of_load_works_in_every_program(tmp_path):
 MEASURE = """
 import json
 from pathlib import Path
-from linkage_lab.commands.accuracy import draw_accuracy
-from linkage_lab.commands.stability import draw_stability
+from linkage_lab.charts.accuracy import draw_accuracy
+from linkage_lab.charts.stability import draw_stability
 from linkage_lab.methods import linkage_cases, measure
 from linkage_lab.methods.registry import METHODS
 from linkage_lab.methods.situations import SITUATIONS

@@ -542,7 +542,7 @@ def test_sums_may_be_long_and_programs_may_contain_loops():
 
 NO_COMPILER = """
 import sys
-from linkage_lab import chart_tool
+from linkage_lab import command_line
 from linkage_ros.programs import log_tool, record, replay
 from linkage_ros import Solver
 from linkage_ros.settings.configuration import load

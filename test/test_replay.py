@@ -40,7 +40,7 @@ from linkage_ros.programs.record import record
 from linkage_ros.programs.replay import showing
 from linkage_ros.run.states import Simulator
 from linkage_ros.settings.configuration import configure, load, read_values
-from linkage_ros.view import rerun_view
+from linkage_ros.view import rerun_connection
 from linkage_ros.view.viewer_process import free_address
 
 STATES, TORQUE, DESCRIPTION = '/joint_states', '/driving_torque', '/robot_description'
@@ -250,7 +250,7 @@ class View:
 @pytest.fixture
 def view(monkeypatch):
     view = View()
-    monkeypatch.setattr(rerun_view, 'View', lambda *_: view)
+    monkeypatch.setattr(rerun_connection, 'View', lambda *_: view)
     return view
 
 
@@ -374,7 +374,7 @@ def test_bad_options_are_one_line_and_code_2(log, called, monkeypatch, options, 
 
 
 def test_absent_viewer_is_one_line_before_the_replay(log, called, monkeypatch):
-    monkeypatch.setattr(rerun_view, '_ANSWER_SECONDS', 0.1)
+    monkeypatch.setattr(rerun_connection, '_ANSWER_SECONDS', 0.1)
     url = f'rerun+http://127.0.0.1:{free_address("127.0.0.1")[1]}/proxy'
     words = f'no viewer answers at {re.escape(url)}: start one there first with `rerun`'
     assert_refused(*called(replay, log, '--no-ros', '--viewer', url), words)

@@ -149,7 +149,7 @@ sys.exit(cli.leave(node.main()))
     ('module', 'kind', 'method', 'calls', 'words'),
     [
         ('linkage_ros.run.states', 'Simulator', 'state', 100, 'a tick hangs'),
-        ('linkage_ros.log.log_file', 'LogFile', 'flush', 20, 'the disk hangs'),
+        ('linkage_ros.log.disk', 'LogFile', 'flush', 20, 'the disk hangs'),
     ],
 )
 def test_a_second_signal_ends_a_node_that_hangs_and_keeps_its_log(

@@ -94,7 +94,7 @@ def run_executable(rng, yaml, mcap):
         (f'{programs}replay', mcap, '--no-ros', '--viewer', f'{out}{rng.random()}.rrd',
          '--rate', '1e6', '--playback-duration', '0.1'),
         (f'{programs}record', yaml, f'{out}.mcap', '--duration', '0.02', '--overwrite'),
-        ('linkage_lab.chart_tool', 'motion', yaml, '--out', out),
+        ('linkage_lab.command_line', 'motion', yaml, '--out', out),
     ))  # fmt: skip
     done = subprocess.run(
         [sys.executable, '-m', module, *words],

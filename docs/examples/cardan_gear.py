@@ -55,7 +55,7 @@ class Spring(Checked):
 
 
 class SpringLoad(NamedTuple):
-    """The spring as a load; see `linkage_ros.mechanism.loads.Load`.
+    """The spring as a load; see `linkage_ros.mechanism.loads.base.Load`.
 
     Attributes:
         link: Index of the link on which it acts.

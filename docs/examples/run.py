@@ -28,7 +28,7 @@ def main() -> int:
     import_module('fan')
     if program == 'chart':  # of linkage_lab, which alone uses methods of solving
         import_module('inverse_cosine')
-        start = import_module('linkage_lab.chart_tool').main
+        start = import_module('linkage_lab.command_line').main
     else:
         start = getattr(executables, program)
     code: int = start()

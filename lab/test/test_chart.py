@@ -23,9 +23,9 @@ from PIL import Image, ImageSequence
 from ros_harness import assert_refused
 from scipy.integrate import cumulative_trapezoid, trapezoid
 
-from linkage_lab import chart_tool
-from linkage_lab.commands import movie
-from linkage_lab.commands.motion import DESIGN_COLORS
+from linkage_lab import command_line
+from linkage_lab.charts import movie
+from linkage_lab.charts.motion import DESIGN_COLORS
 from linkage_lab.output import QUANTITIES
 from linkage_lab.period import (
     extent,
@@ -88,7 +88,7 @@ def drawn(tmp_path_factory):
             )  # fmt: skip
             words = ['motion', preset, *options, '--show', *QUANTITIES, '--out', folder]
             patch.setattr(sys, 'argv', ['linkage_chart', *map(str, words)])
-            assert chart_tool.main() == 0
+            assert command_line.main() == 0
         *said, picture, written = said.getvalue().splitlines()
         charts[preset] = SimpleNamespace(
             said=said, columns=table(Path(written)), page=pages[0],
@@ -129,7 +129,7 @@ def test_csv_equals_solver_to_the_last_bit(drawn, preset):
 @pytest.mark.parametrize('step', [90.0, 0.7])
 def test_table_with_steps_equals_solver_in_degrees(tmp_path, called, preset, step):
     options = '--csv', step, '--rpm', 90, '--acceleration', 2.5, '--reactions'
-    assert called(chart_tool, 'motion', preset, *options, '--out', tmp_path)[0] == 0
+    assert called(command_line, 'motion', preset, *options, '--out', tmp_path)[0] == 0
     columns = table(tmp_path / f'{preset}_motion.csv')
     degrees, solver = columns['crank_angle [deg]'], Solver(load(preset).mechanism)
     assert [round(x, 9) for x in degrees] == [round(step * n, 9) for n in range(len(degrees))]
@@ -187,7 +187,7 @@ def test_formats_hold_the_same_picture_and_no_file_of_another_source_is_replaced
     Path('wiper.yaml').write_text(CHANGE_POINT)
     motion = 'motion', '--format', 'png,svg,pdf'
     for _ in range(2):  # the second call replaces the files of the first
-        code, out, _ = called(chart_tool, *motion, 'wiper.yaml')
+        code, out, _ = called(command_line, *motion, 'wiper.yaml')
         assert code == 0
         assert out.splitlines()[-4:-1] == [f'wiper_motion.{x}' for x in ('png', 'svg', 'pdf')]
     starts = [Path(f'wiper_motion.{x}').read_bytes()[:5] for x in ('png', 'svg', 'pdf')]
@@ -195,12 +195,12 @@ def test_formats_hold_the_same_picture_and_no_file_of_another_source_is_replaced
     before = Path('wiper_motion.csv').read_bytes()
     for suffix in ('png', 'svg', 'pdf'):
         assert_refused(
-            *called(chart_tool, 'motion', 'wiper', '--format', suffix),
+            *called(command_line, 'motion', 'wiper', '--format', suffix),
             f'wiper_motion.{suffix} shows wiper.yaml: choose another folder with --out',
         )
     assert Path('wiper_motion.csv').read_bytes() == before
     Path('new').mkdir()
-    assert called(chart_tool, 'motion', 'wiper', '--out', 'new')[0] == 0
+    assert called(command_line, 'motion', 'wiper', '--out', 'new')[0] == 0
 
 
 @pytest.mark.parametrize('preset', preset_names())
@@ -324,7 +324,7 @@ def test_sharp_peaks_near_change_points_are_sampled(gap):
 def test_period_of_two_turns_is_drawn_completely(tmp_path, called):
     odd = tmp_path / 'cost_$5_$x{.yaml'  # matplotlib must not parse the file name as math
     odd.write_text(CHANGE_POINT)
-    code, out, _ = called(chart_tool, 'motion', odd, '--rpm', '6', '--out', tmp_path)
+    code, out, _ = called(command_line, 'motion', odd, '--rpm', '6', '--out', tmp_path)
     assert code == 0
     assert 'change-point' in out
     columns = table(tmp_path / 'cost_$5_$x{_motion.csv')
@@ -332,7 +332,7 @@ def test_period_of_two_turns_is_drawn_completely(tmp_path, called):
     rocker = columns['rocker.position [rad]']
     assert np.abs(np.diff(rocker)).max() < 0.03
     assert rocker[-1] == pytest.approx(rocker[0], abs=1e-13)
-    given = called(chart_tool, 'motion', odd, '--reactions', '--out', tmp_path / 'out')
+    given = called(command_line, 'motion', odd, '--reactions', '--out', tmp_path / 'out')
     assert_refused(*given, 'change point.*leave --reactions out')
     assert not (tmp_path / 'out').exists()
 
@@ -345,7 +345,7 @@ def test_movie_frames_are_evenly_spaced_in_time(tmp_path, monkeypatch, called, p
         movie.LinkagePicture, 'move', lambda it, i: shown.append((it, i)) or move(it, i)
     )
     options = ('--rpm', -30) if way < 0 else ()
-    code, out, _ = called(chart_tool, 'movie', preset, tmp_path / 'made.gif', *options)
+    code, out, _ = called(command_line, 'movie', preset, tmp_path / 'made.gif', *options)
     said, path = out.splitlines()
     assert code == 0
     assert said.startswith(preset)
@@ -364,7 +364,7 @@ def test_movie_frames_are_evenly_spaced_in_time(tmp_path, monkeypatch, called, p
 
 def test_several_mechanisms_are_drawn_side_by_side_with_one_table(tmp_path, called):
     names = ['quadrilateral', 'compressor', 'wiper']
-    _, out, _ = called(chart_tool, 'motion', *names, '--reactions', '--out', tmp_path)
+    _, out, _ = called(command_line, 'motion', *names, '--reactions', '--out', tmp_path)
     assert out.splitlines()[0].split() == names
     with (tmp_path / 'comparison.csv').open() as stream:
         rows = {row['design']: row for row in csv.DictReader(stream)}
@@ -461,7 +461,7 @@ def test_several_mechanisms_are_drawn_side_by_side_with_one_table(tmp_path, call
     ],
 )
 def test_invalid_chart_arguments_give_one_line(called, arguments, words):
-    assert_refused(*called(chart_tool, *arguments), re.escape(words))
+    assert_refused(*called(command_line, *arguments), re.escape(words))
 
 
 @pytest.mark.parametrize(('kind', 'rest'), [('motion', []), ('movie', ['crank.gif'])])
@@ -471,12 +471,12 @@ def test_file_without_crank_speed_needs_rpm_option(tmp_path, called, kind, rest,
     values = {**FOLLOWED, 'drive': drive}
     path.write_text(json.dumps({'/**': {'ros__parameters': values}}))
     words = 'crank.yaml has no crank speed of its own: give a speed, such as --rpm 60'
-    assert_refused(*called(chart_tool, kind, path, *rest), words)
+    assert_refused(*called(command_line, kind, path, *rest), words)
 
 
 def test_unit_that_is_probably_wrong_is_noted_once(tmp_path, called):
     path = tmp_path / 'turned.yaml'
     path.write_text(CHANGE_POINT.replace('rpm: 60.0', 'rpm: 60.0\n    crank_angle: 30.0'))
-    _, out, _ = called(chart_tool, 'motion', path, '--out', tmp_path)
+    _, out, _ = called(command_line, 'motion', path, '--out', tmp_path)
     (line,) = re.findall('note: .*', out)
     assert 'crank_angle = 30 rad = 278.9 deg' in line

@@ -12,8 +12,8 @@ from PIL import Image
 from ros_harness import assert_refused
 from test_chart import table
 
-from linkage_lab import chart_tool
-from linkage_lab.commands import movie
+from linkage_lab import command_line
+from linkage_lab.charts import movie
 from linkage_lab.period import law_period
 from linkage_ros import Solver, load
 
@@ -49,7 +49,7 @@ def file(tmp_path):
 @pytest.mark.parametrize('law', LAWS)
 def test_a_law_is_charted_over_time(tmp_path, called, file, law):
     path = file('motion', LAWS[law])
-    code, out, err = called(chart_tool, 'motion', path, '--reactions', '--out', tmp_path)
+    code, out, err = called(command_line, 'motion', path, '--reactions', '--out', tmp_path)
     assert code == 0, err
     columns, design = table(tmp_path / 'servo_motion.csv'), load(str(path))
     time, solver = columns['time [s]'], Solver(design.mechanism)
@@ -94,7 +94,7 @@ def test_mean_power_of_a_law_that_repeats_is_that_of_its_loads(file):
 def test_a_limited_crank_without_a_law_is_charted_over_its_arc(tmp_path, called, file, drive):
     rest = 'crank_angle: 2.0' if drive == 'torque' else ''
     path = file(drive, rest)
-    code, out, err = called(chart_tool, 'motion', path, '--out', tmp_path)
+    code, out, err = called(command_line, 'motion', path, '--out', tmp_path)
     assert code == 0, err
     assert '1 rpm over its arc' in out
     columns = table(tmp_path / 'servo_motion.csv')
@@ -111,7 +111,7 @@ def test_a_limited_crank_without_a_law_is_charted_over_its_arc(tmp_path, called,
 def test_movies_of_limited_cranks(tmp_path, monkeypatch, called, file, drive, rest):
     monkeypatch.setattr(movie, '_SECONDS', 0.5)
     for name in ('made.gif', 'made.html'):
-        code, _, err = called(chart_tool, 'movie', file(drive, rest), tmp_path / name)
+        code, _, err = called(command_line, 'movie', file(drive, rest), tmp_path / name)
         assert code == 0, err
     with Image.open(tmp_path / 'made.gif') as image:
         assert image.n_frames == 10
@@ -127,5 +127,5 @@ def test_options_and_mixtures_that_do_not_fit_are_refused(called, file):
     for option in ('--fluctuation', '--acceleration'):
         for path in (law, arc):
             words = f'{option} is for a crank that turns at a given speed'
-            assert_refused(*called(chart_tool, 'motion', path, option, 0.02), words)
-    assert_refused(*called(chart_tool, 'motion', law, arc), 'drawn over time.*separately')
+            assert_refused(*called(command_line, 'motion', path, option, 0.02), words)
+    assert_refused(*called(command_line, 'motion', law, arc), 'drawn over time.*separately')

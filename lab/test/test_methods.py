@@ -15,8 +15,8 @@ from oracle import Oracle
 from pages import ROOT
 from test_errata import CRANKS, B, positions
 
-from linkage_lab import chart_tool
-from linkage_lab.commands.stability import GRIDS
+from linkage_lab import command_line
+from linkage_lab.charts.stability import GRIDS
 from linkage_lab.methods import situations
 from linkage_lab.methods.linkage_cases import NEAR, LinkageCase, TurnCase
 from linkage_lab.methods.measure import BATCH, LIMIT, ONE, label, with_fronts
@@ -243,7 +243,7 @@ def run_quick(command, folder):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys, 'argv', ['linkage_chart', command, '--quick', '--out', str(folder)])
         patch.setattr('builtins.print', lambda *lines, **_: printed.extend(lines))
-        assert chart_tool.main() == 0
+        assert command_line.main() == 0
     assert set(printed) == set(folder.iterdir())
     for path in set(printed) - {*folder.glob('*.json')}:
         assert path.read_bytes().startswith(b'\x89PNG')

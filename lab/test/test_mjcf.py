@@ -19,11 +19,11 @@ from pages import block, read, run_python
 from ros_harness import assert_refused
 from test_mujoco import slipped
 
-from linkage_lab import chart_tool
-from linkage_lab.commands.mjcf import make_mjcf
+from linkage_lab import command_line
+from linkage_lab.charts.mjcf import make_mjcf
 from linkage_ros import ConfigurationError, SliderCrank
-from linkage_ros.mechanism.load_curve import CurveForce
-from linkage_ros.mechanism.loads import LinkForce
+from linkage_ros.mechanism.loads.curve import CurveForce
+from linkage_ros.mechanism.loads.link_load import LinkForce
 from linkage_ros.motion.drives import TorqueDrive
 from linkage_ros.motion.under_torque import TorqueMotion
 from linkage_ros.run.states import Simulator
@@ -273,14 +273,14 @@ def test_error_of_one_percent_in_any_number_is_detected(name):
 def test_failed_export_gives_one_line(tmp_path, monkeypatch, called, words, said):
     monkeypatch.chdir(tmp_path)
     (tmp_path / 'linkage.xml').write_text('mine')
-    assert_refused(*called(chart_tool, 'mjcf', *words), re.escape(said))
+    assert_refused(*called(command_line, 'mjcf', *words), re.escape(said))
     assert [path.name for path in tmp_path.iterdir()] == ['linkage.xml']
     assert (tmp_path / 'linkage.xml').read_text() == 'mine'
 
 
 def test_the_program_of_the_page_turns_the_crank(tmp_path, monkeypatch, called, capfd):
     monkeypatch.chdir(tmp_path)
-    assert called(chart_tool, 'mjcf', 'quadrilateral', 'linkage.xml')[0] == 0
+    assert called(command_line, 'mjcf', 'quadrilateral', 'linkage.xml')[0] == 0
     run_python(block(PAGE, 'import mujoco'), 'lab/docs/mjcf.md')
     (words,) = capfd.readouterr().out.splitlines()
     assert abs(float(words.split()[0])) < 1e-5

@@ -11,7 +11,7 @@ import pytest
 from mechanisms import FOLLOWED
 from ros_harness import wait_for
 
-from linkage_lab import chart_tool
+from linkage_lab import command_line
 from linkage_ros import Solver
 from linkage_ros.settings.configuration import load
 from linkage_ros.settings.presets import preset_names
@@ -22,7 +22,7 @@ NAMES = 'Crank angle', 'Slider position', 'Slider speed', 'Driving torque', 'Loa
 
 def page(tmp_path, called, params, *options):
     path = tmp_path / 'linkage.html'
-    assert called(chart_tool, 'movie', params, path, *options)[0] == 0
+    assert called(command_line, 'movie', params, path, *options)[0] == 0
     return path
 
 
@@ -52,7 +52,7 @@ def opened(tmp_path_factory):
     path = tmp_path_factory.mktemp('page') / 'compressor.html'
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr('sys.argv', ['linkage_chart', 'movie', 'compressor', str(path)])
-        assert chart_tool.main() == 0
+        assert command_line.main() == 0
     with browser.opened_page(path.as_uri()) as shown:
         wait_for(lambda: shown.run("!!document.querySelector('dd:not(:empty)')"))
         yield shown

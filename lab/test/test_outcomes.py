@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from test_methods import run_quick
 
-from linkage_lab.commands import stability as stability_chart
+from linkage_lab.charts import stability as stability_chart
 from linkage_lab.methods import stages
 from linkage_lab.methods.loads import (
     CURVE_METHODS,

@@ -11,8 +11,8 @@ import pytest
 from pages import ROOT, read
 from scipy.interpolate import CubicSpline
 
-from linkage_lab import chart_tool
-from linkage_lab.commands.economy import POINT_MASSES, Economy, handover
+from linkage_lab import command_line
+from linkage_lab.charts.economy import POINT_MASSES, Economy, handover
 from linkage_lab.flywheel import Crank
 from linkage_lab.torque_models import (
     series_program,
@@ -259,7 +259,7 @@ def test_mechanism_without_torque_is_refused(crank):
 
 def test_the_command_writes_records_and_a_picture(tmp_path, called):
     options = 'economy', 'compressor', '--rpm', '300', '--tolerance', '0.05', '--quick'
-    code, out, _ = called(chart_tool, *options, '--out', tmp_path)
+    code, out, _ = called(command_line, *options, '--out', tmp_path)
     assert code == 0
     sentence, records, picture = out.splitlines()
     assert sentence.startswith(

@@ -23,9 +23,9 @@ import numpy as np
 import pytest
 from test_law_chart import LIMITED
 
-from linkage_lab import chart_tool
-from linkage_lab.commands import sweep as command
-from linkage_lab.commands.sweep import FRONT
+from linkage_lab import command_line
+from linkage_lab.charts import sweep as command
+from linkage_lab.charts.sweep import FRONT
 from linkage_lab.sweep import spread as command_spread
 from linkage_lab.sweep.measures import Task, groups, measure, torque_of, with_value
 from linkage_lab.sweep.spread import cluster, processes, spread
@@ -292,7 +292,7 @@ def run(called, tmp_path, monkeypatch):
 
     def run(text=STUDY, *options):
         Path('study.yaml').write_text(text)
-        return called(chart_tool, 'sweep', 'study.yaml', *options)
+        return called(command_line, 'sweep', 'study.yaml', *options)
 
     return run
 

@@ -33,7 +33,7 @@ from mcap.records import (
 )
 from mcap.writer import MCAP0_MAGIC
 
-from linkage_ros.log.log_file import LogFile
+from linkage_ros.log.disk import LogFile
 
 CHUNK_SIZE = 1 << 20
 _INDEX_HEAD = struct.Struct('<BQHI')  # opcode and length of the record, channel, size of entries

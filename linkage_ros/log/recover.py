@@ -14,7 +14,7 @@ from mcap.records import Attachment, Channel, Metadata, Schema
 
 from linkage_ros.errors import LogError
 from linkage_ros.files import is_same_file, replacement
-from linkage_ros.log.log_file import keep_other_files, require_name
+from linkage_ros.log.disk import keep_other_files, require_name
 from linkage_ros.log.reader import NO_CONFIGURATION
 from linkage_ros.log.records import (
     CHECKSUM,

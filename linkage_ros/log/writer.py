@@ -12,7 +12,7 @@ import numpy as np
 from mcap.records import Channel, Metadata, Schema
 
 from linkage_ros.errors import LinkageError
-from linkage_ros.log.log_file import LogFile
+from linkage_ros.log.disk import LogFile
 from linkage_ros.log.mcap_writer import CHUNK_SIZE, McapWriter
 from linkage_ros.log.records import (
     CONFIGURATION_RECORD,

@@ -36,7 +36,7 @@ from linkage_ros.formulas import (
     where,
 )
 from linkage_ros.mechanism.kinematics import LinkPose, Loop, PointMotion, Pose, State
-from linkage_ros.mechanism.loads import JointLoad, Load
+from linkage_ros.mechanism.loads.base import JointLoad, Load
 from linkage_ros.mechanism.structure import Dyad, Link, Mechanism, Pin, Point, Structure
 from linkage_ros.mechanism.wrenches import generalised
 from linkage_ros.numeric import Real

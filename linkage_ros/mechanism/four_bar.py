@@ -37,6 +37,7 @@ from linkage_ros.formulas import (
     where,
 )
 from linkage_ros.mechanism.kinematics import LinkPose, Loop, Pose, Reach
+from linkage_ros.mechanism.loads import loads_field
 from linkage_ros.mechanism.parts import (
     CROSSED,
     OPEN,
@@ -45,7 +46,6 @@ from linkage_ros.mechanism.parts import (
     Frame,
     Rocker,
     gravity_quantity,
-    loads_field,
 )
 from linkage_ros.mechanism.plain import PlainFourBar, is_far
 from linkage_ros.mechanism.structure import (

@@ -32,6 +32,7 @@ from typing import Any, ClassVar, NamedTuple, NoReturn
 from linkage_ros.errors import ConfigurationError, MechanismError, UnreachableError
 from linkage_ros.formulas import ZERO, Opaque, Vector, atan2, require, sqrt, turned
 from linkage_ros.mechanism.kinematics import FULL_TURN, Arc, LinkPose, Pose, Reach, Stroke
+from linkage_ros.mechanism.loads import loads_field
 from linkage_ros.mechanism.parts import (
     OPEN,
     Barrel,
@@ -39,7 +40,6 @@ from linkage_ros.mechanism.parts import (
     Frame,
     Rod,
     gravity_quantity,
-    loads_field,
 )
 from linkage_ros.mechanism.structure import (
     Description,

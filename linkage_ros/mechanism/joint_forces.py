@@ -45,7 +45,7 @@ from linkage_ros.mechanism.equations import (
     velocities,
 )
 from linkage_ros.mechanism.kinematics import LinkPose, Pose, State
-from linkage_ros.mechanism.loads import Contact
+from linkage_ros.mechanism.loads.base import Contact
 from linkage_ros.mechanism.structure import Link, Pin
 from linkage_ros.mechanism.wrenches import FRAME, Wrench, place
 from linkage_ros.numeric import Real

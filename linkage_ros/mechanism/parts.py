@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Parts of mechanisms: links with two pins, sliders and fixed links. Lists the load classes.
+"""Parts of mechanisms: links with two pins, sliders and fixed links.
 
 Lengths are in m, masses in kg, and moments of inertia in kg m^2 about each body's centre of mass.
 Angles are in rad, counter-clockwise from the x axis of base_link.
@@ -9,13 +9,7 @@ Angles are in rad, counter-clockwise from the x axis of base_link.
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from linkage_ros.mechanism.force import Force
-from linkage_ros.mechanism.gas import Gas
-from linkage_ros.mechanism.load_curve import LoadCurve
-from linkage_ros.mechanism.loads import AppliedLoad, Friction
-from linkage_ros.mechanism.pins import Pins
-from linkage_ros.mechanism.spring import Spring
-from linkage_ros.quantities import Checked, groups, quantity
+from linkage_ros.quantities import Checked, quantity
 
 OPEN = 'open'
 CROSSED = 'crossed'
@@ -26,22 +20,6 @@ _LENGTHS = (1e-9, 1e9)
 _MASSES = (0.0, 1e12)
 _FORCES = (-1e12, 1e12)
 _SLIDER_LOAD = 'force', 'damping', 'stiffness', 'rest_position'
-
-
-# Kinds of loads by their names in parameter files. Other packages may add their own kinds before
-# they start a program of this package.
-LOADS: dict[str, type[AppliedLoad]] = {
-    'force': Force,
-    'spring': Spring,
-    'pins': Pins,
-    'gas': Gas,
-    'curve': LoadCurve,
-}
-
-
-def loads_field() -> Any:
-    """Declares the field of a mechanism that holds its loads."""
-    return groups(AppliedLoad, (LoadCurve, Friction), LOADS)
 
 
 def gravity_quantity() -> Any:

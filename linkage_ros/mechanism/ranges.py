@@ -14,7 +14,7 @@ import numpy as np
 
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.mechanism.kinematics import State
-from linkage_ros.mechanism.loads import continuous
+from linkage_ros.mechanism.loads.base import continuous
 from linkage_ros.mechanism.solver import Solver
 
 _ROUNDING = 1e-9  # relative to the span of the points

@@ -24,6 +24,7 @@ from typing import Any, ClassVar, NamedTuple, NoReturn
 from linkage_ros.errors import ConfigurationError, MechanismError, UnreachableError
 from linkage_ros.formulas import ZERO, Opaque, Vector, atan2, dot, require, sqrt, turned
 from linkage_ros.mechanism.kinematics import LinkPose, Pose, Reach, Stroke, directions
+from linkage_ros.mechanism.loads import loads_field
 from linkage_ros.mechanism.parts import (
     CROSSED,
     OPEN,
@@ -32,7 +33,6 @@ from linkage_ros.mechanism.parts import (
     Guide,
     Slider,
     gravity_quantity,
-    loads_field,
 )
 from linkage_ros.mechanism.plain import PlainSliderCrank, is_far
 from linkage_ros.mechanism.structure import (

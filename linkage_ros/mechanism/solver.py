@@ -27,7 +27,7 @@ from linkage_ros.mechanism.joint_forces import (
     search_names,
 )
 from linkage_ros.mechanism.kinematics import PointMotion, Reach, State
-from linkage_ros.mechanism.loads import Load
+from linkage_ros.mechanism.loads.base import Load
 from linkage_ros.mechanism.nested import leaves
 from linkage_ros.mechanism.numba_program import CompiledProgram
 from linkage_ros.mechanism.program import Constants, Program

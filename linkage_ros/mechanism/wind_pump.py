@@ -36,6 +36,7 @@ from linkage_ros.formulas import (
     where,
 )
 from linkage_ros.mechanism.kinematics import LinkPose, Pose, directions
+from linkage_ros.mechanism.loads import loads_field
 from linkage_ros.mechanism.parts import (
     CROSSED,
     OPEN,
@@ -43,7 +44,6 @@ from linkage_ros.mechanism.parts import (
     Coupler,
     Piston,
     gravity_quantity,
-    loads_field,
 )
 from linkage_ros.mechanism.structure import Link, Mechanism, Pin, Point, Structure, coupler_point
 from linkage_ros.numeric import Real

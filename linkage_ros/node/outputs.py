@@ -64,7 +64,7 @@ class Outputs:
                 raise
 
     def _open_view(self, simulator: Simulator) -> None:
-        from linkage_ros.view.rerun_view import View
+        from linkage_ros.view.rerun_connection import View
         from linkage_ros.view.viewer_process import open_page
 
         session, logger = self._session, self._node.get_logger()

@@ -152,7 +152,7 @@ def showing(
     Raises:
         ViewerError: No viewer answers, the view cannot be opened, or it has ended.
     """
-    from linkage_ros.view.rerun_view import View
+    from linkage_ros.view.rerun_connection import View
 
     def check() -> None:
         if worker.error:

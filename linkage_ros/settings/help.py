@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterable
 from dataclasses import MISSING, replace
 
-from linkage_ros.mechanism.parts import LOADS
+from linkage_ros.mechanism.loads import LOADS
 from linkage_ros.mechanism.registry import MECHANISMS
 from linkage_ros.quantities import Leaf, leaves
 from linkage_ros.settings.configuration import (

@@ -87,7 +87,7 @@ def _nodes(at: list[float], value: list[float], crank: float) -> float:
 
 STRAIGHT = 'straight lines'
 CURVE_METHODS = [
-    Method(STRAIGHT, 'load', 'nothing', 'this package: mechanism/load_curve.py', _own_curve),
+    Method(STRAIGHT, 'load', 'nothing', 'this package: mechanism/loads/curve.py', _own_curve),
     Method('cubic spline', 'load', 'a smooth curve', 'SciPy, CubicSpline, periodic', _spline),
     Method('even nodes', 'load', 'load points that are nodes', f'{_NODES} nodes, linear', _nodes),
 ]

@@ -1,3 +1,3 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The commands of linkage_chart."""
+"""The charts and other commands of linkage_chart, one module each."""

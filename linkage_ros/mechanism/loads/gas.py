@@ -12,7 +12,7 @@ import numpy as np
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.formulas import ZERO, exp, log, number, where
 from linkage_ros.mechanism.kinematics import LinkPose
-from linkage_ros.mechanism.loads import AppliedLoad
+from linkage_ros.mechanism.loads.base import AppliedLoad
 from linkage_ros.mechanism.wrenches import Wrench
 from linkage_ros.numeric import Real
 from linkage_ros.quantities import quantity

@@ -30,13 +30,13 @@ from linkage_ros.programs.record import record
 from linkage_ros.run.states import Simulator
 from linkage_ros.settings.configuration import load
 from linkage_ros.units import NS_PER_S
-from linkage_ros.view import rerun_view
-from linkage_ros.view.rerun_view import View
+from linkage_ros.view import rerun_connection
+from linkage_ros.view.rerun_connection import View
 from linkage_ros.view.viewer_process import free_address
 
 rerun_chunk = pytest.importorskip('rerun.chunk')
 
-PROGRAM = Path(rerun_view.rr.__file__).parents[1] / 'rerun_cli' / 'rerun'
+PROGRAM = Path(rerun_connection.rr.__file__).parents[1] / 'rerun_cli' / 'rerun'
 WALL = 1_795_000_000_000_000_000
 CONFIGURATION = load('quadrilateral')
 
@@ -115,7 +115,7 @@ def test_at_most_50_drawings_per_second_of_stamps(tmp_path, rate, drawings):
 
 
 def test_large_batches_and_later_rounds_are_all_shown(tmp_path, monkeypatch):
-    monkeypatch.setattr(rerun_view, '_BATCH', 100)
+    monkeypatch.setattr(rerun_connection, '_BATCH', 100)
     view = View(CONFIGURATION, str(tmp_path / 'run.rrd'))
     for shift in (0, 10**10):
         feed(view, MESSAGES, shift)
@@ -130,8 +130,8 @@ from linkage_ros import ViewerError
 from linkage_ros.settings.configuration import load
 from linkage_ros.programs.record import record
 from linkage_ros.node.workers import Worker
-from linkage_ros.view import rerun_view
-from linkage_ros.view.rerun_view import View
+from linkage_ros.view import rerun_connection
+from linkage_ros.view.rerun_connection import View
 from linkage_ros.run.states import Simulator
 template = Simulator(load('quadrilateral')).templates.joint_states
 messages = [template.pack(*divmod(k * 10**7, 10**9), k / 7, 1.0, 2.0, *[0.0] * 6)
@@ -159,7 +159,7 @@ os.kill(os.getpid(), signal.SIGKILL)
 
 def test_full_disk_is_one_error(tmp_path):
     code = """
-rerun_view._WRITE_SECONDS, rerun_view._CLOSE_SECONDS = 0.5, 0.6
+rerun_connection._WRITE_SECONDS, rerun_connection._CLOSE_SECONDS = 0.5, 0.6
 resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
 view = View(load('quadrilateral'), sys.argv[1])
 try:
@@ -222,7 +222,7 @@ def window(tmp_path, monkeypatch):
         monkeypatch.setenv('DISPLAY', ':99')
         monkeypatch.delenv('CI', raising=False)
         if not answers:
-            monkeypatch.setattr(rerun_view, '_ANSWER_SECONDS', 0.0)
+            monkeypatch.setattr(rerun_connection, '_ANSWER_SECONDS', 0.0)
 
     return install
 
@@ -285,7 +285,7 @@ def test_failing_viewer_reports_the_reason(window, target, script, words):
 @pytest.mark.parametrize(
     ('settings', 'bind', 'words'),
     [({'RERUN_CLI_PATH': '/nothing'}, '127.0.0.1', 'no viewer program at /nothing: pip install'),
-     ({'RERUN_CLI_PATH': __file__}, '127.0.0.1', 'no viewer program at .*test_rerun_view'),
+     ({'RERUN_CLI_PATH': __file__}, '127.0.0.1', 'no viewer program at .*test_rerun_connection'),
      ({}, '203.0.113.7', r"^viewer_bind = '203.0.113.7' is not an address of this machine"),
      ({'DISPLAY': ''}, '127.0.0.1', r'^no screen for a viewer window .*DISPLAY.*: give web')],
 )  # fmt: skip
@@ -428,7 +428,7 @@ def running(port, *arguments):
 
 
 def test_viewer_may_start_late_end_and_restart(tmp_path, monkeypatch):
-    monkeypatch.setattr(rerun_view, '_ANSWER_SECONDS', 0.0)
+    monkeypatch.setattr(rerun_connection, '_ANSWER_SECONDS', 0.0)
     host, port = free_address('127.0.0.1')
     url = f'rerun+http://{host}:{port}/proxy'
     view = View(CONFIGURATION, url)
@@ -464,7 +464,7 @@ def accept():
     while True:
         kept.append(server.accept())
 threading.Thread(target=accept, daemon=True).start()
-rerun_view._SEND_SECONDS = 0.5
+rerun_connection._SEND_SECONDS = 0.5
 view = View(load('quadrilateral'), f'rerun+http://127.0.0.1:{server.getsockname()[1]}/proxy')
 errors = []
 worker = Worker('view', view, capacity=100, period=0.005, on_error=errors.append)

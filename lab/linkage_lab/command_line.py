@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """linkage_chart: draws the motion of a mechanism, or compares methods.
 
-The modules in `commands` implement its commands.
+The modules in `charts` implement its commands.
 """
 
 import argparse
@@ -168,7 +168,7 @@ def _parser() -> argparse.ArgumentParser:
 
 def _run(options: argparse.Namespace) -> None:
     """Imports the module of a command and runs it."""
-    module = import_module(f'linkage_lab.commands.{options.command}')
+    module = import_module(f'linkage_lab.charts.{options.command}')
     getattr(module, options.command)(options)
 
 

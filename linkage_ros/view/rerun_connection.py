@@ -27,7 +27,7 @@ from linkage_ros.numeric import Array
 from linkage_ros.run.states import Simulator
 from linkage_ros.settings.configuration import Configuration
 from linkage_ros.settings.viewer import SPAWN, WEB, is_recording, viewer_address, viewer_error
-from linkage_ros.view.picture import TIMELINE, Picture, Rows
+from linkage_ros.view.rerun_drawing import TIMELINE, Picture, Rows
 from linkage_ros.view.viewer_process import ViewerProcess, connections, open_viewer
 
 _WALL_CLOCK = 10**18  # ns; smaller stamps, before September 2001, are times since a start

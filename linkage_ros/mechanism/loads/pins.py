@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.formulas import ZERO
 from linkage_ros.mechanism.kinematics import LinkPose
-from linkage_ros.mechanism.loads import AppliedLoad
+from linkage_ros.mechanism.loads.base import AppliedLoad
 from linkage_ros.mechanism.wrenches import FRAME, Wrench
 from linkage_ros.numeric import Real
 from linkage_ros.quantities import quantity, shown

@@ -16,7 +16,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from linkage_lab.commands.movie import WIDE, LinkagePicture, proportion
+from linkage_lab.charts.movie import WIDE, LinkagePicture, proportion
 from linkage_lab.flywheel import size_flywheel
 from linkage_lab.output import (
     NUMBERS,

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, NoReturn
 from linkage_ros.errors import ConfigurationError, UnreachableError
 from linkage_ros.formulas import ZERO, Opaque, dot, require, sqrt
 from linkage_ros.mechanism.kinematics import LinkPose
-from linkage_ros.mechanism.loads import AppliedLoad
+from linkage_ros.mechanism.loads.base import AppliedLoad
 from linkage_ros.mechanism.wrenches import FRAME, Wrench, place, velocity
 from linkage_ros.numeric import Real
 from linkage_ros.quantities import quantity

@@ -10,17 +10,18 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import rerun as rr
-from test_rerun_view import read, run_of, show
+from test_rerun_connection import read, run_of, show
 
 from linkage_ros.mechanism.four_bar import FourBar
-from linkage_ros.mechanism.loads import Friction, LinkForce
+from linkage_ros.mechanism.loads.friction import Friction
+from linkage_ros.mechanism.loads.link_load import LinkForce
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.motion.drives import FollowDrive, TorqueDrive
 from linkage_ros.settings.configuration import configure, load
 from linkage_ros.settings.presets import preset_names
 from linkage_ros.view.drawing import Drawing
 from linkage_ros.view.load_arrows import LoadArrows
-from linkage_ros.view.picture import Picture
+from linkage_ros.view.rerun_drawing import Picture
 
 # A crank that hangs, and swings within 157 deg about the line to the rocker's pivot.
 HANGING = {

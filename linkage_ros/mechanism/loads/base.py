@@ -1,0 +1,153 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Interface and base class of loads.
+
+A load gives wrenches on bodies, from which torque, joint forces, arrows and exports follow; see
+`wrenches`. In formulas, loads are named tuples of floats, in which ZERO replaces absent terms.
+"""
+
+import math
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, NamedTuple, Protocol
+
+from linkage_ros.errors import ConfigurationError
+from linkage_ros.formulas import ZERO, where
+from linkage_ros.mechanism.kinematics import LinkPose
+from linkage_ros.mechanism.wrenches import Wrench
+from linkage_ros.numeric import Real
+from linkage_ros.quantities import Checked, quantity, shown, unlisted
+
+class Load(Protocol):
+    """Interface of a load: wrenches on bodies, computed from their motion.
+
+    Two methods are optional. `potential(links)` returns the potential energy up to a constant, J.
+    `piece(links, rates)` returns the number of the smooth piece of the force, for arrays; between
+    two pieces, the force has a corner or a jump.
+    """
+
+    def wrenches(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> list[Wrench]:
+        """Computes the wrenches.
+
+        Args:
+            links: Poses of the links; only `position` and `direction` are set.
+            rates: Velocities of the links, rad/s or m/s.
+
+        Returns:
+            The wrenches, in an order independent of the motion.
+        """
+
+
+class Contact(NamedTuple):
+    """A load caused by the force in a joint.
+
+    Attributes:
+        joint: Name of the pin or, for a guide, of its sliding link.
+        levers: Load divided by joint force, by link index: m, or dimensionless for a sliding
+            link. With two links, the load acts between them; with one, between that link and the
+            frame.
+    """
+
+    joint: str
+    levers: dict[int, Real]
+
+
+class JointLoad(Protocol):
+    """Interface of a load caused by joint forces, such as friction.
+
+    These loads and the joint forces depend on each other and are solved together. The method
+    `piece(pins, links, rates)` is optional; see `Load`.
+    """
+
+    def contacts(
+        self, pins: Sequence[Any], links: Sequence[Any], rates: Sequence[Real]
+    ) -> list[Contact]:
+        """Returns the loads per joint force.
+
+        Args:
+            pins: `Structure.pins` of the mechanism.
+            links: `Structure.links` of the mechanism.
+            rates: Velocities of the links, rad/s or m/s.
+
+        Returns:
+            A contact for each joint that causes a load, in an order independent of the rates.
+        """
+
+
+@dataclass(frozen=True, kw_only=True)
+class AppliedLoad(Checked):
+    """Base class of the loads of a mechanism: frozen dataclasses of quantities.
+
+    `linkage_ros.mechanism.loads.LOADS` lists the kinds in parameter files.
+
+    Attributes:
+        group: Parameter group of a load that a mechanism has once; empty for other loads.
+        has_corners: Whether the force, as a function of the motion, may have a corner or a jump.
+        turns: Number of crank turns after which the load repeats.
+        name: Name under `loads` in parameter files. The mechanism gives a name to a load that has
+            neither a name nor a free group.
+    """
+
+    group: ClassVar[str] = ''
+    has_corners: ClassVar[bool] = False
+    turns: ClassVar[int] = 1
+
+    name: str = unlisted('')
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.name and not re.fullmatch('[A-Za-z_][A-Za-z0-9_]*', self.name):
+            raise ConfigurationError(
+                f'load {shown(self.name)}: its name must be letters, digits and underscores, and '
+                'not begin with a digit'
+            )
+
+    @property
+    def label(self) -> str:
+        """Start of the load's parameter names, without a dot, for error messages."""
+        return f'loads.{self.name}' if self.name else self.group or type(self).__name__
+
+    def join(self, _mechanism: Any) -> 'tuple[AppliedLoad, ...]':
+        """Adds the load to a mechanism that is being created.
+
+        Returns:
+            The loads to keep in `Mechanism.loads`: this load, or another if the mechanism
+            completes it, or none if a part of the mechanism now holds its values.
+
+        Raises:
+            ConfigurationError: The load does not fit the mechanism.
+        """
+        return (self,)
+
+    def on(self, _mechanism: Any) -> Load | None:
+        """Returns the load in the form used by formulas; None if joint forces cause all of it.
+
+        Raises:
+            ConfigurationError: The load does not fit the mechanism.
+        """
+        return None
+
+    def in_joints(self, _mechanism: Any) -> JointLoad | None:
+        """Returns the portion of the load caused by joint forces; None if there is none.
+
+        Raises:
+            ConfigurationError: The load does not fit the mechanism.
+        """
+        return None
+
+
+def continuous(position: Real, middle: Real) -> Real:
+    """Removes the jump from pi to -pi from the position of a link over its swing.
+
+    Args:
+        position: Direction in [-pi, pi], rad; for a sliding link, its position, m.
+        middle: Middle of the link's swing, rad in [-pi, pi]; None for a sliding link.
+
+    Returns:
+        The direction within pi of the middle, rad; for a sliding link, its unchanged position, m.
+    """
+    if middle is None:
+        return position
+    apart, turn = position - middle, 2 * math.pi
+    return position + where(apart > math.pi, -turn, where(apart < -math.pi, turn, 0.0))

@@ -1,0 +1,106 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Dry friction in pins and guides."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, NamedTuple
+
+from linkage_ros.errors import ConfigurationError
+from linkage_ros.formulas import ZERO, where
+from linkage_ros.mechanism.loads.base import AppliedLoad, Contact
+from linkage_ros.numeric import Real
+from linkage_ros.quantities import quantity
+
+
+@dataclass(frozen=True)
+class Friction(AppliedLoad):
+    """Dry friction: one coefficient and radius for all pins, and one coefficient for the guide.
+
+    The friction torque in a pin is coefficient x radius x pin force. It opposes the relative
+    rotation of the two links. The friction force in the guide is coefficient x normal force. It
+    opposes sliding. Both are 0 at rest.
+
+    Attributes:
+        pin: Coefficient of friction of the pins.
+        pin_radius: Radius of the pins, m.
+        guide: Coefficient of friction of the guide.
+    """
+
+    group: ClassVar[str] = 'friction'
+
+    pin: float = quantity(
+        'number', 'friction coefficient of the pins', span=(0.0, 100.0), default=0.0
+    )
+    pin_radius: float = quantity('number', 'radius of the pins', 'm', span=(0.0, 1e9), default=0.0)
+    guide: float = quantity(
+        'number', 'friction coefficient of the guide', span=(0.0, 100.0), default=0.0
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if bool(self.pin) != bool(self.pin_radius):
+            raise ConfigurationError(
+                f'friction.pin = {self.pin:g} with friction.pin_radius = {self.pin_radius:g}: '
+                'give both above 0, or leave both out'
+            )
+
+    def in_joints(self, mechanism: Any) -> 'DryFriction | None':
+        """See `AppliedLoad.in_joints`.
+
+        Raises:
+            ConfigurationError: The mechanism has no guide, but guide friction is given.
+        """
+        if self.guide and not any(link.slides for link in mechanism.structure().links):
+            raise ConfigurationError(
+                f'friction.guide = {self.guide:g}: this mechanism has no guide; leave it out'
+            )
+        friction = DryFriction(self.pin * self.pin_radius, self.guide)
+        return friction if any(friction) else None
+
+
+class DryFriction(NamedTuple):
+    """Dry friction, in the form used by formulas.
+
+    Attributes:
+        arm: Friction coefficient times radius of the pins, m; ZERO for frictionless pins.
+        guide: Friction coefficient of the guide; ZERO for a frictionless guide.
+    """
+
+    arm: Real
+    guide: Real
+
+    def contacts(
+        self, pins: Sequence[Any], links: Sequence[Any], rates: Sequence[Real]
+    ) -> list[Contact]:
+        """Returns the contacts of the joints with friction, pins first; see `JointLoad`."""
+        contacts = []
+        for joint, first, others, rate in self._rubbing(pins, links, rates):
+            lever = (self.guide if joint == links[first].name else self.arm) * _sign(rate)
+            levers = {first: -lever, **dict.fromkeys(others, lever)}
+            contacts.append(Contact(joint, levers))
+        return contacts
+
+    def piece(self, pins: Sequence[Any], links: Sequence[Any], rates: Sequence[Real]) -> Real:
+        """Returns a number for each combination of directions in the joints; see `Load`."""
+        joints = self._rubbing(pins, links, rates)
+        return sum((rate >= 0) * 2**i for i, (*_, rate) in enumerate(joints))
+
+    def _rubbing(
+        self, pins: Sequence[Any], links: Sequence[Any], rates: Sequence[Real]
+    ) -> Iterator[tuple[str, int, list[int], Real]]:
+        """Yields each joint with friction: its name, link, other link if it moves, and rate."""
+        for pin in pins if self.arm is not ZERO else ():
+            moving = [j for j in (pin.second, pin.first) if j is not None]
+            # A guided link does not turn.
+            first, *others = sorted(moving, key=lambda j: links[j].is_guided)
+            spins = [links[j].spin(j) for j in (first, *others)]
+            rate, *other = (ZERO if j is None else rates[j] for j in spins)
+            yield pin.name, first, others, rate - (other[0] if other else ZERO)
+        for j, link in enumerate(links):
+            if link.slides and self.guide is not ZERO:
+                yield link.name, j, [], rates[j]
+
+
+def _sign(rate: Real) -> Real:
+    return where(rate > 0, 1.0, where(rate < 0, -1.0, 0.0))
