@@ -29,8 +29,8 @@ from linkage_ros.motion.drives import SpeedDrive
 from linkage_ros.run.states import Simulator
 from linkage_ros.settings.configuration import Configuration, load
 from linkage_ros.units import NS_PER_S
-from linkage_ros.view.rerun_drawing import TIMELINE, Picture
 from linkage_ros.view.rerun_connection import View
+from linkage_ros.view.rerun_drawing import TIMELINE, Picture
 from linkage_ros.view.viewer_process import ViewerProcess, find_viewer, free_address
 
 # Imported where it is used, after linkage_ros.view has set the log level of Rerun.

@@ -20,15 +20,17 @@ from linkage_ros.errors import (
     UnreachableError,
     ViewerError,
 )
-from linkage_ros.mechanism.loads.force import Force
 from linkage_ros.mechanism.four_bar import FourBar
-from linkage_ros.mechanism.loads.gas import Gas
 from linkage_ros.mechanism.inverted_slider_crank import InvertedSliderCrank
 from linkage_ros.mechanism.joint_forces import Reactions
 from linkage_ros.mechanism.kinematics import PointMotion, Reach, State
 from linkage_ros.mechanism.loads.curve import LoadCurve
+from linkage_ros.mechanism.loads.force import Force
 from linkage_ros.mechanism.loads.friction import Friction
+from linkage_ros.mechanism.loads.gas import Gas
 from linkage_ros.mechanism.loads.link_load import LinkLoad
+from linkage_ros.mechanism.loads.pins import Pins
+from linkage_ros.mechanism.loads.spring import Spring
 from linkage_ros.mechanism.parts import (
     CROSSED,
     OPEN,
@@ -42,10 +44,8 @@ from linkage_ros.mechanism.parts import (
     Rod,
     Slider,
 )
-from linkage_ros.mechanism.loads.pins import Pins
 from linkage_ros.mechanism.slider_crank import SliderCrank
 from linkage_ros.mechanism.solver import Solver
-from linkage_ros.mechanism.loads.spring import Spring
 from linkage_ros.mechanism.structure import Mechanism
 from linkage_ros.mechanism.travel import Travel, assemblies, travel
 from linkage_ros.mechanism.wind_pump import WindPump

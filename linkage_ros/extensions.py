@@ -16,10 +16,10 @@ from linkage_ros.mechanism.equations import (
 )
 from linkage_ros.mechanism.joint_forces import reactions
 from linkage_ros.mechanism.kinematics import LinkPose, Pose
+from linkage_ros.mechanism.loads import LOADS
 from linkage_ros.mechanism.loads.base import AppliedLoad, Load
 from linkage_ros.mechanism.loads.link_load import LinkForce
 from linkage_ros.mechanism.nested import transformed
-from linkage_ros.mechanism.loads import LOADS
 from linkage_ros.mechanism.parts import gravity_quantity
 from linkage_ros.mechanism.program import Constants, Program
 from linkage_ros.mechanism.registry import MECHANISMS

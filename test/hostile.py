@@ -10,7 +10,8 @@ import json
 import math
 from dataclasses import replace
 
-from linkage_ros.settings.configuration import MechanismAndDrive, load, parameter_leaves
+from linkage_ros.settings.configuration import load
+from linkage_ros.settings.parameters import MechanismAndDrive, parameter_leaves
 from linkage_ros.settings.presets import preset_names, preset_path
 
 TEXTS = (

@@ -22,7 +22,8 @@ from linkage_ros.programs.player import excerpt_of, feed
 from linkage_ros.programs.record import record
 from linkage_ros.quantities import build, flatten
 from linkage_ros.run.states import Simulator
-from linkage_ros.settings.configuration import load, parameter_leaves
+from linkage_ros.settings.configuration import load
+from linkage_ros.settings.parameters import parameter_leaves
 from linkage_ros.settings.summary import summary
 
 LONGEST = 700  # characters: at most 600 of an error, plus what the command line adds
@@ -116,7 +117,7 @@ class LiveNode:
     """
 
     def __init__(self, configuration, context):
-        from linkage_ros.node.parameters import ParameterNode
+        from linkage_ros.node.parameter_node import ParameterNode
 
         self.configuration = configuration
         self.node = ParameterNode('live', context=context, enable_rosout=False)

@@ -17,14 +17,13 @@ from linkage_ros.mechanism.registry import MECHANISMS
 from linkage_ros.quantities import MISSING
 from linkage_ros.settings.configuration import (
     DEFAULT_PRESET,
-    MechanismAndDrive,
     configure,
     from_strings,
     load,
-    parameter_leaves,
     to_strings,
 )
 from linkage_ros.settings.feed_forward import DRIVES
+from linkage_ros.settings.parameters import MechanismAndDrive, parameter_leaves
 
 CONFIG = Path(__file__).resolve().parents[1] / 'config'
 LEAVES = {leaf.name: leaf for leaf in parameter_leaves(MechanismAndDrive('four_bar'))}

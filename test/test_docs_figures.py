@@ -24,8 +24,8 @@ from linkage_ros.messages.topics import (
     TOPICS,
     qualified,
 )
-from linkage_ros.settings.configuration import MechanismAndDrive, parameter_leaves
 from linkage_ros.settings.feed_forward import DRIVES
+from linkage_ros.settings.parameters import MechanismAndDrive, parameter_leaves
 
 DOCS = ROOT / 'docs'
 

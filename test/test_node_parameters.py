@@ -18,7 +18,8 @@ from rcl_interfaces.srv import (
 from rclpy.parameter import parameter_value_to_python
 from ros_harness import decoded, node_arguments, stop, wait_for, watched
 
-from linkage_ros.settings.configuration import MechanismAndDrive, load, parameter_leaves
+from linkage_ros.settings.configuration import load
+from linkage_ros.settings.parameters import MechanismAndDrive, parameter_leaves
 
 RPM = -42.5
 

@@ -11,9 +11,9 @@ from typing import Any, ClassVar, NamedTuple, TypeAlias, cast
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.formulas import ZERO, Vector, cos, sin, turned
 from linkage_ros.mechanism.kinematics import Loop, Reach, State, Stroke
+from linkage_ros.mechanism.loads import LOADS
 from linkage_ros.mechanism.loads.base import AppliedLoad, JointLoad, Load
 from linkage_ros.mechanism.loads.link_load import LinkForce
-from linkage_ros.mechanism.loads import LOADS
 from linkage_ros.mechanism.parts import Body, Coupler
 from linkage_ros.mechanism.wrenches import FRAME
 from linkage_ros.numeric import Real

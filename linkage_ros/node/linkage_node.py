@@ -35,7 +35,7 @@ from linkage_ros.node.endpoints import (
 )
 from linkage_ros.node.health import HealthMonitor
 from linkage_ros.node.outputs import Outputs
-from linkage_ros.node.parameters import ParameterNode, given_values
+from linkage_ros.node.parameter_node import ParameterNode, given_values
 from linkage_ros.node.process import reported_as_configuration, run_program
 from linkage_ros.node.ticker import RealTimeTicker, SimTimeTicker, Ticker
 from linkage_ros.node.workers import freeze_heap
@@ -44,8 +44,9 @@ from linkage_ros.run.commands import inputs_of
 from linkage_ros.run.states import Simulator
 from linkage_ros.run.trajectory_ahead import TrajectoryAhead
 from linkage_ros.settings.command_lines import node_parser
-from linkage_ros.settings.configuration import configure, parameter_leaves, preset_note
+from linkage_ros.settings.configuration import configure, preset_note
 from linkage_ros.settings.feed_forward import TrajectoryFeedForward
+from linkage_ros.settings.parameters import parameter_leaves
 from linkage_ros.settings.summary import notes, summary
 from linkage_ros.units import NS_PER_MS
 

@@ -18,7 +18,7 @@ from linkage_ros import cli
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.mechanism.structure import Mechanism
-from linkage_ros.node.parameters import ParameterNode, given_values
+from linkage_ros.node.parameter_node import ParameterNode, given_values
 from linkage_ros.node.process import Throttle, run_program
 from linkage_ros.quantities import build, flatten, unknown_name
 from linkage_ros.settings.command_lines import controller_parser

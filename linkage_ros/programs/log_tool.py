@@ -20,7 +20,7 @@ from linkage_ros.mechanism.solver import Solver
 from linkage_ros.motion.along_law import LawMotion
 from linkage_ros.motion.at_speed import SpeedMotion
 from linkage_ros.motion.segments import FollowSegment, LawSegment, Segment, TorqueSegment
-from linkage_ros.settings.configuration import parameter_leaves
+from linkage_ros.settings.parameters import parameter_leaves
 from linkage_ros.settings.summary import notes, summary
 from linkage_ros.units import NS_PER_S
 

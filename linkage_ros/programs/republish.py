@@ -17,7 +17,7 @@ from linkage_ros.log.reader import LogReader
 from linkage_ros.messages.cdr import encode_clock
 from linkage_ros.messages.topics import EFFORT_COMMANDS, SIMULATED_CLOCK, TOPICS, Topic
 from linkage_ros.node.endpoints import create_publisher, wait_for_subscribers
-from linkage_ros.node.parameters import given_values
+from linkage_ros.node.parameter_node import given_values
 from linkage_ros.node.process import USER_ERRORS, reported_as_configuration, ros_context, spinning
 from linkage_ros.programs.player import Item, Pace, Sink
 from linkage_ros.quantities import shown

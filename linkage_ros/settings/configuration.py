@@ -4,7 +4,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -18,12 +18,9 @@ from linkage_ros.motion.along_law import require_possible
 from linkage_ros.motion.drives import Drive, FollowDrive, LawDrive, SpeedDrive, TorqueDrive
 from linkage_ros.motion.under_torque import start
 from linkage_ros.quantities import (
-    Checked,
-    Leaf,
     build,
     flatten,
     leaves,
-    quantity,
     shown,
     unknown_name,
 )
@@ -31,53 +28,17 @@ from linkage_ros.settings.feed_forward import DRIVES
 from linkage_ros.settings.joints import (
     JointSettings,
     build_joints,
-    joint_leaves,
     joint_values,
     robot_joints,
 )
+from linkage_ros.settings.parameters import MechanismAndDrive, Session, parameter_leaves
 from linkage_ros.settings.presets import find_file, preset_path
-from linkage_ros.settings.session import Session
 from linkage_ros.settings.yaml_file import read_parameter_file
 
 DEFAULT_PRESET = 'quadrilateral'
 
 # Parameters that every rclpy node declares.
 _ROS_PARAMETERS = ('use_sim_time', 'start_type_description_service')
-
-
-@dataclass(frozen=True)
-class MechanismAndDrive(Checked):
-    """The kinds of mechanism and drive.
-
-    Attributes:
-        mechanism: A key of `MECHANISMS`.
-        drive: A key of `DRIVES`.
-    """
-
-    mechanism: str = quantity('choice', 'kind of mechanism', choices=MECHANISMS.keys())
-    drive: str = quantity(
-        'choice', 'given quantity: the speed of the crank, the torque on it, its measured angle, '
-        'or its motion over time',
-        choices=tuple(DRIVES), default='speed',
-    )  # fmt: skip
-
-    @classmethod
-    def of(cls, given: Mapping[str, object]) -> 'MechanismAndDrive':
-        """Reads mechanism and drive from parameters; a wind pump always has drive: torque.
-
-        Raises:
-            ConfigurationError: The mechanism is missing, or a wind pump has another drive.
-        """
-        kind = build(cls, given)
-        if len(MECHANISMS[kind.mechanism].coordinates) == 1:
-            return kind
-        if given.get('drive', 'torque') != 'torque':
-            raise ConfigurationError(
-                f'drive = {kind.drive!r}: must be torque, because the crank speed alone does not '
-                f'determine how a {kind.mechanism} moves; leave drive and rpm out, and set '
-                'motor.torque and start_rpm'
-            )
-        return replace(kind, drive='torque')
 
 
 @dataclass(frozen=True)
@@ -112,28 +73,6 @@ class Configuration:
         known = {leaf.name for leaf in parameter_leaves(self.kind, flat)}
         own = {name: value for name, value in flat.items() if name in known}
         return {**own, **joint_values(self.joints)}
-
-
-def parameter_leaves(
-    kind: MechanismAndDrive, values: Mapping[str, object] | None = None
-) -> tuple[Leaf, ...]:
-    """Returns the parameters of a mechanism, a drive and a run, in order of declaration.
-
-    Args:
-        kind: The kinds of mechanism and drive.
-        values: Values by parameter name, whose names of loads are included.
-
-    Raises:
-        ConfigurationError: A load in the values has no valid kind.
-    """
-    classes = (MechanismAndDrive, MECHANISMS[kind.mechanism], DRIVES[kind.drive], Session)
-    unused = 'rate_hz' if kind.drive == 'follow' else ''  # measurements set the rate
-    found = (leaf for cls in classes for leaf in leaves(cls, values=values))
-    own = [leaf for leaf in found if leaf.name != unused]
-    for i, (name, described, _) in enumerate(own):
-        if name == 'gravity':  # an integrator keeps its model
-            own[i] = own[i]._replace(quantity=replace(described, live=kind.drive != 'torque'))
-    return (*own, *joint_leaves(MECHANISMS[kind.mechanism]))
 
 
 def without_ros_parameters(values: Mapping[str, object]) -> dict[str, object]:

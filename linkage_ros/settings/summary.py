@@ -8,10 +8,8 @@ from collections.abc import Iterator
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.mechanism.travel import travel
 from linkage_ros.motion.drives import FollowDrive, LawDrive, TorqueDrive
-from linkage_ros.settings.configuration import (
-    Configuration,
-    parameter_leaves,
-)
+from linkage_ros.settings.configuration import Configuration
+from linkage_ros.settings.parameters import parameter_leaves
 
 _LONG, _SHORT = 10.0, 1e-4  # m
 

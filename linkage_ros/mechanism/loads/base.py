@@ -8,16 +8,17 @@ A load gives wrenches on bodies, from which torque, joint forces, arrows and exp
 
 import math
 import re
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple, Protocol
 
 from linkage_ros.errors import ConfigurationError
-from linkage_ros.formulas import ZERO, where
+from linkage_ros.formulas import where
 from linkage_ros.mechanism.kinematics import LinkPose
 from linkage_ros.mechanism.wrenches import Wrench
 from linkage_ros.numeric import Real
-from linkage_ros.quantities import Checked, quantity, shown, unlisted
+from linkage_ros.quantities import Checked, shown, unlisted
+
 
 class Load(Protocol):
     """Interface of a load: wrenches on bodies, computed from their motion.

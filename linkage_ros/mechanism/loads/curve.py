@@ -14,9 +14,9 @@ import numpy as np
 from linkage_ros.columns import read_columns
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.formulas import ZERO, Opaque, where
-from linkage_ros.mechanism.loads.gas import AMBIENT, FAR, NEAR
 from linkage_ros.mechanism.kinematics import LinkPose
 from linkage_ros.mechanism.loads.base import AppliedLoad, continuous
+from linkage_ros.mechanism.loads.gas import AMBIENT, FAR, NEAR
 from linkage_ros.mechanism.wrenches import Wrench
 from linkage_ros.numeric import Array, Real, without_turns
 from linkage_ros.quantities import quantity, shown

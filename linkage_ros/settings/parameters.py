@@ -1,19 +1,62 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Parameters of a run: publishing, logging and viewing."""
+"""Parameters of linkage_node and linkage_record, which the log stores.
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+Here are those of a run; a mechanism's are the fields of its class and of its parts, and a drive's
+the fields of its class. Each field is declared by `quantity`, from which ROS parameter, valid
+range, --help and the tables of the documentation follow.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 from linkage_ros.errors import ConfigurationError
+from linkage_ros.mechanism.registry import MECHANISMS
 from linkage_ros.mechanism.structure import Mechanism
 from linkage_ros.messages.joints import RobotJoint, own_joints
 from linkage_ros.messages.templates import ROOT_FRAME
 from linkage_ros.messages.urdf import link_of
-from linkage_ros.quantities import Checked, quantity, shown
+from linkage_ros.quantities import Checked, Leaf, build, leaves, quantity, shown
+from linkage_ros.settings.feed_forward import DRIVES
+from linkage_ros.settings.joints import joint_leaves
 from linkage_ros.settings.viewer import VIEWERS
 
 JOINT_PREFIX = '[A-Za-z0-9_]*'  # regular expression
+
+
+@dataclass(frozen=True)
+class MechanismAndDrive(Checked):
+    """The kinds of mechanism and drive.
+
+    Attributes:
+        mechanism: A key of `MECHANISMS`.
+        drive: A key of `DRIVES`.
+    """
+
+    mechanism: str = quantity('choice', 'kind of mechanism', choices=MECHANISMS.keys())
+    drive: str = quantity(
+        'choice', 'given quantity: the speed of the crank, the torque on it, its measured angle, '
+        'or its motion over time',
+        choices=tuple(DRIVES), default='speed',
+    )  # fmt: skip
+
+    @classmethod
+    def of(cls, given: Mapping[str, object]) -> 'MechanismAndDrive':
+        """Reads mechanism and drive from parameters; a wind pump always has drive: torque.
+
+        Raises:
+            ConfigurationError: The mechanism is missing, or a wind pump has another drive.
+        """
+        kind = build(cls, given)
+        if len(MECHANISMS[kind.mechanism].coordinates) == 1:
+            return kind
+        if given.get('drive', 'torque') != 'torque':
+            raise ConfigurationError(
+                f'drive = {kind.drive!r}: must be torque, because the crank speed alone does not '
+                f'determine how a {kind.mechanism} moves; leave drive and rpm out, and set '
+                'motor.torque and start_rpm'
+            )
+        return replace(kind, drive='torque')
 
 
 @dataclass(frozen=True)
@@ -85,3 +128,25 @@ class Session(Checked):
                 f'crank_joint = {shown(self.crank_joint)}: must not be another joint of this '
                 f"linkage, {', '.join(joints[1:])}; give the robot's name for the crank"
             )
+
+
+def parameter_leaves(
+    kind: MechanismAndDrive, values: Mapping[str, object] | None = None
+) -> tuple[Leaf, ...]:
+    """Returns the parameters of a mechanism, a drive and a run, in order of declaration.
+
+    Args:
+        kind: The kinds of mechanism and drive.
+        values: Values by parameter name, whose names of loads are included.
+
+    Raises:
+        ConfigurationError: A load in the values has no valid kind.
+    """
+    classes = (MechanismAndDrive, MECHANISMS[kind.mechanism], DRIVES[kind.drive], Session)
+    unused = 'rate_hz' if kind.drive == 'follow' else ''  # measurements set the rate
+    found = (leaf for cls in classes for leaf in leaves(cls, values=values))
+    own = [leaf for leaf in found if leaf.name != unused]
+    for i, (name, described, _) in enumerate(own):
+        if name == 'gravity':  # an integrator keeps its model
+            own[i] = own[i]._replace(quantity=replace(described, live=kind.drive != 'torque'))
+    return (*own, *joint_leaves(MECHANISMS[kind.mechanism]))
