@@ -437,9 +437,10 @@ def force_errors(solver, angles, speed=2.0, acceleration=1.5):
             (solver.reactions(alone), solver.load_forces(alone)), (at(forces, i), row),
         ):  # fmt: skip
             pins = [abs(mp.mpc(*force) - right.joints[pin]) for pin, force in got.pins.items()]
-            guide = mp.mpf(got.guide_force or 0) - right.joints.get('guide', 0)
+            ((across, moment),) = got.guides.values() or [(0.0, 0.0)]
+            guide = mp.mpf(across) - right.joints.get('guide', 0)
             if hasattr(mechanism, 'barrel'):
-                lever = mp.mpf(got.guide_moment) - right.moment
+                lever = mp.mpf(moment) - right.moment
                 guide = max(abs(guide), abs(lever) / longest(mechanism))
             pushes = zip(solver.links, right.exerted, strict=True)
             pushed = max(abs(exerted.get(link, 0.0) - x) for link, x in pushes)
@@ -459,11 +460,11 @@ def force_errors(solver, angles, speed=2.0, acceleration=1.5):
 def at(forces, i):
     """Returns the forces at one of many crank angles."""
     pins = {pin: (float(x[i]), float(y[i])) for pin, (x, y) in forces.pins.items()}
-    guide, (x, y) = forces.guide_force, forces.shaking_force
+    guides = {name: (float(f[i]), float(m[i])) for name, (f, m) in forces.guides.items()}
+    x, y = forces.shaking_force
     return type(forces)(
-        pins, None if guide is None else float(guide[i]), (float(x[i]), float(y[i])),
-        float(forces.shaking_moment[i]), float(forces.torque[i]),
-        None if guide is None else float(forces.guide_moment[i]),
+        pins, guides, (float(x[i]), float(y[i])), float(forces.shaking_moment[i]),
+        float(forces.torque[i]),
     )  # fmt: skip
 
 

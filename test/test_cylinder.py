@@ -150,5 +150,5 @@ def test_side_force_and_moment_carry_a_weight_of_the_rod_beside_its_pin():
     s = 0.42
     # The barrel points to -x, so that its left is downwards.
     assert found.pins['A'].y == pytest.approx(weight * (s - 0.1) / s)
-    assert found.guide_force == pytest.approx(-weight * 0.1 / s)
-    assert found.guide_moment == pytest.approx(weight * 0.1)
+    assert found.guides['rod'].force == pytest.approx(-weight * 0.1 / s)
+    assert found.guides['rod'].moment == pytest.approx(weight * 0.1)

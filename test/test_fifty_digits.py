@@ -56,7 +56,7 @@ def slipped(value):
 
 @pytest.mark.parametrize(
     'field',
-    ['position', 'velocity', 'acceleration', 'torque', 'pins', 'guide_force', 'shaking_force',
+    ['position', 'velocity', 'acceleration', 'torque', 'pins', 'guides', 'shaking_force',
      'shaking_moment'],
 )  # fmt: skip
 def test_comparison_detects_an_error_in_any_quantity(field):
@@ -276,7 +276,9 @@ def test_massless_rod_carries_only_an_axial_force():
     rod = -100 * complex(1.0, -math.tan(math.radians(30)))
     for pin in ('A0', 'A', 'B'):
         assert complex(*found.pins[pin]) == pytest.approx(rod, rel=1e-13)
-    assert found.guide_force == pytest.approx(-100 * math.tan(math.radians(30)), rel=1e-13)
+    assert found.guides['slider'].force == pytest.approx(
+        -100 * math.tan(math.radians(30)), rel=1e-13
+    )
     lever = math.cos(math.radians(45)) * rod.imag - math.sin(math.radians(45)) * rod.real
     assert found.torque == pytest.approx(lever, rel=1e-13)
     assert complex(*found.shaking_force) == pytest.approx(100, rel=1e-13)

@@ -130,8 +130,8 @@ def test_a_link_with_a_name_of_its_own_is_drawn_and_described(cardan_gear, solve
     class Pinion(cardan_gear.CardanGear):
         pinion = property(lambda self: self.coupler)
 
-        def structure(self):
-            plain = super().structure()
+        def loop_structure(self):
+            plain = super().loop_structure()
             crank, coupler, slider = plain.links
             return plain._replace(links=(crank, coupler._replace(name='pinion'), slider))
 

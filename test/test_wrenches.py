@@ -253,12 +253,12 @@ class FreeBodies:
             force = complex(*reactions.pins[pin])
             add(on, places[pin], force)
             add(of, places[pin], -force)
-        if reactions.guide_force is not None:
-            slider, guide = ('rod', 'barrel') if self.is_cylinder else ('slider', 'frame')
-            normal = 1j * self.axes[slider] * reactions.guide_force
+        for slider, (across, moment) in reactions.guides.items():
+            guide = 'barrel' if self.is_cylinder else 'frame'
+            normal = 1j * self.axes[slider] * across
             place, *_ = self.motion(slider, (0.0, 0.0))
-            add(slider, place, normal, reactions.guide_moment)
-            add(guide, place, -normal, -reactions.guide_moment)
+            add(slider, place, normal, moment)
+            add(guide, place, -normal, -moment)
         add('crank', 0.0, 0.0, reactions.torque)
         add('frame', 0.0, 0.0, -reactions.torque)
         gaps = []

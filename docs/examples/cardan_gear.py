@@ -160,7 +160,7 @@ class CardanGear(Mechanism):
         )
         return (*super().link_loads(), *springs)
 
-    def structure(self) -> Structure:
+    def loop_structure(self) -> Structure:
         """Returns the open tree of links; the loop is cut at B."""
         crank, coupler, slider = self.crank, self.coupler, self.slider
         A0 = Point.at(0j, 3)

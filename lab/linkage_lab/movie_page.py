@@ -102,7 +102,7 @@ def _samples(period: Period, count: int) -> Array:
 
 def _quantities(period: Period) -> list[_Quantity]:
     """Lists what the page shows: crank, output link, torque and loads."""
-    columns, output = period.columns, period.solver.links[-1]
+    columns, output = period.columns, period.solver.output
     rpm = columns['crank.velocity'].values * 30 / math.pi
     found = [
         _Quantity(

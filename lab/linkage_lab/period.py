@@ -266,7 +266,7 @@ def _require_no(options: Mapping[str, Any], reason: str) -> None:
 def _ranges(period: Period) -> list[str]:
     """Describes the ranges of the crank and of the output link."""
     words = []
-    for name in (period.solver.links[0], period.solver.links[-1]):
+    for name in (period.solver.links[0], period.solver.output):
         unit, values = period.columns[f'{name}.position']
         low, high = float(values.min()), float(values.max())
         if unit == 'rad':
@@ -439,10 +439,9 @@ def _add_reactions(period: Period, state: State) -> None:
     found = period.solver.reactions(state)
     for pin, force in found.pins.items():
         period.add(f'pin_{pin}', 'N', force)
-    if found.guide_force is not None:
-        period.add('guide_force', 'N', found.guide_force)
-        if not period.solver.structure.links[-1].is_guided:
-            period.add('guide_moment', 'N m', found.guide_moment)
+    for slider, (force, moment) in found.guides.items():
+        period.add(f'{slider}.guide_force', 'N', force)
+        period.add(f'{slider}.guide_moment', 'N m', moment)
     period.add('shaking_force', 'N', found.shaking_force)
     period.add('shaking_moment', 'N m', found.shaking_moment)
 

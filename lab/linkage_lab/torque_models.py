@@ -91,7 +91,7 @@ def with_point_masses(mechanism: Any) -> Mechanism | None:
         The mechanism with a massless coupler; None if there is no coupler, or it has no mass, or
         its centre of mass is not between its pins.
     """
-    coupler, output = getattr(mechanism, 'coupler', None), Solver(mechanism).links[-1]
+    coupler, output = getattr(mechanism, 'coupler', None), [*mechanism.parts()][-1]
     if coupler is None or not (coupler.mass and 0 <= coupler.center[0] <= coupler.length):
         return None
     at_end = coupler.center[0] / coupler.length * coupler.mass
@@ -99,7 +99,7 @@ def with_point_masses(mechanism: Any) -> Mechanism | None:
         mechanism,
         crank=_with_mass_at_tip(mechanism.crank, coupler.mass - at_end),
         coupler=replace(coupler, mass=0.0, inertia=0.0),
-        **{output: _with_mass_at_tip(getattr(mechanism, output), at_end)},
+        **{output: _with_mass_at_tip(mechanism.parts()[output], at_end)},
     )
     return found
 

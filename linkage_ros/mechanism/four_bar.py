@@ -400,7 +400,7 @@ class FourBar(Mechanism):
             return float(wrap(angle))
         return None
 
-    def structure(self) -> Structure:
+    def loop_structure(self) -> Structure:
         """Returns the links, points and joints; the loop is cut at B."""
         crank, coupler, rocker = self.crank, self.coupler, self.rocker
         A0 = Point.at(0j, 3)

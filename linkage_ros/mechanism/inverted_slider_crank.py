@@ -333,7 +333,7 @@ class InvertedSliderCrank(Mechanism):
         short, long = math.sqrt(float(square.least)), math.sqrt(square.most)
         return Stroke((short, angle), (long, angle + math.pi))
 
-    def structure(self) -> Structure:
+    def loop_structure(self) -> Structure:
         """Returns the links, points and joints; the loop is cut at A."""
         crank, barrel, rod = self.crank, self.barrel, self.rod
         A0 = Point.at(0j, 3)

@@ -61,6 +61,18 @@ _ORIGIN = Vector(ZERO, ZERO)
 _FRAME = FRAME  # also the index of the last body
 
 
+class GuideForce(NamedTuple):
+    """The force and the moment of a guide on its slider, or of a barrel on the rod in it.
+
+    Attributes:
+        force: Normal force, positive to the left of the guide's direction, N.
+        moment: Moment about the slider's pin, N m.
+    """
+
+    force: Real
+    moment: Real
+
+
 class Reactions(NamedTuple):
     """Joint forces in the axes of base_link; floats or arrays, as in the state.
 
@@ -69,22 +81,18 @@ class Reactions(NamedTuple):
             the crank on the coupler or on the rod of a cylinder, 'B' of the coupler on the rocker,
             rod or slider, 'B0' of the frame on the rocker or barrel, and 'D' of the rod on the
             slider.
-        guide_force: Normal force of the guide on the slider, or of the barrel on the rod, positive
-            to the left of the guide's direction, N; None if there is neither.
+        guides: Forces of the guides, by the name of the sliding link.
         shaking_force: Force (x, y) of bearings and guide on the frame, N. It includes an external
             force on the slider, because that force originates outside the machine.
         shaking_moment: Moment on the frame about A0, including the drive's reaction, N m.
         torque: Driving torque from the moment balance of the crank, N m.
-        guide_moment: Moment of the guide on the slider, about the slider's pin, N m; None if there
-            is no slider.
     """
 
     pins: dict[str, Vector]
-    guide_force: Real | None
+    guides: dict[str, GuideForce]
     shaking_force: Vector
     shaking_moment: Real
     torque: Real
-    guide_moment: Real | None = None
 
 
 def reactions(
@@ -92,7 +100,8 @@ def reactions(
 ) -> tuple[tuple[Vector, ...], tuple[Real, ...], Vector, Real, Real, tuple[Real, ...]]:
     """Computes the joint forces of a moving mechanism, in the order of the fields of `Reactions`.
 
-    The forces grow without bound near a change point or a limit of the crank.
+    The moments of the guides are the last item. The forces grow without bound near a change point
+    or a limit of the crank.
     """
     require(is_finite(*q, *u, *a), model.refuse, *q, *u, *a)
     pose = model.loop.pose(tuple(q))
@@ -106,6 +115,8 @@ def reactions(
             require(abs(sine) > near, model.refuse_forces, *q)
         i, j = dyad
         balance.solve(i, j, sine)
+        balance.solve_last_pin(j)
+        balance.solve_last_pin(i)
     for j in reversed(range(len(pose.links))):
         balance.solve_last_pin(j)
     sliding = [j for j, link in enumerate(model.links) if link.slides]
@@ -242,11 +253,16 @@ class _Balance:
         self.guide(j)
 
     def _pins_of(self, j: int) -> set[Pin]:
-        return {pin for pin in self._pins if j in (pin.first, pin.second)}
+        """Returns the pins of a link whose forces are unknown."""
+        return {
+            pin
+            for pin in self._pins
+            if j in (pin.first, pin.second) and pin.name not in self.forces
+        }
 
     def solve_last_pin(self, j: int) -> None:
         """Computes a turning link's last unknown pin force, if any, from its force balance."""
-        unknown = [pin for pin in self._pins_of(j) if pin.name not in self.forces]
+        unknown = self._pins_of(j)
         if unknown and not self._links[j].slides:
             (pin,), force = unknown, self.force(j)
             self._add_pin_force(pin, force if pin.second == j else -force)

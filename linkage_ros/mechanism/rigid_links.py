@@ -3,7 +3,7 @@
 """Moving links in the form that simulators require, for the URDF."""
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from linkage_ros.mechanism.structure import Link, Mechanism, mouth
 
@@ -55,7 +55,8 @@ def rigid_links(mechanism: Mechanism, joint_prefix: str = '') -> list[RigidLink]
     """
     structure = mechanism.structure()
     joints, opening = structure.links, mouth(structure)
-    bodies: list[Any] = [getattr(mechanism, joint.name) for joint in joints]
+    parts = mechanism.parts()
+    bodies = [parts[joint.name] for joint in joints]
     width = min(body.length for body in bodies if hasattr(body, 'length')) / 20
     least_mass = max(_SMALL * (math.fsum(body.mass for body in bodies) or 1.0), _LEAST)
     links = []

@@ -289,7 +289,7 @@ class SliderCrank(Mechanism):
         if (shorter := short_sum(self._longest(), b, -abs(e))) > 0:
             yield f'shorten the crank to at most {rounded(shorter, up=False)} m'
 
-    def structure(self) -> Structure:
+    def loop_structure(self) -> Structure:
         """Returns the links, points and joints; the loop is cut at B."""
         crank, coupler, slider = self.crank, self.coupler, self.slider
         foot = 1j * slider.offset * direction(self.frame.angle)

@@ -20,6 +20,7 @@ from linkage_ros.formulas import ZERO, Opaque, number
 from linkage_ros.mechanism import equations
 from linkage_ros.mechanism.equations import DyadSine, Model
 from linkage_ros.mechanism.joint_forces import (
+    GuideForce,
     Reactions,
     Round,
     joint_load_round,
@@ -56,6 +57,7 @@ class Solver:
         mechanism: The mechanism.
         structure: Links, points and joints of the mechanism.
         links: Names of the links, in the order used by all tuples.
+        output: Name of the output link.
         description: Choice of coordinates and assembly.
         coordinates: Names of the links whose positions are the coordinates.
         model: Constants of the formulas.
@@ -99,6 +101,7 @@ class Solver:
         self.structure = structure
         slides = {link.name: link.slides for link in structure.links}
         self.links = tuple(slides)
+        self.output = self.links[structure.output]
         self._moving = [self.links.index(name) for name in self.coordinates]
         self._count = len(self._moving)
         self.names: dict[str, Any] = {
@@ -414,9 +417,11 @@ class Solver:
             forces, guides, *others, moments = self._settle(q, u, a).reactions
         else:
             forces, guides, *others, moments = self._run(reactions, q=q, u=u, a=a)
-        guide, moment = (guides[0], moments[0]) if guides else (None, None)
-        found = Reactions(dict(zip(pins, forces, strict=True)), guide, *others)
-        return found._replace(guide_moment=moment)
+        sliding = [link.name for link in self.structure.links if link.slides]
+        pairs = map(GuideForce, guides, moments)
+        return Reactions(
+            dict(zip(pins, forces, strict=True)), dict(zip(sliding, pairs, strict=True)), *others
+        )
 
     def load_forces(self, state: State) -> dict[str, Real]:
         """Computes the generalised forces of loads and friction, excluding weights.

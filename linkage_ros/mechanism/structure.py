@@ -193,6 +193,11 @@ class Structure(NamedTuple):
     dyads: tuple[Dyad, ...] = ()
     other_dyads: tuple[Dyad, ...] = ()
 
+    @property
+    def output(self) -> int:
+        """Index of the output link, whose travel is shown."""
+        return len(self.links) - 1
+
     def link_index(self, name: str, what: str, *others: str) -> int:
         """Returns the index of a link.
 
@@ -228,13 +233,8 @@ class Structure(NamedTuple):
         if body.slides:
             center = body.center
             return center._replace(fixed=center.fixed + complex(*at) * direction(body.angle))
-        return self._first_pin(link).along(link, *at)
-
-    def _first_pin(self, link: int) -> Point:
-        _, _, _, _, parent, origin, *_ = self.links[link]
-        if parent is None:
-            return Point.at(origin, len(self.links))
-        return self._first_pin(parent).along(parent, origin.real, origin.imag)
+        above = FRAME if body.parent is None else body.parent
+        return self.point_of(above, (body.origin.real, body.origin.imag)).along(link, *at)
 
     def loop_residual(self, state: State) -> float:
         """Computes the closure error of the loop, m, at a state of floats."""
@@ -309,9 +309,17 @@ class Mechanism(Checked):
     def require_closed(self) -> None:
         """Rejects lengths with which the loop cannot close; called before the loads join."""
 
-    def structure(self) -> Structure:
-        """Returns the links, points and joints."""
+    def loop_structure(self) -> Structure:
+        """Returns the links, points and joints of the loop."""
         raise NotImplementedError
+
+    def structure(self) -> Structure:
+        """Returns the links, points and joints of the mechanism."""
+        return self.loop_structure()
+
+    def parts(self) -> dict[str, Any]:
+        """Returns the part of each link, with its mass and dimensions, by the link's name."""
+        return {link.name: getattr(self, link.name) for link in self.loop_structure().links}
 
     def loop(self) -> Loop:
         """Returns the kinematic constants in the mechanism's own coordinates."""

@@ -80,8 +80,9 @@ def travel(solver: Solver) -> Travel:
     crank = 0.5 * (crank[1:] + crank[:-1])
     crank = np.append(crank, crank[0] + period)
     state = solver.state(crank, 1.0)
-    position, rate = state.position[-1], state.velocity[-1]
-    slides = solver.structure.links[-1].slides
+    output = solver.structure.output
+    position, rate = state.position[output], state.velocity[output]
+    slides = solver.structure.links[output].slides
 
     def whole_turns(angle: float) -> float:
         return 0.0 if slides else 2 * math.pi * round(float(angle) / (2 * math.pi))
@@ -91,7 +92,7 @@ def travel(solver: Solver) -> Travel:
         position, rate = np.full_like(position, np.median(position)), np.zeros_like(rate)
     before = np.flatnonzero(np.sign(rate[:-1]) * np.sign(rate[1:]) < 0)
     at = [_reversal(solver, *crank[i : i + 2].tolist()) for i in before]
-    found = [solver.state(angle).position[-1] for angle in at]
+    found = [solver.state(angle).position[output] for angle in at]
     # Each angle is shifted into the turn of the surrounding samples.
     reversed_at = [p + whole_turns(position[i] - p) for i, p in zip(before, found, strict=True)]
     extremes: tuple[float, float] | None = None
@@ -105,14 +106,15 @@ def travel(solver: Solver) -> Travel:
         way = at[1] - at[0]
         ratio = max(way, period - way) / min(way, period - way)
     reversals = tuple(sorted(angle % period for angle in at))
-    return Travel(solver.links[-1], slides, extremes, reversals, reach.transmission, ratio)
+    return Travel(solver.links[output], slides, extremes, reversals, reach.transmission, ratio)
 
 
 def _reversal(solver: Solver, low: float, high: float) -> float:
     """Finds the crank angle at which the output's rate changes sign, by bisection."""
-    falling = solver.state(low, 1.0).velocity[-1] > 0
+    output = solver.structure.output
+    falling = solver.state(low, 1.0).velocity[output] > 0
     while low < (middle := 0.5 * (low + high)) < high:
-        if (solver.state(middle, 1.0).velocity[-1] > 0) == falling:
+        if (solver.state(middle, 1.0).velocity[output] > 0) == falling:
             low = middle
         else:
             high = middle

@@ -268,7 +268,7 @@ class WindPump(Mechanism):
         words = ' or '.join(f'{low:.6g} to {high:.6g}' for low, high in spans)
         return f'at this crank angle, the slider must be within {words} m'
 
-    def structure(self) -> Structure:
+    def loop_structure(self) -> Structure:
         """Returns the links, points and joints; the loop is cut at D."""
         crank, coupler, rod, slider = self.crank, self.coupler, self.rod, self.slider
         A0 = Point.at(0j, 4)

@@ -70,7 +70,7 @@ class LoadArrows:
 
     def _outwards(self, positions: Array) -> Complex:
         """Returns the direction of straight arrows from the slider's pin, shape (n,) or ()."""
-        output = self._solver.structure.links[-1]
+        output = self._solver.structure.links[self._solver.structure.output]
         angle = output.angle if output.parent is None else positions[:, output.parent]
         return np.asarray(self._side * np.exp(1j * np.asarray(angle)))
 

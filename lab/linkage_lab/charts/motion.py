@@ -176,7 +176,7 @@ def _compare(periods: Mapping[str, Period], path: Path) -> list[str]:
 def _measures(period: Period) -> dict[str, float | None]:
     """Computes the measures of a design by name and unit; None if a measure does not apply."""
     solver, columns = period.solver, period.columns
-    link, found = solver.structure.links[-1], period.travel
+    link, found = solver.structure.links[solver.structure.output], period.travel
     way, torque = (
         extent(period.x, columns[name].values)
         for name in (f'{link.name}.position', 'driving_torque')
@@ -310,7 +310,9 @@ def _panels(period: Period, show: Collection[str]) -> Iterator[_Panel]:
     if 'shaking_moment' in columns:
         pins = dict.fromkeys(name[4:-2] for name in columns if name.startswith('pin_'))
         forces = [_curve(period, f'pin_{pin}.x', pin, f'pin_{pin}.y') for pin in pins]
-        forces += [_curve(period, name, 'guide') for name in columns if name == 'guide_force']
+        guides = [name for name in columns if name.endswith('.guide_force')]
+        names = ['guide'] if len(guides) == 1 else [x.partition('.')[0] for x in guides]
+        forces += [_curve(period, x, name) for x, name in zip(guides, names, strict=True)]
         yield _Panel('Joint forces, N', forces)
         yield _Panel(
             'Shaking force, N', [_curve(period, f'shaking_force.{x}', f'force.{x}') for x in 'xy']
@@ -324,7 +326,7 @@ def _compared(periods: Mapping[str, Period], show: Collection[str]) -> Iterator[
         column = {'torque': 'driving_torque'}.get(quantity, f'{{}}.{quantity}')
         if quantity in show and quantity not in {'load', 'point'}:
             yield from _by_unit([
-                _curve(period, column.format(period.solver.links[-1]), name)._replace(color=color)
+                _curve(period, column.format(period.solver.output), name)._replace(color=color)
                 for (name, period), color in zip(periods.items(), DESIGN_COLORS, strict=False)
             ])  # fmt: skip
 

@@ -124,7 +124,8 @@ def _guide(mechanism: SliderCrank, crank: float) -> tuple[float, float]:
     """Returns the guide force on the slider, positive to the left, N, and its velocity, m/s."""
     solver = Solver(mechanism)
     state = solver.state(crank, SPEED, ACCELERATION)
-    return float(solver.reactions(state).guide_force or 0.0), float(state.velocity[-1])
+    force, _ = solver.reactions(state).guides['slider']
+    return float(force), float(state.velocity[-1])
 
 
 def _grown(mechanism: SliderCrank, crank: float, *_: float) -> float:

@@ -393,7 +393,8 @@ class Measure(NamedTuple):
 
 def _slides(task: Task) -> bool:
     """Returns whether the output link is a slider."""
-    return task.mechanism.structure().links[-1].slides
+    structure = task.mechanism.structure()
+    return structure.links[structure.output].slides
 
 
 # For torques and forces.
