@@ -6,7 +6,7 @@ help:
 	@echo 'make controller   let a controller keep the speed of a torque-driven linkage, and compare'
 	@echo 'make check        set up a virtual environment and run every check, as CI does'
 	@echo 'make reliability  kill, fill, cut, soak and fuzz: two hours and a quarter, as root'
-	@echo 'make docs         write the API reference into the folder api'
+	@echo 'make docs         build the documentation site, with the API and movies, in the folder site'
 	@echo 'make package      build sdist and wheel into dist, and try them in a fresh environment'
 	@echo 'make clean        remove what these made'
 	@echo 'PYTHON=$(or $(ANY),/path/to/python) make ...  uses that Python; any from 3.10 to 3.13 will do'
@@ -71,8 +71,8 @@ reliability: $(VENV)/check-ready
 	@$(RUN) benchmarks/reliability/run.py --out reliability
 
 docs: $(VENV)/docs-ready
-	@$(RUN) docs/api.py api
-	@echo api/linkage_ros.html
+	@$(RUN) -m sphinx -EWq --keep-going -c docs/site -d $(VENV)/doctrees . site
+	@echo site/index.html
 
 package: $(VENV)/package-ready
 	@$(RUN) test/check_package.py dist
@@ -104,12 +104,11 @@ $(VENV)/pip-ready: $(SETUP)
 $(VENV)/check-ready: EXTRAS := $(EXTRAS),test
 $(VENV)/check-ready: LAB := --editable './lab[sweep]'
 $(VENV)/docs-ready: EXTRAS := docs
-$(VENV)/docs-ready: LAB :=
 $(VENV)/package-ready: EXTRAS := $(EXTRAS),test,package
 $(VENV)/demo-ready $(VENV)/check-ready $(VENV)/docs-ready $(VENV)/package-ready: $(VENV)/pip-ready
 	@$(call install,--editable '.[$(EXTRAS)]' $(LAB))
 	@touch $@ $(if $(findstring viewer,$(EXTRAS)),$(VENV)/demo-ready)
 
 clean:
-	@rm -rf .venv-* api build dist install log demo controller reliability *.egg-info lab/build \
+	@rm -rf .venv-* build dist install log demo controller reliability site *.egg-info lab/build \
 		lab/*.egg-info .hypothesis .mypy_cache .pytest_cache .ruff_cache

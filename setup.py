@@ -90,7 +90,7 @@ setup(
         'viewer': [f'rerun-sdk; {has_rerun_wheels}'],
         'record': ['scipy'],
         'fast': ['numba'],
-        'docs': ['pdoc'],
+        'docs': ['furo', 'myst-parser', 'sphinx'],
         'package': ['twine'],
         'test': [
             'colcon-bash',
@@ -102,7 +102,7 @@ setup(
             'mujoco',
             'mypy',
             'numba',
-            'pdoc',
+            'pandas',
             'pytest',
             'pytest-xdist',
             'rosbags',

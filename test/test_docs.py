@@ -317,6 +317,17 @@ def test_links_pictures_and_named_files_exist(page):
             assert (ROOT / name).exists() or (ROOT / 'linkage_ros' / name).exists(), name
 
 
+def test_every_page_is_in_a_table_by_task():
+    rows = [
+        (ROOT / page).parent.joinpath(link).resolve()
+        for page in ('README.md', 'lab/README.md')
+        for line in read(page).splitlines()
+        if line.startswith('|')
+        for link in links(line)
+    ]
+    assert {ROOT / page for page in PAGES} - set(rows) == {ROOT / 'README.md'}
+
+
 def test_tracer_page_shows_what_its_example_prints(capsys):
     example, tape, program, result = blocks(read('docs/tracer.md'))
     exec(compile(example, 'docs/tracer.md', 'exec'), {})

@@ -11,7 +11,6 @@ from importlib import import_module
 import pytest
 from pages import ROOT, load_script, read
 
-import linkage_ros
 from linkage_lab.methods.linkage_cases import NEAR
 from linkage_lab.methods.registry import DEFAULT, INTEGRATORS, LIVE, RECORDS
 from linkage_ros.log import writer
@@ -237,20 +236,3 @@ def test_every_launch_file_is_listed_with_its_arguments(reference):
     assert found['rpm'] == ('150.0', 'speed to keep')
     # All declared arguments, whether in a loop or not.
     assert {'rpm', 'feed_forward', 'log', 'viewer'} <= set(found)
-
-
-# ---------------------------------------------------------------- the API reference
-
-
-def test_a_warning_ends_the_api_reference(tmp_path, monkeypatch):
-    monkeypatch.setitem(linkage_ros.travel.__annotations__, 'solver', 'Unknown')
-    with pytest.raises(UserWarning, match='Unknown'):
-        load_script('api').write(tmp_path)
-
-
-def test_the_api_reference_has_every_public_name(tmp_path):
-    load_script('api').write(tmp_path)
-    page = (tmp_path / 'linkage_ros.html').read_text()
-    for name in linkage_ros.__all__:
-        assert f'<section id="{name}">' in page
-    assert 'id="Solver.state"' in page

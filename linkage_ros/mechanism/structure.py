@@ -23,8 +23,8 @@ from linkage_ros.quantities import Checked, shown
 class Point(NamedTuple):
     """A point, expressed as a linear combination of the link directions.
 
-    The point is `fixed` plus the sum of weights[j] e^(i phi_j). In formulas, `Vector`s replace
-    the complex numbers.
+    The point is `fixed` plus the sum of weights[j] e^(i phi_j). In formulas, each complex
+    number is a `Vector`.
 
     Attributes:
         weights: A complex weight for each moving link, m; 0 for a sliding link.

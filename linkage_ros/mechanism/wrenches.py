@@ -42,7 +42,7 @@ def poses(bodies: Sequence[Any], positions: Sequence[Real]) -> list[LinkPose]:
     """Returns poses for the functions below and for loads, from the positions of the links.
 
     Args:
-        bodies: The moving links of the mechanism, `structure.Link`s.
+        bodies: The moving links of the mechanism, each a `structure.Link`.
         positions: Positions as in `State`, rad and m.
     """
     found = []
@@ -76,7 +76,7 @@ def generalised(
 
     Args:
         wrench: Wrench on a body.
-        bodies: The moving links of the mechanism, `structure.Link`s.
+        bodies: The moving links of the mechanism, each a `structure.Link`.
         links: Their poses.
 
     Yields:

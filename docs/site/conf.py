@@ -1,0 +1,98 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Sphinx configuration of the documentation site, which `make docs` builds from the pages.
+
+The pages stay where they are, so that their links also work on a code host. The tables of
+README.md and lab/README.md, which list the pages by task, become the navigation. Movies of the
+presets are made for the page movies.md.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+from docutils import nodes
+from sphinx.application import Sphinx
+from sphinx.util.docutils import SphinxDirective
+
+import linkage_ros
+
+project = 'linkage_ros'
+author = copyright = 'The linkage_ros authors'  # noqa: A001 - a name of Sphinx
+version = release = linkage_ros.__version__
+extensions = ['myst_parser', 'sphinx.ext.autodoc', 'sphinx.ext.napoleon']
+root_doc = 'README'
+include_patterns = ['*.md', 'docs/*.md', 'docs/site/*', 'lab/*.md', 'lab/docs/*.md']
+exclude_patterns = ['.*', 'build', 'demo', 'dist', 'install', 'log', 'site']
+myst_heading_anchors = 4
+html_theme = 'furo'
+html_title = f'linkage_ros {version}'
+html_copy_source = False
+html_static_path = ['movies.css']
+html_css_files = ['movies.css']
+default_role = 'py:obj'
+autodoc_member_order = 'bysource'
+autodoc_typehints_format = 'short'
+napoleon_use_ivar = True  # fields of named tuples and data classes are described once
+python_use_unqualified_type_names = True
+
+
+class Movies(SphinxDirective):
+    """Shows the movie of every preset."""
+
+    def run(self) -> list[nodes.Node]:
+        """Returns a heading and a frame for each movie."""
+        shown: list[nodes.Node] = []
+        for name in linkage_ros.preset_names():
+            section = nodes.section('', nodes.title('', name), ids=[name], names=[name])
+            page = f'../../movies/{name}.html'
+            frame = f'<iframe src="{page}" title="{name}" loading="lazy"></iframe>'
+            section += nodes.raw('', frame, format='html')
+            shown.append(section)
+        return shown
+
+
+def make_movies(app: Sphinx) -> None:
+    """Writes a movie of every preset into the site."""
+    folder = Path(app.outdir, 'movies')
+    folder.mkdir(parents=True, exist_ok=True)
+    chart = Path(sys.executable).with_name('linkage_chart')
+    for name in linkage_ros.preset_names():
+        words = [chart, 'movie', name, folder / f'{name}.html']
+        subprocess.run(words, check=True, stdout=subprocess.DEVNULL)
+
+
+def add_navigation(_: Sphinx, page: str, source: list[str]) -> None:
+    """Makes the navigation from the table of pages by task."""
+    if page not in {'README', 'lab/README'}:
+        return
+    links = re.findall(r'\]\(([\w/.-]+)\.md[)#]', source[0])
+    linked = list(dict.fromkeys(links))
+    if page == 'README':
+        linked += ['docs/site/movies', 'docs/site/api']
+    source[0] += '\n'.join(['', '```{toctree}', ':hidden:', *linked, '```', ''])
+
+
+def hide_tuple_fields(_: Sphinx, __: str, ___: str, field: Any, *rest: Any) -> Any:
+    """Omits fields of named tuples, which the class describes under Attributes."""
+    return True if type(field).__name__ == '_tuplegetter' else None
+
+
+def add_index(app: Sphinx, error: Exception | None) -> None:
+    """Makes the first page the one that a server shows by default."""
+    if error is None:
+        shutil.copy(Path(app.outdir, 'README.html'), Path(app.outdir, 'index.html'))
+
+
+def setup(app: Sphinx) -> None:
+    """Registers the functions above."""
+    app.add_directive('movies', Movies)
+    app.connect('builder-inited', make_movies)
+    app.connect('source-read', add_navigation)
+    app.connect('autodoc-skip-member', hide_tuple_fields)
+    app.connect('build-finished', add_index)
