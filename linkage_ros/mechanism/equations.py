@@ -25,11 +25,13 @@ from linkage_ros.formulas import (
     ZERO,
     Opaque,
     Vector,
+    cos,
     cross,
     dot,
     is_finite,
     number,
     require,
+    sin,
     sqrt,
     total,
     turned,
@@ -37,9 +39,28 @@ from linkage_ros.formulas import (
 )
 from linkage_ros.mechanism.kinematics import LinkPose, Loop, PointMotion, Pose, State
 from linkage_ros.mechanism.loads.base import JointLoad, Load
+from linkage_ros.mechanism.nested import leaves
 from linkage_ros.mechanism.structure import Dyad, Link, Mechanism, Pin, Point, Structure
+from linkage_ros.mechanism.turning_frame import TurningFrame
 from linkage_ros.mechanism.wrenches import generalised
 from linkage_ros.numeric import Real
+
+
+class Environment(NamedTuple):
+    """What acts on a mechanism from outside; unlike constants, it is given for each state.
+
+    Attributes:
+        frame: Direction of base_link, rad, its rate, rad/s, and its acceleration, rad/s^2; empty
+            if base_link is at rest.
+        forces: For each of the model's loads, its force (x, y), N; empty to keep the force of the
+            load. If no force is given, the whole tuple is empty.
+    """
+
+    frame: tuple[Real, ...] = ()
+    forces: tuple[tuple[Real, ...], ...] = ()
+
+
+AT_REST = Environment()
 
 
 class Model(NamedTuple):
@@ -52,7 +73,8 @@ class Model(NamedTuple):
         pin_points: The points of the pins, in the same order.
         dyads: The dyads in the chosen coordinates.
         other_dyads: The dyads in the mechanism's other coordinates.
-        gravity: Acceleration of gravity, m/s^2.
+        gravity: Acceleration of gravity, m/s^2; if base_link turns, at its direction 0.
+        pivot: The point of base_link that is fixed in the world if it turns, m.
         loads: Loads on the links, except weights and `joint_loads`.
         joint_loads: Loads caused by joint forces, such as friction.
         refuse: Function that rejects q, u and a if a value or a result is not finite. None, here
@@ -70,6 +92,7 @@ class Model(NamedTuple):
     dyads: tuple[Dyad, ...]
     other_dyads: tuple[Dyad, ...]
     gravity: Vector
+    pivot: Any
     loads: tuple[Load, ...]
     joint_loads: tuple[JointLoad, ...]
     refuse: Opaque | None = None
@@ -83,6 +106,7 @@ class Model(NamedTuple):
         mechanism: Mechanism,
         structure: Structure,
         loop: Loop | None = None,
+        pivot: tuple[float, float] = (0.0, 0.0),
         **refusals: Opaque,
     ) -> 'Model':
         """Collects the constants of a mechanism.
@@ -91,6 +115,7 @@ class Model(NamedTuple):
             mechanism: The mechanism, with its loads.
             structure: Links, points and joints of the mechanism.
             loop: Kinematic constants; by default, those in the mechanism's own coordinates.
+            pivot: The point of base_link that is fixed in the world if it turns, m.
             **refusals: Functions that reject values, by field name; by default, all values are
                 accepted.
 
@@ -108,10 +133,26 @@ class Model(NamedTuple):
             structure.dyads,
             structure.other_dyads,
             Vector(*mechanism.gravity),
+            complex(*pivot),
             mechanism.link_loads(),
             mechanism.joint_loads(),
             **refusals,
         )
+
+    def within(self, environment: Environment) -> 'Model':
+        """Returns the model with the given forces, and with the loads of a turning base_link."""
+        if not any(environment):
+            return self
+        loads: list[Any] = list(self.loads)
+        for j, force in enumerate(environment.forces):
+            if force:
+                loads[j] = loads[j]._replace(force=Vector(*force))
+        gravity = self.gravity
+        if environment.frame:
+            angle, rate, change = environment.frame
+            gravity = turned(gravity, cos(angle), -sin(angle))
+            loads.append(TurningFrame(self.links, self.pivot, rate, change))
+        return self._replace(gravity=gravity, loads=tuple(loads))
 
     def weight(self, j: int) -> Vector:
         """Returns conj(W_j) g as a vector, N m; for a guided link, m g, N."""
@@ -237,34 +278,55 @@ def _columns(pose: Pose) -> list[tuple[Real, ...]]:
     return list(zip(*(link.jacobian for link in pose.links), strict=True))
 
 
-def state(model: Model, q: Sequence[Real], u: Sequence[Real], a: Sequence[Real] = ()) -> State:
+def state(
+    model: Model,
+    q: Sequence[Real],
+    u: Sequence[Real],
+    a: Sequence[Real] = (),
+    environment: Environment = AT_REST,
+) -> State:
     """Computes the motion of all links and the driving torque; if `a` is empty, for q'' = 0."""
-    require(is_finite(*q), model.refuse, *q, *u, *a)
+    outside = leaves(environment)
+    require(is_finite(*q, *outside), model.refuse, *q, *u, *a, *outside)
     pose = model.loop.pose(tuple(q))
     rates, changes = velocities(pose, u), accelerations(pose, u, a)
-    torque, *_ = balance(model, pose, rates, changes)
-    require(is_finite(torque, *changes, *u, *a), model.refuse, *q, *u, *a)
+    torque, *_ = balance(model.within(environment), pose, rates, changes)
+    require(is_finite(torque, *changes, *u, *a), model.refuse, *q, *u, *a, *outside)
     positions = tuple(link.position for link in pose.links)
     return State(positions, tuple(rates), tuple(changes), torque)
 
 
 def torque(
-    model: Model, q: Sequence[Real], u: Sequence[Real], a: Sequence[Real] = ()
+    model: Model,
+    q: Sequence[Real],
+    u: Sequence[Real],
+    a: Sequence[Real] = (),
+    environment: Environment = AT_REST,
 ) -> tuple[Real]:
     """Computes the driving torque alone; if `a` is empty, for q'' = 0."""
-    require(is_finite(*q), model.refuse, *q, *u, *a)
+    outside = leaves(environment)
+    require(is_finite(*q, *outside), model.refuse, *q, *u, *a, *outside)
     loop = getattr(model.loop, 'plain', None) or model.loop
     pose = loop.pose(tuple(q))
-    found, *_ = balance(model, pose, velocities(pose, u), accelerations(pose, u, a))
-    require(is_finite(found, *u, *a), model.refuse, *q, *u, *a)
+    rates, changes = velocities(pose, u), accelerations(pose, u, a)
+    found, *_ = balance(model.within(environment), pose, rates, changes)
+    require(is_finite(found, *u, *a), model.refuse, *q, *u, *a, *outside)
     return (found,)
 
 
-def forward(model: Model, q: Sequence[Real], u: Sequence[Real], torque: Real) -> tuple[Real, ...]:
+def forward(
+    model: Model,
+    q: Sequence[Real],
+    u: Sequence[Real],
+    torque: Real,
+    environment: Environment = AT_REST,
+) -> tuple[Real, ...]:
     """Solves M q'' + h - Q = torque for q'', given the torque on the crank."""
-    require(is_finite(*q), model.refuse_torque, *q, *u, torque)
+    outside = leaves(environment)
+    require(is_finite(*q, *outside), model.refuse_torque, *q, *u, torque, *outside)
     pose = model.loop.pose(tuple(q))
-    held = balance(model, pose, velocities(pose, u), accelerations(pose, u, ()))
+    rates, changes = velocities(pose, u), accelerations(pose, u, ())
+    held = balance(model.within(environment), pose, rates, changes)
     matrix = mass_matrix(model, pose)
     driven = [
         torque * lever - force for lever, force in zip(pose.links[0].jacobian, held, strict=True)
@@ -272,23 +334,33 @@ def forward(model: Model, q: Sequence[Real], u: Sequence[Real], torque: Real) ->
     inertia = number(determinant(matrix))
     require(inertia > 0, model.massless)
     found = solved(matrix, driven, inertia)
-    require(is_finite(*found, *u, torque), model.refuse_torque, *q, *u, torque)
+    require(is_finite(*found, *u, torque), model.refuse_torque, *q, *u, torque, *outside)
     return found
 
 
 def driven(
-    constants: tuple[Model, Opaque], q: Sequence[Real], u: Sequence[Real]
+    constants: tuple[Model, Opaque],
+    q: Sequence[Real],
+    u: Sequence[Real],
+    environment: Environment = AT_REST,
 ) -> tuple[Real, ...]:
     """Computes the accelerations under a torque that is a function of the crank's speed."""
     model, torque = constants
     require(is_finite(*q), model.refuse, *q, *u)
     crank_speed, *_ = velocities(model.loop.pose(tuple(q)), u)
-    return forward(model, q, u, torque(crank_speed))
+    return forward(model, q, u, torque(crank_speed), environment)
 
 
-def driven_state(model: Model, q: Sequence[Real], u: Sequence[Real], torque: Real) -> State:
+def driven_state(
+    model: Model,
+    q: Sequence[Real],
+    u: Sequence[Real],
+    torque: Real,
+    environment: Environment = AT_REST,
+) -> State:
     """Computes the motion of all links under a torque on the crank."""
-    return state(model, q, u, forward(model, q, u, torque))._replace(torque=torque)
+    a = forward(model, q, u, torque, environment)
+    return state(model, q, u, a, environment)._replace(torque=torque)
 
 
 def solved(

@@ -36,6 +36,8 @@ from linkage_ros.formulas import (
     where,
 )
 from linkage_ros.mechanism.equations import (
+    AT_REST,
+    Environment,
     Model,
     accelerations,
     determinant,
@@ -46,6 +48,7 @@ from linkage_ros.mechanism.equations import (
 )
 from linkage_ros.mechanism.kinematics import LinkPose, Pose, State
 from linkage_ros.mechanism.loads.base import Contact
+from linkage_ros.mechanism.nested import leaves
 from linkage_ros.mechanism.structure import Link, Pin
 from linkage_ros.mechanism.wrenches import FRAME, Wrench, place
 from linkage_ros.numeric import Real
@@ -96,16 +99,22 @@ class Reactions(NamedTuple):
 
 
 def reactions(
-    model: Model, q: Sequence[Real], u: Sequence[Real], a: Sequence[Real]
+    model: Model,
+    q: Sequence[Real],
+    u: Sequence[Real],
+    a: Sequence[Real],
+    environment: Environment = AT_REST,
 ) -> tuple[tuple[Vector, ...], tuple[Real, ...], Vector, Real, Real, tuple[Real, ...]]:
     """Computes the joint forces of a moving mechanism, in the order of the fields of `Reactions`.
 
     The moments of the guides are the last item. The forces grow without bound near a change point
     or a limit of the crank.
     """
-    require(is_finite(*q, *u, *a), model.refuse, *q, *u, *a)
+    outside = leaves(environment)
+    require(is_finite(*q, *u, *a, *outside), model.refuse, *q, *u, *a, *outside)
     pose = model.loop.pose(tuple(q))
-    balance = _Balance(model, pose, velocities(pose, u), accelerations(pose, u, a))
+    rates, changes = velocities(pose, u), accelerations(pose, u, a)
+    balance = _Balance(model.within(environment), pose, rates, changes)
     for dyad, sine in reversed(list(zip(model.dyads, pose.sines, strict=True))):
         columns = zip(*(link.jacobian for link in pose.links), strict=True)
         for angle, column in zip(q, columns, strict=True):
@@ -357,6 +366,7 @@ def joint_load_round(
     u: Sequence[Real],
     a: Sequence[Real],
     search: Search,
+    environment: Environment = AT_REST,
 ) -> Round:
     """Computes the state under the loads caused by given joint forces, and one Newton step.
 
@@ -366,10 +376,14 @@ def joint_load_round(
         u: Rates of the coordinates.
         a: Accelerations of the coordinates.
         search: The joint forces from the previous round.
+        environment: What acts from outside.
 
     Returns:
         The state, the forces, and the input of the next round.
     """
+    if outside := leaves(environment):
+        require(is_finite(*outside), model.refuse, *q, *u, *a, *outside)
+    model = model.within(environment)
     rates = velocities(model.loop.pose(tuple(q)), u)
     contacts = _contacts(model, rates)
     exert = functools.partial(_caused_loads, contacts, search.share, model.links)

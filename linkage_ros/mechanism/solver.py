@@ -10,15 +10,16 @@ binds it to the numbers of its mechanism.
 
 import functools
 import math
-from collections.abc import Callable, Sequence
-from typing import Any, NoReturn, cast
+from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
+from typing import Any, NamedTuple, NoReturn, cast
 
 import numpy as np
 
 from linkage_ros.errors import ConfigurationError, MechanismError, UnreachableError
 from linkage_ros.formulas import ZERO, Opaque, number
 from linkage_ros.mechanism import equations
-from linkage_ros.mechanism.equations import DyadSine, Model
+from linkage_ros.mechanism.equations import DyadSine, Environment, Model
 from linkage_ros.mechanism.joint_forces import (
     GuideForce,
     Reactions,
@@ -29,6 +30,7 @@ from linkage_ros.mechanism.joint_forces import (
 )
 from linkage_ros.mechanism.kinematics import PointMotion, Reach, State
 from linkage_ros.mechanism.loads.base import Load
+from linkage_ros.mechanism.loads.force import PointForce
 from linkage_ros.mechanism.nested import leaves
 from linkage_ros.mechanism.numba_program import CompiledProgram
 from linkage_ros.mechanism.program import Constants, Program
@@ -40,10 +42,28 @@ from linkage_ros.quantities import shown
 from linkage_ros.units import rad_and_deg
 
 _ROUND = 'q', 'u', 'a', 'search'  # arguments of `joint_load_round`
+_FRAME = 'frame_angle', 'frame_speed', 'frame_acceleration'
+_NO_FORCES: Mapping[str, Sequence[Real]] = MappingProxyType({})
 _ROUNDS = 10_000
 _IN_LINE = (
     'all links are in line: the joint forces are infinite at a change point; choose another angle'
 )
+
+
+class _Outside(NamedTuple):
+    """Programs whose last argument is an environment.
+
+    Attributes:
+        model: Their model, which names the scalars in errors.
+        constants: The same, prepared.
+        names: Names of the scalars in the environment.
+        forces: Names of the loads whose forces are given, in the order of the scalars.
+    """
+
+    model: Model
+    constants: Constants
+    names: Environment
+    forces: tuple[str, ...]
 
 
 class Solver:
@@ -53,12 +73,19 @@ class Solver:
     coordinate, q, u and a are floats or arrays; with more, sequences of floats or arrays. A tuple
     always holds one value per coordinate, even if there is only one. Arrays broadcast.
 
+    Methods that compute torques, accelerations or forces also take what acts from outside:
+
+        frame: Direction of base_link, rad, its rate, rad/s, and its acceleration, rad/s^2, if it
+            turns about `pivot`. Gravity is then that at the direction 0. Empty if it is at rest.
+        forces: Force [x, y], N, in place of that of a load of kind force, by the load's name.
+
     Attributes:
         mechanism: The mechanism.
         structure: Links, points and joints of the mechanism.
         links: Names of the links, in the order used by all tuples.
         output: Name of the output link.
         description: Choice of coordinates and assembly.
+        pivot: The point of base_link that is fixed in the world if it turns, m.
         coordinates: Names of the links whose positions are the coordinates.
         model: Constants of the formulas.
         names: Names of the scalar arguments of the formulas, by key: 'q', 'u' and 'a' for
@@ -72,6 +99,7 @@ class Solver:
         traced: bool = True,
         compiled: bool = False,
         description: Description | None = None,
+        pivot: tuple[float, float] = (0.0, 0.0),
     ) -> None:
         """Prepares the programs, each of which is compiled on first use.
 
@@ -83,6 +111,7 @@ class Solver:
             description: Coordinates and assembly; by default, the mechanism's own. A solver in
                 other coordinates supports only `driven_state`, `driven_by` and `dyad_sines`; the
                 torque still acts on the crank.
+            pivot: The point of base_link that is fixed in the world if it turns, m.
 
         Raises:
             MechanismError: The argument is not a mechanism.
@@ -91,7 +120,7 @@ class Solver:
         if not isinstance(mechanism, Mechanism):
             raise MechanismError(f'{shown(mechanism)}: must be a mechanism, such as a FourBar')
         self.mechanism, structure = mechanism, mechanism.structure()
-        self._traced, self._compiled = traced, compiled
+        self._traced, self._compiled, self.pivot = traced, compiled, pivot
         self.description = description or mechanism.description
         self.coordinates = self.description.coordinates
         if self.coordinates != mechanism.coordinates:
@@ -115,6 +144,7 @@ class Solver:
             mechanism,
             structure,
             mechanism.loop_of(self.description),
+            pivot,
             refuse=_refusal(*q, *u, *a),
             refuse_torque=_refusal(*q, *u, 'torque'),
             refuse_forces=Opaque(functools.partial(self._refuse_angle, _IN_LINE)),
@@ -123,6 +153,7 @@ class Solver:
         if self.model.joint_loads:
             self.names['search'] = search_names(self._constants.tree)
         self._programs: dict[tuple[Any, ...], Program] = {}
+        self._outsides: dict[tuple[Any, ...], _Outside] = {}
         # Whether floats can be passed to the programs as they are.
         self._takes_floats = len(self.coordinates) == 1 and not self.model.joint_loads
 
@@ -132,6 +163,7 @@ class Solver:
             traced=self._traced,
             compiled=self._compiled,
             description=self.description,
+            pivot=self.pivot,
         )
         return make, (self.mechanism,)
 
@@ -139,13 +171,65 @@ class Solver:
     def _constants(self) -> Constants:
         return Constants(self.model)
 
-    def program(self, formula: Callable[..., Any], *letters: str) -> Program:
-        """Returns the program of a formula whose arguments have the keys `letters` in `names`."""
-        key = formula, letters
+    def program(
+        self, formula: Callable[..., Any], *letters: str, outside: _Outside | None = None
+    ) -> Program:
+        """Returns the program of a formula.
+
+        Args:
+            formula: The formula.
+            *letters: Keys of its arguments in `names`.
+            outside: The environment, a further argument, from `_outside`; None without one.
+        """
+        key = formula, letters, outside and outside.names
         if key not in self._programs:
-            arguments = tuple(self.names[letter] for letter in letters)
-            self._programs[key] = self._bound(formula, self._constants, arguments)
+            constants = outside.constants if outside else self._constants
+            rows = [outside.names] if outside else []
+            arguments = (*(self.names[letter] for letter in letters), *rows)
+            self._programs[key] = self._bound(formula, constants, arguments)
         return self._programs[key]
+
+    def _outside(
+        self, frame: Sequence[Real], forces: Mapping[str, Sequence[Real]]
+    ) -> tuple[_Outside | None, list[Real]]:
+        """Returns the environment of programs and its values; none at rest without forces.
+
+        Raises:
+            ConfigurationError: A load is not a force, or the number of values is wrong.
+        """
+        if not frame and not forces:
+            return None, []
+        if frame and len(frame) != len(_FRAME):
+            raise ConfigurationError(
+                f'frame = {shown(frame)}: must be a tuple (angle, speed, acceleration)'
+            )
+        for name, force in forces.items():
+            if len(force) != 2:
+                raise ConfigurationError(f'forces: {name} = {shown(force)}: must be [x, y], N')
+        key = bool(frame), *forces
+        if key not in self._outsides:
+            self._outsides[key] = self._new_outside(_FRAME if frame else (), forces)
+        found = self._outsides[key]
+        return found, [*frame, *(x for name in found.forces for x in forces[name])]
+
+    def _new_outside(self, frame: tuple[str, ...], forces: Mapping[str, object]) -> _Outside:
+        loads = dict(zip(self.mechanism.load_names(), self.model.loads, strict=True))
+        valid = [name for name, load in loads.items() if isinstance(load, PointForce)]
+        for name in forces:
+            if name not in valid:
+                raise ConfigurationError(
+                    f'forces: {shown(name)} is not a load of kind force; the mechanism has '
+                    f'{", ".join(valid) or "none"}'
+                )
+        rows = tuple((f'{name}_x', f'{name}_y') if name in forces else () for name in loads)
+        names = Environment(frame, rows if forces else ())
+        q, u, a, torque, *_ = self.names.values()
+        model = self.model._replace(
+            refuse=_refusal(*q, *u, *a, *leaves(names)),
+            refuse_torque=_refusal(*q, *u, torque, *leaves(names)),
+        )
+        given = tuple(name for name in loads if name in forces)
+        return _Outside(model, Constants(model), names, given)
 
     def _bound(self, formula: Callable[..., Any], constants: Constants, names: Any) -> Program:
         kind = CompiledProgram if self._compiled else Program
@@ -189,7 +273,16 @@ class Solver:
         """The Python source of the program of `state`; with friction, of one iteration."""
         return self.tape.text
 
-    def state(self, q: Any, u: Any = 0.0, a: Any = 0.0, *, by_math: bool = False) -> State:
+    def state(
+        self,
+        q: Any,
+        u: Any = 0.0,
+        a: Any = 0.0,
+        *,
+        frame: Sequence[Real] = (),
+        forces: Mapping[str, Sequence[Real]] = _NO_FORCES,
+        by_math: bool = False,
+    ) -> State:
         """Computes positions, rates and accelerations of all links, and the driving torque.
 
         Args:
@@ -198,6 +291,8 @@ class Solver:
             u: Rates of the coordinates, rad/s and m/s.
             a: Accelerations of the coordinates, rad/s^2 and m/s^2. `accelerations` computes the
                 acceleration of a wind pump's slider.
+            frame: Motion of base_link; see the class.
+            forces: Forces of loads; see the class.
             by_math: Whether array results must be bit-identical to scalar results.
 
         Returns:
@@ -209,10 +304,14 @@ class Solver:
                 that the rates are infinite.
             ConfigurationError: A value is not a finite number, or the torque overflows.
         """
-        if self._takes_floats and type(q) is type(u) is type(a) is float:
+        outside = frame or forces
+        if self._takes_floats and not outside and type(q) is type(u) is type(a) is float:
             found = self._accelerated.floats(q, u, a) if a else self._steady.floats(q, u)
         elif self.model.joint_loads:
-            found = self._settle(q, u, a, by_math=by_math).state
+            found = self._settle(q, u, a, frame, forces, by_math=by_math).state
+        elif outside:
+            given = {'q': q, 'u': u, 'a': a}
+            found = self._run(equations.state, frame, forces, by_math=by_math, **given)
         else:
             motion = *self._row('q', q), *self._row('u', u)
             if type(a) is float and not a:
@@ -221,13 +320,24 @@ class Solver:
                 found = self._accelerated(*motion, *self._row('a', a), by_math=by_math)
         return cast('State', found)
 
-    def torque(self, q: Any, u: Any = 0.0, a: Any = 0.0, *, by_math: bool = False) -> Real:
+    def torque(
+        self,
+        q: Any,
+        u: Any = 0.0,
+        a: Any = 0.0,
+        *,
+        frame: Sequence[Real] = (),
+        forces: Mapping[str, Sequence[Real]] = _NO_FORCES,
+        by_math: bool = False,
+    ) -> Real:
         """Computes the driving torque alone, which costs less than the state.
 
         Args:
             q: Coordinates, rad and m, as for `state`.
             u: Rates of the coordinates, rad/s and m/s.
             a: Accelerations of the coordinates, rad/s^2 and m/s^2.
+            frame: Motion of base_link; see the class.
+            forces: Forces of loads; see the class.
             by_math: See `state`.
 
         Returns:
@@ -238,10 +348,13 @@ class Solver:
         Raises:
             LinkageError: As for `state`.
         """
+        if self.model.joint_loads:
+            return self._settle(q, u, a, frame, forces, by_math=by_math).state.torque
+        if frame or forces:
+            given = {'q': q, 'u': u, 'a': a}
+            return self._run(equations.torque, frame, forces, by_math=by_math, **given)[0]
         if single := self._single(q, u, a):
             return self._torque.floats(*single)[0]
-        if self.model.joint_loads:
-            return self._settle(q, u, a, by_math=by_math).state.torque
         motion = *self._row('q', q), *self._row('u', u), *self._row('a', a)
         return self._torque(*motion, by_math=by_math)[0]
 
@@ -261,13 +374,24 @@ class Solver:
     def _forward(self) -> Program:
         return self.program(equations.forward, 'q', 'u', 'torque')
 
-    def accelerations(self, q: Any, u: Any, torque: Any, *, by_math: bool = False) -> Any:
+    def accelerations(
+        self,
+        q: Any,
+        u: Any,
+        torque: Any,
+        *,
+        frame: Sequence[Real] = (),
+        forces: Mapping[str, Sequence[Real]] = _NO_FORCES,
+        by_math: bool = False,
+    ) -> Any:
         """Solves M q'' + h - Q = torque for the accelerations q'' under a given torque.
 
         Args:
             q: Coordinates, rad and m, as for `state`.
             u: Rates of the coordinates, rad/s and m/s.
             torque: Torque on the crank, N m, positive counter-clockwise.
+            frame: Motion of base_link; see the class.
+            forces: Forces of loads; see the class.
             by_math: See `state`.
 
         Returns:
@@ -280,7 +404,8 @@ class Solver:
             ConfigurationError: A value is not a finite number, or an acceleration overflows.
             MechanismError: A moving coordinate has no mass.
         """
-        if single := self._single(q, u, torque):
+        outside = frame or forces
+        if not outside and (single := self._single(q, u, torque)):
             found = self._forward.floats(*single)
             return found if type(q) is tuple else found[0]
         if self.model.joint_loads:
@@ -288,17 +413,28 @@ class Solver:
                 'dry friction under a given torque has no unique acceleration at rest: leave '
                 'friction out where the torque is given, or give the speed'
             )
-        given = *self._row('q', q), *self._row('u', u), *self._row('torque', torque)
-        found = self._forward(*given, by_math=by_math)
+        given = {'q': q, 'u': u, 'torque': torque}
+        found = self._run(equations.forward, frame, forces, by_math=by_math, **given)
         return found if len(self.coordinates) > 1 or isinstance(q, tuple) else found[0]
 
-    def driven_state(self, q: Any, u: Any, torque: Any, *, by_math: bool = False) -> State:
+    def driven_state(
+        self,
+        q: Any,
+        u: Any,
+        torque: Any,
+        *,
+        frame: Sequence[Real] = (),
+        forces: Mapping[str, Sequence[Real]] = _NO_FORCES,
+        by_math: bool = False,
+    ) -> State:
         """Computes positions, rates and accelerations of all links under a given torque.
 
         Args:
             q: Coordinates, rad and m, as for `state`.
             u: Rates of the coordinates, rad/s and m/s.
             torque: Torque on the crank, N m, positive counter-clockwise.
+            frame: Motion of base_link; see the class.
+            forces: Forces of loads; see the class.
             by_math: See `state`.
 
         Returns:
@@ -308,20 +444,29 @@ class Solver:
             LinkageError: As for `accelerations`.
         """
         given = {'q': q, 'u': u, 'torque': torque}
-        return cast('State', self._run(equations.driven_state, by_math=by_math, **given))
+        found = self._run(equations.driven_state, frame, forces, by_math=by_math, **given)
+        return cast('State', found)
 
-    def driven_by(self, torque: Callable[[float], float]) -> Callable[..., tuple[float, ...]]:
+    def driven_by(
+        self,
+        torque: Callable[[float], float],
+        forces: Mapping[str, Sequence[Real]] = _NO_FORCES,
+    ) -> Callable[..., tuple[float, ...]]:
         """Returns a fast function for integrators: the accelerations under a torque law.
 
         Args:
             torque: Function that returns the torque on the crank, N m, at a crank speed, rad/s.
+            forces: Loads whose forces are given, sorted by name. Only their names are used.
 
         Returns:
-            A function whose parameters are the coordinates and then their rates, all floats. It
-            does not check the types of its arguments, and raises the errors of `accelerations`.
+            A function whose parameters are the coordinates, their rates, and the components of the
+            forces, all floats. It does not check the types of its arguments, and raises the errors
+            of `accelerations`.
         """
-        arguments = self.names['q'], self.names['u']
-        constants = Constants((self.model, Opaque(torque)))
+        outside, _ = self._outside((), forces)
+        rows = [outside.names] if outside else []
+        constants = Constants((outside.model if outside else self.model, Opaque(torque)))
+        arguments = self.names['q'], self.names['u'], *rows
         return self._bound(equations.driven, constants, arguments).floats
 
     def dyad_sines(self, y: Sequence[float]) -> tuple[DyadSine, ...]:
@@ -394,11 +539,19 @@ class Solver:
         program = self._bound(equations.point_motion, Constants(constants), names)
         return cast('PointMotion', program(*row, by_math=by_math))
 
-    def reactions(self, state: State) -> Reactions:
+    def reactions(
+        self,
+        state: State,
+        *,
+        frame: Sequence[Real] = (),
+        forces: Mapping[str, Sequence[Real]] = _NO_FORCES,
+    ) -> Reactions:
         """Computes the forces in the joints, the shaking force and the shaking moment.
 
         Args:
             state: A state of floats or arrays, from `state`.
+            frame: Motion of base_link; see the class.
+            forces: Forces of loads; see the class.
 
         Returns:
             The joint forces, the shaking force and the shaking moment.
@@ -414,13 +567,14 @@ class Solver:
             )
         q, u, a = self._motion(state)
         if self.model.joint_loads:
-            forces, guides, *others, moments = self._settle(q, u, a).reactions
+            values = self._settle(q, u, a, frame, forces).reactions
         else:
-            forces, guides, *others, moments = self._run(reactions, q=q, u=u, a=a)
+            values = self._run(reactions, frame, forces, q=q, u=u, a=a)
+        in_pins, guides, *others, moments = values
         sliding = [link.name for link in self.structure.links if link.slides]
         pairs = map(GuideForce, guides, moments)
         return Reactions(
-            dict(zip(pins, forces, strict=True)), dict(zip(sliding, pairs, strict=True)), *others
+            dict(zip(pins, in_pins, strict=True)), dict(zip(sliding, pairs, strict=True)), *others
         )
 
     def load_forces(self, state: State) -> dict[str, Real]:
@@ -464,7 +618,8 @@ class Solver:
         names = self.mechanism.load_names()
         loads: dict[str, Load] = dict(zip(names, self._constants.tree.loads, strict=True))
         if self.model.joint_loads:
-            loads['friction'] = self._settle(*self._motion(state)).load
+            q, u, a = self._motion(state)
+            loads['friction'] = self._settle(q, u, a).load
         links = poses(self.structure.links, position)
         return {name: load.wrenches(links, velocity) for name, load in loads.items()}
 
@@ -492,11 +647,21 @@ class Solver:
             return sine, f'the {first.name} is perpendicular to the guide'
         return sine, f'{first.name} and {second.name} are in line'
 
-    def _run(self, formula: Callable[..., Any], *, by_math: bool = False, **given: Any) -> Any:
+    def _run(
+        self,
+        formula: Callable[..., Any],
+        frame: Sequence[Real] = (),
+        forces: Mapping[str, Sequence[Real]] = _NO_FORCES,
+        *,
+        by_math: bool = False,
+        **given: Any,
+    ) -> Any:
         """Evaluates a formula of the model.
 
         Args:
-            formula: Function of the model and the arguments.
+            formula: Function of the model, the arguments, and the environment if there is one.
+            frame: Motion of base_link.
+            forces: Forces of loads.
             by_math: Whether array results must be bit-identical to scalar results.
             **given: Arguments of the formula, by their keys in `names`.
 
@@ -504,9 +669,19 @@ class Solver:
             The result of the formula, with arrays if an argument is an array.
         """
         values = [x for letter, row in given.items() for x in self._row(letter, row)]
-        return self.program(formula, *given)(*values, by_math=by_math)
+        outside, others = self._outside(frame, forces)
+        return self.program(formula, *given, outside=outside)(*values, *others, by_math=by_math)
 
-    def _settle(self, q: Any, u: Any, a: Any, *, by_math: bool = False) -> Round:
+    def _settle(
+        self,
+        q: Any,
+        u: Any,
+        a: Any,
+        frame: Sequence[Real] = (),
+        forces: Mapping[str, Sequence[Real]] = _NO_FORCES,
+        *,
+        by_math: bool = False,
+    ) -> Round:
         """Iterates until the joint forces and the loads caused by them are consistent.
 
         Returns:
@@ -516,18 +691,22 @@ class Solver:
         Raises:
             UnreachableError: Friction locks the mechanism.
         """
-        program = self.program(joint_load_round, *_ROUND)
-        given = (*self._row('q', q), *self._row('u', u), *self._row('a', a))
-        motion, shape = real_numbers(program.names[: len(given)], given)
-        search: list[Real] = [1.0, 0.0, math.inf, *[0.0] * (len(program.names) - len(given) - 3)]
+        outside, others = self._outside(frame, forces)
+        program = self.program(joint_load_round, *_ROUND, outside=outside)
+        motion = (*self._row('q', q), *self._row('u', u), *self._row('a', a))
+        start, end = len(motion), len(program.names) - len(others)
+        names = program.names[:start] + program.names[end:]
+        given, shape = real_numbers(names, [*motion, *others])
+        search: list[Real] = [1.0, 0.0, math.inf, *[0.0] * (end - start - 3)]
         if shape is not None:  # arrays from the start, so that all rounds use one program
             search = [np.full(shape, value) for value in search]
         for _ in range(_ROUNDS):
-            found = cast('Round', program(*motion, *search, by_math=by_math))
+            values = *given[:start], *search, *given[start:]
+            found = cast('Round', program(*values, by_math=by_math))
             if not np.any(found.left) or np.any(np.less(found.left, 0)):
                 break
             search = leaves(found.search)
-        crank, locked = np.broadcast_arrays(motion[0], np.not_equal(found.left, 0))
+        crank, locked = np.broadcast_arrays(given[0], np.not_equal(found.left, 0))
         if locked.any():
             self._refuse_angle(
                 'friction locks the mechanism: no joint forces are in equilibrium; lower the '

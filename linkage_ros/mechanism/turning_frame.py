@@ -1,0 +1,46 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Inertia of the links if base_link turns about a pivot that is fixed in the world.
+
+In the axes of base_link, whose rate is W and acceleration e, the centre r of a body accelerates by
+
+    e x (r - pivot) - W^2 (r - pivot) + 2 W x v
+
+more than its own acceleration, and its spin by e. Following d'Alembert, this is a load.
+"""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from linkage_ros.formulas import Vector
+from linkage_ros.mechanism.kinematics import LinkPose
+from linkage_ros.mechanism.wrenches import Wrench, place, velocity
+from linkage_ros.numeric import Real
+
+
+class TurningFrame(NamedTuple):
+    """The motion of base_link, as a `Load`.
+
+    Attributes:
+        bodies: The moving links, `structure.Link`s.
+        pivot: The point of base_link that is fixed in the world, m.
+        rate: Angular velocity, rad/s.
+        change: Angular acceleration, rad/s^2.
+    """
+
+    bodies: tuple[Any, ...]
+    pivot: Vector
+    rate: Real
+    change: Real
+
+    def wrenches(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> list[Wrench]:
+        """See `Load`."""
+        found = []
+        for j, body in enumerate(self.bodies):
+            arm = place(body.center, links) - self.pivot
+            moved = velocity(body.center, links, rates)
+            gained = arm.left() * self.change - arm * (self.rate * self.rate)
+            gained += moved.left() * (2.0 * self.rate)
+            couple = -(body.inertia * self.change)
+            found.append(Wrench(j, force=gained * -body.mass, point=body.center, couple=couple))
+        return found

@@ -1,0 +1,198 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""What acts from outside: a base_link that turns, and forces given for each state.
+
+The reference sees the whole machine in the world's axes: d'Alembert's principle with positions in
+50 digits, whose derivatives it takes numerically. It knows no Coriolis terms.
+"""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from mechanisms import CYLINDERS, FULL, PUMPS, four_bar, rows, slider_crank, with_loads
+from mpmath import mp
+from oracle import Oracle
+
+from linkage_ros import ConfigurationError, Force, Friction, Solver
+
+# A hip at 5 rad/s and 40 rad/s^2.
+HIP = 0.7, 5.0, 40.0
+PIVOT = 0.3, -0.4
+KNEE = 2.0, 1.5
+LEGS = {
+    'four_bar': four_bar(FULL['crank_rocker'], 1.3),
+    'slider_crank': with_loads(slider_crank(FULL['offset_right'], 5.5, 'crossed')),
+    'cylinder': with_loads(CYLINDERS['swinging_barrel']),
+}
+FORCES = {'push': (3.0, -50.0), 'pull': (-7.0, 2.0)}
+
+
+def loaded(mechanism, forces=FORCES):
+    """Adds a force of each direction to two links."""
+    first, last = (mechanism.structure().links[i].name for i in (1, -1))
+    loads = (
+        Force(first, forces['push'], (0.1, 0.2), name='push'),
+        Force(last, forces['pull'], (0.0, 0.3), 'link', name='pull'),
+    )
+    return replace(mechanism, loads=(*mechanism.loads, *loads))
+
+
+class World:
+    """The machine on a base_link that turns about a pivot, seen from the world."""
+
+    def __init__(self, mechanism, crank):
+        self.oracle, self.bodies = Oracle(mechanism), Oracle(mechanism).bodies
+        self.crank, self.gravity = crank, mp.mpc(*mechanism.gravity)
+
+    def _parts(self, crank, hip):
+        """Returns the centre and the direction of each body in the world."""
+        vectors, rates = self.oracle.motion(crank, 1)
+        turn, pivot = mp.expj(hip), mp.mpc(*PIVOT)
+        centers = [
+            turn * (self.oracle.follow(center, vectors, rates, rates)[0] - pivot)
+            for center in self.oracle.centers(vectors)
+        ]
+        if hasattr(self.oracle.mechanism, 'barrel'):
+            vectors[2] = vectors[1]  # the rod turns with the barrel
+        return centers, [turn * x / abs(x) for x in map(mp.mpc, vectors)]
+
+    def needed(self):
+        """Returns the torque on the crank, and the force on each body in base_link's axes."""
+        (hip, hip_rate, hip_change), (rate, change) = HIP, KNEE
+
+        def at(t, step=0):
+            t = mp.mpf(t)
+            return self._parts(
+                self.crank + rate * t + change * t * t / 2 + step,
+                hip + hip_rate * t + hip_change * t * t / 2,
+            )
+
+        torque, forces = mp.mpf(0), []
+        for j, body in enumerate(self.bodies):
+            acceleration = mp.diff(lambda t, j=j: at(t)[0][j], 0, 2)
+            lever = mp.diff(lambda step, j=j: at(0, step)[0][j], 0)
+            force = body.mass * (acceleration - self.gravity)
+            torque += (mp.conj(lever) * force).real
+            forces.append(force * mp.expj(-hip))
+            inertia = getattr(body, 'inertia', 0)
+            if inertia:
+                spin = mp.diff(lambda t, j=j: mp.log(at(t)[1][j]).imag, 0, 2)
+                turned = mp.diff(lambda step, j=j: mp.log(at(0, step)[1][j]).imag, 0)
+                torque += inertia * spin * turned
+        return torque, forces
+
+
+@pytest.mark.parametrize('name', LEGS)
+def test_turning_base_against_the_whole_machine_in_the_world(name):
+    leg = LEGS[name]
+    solver = Solver(leg, pivot=PIVOT)
+    cranks = np.linspace(0.4, 5.9, 4)
+    state = solver.state(cranks, *KNEE, frame=HIP)
+    found = solver.reactions(state, frame=HIP)
+    at_rest = solver.state(cranks, *KNEE)
+    torques = []
+    for i, crank in enumerate(cranks):
+        with mp.workdps(50):
+            torque, forces = World(leg, crank).needed()
+        torques.append(float(torque))
+        shaking = complex(*(part[i] for part in found.shaking_force))
+        assert shaking == pytest.approx(-complex(sum(forces)), rel=1e-11)
+        for j, body in enumerate(solver.structure.links):
+            if body.slides or name == 'cylinder':
+                continue
+            given = 0j
+            for pin in solver.structure.pins:
+                force = complex(*(part[i] for part in found.pins[pin.name]))
+                given += force * ((pin.second == j) - (pin.first == j))
+            assert given == pytest.approx(complex(forces[j]), rel=1e-11, abs=1e-11)
+    peak = max(map(abs, torques))
+    assert state.torque == pytest.approx(torques, abs=1e-11 * peak)
+    assert found.torque == pytest.approx(torques, abs=1e-11 * peak)
+    assert solver.torque(cranks, *KNEE, frame=HIP) == pytest.approx(torques, abs=1e-11 * peak)
+    assert max(abs(at_rest.torque - torques)) > 0.3 * peak  # the frame matters
+
+
+@pytest.mark.parametrize('friction', [False, True])
+@pytest.mark.parametrize('name', LEGS)
+def test_forces_as_arguments_equal_those_of_the_loads_to_the_bit(name, friction):
+    rub = Friction(pin=0.1, pin_radius=0.05, **{'guide': 0.1} if name == 'slider_crank' else {})
+    leg = replace(LEGS[name], loads=(rub,) if friction else ())
+    fixed, live = Solver(loaded(leg)), Solver(loaded(leg, {'push': (0, 0), 'pull': (0, 0)}))
+    cranks = np.linspace(0.4, 5.9, 5)
+    arrays = {key: tuple(np.full(5, x) for x in force) for key, force in FORCES.items()}
+    state = fixed.state(cranks, *KNEE, by_math=True)
+    given = live.state(cranks, *KNEE, forces=arrays, by_math=True)
+    assert rows(given).tobytes() == rows(state).tobytes()
+    for i, crank in enumerate(cranks.tolist()):
+        one = live.state(crank, *KNEE, forces=FORCES)
+        assert rows(one).tobytes() == rows(state)[:, i].tobytes()
+    reactions = live.reactions(state, forces=FORCES), fixed.reactions(state)
+    assert str(reactions[0]) == str(reactions[1])
+    if not friction:
+        torque = fixed.torque(cranks, *KNEE)
+        assert (live.torque(cranks, *KNEE, forces=FORCES) == torque).all()
+        moved = fixed.accelerations(cranks, 2.0, 30.0)
+        assert (live.accelerations(cranks, 2.0, 30.0, forces=FORCES) == moved).all()
+        law = live.driven_by(lambda _: 30.0, FORCES)
+        sorted_forces = *FORCES['pull'], *FORCES['push']
+        assert law(float(cranks[1]), 2.0, *sorted_forces)[0] == pytest.approx(moved[1], rel=1e-13)
+
+
+def test_programs_and_formulas_agree_to_the_bit():
+    for leg in (loaded(LEGS['slider_crank']), PUMPS['pump']):
+        q, u, a = ((1.1,), (2.0,), (1.5,)) if leg.coordinates == ('crank',) else PUMP
+        forces = FORCES if leg.loads else {}
+        given = {'frame': HIP, 'forces': forces}
+        one, other = (
+            Solver(leg, pivot=PIVOT, traced=traced).state(q, u, a, **given)
+            for traced in (True, False)
+        )
+        assert rows(one).tobytes() == rows(other).tobytes()
+
+
+PUMP = (1.1, 2.3), (2.0, -0.3), (1.5, 0.4)
+
+
+def test_at_rest_a_turned_base_only_turns_gravity():
+    leg = LEGS['four_bar']
+    gravity = complex(*leg.gravity) * np.exp(-1j * HIP[0])
+    tilted = Solver(replace(leg, gravity=(gravity.real, gravity.imag)))
+    found = Solver(leg).state(1.0, *KNEE, frame=(HIP[0], 0.0, 0.0))
+    assert found.torque == pytest.approx(tilted.state(1.0, *KNEE).torque, rel=1e-13)
+
+
+def test_a_mechanism_without_them_keeps_its_program():
+    for leg in LEGS.values():
+        solver = Solver(leg)
+        before = solver.source
+        solver.state(1.0, *KNEE, frame=HIP)
+        assert solver.source == before == Solver(leg).source
+        assert 'frame' not in before
+
+
+@pytest.mark.parametrize(('given', 'words'), [
+    ({'frame': (math.nan, 0.0, 0.0)}, 'frame angle = nan'),
+    ({'frame': (0.0, math.inf, 0.0)}, 'frame speed = inf'),
+    ({'frame': (0.0, 0.0, -math.inf)}, 'frame acceleration = -inf'),
+    ({'frame': (0.0, 1e200, 0.0)}, 'overflows'),
+    ({'frame': (0.0, 1.0)}, 'must be a tuple (angle, speed, acceleration)'),
+    ({'forces': {'push': (math.nan, 0.0)}}, 'push x = nan'),
+    ({'forces': {'push': (0.0,)}}, 'must be [x, y], N'),
+    ({'forces': {'shove': (0.0, 1.0)}}, 'the mechanism has pull, push'),
+])  # fmt: skip
+@pytest.mark.parametrize('friction', [False, True])
+def test_wrong_values_are_refused(given, words, friction):
+    leg = loaded(LEGS['four_bar'])
+    if friction:
+        leg = replace(leg, loads=(*leg.loads, Friction(pin=0.1, pin_radius=0.05)))
+    solver = Solver(leg)
+    with pytest.raises(ConfigurationError) as error:
+        solver.state(1.0, *KNEE, **given)
+    assert words in str(error.value)
+    state = solver.state(1.0, *KNEE)
+    if 'overflows' not in words:
+        with pytest.raises(ConfigurationError) as error:
+            solver.reactions(state, **given)
+        assert words in str(error.value)
