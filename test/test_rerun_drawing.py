@@ -6,6 +6,7 @@ import itertools
 import math
 from dataclasses import fields, replace
 from types import SimpleNamespace
+from unittest.mock import ANY
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from linkage_ros.mechanism.solver import Solver
 from linkage_ros.motion.drives import FollowDrive, TorqueDrive
 from linkage_ros.settings.configuration import configure, load
 from linkage_ros.settings.presets import preset_names
+from linkage_ros.units import NS_PER_S
 from linkage_ros.view.drawing import Drawing
 from linkage_ros.view.load_arrows import LoadArrows
 from linkage_ros.view.rerun_drawing import Picture
@@ -233,8 +235,18 @@ def test_names_are_next_to_their_pins_and_clear_of_links(drawn):
             assert (abs(np.angle(away / way))[at_pin] > 0.7).all()
 
 
+def test_values_of_loads_are_at_the_free_ends_of_their_arrows(drawn):
+    if not drawn.arrows:
+        return
+    values = np.array(drawn.found['/linkage/loads']['Points2D:positions']) @ (1, 1j)
+    for place, line in zip(values.T, drawn.arrows.values(), strict=True):
+        ends = np.stack([line[:, 0], line[:, -2]])
+        far = abs(ends[..., np.newaxis] - drawn.pins).min(axis=-1)
+        assert abs(place - ends[far.argmax(axis=0), range(len(place))]).max() < 1e-6
+
+
 def test_plots_show_the_curves_of_the_run(drawn):
-    plots = set()
+    plots, ranges = set(), 0
     for name, columns in drawn.blueprint.items():
         if 'SeriesLines:names' in columns:
             entity = name.split('/overrides')[1].split('/visualizers')[0]
@@ -242,12 +254,19 @@ def test_plots_show_the_curves_of_the_run(drawn):
                                   ('names', 'visible_series'))  # fmt: skip
             assert len(names) == len(drawn.found[entity]['Scalars:scalars'][0])
             plots.add((entity, *itertools.compress(names, shown)))
+        if 'TimeAxis:view_range' in columns:
+            ((shown_time,),) = columns['TimeAxis:view_range']
+            # A computer without a graphics card takes up to 2 s for a frame.
+            assert shown_time == {'start': ANY, 'end': 0}
+            assert 2.0 <= -shown_time['start'] / NS_PER_S <= 60.0
+            ranges += 1
     turning = drawn.drawing.turning
     expected = {('/values', 'crank'), ('/rates', *turning), ('/directions', *turning[1:])}
     expected |= {('/values', link) for link in drawn.drawing.joints if link not in turning}
     if isinstance(drawn.configuration.drive, TorqueDrive):
         expected.add(('/rates', 'crank'))
     assert plots == expected
+    assert ranges >= len(plots)
 
 
 @pytest.mark.parametrize(

@@ -216,6 +216,21 @@ class Drawing:
         return np.concatenate([points, pivots, around], axis=1)
 
 
+def free_ends(arrows: Array, pins: Array) -> Array:
+    """Returns the end of each arrow that is farther from the pins: there is room for its value.
+
+    Args:
+        arrows: Arrows from `Drawing.loads`, shape (n, k, 2), m.
+        pins: Points from `Drawing.place`, shape (n, pins, 2), m.
+
+    Returns:
+        The ends, shape (n, 2), m.
+    """
+    ends = arrows[:, [0, -2]]
+    far = np.linalg.norm(ends[:, :, np.newaxis] - pins[:, np.newaxis], axis=-1).min(axis=-1)
+    return np.asarray(ends[np.arange(len(ends)), far.argmax(axis=1)])
+
+
 def plane(points: Complex) -> Array:
     """Converts points x + iy to rows of x and y."""
     return np.stack([points.real, points.imag], axis=-1)

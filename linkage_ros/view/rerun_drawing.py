@@ -20,19 +20,22 @@ from linkage_ros.motion.drives import FollowDrive, SpeedDrive, TorqueDrive
 from linkage_ros.numeric import Array
 from linkage_ros.palette import GREY, SECOND, color_of
 from linkage_ros.settings.configuration import Configuration
-from linkage_ros.view.drawing import Drawing
+from linkage_ros.view.drawing import Drawing, free_ends
 
 TIMELINE = 'ros2_timestamp'  # Rerun's name for the stamps in an MCAP log
 LINKAGE = 'linkage'
 _MOVING, _FIXED = f'{LINKAGE}/moving', f'{LINKAGE}/fixed'
-_LOADS = f'{LINKAGE}/loads'  # the values of the loads, at the tips of their arrows
+_LOADS = f'{LINKAGE}/loads'  # the values of the loads, at the free ends of their arrows
 # Entities of curves. VALUES: the torque, and position and rate of a slider. RATES, DIRECTIONS:
 # rates and directions of the links that turn, in base_link, because joint angles are relative to
 # the parent link and jump at pi.
 VALUES, RATES, DIRECTIONS = 'values', 'rates', 'directions'
 
 _DRAWING_NS = 20_000_000  # 50 drawings a second of stamp time
-_TURNS, _LONGEST = 5, 60.0  # plotted at a given speed: turns, and maximum duration, s
+# Plotted at a given speed: turns, and shortest and longest duration, s. Rerun draws a curve where
+# the time axis was in the previous frame, so that a slow computer would show no curve of a time
+# shorter than that between two of its frames.
+_TURNS, _SHORTEST, _LONGEST = 5, 2.0, 60.0
 _STANDING_SECONDS, _DRIVEN_SECONDS = 10.0, 5.0  # plotted at standstill, and under a torque
 _WIDE = 2.2  # a linkage with this ratio of width to height is drawn above the plots
 _FRONT = 32.0  # drawing order of the pins, above all lines
@@ -125,7 +128,7 @@ class Picture:
                   _column(_STRIPS, strips, (len(pins), len(lines)))]  # fmt: skip
         yield _MOVING, stamps, moving
         if loads:
-            tips = np.stack([line[:, -2] for line in loads.values()], axis=1)
+            tips = np.stack([free_ends(line, pins) for line in loads.values()], axis=1)
             words = zip(*drawing.load_values(places, rates).values(), strict=True)
             texts = pa.array([text for row in words for text in row])
             values = (
@@ -213,8 +216,8 @@ class Picture:
             origin=f'/{entity}',
             contents=f'/{entity}',
             overrides={f'/{entity}': series},
-            # Without an explicit range, the time axis covers exactly the data.
-            time_ranges=rrb.VisibleTimeRanges(timeline=TIMELINE, range=last),
+            # Without a range of its own, the axis follows the data another frame later.
+            axis_x=rrb.archetypes.TimeAxis(view_range=last),
             plot_legend=rrb.PlotLegend(corner='LeftTop', visible=shown is None),
         )
 
@@ -222,7 +225,7 @@ class Picture:
         if not isinstance(self._drive, SpeedDrive):
             return _DRIVEN_SECONDS
         rpm = abs(self._drive.rpm)
-        return min(_TURNS * 60 / rpm, _LONGEST) if rpm else _STANDING_SECONDS
+        return float(np.clip(_TURNS * 60 / rpm, _SHORTEST, _LONGEST)) if rpm else _STANDING_SECONDS
 
 
 def _points(places: list[Array] | None, names: Collection[str], pins: int) -> rr.Points2D:
