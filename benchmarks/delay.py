@@ -17,7 +17,7 @@ from pathlib import Path
 
 from linkage_ros.cli import progress_bar
 from linkage_ros.mechanism.solver import Solver
-from linkage_ros.motion.under_torque import TorqueMotion
+from linkage_ros.motion.drives.base import Machine
 from linkage_ros.palette import FIRST, fractions
 from linkage_ros.settings.configuration import configure
 from linkage_ros.units import NS_PER_S, radians_per_second
@@ -39,7 +39,7 @@ def wander(delay: float) -> float:
     configuration = configure({'drive': 'torque', 'start_rpm': RPM})
     solver, speed = Solver(configuration.mechanism), radians_per_second(RPM)
     period = round(NS_PER_S / RATE)
-    motion, worst = TorqueMotion(solver, configuration.drive, 0, period), 0.0
+    motion, worst = configuration.drive.begin(0, Machine(solver, period)), 0.0
     for tick in range(round(TURNS * 60 / RPM * RATE)):
         crank = speed * (tick + 0.5 - delay) / RATE
         torque = solver.state(math.remainder(crank, 4 * math.pi), speed).torque

@@ -20,7 +20,7 @@ from typing import Any, TypeAlias
 
 from linkage_lab.methods.linkage_cases import NEAR
 from linkage_lab.methods.registry import DEFAULT, LIVE, METHODS, RECORDS
-from linkage_ros.motion.drives import FollowDrive
+from linkage_ros.motion.drives.follow import FollowDrive
 
 DOCS = Path(__file__).parent
 NUMBER = r'\d+(?:\.\d+)?(?:e-?\d+)?'

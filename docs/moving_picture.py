@@ -25,7 +25,7 @@ from PIL import Image
 from linkage_ros import cli
 from linkage_ros.errors import ViewerError
 from linkage_ros.messages.topics import JOINT_STATES
-from linkage_ros.motion.drives import SpeedDrive
+from linkage_ros.motion.drives.speed import SpeedDrive
 from linkage_ros.run.states import Simulator
 from linkage_ros.settings.configuration import Configuration, load
 from linkage_ros.units import NS_PER_S

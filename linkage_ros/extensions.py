@@ -29,11 +29,12 @@ from linkage_ros.mechanism.wrenches import Wrench, generalised, poses
 from linkage_ros.messages.urdf import make_urdf
 from linkage_ros.motion.along_law import LawMotion
 from linkage_ros.motion.coordinates import DrivenMechanism
-from linkage_ros.motion.drives import FollowDrive, LawDrive, Motor
+from linkage_ros.motion.drives.follow import FollowDrive
+from linkage_ros.motion.drives.law import LawDrive
 from linkage_ros.motion.law import Sine
 from linkage_ros.motion.measured import FollowMotion
 from linkage_ros.motion.steps import LONGEST_STEP, TOLERANCE, Integrate, live_steps, record_steps
-from linkage_ros.motion.under_torque import published
+from linkage_ros.motion.under_torque import Motor, published
 from linkage_ros.numeric import two_sum
 from linkage_ros.run.states import Simulator
 from linkage_ros.settings.summary import notes

@@ -14,6 +14,7 @@ from mechanisms import FOLLOWED
 from linkage_ros import ConfigurationError, Solver, WindPump
 from linkage_ros.mechanism.parts import Rocker
 from linkage_ros.mechanism.registry import MECHANISMS
+from linkage_ros.motion.drives import DRIVES
 from linkage_ros.quantities import MISSING
 from linkage_ros.settings.configuration import (
     DEFAULT_PRESET,
@@ -22,7 +23,6 @@ from linkage_ros.settings.configuration import (
     load,
     to_strings,
 )
-from linkage_ros.settings.feed_forward import DRIVES
 from linkage_ros.settings.parameters import MechanismAndDrive, parameter_leaves
 
 CONFIG = Path(__file__).resolve().parents[1] / 'config'

@@ -24,7 +24,7 @@ from sensor_msgs.msg import JointState
 
 from linkage_ros import Solver
 from linkage_ros.messages.cdr import decode_joint_state
-from linkage_ros.motion.under_torque import TorqueMotion
+from linkage_ros.motion.drives.base import Machine
 from linkage_ros.programs import controller
 from linkage_ros.programs.controller import SpeedController
 from linkage_ros.settings.configuration import configure, load
@@ -49,7 +49,7 @@ def heavier(factor):
 def ripple(believed, lead, rpm=600.0):
     """Returns the peak speed error from 1.5 to 2 s; a command acts one tick after its state."""
     configuration = configure({'drive': 'torque', 'start_rpm': rpm})
-    plant = TorqueMotion(Solver(MECHANISM), configuration.drive, 0, TICK_NS)
+    plant = configuration.drive.begin(0, Machine(Solver(MECHANISM), TICK_NS))
     law = SpeedController(believed, rpm, 15.0, lead)
     waiting, speeds = deque([0.0]), []
     for tick in range(1, 2000):

@@ -26,7 +26,6 @@ from test_law import SERVO
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from linkage_ros.messages.cdr import decode_trajectory
-from linkage_ros.run.commands import LawCommands
 from linkage_ros.run.states import Simulator
 from linkage_ros.settings.configuration import configure
 
@@ -53,11 +52,11 @@ def trajectory(*points, stamp=0, names=('crank',)):
 def crank():
     """Returns a function that sends a message at a stamp, and the simulator's first motion."""
     simulator = Simulator(configure(STEADY))
-    source, first = LawCommands(simulator), simulator.begin(NOW)
+    (source,), first = simulator.inputs().values(), simulator.begin(NOW)
 
     def send(message, stamp, motion=first):
         data = serialize_message(message)
-        return source.continued(motion, stamp, (source.read(x, 0) for x in [data]))
+        return source.applied(motion, stamp, 0, (source.read(x, 0) for x in [data]))
 
     return send, first, source
 
@@ -113,7 +112,7 @@ def test_a_bad_trajectory_is_rejected_in_one_line_and_changes_nothing(crank, nam
         send(message, NOW + 10**8)
     assert '\n' not in str(raised.value)
     assert source.counts == {'trajectories taken': 0, 'trajectories rejected': 1}
-    assert source.continued(first, NOW + 10**8, ()) is first
+    assert source.applied(first, NOW + 10**8, 0, ()) is first
 
 
 def test_a_trajectory_starts_now_or_at_its_stamp_and_points_in_the_past_are_dropped(crank):

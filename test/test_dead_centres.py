@@ -20,9 +20,9 @@ from linkage_ros.mechanism.registry import MECHANISMS as MECHANISM_KINDS
 from linkage_ros.mechanism.structure import Description
 from linkage_ros.mechanism.tracer import Tape
 from linkage_ros.motion.coordinates import DrivenMechanism
-from linkage_ros.motion.drives import Motor, TorqueDrive
+from linkage_ros.motion.drives.torque import TorqueDrive
 from linkage_ros.motion.steps import live_steps, record_steps
-from linkage_ros.motion.under_torque import legible
+from linkage_ros.motion.under_torque import Motor, legible
 from linkage_ros.programs.record import record
 from linkage_ros.run.states import Simulator
 from linkage_ros.settings.configuration import configure, load

@@ -39,7 +39,7 @@ from sensor_msgs.msg import JointState
 from linkage_ros import cli
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.messages.topics import TOPICS, qualified
-from linkage_ros.motion.drives import SpeedDrive
+from linkage_ros.motion.drives.speed import SpeedDrive
 from linkage_ros.quantities import build, leaves
 from linkage_ros.settings.configuration import configure, read_values
 from linkage_ros.settings.controller import ControllerSettings

@@ -23,7 +23,7 @@ from linkage_ros.messages.topics import (
     TOPICS,
     qualified,
 )
-from linkage_ros.settings.feed_forward import DRIVES
+from linkage_ros.motion.drives import DRIVES
 from linkage_ros.settings.parameters import MechanismAndDrive, parameter_leaves
 
 DOCS = ROOT / 'docs'

@@ -27,10 +27,8 @@ from sensor_msgs.msg import JointState
 from state_messages import messages_of
 
 from linkage_ros import Solver
-from linkage_ros.motion.drives import FollowDrive
-from linkage_ros.motion.measured import NOT_FINITE, NOT_NEWER, FollowMotion, ahead
-from linkage_ros.run.commands import inputs_of
-from linkage_ros.run.measured_crank import NO_CRANK, NO_JOINT_STATE, OUT_OF_REACH
+from linkage_ros.motion.drives.follow import NO_CRANK, NO_JOINT_STATE, OUT_OF_REACH
+from linkage_ros.motion.measured import NOT_FINITE, NOT_NEWER, FollowMotion, extrapolated
 from linkage_ros.run.states import Simulator
 from linkage_ros.settings.configuration import configure, load
 
@@ -40,7 +38,7 @@ CODEC = JointStateCodec(('left_crank', 'left_coupler', 'left_rocker'), 'base_lin
 
 
 def followed(measurements, bandwidth=20.0, period_turns=1):
-    motion = FollowMotion(FollowDrive(bandwidth), period_turns)
+    motion = FollowMotion(bandwidth, period_turns)
     return [motion.at(*one) for one in measurements]
 
 
@@ -86,7 +84,7 @@ def test_a_steady_speed_and_a_steady_change_of_speed_are_followed(wrapped, has_v
     # Without a measured speed, the filtered speed lags by twice the acceleration over w.
     lag = 0.0 if has_velocity else 2 * change / (40 * math.pi)
     assert last.u[0] == pytest.approx(speed + change * 499 / 500 - lag, rel=1e-4)
-    later = ahead(last, 0.01)
+    later = extrapolated(last, 0.01)
     assert later.q[0] - last.q[0] == pytest.approx(last.u[0] * 0.01 + last.a[0] * 5e-5, rel=1e-12)
 
 
@@ -143,7 +141,7 @@ def test_old_or_nonfinite_measurements_are_rejected():
     good = [(1000 * MS, 0.1), (1005 * MS, 0.2), (1010 * MS, 0.4)]
     old = [(1005 * MS, 9.0), (1004 * MS, 9.0), (505 * MS, 9.0)]
     bad = [(1006 * MS, math.nan), (1007 * MS, math.inf), (1008 * MS, 0.3, math.inf)]
-    motion = FollowMotion(FollowDrive(), 1)
+    motion = FollowMotion(20.0, 1)
     for measurement in good[:2]:
         motion.at(*measurement)
     for measurements, cause in ((old, NOT_NEWER), (bad, NOT_FINITE)):
@@ -165,7 +163,7 @@ def message(stamp=0, name=('arm', 'crank'), position=(7.0, 0.5), velocity=()):
 
 
 def measured_crank(simulator):
-    (crank,) = inputs_of(simulator).values()
+    (crank,) = simulator.inputs().values()
     return crank
 
 
@@ -217,7 +215,7 @@ def test_extreme_measurements_do_not_end_the_motion(lead):
             except ValueError:
                 continue
             answers += 1
-            answer = messages_of(simulator, *heard, simulator.later(heard[1]))
+            answer = messages_of(simulator, *heard, crank.later(heard[1]))
             assert math.isfinite(answer.state.torque)
         assert 0 < answers == 9 - crank.rejected.total()
         assert crank.rejected[NOT_FINITE] >= 2
@@ -296,8 +294,8 @@ def test_the_log_is_verified_by_following_its_measurements_again(answered, monke
     assert report.states == len(messages[ANSWERS])
     assert ANSWERS in report.compared
     assert MEASURED in report.others
-    begin, other = FollowMotion.__init__, FollowDrive(21.0)
+    begin = FollowMotion.__init__
     monkeypatch.setattr(
-        FollowMotion, '__init__', lambda motion, _, turns: begin(motion, other, turns)
+        FollowMotion, '__init__', lambda motion, _, turns: begin(motion, 21.0, turns)
     )
     assert re.search('^state .*recomputed: off by', report_of(path).difference)

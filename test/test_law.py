@@ -25,10 +25,9 @@ from linkage_ros.log.expected_states import check_motions
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.records import decode_motion, encode_motion
 from linkage_ros.log.verify import verify
-from linkage_ros.motion.along_law import LawMotion, require_possible
-from linkage_ros.motion.drives import LawDrive
+from linkage_ros.motion.along_law import LawMotion, LawSegment, require_possible
+from linkage_ros.motion.drives.law import LawDrive
 from linkage_ros.motion.law import Sine
-from linkage_ros.motion.segments import LawSegment
 from linkage_ros.programs.record import record
 from linkage_ros.quantities import build
 from linkage_ros.run.states import Simulator
@@ -166,7 +165,7 @@ each_law = pytest.mark.parametrize('values', LAWS.values(), ids=LAWS)
 def test_motion_and_torque_follow_the_formula(values):
     drive, mechanism = drive_of(**values), load('compressor').mechanism
     mechanism = replace(mechanism, loads=())
-    solver, motion = Solver(mechanism), LawMotion.begin(drive, NOW)
+    solver, motion = Solver(mechanism), LawMotion.begin(drive.motion.law, NOW)
     with mp.workdps(50):
         law, oracle = Reference(values), oracle_of(mechanism)
         found = []
@@ -199,9 +198,9 @@ def test_sines_of_a_law_are_accurate_to_two_ulp():
 
 @each_law
 def test_many_times_and_a_logged_segment_give_equal_bits(values):
-    motion = LawMotion.begin(drive_of(**values), NOW)
+    motion = LawMotion.begin(drive_of(**values).motion.law, NOW)
     stamps = [NOW + time for time in moments(motion.segment.law)]
-    again = LawMotion(decode_motion(encode_motion(motion.segment)))
+    again = LawMotion(decode_motion(encode_motion(motion.segment), LawSegment))
     assert again.segment == motion.segment
     together = motion.at_all(stamps)
     for i, stamp in enumerate(stamps):
@@ -213,24 +212,24 @@ def test_many_times_and_a_logged_segment_give_equal_bits(values):
 
 @each_law
 def test_a_step_of_the_clock_changes_no_bit(values):
-    motion = LawMotion.begin(drive_of(**values), NOW)
+    motion = LawMotion.begin(drive_of(**values).motion.law, NOW)
     stepped = motion.restamp(NOW + 123_456_789, 5).restamp(7, NOW)
-    assert decode_motion(encode_motion(stepped.segment)) == stepped.segment
+    assert decode_motion(encode_motion(stepped.segment), LawSegment) == stepped.segment
     for time in (0, 1, 333, 10**9, 10**18):
         assert stepped.at(NOW + time) == motion.at(NOW + time + 123_456_791)
 
 
 def test_a_law_that_ends_moving_ends_the_motion():
     values = {'times': (0.0, 1.0), 'angles': (0.0, 1.0), 'speeds': (0.0, 2.0)}
-    motion = LawMotion.begin(drive_of(**values), NOW)
+    motion = LawMotion.begin(drive_of(**values).motion.law, NOW)
     assert motion.at(NOW + 10**9).u == (2.0,)
     with pytest.raises(MotionError, match=r'ends 1 s after .* still 2 rad/s') as raised:
         motion.at(NOW + 10**9 + 1)
     assert raised.value.time == 1.0
     assert len(motion.at_all([NOW, NOW + 10**9, NOW + 10**9 + 1]).unwrapped) == 2
-    resting = LawMotion.begin(drive_of(**{**values, 'speeds': (0.0, 0.0)}), NOW)
+    resting = LawMotion.begin(drive_of(**{**values, 'speeds': (0.0, 0.0)}).motion.law, NOW)
     assert resting.at(NOW + 10**18)[:3] == ((1.0,), (0.0,), (0.0,))
-    still = LawMotion.begin(drive_of(times=(0.0,), angles=(0.7,)), NOW)
+    still = LawMotion.begin(drive_of(times=(0.0,), angles=(0.7,)).motion.law, NOW)
     assert still.at(NOW)[:3] == still.at(NOW + 10**18)[:3] == ((0.7,), (0.0,), (0.0,))
 
 
@@ -291,7 +290,7 @@ def test_a_record_of_a_limited_crank_verifies_to_the_bit(tmp_path, values):
     assert log.configuration == configuration
     done = verify(log)
     assert (done.states, done.difference, done.ulp) == (667, '', 0.0)
-    motion = LawMotion.begin(configuration.drive, 0)
+    motion = LawMotion.begin(configuration.drive.motion.law, 0)
     assert log.motions == (motion.segment,)
     solver = Solver(configuration.mechanism)
     torques = [message.data for message in log.messages({'/torque'})]
@@ -348,12 +347,15 @@ def logged_law(**changes):
 )  # fmt: skip
 def test_a_malformed_law_of_a_log_is_refused(changes):
     with pytest.raises((ValueError, IndexError)):
-        decode_motion(logged_law(**changes))
+        decode_motion(logged_law(**changes), LawSegment)
 
 
 def test_verification_finds_a_forged_law(tmp_path):
     configuration = configured(SERVO_LAWS['rise'])
-    simulator, motion = Simulator(configuration), LawMotion.begin(configuration.drive, 0)
+    simulator, motion = (
+        Simulator(configuration),
+        LawMotion.begin(configuration.drive.motion.law, 0),
+    )
     joined = motion.join(10**8, [2 * 10**8, 3 * 10**8], [1.3, 1.1])
     stepped = joined.restamp(2 * 10**8, 10**10)
     good = motion.segment, joined.segment, stepped.segment
@@ -435,7 +437,7 @@ def test_a_csv_file_gives_the_points(tmp_path):
 @pytest.mark.parametrize('values', SERVO_LAWS.values(), ids=SERVO_LAWS)
 @pytest.mark.parametrize('slopes', [None, [(0.5,), (0.0,)], [(0.5, 3.0), (0.0, 0.0)]])
 def test_a_trajectory_joins_without_a_jump(values, slopes):
-    motion = LawMotion.begin(drive_of(**values), NOW)
+    motion = LawMotion.begin(drive_of(**values).motion.law, NOW)
     leave, points = NOW + 123_456_789, [NOW + 2 * 10**8, NOW + 10**9]
     joined = motion.join(leave, points, [1.5, 1.0], slopes)
     assert joined.at(leave) == motion.at(leave)
@@ -457,10 +459,10 @@ def test_a_trajectory_joins_without_a_jump(values, slopes):
 
 def test_a_trajectory_after_years_of_turns_loses_no_digit():
     values = {'times': (0.0, 1.0), 'angles': (0.3, 0.3 + 2 * TURN), 'repeat': True}
-    motion, leave = LawMotion.begin(drive_of(**values), 5), 5 + 10**18 + 250_000_000
+    motion, leave = LawMotion.begin(drive_of(**values).motion.law, 5), 5 + 10**18 + 250_000_000
     turned = 2 * 10**9 * TURN
     joined = motion.join(leave, [leave + 10**9], [turned + 20.0])
     before, after = motion.at(leave), joined.at(leave)
     assert (before.u, before.a, before.unwrapped) == (after.u, after.a, after.unwrapped)
     assert abs(math.remainder(before.q[0] - after.q[0], TURN)) < 4e-15
-    assert decode_motion(encode_motion(joined.segment)) == joined.segment
+    assert decode_motion(encode_motion(joined.segment), LawSegment) == joined.segment

@@ -33,7 +33,6 @@ from linkage_ros.log.rows import RowLayout
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.messages.cdr import encode_string
 from linkage_ros.messages.topics import DRIVING_TORQUE, JOINT_STATES, ROBOT_DESCRIPTION
-from linkage_ros.motion.at_speed import SpeedMotion
 from linkage_ros.programs import log_tool, replay
 from linkage_ros.programs.record import record
 from linkage_ros.run.states import Simulator
@@ -50,7 +49,7 @@ JOINTS, TORQUE, ROBOT = '/ns/joint_states', '/ns/driving_torque', '/ns/robot_des
 
 
 def motions():
-    first = SpeedMotion.begin(CONFIGURATION.drive, START)
+    first = CONFIGURATION.drive.begin(START, None)
     second = first.change(START + 7 * PERIOD + 3, 60.0)
     return first, second, second.change(START + 20 * PERIOD, -1 / 3, restamp=START - 10**12)
 

@@ -27,13 +27,12 @@ from linkage_ros.messages.topics import (
     ROBOT_DESCRIPTION,
     TOPICS,
 )
-from linkage_ros.motion.drives import FollowDrive
+from linkage_ros.motion.drives.follow import FollowDrive
+from linkage_ros.motion.drives.speed import SpeedDrive
 from linkage_ros.programs.log_tool import info
-from linkage_ros.run.commands import inputs_of
 from linkage_ros.run.states import Simulator
 from linkage_ros.run.trajectory_ahead import TrajectoryAhead
 from linkage_ros.settings.configuration import configure, load, read_values
-from linkage_ros.settings.feed_forward import SpeedFeedForward
 
 STATES = 20
 CRANK = JointStateCodec(('crank',))
@@ -58,9 +57,9 @@ def write(path, configuration, names):
         The names of the topics by role.
     """
     simulator, names = Simulator(configuration), iter(names)
-    inputs, drive = inputs_of(simulator), configuration.drive
+    inputs, drive = simulator.inputs(), configuration.drive
     others = [ROBOT_DESCRIPTION, DIAGNOSTICS, *inputs]
-    crank = TrajectoryAhead(simulator, drive) if isinstance(drive, SpeedFeedForward) else None
+    crank = TrajectoryAhead(simulator, drive) if isinstance(drive, SpeedDrive) else None
     others += [crank.topic] if crank else []
     used = {topic.role: next(names) for topic in (*simulator.templates.topics, *others)}
     with LogWriter(path, configuration, overwrite=True) as log:
@@ -84,7 +83,7 @@ def write(path, configuration, names):
                 log.write(channels[topic.role], stamp, message)
                 if isinstance(drive, FollowDrive):
                     _, found = source.read(message, stamp)
-                    made = messages_of(simulator, stamp, found, simulator.later(found))
+                    made = messages_of(simulator, stamp, found, source.later(found))
                 else:
                     source.read(message, stamp)
                     motion.command(stamp, 0.1 * tick)
@@ -130,7 +129,7 @@ def test_log_is_verified_whatever_the_names_of_its_topics(tmp_path, drive, seed)
 def test_log_of_an_older_version_without_roles_is_verified(tmp_path, drive):
     path, configuration = tmp_path / 'run.mcap', configure(DRIVES[drive])
     simulator = Simulator(configuration)
-    topics = [*simulator.templates.topics, ROBOT_DESCRIPTION, DIAGNOSTICS, *inputs_of(simulator)]
+    topics = [*simulator.templates.topics, ROBOT_DESCRIPTION, DIAGNOSTICS, *simulator.inputs()]
     names = [f'/left/{topic.name.strip("/")}' for topic in topics]
     write(path, configuration, [*names, *['/ahead'] * (drive == 'speed')])
     records = records_of(path)

@@ -70,7 +70,7 @@ def test_the_states_are_the_solvers_to_the_bit(out, changes):
     (description,) = messages['/robot_description']
     assert description.data == encode_string(make_urdf(configuration.mechanism))
     solver, rate = Solver(configuration.mechanism), Fraction(configuration.session.rate_hz)
-    motion, (segment,) = SpeedMotion.begin(configuration.drive, 0), log.motions
+    motion, (segment,) = configuration.drive.begin(0, None), log.motions
     states, torques = messages[STATES], messages['/driving_torque']
     assert len(states) == count > 200
     for tick, (message, torque) in enumerate(zip(states, torques, strict=True)):

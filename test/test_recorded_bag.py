@@ -23,7 +23,6 @@ from linkage_ros.messages.fields import Template
 from linkage_ros.messages.templates import joint_state
 from linkage_ros.messages.topics import JOINT_STATE
 from linkage_ros.programs.record import record_measured
-from linkage_ros.run.measured_crank import MeasuredCrank
 from linkage_ros.run.states import Simulator
 from linkage_ros.settings.configuration import configure, load
 
@@ -33,11 +32,11 @@ FOLLOW = configure(FOLLOWED)
 def live(configuration, messages):
     """Returns the messages of the states as the node makes them, one by one."""
     simulator = Simulator(configuration)
-    crank, found = MeasuredCrank(simulator), []
+    (crank,), found = simulator.inputs().values(), []
     for time, data in messages:
         with suppress(ValueError):
             stamp, coordinates = crank.read(data, time)
-            made = messages_of(simulator, stamp, coordinates, simulator.later(coordinates))
+            made = messages_of(simulator, stamp, coordinates, crank.later(coordinates))
             found.append((time, made))
     return simulator, found, crank.rejected
 
@@ -70,8 +69,8 @@ def test_extreme_measurements_are_rejected_in_batches_as_one_by_one(lead):
                   (end, 5.0), (nearest, 5.0), (nearest, 1e12), (inside, 3.0)]  # fmt: skip
         messages = [(n, joints.pack(0, n * MS, *one, 0.0)) for n, one in enumerate(values, 1)]
         simulator, due, rejected = live(configuration, messages)
-        crank = MeasuredCrank(simulator)
-        times, stamps, numbers = crank.answers(messages)
+        (crank,) = simulator.inputs().values()
+        times, stamps, numbers = crank.answers(messages, simulator.numbers)
         assert crank.rejected == rejected
         assert times == [time for time, _ in due]
         assert stamps == [made.stamp for _, made in due]

@@ -36,7 +36,7 @@ from linkage_ros import (
     assemblies,
     travel,
 )
-from linkage_ros.motion.drives import SpeedDrive
+from linkage_ros.motion.drives.speed import SpeedDrive
 from linkage_ros.settings.configuration import configure
 
 FOUR, SLIDER = 'four_bar', 'slider_crank'

@@ -17,7 +17,8 @@ from linkage_ros.mechanism.four_bar import FourBar
 from linkage_ros.mechanism.loads.friction import Friction
 from linkage_ros.mechanism.loads.link_load import LinkForce
 from linkage_ros.mechanism.solver import Solver
-from linkage_ros.motion.drives import FollowDrive, TorqueDrive
+from linkage_ros.motion.drives.follow import FollowDrive
+from linkage_ros.motion.drives.torque import TorqueDrive
 from linkage_ros.settings.configuration import configure, load
 from linkage_ros.settings.presets import preset_names
 from linkage_ros.units import NS_PER_S

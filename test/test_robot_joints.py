@@ -36,7 +36,6 @@ from linkage_ros.messages.templates import trajectory
 from linkage_ros.programs.import_tool import parameter_text, read_robot
 from linkage_ros.programs.record import record
 from linkage_ros.robot.planar_loop import find_loop
-from linkage_ros.run.commands import inputs_of
 from linkage_ros.run.states import Simulator
 from linkage_ros.run.trajectory_ahead import TrajectoryAhead
 from linkage_ros.settings.configuration import (
@@ -105,13 +104,13 @@ def robot_of(name, tmp_path, number=0):
 
 def answers(simulator, values, speed=3.0):
     """Yields measured values of the crank's joint and their messages, if within reach."""
-    (crank,) = inputs_of(simulator).values()
+    (crank,) = simulator.inputs().values()
     codec = JointStateCodec([simulator.crank_joint])
     for number, value in enumerate(values, 1):
         data = codec.encode(number * 1_000_000, [value], [speed], [0.0])
         with suppress(ValueError):
             stamp, coordinates = crank.read(data, 0)
-            yield value, messages_of(simulator, stamp, coordinates, simulator.later(coordinates))
+            yield value, messages_of(simulator, stamp, coordinates, crank.later(coordinates))
 
 
 def mechanism_state(made, simulator):
@@ -218,7 +217,7 @@ def test_trajectory_and_command_are_those_of_the_motor():
         assert one.accelerations[0] + 0.0 == -5.0 * own.accelerations[0] + 0.0
         assert one.effort[0] == own.effort[0] / -5.0
     plant = Simulator(driven('torque', **JOINTS, torque_limit=20.0))
-    (commands,) = inputs_of(plant).values()
+    (commands,) = plant.inputs().values()
     assert commands.commanded(['hip_motor'], [-3.0]) == 15.0
     assert commands.commanded(['hip_motor'], [-5.0]) == 20.0
 

@@ -16,8 +16,9 @@ from hypothesis import strategies as st
 from mpmath import mp
 
 from linkage_ros.log.records import decode_motion, encode_motion
-from linkage_ros.motion.at_speed import SpeedMotion
-from linkage_ros.motion.drives import SpeedDrive
+from linkage_ros.motion.at_speed import SpeedMotion, SpeedSegment
+from linkage_ros.motion.drives.speed import SpeedDrive
+from linkage_ros.units import TIME_END
 
 MINUTE = 60 * 10**9
 # Stamp of a live run: 21 November 2026.
@@ -37,7 +38,7 @@ ELAPSED = (
 
 
 def begin(rpm, stamp=0, **settings_):
-    return SpeedMotion.begin(SpeedDrive(rpm, **settings_), stamp)
+    return SpeedDrive(rpm, **settings_).begin(stamp, None)
 
 
 def is_nearest(value, exact):
@@ -199,7 +200,7 @@ times = st.integers(0, 10**12) | st.integers(0, 10**18)
 @settings(max_examples=30, deadline=None)
 @given(drives, st.lists(times, min_size=1, max_size=6), times)
 def test_changing_to_the_same_speed_changes_nothing(drive, stamps, later):
-    whole = SpeedMotion.begin(drive, NOW)
+    whole = drive.begin(NOW, None)
     pieces, stamp = whole, NOW
     for step in stamps:
         stamp += step
@@ -219,7 +220,7 @@ def test_changing_to_the_same_speed_changes_nothing(drive, stamps, later):
 )
 def test_crank_that_comes_to_rest_never_completes_the_turns(rpm, start_rpm, acceleration, turns):
     motion = begin(rpm, start_rpm=start_rpm, crank_acceleration=acceleration)
-    assert motion.time_to_turn(turns) is None
+    assert motion.time_to_turn(turns) == TIME_END
 
 
 @pytest.mark.parametrize('sense', [1, -1])
@@ -249,9 +250,9 @@ def test_time_to_turn_detects_a_peak_between_two_nanoseconds(sense):
 @settings(max_examples=20, deadline=None)
 @given(drives, st.integers(1, 50))
 def test_time_to_turn_is_the_first_nanosecond_at_which_the_turns_are_complete(drive, turns):
-    motion = SpeedMotion.begin(drive, NOW)
+    motion = drive.begin(NOW, None)
     got = motion.time_to_turn(turns)
-    if got is None:
+    if got == TIME_END:
         assert drive.rpm == 0
         return
     start = motion.phase(NOW)
@@ -268,12 +269,12 @@ def test_time_to_turn_is_the_first_nanosecond_at_which_the_turns_are_complete(dr
 @given(drives, times, speeds, times)
 def test_the_log_keeps_a_motion_to_the_last_bit(drive, elapsed, rpm, later):
     for motion in (
-        SpeedMotion.begin(drive, NOW),
-        SpeedMotion.begin(drive, 0).change(elapsed, rpm, restamp=NOW),
+        drive.begin(NOW, None),
+        drive.begin(0, None).change(elapsed, rpm, restamp=NOW),
     ):
         strings = encode_motion(motion.segment)
         assert all(type(text) is str for item in strings.items() for text in item)
-        segment = decode_motion(strings)
+        segment = decode_motion(strings, SpeedSegment)
         assert segment == motion.segment
         again = SpeedMotion(segment)
         for stamp in (NOW, NOW + 1, NOW + later):

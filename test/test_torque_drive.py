@@ -18,12 +18,13 @@ from linkage_ros.log.writer import LogWriter
 from linkage_ros.mechanism import program
 from linkage_ros.mechanism.tracer import Tape
 from linkage_ros.messages.templates import trajectory
-from linkage_ros.motion.drives import Motor, TorqueDrive
+from linkage_ros.motion.drives import torque as commands_module
+from linkage_ros.motion.drives.torque import TorqueDrive
 from linkage_ros.motion.segments import Coordinates
 from linkage_ros.motion.steps import AdaptiveSteps
+from linkage_ros.motion.under_torque import Motor
 from linkage_ros.numeric import within_two_turns
 from linkage_ros.programs.record import record
-from linkage_ros.run import commands as commands_module
 from linkage_ros.run.states import Simulator
 from linkage_ros.settings.configuration import configure, load
 from linkage_ros.settings.summary import summary
@@ -92,9 +93,7 @@ def clock(monkeypatch):
 
 @pytest.fixture
 def commands(clock):
-    return commands_module.TorqueCommands(
-        TorqueDrive(torque_limit=5.0, command_timeout=0.5), 'crank'
-    )
+    return commands_module.TorqueCommands(5.0, 0.5, 'crank')
 
 
 def test_a_command_acts_from_the_tick_that_reads_it_until_it_expires(commands):

@@ -22,14 +22,15 @@ from linkage_ros import (
     UnreachableError,
 )
 from linkage_ros.motion.coordinates import DrivenMechanism
-from linkage_ros.motion.drives import Motor, TorqueDrive
+from linkage_ros.motion.drives.base import Machine
+from linkage_ros.motion.drives.torque import TorqueDrive
 from linkage_ros.motion.steps import (
     AdaptiveSteps,
     FixedSteps,
     live_steps,
     record_steps,
 )
-from linkage_ros.motion.under_torque import TorqueMotion
+from linkage_ros.motion.under_torque import Motor
 from linkage_ros.numeric import with_turns, within_two_turns
 from linkage_ros.settings.configuration import load
 
@@ -112,7 +113,7 @@ def test_corners_of_a_load_do_not_reduce_the_accuracy_of_a_record():
 
 @both
 def test_a_command_acts_from_its_stamp_on(integrate):
-    motion = TorqueMotion(Solver(WHEEL), TorqueDrive(Motor(3.0)), 0, 10**7, integrate)
+    motion = TorqueDrive(Motor(3.0)).begin(0, Machine(Solver(WHEEL), 10**7, integrate=integrate))
     assert motion.at(10**9).u[0] == pytest.approx(3.0 / 2.0, rel=1e-12)
     motion.command(10**9, -1.0)
     assert motion.at(3 * 10**9).u[0] == pytest.approx((3.0 + 2 * 2.0) / 2.0, rel=1e-12)
@@ -230,7 +231,7 @@ def test_a_load_that_holds_the_linkage_at_rest_is_named(link, integrate):
     crank = replace(mechanism.crank, inertia=0.02)
     mechanism = replace(mechanism, crank=crank, gravity=(0.0, 0.0), loads=(holds,))
     drive = TorqueDrive(Motor(0.05), start_rpm=40.0)
-    motion = TorqueMotion(Solver(mechanism), drive, 0, 10_000_000, integrate)
+    motion = drive.begin(0, Machine(Solver(mechanism), 10_000_000, integrate=integrate))
     with pytest.raises(MotionError, match='holds the linkage at rest') as raised:
         motion.at(20_000_000_000)
     assert raised.value.time > 0.1

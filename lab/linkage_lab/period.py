@@ -292,7 +292,7 @@ def law_period(solver: Solver, drive: LawDrive, *, reactions: bool = False) -> P
     Raises:
         ConfigurationError: The requested reactions are infinite at a change point.
     """
-    motion, law = LawMotion.begin(drive, 0), drive.motion.law
+    motion, law = LawMotion.begin(drive.motion.law, 0), drive.motion.law
     last = law.duration
     even = {last * n // 720 for n in range(720)} | {max(last - 1, 1)}
     # At a point, the acceleration may jump: take 1 ns before it as well.

@@ -24,8 +24,8 @@ from linkage_lab.charts.mjcf import make_mjcf
 from linkage_ros import ConfigurationError, SliderCrank
 from linkage_ros.mechanism.loads.curve import CurveForce
 from linkage_ros.mechanism.loads.link_load import LinkForce
-from linkage_ros.motion.drives import TorqueDrive
-from linkage_ros.motion.under_torque import TorqueMotion
+from linkage_ros.motion.drives.base import Machine
+from linkage_ros.motion.drives.torque import TorqueDrive
 from linkage_ros.run.states import Simulator
 from linkage_ros.settings.configuration import configure, load
 from linkage_ros.settings.presets import preset_names
@@ -166,7 +166,7 @@ def run(configuration, seconds, mechanism=None):
     is_motor = isinstance(drive, TorqueDrive)
     rpm = drive.start_rpm if is_motor else drive.initial_rpm
     unpowered = TorqueDrive(start_rpm=rpm, crank_angle=drive.crank_angle)
-    plant = TorqueMotion(solver, unpowered, 0, step)
+    plant = unpowered.begin(0, Machine(solver, step))
     loads = configuration.mechanism.link_loads()
     curve = next((load for load in loads if isinstance(load, CurveForce)), None)
     name = curve and solver.links[curve.link]

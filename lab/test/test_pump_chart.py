@@ -27,7 +27,7 @@ from linkage_lab.pump.continuation import (
 from linkage_lab.pump.shooting import Shooting
 from linkage_lab.reference.motions import InitialValueProblem, MotionReference
 from linkage_ros import Body, ConfigurationError, LoadCurve, MotionError, Solver, UnreachableError
-from linkage_ros.motion.drives import Motor
+from linkage_ros.motion.under_torque import Motor
 from linkage_ros.settings.configuration import load
 
 PUMP = load('wind_pump').mechanism

@@ -39,8 +39,8 @@ from linkage_ros.errors import ConfigurationError, MechanismError
 from linkage_ros.formulas import Opaque, require, sin
 from linkage_ros.mechanism.program import Constants, Program
 from linkage_ros.motion.coordinates import DrivenMechanism
-from linkage_ros.motion.drives import Motor
 from linkage_ros.motion.steps import AdaptiveSteps
+from linkage_ros.motion.under_torque import Motor
 from linkage_ros.settings.configuration import load
 from linkage_ros.units import radians_per_second
 

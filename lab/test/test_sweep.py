@@ -35,7 +35,7 @@ from linkage_ros.errors import ConfigurationError, MechanismError, UnreachableEr
 from linkage_ros.mechanism.program import Program
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.mechanism.travel import travel
-from linkage_ros.motion.drives import LawDrive, Prescribed
+from linkage_ros.motion.drives.law import LawDrive, Prescribed
 from linkage_ros.quantities import Leaf, Quantity, build, flatten
 from linkage_ros.settings.configuration import load
 from linkage_ros.units import radians_per_second

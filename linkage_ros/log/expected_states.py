@@ -9,7 +9,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from contextlib import suppress
 from itertools import accumulate, takewhile
-from typing import Any
+from typing import Any, ClassVar, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -17,23 +17,19 @@ import numpy.typing as npt
 from linkage_ros.errors import MotionError
 from linkage_ros.log.reader import LoggedMessage, LogReader
 from linkage_ros.log.rows import RowLayout
-from linkage_ros.messages.topics import DIAGNOSTICS, MEASURED_JOINT_STATES
-from linkage_ros.motion.along_law import LawMotion
-from linkage_ros.motion.at_speed import SpeedMotion
-from linkage_ros.motion.drives import FollowDrive
-from linkage_ros.motion.segments import (
-    Coordinates,
-    FollowSegment,
-    LawSegment,
-    Segment,
-    SpeedSegment,
+from linkage_ros.messages.topics import (
+    COUPLER_POINT,
+    DIAGNOSTICS,
+    JOINT_STATES,
+    MEASURED_JOINT_STATES,
+    MECHANISM_STATE,
+    Topic,
 )
-from linkage_ros.run.measured_crank import MeasuredCrank
+from linkage_ros.motion.drives.base import Given
+from linkage_ros.motion.drives.follow import MeasuredCrank
+from linkage_ros.motion.segments import Coordinates, Segment
 from linkage_ros.run.states import Simulator
 from linkage_ros.units import TIME_END
-
-# Classes of motions that follow from their segments alone.
-_MOTIONS: dict[Any, Any] = {SpeedSegment: SpeedMotion, LawSegment: LawMotion}
 
 
 def _moment(segment: Segment) -> int:
@@ -57,16 +53,14 @@ def check_motions(simulator: Simulator, motions: tuple[Segment, ...]) -> str:
     """
     past: Segment | None = None
     for number, logged in enumerate(motions, 1):
-        follows = isinstance(logged, FollowSegment)
-        if follows != isinstance(simulator.configuration.drive, FollowDrive):
-            return f'motion record {number} has another drive'
-        due = logged if past or follows else simulator.begin(logged.stamp).segment
-        is_early = past and not follows and _moment(logged) < past.stamp
-        if past and (type(past) is not type(logged) or is_early):
-            return f'motion record {number} starts before the previous one or has another drive'
-        if type(past) in _MOTIONS:
+        due, motion = logged, past.motion() if past else None
+        if past and logged.motion() and _moment(logged) < past.stamp:
+            return f'motion record {number} starts before the previous one'
+        if past is None and simulator.configuration.drive.given is not Given.MEASUREMENT:
+            due = simulator.begin(logged.stamp).segment
+        elif motion:
             try:
-                due = _MOTIONS[type(past)](past).next_segment(logged)
+                due = motion.next_segment(logged)
             except MotionError as error:
                 return f'motion record {number}: {error}'
         for name, value in reversed(vars(due).items()):  # compare values set by users first
@@ -80,10 +74,14 @@ class ExpectedStates(ABC):
     """The states that a log must contain, in order.
 
     Attributes:
+        needed: Topics of which the log must have one.
+        needs_motion: Whether the log must have a segment of motion.
         missed: Number of ticks so far without a state.
         is_record: Whether linkage_record wrote the log, so that every tick has a state.
     """
 
+    needed: ClassVar[tuple[Topic, ...]] = MECHANISM_STATE, JOINT_STATES, COUPLER_POINT
+    needs_motion: ClassVar[bool] = True
     missed, is_record = 0, False
 
     def handle(self, message: LoggedMessage) -> None:  # noqa: B027, most ignore it
@@ -194,8 +192,7 @@ class TickStates(ExpectedStates):
         self, number: int, stamps: list[int], rows: bytes  # noqa: ARG002, others read them
     ) -> tuple[Coordinates, Coordinates | None]:  # fmt: skip
         """Follows the motion of a segment; see `ExpectedStates`."""
-        segment = self._motions[number]
-        motion = _MOTIONS[type(segment)](segment)
+        motion = self._motions[number].motion()
         return motion.at_all(stamps), self._simulator.ahead(motion, stamps)
 
     def take(self, number: int, ticks: list[int]) -> tuple[int, str]:
@@ -208,9 +205,11 @@ class TickStates(ExpectedStates):
 class MeasuredStates(ExpectedStates):
     """States at logged measurements."""
 
+    needs_motion = False
+
     def __init__(self, simulator: Simulator, log: LogReader, _: RowLayout) -> None:
         """Initializes without a measurement; see `TickStates`."""
-        self._crank = MeasuredCrank(simulator)
+        self._crank = cast('MeasuredCrank', simulator.inputs()[MEASURED_JOINT_STATES])
         self._channel = log.channel(MEASURED_JOINT_STATES)
         self._simulator, self._number = simulator, 0
         self._motions: tuple[Any, ...] = log.motions

@@ -27,7 +27,7 @@ from linkage_ros.log.records import (
 from linkage_ros.log.rows import MESSAGE_HEAD, RowLayout, message_record
 from linkage_ros.log.scan import MAGIC_SIZE, McapFile, open_mcap
 from linkage_ros.messages.topics import EFFORT_COMMANDS, MEASURED_JOINT_STATES, TOPICS, Topic
-from linkage_ros.motion.drives import FollowDrive
+from linkage_ros.motion.drives.base import Given
 from linkage_ros.units import TIME_END
 
 # Largest size of messages buffered because chunks overlap in time, and overhead of a message in
@@ -131,7 +131,10 @@ class LogReader:
                 'programs'
             )
         self.version, self.configuration = decode_configuration(about[0])
-        self.motions = tuple(decode_motion(r.metadata) for r in records if r.name == MOTION_RECORD)
+        drive = self.configuration.drive
+        self.motions = tuple(
+            decode_motion(r.metadata, drive.segment) for r in records if r.name == MOTION_RECORD
+        )
         self.lost = next(
             (int(unseal(record.metadata)['messages']) - statistics.message_count
              for record in records if record.name == END_RECORD),
@@ -146,7 +149,7 @@ class LogReader:
         channels = {channel.id: channel for channel in summary[Channel]}.values()
         topics = [_topic(channel, schemas, statistics) for channel in channels]
         if not any(topic.role for topic in topics):
-            follows = isinstance(self.configuration.drive, FollowDrive)
+            follows = drive.given is Given.MEASUREMENT
             topics = _with_guessed_roles(topics, follows=follows)
         self.topics = tuple(topics)
         self._roles = {topic.role: topic for topic in topics if topic.role}

@@ -6,23 +6,19 @@ MCAP does not protect metadata with checksums. Each record therefore includes on
 flipped bit cannot change a setting unnoticed.
 """
 
+import functools
 import json
 import zlib
 from collections.abc import Callable, Mapping
+from dataclasses import fields
 from fractions import Fraction
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, get_type_hints
 
 from linkage_ros import __version__
 from linkage_ros.errors import LogError
 from linkage_ros.mechanism.structure import Description
-from linkage_ros.motion.law import parse_law
-from linkage_ros.motion.segments import (
-    FollowSegment,
-    LawSegment,
-    Segment,
-    SpeedSegment,
-    TorqueSegment,
-)
+from linkage_ros.motion.law import Law, parse_law
+from linkage_ros.motion.segments import Gravity, Segment
 from linkage_ros.settings.configuration import Configuration, from_strings, to_strings
 from linkage_ros.units import TIME_END
 
@@ -125,14 +121,22 @@ def _pair(text: str) -> tuple[float, ...]:
 
 
 _NAMES = {'old_stamp': 'before'}  # field names of segments that differ in records
-_PARSERS: dict[str, Callable[[str], Any]] = {
-    'stamp': int, 'phase': _fraction, 'speed': _fraction, 'rpm': float, 'acceleration': float,
-    'torque': float, 'old_stamp': int, 'description': _description, 'law': parse_law,
-    'time': int, 'turns': int, 'gravity': _pair,
-}  # fmt: skip
-# Classes of segments by a field that only they have.
-_KINDS: dict[str, Any] = {'torque': TorqueSegment, 'law': LawSegment, 'phase': SpeedSegment}
 _LARGEST = {int: TIME_END - 1, float: 1e30, Fraction: 1e30}
+# Parsers of the texts of values, by type.
+_PARSERS: dict[Any, Callable[[str], Any]] = {
+    int: int, float: float, Fraction: _fraction, Gravity: _pair, Description: _description,
+    Law: parse_law,
+}  # fmt: skip
+
+
+@functools.cache
+def _parsers(kind: type[Segment]) -> dict[str, Callable[[str], Any]]:
+    """Returns the parser of each field of a class of segments."""
+    hints = get_type_hints(kind)
+    return {
+        field.name: next(p for x, p in _PARSERS.items() if hints[field.name] in (x, x | None))
+        for field in fields(kind)
+    }
 
 
 def encode_motion(segment: Segment) -> dict[str, str]:
@@ -140,11 +144,12 @@ def encode_motion(segment: Segment) -> dict[str, str]:
     return seal({_NAMES.get(n, n): str(v) for n, v in vars(segment).items() if v is not None})
 
 
-def decode_motion(record: Mapping[str, str]) -> Segment:
+def decode_motion(record: Mapping[str, str], kind: type[Segment]) -> Segment:
     """Decodes a segment of motion from a record.
 
     Args:
         record: A record created by `encode_motion`.
+        kind: Class of the segment.
 
     Returns:
         The segment, which is bit-identical to the encoded one.
@@ -154,12 +159,12 @@ def decode_motion(record: Mapping[str, str]) -> Segment:
         ValueError: A value is malformed or too large. Unknown or missing fields may raise other
             exceptions.
     """
-    fields = unseal(record)
-    kind = next((x for name, x in _KINDS.items() if name in fields), FollowSegment)
-    names = {name: _NAMES.get(name, name) for name in _PARSERS}
-    given = {n: _PARSERS[n](fields[key]) for n, key in names.items() if key in fields}
-    for name, value in given.items():
+    texts, found = unseal(record), {}
+    parsers = {_NAMES.get(name, name): (name, parse) for name, parse in _parsers(kind).items()}
+    for key, text in texts.items():
+        name, parse = parsers[key]
+        found[name] = value = parse(text)
         largest = _LARGEST.get(type(value))
         if largest and not abs(value) <= largest:
-            raise ValueError(f'{name} = {fields[names[name]]}: must be at most {largest:g}')
-    return kind(**given)
+            raise ValueError(f'{name} = {text}: must be at most {largest:g}')
+    return kind(**found)

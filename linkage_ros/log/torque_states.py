@@ -21,11 +21,12 @@ from linkage_ros.log.rows import RowLayout
 from linkage_ros.mechanism.elementwise import is_noisy, noisy
 from linkage_ros.messages.joints import link_rows
 from linkage_ros.messages.templates import joint_numbers
+from linkage_ros.messages.topics import MECHANISM_STATE
 from linkage_ros.motion.coordinates import DrivenMechanism, turns_between
 from linkage_ros.motion.runge_kutta import Plant, leap, slope_at
-from linkage_ros.motion.segments import Coordinates, TorqueSegment
+from linkage_ros.motion.segments import Coordinates
 from linkage_ros.motion.steps import live_method
-from linkage_ros.motion.under_torque import CATCH_UP, own_coordinates, start
+from linkage_ros.motion.under_torque import CATCH_UP, TorqueSegment, own_coordinates
 from linkage_ros.numeric import Array, with_turns, within_two_turns, wrap
 from linkage_ros.run.states import Simulator
 from linkage_ros.units import NS_PER_S
@@ -54,6 +55,8 @@ class TorqueStates(TickStates):
     their rates; and the torque added to the motor's torque, N m.
     """
 
+    needed = (MECHANISM_STATE,)
+
     def __init__(self, simulator: Simulator, log: LogReader, layout: RowLayout) -> None:
         """Prepares the check; see `TickStates`. The layout must contain mechanism_state."""
         super().__init__(simulator, log, layout)
@@ -66,7 +69,7 @@ class TorqueStates(TickStates):
         length = solver.mechanism.crank.length
         self._units = np.array([length if link.slides else 1.0 for link in self._links] * 2)
         # The previous state, initially that at t = 0.
-        begin = start(solver.mechanism, drive)
+        begin = drive.start(solver.mechanism)
         state = solver.state(begin.q, begin.u)
         self._before = np.array([[begin.unwrapped, *state.position[1:], *state.velocity, 0.0]]).T
 

@@ -24,7 +24,6 @@ import numpy as np
 
 from linkage_ros.errors import LinkageError, LogError
 from linkage_ros.log.expected_states import (
-    ExpectedStates,
     MeasuredStates,
     TickStates,
     check_motions,
@@ -35,17 +34,13 @@ from linkage_ros.log.torque_states import TorqueStates
 from linkage_ros.mechanism.elementwise import noise
 from linkage_ros.messages.cdr import ENCAPSULATION, encode_string
 from linkage_ros.messages.topics import (
-    COUPLER_POINT,
     DIAGNOSTICS,
-    JOINT_STATES,
-    MECHANISM_STATE,
     ROBOT_DESCRIPTION,
     TRAJECTORY_COMMANDS,
 )
 from linkage_ros.messages.urdf import text_of
-from linkage_ros.motion.drives import FollowDrive, TorqueDrive
+from linkage_ros.motion.drives.base import Given
 from linkage_ros.numeric import Array
-from linkage_ros.run.commands import inputs_of
 from linkage_ros.run.states import Simulator
 
 _BATCH = 1024  # states per batch
@@ -57,6 +52,11 @@ _LAST_BIT, _NOISE, _SAMPLES = 2.0**-54, 2.0**-40, 4
 # A position in the URDF.
 _NUMBER = r'(-?\d+(?:\.\d+)?(?:e[+-]\d+)?)'
 _POSITION = re.compile(f'xyz="{_NUMBER} {_NUMBER} {_NUMBER}"')
+
+# How states are recomputed, by the quantity that the drive gives.
+_STATES: dict[Given, type[TickStates] | type[MeasuredStates]] = {
+    Given.MOTION: TickStates, Given.MEASUREMENT: MeasuredStates, Given.TORQUE: TorqueStates,
+}  # fmt: skip
 
 
 def verify(log: LogReader, progress: Callable[[int], object] = lambda _: None) -> 'Verification':
@@ -117,7 +117,7 @@ class Verification:
         self._description = channels.pop(ROBOT_DESCRIPTION, None)
         self._channels = channels
         self.difference = check_motions(simulator, log.motions)
-        topics = (*own, DIAGNOSTICS, TRAJECTORY_COMMANDS, *inputs_of(simulator))
+        topics = (*own, DIAGNOSTICS, TRAJECTORY_COMMANDS, *simulator.inputs())
         schemas = {topic.role: topic.interface for topic in topics}
         for channel in log.topics:
             due = schemas.get(channel.role)
@@ -134,20 +134,17 @@ class Verification:
             LogError: The log lacks the topics or segments required to recompute its states.
         """
         log, simulator = self._log, self._simulator
-        drive = simulator.configuration.drive
-        driven, follows = isinstance(drive, TorqueDrive), isinstance(drive, FollowDrive)
-        needed = [MECHANISM_STATE] if driven else [MECHANISM_STATE, JOINT_STATES, COUPLER_POINT]
-        if not self._channels.keys() & {*needed} or not (log.motions or follows):
+        kind = _STATES[simulator.configuration.drive.given]
+        if not self._channels.keys() & {*kind.needed} or (kind.needs_motion and not log.motions):
             raise LogError(
                 f'{log.path} cannot be verified: it has no motion record, or no '
-                f'{" or ".join(topic.name for topic in needed)}'
+                f'{" or ".join(topic.name for topic in kind.needed)}'
             )
         channels = [(channel.number, topic) for topic, channel in self._channels.items()]
         self._layout = layout = RowLayout(simulator.templates, channels)
         self._names = [channel.name for channel in self._channels.values()]
         self._comparison = RowComparison(log, layout, self._names)
-        kind = TorqueStates if driven else MeasuredStates if follows else TickStates
-        self._expected: ExpectedStates = kind(simulator, log, layout)
+        self._expected = kind(simulator, log, layout)
 
     def run(self, progress: Callable[[int], object]) -> None:
         """Compares the messages, up to the first difference; see `verify`.

@@ -4,16 +4,14 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any
 
 from linkage_ros.errors import ConfigurationError, MotionError, UnreachableError
 from linkage_ros.mechanism.ranges import Ranges
 from linkage_ros.mechanism.solver import Solver
-from linkage_ros.motion.drives import LawDrive
 from linkage_ros.motion.law import Law, Moment, Spline
-from linkage_ros.motion.segments import Coordinates, Gravity, LawSegment, stacked
+from linkage_ros.motion.segments import Coordinates, Gravity, Motion, Segment, stacked
 from linkage_ros.motion.spline import joined
 from linkage_ros.numeric import nearest_turns, with_turns
 from linkage_ros.units import NS_PER_S
@@ -23,20 +21,52 @@ _LARGEST = 1e12
 _UNITS = {'angle': 'rad', 'speed': 'rad/s', 'acceleration': 'rad/s^2'}
 
 
-class LawMotion:
+@dataclass(frozen=True)
+class LawSegment(Segment):
+    """A segment in which the crank follows a law.
+
+    Attributes:
+        law: The law.
+        time: Time of the law at the start, ns.
+        turns: Whole turns to add to the angle of the law.
+        old_stamp: If a step of the clock started the segment, the stamp of its start on the old
+            clock, ns; otherwise None.
+        gravity: Acceleration of gravity [x, y], m/s^2, since it was changed; None for that of the
+            configuration.
+    """
+
+    law: Law
+    time: int = 0
+    turns: int = 0
+    old_stamp: int | None = None
+    gravity: Gravity | None = None
+
+    def motion(self) -> 'LawMotion':
+        """Returns the motion in this segment."""
+        return LawMotion(self)
+
+    def words(self) -> str:
+        """Describes crank angle and speed at the start, and the law."""
+        _, (speed,), _, angle, _ = LawMotion(self).at(self.stamp)
+        return f'from {angle:.6f} rad, {speed:.6f} rad/s along {self.law.words}'
+
+
+class LawMotion(Motion):
     """The motion in one segment.
 
     Attributes:
         segment: The segment, in the form stored in logs.
     """
 
+    segment: LawSegment
+
     def __init__(self, segment: LawSegment) -> None:
         self.segment = segment
 
     @classmethod
-    def begin(cls, drive: LawDrive, stamp: int) -> 'LawMotion':
-        """Starts the motion of a drive at a stamp, ns."""
-        return cls(LawSegment(stamp, drive.motion.law))
+    def begin(cls, law: Law, stamp: int) -> 'LawMotion':
+        """Starts a motion along a law at a stamp, ns."""
+        return cls(LawSegment(stamp, law))
 
     def at(self, stamp: int) -> Coordinates:
         """Computes the coordinates at a stamp.
@@ -70,10 +100,6 @@ class LawMotion:
         end = self.segment.law.end
         reached = [x for x in stamps if end is None or self._time(x) <= end]
         return stacked([self.at(stamp) for stamp in reached or stamps[:1]])
-
-    def follow(self, stamp: int, drive: Any) -> 'LawMotion':  # noqa: ARG002, as for other motions
-        """Returns this motion, because no parameter of its drive changes in a run."""
-        return self
 
     def restamp(self, old: int, new: int) -> 'LawMotion':
         """Returns the motion after a step of the clock; see `SpeedMotion.restamp`."""
@@ -118,11 +144,8 @@ class LawMotion:
         law = joined(start, [time - stamp for time in stamps], near, slopes)
         return LawMotion(LawSegment(stamp, law, 0, turns, gravity=self.segment.gravity))
 
-    def require_turns(self, turns: int) -> None:
-        """Checks that the crank gets a number of turns away from its start in either direction.
-
-        Args:
-            turns: The number of turns, above 0.
+    def time_to_turn(self, turns: int) -> None:
+        """Checks that the crank gets a number of turns away from its start; see `Motion`.
 
         Raises:
             ConfigurationError: It never gets there.

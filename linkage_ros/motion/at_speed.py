@@ -9,15 +9,14 @@ nanoseconds. It is reduced by whole turns and then rounded once to a float.
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
 
 import numpy as np
 
-from linkage_ros.motion.drives import SpeedDrive
-from linkage_ros.motion.segments import Coordinates, Gravity, SpeedSegment, stacked
-from linkage_ros.units import NS_PER_S
+from linkage_ros.motion.segments import Coordinates, Gravity, Motion, Segment, stacked
+from linkage_ros.units import NS_PER_S, TIME_END
 
 # Phases, speeds and accelerations are integers in units of 2^-128 turn, rpm and rpm/s. Doubles
 # above 1e-22 are exact in these units; rounding changes smaller values by less than 1e-38.
@@ -36,12 +35,48 @@ _TURN_SIZE = (_TWO_PI << _BITS) // (_TURN * _TWO_PI_GRID)
 _SPEED_SIZE = (_TWO_PI << _BITS) // (60 * _RPM * _TWO_PI_GRID)
 
 
-class SpeedMotion:
+@dataclass(frozen=True)
+class SpeedSegment(Segment):
+    """A segment in which the crank accelerates from an initial speed to the set speed.
+
+    Attributes:
+        phase: Crank angle at the start, turns.
+        speed: Crank speed at the start, turns per minute.
+        rpm: Set speed, turns per minute.
+        acceleration: Magnitude of the acceleration towards the set speed, rad/s^2; 0 for an
+            immediate change.
+        old_stamp: If a step of the clock started the segment, the stamp of its start on the old
+            clock, ns; otherwise None.
+        gravity: Acceleration of gravity [x, y], m/s^2, since it was changed; None for that of the
+            configuration.
+    """
+
+    phase: Fraction
+    speed: Fraction
+    rpm: float
+    acceleration: float
+    old_stamp: int | None = None
+    gravity: Gravity | None = None
+
+    def motion(self) -> 'SpeedMotion':
+        """Returns the motion in this segment."""
+        return SpeedMotion(self)
+
+    def words(self) -> str:
+        """Describes crank angle and speed at the start, and the set speed."""
+        _, (speed,), _, angle, _ = SpeedMotion(self).at(self.stamp)
+        ramp = f' at {self.acceleration:g} rad/s^2' if self.acceleration else ''
+        return f'from {angle:.6f} rad, {speed:.6f} rad/s to {self.rpm:g} rpm{ramp}'
+
+
+class SpeedMotion(Motion):
     """The exact motion in one segment.
 
     Attributes:
         segment: The segment, in the form stored in logs.
     """
+
+    segment: SpeedSegment
 
     def __init__(self, segment: SpeedSegment) -> None:
         self.segment = segment
@@ -60,20 +95,23 @@ class SpeedMotion:
         self._settled_speed = _radians(self._target * NS_PER_S, _SPEED_SIZE)
 
     @classmethod
-    def begin(cls, drive: SpeedDrive, stamp: int) -> 'SpeedMotion':
-        """Starts the motion of a drive at t = 0.
+    def begin(
+        cls, stamp: int, angle: float, start_rpm: float, rpm: float, acceleration: float
+    ) -> 'SpeedMotion':
+        """Starts a motion.
 
         Args:
-            drive: The drive, with the angle and speed at t = 0.
             stamp: Stamp of t = 0, ns.
+            angle: Crank angle at t = 0, rad.
+            start_rpm: Speed at t = 0, turns per minute; ignored if the acceleration is 0.
+            rpm: Set speed, turns per minute.
+            acceleration: Acceleration towards the set speed, rad/s^2; 0 for an immediate change.
 
         Returns:
             The motion in the first segment.
         """
-        phase = Fraction(drive.crank_angle) * _TWO_PI_GRID / _TWO_PI
-        # With crank_acceleration = 0, `_segment` replaces this speed with the set speed.
-        speed = Fraction(drive.initial_rpm)
-        return cls(_segment(stamp, phase, speed, drive.rpm, drive.crank_acceleration))
+        phase = Fraction(angle) * _TWO_PI_GRID / _TWO_PI
+        return cls(_segment(stamp, phase, Fraction(start_rpm), rpm, acceleration))
 
     def at(self, stamp: int) -> Coordinates:
         """Computes the coordinates at a stamp.
@@ -158,15 +196,7 @@ class SpeedMotion:
         return SpeedMotion(replace(segment, gravity=self.segment.gravity))
 
     def next_segment(self, logged: SpeedSegment) -> SpeedSegment:
-        """Recomputes the segment that follows this motion, given a logged one.
-
-        Args:
-            logged: The logged segment, of which only the set speed, the stamps and gravity are
-                used.
-
-        Returns:
-            The segment as a run would log it.
-        """
+        """Recomputes the segment after this motion; only set speed and gravity are taken over."""
         if logged.old_stamp is None:
             segment = self.change(logged.stamp, logged.rpm).segment
         else:
@@ -181,15 +211,8 @@ class SpeedMotion:
         """Returns the crank speed at a stamp, turns per minute."""
         return Fraction(self._speed_after(stamp - self.segment.stamp), _RPM)
 
-    def time_to_turn(self, turns: int) -> int | None:
-        """Finds when the crank is first a given number of turns away from its start.
-
-        Args:
-            turns: Number of turns in either direction, above 0.
-
-        Returns:
-            Time from the start, ns; None if the crank never gets there.
-        """
+    def time_to_turn(self, turns: int) -> int:
+        """Finds when the crank is first a number of turns from its start; see `Motion`."""
         start, goal = self._phase_after(0), turns * _TURN
 
         def reached(elapsed: int) -> bool:
@@ -205,7 +228,7 @@ class SpeedMotion:
         for low, high in ((0, reversal), (0, reversal + 1), (reversal, late)):
             if reached(high):
                 return _first(reached, low, high)
-        return None
+        return TIME_END
 
     def _phase_after(self, elapsed: int) -> int:
         """Returns the phase after a time, ns, in units of 1 / _TURN turn."""

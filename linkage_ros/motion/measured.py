@@ -18,10 +18,10 @@ speed may be missing from some measurements.
 """
 
 import math
+from dataclasses import dataclass
 from fractions import Fraction
 
-from linkage_ros.motion.drives import FollowDrive
-from linkage_ros.motion.segments import Coordinates
+from linkage_ros.motion.segments import Coordinates, Gravity, Segment
 from linkage_ros.numeric import with_turns, within_two_turns
 from linkage_ros.units import NS_PER_S
 
@@ -35,6 +35,21 @@ _TURN = 2 * math.pi  # rad
 _LARGEST = 1e12
 
 NOT_NEWER, NOT_FINITE = 'not newer than the one before', 'not finite, or beyond 1e+12'
+
+
+@dataclass(frozen=True)
+class FollowSegment(Segment):
+    """A segment of measurements; the first one is not logged.
+
+    Attributes:
+        gravity: Acceleration of gravity [x, y], m/s^2.
+    """
+
+    gravity: Gravity
+
+    def words(self) -> str:
+        """Describes the segment."""
+        return 'measured'
 
 
 class _Filter:
@@ -87,15 +102,15 @@ class _Filter:
 class FollowMotion:
     """The motion of a measured crank."""
 
-    def __init__(self, drive: FollowDrive, period_turns: int) -> None:
+    def __init__(self, bandwidth: float, period_turns: int) -> None:
         """Initializes the filter, which starts at the first measurement.
 
         Args:
-            drive: Drive with the bandwidth of the filter.
+            bandwidth: Bandwidth of the filter, Hz; 0 to set rates and accelerations to 0.
             period_turns: Number of crank turns after which the mechanism's motion repeats.
         """
-        self._bandwidth, self._period_turns = drive.follow_bandwidth, period_turns
-        w = 2 * math.pi * drive.follow_bandwidth
+        self._bandwidth, self._period_turns = bandwidth, period_turns
+        w = 2 * math.pi * bandwidth
         self._w2 = w * w
         self._restart()
 
@@ -156,7 +171,7 @@ class FollowMotion:
         return round((ahead - position) / _TURN)
 
 
-def ahead(coordinates: Coordinates, seconds: float) -> Coordinates:
+def extrapolated(coordinates: Coordinates, seconds: float) -> Coordinates:
     """Extrapolates coordinates at constant acceleration.
 
     Args:

@@ -1,106 +1,108 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Segments of a run's motion, as stored in logs, and the coordinates that follow from them.
+"""Interfaces of motions and of their segments, and the coordinates that follow from them.
 
-A segment lasts until the next one starts.
+Each kind of motion derives both; a segment lasts until the next one starts, and is what a log
+stores.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
 from linkage_ros.mechanism.kinematics import State
-from linkage_ros.mechanism.structure import Description
-from linkage_ros.motion.law import Law
 from linkage_ros.numeric import Array, Real
 
 Gravity: TypeAlias = tuple[float, float]
 
 
 @dataclass(frozen=True)
-class SpeedSegment:
-    """A segment in which the crank accelerates from an initial speed to the set speed.
+class Segment(ABC):
+    """Base class of segments of motion.
 
     Attributes:
         stamp: Stamp of the start, ns.
-        phase: Crank angle at the start, turns.
-        speed: Crank speed at the start, turns per minute.
-        rpm: Set speed, turns per minute.
-        acceleration: Magnitude of the acceleration towards the set speed, rad/s^2; 0 for an
-            immediate change.
-        old_stamp: If a step of the clock started the segment, the stamp of its start on the old
-            clock, ns; otherwise None.
-        gravity: Acceleration of gravity [x, y], m/s^2, since it was changed; None for that of the
-            configuration.
     """
 
     stamp: int
-    phase: Fraction
-    speed: Fraction
-    rpm: float
-    acceleration: float
-    old_stamp: int | None = None
-    gravity: Gravity | None = None
+
+    def motion(self) -> 'Motion | None':
+        """Returns the motion in this segment; None if the segment alone does not determine it."""
+        return None
+
+    @abstractmethod
+    def words(self) -> str:
+        """Describes the segment, without its start and gravity."""
 
 
-@dataclass(frozen=True)
-class TorqueSegment:
-    """A segment in which a motor torque drives the mechanism.
+class Motion(ABC):
+    """Base class of motions.
 
     Attributes:
-        stamp: Stamp of the start, ns.
-        torque: Torque of the motor at rest, N m.
-        old_stamp: If a step of the clock started the segment, the stamp of its start on the old
-            clock, ns; otherwise None.
-        description: Coordinates and assembly of the motion; None for the mechanism's own.
+        segment: The current segment.
     """
 
-    stamp: int
-    torque: float
-    old_stamp: int | None = None
-    description: Description | None = None
+    segment: Segment
 
+    @abstractmethod
+    def at(self, stamp: int) -> 'Coordinates':
+        """Computes the coordinates at a stamp, ns, at or after the start of the segment.
 
-@dataclass(frozen=True)
-class LawSegment:
-    """A segment in which the crank follows a law.
+        Raises:
+            MotionError: The motion ends before the stamp.
+        """
 
-    Attributes:
-        stamp: Stamp of the start, ns.
-        law: The law.
-        time: Time of the law at the start, ns.
-        turns: Whole turns to add to the angle of the law.
-        old_stamp: If a step of the clock started the segment, the stamp of its start on the old
-            clock, ns; otherwise None.
-        gravity: Acceleration of gravity [x, y], m/s^2, since it was changed; None for that of the
-            configuration.
-    """
+    @abstractmethod
+    def at_all(self, stamps: Sequence[int]) -> 'Coordinates':
+        """Computes the coordinates at increasing stamps, ns, bit-identical to those of `at`.
 
-    stamp: int
-    law: Law
-    time: int = 0
-    turns: int = 0
-    old_stamp: int | None = None
-    gravity: Gravity | None = None
+        Returns:
+            The coordinates as arrays, which are shorter than `stamps` if the motion ends.
 
+        Raises:
+            MotionError: The motion ends before the first stamp.
+        """
 
-@dataclass(frozen=True)
-class FollowSegment:
-    """A segment in which the crank is measured; the first one is not logged.
+    @abstractmethod
+    def restamp(self, old: int, new: int) -> 'Motion':
+        """Returns the motion after a step of the clock from one stamp, ns, to another."""
 
-    Attributes:
-        stamp: Stamp of the first measurement, ns.
-        gravity: Acceleration of gravity [x, y], m/s^2.
-    """
+    def follow(self, stamp: int, drive: Any) -> 'Motion':  # noqa: ARG002, for other motions
+        """Returns the motion under changed parameters of its drive from a stamp on."""
+        return self
 
-    stamp: int
-    gravity: Gravity
+    def under(self, stamp: int, gravity: Gravity | None) -> 'Motion':  # noqa: ARG002, as above
+        """Returns the motion under a gravity, m/s^2, from a stamp, ns, on."""
+        return self
 
+    def next_segment(self, logged: Any) -> Segment:
+        """Recomputes the segment that follows this motion, given a logged one.
 
-Segment: TypeAlias = SpeedSegment | TorqueSegment | LawSegment | FollowSegment
+        Args:
+            logged: The logged segment, of which only what a user sets, and the stamps, are used.
+
+        Returns:
+            The segment as a run would log it.
+
+        Raises:
+            MotionError: This motion ends before the logged segment.
+        """
+        raise NotImplementedError
+
+    def time_to_turn(self, turns: int) -> int | None:  # noqa: ARG002, as above
+        """Finds when the crank is first a given number of turns away from its start.
+
+        Args:
+            turns: Number of turns in either direction, above 0.
+
+        Returns:
+            Time from the start, ns, TIME_END if the crank never gets there; None if the time is
+            not known in advance.
+        """
+        return None
 
 
 class Coordinates(NamedTuple):

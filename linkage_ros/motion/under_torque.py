@@ -4,8 +4,8 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import Any, TypeAlias, cast
+from dataclasses import dataclass, replace
+from typing import Any, cast
 
 import numpy as np
 
@@ -13,15 +13,13 @@ from linkage_ros.errors import ConfigurationError, LinkageError
 from linkage_ros.mechanism.kinematics import State
 from linkage_ros.mechanism.parts import CROSSED, OPEN
 from linkage_ros.mechanism.solver import Solver
-from linkage_ros.mechanism.structure import Description, Mechanism
-from linkage_ros.motion.along_law import LawMotion
-from linkage_ros.motion.at_speed import SpeedMotion
+from linkage_ros.mechanism.structure import Description
 from linkage_ros.motion.coordinates import DrivenMechanism
-from linkage_ros.motion.drives import TorqueDrive
-from linkage_ros.motion.segments import Coordinates, TorqueSegment, stacked
+from linkage_ros.motion.segments import Coordinates, Motion, Segment, stacked
 from linkage_ros.motion.steps import FixedSteps, Integrate, StiffSteps, Values, live_steps
 from linkage_ros.numeric import Real, with_turns, within_two_turns, wrap
-from linkage_ros.units import NS_PER_S, radians_per_second
+from linkage_ros.quantities import Checked, quantity
+from linkage_ros.units import NS_PER_S
 
 # Longest delay, ns, that a late run catches up with. Catching up with more would take so long that
 # the delay would grow.
@@ -30,7 +28,61 @@ _MOST_STEPS, _TRIED = 20, 100  # limit of steps per ms, at 12 us each; ms of mot
 _ROUNDINGS = 8  # largest number of conversions to joint angles and back; see `legible`
 
 
-class TorqueMotion:
+@dataclass(frozen=True)
+class Motor(Checked):
+    """A motor whose torque decreases linearly with the crank speed.
+
+    Attributes:
+        torque: Torque at rest, N m, positive counter-clockwise.
+        damping: Decrease in torque per unit of crank speed, N m s.
+    """
+
+    torque: float = quantity(
+        'number', 'motor torque at rest, counter-clockwise positive', 'N m', span=(-1e12, 1e12),
+        live=True, default=0.0,
+    )  # fmt: skip
+    damping: float = quantity(
+        'number',
+        'decrease of motor torque per crank speed',
+        'N m s',
+        span=(0.0, 1e12),
+        default=0.0,
+    )
+
+    def __str__(self) -> str:
+        lost = f' - {self.damping:g} N m s x speed' if self.damping else ''
+        return f'motor {self.torque:g} N m{lost}'
+
+    def at(self, speed: Real) -> Real:
+        """Returns the torque, N m, at a crank speed or an array of crank speeds, rad/s."""
+        return self.torque - self.damping * speed
+
+
+@dataclass(frozen=True)
+class TorqueSegment(Segment):
+    """A segment in which a motor torque drives the mechanism.
+
+    Attributes:
+        torque: Torque of the motor at rest, N m.
+        old_stamp: If a step of the clock started the segment, the stamp of its start on the old
+            clock, ns; otherwise None.
+        description: Coordinates and assembly of the motion; None for the mechanism's own.
+    """
+
+    torque: float
+    old_stamp: int | None = None
+    description: Description | None = None
+
+    def words(self) -> str:
+        """Describes the motor's torque and, if they are not the usual ones, the coordinates."""
+        words = f'motor torque {self.torque:g} N m'
+        if self.description:
+            coordinates, assembly = self.description
+            words += f', described by {" and ".join(coordinates)}, {assembly}'
+        return words
+
+
+class TorqueMotion(Motion):
     """A motion under a torque; the stamps of successive calls must not decrease.
 
     Attributes:
@@ -42,7 +94,8 @@ class TorqueMotion:
     def __init__(
         self,
         solver: Solver,
-        drive: TorqueDrive,
+        motor: Motor,
+        start: Coordinates,
         stamp: int,
         period: int,
         integrate: Integrate = live_steps,
@@ -51,21 +104,21 @@ class TorqueMotion:
 
         Args:
             solver: Solver of the mechanism.
-            drive: Motor, and crank angle and speed at t = 0.
+            motor: The motor.
+            start: Coordinates and rates at t = 0.
             stamp: Stamp of t = 0, ns.
             period: Time between states, ns.
             integrate: Function that creates the integrator.
 
         Raises:
-            LinkageError: The motion cannot start from the given angle and speed.
+            LinkageError: The motion cannot start from the given coordinates and rates.
         """
-        self._solver, self._motor, self._command = solver, drive.motor, 0.0
+        self._solver, self._motor, self._command = solver, motor, 0.0
         self._period = period
         self._end: LinkageError | None = None
-        begin = start(solver.mechanism, drive)
-        y = begin.unwrapped, *begin.q[1:], *begin.u
+        y = start.unwrapped, *start.q[1:], *start.u
         self._steps = integrate(DrivenMechanism(solver, self._torque), y)
-        self._begin(TorqueSegment(stamp, drive.motor.torque))
+        self._begin(TorqueSegment(stamp, motor.torque))
 
     def at(self, stamp: int) -> Coordinates:
         """Computes the coordinates at a stamp.
@@ -238,18 +291,6 @@ class TorqueMotion:
 
     def _torque(self, speed: float) -> Real:
         return self._motor.at(speed) + self._command
-
-
-# The motion of a run, except that of a measured crank.
-Motion: TypeAlias = SpeedMotion | TorqueMotion | LawMotion
-
-
-def start(mechanism: Mechanism, drive: TorqueDrive) -> Coordinates:
-    """Returns the coordinates at t = 0, with accelerations of 0."""
-    positions, rates = mechanism.start()
-    angle, _ = within_two_turns(drive.crank_angle)
-    u = radians_per_second(drive.start_rpm), *rates
-    return Coordinates((angle, *positions), u, (0.0,) * len(u), drive.crank_angle)
 
 
 def published(driven: DrivenMechanism, y: Values, pairs: int) -> Coordinates:

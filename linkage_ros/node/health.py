@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from linkage_ros.messages.cdr import ERROR, OK, WARN, Status
+from linkage_ros.motion.drives.base import WINDOW
 from linkage_ros.node.ticker import TickCounts
-from linkage_ros.run.commands import WINDOW
 from linkage_ros.units import NS_PER_MS, NS_PER_S
 
 # Fractions of missed ticks above which the warning starts and below which it ends. They differ, so

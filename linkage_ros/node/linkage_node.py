@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """linkage_node: runs a mechanism on ROS 2, and publishes its states and driving torque."""
 
+import functools
 import sys
 import time
 from contextlib import suppress
@@ -21,10 +22,11 @@ from linkage_ros.messages.topics import (
     SIMULATED_CLOCK,
     Topic,
 )
-from linkage_ros.motion.along_law import LawMotion
-from linkage_ros.motion.drives import FollowDrive
-from linkage_ros.motion.segments import Coordinates, FollowSegment, Gravity, Segment
-from linkage_ros.motion.under_torque import Motion, TorqueMotion
+from linkage_ros.motion.drives.base import Given
+from linkage_ros.motion.drives.feed_forward import TrajectoryFeedForward
+from linkage_ros.motion.drives.follow import MeasuredCrank
+from linkage_ros.motion.measured import FollowSegment
+from linkage_ros.motion.segments import Coordinates, Gravity, Motion, Segment
 from linkage_ros.node.endpoints import (
     PolledSubscription,
     StatePublisher,
@@ -40,12 +42,10 @@ from linkage_ros.node.process import reported_as_configuration, run_program
 from linkage_ros.node.ticker import RealTimeTicker, SimTimeTicker, Ticker
 from linkage_ros.node.workers import freeze_heap
 from linkage_ros.quantities import build, flatten
-from linkage_ros.run.commands import inputs_of
 from linkage_ros.run.states import Simulator
 from linkage_ros.run.trajectory_ahead import TrajectoryAhead
 from linkage_ros.settings.command_lines import node_parser
 from linkage_ros.settings.configuration import configure, preset_note
-from linkage_ros.settings.feed_forward import TrajectoryFeedForward
 from linkage_ros.settings.parameters import parameter_leaves
 from linkage_ros.settings.summary import notes, summary
 from linkage_ros.units import NS_PER_MS
@@ -78,7 +78,7 @@ class LinkageNode(ParameterNode):
         self._motion: Motion | None = None
         self._segment: Segment | None = None  # the last logged segment
         self._state: State | None = None
-        others, heard = [DIAGNOSTICS], inputs_of(simulator)
+        others, heard = [DIAGNOSTICS], simulator.inputs()
         if simulator.description:
             others.append(ROBOT_DESCRIPTION)
         self._trajectory: TrajectoryAhead | None = None
@@ -95,7 +95,7 @@ class LinkageNode(ParameterNode):
             self._others = {topic.name: create_publisher(self, topic) for topic in others}
         self._joint_states = simulator.templates.slices[JOINT_STATES]
         self._outputs = Outputs(self, simulator, [*others, *heard])
-        self._inputs = [
+        self._inputs: list[tuple[PolledSubscription, Any]] = [
             (PolledSubscription(self, topic, source.read, self._outputs.log_message), source)
             for topic, source in heard.items()
         ]
@@ -103,7 +103,7 @@ class LinkageNode(ParameterNode):
         name = self.get_fully_qualified_name().lstrip('/')
         self._monitor = HealthMonitor(name)
         self.get_logger().info(preset_note(given) + summary(configuration, simulator.solver))
-        if isinstance(self._drive, FollowDrive) and simulator.guesses_zero:
+        if self._drive.given is Given.MEASUREMENT and simulator.guesses_zero:
             self.get_logger().warning(
                 f"joints.crank.zero is not given, so zero 0: {simulator.crank_joint}'s 0 is taken "
                 'as the direction of +x'
@@ -118,10 +118,11 @@ class LinkageNode(ParameterNode):
 
     def _make_ticker(self) -> Ticker:
         callbacks = self._simulator.ticks, self._tick, self._restamp, self._fail
-        if isinstance(self._drive, FollowDrive):
-            ((measured, _),) = self._inputs
+        if self._drive.given is Given.MEASUREMENT:
+            ((measured, crank),) = self._inputs
+            answer = functools.partial(self._answer, crank)
             return Ticker(
-                self._simulator.ticks, self._answer, self._restamp, self._fail, measured.receive
+                self._simulator.ticks, answer, self._restamp, self._fail, measured.receive
             )
         if not self.get_parameter('use_sim_time').value:
             return RealTimeTicker(*callbacks)
@@ -163,28 +164,23 @@ class LinkageNode(ParameterNode):
         """Computes and publishes the state of a tick; runs in the ticker's thread."""
         motion = self._motion or self._continue(self._simulator.begin(self._ticker.t0))
         motion = self._continue(motion.follow(stamp, self._drive))
-        if isinstance(motion, TorqueMotion):
-            for subscription, commands in self._inputs:
-                elapsed = stamp - self._ticker.t0
-                motion.command(stamp, commands.torque(elapsed, subscription.take()))
-        elif isinstance(motion, LawMotion):
-            for subscription, laws in self._inputs:
-                motion = self._continue(laws.continued(motion, stamp, subscription.take()))
-        if not isinstance(motion, TorqueMotion):
-            motion = self._continue(motion.under(stamp, self._gravity))
+        for subscription, source in self._inputs:
+            elapsed, received = stamp - self._ticker.t0, subscription.take()
+            motion = self._continue(source.applied(motion, stamp, elapsed, received))
+        motion = self._continue(motion.under(stamp, self._gravity))
         lead = self._simulator.lead
         ahead = None if lead is None else motion.at(stamp + lead)
         coordinates = motion.at(stamp)
         self._continue(motion)  # the description may change here
         self._publish_state(stamp, coordinates, ahead)
-        if self._trajectory and not isinstance(motion, TorqueMotion):
+        if self._trajectory:
             message = self._trajectory.message_at(motion, stamp)
             if message is not None:
                 self._publish(self._trajectory.topic, message)
 
-    def _answer(self, stamp: int, coordinates: Coordinates) -> None:
+    def _answer(self, crank: MeasuredCrank, stamp: int, coordinates: Coordinates) -> None:
         """Publishes the state of a measurement; runs in the ticker's thread."""
-        ahead, gravity = self._simulator.later(coordinates), self._gravity
+        ahead, gravity = crank.later(coordinates), self._gravity
         if gravity is not None and gravity != getattr(self._segment, 'gravity', None):
             self._segment = FollowSegment(stamp, gravity)
             self._outputs.log_segment(self._segment)

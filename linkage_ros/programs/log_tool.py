@@ -17,9 +17,7 @@ from linkage_ros.log.recover import Recovered, recover
 from linkage_ros.log.tables import write_csv
 from linkage_ros.log.verify import Verification, verify
 from linkage_ros.mechanism.solver import Solver
-from linkage_ros.motion.along_law import LawMotion
-from linkage_ros.motion.at_speed import SpeedMotion
-from linkage_ros.motion.segments import FollowSegment, LawSegment, Segment, TorqueSegment
+from linkage_ros.motion.segments import Segment
 from linkage_ros.settings.parameters import parameter_leaves
 from linkage_ros.settings.summary import notes, summary
 from linkage_ros.units import NS_PER_S
@@ -69,27 +67,7 @@ def info(log: LogReader) -> Iterator[str]:
 def _motion(segment: Segment) -> str:
     gravity = getattr(segment, 'gravity', None)
     under = f', gravity {list(gravity)} m/s^2' if gravity else ''
-    return f'{_crank(segment)}{under}'
-
-
-def _crank(segment: Segment) -> str:
-    if isinstance(segment, FollowSegment):
-        return 'measured'
-    if isinstance(segment, TorqueSegment):
-        words = f'motor torque {segment.torque:g} N m'
-        if segment.description:
-            coordinates, assembly = segment.description
-            words += f', described by {" and ".join(coordinates)}, {assembly}'
-        return words
-    if isinstance(segment, LawSegment):
-        (_, (speed,), _, angle, _), words = (
-            LawMotion(segment).at(segment.stamp),
-            segment.law.words,
-        )
-        return f'from {angle:.6f} rad, {speed:.6f} rad/s along {words}'
-    _, (speed,), _, angle, _ = SpeedMotion(segment).at(segment.stamp)
-    ramp = f' at {segment.acceleration:g} rad/s^2' if segment.acceleration else ''
-    return f'from {angle:.6f} rad, {speed:.6f} rad/s to {segment.rpm:g} rpm{ramp}'
+    return f'{segment.words()}{under}'
 
 
 def _time(stamp: int) -> str:

@@ -12,7 +12,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from fractions import Fraction
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -23,14 +23,12 @@ from linkage_ros.log.bag import Bag, BagMessage, topic_of
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.messages.topics import MEASURED_JOINT_STATES, ROBOT_DESCRIPTION, qualified
-from linkage_ros.motion.along_law import LawMotion
-from linkage_ros.motion.at_speed import SpeedMotion
-from linkage_ros.motion.drives import FollowDrive
+from linkage_ros.motion.drives.base import Given
+from linkage_ros.motion.drives.follow import MeasuredCrank
+from linkage_ros.motion.segments import Motion
 from linkage_ros.motion.steps import record_steps
-from linkage_ros.motion.under_torque import Motion
 from linkage_ros.numeric import Real
 from linkage_ros.quantities import Quantity, leaves
-from linkage_ros.run.measured_crank import MeasuredCrank
 from linkage_ros.run.states import Simulator
 from linkage_ros.settings.configuration import (
     Configuration,
@@ -167,13 +165,13 @@ def record_measured(
             or incomplete, or the log cannot be written. The log contains the states before the
             damage.
     """
-    if not isinstance(configuration.drive, FollowDrive):
+    if configuration.drive.given is not Given.MEASUREMENT:
         raise ConfigurationError('--measured needs drive: follow: the bag has the crank angles')
     simulator, source = Simulator(configuration), Bag(bag)
     if any(is_same_file(str(path), str(file)) for file in source.files):
         raise LogError(f'{path} is the bag itself: choose another name')
-    crank, name = MeasuredCrank(simulator), topic_of(source, simulator.crank_joint, topic)
-    states = 0
+    crank = cast('MeasuredCrank', simulator.inputs()[MEASURED_JOINT_STATES])
+    name, states = topic_of(source, simulator.crank_joint, topic), 0
     with (
         LogWriter(path, configuration, overwrite=overwrite) as log,
         cli.progress_bar(total=source.size, wanted=progress, unit='B', unit_scale=True) as bar,
@@ -187,7 +185,8 @@ def record_measured(
                 if simulator.description and not log.mcap.statistics.message_count:
                     log.write(description, batch[0][1], simulator.description)
                 log.write_messages((number, time, data) for _, time, data in batch)
-                times, stamps, numbers = crank.answers((time, data) for _, time, data in batch)
+                messages = [(time, data) for _, time, data in batch]
+                times, stamps, numbers = crank.answers(messages, simulator.numbers)
                 if stamps:
                     log.write_states(times, stamps, numbers)
                 states += len(stamps)
@@ -290,12 +289,10 @@ def count_states(
         end = math.ceil(Fraction(repr(float(duration))) * NS_PER_S)
     else:
         _REVOLUTIONS.clean('revolutions', revolutions)
-        if isinstance(motion, LawMotion):
-            motion.require_turns(revolutions)
-        if not isinstance(motion, SpeedMotion):
+        if (turned := motion.time_to_turn(revolutions)) is None:
             return None
-        end = motion.time_to_turn(revolutions) or 0
-        if not 0 < end <= _LONGEST * NS_PER_S:
+        end = turned
+        if end > _LONGEST * NS_PER_S:
             raise ConfigurationError(
                 f'the crank does not make {revolutions} revolutions within {_LONGEST:g} s: '
                 'give a --duration, fewer revolutions, or a higher rpm'

@@ -14,25 +14,22 @@ from typing import Any, cast
 
 import numpy as np
 
-from linkage_ros.errors import ConfigurationError, LinkageError
+from linkage_ros.errors import LinkageError
 from linkage_ros.mechanism.kinematics import State
 from linkage_ros.mechanism.ranges import Ranges
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.messages.cdr import encode_string
 from linkage_ros.messages.joints import link_rows, own_joints
 from linkage_ros.messages.templates import StateTemplates
+from linkage_ros.messages.topics import Topic
 from linkage_ros.messages.urdf import make_urdf
-from linkage_ros.motion.along_law import LawMotion
-from linkage_ros.motion.at_speed import SpeedMotion
-from linkage_ros.motion.drives import LawDrive, SpeedDrive, TorqueDrive
-from linkage_ros.motion.measured import ahead as later
-from linkage_ros.motion.segments import Coordinates, Gravity
+from linkage_ros.motion.drives.base import Input, Machine
+from linkage_ros.motion.drives.feed_forward import FeedForward
+from linkage_ros.motion.segments import Coordinates, Gravity, Motion
 from linkage_ros.motion.steps import Integrate, live_steps
-from linkage_ros.motion.under_torque import Motion, TorqueMotion
 from linkage_ros.numeric import Array, Real
 from linkage_ros.run.ticks import TickRate
 from linkage_ros.settings.configuration import Configuration
-from linkage_ros.settings.feed_forward import FeedForward
 from linkage_ros.units import NS_PER_S
 
 
@@ -48,6 +45,7 @@ class Simulator:
         crank_joint: Name of the crank in measurements, commands and trajectories.
         templates: Templates of the messages of a state.
         ticks: Times of the ticks.
+        machine: The mechanism, for its drive.
         lead: Time by which the feed-forward torque is ahead of the stamp, ns; None without
             feed-forward.
         description: CDR bytes of the robot_description message; None if it is not published.
@@ -73,6 +71,9 @@ class Simulator:
             effort_topic, self.lead = drive.effort_command_topic, round(drive.lead_time * NS_PER_S)
         self.templates = StateTemplates(self.solver.structure, joints, frame_id, effort_topic)
         self.ticks = TickRate(session.rate_hz)
+        self.machine = Machine(
+            self.solver, self.ticks.elapsed(1), self.crank_joint, joints[0], self.lead
+        )
         self._other: tuple[Gravity, Simulator] | None = None  # the last result of `under`
 
     @property
@@ -111,40 +112,22 @@ class Simulator:
         Raises:
             ConfigurationError: The crank is measured, not simulated.
         """
-        drive = self.configuration.drive
-        if isinstance(drive, TorqueDrive):
-            return TorqueMotion(self.solver, drive, stamp, self.ticks.elapsed(1), integrate)
-        if isinstance(drive, SpeedDrive):
-            return SpeedMotion.begin(drive, stamp)
-        if isinstance(drive, LawDrive):
-            return LawMotion.begin(drive, stamp)
-        raise ConfigurationError(
-            'drive: follow needs a crank that is measured: run linkage_node, or give '
-            'linkage_record --measured BAG'
-        )
+        machine = replace(self.machine, integrate=integrate)
+        return self.configuration.drive.begin(stamp, machine)
+
+    def inputs(self) -> dict[Topic, Input]:
+        """Returns the topics that a run receives, with new readers of their messages."""
+        return self.configuration.drive.inputs(self.machine)
 
     def prepare_live(self) -> None:
         """Compiles the programs, and rejects a motion that is too fast for a live run.
 
         Raises:
-            ConfigurationError: As for `TorqueMotion.require_live`, or commands would expire within
-                a tick.
+            ConfigurationError: See `Drive.rehearse`.
         """
-        drive = self.configuration.drive
-        if isinstance(drive, TorqueDrive):
-            tick = self.ticks.elapsed(1)
-            if round(drive.command_timeout * NS_PER_S) < tick:
-                raise ConfigurationError(
-                    f'command_timeout = {drive.command_timeout} s: must be at least a tick, '
-                    f'{tick / NS_PER_S} s, because a command acts for whole ticks; raise '
-                    'command_timeout or rate_hz'
-                )
-            motion = TorqueMotion(self.solver, drive, 0, tick)
-            motion.require_live()
+        for found in self.configuration.drive.rehearse(self.machine):
             with suppress(LinkageError):  # the run will report this error
-                found = motion.at(NS_PER_S)
                 self.templates.numbers(self.state(found), found.unwrapped)
-                motion.rehearse()
 
     def state(self, coordinates: Coordinates, *, by_math: bool = False) -> State:
         """Computes the state at given coordinates.
@@ -184,10 +167,6 @@ class Simulator:
         state = self.state(coordinates, by_math=True)
         later = None if ahead is None else self.state(ahead, by_math=True)
         return self.templates.numbers(state, coordinates.unwrapped, later, by_math=True)
-
-    def later(self, coordinates: Coordinates) -> Coordinates | None:
-        """Extrapolates a measured motion by `lead`; returns None without feed-forward."""
-        return None if self.lead is None else later(coordinates, self.lead / NS_PER_S)
 
     def ahead(self, motion: Motion, stamps: Sequence[int]) -> Coordinates | None:
         """Returns the coordinates `lead` after the stamps; None without feed-forward."""

@@ -10,10 +10,9 @@ from linkage_ros.messages.templates import crank_trajectory
 from linkage_ros.messages.topics import (
     TRAJECTORY_COMMANDS,
 )
-from linkage_ros.motion.along_law import LawMotion
-from linkage_ros.motion.at_speed import SpeedMotion
+from linkage_ros.motion.drives.feed_forward import TrajectoryFeedForward
+from linkage_ros.motion.segments import Motion
 from linkage_ros.run.states import Simulator
-from linkage_ros.settings.feed_forward import TrajectoryFeedForward
 from linkage_ros.units import NS_PER_MS, NS_PER_S
 
 # Time between points, ns; short, because the controller interpolates the effort linearly.
@@ -43,11 +42,11 @@ class TrajectoryAhead:
         self._joint = simulator.robot_joints[0]
         self._simulator, self._solver = simulator, simulator.solver
         self._horizon = round(drive.trajectory_horizon * NS_PER_S)
-        self._motion: SpeedMotion | LawMotion | None = None
+        self._motion: Motion | None = None
         self._points: deque[tuple[int, tuple[float, ...]]] = deque()
         self._next = self._due = 0
 
-    def message_at(self, motion: SpeedMotion | LawMotion, stamp: int) -> bytes | None:
+    def message_at(self, motion: Motion, stamp: int) -> bytes | None:
         """Returns the trajectory to send at a stamp, if one is due.
 
         Args:
@@ -61,7 +60,7 @@ class TrajectoryAhead:
         if motion is not self._motion or stamp >= self._next:
             self._points.clear()
             self._motion, self._next, self._due = motion, stamp, stamp
-            self._solver = self._simulator.under(motion.segment.gravity).solver
+            self._solver = self._simulator.under(getattr(motion.segment, 'gravity', None)).solver
         with suppress(MotionError):  # a law may end within the horizon
             while self._next < stamp + self._horizon + _STEP:
                 (q,), (u,), (a,), unwrapped, _ = motion.at(self._next)

@@ -8,15 +8,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from linkage_ros.errors import ConfigurationError, Mistakes, UnreachableError, in_file
-from linkage_ros.mechanism.ranges import Ranges
+from linkage_ros.errors import ConfigurationError, Mistakes, in_file
 from linkage_ros.mechanism.registry import MECHANISMS
-from linkage_ros.mechanism.solver import Solver
 from linkage_ros.mechanism.structure import Mechanism
 from linkage_ros.messages.joints import RobotJoint
-from linkage_ros.motion.along_law import require_possible
-from linkage_ros.motion.drives import Drive, FollowDrive, LawDrive, SpeedDrive, TorqueDrive
-from linkage_ros.motion.under_torque import start
+from linkage_ros.motion.drives import DRIVES
+from linkage_ros.motion.drives.base import Drive, Given
 from linkage_ros.quantities import (
     build,
     flatten,
@@ -24,7 +21,6 @@ from linkage_ros.quantities import (
     shown,
     unknown_name,
 )
-from linkage_ros.settings.feed_forward import DRIVES
 from linkage_ros.settings.joints import (
     JointSettings,
     build_joints,
@@ -62,8 +58,8 @@ class Configuration:
     @property
     def robot_joints(self) -> tuple[RobotJoint, ...]:
         """The joint of each link in messages."""
-        links, is_measured = self.mechanism.structure().links, isinstance(self.drive, FollowDrive)
-        prefix = self.session.joint_prefix
+        links, prefix = self.mechanism.structure().links, self.session.joint_prefix
+        is_measured = self.drive.given is Given.MEASUREMENT
         return robot_joints(links, self.joints, prefix, is_measured=is_measured)
 
     def parameters(self) -> dict[str, object]:
@@ -116,30 +112,12 @@ def configure(values: Mapping[str, object]) -> Configuration:
         _require_harmless(drive)
     found = Configuration(kind, mechanism, drive, session, build_joints(given))
     session.require_names(mechanism, found.robot_joints)
-    if isinstance(drive, TorqueDrive) and '' in {joint.name for joint in found.robot_joints}:
+    if drive.given is Given.TORQUE and '' in {joint.name for joint in found.robot_joints}:
         raise ConfigurationError(
             "joints: a name is '', but with drive: torque each joint must be published, because a "
             'log of it could not be verified'
         )
-    if isinstance(drive, TorqueDrive):
-        try:
-            q, u, *_ = start(mechanism, drive)
-            Solver(mechanism).accelerations(q, u, drive.motor.at(u[0]))
-        except UnreachableError as error:
-            where = f'crank_angle = {drive.crank_angle} rad: ' if error.arcs else ''
-            raise ConfigurationError(f'{where}the motion cannot start: {error}') from error
-    elif isinstance(drive, SpeedDrive):
-        solver = Solver(mechanism)
-        solver.reach.require_full_turn(
-            '; drive: motion, torque or follow moves it within these angles'
-        )
-        Ranges(solver).require_valves(drive.reversals())
-    elif isinstance(drive, LawDrive):
-        solver = Solver(mechanism)
-        try:
-            require_possible(drive.motion.law, solver)
-        except ConfigurationError as error:
-            raise ConfigurationError(f'motion: {error}') from error
+    drive.check(mechanism)
     return found
 
 
@@ -151,7 +129,7 @@ def _require_harmless(drive: Drive) -> None:
     """
     names = 'effort_command_topic', 'trajectory_command_topic'
     risky = [f'{name} = {shown(topic)}' for name in names if (topic := getattr(drive, name, ''))]
-    if isinstance(drive, FollowDrive):
+    if drive.given is Given.MEASUREMENT:
         risky.append('drive = follow')
     if risky:
         raise ConfigurationError(
@@ -163,8 +141,7 @@ def _require_harmless(drive: Drive) -> None:
 
 def _not_a_parameter(name: str, kind: MechanismAndDrive, valid: Sequence[str]) -> str:
     """Returns the error message for an unknown parameter of a mechanism and drive."""
-    driven = {'torque': 'torque-driven {}', 'follow': 'measured {}', 'motion': '{} along a motion'}
-    owner = _with_article(driven.get(kind.drive, '{}').format(kind.mechanism))
+    owner = _with_article(DRIVES[kind.drive].subject.format(kind.mechanism))
     block = name.partition('.')[0]
     sought = name if any(known.startswith(f'{block}.') for known in valid) else block
     drives, mechanisms = (

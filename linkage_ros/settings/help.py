@@ -8,8 +8,8 @@ from dataclasses import MISSING, replace
 
 from linkage_ros.mechanism.loads import LOADS
 from linkage_ros.mechanism.registry import MECHANISMS
+from linkage_ros.motion.drives import DRIVES
 from linkage_ros.quantities import Leaf, leaves
-from linkage_ros.settings.feed_forward import DRIVES
 from linkage_ros.settings.parameters import MechanismAndDrive, parameter_leaves
 
 

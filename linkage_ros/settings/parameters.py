@@ -16,8 +16,9 @@ from linkage_ros.mechanism.structure import Mechanism
 from linkage_ros.messages.joints import RobotJoint, own_joints
 from linkage_ros.messages.templates import ROOT_FRAME
 from linkage_ros.messages.urdf import link_of
+from linkage_ros.motion.drives import DRIVES
+from linkage_ros.motion.drives.base import Given
 from linkage_ros.quantities import Checked, Leaf, build, leaves, quantity, shown
-from linkage_ros.settings.feed_forward import DRIVES
 from linkage_ros.settings.joints import joint_leaves
 from linkage_ros.settings.viewer import VIEWERS
 
@@ -142,11 +143,12 @@ def parameter_leaves(
     Raises:
         ConfigurationError: A load in the values has no valid kind.
     """
+    given = DRIVES[kind.drive].given
     classes = (MechanismAndDrive, MECHANISMS[kind.mechanism], DRIVES[kind.drive], Session)
-    unused = 'rate_hz' if kind.drive == 'follow' else ''  # measurements set the rate
+    unused = 'rate_hz' if given is Given.MEASUREMENT else ''  # measurements set the rate
     found = (leaf for cls in classes for leaf in leaves(cls, values=values))
     own = [leaf for leaf in found if leaf.name != unused]
     for i, (name, described, _) in enumerate(own):
         if name == 'gravity':  # an integrator keeps its model
-            own[i] = own[i]._replace(quantity=replace(described, live=kind.drive != 'torque'))
+            own[i] = own[i]._replace(quantity=replace(described, live=given is not Given.TORQUE))
     return (*own, *joint_leaves(MECHANISMS[kind.mechanism]))

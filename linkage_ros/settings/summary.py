@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.mechanism.travel import travel
-from linkage_ros.motion.drives import FollowDrive, LawDrive, TorqueDrive
+from linkage_ros.motion.drives.base import Given
 from linkage_ros.settings.configuration import Configuration
 from linkage_ros.settings.parameters import parameter_leaves
 
@@ -29,22 +29,10 @@ def summary(configuration: Configuration, solver: Solver) -> str:
         words.append(reach.grashof)
         if reach.turns_fully:
             words += travel(solver).words()
-    words.append(_drive(configuration))
+    drive = configuration.drive
+    rate = f' at {configuration.session.rate_hz:g} Hz'
+    words.append(drive.words() + ('' if drive.given is Given.MEASUREMENT else rate))
     return ', '.join(words)
-
-
-def _drive(configuration: Configuration) -> str:
-    drive, rate = configuration.drive, f' at {configuration.session.rate_hz:g} Hz'
-    if isinstance(drive, FollowDrive):
-        return f'follows a measured crank, filter of {drive.follow_bandwidth:g} Hz'
-    if isinstance(drive, TorqueDrive):
-        return f'{drive.motor}, from {drive.start_rpm:g} rpm{rate}'
-    if isinstance(drive, LawDrive):
-        return f'{drive.motion.law.words}{rate}'
-    if drive.start_rpm is None or not drive.crank_acceleration:
-        return f'{drive.rpm:g} rpm{rate}'
-    speeds = f'from {drive.start_rpm:g} to {drive.rpm:g} rpm'
-    return f'{speeds} with {drive.crank_acceleration:g} rad/s^2{rate}'
 
 
 def notes(configuration: Configuration) -> list[str]:

@@ -16,7 +16,7 @@ import pyarrow as pa
 import rerun as rr
 import rerun.blueprint as rrb
 
-from linkage_ros.motion.drives import FollowDrive, SpeedDrive, TorqueDrive
+from linkage_ros.motion.drives.base import Given
 from linkage_ros.numeric import Array
 from linkage_ros.palette import GREY, SECOND, color_of
 from linkage_ros.settings.configuration import Configuration
@@ -32,11 +32,6 @@ _LOADS = f'{LINKAGE}/loads'  # the values of the loads, at the free ends of thei
 VALUES, RATES, DIRECTIONS = 'values', 'rates', 'directions'
 
 _DRAWING_NS = 20_000_000  # 50 drawings a second of stamp time
-# Plotted at a given speed: turns, and shortest and longest duration, s. Rerun draws a curve where
-# the time axis was in the previous frame, so that a slow computer would show no curve of a time
-# shorter than that between two of its frames.
-_TURNS, _SHORTEST, _LONGEST = 5, 2.0, 60.0
-_STANDING_SECONDS, _DRIVEN_SECONDS = 10.0, 5.0  # plotted at standstill, and under a torque
 _WIDE = 2.2  # a linkage with this ratio of width to height is drawn above the plots
 _FRONT = 32.0  # drawing order of the pins, above all lines
 _THIN, _MEDIUM, _THICK, _PIN = -1.0, -2.0, -3.5, -5.0  # radii; negative: points on the screen
@@ -65,10 +60,7 @@ class Picture:
 
     def __init__(self, configuration: Configuration) -> None:
         mechanism, self._drive = configuration.mechanism, configuration.drive
-        reach, start = mechanism.reach(), self._drive.crank_angle
-        if isinstance(self._drive, FollowDrive) and reach and not reach.turns_fully:
-            start = 0.5 * sum(reach.arcs[0])
-        self.drawing = Drawing(mechanism, start)
+        self.drawing = Drawing(mechanism, self._drive.drawn_angle(mechanism.reach()))
         turning = self.drawing.turning
         sliders = self.drawing.joints[len(turning) :]
         # Links whose curves each entity holds.
@@ -183,7 +175,7 @@ class Picture:
         )
         first = [self._plot('Torque, N m', VALUES, 0), self._plot('Rates, rad/s', RATES)]
         second = [self._plot('Angles, deg', DIRECTIONS)]
-        if isinstance(self._drive, TorqueDrive):
+        if self._drive.given is Given.TORQUE:
             first.insert(0, self._plot('Crank speed, rad/s', RATES, 0))
         if len(self._curves[VALUES]) > 1:
             second = [self._plot('Slider, m', VALUES, 1), self._plot('Slider, m/s', VALUES, 2),
@@ -208,7 +200,7 @@ class Picture:
             aggregation_policy='MinMax',  # no averaging, to keep the peaks
         )
         last = rr.TimeRange(
-            start=rr.TimeRangeBoundary.cursor_relative(seconds=-self._plotted_seconds()),
+            start=rr.TimeRangeBoundary.cursor_relative(seconds=-self._drive.plotted_seconds),
             end=rr.TimeRangeBoundary.cursor_relative(),
         )
         return rrb.TimeSeriesView(
@@ -220,12 +212,6 @@ class Picture:
             axis_x=rrb.archetypes.TimeAxis(view_range=last),
             plot_legend=rrb.PlotLegend(corner='LeftTop', visible=shown is None),
         )
-
-    def _plotted_seconds(self) -> float:
-        if not isinstance(self._drive, SpeedDrive):
-            return _DRIVEN_SECONDS
-        rpm = abs(self._drive.rpm)
-        return float(np.clip(_TURNS * 60 / rpm, _SHORTEST, _LONGEST)) if rpm else _STANDING_SECONDS
 
 
 def _points(places: list[Array] | None, names: Collection[str], pins: int) -> rr.Points2D:

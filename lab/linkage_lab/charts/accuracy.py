@@ -281,7 +281,7 @@ def _measure_follow(*, quick: bool) -> tuple[list[dict[str, Any]], str]:
         speeds = (pace * np.rint(u / pace)).tolist() if velocity else [None] * len(ticks)
         measured = list(zip(ticks, angles, speeds, strict=True))
         for bandwidth in bandwidths:
-            motion = FollowMotion(FollowDrive(bandwidth), solver.reach.period_turns)
+            motion = FollowMotion(bandwidth, solver.reach.period_turns)
             found = [motion.at(n * _PERIOD, *one)[:3] for n, *one in measured]
             followed = torque(*np.transpose(found)[0])
             points.append({

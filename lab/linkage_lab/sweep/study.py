@@ -138,7 +138,7 @@ def _way(settings: Settings, drive: Any) -> Way | None:
     law = drive.motion.law
     ends = [law.at(time).angle for time in law.extremes(math.inf, -math.inf)]
     stamps = [(law.duration - 1) * i // (count - 1) for i in range(count)]
-    found = LawMotion.begin(drive, 0).at_all(stamps)
+    found = LawMotion.begin(law, 0).at_all(stamps)
     return Way(min(ends), max(ends), found.unwrapped, found.u[0], found.a[0])
 
 

@@ -1,148 +1,28 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Drives of a mechanism: a crank speed, a torque, a measured crank, or a law of motion.
-
-The fields of each class are the parameters of the drive.
-"""
+"""A crank that follows a law of motion."""
 
 import functools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 from fractions import Fraction
 from itertools import pairwise
-from typing import Any, TypeAlias, cast
+from typing import Any, cast
 
 from linkage_ros.columns import read_columns
 from linkage_ros.errors import ConfigurationError
+from linkage_ros.mechanism.solver import Solver
+from linkage_ros.mechanism.structure import Mechanism
+from linkage_ros.messages.topics import CRANK_TRAJECTORY, Topic
+from linkage_ros.motion.along_law import LawMotion, LawSegment, require_possible
+from linkage_ros.motion.drives.base import Drive, Given, Input, Machine
+from linkage_ros.motion.drives.crank_trajectories import CrankTrajectories
+from linkage_ros.motion.drives.feed_forward import TrajectoryFeedForward
 from linkage_ros.motion.law import Law, Sine
 from linkage_ros.motion.spline import interpolated
-from linkage_ros.numeric import Real
 from linkage_ros.quantities import Checked, quantity, shown
 from linkage_ros.units import NS_PER_S
-
-
-@dataclass(frozen=True)
-class SpeedDrive(Checked):
-    """A drive that turns the crank at a set speed.
-
-    Attributes:
-        rpm: Set crank speed, turns per minute, positive counter-clockwise.
-        start_rpm: Speed at t = 0, turns per minute; None to start at `rpm`.
-        crank_acceleration: Acceleration at which the speed approaches `rpm`, rad/s^2; 0 for an
-            immediate change.
-        crank_angle: Crank angle at t = 0, rad.
-    """
-
-    rpm: float = quantity(
-        'number', 'crank speed, counter-clockwise positive', 'rpm', span=(-1e6, 1e6), live=True
-    )
-    start_rpm: float | None = quantity(
-        'number',
-        'crank speed at t = 0, which then approaches rpm',
-        'rpm',
-        span=(-1e6, 1e6),
-        default=None,
-    )
-    crank_acceleration: float = quantity(
-        'number', 'acceleration at which the speed approaches rpm; 0: immediately', 'rad/s^2',
-        span=(0.0, 1e9), default=0.0,
-    )  # fmt: skip
-    crank_angle: float = quantity(
-        'number', 'crank angle at t = 0', 'rad', span=(-1e6, 1e6), default=0.0
-    )
-
-    @property
-    def initial_rpm(self) -> float:
-        """The speed at t = 0, turns per minute."""
-        return self.rpm if self.start_rpm is None else self.start_rpm
-
-    def reversals(self) -> list[float]:
-        """Returns the crank angle at which the crank reverses before it reaches `rpm`, rad."""
-        if not self.crank_acceleration or not self.initial_rpm * self.rpm < 0:
-            return []
-        speed = self.initial_rpm * math.tau / 60
-        return [self.crank_angle + 0.5 * speed * abs(speed) / self.crank_acceleration]
-
-
-@dataclass(frozen=True)
-class Motor(Checked):
-    """A motor whose torque decreases linearly with the crank speed.
-
-    Attributes:
-        torque: Torque at rest, N m, positive counter-clockwise.
-        damping: Decrease in torque per unit of crank speed, N m s.
-    """
-
-    torque: float = quantity(
-        'number', 'motor torque at rest, counter-clockwise positive', 'N m', span=(-1e12, 1e12),
-        live=True, default=0.0,
-    )  # fmt: skip
-    damping: float = quantity(
-        'number',
-        'decrease of motor torque per crank speed',
-        'N m s',
-        span=(0.0, 1e12),
-        default=0.0,
-    )
-
-    def __str__(self) -> str:
-        lost = f' - {self.damping:g} N m s x speed' if self.damping else ''
-        return f'motor {self.torque:g} N m{lost}'
-
-    def at(self, speed: Real) -> Real:
-        """Returns the torque, N m, at a crank speed or an array of crank speeds, rad/s."""
-        return self.torque - self.damping * speed
-
-
-@dataclass(frozen=True)
-class TorqueDrive(Checked):
-    """A drive that applies a torque to the crank.
-
-    Attributes:
-        motor: The motor; commanded torques are added to its torque.
-        start_rpm: Crank speed at t = 0, turns per minute.
-        crank_angle: Crank angle at t = 0, rad.
-        torque_limit: Magnitude to which commanded torques are clipped, N m.
-        command_timeout: Time for which a command acts, s; a live run refuses less than a tick.
-    """
-
-    motor: Motor = field(default_factory=Motor)
-    start_rpm: float = quantity(
-        'number', 'crank speed at t = 0', 'rpm', span=(-1e6, 1e6), default=0.0
-    )
-    crank_angle: float = quantity(
-        'number', 'crank angle at t = 0', 'rad', span=(-1e6, 1e6), default=0.0
-    )
-    torque_limit: float = quantity(
-        'number', 'largest torque of a command; larger ones are limited to it',
-        'N m', span=(0.0, 1e12), default=1e12,
-    )  # fmt: skip
-    command_timeout: float = quantity(
-        'number', 'time for which a command acts; refused if shorter than a tick',
-        's', span=(1e-3, 1e9), default=0.1,
-    )  # fmt: skip
-
-
-@dataclass(frozen=True)
-class FollowDrive(Checked):
-    """A measured crank that the other links follow.
-
-    Attributes:
-        follow_bandwidth: Bandwidth of the filter that estimates rates and accelerations, Hz; 0 to
-            set both to 0.
-    """
-
-    follow_bandwidth: float = quantity(
-        'number', 'bandwidth of the filter for rates and accelerations; 0 sets them to 0',
-        'Hz', span=(0.0, 1e4), default=20.0,
-    )  # fmt: skip
-
-    @property
-    def crank_angle(self) -> float:
-        """The crank angle before the first measurement, rad."""
-        return 0.0
-
 
 _ANGLES, _SPEEDS, _ACCELERATIONS = (-1e6, 1e6), (-1e9, 1e9), (-1e12, 1e12)
 _LISTS = 'times', 'angles', 'speeds', 'accelerations'
@@ -324,19 +204,46 @@ def _check_columns(names: Sequence[str]) -> None:
 
 
 @dataclass(frozen=True)
-class LawDrive(Checked):
+class _Law(Checked):
+    """Parameters of a crank that follows a law; see `LawDrive`."""
+
+    motion: Prescribed
+
+
+@dataclass(frozen=True)
+class LawDrive(TrajectoryFeedForward, _Law, Drive):
     """A crank that follows a law of motion.
 
     Attributes:
         motion: The law.
     """
 
-    motion: Prescribed
+    given, segment, subject = Given.MOTION, LawSegment, '{} along a motion'
 
     @property
     def crank_angle(self) -> float:
         """The crank angle at t = 0, rad."""
         return self.motion.law.at(0).angle
 
+    def words(self) -> str:
+        """Describes the law."""
+        return self.motion.law.words
 
-Drive: TypeAlias = SpeedDrive | TorqueDrive | FollowDrive | LawDrive
+    def check(self, mechanism: Mechanism) -> None:
+        """Checks that the crank can follow the law.
+
+        Raises:
+            ConfigurationError: It cannot.
+        """
+        try:
+            require_possible(self.motion.law, Solver(mechanism))
+        except ConfigurationError as error:
+            raise ConfigurationError(f'motion: {error}') from error
+
+    def begin(self, stamp: int, machine: Machine) -> LawMotion:  # noqa: ARG002
+        """Starts the motion; see `Drive.begin`."""
+        return LawMotion.begin(self.motion.law, stamp)
+
+    def inputs(self, machine: Machine) -> dict[Topic, Input]:
+        """Receives trajectories; see `Drive.inputs`."""
+        return {CRANK_TRAJECTORY: CrankTrajectories(machine, self.begin(0, machine))}

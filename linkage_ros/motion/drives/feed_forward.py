@@ -1,10 +1,9 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Parameters of the torque for a controller, and the drives that may have them."""
+"""Parameters of the torque for a controller."""
 
 from dataclasses import dataclass
 
-from linkage_ros.motion.drives import Drive, FollowDrive, LawDrive, SpeedDrive, TorqueDrive
 from linkage_ros.quantities import Checked, quantity
 
 _NAME = '[A-Za-z_][A-Za-z0-9_]*'
@@ -47,26 +46,3 @@ class TrajectoryFeedForward(FeedForward):
         'number', 'duration of that motion; a new message follows after half this time', 's',
         span=(0.01, 10.0), default=0.5,
     )  # fmt: skip
-
-
-@dataclass(frozen=True)
-class SpeedFeedForward(TrajectoryFeedForward, SpeedDrive):
-    """A speed-driven crank, with feed-forward torque and trajectory."""
-
-
-@dataclass(frozen=True)
-class LawFeedForward(TrajectoryFeedForward, LawDrive):
-    """A crank that follows a law, with feed-forward torque and trajectory."""
-
-
-@dataclass(frozen=True)
-class FollowFeedForward(FeedForward, FollowDrive):
-    """A measured crank, with feed-forward torque."""
-
-
-DRIVES: dict[str, type[Drive]] = {
-    'speed': SpeedFeedForward,
-    'torque': TorqueDrive,
-    'follow': FollowFeedForward,
-    'motion': LawFeedForward,
-}

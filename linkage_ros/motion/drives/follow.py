@@ -1,21 +1,29 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Measurements of the crank, and the states at them."""
+"""A measured crank."""
 
 import math
 import time
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
-from typing import cast
+from dataclasses import dataclass
+from typing import NoReturn, TypeAlias
 
-from linkage_ros.errors import LinkageError
+from linkage_ros.errors import ConfigurationError, LinkageError
+from linkage_ros.mechanism.kinematics import Reach
 from linkage_ros.messages.cdr import JointReader
-from linkage_ros.motion.drives import FollowDrive
-from linkage_ros.motion.measured import FollowMotion
+from linkage_ros.messages.topics import MEASURED_JOINT_STATES, Topic
+from linkage_ros.motion.drives.base import Drive, Given, Input, Machine
+from linkage_ros.motion.drives.feed_forward import FeedForward
+from linkage_ros.motion.measured import FollowMotion, FollowSegment, extrapolated
 from linkage_ros.motion.segments import Coordinates, stacked
 from linkage_ros.numeric import Real
-from linkage_ros.run.states import Simulator
+from linkage_ros.quantities import Checked, quantity
+from linkage_ros.units import NS_PER_S
+
+# Computes the numbers in messages from coordinates, and those for the feed-forward torque.
+Numbers: TypeAlias = Callable[[Coordinates, Coordinates | None], Sequence[Real]]
 
 _SILENCE = 2.0  # s without a measurement after which a warning is issued
 NO_CRANK, NO_JOINT_STATE, OUT_OF_REACH = (
@@ -23,26 +31,24 @@ NO_CRANK, NO_JOINT_STATE, OUT_OF_REACH = (
 )  # fmt: skip
 
 
-class MeasuredCrank:
+class MeasuredCrank(Input):
     """Reads measurements of the crank, in order of arrival.
 
     Attributes:
         rejected: Number of rejected messages, by cause.
     """
 
-    def __init__(self, simulator: Simulator) -> None:
+    def __init__(self, machine: Machine, bandwidth: float) -> None:
         """Initializes without a measurement.
 
         Args:
-            simulator: Simulator of a configuration with `drive: follow`.
+            machine: The mechanism.
+            bandwidth: Bandwidth of the filter, Hz; see `FollowDrive`.
         """
-        self._simulator, self._joint = simulator, JointReader(simulator.crank_joint)
-        self._robot_joint = simulator.robot_joints[0]
-        drive, reach = cast('FollowDrive', simulator.configuration.drive), simulator.solver.reach
-        self._motion, self._is_limited = (
-            FollowMotion(drive, reach.period_turns),
-            not reach.turns_fully,
-        )
+        self._machine, self._joint = machine, JointReader(machine.crank)
+        reach = machine.solver.reach
+        self._motion = FollowMotion(bandwidth, reach.period_turns)
+        self._is_limited = not reach.turns_fully
         self.rejected: Counter[str] = Counter()
         self._last = -math.inf  # time of the last accepted measurement, s
 
@@ -66,12 +72,13 @@ class MeasuredCrank:
         return found
 
     def answers(
-        self, messages: Iterable[tuple[int, bytes]]
+        self, messages: Iterable[tuple[int, bytes]], numbers: Numbers
     ) -> tuple[list[int], list[int], Sequence[Real]]:
         """Answers many messages, with the same results as `read`.
 
         Args:
             messages: Time of receipt, ns, and CDR bytes of each JointState.
+            numbers: Computes the numbers in messages, given a result of `stacked`.
 
         Returns:
             The time of receipt of each accepted message, ns, the stamp of its state, ns, and the
@@ -85,17 +92,17 @@ class MeasuredCrank:
                 continue
             heard.append((received, stamp, found))
         try:
-            return self._answers(heard)
+            return self._answers(heard, numbers)
         except LinkageError:  # of at least one state
-            return self._answers([one for one in heard if self._has_states(one[-1])])
+            return self._answers([x for x in heard if self._has_states(x[-1])], numbers)
 
     def _answers(
-        self, heard: Sequence[tuple[int, int, Coordinates]]
+        self, heard: Sequence[tuple[int, int, Coordinates]], numbers: Numbers
     ) -> tuple[list[int], list[int], Sequence[Real]]:
         if not heard:
             return [], [], ()
         times, stamps, found = zip(*heard, strict=True)
-        return [*times], [*stamps], self._simulator.numbers(*self.stacked(found))
+        return [*times], [*stamps], numbers(*self.stacked(found))
 
     def _has_states(self, found: Coordinates) -> bool:
         """Returns whether a measurement has states; if not, it is counted as rejected."""
@@ -113,8 +120,13 @@ class MeasuredCrank:
         Returns:
             The coordinates as arrays, and those for the feed-forward torque or None.
         """
-        later = [x for one in found if (x := self._simulator.later(one))]
+        later = [x for one in found if (x := self.later(one))]
         return stacked(found), stacked(later) if later else None
+
+    def later(self, coordinates: Coordinates) -> Coordinates | None:
+        """Extrapolates a measurement by `Machine.lead`; returns None without feed-forward."""
+        lead = self._machine.lead
+        return None if lead is None else extrapolated(coordinates, lead / NS_PER_S)
 
     def _measure(self, data: bytes, received: int) -> tuple[int, Coordinates]:
         """Reads the coordinates of the crank; see `read`.
@@ -124,7 +136,7 @@ class MeasuredCrank:
         """
         try:
             stamp, value, velocity = self._decode(data)
-            position, joint = value, self._robot_joint
+            position, joint = value, self._machine.joint
             if joint.is_mapped:
                 position = joint.own(value)
                 velocity = velocity if velocity is None else velocity / joint.ratio
@@ -158,7 +170,7 @@ class MeasuredCrank:
             ValueError: The message is rejected and counted.
         """
         try:
-            for one in filter(None, (found, self._simulator.later(found))):
+            for one in filter(None, (found, self.later(found))):
                 self._require_state(one.q[0], one.u[0], one.a[0])
         except ValueError as error:
             self._reject(error)
@@ -166,7 +178,7 @@ class MeasuredCrank:
 
     def _require_state(self, *motion: Real) -> None:
         try:
-            self._simulator.solver.state(*motion)
+            self._machine.solver.state(*motion)
         except LinkageError as error:
             raise ValueError(f'{OUT_OF_REACH}: {error}') from error
 
@@ -177,7 +189,7 @@ class MeasuredCrank:
         """Returns a warning if no measurement has been accepted for 2 s."""
         if time.monotonic() < self._last + _SILENCE:
             return []
-        crank = self._simulator.crank_joint
+        crank = self._machine.crank
         return [f'no measurement of {crank} on {topic} in the last {_SILENCE:g} s']
 
     def diagnostics(self) -> dict[str, str]:
@@ -185,3 +197,53 @@ class MeasuredCrank:
         # Copy in one step, because the tick thread may add a count meanwhile.
         counts = list(self.rejected.items())
         return {f'rejected, {cause}': str(count) for cause, count in counts}
+
+
+@dataclass(frozen=True)
+class _Follow(Checked):
+    """Parameters of a measured crank; see `FollowDrive`."""
+
+    follow_bandwidth: float = quantity(
+        'number', 'bandwidth of the filter for rates and accelerations; 0 sets them to 0',
+        'Hz', span=(0.0, 1e4), default=20.0,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class FollowDrive(FeedForward, _Follow, Drive):
+    """A measured crank that the other links follow.
+
+    Attributes:
+        follow_bandwidth: Bandwidth of the filter that estimates rates and accelerations, Hz; 0 to
+            set both to 0.
+    """
+
+    given, segment, subject = Given.MEASUREMENT, FollowSegment, 'measured {}'
+
+    @property
+    def crank_angle(self) -> float:
+        """The crank angle before the first measurement, rad."""
+        return 0.0
+
+    def words(self) -> str:
+        """Describes the filter."""
+        return f'follows a measured crank, filter of {self.follow_bandwidth:g} Hz'
+
+    def begin(self, stamp: int, machine: Machine) -> NoReturn:  # noqa: ARG002
+        """Refuses to simulate a measured motion.
+
+        Raises:
+            ConfigurationError: Always.
+        """
+        raise ConfigurationError(
+            'drive: follow needs a crank that is measured: run linkage_node, or give '
+            'linkage_record --measured BAG'
+        )
+
+    def inputs(self, machine: Machine) -> dict[Topic, Input]:
+        """Receives measurements; see `Drive.inputs`."""
+        return {MEASURED_JOINT_STATES: MeasuredCrank(machine, self.follow_bandwidth)}
+
+    def drawn_angle(self, reach: Reach | None) -> float:
+        """Returns a crank angle that the mechanism can reach; see `Drive.drawn_angle`."""
+        return 0.5 * sum(reach.arcs[0]) if reach and not reach.turns_fully else self.crank_angle

@@ -1,0 +1,223 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""A torque on the crank, from a motor and from commands."""
+
+import math
+import time
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from typing import Any
+
+from linkage_ros.errors import ConfigurationError, LinkageError, UnreachableError
+from linkage_ros.mechanism.solver import Solver
+from linkage_ros.mechanism.structure import Mechanism
+from linkage_ros.messages.cdr import decode_joint_state
+from linkage_ros.messages.topics import JOINT_COMMANDS, Topic
+from linkage_ros.motion.drives.base import WINDOW, Drive, Given, Input, Machine
+from linkage_ros.motion.segments import Coordinates
+from linkage_ros.motion.under_torque import Motor, TorqueMotion, TorqueSegment
+from linkage_ros.numeric import within_two_turns
+from linkage_ros.quantities import quantity
+from linkage_ros.units import NS_PER_S, radians_per_second
+
+TAKEN, CUT, REJECTED, TIMEOUTS = (
+    'commands taken', 'commands cut to torque_limit', 'commands rejected', 'command timeouts'
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class TorqueDrive(Drive):
+    """A drive that applies a torque to the crank.
+
+    Attributes:
+        motor: The motor; commanded torques are added to its torque.
+        start_rpm: Crank speed at t = 0, turns per minute.
+        crank_angle: Crank angle at t = 0, rad.
+        torque_limit: Magnitude to which commanded torques are clipped, N m.
+        command_timeout: Time for which a command acts, s; a live run refuses less than a tick.
+    """
+
+    given, segment, subject = Given.TORQUE, TorqueSegment, 'torque-driven {}'
+
+    motor: Motor = field(default_factory=Motor)
+    start_rpm: float = quantity(
+        'number', 'crank speed at t = 0', 'rpm', span=(-1e6, 1e6), default=0.0
+    )
+    crank_angle: float = quantity(
+        'number', 'crank angle at t = 0', 'rad', span=(-1e6, 1e6), default=0.0
+    )
+    torque_limit: float = quantity(
+        'number', 'largest torque of a command; larger ones are limited to it',
+        'N m', span=(0.0, 1e12), default=1e12,
+    )  # fmt: skip
+    command_timeout: float = quantity(
+        'number', 'time for which a command acts; refused if shorter than a tick',
+        's', span=(1e-3, 1e9), default=0.1,
+    )  # fmt: skip
+
+    def words(self) -> str:
+        """Describes motor and initial speed."""
+        return f'{self.motor}, from {self.start_rpm:g} rpm'
+
+    def start(self, mechanism: Mechanism) -> Coordinates:
+        """Returns the coordinates at t = 0, with accelerations of 0."""
+        positions, rates = mechanism.start()
+        angle, _ = within_two_turns(self.crank_angle)
+        u = radians_per_second(self.start_rpm), *rates
+        return Coordinates((angle, *positions), u, (0.0,) * len(u), self.crank_angle)
+
+    def check(self, mechanism: Mechanism) -> None:
+        """Checks that the motion can start.
+
+        Raises:
+            ConfigurationError: It cannot.
+        """
+        try:
+            q, u, *_ = self.start(mechanism)
+            Solver(mechanism).accelerations(q, u, self.motor.at(u[0]))
+        except UnreachableError as error:
+            where = f'crank_angle = {self.crank_angle} rad: ' if error.arcs else ''
+            raise ConfigurationError(f'{where}the motion cannot start: {error}') from error
+
+    def begin(self, stamp: int, machine: Machine) -> TorqueMotion:
+        """Starts the motion; see `Drive.begin`."""
+        start = self.start(machine.solver.mechanism)
+        return TorqueMotion(
+            machine.solver, self.motor, start, stamp, machine.period, machine.integrate
+        )
+
+    def inputs(self, machine: Machine) -> dict[Topic, Input]:
+        """Receives commanded torques; see `Drive.inputs`."""
+        commands = TorqueCommands(
+            self.torque_limit, self.command_timeout, machine.crank, machine.joint.ratio
+        )
+        return {JOINT_COMMANDS: commands}
+
+    def rehearse(self, machine: Machine) -> Iterator[Coordinates]:
+        """Rejects a motion too fast for a live run; see `Drive.rehearse`.
+
+        Raises:
+            ConfigurationError: It is too fast, or commands would expire within a tick.
+        """
+        tick = machine.period
+        if round(self.command_timeout * NS_PER_S) < tick:
+            raise ConfigurationError(
+                f'command_timeout = {self.command_timeout} s: must be at least a tick, '
+                f'{tick / NS_PER_S} s, because a command acts for whole ticks; raise '
+                'command_timeout or rate_hz'
+            )
+        motion = self.begin(0, machine)
+        motion.require_live()
+        with suppress(LinkageError):  # the run will report this error
+            yield motion.at(NS_PER_S)
+            motion.rehearse()
+
+
+class TorqueCommands(Input):
+    """Stores the last valid command until it expires, and counts commands.
+
+    Attributes:
+        counts: Numbers of commands, by their names in diagnostics.
+    """
+
+    def __init__(self, limit: float, timeout: float, crank: str, ratio: float = 1.0) -> None:
+        """Initializes without an active command.
+
+        Args:
+            limit: Magnitude to which torques are clipped, N m.
+            timeout: Time for which a command acts, s.
+            crank: Name of the crank's joint.
+            ratio: Ratio of the joint; the crank's torque is its effort times the ratio.
+        """
+        self.counts = dict.fromkeys((TAKEN, CUT, REJECTED, TIMEOUTS), 0)
+        self._limit, self._crank, self._ratio = limit, crank, ratio
+        self._timeout = round(timeout * NS_PER_S)
+        self._torque, self._end = 0.0, math.inf  # active torque, N m, and when it expires, ns
+        self._is_active = False
+        self._timed_out_at = -math.inf
+
+    def read(self, data: bytes, _: int) -> float:
+        """Decodes a message.
+
+        Args:
+            data: CDR bytes of a JointState.
+
+        Returns:
+            See `commanded`.
+
+        Raises:
+            ValueError: The message is not a command for this crank.
+        """
+        try:
+            command = decode_joint_state(data)
+            return self.commanded(command.names, command.efforts)
+        except ValueError:
+            self.counts[REJECTED] += 1
+            raise
+
+    def commanded(self, names: Sequence[str], efforts: Sequence[float]) -> float:
+        """Checks a command.
+
+        Args:
+            names: Names of the joints.
+            efforts: Effort of each joint, N m; only the effort of the crank is used.
+
+        Returns:
+            The commanded torque within `torque_limit`, N m.
+
+        Raises:
+            ValueError: The message is not a command for this crank.
+        """
+        if len(efforts) != len(names):
+            raise ValueError(
+                f'{len(names)} names and {len(efforts)} efforts: must be one for each'
+            )
+        if list(names).count(self._crank) != 1:
+            shown = ascii(', '.join(names))[1:-1] or 'nothing'
+            raise ValueError(f'it names {shown:.80}: must name {self._crank} once')
+        torque = float(efforts[list(names).index(self._crank)]) * self._ratio
+        if not math.isfinite(torque):
+            raise ValueError(f'effort {torque}: must be a finite number, N m')
+        self.counts[TAKEN] += 1
+        self.counts[CUT] += abs(torque) > self._limit
+        return min(max(torque, -self._limit), self._limit)
+
+    def applied(
+        self, motion: Any, stamp: int, elapsed: int, received: Iterable[float]
+    ) -> TorqueMotion:
+        """Adds the commanded torque to a motion; see `Input.applied`."""
+        run: TorqueMotion = motion
+        run.command(stamp, self.torque(elapsed, received))
+        return run
+
+    def torque(self, now: int, received: Iterable[float]) -> float:
+        """Returns the torque from a tick until the next one.
+
+        A command acts from the tick that reads it until it expires.
+
+        Args:
+            now: Time from tick 0 to this tick, ns, which a step of the clock does not change.
+            received: Results of `read` since the last call.
+
+        Returns:
+            The torque, N m; 0 before the first command and after a timeout.
+        """
+        for torque in received:
+            self._torque, self._end, self._is_active = torque, now + self._timeout, True
+        if now >= self._end:
+            self.counts[TIMEOUTS] += self._is_active
+            self._torque, self._is_active, self._timed_out_at = 0.0, False, time.monotonic()
+        return self._torque
+
+    def troubles(self, topic: str) -> list[str]:  # noqa: ARG002, the signature of all
+        """Returns a warning if no command was active at some tick in the last 10 s."""
+        if time.monotonic() - self._timed_out_at >= WINDOW:
+            return []
+        alone = f'the motor alone drove the crank in the last {WINDOW} s'
+        return [f'no command within command_timeout: {alone}']
+
+    def diagnostics(self) -> dict[str, str]:
+        """Returns the active torque and the counts of commands, for diagnostics."""
+        counts = {name: str(count) for name, count in self.counts.items()}
+        return {'command, N m': f'{self._torque:.6g}', **counts}
