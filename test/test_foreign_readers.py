@@ -6,7 +6,6 @@ Each reader decodes with the definitions in the file. The expected values come f
 `solved_messages`. benchmarks/readers.py does the same with Foxglove's readers.
 """
 
-import ast
 import sys
 from pathlib import Path
 from typing import NamedTuple
@@ -28,6 +27,7 @@ from rosbags.interfaces import (
 )
 from solved_messages import TYPES, plain, solved_messages, time_of
 
+from linkage_ros import read_log
 from linkage_ros.log.reader import LogReader
 from linkage_ros.messages.topics import DIAGNOSTIC_ARRAY
 from linkage_ros.motion.at_speed import SpeedMotion
@@ -240,15 +240,9 @@ def test_metadata_example_prints_configuration_and_motion(log, capsys, monkeypat
     assert expected in motion
 
 
-def test_pandas_example_makes_a_column_per_joint_and_quantity(log, monkeypatch):
-    """Runs all lines except those with pandas, which need not be installed."""
-    monkeypatch.chdir(log.path.parent)
-    tree, names = ast.parse(block(DOCUMENT, 'pandas')), {}
-    lines = [line for line in tree.body if 'pandas' not in ast.unparse(line)]
-    assert len(lines) == len(tree.body) - 2
-    tree.body = lines
-    run_python(tree, 'mcap.md', names)
-    rows, states = log.messages['/mechanism_state'], names['states']
+def test_read_log_has_an_array_per_joint_and_quantity(log):
+    states = read_log(str(log.path))['/mechanism_state']
+    rows = log.messages['/mechanism_state']
     quantities = {'position': 'positions', 'velocity': 'velocities',
                   'acceleration': 'accelerations', 'effort': 'effort'}  # fmt: skip
     joints = Simulator(log.configuration).joints

@@ -68,14 +68,17 @@ def make_movies(app: Sphinx) -> None:
 
 
 def add_navigation(_: Sphinx, page: str, source: list[str]) -> None:
-    """Makes the navigation from the table of pages by task."""
+    """Makes the navigation from the tables of pages by task."""
     if page not in {'README', 'lab/README'}:
         return
-    links = re.findall(r'\]\(([\w/.-]+)\.md[)#]', source[0])
-    linked = list(dict.fromkeys(links))
+    for section in source[0].split('\n## ')[1:]:
+        rows = '\n'.join(row for row in section.splitlines() if row.startswith('|'))
+        links = dict.fromkeys(re.findall(r'\]\(([\w/.-]+)\.md\)', rows))
+        caption = section.partition('\n')[0]
+        lines = ['', '```{toctree}', ':hidden:', f':caption: {caption}', *links, '```', '']
+        source[0] += '\n'.join(lines) if links else ''
     if page == 'README':
-        linked += ['docs/site/movies', 'docs/site/api']
-    source[0] += '\n'.join(['', '```{toctree}', ':hidden:', *linked, '```', ''])
+        source[0] += '\n```{toctree}\n:hidden:\ndocs/site/movies\ndocs/site/api\n```\n'
 
 
 def hide_tuple_fields(_: Sphinx, __: str, ___: str, field: Any, *rest: Any) -> Any:

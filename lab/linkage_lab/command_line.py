@@ -123,7 +123,7 @@ def _parser() -> argparse.ArgumentParser:
              'study.yaml --scheduler tcp://192.168.0.2:8786'),
             (
                 (('study',), None,
-                 {'metavar': 'STUDY', 'help': 'study file; see lab/docs/sizing.md'}),
+                 {'metavar': 'STUDY', 'help': 'study file; see lab/docs/designs.md'}),
                 (('--workers',), Quantity('whole', 'number of worker processes', '', 1, 1024),
                  {'metavar': 'N', 'note': ' (default: one for each processor)'}),
                 (('--scheduler',), None,

@@ -285,10 +285,10 @@ def test_savings_equal_those_in_the_json(savings):
         assert found == pytest.approx(saving['error'], rel=1e-6, abs=1e-12), saving
 
 
-def test_sizing_quotes_the_figures(savings):
+def test_designs_quotes_the_figures(savings):
     errors = [of(savings, name)['error'] for name in ('gravity', 'inertia', 'coupler')]
     numbers = f'{handover(savings):.0f} rpm', *(f'by {error:.3g}' for error in errors)
-    assert all(number in ' '.join(read('lab/docs/sizing.md').split()) for number in numbers)
+    assert all(number in ' '.join(read('lab/docs/designs.md').split()) for number in numbers)
 
 
 # ---------------------------------------------------------------- flywheel and motor

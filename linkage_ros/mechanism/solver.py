@@ -73,11 +73,11 @@ class Solver:
     coordinate, q, u and a are floats or arrays; with more, sequences of floats or arrays. A tuple
     always holds one value per coordinate, even if there is only one. Arrays broadcast.
 
-    Methods that compute torques, accelerations or forces also take what acts from outside:
+    Methods that compute torques, accelerations or forces also accept:
 
-        frame: Direction of base_link, rad, its rate, rad/s, and its acceleration, rad/s^2, if it
-            turns about `pivot`. Gravity is then that at the direction 0. Empty if it is at rest.
-        forces: Force [x, y], N, in place of that of a load of kind force, by the load's name.
+    - `frame`: Direction of base_link, rad, its rate, rad/s, and its acceleration, rad/s^2, if it
+      turns about `pivot`. Gravity is then that at the direction 0. Empty if it is at rest.
+    - `forces`: Force [x, y], N, in place of that of a load of kind force, by the load's name.
 
     Attributes:
         mechanism: The mechanism.
