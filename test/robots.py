@@ -86,7 +86,7 @@ class Made(NamedTuple):
     gravity: np.ndarray
 
 
-def make_robot(values, random, cut='B', axes=None):
+def make_robot(values, random, cut='B', axes=None, hip=None):
     """Returns a URDF of a linkage.
 
     Args:
@@ -96,6 +96,8 @@ def make_robot(values, random, cut='B', axes=None):
         cut: Pin at which the tree is open: A, B or B0.
         axes: Axes of the linkage in all frames of the model, as columns; by default, all frames
             are turned at random.
+        hip: Kind of the joint on which the frame hangs, whose axis is normal to the plane; by
+            default, the frame is fixed.
     """
 
     def turn():
@@ -128,7 +130,7 @@ def make_robot(values, random, cut='B', axes=None):
     signs = {link: float(random.choice((-1, 1))) for link in links}
     parts = [
         '<link name="root"/><link name="hub"/><link name="frame"/>',
-        weld('root', 'hub', mount), weld('hub', 'frame', bracket),
+        weld('root', 'hub', mount), hung(hip, bracket, frame[:3, :3].T @ normal, random),
     ]  # fmt: skip
 
     def at(link, pin):
@@ -184,6 +186,14 @@ def joint(name, kind, parent, child, inside, axis=''):
         f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
         f'{origin(inside)}{axis}</joint>'
     )
+
+
+def hung(hip, inside, normal, random):
+    """Returns the joint of the frame: fixed, or about or against the normal."""
+    if not hip:
+        return weld('hub', 'frame', inside)
+    axis = f'<axis xyz="{numbers(float(random.choice((-1, 1))) * normal)}"/>'
+    return joint('hip', hip, 'hub', 'frame', inside, axis)
 
 
 def weld(parent, child, inside):
@@ -275,18 +285,23 @@ class Tree:
             found[child] = made, w2, v2, dw2, dv2
         return found
 
-    def power(self, q, u, a, gravity=(0.0, 0.0, -9.81)):
-        """Returns the power, W, that inertia and weight take from the drive, and its size."""
-        parts = []
-        for link, (made, w, v, dw, dv) in self.moving(q, u, a).items():
+    def power(self, q, u, a, gravity=(0.0, 0.0, -9.81), along=None):
+        """Returns the power, W, that inertia and weight take from the drive.
+
+        `along` are rates of the joints that replace the actual ones in the power alone, which is
+        then that of the joints that they move.
+        """
+        parts, virtual = [], self.moving(q, along or u)
+        for link, (made, w, _, dw, dv) in self.moving(q, u, a).items():
             if link not in self.inertials:
                 continue
             inside, mass, I = self.inertials[link]
             R = made[:3, :3]
             arm, I = R @ inside[:3, 3], R @ I @ R.T
-            speed = v + np.cross(w, arm)
+            _, spin, way, *_ = virtual[link]
+            speed = way + np.cross(spin, arm)
             change = dv + np.cross(dw, arm) + np.cross(w, np.cross(w, arm)) - gravity
-            parts += [mass * change @ speed, (I @ dw + np.cross(w, I @ w)) @ w]
+            parts += [mass * change @ speed, (I @ dw + np.cross(w, I @ w)) @ spin]
         return math.fsum(parts)
 
     def gap(self, q, close):

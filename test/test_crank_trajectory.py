@@ -200,7 +200,7 @@ def test_points_hold_the_exact_motion_and_torque_of_the_crank_alone(prefix, rate
         stamps = [start + nanoseconds(point.time_from_start) for point in message.points]
         assert stamps == list(range(start, stamp + 2 * HALF + NS_PER_MS, NS_PER_MS))
         for due, point in zip(stamps, message.points, strict=True):
-            (q,), (u,), (a,), unwrapped, _ = motion.at(due)
+            (q,), (u,), (a,), unwrapped, *_ = motion.at(due)
             row = point.positions, point.velocities, point.accelerations, point.effort
             torque = one.solver.state(q, u, a).torque
             assert [value for (value,) in row] == [unwrapped, u, a, torque]

@@ -76,6 +76,40 @@ def test_generated_robot_gives_its_linkage(seed, tmp_path):
     assert_same(found, values, made)
 
 
+@pytest.mark.parametrize('seed', range(20))
+def test_swinging_frame_has_the_torque_of_the_whole_robot(seed, tmp_path):
+    """A hip at 5 rad/s and 40 rad/s^2, against the equations of all links in the world."""
+    random = np.random.default_rng(seed)
+    values, own = random_values(random)
+    made = make_robot(values, random, hip=('continuous', 'revolute')[seed % 2])
+    robot, pose = read_robot(written(tmp_path, made)), pose_of(made, own)
+    swung = find_loop(robot, 'crank_motor', made.close, at={**pose, 'hip': 0.9}, world='root')
+    found = find_loop(robot, 'crank_motor', made.close, at=pose, world='root')
+    assert swung.values == found.values  # gravity is that of the joint's 0
+    assert not found.notes
+    turn = found.values['frame_joint.ratio']
+    mechanism = build(MECHANISMS[found.kind], found.values)
+    solver = Solver(mechanism, pivot=found.values['frame_joint.pivot'])
+    crank, hip, knee = found.joints['crank'], (0.7, 5.0, 40.0), (3.0, 7.0)
+    frame = tuple(turn * x for x in hip)
+    state = solver.state(crank.zero + pose[crank.name], *knee, frame=frame)
+    moved = [{'hip': x} for x in hip]
+    for link, joint in found.joints.items():
+        i = solver.links.index(link)
+        for order, (row, joints) in enumerate(zip(state[:3], moved, strict=True)):
+            base = 0.0 if joint.parent == 'frame' else row[solver.links.index(joint.parent)]
+            zero = joint.zero if order == 0 else 0.0
+            joints[joint.name] = float(joint.ratio * (row[i] - base - zero))
+    tree = Tree(made.text)
+    assert tree.gap(moved[0], made.close) < 1e-12
+    torque, at_rest = (
+        tree.power(q, u, a, along={**moved[1], 'hip': 0.0}) / knee[0]
+        for q, u, a in (moved, [{**row, 'hip': 0.0} for row in moved])
+    )
+    assert state.torque == pytest.approx(torque, abs=1e-11 * abs(torque))
+    assert abs(torque - at_rest) > 1e-3 * abs(torque)
+
+
 def assert_same(found, values, made):
     """Compares a found linkage with the given one, whose plane may be turned or mirrored."""
     x, y, normal = (made.plane.T @ axis for axis in found.axes[1:])
@@ -321,6 +355,13 @@ CYLINDER = LEG.replace('name="rod_joint" type="continuous"', 'name="rod_joint" t
 BALL = LEG.replace('name="rod_joint" type="continuous"', 'name="rod_joint" type="floating"')
 SHORT = LEG.replace('<origin xyz="0.06 0 0"/><axis', '<axis')
 FAR = LEG.replace('xyz="0 0.03 -0.3"', 'xyz="0 0.03 -3"')
+ACROSS = LEG.replace('<axis xyz="0 1 0"/><limit', '<axis xyz="1 0 0"/><limit', 1)
+LIFTED = LEG.replace('name="hip" type="revolute"', 'name="hip" type="prismatic"')
+WAIST = LEG.replace(
+    '<link name="base"/>',
+    """<link name="torso"/><link name="base"/><joint name="waist" type="continuous">
+  <parent link="torso"/><child link="base"/><axis xyz="0 1 0"/></joint>""",
+)
 MESH = MJCF.replace('type="cylinder" size="0.01 0.15"', 'type="mesh" mesh="rod"')
 OPEN_SDF = SDF.replace('<child>c</child>\n    <pose rot', '<child>d</child><pose rot')
 REFUSED = {
@@ -346,6 +387,12 @@ REFUSED = {
     'NaN as value': (LEG, (*CLOSE, '--at', 'knee=nan'), 'JOINT=VALUE'),
     'a pose out of reach': (FAR, CLOSE, 'cannot close'),
     'up without direction': (LEG, (*CLOSE, '--up', '0', '0', '0'), 'direction'),
+    'a world that is the frame': (LEG, (*CLOSE, '--world', 'thigh'), 'fixed to the frame'),
+    'a world beyond the loop': (LEG, (*CLOSE, '--world', 'foot'), 'the loop itself'),
+    'an unknown world': (LEG, (*CLOSE, '--world', 'earth'), 'no such link'),
+    'a hip across the plane': (ACROSS, (*CLOSE, '--world', 'base'), '1.5708 rad'),
+    'a hip that slides': (LIFTED, (*CLOSE, '--world', 'base'), 'revolute joint'),
+    'two joints above the frame': (WAIST, (*CLOSE, '--world', 'torso'), 'hip, waist'),
     'up as a word': (LEG, (*CLOSE, '--up', 'z', '0', '0'), 'finite number'),
     'a slanted axis': (TILTED, CLOSE, '0.001 rad'),
     'two parents': (TWO_PARENTS, CLOSE, 'two parent joints'),

@@ -170,7 +170,7 @@ def test_motion_and_torque_follow_the_formula(values):
         law, oracle = Reference(values), oracle_of(mechanism)
         found = []
         for time in moments(drive.motion.law):
-            (q,), (u,), (a,), unwrapped, _ = motion.at(NOW + time)
+            (q,), (u,), (a,), unwrapped, *_ = motion.at(NOW + time)
             angle, rate, acceleration = law.at(time)
             torque = oracle.solve(angle % (4 * mp.pi), rate, acceleration).torque
             assert abs(unwrapped - angle) <= 2.1e-16 * abs(angle) + 1e-14
@@ -204,7 +204,7 @@ def test_many_times_and_a_logged_segment_give_equal_bits(values):
     assert again.segment == motion.segment
     together = motion.at_all(stamps)
     for i, stamp in enumerate(stamps):
-        (q,), (u,), (a,), unwrapped, _ = one = motion.at(stamp)
+        (q,), (u,), (a,), unwrapped, *_ = one = motion.at(stamp)
         assert again.at(stamp) == one
         row = together.q[0][i], together.u[0][i], together.a[0][i], together.unwrapped[i]
         assert row == (q, u, a, unwrapped)

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Gravity that changes while the node runs, as for a linkage on a link of a robot that turns."""
 
+import cmath
 import math
 import time
 from dataclasses import replace
@@ -22,10 +23,11 @@ from linkage_ros.settings.configuration import load
 from linkage_ros.units import NS_PER_S
 
 TURNED = (-3.0, 5.0)  # m/s^2
+HIP = 0.3  # rad, direction of base_link with drive: follow
 DRIVES = {
     'speed': {'rpm': 90.0},
     'motion': {'motion.center': 0.3, 'motion.amplitude': 0.8, 'motion.frequency': 2.0},
-    'follow': {},
+    'follow': {'frame_joint.name': 'hip', 'frame_joint.ratio': 2.0},
 }
 
 
@@ -45,7 +47,7 @@ def test_each_change_is_logged_and_verified(drive, tmp_path):
 
         def measure():
             sent[0] += 1
-            message = JointState(name=['crank'], position=[0.01 * sent[0]])
+            message = JointState(name=['crank', 'hip'], position=[0.01 * sent[0], 2.0 * HIP])
             stamp = time.time_ns()
             message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, NS_PER_S)
             robot.publish(message)
@@ -72,8 +74,9 @@ def test_each_change_is_logged_and_verified(drive, tmp_path):
     assert [change.gravity for change in changes] == [TURNED, (7.0, 0.0)]
     assert verified(log).states >= len(heard)
     assert 'gravity [-3.0, 5.0] m/s^2' in '\n'.join(info(reader))
-    moved = [replace(links, gravity=change.gravity) for change in changes]
-    solvers = [Solver(one) for one in (links, *moved)]
+    turn = cmath.exp(-1j * HIP * (drive == 'follow'))
+    moved = [complex(*gravity) * turn for gravity in (links.gravity, TURNED, (7.0, 0.0))]
+    solvers = [Solver(replace(links, gravity=(one.real, one.imag))) for one in moved]
     counts, stamps = [0, 0, 0], [change.stamp for change in changes]
     for data in logged(log)[1]['/mechanism_state']:
         state = deserialize_message(data.data, JointTrajectory)

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from joint_codec import JointStateCodec
 from mechanisms import FOLLOWED
+from other_bags import write_mcap
 from rclpy.serialization import deserialize_message
 from robots import Tree, make_robot
 from ros_harness import (
@@ -30,11 +31,14 @@ from sensor_msgs.msg import JointState
 from state_messages import messages_at, messages_of
 from trajectory_msgs.msg import JointTrajectory
 
-from linkage_ros import ConfigurationError
+from linkage_ros import ConfigurationError, read_log
+from linkage_ros.log.reader import LogReader
+from linkage_ros.log.verify import verify
 from linkage_ros.messages.cdr import decode_joint_state
 from linkage_ros.messages.templates import trajectory
+from linkage_ros.messages.topics import JOINT_STATE
 from linkage_ros.programs.import_tool import parameter_text, read_robot
-from linkage_ros.programs.record import record
+from linkage_ros.programs.record import record, record_measured
 from linkage_ros.robot.planar_loop import find_loop
 from linkage_ros.run.states import Simulator
 from linkage_ros.run.trajectory_ahead import TrajectoryAhead
@@ -70,7 +74,7 @@ ROBOTS = {
 }  # fmt: skip
 
 
-def robot_of(name, tmp_path, number=0):
+def robot_of(name, tmp_path, number=0, hip=None):
     """Returns a robot, its tree, the configuration imported from it, and a reachable pose."""
     lengths, cut, axes = ROBOTS[name]
     random = np.random.default_rng(number)
@@ -85,7 +89,7 @@ def robot_of(name, tmp_path, number=0):
             values[f'{link}.center'] = tuple(random.normal(size=2) * 0.1)
     if 'slider.offset' in values:
         values['slider.mass'] = 0.7
-    made = make_robot(values, random, cut, axes)
+    made = make_robot(values, random, cut, axes, hip)
     path = tmp_path / 'robot.urdf'
     path.write_text(made.text)
     robot, trials = read_robot(path), 0
@@ -93,7 +97,8 @@ def robot_of(name, tmp_path, number=0):
         trials += 1
         at = {f'{link}_motor': random.uniform(-3, 3) for link in made.joints}
         try:
-            found = find_loop(robot, 'crank_motor', made.close, at=at)
+            world = 'root' if hip else ''
+            found = find_loop(robot, 'crank_motor', made.close, at=at, world=world)
             break
         except ConfigurationError:
             assert trials < 100
@@ -143,6 +148,80 @@ def test_answers_close_the_robots_loop_with_its_torque(name, tmp_path):
     # Near a limit of the crank, single torques are huge.
     sizes = np.abs(torques) + np.median(np.abs(torques))
     assert np.max(errors / sizes) < 1e-9
+
+
+@pytest.mark.parametrize('name', ['leg with a parallel four-bar', 'slider-crank'])
+def test_torque_of_a_linkage_on_a_swinging_hip(name, tmp_path):
+    """The torque is that of the whole robot, at the rates that the filters find."""
+    _, tree, configuration, found = robot_of(name, tmp_path, hip='revolute')
+    configuration = from_strings(to_strings(configuration))
+    simulator, log = Simulator(configuration), tmp_path / 'leg.mcap'
+    codec, start = JointStateCodec(['hip', 'crank_motor']), found.given['crank_motor']
+    (crank,), answers, bag = simulator.inputs().values(), [], []
+    for n in range(1, 301):
+        # The hip swings with up to 5 rad/s and 40 rad/s^2.
+        values = [0.625 * math.sin(8e-3 * n), start + 0.2 * math.sin(0.023 * n)]
+        data = codec.encode(n * 1_000_000, values, 2 * [math.nan], 2 * [0.0])
+        bag.append(('/joint_states', JOINT_STATE, n * 1_000_000, data))
+        with suppress(ValueError):
+            answers.append(crank.read(data, 0))
+    assert len(answers) > 200
+    turn, torques, errors = configuration.drive.frame_joint.ratio, [], []
+    for stamp, coordinates in answers[1:]:  # at the first one, the rates are 0
+        answer = messages_of(simulator, stamp, coordinates)
+        *motion, efforts = mechanism_state(answer, simulator)
+        moved = [
+            {**row, 'hip': turn * x} for row, x in zip(motion, coordinates.frame, strict=True)
+        ]
+        torques.append(
+            tree.power(*moved, along={**moved[1], 'hip': 0.0}) / moved[1]['crank_motor']
+        )
+        errors.append(abs(efforts['crank_motor'] - torques[-1]))
+    assert np.max(errors) < 1e-9 * np.max(np.abs(torques))
+
+    write_mcap(tmp_path / 'robot.mcap', bag)
+    record_measured(configuration, log, tmp_path / 'robot.mcap')
+    assert verified(log).ulp == 0
+    efforts = read_log(log)['/joint_states']['crank_motor.effort']
+    assert len(efforts) == len(answers)
+    other = {**configuration.parameters(), 'frame_joint.pivot': (0.1, 0.2)}
+    forged = LogReader(log)
+    forged.configuration = configure(other)
+    assert 'effort' in verify(forged).difference
+
+
+FRAME_JOINT = {'frame_joint.name': 'hip', 'frame_joint.pivot': (0.1, 0.2)}
+
+
+def test_measurements_without_the_frame_joint_are_rejected():
+    (crank,) = Simulator(configure({**FOLLOWED, **FRAME_JOINT})).inputs().values()
+
+    def answer(n, **joints):
+        codec = JointStateCodec([*joints])
+        return crank.read(codec.encode(n, [*joints.values()], *2 * [[math.nan] * len(joints)]), 0)[
+            1
+        ]
+
+    first = answer(1_000_000, crank=0.1, hip=0.0)
+    for joints in ({'crank': 0.2}, {'crank': 0.2, 'hip': math.nan}, {'hip': 0.2}):
+        with pytest.raises(ValueError, match=r'frame_joint|not finite|of the crank'):
+            answer(2_000_000, **joints)
+    assert set(crank.rejected.values()) == {1}
+    # The filters did not see them.
+    last = answer(3_000_000, crank=0.2, hip=0.1)
+    assert (last.u, last.a) == (last.frame[1:2], last.frame[2:])
+    assert first.frame == (0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(('given', 'words'), [
+    ({'frame_joint.name': 'crank'}, 'that is the crank'),
+    ({'frame_joint.pivot': (0.1, 0.2)}, 'frame_joint.name is missing'),
+    ({**FRAME_JOINT, 'frame_joint.ratio': 0.0}, 'positive or negative'),
+    ({**FRAME_JOINT, 'drive': 'speed', 'rpm': 60.0}, 'drive: follow'),
+])  # fmt: skip
+def test_wrong_frame_joints_are_refused(given, words):
+    with pytest.raises(ConfigurationError, match=words):
+        Simulator(configure({**FOLLOWED, **given})).inputs()
 
 
 # The joints of a robot: other names, zeros and directions, a gear, and another tree.

@@ -47,7 +47,7 @@ class LawSegment(Segment):
 
     def words(self) -> str:
         """Describes crank angle and speed at the start, and the law."""
-        _, (speed,), _, angle, _ = LawMotion(self).at(self.stamp)
+        _, (speed,), _, angle, *_ = LawMotion(self).at(self.stamp)
         return f'from {angle:.6f} rad, {speed:.6f} rad/s along {self.law.words}'
 
 

@@ -64,7 +64,7 @@ class SpeedSegment(Segment):
 
     def words(self) -> str:
         """Describes crank angle and speed at the start, and the set speed."""
-        _, (speed,), _, angle, _ = SpeedMotion(self).at(self.stamp)
+        _, (speed,), _, angle, *_ = SpeedMotion(self).at(self.stamp)
         ramp = f' at {self.acceleration:g} rad/s^2' if self.acceleration else ''
         return f'from {angle:.6f} rad, {speed:.6f} rad/s to {self.rpm:g} rpm{ramp}'
 

@@ -134,16 +134,13 @@ class FollowMotion:
         Raises:
             ValueError: The measurement is rejected. The error text is the cause.
         """
+        self.check(stamp, position, velocity)
         if velocity is not None and math.isnan(velocity):
             velocity = None
-        if not (abs(position) <= _LARGEST and abs(velocity or 0.0) <= _LARGEST):
-            raise ValueError(NOT_FINITE)
-        last = self._angle.stamp
-        if last is not None and stamp <= last:
-            if last - stamp <= _RESTART:
-                raise ValueError(NOT_NEWER)
-            self._restart()
         angle = self._angle
+        if angle.stamp is not None and stamp <= angle.stamp:
+            self._restart()
+            angle = self._angle
         time = angle.elapsed(stamp)
         turns = self._turns_since(time, position)
         self._turns += turns
@@ -161,6 +158,19 @@ class FollowMotion:
             reduced = with_turns(reduced, Fraction(-1 if reduced > 0 else 1, 2))
         return Coordinates((reduced,), (rate,), (change,), position)
 
+    def check(self, stamp: int, position: float, velocity: float | None = None) -> None:
+        """Checks a measurement, without updating the motion.
+
+        Raises:
+            ValueError: The measurement is rejected. The error text is the cause.
+        """
+        speed = 0.0 if velocity is None or math.isnan(velocity) else velocity
+        if not (abs(position) <= _LARGEST and abs(speed) <= _LARGEST):
+            raise ValueError(NOT_FINITE)
+        last = self._angle.stamp
+        if last is not None and 0 <= last - stamp <= _RESTART:
+            raise ValueError(NOT_NEWER)
+
     def _turns_since(self, time: float, position: float) -> int:
         """Returns the turns by which a sensor that restarts at 0 each turn has fallen behind."""
         ahead = self._angle.value
@@ -175,12 +185,17 @@ def extrapolated(coordinates: Coordinates, seconds: float) -> Coordinates:
     """Extrapolates coordinates at constant acceleration.
 
     Args:
-        coordinates: Coordinates of the crank alone.
+        coordinates: Coordinates of the crank, and of base_link if it turns.
         seconds: Time by which to extrapolate, s.
 
     Returns:
         The coordinates after that time.
     """
-    (q,), (u,), (a,), unwrapped, _ = coordinates
+    (q,), (u,), (a,), unwrapped, *_ = coordinates
+    frame = coordinates.frame
     moved = (u + 0.5 * a * seconds) * seconds
-    return Coordinates((q + moved,), (u + a * seconds,), (a,), unwrapped + moved)
+    if frame:
+        angle, rate, change = frame
+        turned = angle + (rate + 0.5 * change * seconds) * seconds
+        frame = turned, rate + change * seconds, change
+    return Coordinates((q + moved,), (u + a * seconds,), (a,), unwrapped + moved, None, frame)

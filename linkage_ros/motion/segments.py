@@ -118,6 +118,8 @@ class Coordinates(NamedTuple):
         unwrapped: Crank angle including all turns, correctly rounded, rad.
         state: The state, if the motion may be in another assembly so that the coordinates do not
             determine the state; otherwise None.
+        frame: Direction of base_link, rad, its rate, rad/s, and its acceleration, rad/s^2; empty
+            if it is at rest.
     """
 
     q: tuple[Real, ...]
@@ -125,16 +127,18 @@ class Coordinates(NamedTuple):
     a: tuple[Real, ...]
     unwrapped: Real
     state: State | None = None
+    frame: tuple[Real, ...] = ()
 
 
 def stacked(moments: Sequence[Coordinates]) -> Coordinates:
     """Stacks the coordinates of many times into arrays; either all or none have a state."""
-    q, u, a, unwrapped, states = zip(*moments, strict=True)
+    q, u, a, unwrapped, states, frame = zip(*moments, strict=True)
     state = None
     if states[0] is not None:
         *rows, torques = zip(*states, strict=True)
         state = State._make((*map(_columns, rows), np.array(torques)))
-    return Coordinates(_columns(q), _columns(u), _columns(a), np.array(unwrapped), state)
+    motion = _columns(q), _columns(u), _columns(a)
+    return Coordinates(*motion, np.array(unwrapped), state, _columns(frame))
 
 
 def _columns(rows: Sequence[Any]) -> tuple[Array, ...]:

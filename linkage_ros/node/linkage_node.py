@@ -78,6 +78,7 @@ class LinkageNode(ParameterNode):
         self._motion: Motion | None = None
         self._segment: Segment | None = None  # the last logged segment
         self._state: State | None = None
+        self._coordinates: Coordinates | None = None  # those of the state
         others, heard = [DIAGNOSTICS], simulator.inputs()
         if simulator.description:
             others.append(ROBOT_DESCRIPTION)
@@ -204,6 +205,7 @@ class LinkageNode(ParameterNode):
         """Computes, publishes, logs and shows the state at a stamp, ns."""
         simulator = self._simulator.under(getattr(self._segment, 'gravity', None))
         self._state = state = simulator.state(coordinates)
+        self._coordinates = coordinates
         later = None if ahead is None else simulator.state(ahead)
         numbers = simulator.templates.numbers(state, coordinates.unwrapped, later)
         messages = simulator.templates.pack(stamp, numbers)
@@ -222,11 +224,11 @@ class LinkageNode(ParameterNode):
     def set_live(self, name: str, value: Any) -> None:
         """Sets rpm, motor.torque or gravity, with effect from the next tick on."""
         if name == 'gravity':
-            solver = self._simulator.under(value).solver
-            angle = self._state.position[0] if self._state else 0.0
+            solver, last = self._simulator.under(value).solver, self._coordinates
+            angle, frame = (last.q[0], last.frame) if last else (0.0, ())
             for acceleration in (0.0, 1.0):  # compile the programs before the tick needs them
                 with suppress(LinkageError):
-                    solver.state(angle, 1.0, acceleration)
+                    solver.state(angle, 1.0, acceleration, frame=frame)
             self._gravity = value
             return
         self._drive = build(type(self._drive), {**flatten(self._drive), name: value})

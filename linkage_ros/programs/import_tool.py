@@ -117,6 +117,10 @@ def summary(loop: PlanarLoop) -> str:
         )
     x, y = values['gravity']
     lines.append(f'  gravity  [{x:.6g}, {y:.6g}] m/s^2')
+    if 'frame_joint.name' in values:
+        (x, y), ratio = values['frame_joint.pivot'], values['frame_joint.ratio']
+        lines[-1] += f' with {values["frame_joint.name"]} at 0, which turns the frame'
+        lines[-1] += f' by {ratio:g} x its value about [{x:.9g}, {y:.9g}] m'
     poses = (
         ', '.join(f'{name} {value:.9g}' for name, value in pose.items())
         for pose in (loop.given, loop.closed)
@@ -147,7 +151,7 @@ def import_robot(options: argparse.Namespace) -> None:
     try:
         loop = find_loop(
             robot, options.crank, options.close and tuple(options.close), options.frame or '',
-            dict(options.at), up,
+            dict(options.at), up, options.world or '',
         )  # fmt: skip
     except ConfigurationError as error:
         raise ConfigurationError(f'{options.robot}: {error}') from error
@@ -205,7 +209,8 @@ def _parser() -> argparse.ArgumentParser:
             'closes one loop with the crank itself',
         }),
         (('--frame',), None, {
-            **text, 'help': 'a link at rest (default: the first common link of both ends)',
+            **text, 'help': 'a link that carries the fixed pivots (default: the first common '
+            'link of both ends)',
         }),
         (('--at',), None, {
             'action': 'append', 'default': [], 'metavar': 'JOINT=VALUE', 'type': _joint_value,
@@ -216,6 +221,9 @@ def _parser() -> argparse.ArgumentParser:
             'nargs': 3, 'type': _component, 'metavar': ('X', 'Y', 'Z'),
             'help': "direction opposite to gravity in the root's axes (default: the z axis, or "
             "the model's gravity)",
+        }),
+        (('--world',), None, {
+            **text, 'help': 'a link at rest, relative to which one joint turns the frame',
         }),
         (('-o',), None, {
             'dest': 'out', 'required': True, 'metavar': 'OUT.yaml', 'type': Path,

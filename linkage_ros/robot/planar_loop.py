@@ -73,7 +73,7 @@ class PlanarLoop(NamedTuple):
 
     Attributes:
         kind: Name of the mechanism in `MECHANISMS`.
-        values: Its parameters by dotted name.
+        values: Its parameters by dotted name, and those of the joint that turns the frame.
         joints: The robot's joint of each link.
         bodies: Names of the robot's links in each link of the mechanism, also of the frame.
         axes: The plane in the axes of the frame's first link: origin, x axis, y axis and normal.
@@ -292,6 +292,7 @@ def find_loop(
     frame: str = '',
     at: Mapping[str, float] | None = None,
     up: Array | None = None,
+    world: str = '',
 ) -> PlanarLoop:
     """Finds the linkage in the loop that contains a joint.
 
@@ -303,6 +304,8 @@ def find_loop(
         frame: Name of a link of the fixed body; empty for the loop's body nearest to the root.
         at: Joint values of a pose, rad or m; those left out are 0.
         up: Direction opposite to gravity in the axes of the root; None for the model's gravity.
+        world: Name of a link at rest, relative to which one joint turns the frame; empty if the
+            frame is at rest.
 
     Returns:
         The mechanism and what belongs to it.
@@ -319,6 +322,7 @@ def find_loop(
     _require_known('--at', values, movable, 'movable joint')
     _require_known('--close', close or (), robot.links, 'link')
     _require_known('--frame', [frame] if frame else [], robot.links, 'link')
+    _require_known('--world', [world] if world else [], robot.links, 'link')
     tree = _Tree(robot, crank)
     cycle = _from_frame(tree, _the_loop(robot, tree, crank, close), crank, frame)
     gravity = robot.gravity
@@ -326,7 +330,10 @@ def find_loop(
         if not (length := math.hypot(*up)):
             raise ConfigurationError('--up 0 0 0 is not a direction: give one, such as 0 0 1')
         gravity = -math.hypot(*gravity) / length * up
-    return _Planar(robot, tree, cycle, values, gravity).found()
+    turns = _frame_joint(tree, cycle, world) if world else None
+    if turns:
+        values.pop(turns.joint.name, None)  # gravity is that at its 0
+    return _Planar(robot, tree, cycle, values, gravity, turns).found()
 
 
 def _require_known(
@@ -408,6 +415,41 @@ def _from_frame(tree: _Tree, cycle: list[_Pin], crank: str, frame: str) -> list[
     return ordered
 
 
+def _frame_joint(tree: _Tree, cycle: Sequence[_Pin], world: str) -> _Edge:
+    """Returns the joint between a link at rest and the frame.
+
+    Raises:
+        ConfigurationError: There is not exactly one joint between them, or it does not turn.
+    """
+    loop, start = [pin.bodies[0] for pin in cycle], cycle[0].bodies[0]
+    name, home = tree.name(start), tree.home[world]
+    ways = [tree.ancestors(body) for body in (start, home)]
+    common = next((body for body in ways[0] if body in ways[1]), None)
+    if common is None:
+        raise ConfigurationError(f'--world {world}: no joint connects it to the frame {name}')
+    first, second = (way[: way.index(common) + 1] for way in ways)
+    way = [*first, *second[-2::-1]]
+    edges = [
+        next(edge for edge in tree.edges_of(near) if {*edge.ends} == {near, far})
+        for near, far in itertools.pairwise(way)
+    ]
+    names = ', '.join(edge.joint.name or 'a joint without a name' for edge in edges)
+    if {*way[1:]} & {*loop}:
+        problem = 'the loop itself is between them'
+    elif not edges:
+        problem = 'it is fixed to the frame, which is then at rest; leave --world out'
+    elif len(edges) > 1:
+        problem = (
+            f'{len(edges)} joints, {names}, are between them, but only one can be measured; give '
+            'the next link to the frame, if it is at rest'
+        )
+    elif edges[0].joint.kind != REVOLUTE or not edges[0].joint.name:
+        problem = f'{names} must be a revolute joint with a name'
+    else:
+        return edges[0]
+    raise ConfigurationError(f'--world {world}, and the frame {name}: {problem}')
+
+
 class _Planar:
     """Projects a loop of four bodies onto its plane."""
 
@@ -418,6 +460,7 @@ class _Planar:
         cycle: list[_Pin],
         values: Mapping[str, float],
         gravity: Array,
+        turns: _Edge | None = None,
     ) -> None:
         """Computes the plane.
 
@@ -427,7 +470,12 @@ class _Planar:
             cycle: The pins A0, A, B and B0, the frame first.
             values: Joint values of the pose.
             gravity: Acceleration of gravity in the axes of the root, m/s^2.
+            turns: The joint that turns the frame; None if the frame is at rest.
+
+        Raises:
+            ConfigurationError: The loop is not planar, or has no mechanism with its joints.
         """
+        self.turns = turns
         self.robot, self.tree, self.cycle, self.values = robot, tree, cycle, values
         self.bodies = [pin.bodies[0] for pin in cycle]  # frame, crank, coupler, output
         self.kind, output = self._kind()
@@ -437,7 +485,7 @@ class _Planar:
         outside = {name: value for name, value in values.items() if name not in loop}
         self.zero, self.posed = tree.poses(outside), tree.poses(values)
         self.world_normal = self._axis(cycle[0])
-        self._require_plane(self.world_normal)
+        self._require_plane()
         # In the frame's axes: the normal, and the y axis, up as far as they allow.
         self.normal = self.zero[self.bodies[0]].rotation.T @ self.world_normal
         self.gravity = self.posed[self.bodies[0]].rotation.T @ gravity
@@ -478,31 +526,39 @@ class _Planar:
         """Returns the axis of a joint, about or along which the body off the frame moves."""
         if pin.edge is None:
             return np.zeros(3)
-        parent, _ = pin.edge.ends
-        turn = self.zero[parent].rotation @ self.tree.frames(pin.edge)[parent].rotation
-        axis: Array = turn @ pin.edge.joint.axis
-        return axis if self._outwards(pin)[0] == parent else -axis
+        axis = self._own_axis(pin.edge)
+        return axis if self._outwards(pin)[0] == pin.edge.ends[0] else -axis
 
-    def _require_plane(self, normal: Array) -> None:
+    def _own_axis(self, edge: _Edge) -> Array:
+        """Returns the axis of a joint, about or along which its child moves."""
+        parent, _ = edge.ends
+        turn = self.zero[parent].rotation @ self.tree.frames(edge)[parent].rotation
+        axis: Array = turn @ edge.joint.axis
+        return axis
+
+    def _require_plane(self) -> None:
         """Requires axes parallel to the crank's, and a guide normal to it.
 
         Raises:
-            ConfigurationError: The loop is not planar.
+            ConfigurationError: The loop is not planar, or the frame does not turn in its plane.
         """
         for pin in self.cycle[1:]:
-            if pin.edge is None:
-                continue
-            axis = self._axis(pin)
-            along, across = abs(float(axis @ normal)), math.hypot(*np.cross(axis, normal))
-            slides = pin.kind == PRISMATIC
-            angle = math.atan2(along, across) if slides else math.atan2(across, along)
-            if angle > _PARALLEL:
-                need = 'normal' if slides else 'parallel'
-                raise ConfigurationError(
-                    f'the axis of {pin.name} is {angle:.6g} rad ({math.degrees(angle):.4g} deg) '
-                    f'off being {need} to that of the crank {self.cycle[0].name}: must be at most '
-                    f'{_PARALLEL:g} rad, because the linkage is planar'
-                )
+            if pin.edge is not None:
+                self._require_axis(pin.name, self._axis(pin), slides=pin.kind == PRISMATIC)
+        if self.turns is not None:
+            self._require_axis(self.turns.joint.name, self._own_axis(self.turns), slides=False)
+
+    def _require_axis(self, name: str, axis: Array, *, slides: bool) -> None:
+        normal = self.world_normal
+        along, across = abs(float(axis @ normal)), math.hypot(*np.cross(axis, normal))
+        angle = math.atan2(along, across) if slides else math.atan2(across, along)
+        if angle > _PARALLEL:
+            need = 'normal' if slides else 'parallel'
+            raise ConfigurationError(
+                f'the axis of {name} is {angle:.6g} rad ({math.degrees(angle):.4g} deg) off being '
+                f'{need} to that of the crank {self.cycle[0].name}: must be at most '
+                f'{_PARALLEL:g} rad, because the linkage is planar'
+            )
 
     def _flat(self, body: int, vector: Array) -> complex:
         """Returns a vector of a body in the plane, with all joints of the loop at 0, x + iy."""
@@ -566,6 +622,16 @@ class _Planar:
         else:
             values['frame.length'] = _tidy(lengths[frame], size)
             values['frame.angle'] = angles[frame]
+        if self.turns:
+            place = self.tree.frames(self.turns)[frame].place - A0.places[frame]
+            pivot, is_above = self._flat(frame, place), self.turns.ends[1] == frame
+            is_along = self._own_axis(self.turns) @ self.world_normal > 0
+            values |= {
+                'frame_joint.name': self.turns.joint.name,
+                'frame_joint.zero': 0.0,
+                'frame_joint.ratio': 1.0 if is_along == is_above else -1.0,
+                'frame_joint.pivot': [_tidy(pivot.real, size), _tidy(pivot.imag, size)],
+            }
         pull = complex(self.x @ self.gravity, self.y @ self.gravity)
         largest = math.hypot(*self.gravity)
         values['gravity'] = [_tidy(pull.real, largest), _tidy(pull.imag, largest)]
@@ -695,6 +761,7 @@ class _Planar:
             others = [edge for edge in self.tree.edges_of(body) if edge.joint.name not in loop]
             if name == 'frame':
                 above = self.tree.ancestors(body)[1:]
+                others = [edge for edge in others if edge is not self.turns]
                 moving = [edge.joint.name for edge in others if {*edge.ends} & {*above}]
                 if moving:
                     yield (

@@ -54,7 +54,8 @@ class Simulator:
     def __init__(self, configuration: Configuration) -> None:
         self.configuration = configuration
         mechanism, session = configuration.mechanism, configuration.session
-        self.solver = Solver(mechanism)
+        drive, effort_topic = configuration.drive, ''
+        self.solver = Solver(mechanism, pivot=drive.pivot)
         self.ranges = Ranges(self.solver)
         prefix, frame_id = session.joint_prefix, session.frame_id
         self.robot_joints = joints = configuration.robot_joints
@@ -65,7 +66,6 @@ class Simulator:
             session.publish_description is None and not configuration.joints
         ):
             self.description = encode_string(make_urdf(mechanism, prefix, frame_id))
-        drive, effort_topic = configuration.drive, ''
         self.lead: int | None = None
         if isinstance(drive, FeedForward) and drive.effort_command_topic:
             effort_topic, self.lead = drive.effort_command_topic, round(drive.lead_time * NS_PER_S)
@@ -95,7 +95,7 @@ class Simulator:
         if other is None or other[0] != gravity:
             mechanism = replace(cast('Any', self.configuration.mechanism), gravity=gravity)
             found = copy.copy(self)
-            found.solver = Solver(mechanism)
+            found.solver = Solver(mechanism, pivot=self.solver.pivot)
             self._other = other = gravity, found
         return other[1]
 
@@ -142,10 +142,10 @@ class Simulator:
         Raises:
             LinkageError: As for `Solver.state`.
         """
-        q, u, a, _, state = coordinates
+        q, u, a, _, state, frame = coordinates
         if state is None:
             row = (q[0], u[0], a[0]) if len(q) == 1 else (q, u, a)
-            state = self.solver.state(*row, by_math=by_math)
+            state = self.solver.state(*row, frame=frame, by_math=by_math)
         self.ranges.see(state)
         return state
 

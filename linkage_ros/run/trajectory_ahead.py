@@ -63,7 +63,7 @@ class TrajectoryAhead:
             self._solver = self._simulator.under(getattr(motion.segment, 'gravity', None)).solver
         with suppress(MotionError):  # a law may end within the horizon
             while self._next < stamp + self._horizon + _STEP:
-                (q,), (u,), (a,), unwrapped, _ = motion.at(self._next)
+                (q,), (u,), (a,), unwrapped, *_ = motion.at(self._next)
                 torque = float(self._solver.state(q, u, a).torque)
                 joint = self._joint
                 position, effort = joint.value(unwrapped), torque / joint.ratio

@@ -118,6 +118,11 @@ class Drive(Checked):
     def crank_angle(self) -> float:
         """The crank angle at t = 0, rad."""
 
+    @property
+    def pivot(self) -> tuple[float, float]:
+        """The point of base_link that is fixed in the world, m, if base_link turns."""
+        return 0.0, 0.0
+
     @abstractmethod
     def words(self) -> str:
         """Describes the drive."""

@@ -7,48 +7,100 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NoReturn, TypeAlias
 
 from linkage_ros.errors import ConfigurationError, LinkageError
 from linkage_ros.mechanism.kinematics import Reach
 from linkage_ros.messages.cdr import JointReader
+from linkage_ros.messages.joints import RobotJoint
 from linkage_ros.messages.topics import MEASURED_JOINT_STATES, Topic
 from linkage_ros.motion.drives.base import Drive, Given, Input, Machine
 from linkage_ros.motion.drives.feed_forward import FeedForward
 from linkage_ros.motion.measured import FollowMotion, FollowSegment, extrapolated
 from linkage_ros.motion.segments import Coordinates, stacked
 from linkage_ros.numeric import Real
-from linkage_ros.quantities import Checked, quantity
+from linkage_ros.quantities import Checked, quantity, shown
 from linkage_ros.units import NS_PER_S
 
 # Computes the numbers in messages from coordinates, and those for the feed-forward torque.
 Numbers: TypeAlias = Callable[[Coordinates, Coordinates | None], Sequence[Real]]
 
 _SILENCE = 2.0  # s without a measurement after which a warning is issued
-NO_CRANK, NO_JOINT_STATE, OUT_OF_REACH = (
-    'without a position of the crank', 'no JointState', 'out of reach'
+NO_CRANK, NO_FRAME, NO_JOINT_STATE, OUT_OF_REACH = (
+    'without a position of the crank', 'without a position of frame_joint', 'no JointState',
+    'out of reach',
 )  # fmt: skip
 
 
+@dataclass(frozen=True)
+class FrameJoint(Checked):
+    """The joint that turns base_link relative to the world.
+
+    Attributes:
+        name: Name in measurements; empty if base_link is at rest.
+        zero: Direction of base_link in the world when the joint is at 0, rad.
+        ratio: Joint value per rad of base_link, not 0.
+        pivot: The point of base_link on the joint's axis, m.
+    """
+
+    name: str = quantity(
+        'text', 'joint that turns base_link, measured in the same messages; empty: none',
+        default='',
+    )  # fmt: skip
+    zero: float = quantity(
+        'number', 'direction of base_link in the world at which the joint is at 0; gravity is '
+        'that of direction 0', 'rad', span=(-1e9, 1e9), default=0.0,
+    )  # fmt: skip
+    ratio: float = quantity(
+        'number', 'joint value per rad of base_link', span=(-1e6, 1e6), default=1.0
+    )
+    pivot: tuple[float, float] = quantity(
+        'pair', "point of base_link on the joint's axis", 'm', span=(-1e9, 1e9),
+        default=(0.0, 0.0),
+    )  # fmt: skip
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.ratio:
+            raise ConfigurationError('frame_joint.ratio = 0: must be positive or negative')
+        if not self.name and (self.zero, self.ratio, self.pivot) != (0.0, 1.0, (0.0, 0.0)):
+            raise ConfigurationError('frame_joint.name is missing: give the joint in measurements')
+
+    def read_by(self) -> RobotJoint:
+        """Returns the joint in messages."""
+        return RobotJoint(self.name, None, self.zero, self.ratio, is_mapped=True)
+
+
 class MeasuredCrank(Input):
-    """Reads measurements of the crank, in order of arrival.
+    """Reads measurements of the crank, and of base_link if it turns, in order of arrival.
 
     Attributes:
         rejected: Number of rejected messages, by cause.
     """
 
-    def __init__(self, machine: Machine, bandwidth: float) -> None:
+    def __init__(self, machine: Machine, bandwidth: float, frame: FrameJoint) -> None:
         """Initializes without a measurement.
 
         Args:
             machine: The mechanism.
-            bandwidth: Bandwidth of the filter, Hz; see `FollowDrive`.
+            bandwidth: Bandwidth of the filters, Hz; see `FollowDrive`.
+            frame: Joint that turns base_link.
+
+        Raises:
+            ConfigurationError: One joint is the crank and turns base_link.
         """
+        if frame.name == machine.crank:
+            raise ConfigurationError(
+                f'frame_joint.name = {shown(frame.name)}: that is the crank; give the joint that '
+                'turns base_link'
+            )
         self._machine, self._joint = machine, JointReader(machine.crank)
         reach = machine.solver.reach
         self._motion = FollowMotion(bandwidth, reach.period_turns)
         self._is_limited = not reach.turns_fully
+        self._frame_joint, self._frame_reader = frame.read_by(), JointReader(frame.name)
+        self._frame = FollowMotion(bandwidth, 1) if frame.name else None
         self.rejected: Counter[str] = Counter()
         self._last = -math.inf  # time of the last accepted measurement, s
 
@@ -135,33 +187,48 @@ class MeasuredCrank(Input):
             ValueError: The message is rejected and counted.
         """
         try:
-            stamp, value, velocity = self._decode(data)
-            position, joint = value, self._machine.joint
-            if joint.is_mapped:
-                position = joint.own(value)
-                velocity = velocity if velocity is None else velocity / joint.ratio
-            if self._is_limited and math.isfinite(position):
-                self._require_state(position)  # the filter must not see other angles
+            joint, frame = self._machine.joint, self._frame
+            stamp, value, position, velocity = self._decode(data, self._joint, joint, NO_CRANK)
             stamp = stamp or received
+            # A filter must not see a measurement that is rejected.
+            if frame:
+                own = self._decode(data, self._frame_reader, self._frame_joint, NO_FRAME)
+                _, _, direction, rate = own
+                frame.check(stamp, direction, rate)
+            if self._is_limited and math.isfinite(position):
+                self._require_state(position)
             found = self._motion.at(stamp, position, velocity)
+            if frame:
+                (q,), (u,), (a,), *_ = frame.at(stamp, direction, rate)
+                found = found._replace(frame=(q, u, a))
             return stamp, found._replace(unwrapped=value) if joint.is_mapped else found
         except ValueError as error:
             self._reject(error)
             raise
 
-    def _decode(self, data: bytes) -> tuple[int, float, float | None]:
-        """Returns the stamp, ns, and position and, if it was measured, velocity of the joint.
+    def _decode(
+        self, data: bytes, reader: JointReader, joint: RobotJoint, absent: str
+    ) -> tuple[int, float, float, float | None]:
+        """Reads a joint from a message.
+
+        Returns:
+            The stamp, ns; the value of the joint; and its own position, rad, and velocity, rad/s,
+            None if it was not measured.
 
         Raises:
-            ValueError: The message has no measurement. The error text is the cause.
+            ValueError: The message has no measurement. The error text is the cause, which is
+                `absent` if it has no position.
         """
         try:
-            stamp, position, velocity = self._joint.read(data)
+            stamp, value, velocity = reader.read(data)
         except ValueError as error:
             raise ValueError(NO_JOINT_STATE) from error
-        if position is None:
-            raise ValueError(NO_CRANK)
-        return stamp, position, velocity
+        if value is None:
+            raise ValueError(absent)
+        if not joint.is_mapped:
+            return stamp, value, value, velocity
+        rate = None if velocity is None else velocity / joint.ratio
+        return stamp, value, joint.own(value), rate
 
     def _require_states(self, found: Coordinates) -> None:
         """Checks the states of a measurement; near a limit of the crank, rates may overflow.
@@ -171,14 +238,14 @@ class MeasuredCrank(Input):
         """
         try:
             for one in filter(None, (found, self.later(found))):
-                self._require_state(one.q[0], one.u[0], one.a[0])
+                self._require_state(one.q[0], one.u[0], one.a[0], frame=one.frame)
         except ValueError as error:
             self._reject(error)
             raise
 
-    def _require_state(self, *motion: Real) -> None:
+    def _require_state(self, *motion: Real, frame: tuple[Real, ...] = ()) -> None:
         try:
-            self._machine.solver.state(*motion)
+            self._machine.solver.state(*motion, frame=frame)
         except LinkageError as error:
             raise ValueError(f'{OUT_OF_REACH}: {error}') from error
 
@@ -190,6 +257,8 @@ class MeasuredCrank(Input):
         if time.monotonic() < self._last + _SILENCE:
             return []
         crank = self._machine.crank
+        if self._frame:
+            crank += f' and {self._frame_joint.name}'
         return [f'no measurement of {crank} on {topic} in the last {_SILENCE:g} s']
 
     def diagnostics(self) -> dict[str, str]:
@@ -207,6 +276,7 @@ class _Follow(Checked):
         'number', 'bandwidth of the filter for rates and accelerations; 0 sets them to 0',
         'Hz', span=(0.0, 1e4), default=20.0,
     )  # fmt: skip
+    frame_joint: FrameJoint = field(default_factory=FrameJoint)
 
 
 @dataclass(frozen=True)
@@ -216,6 +286,7 @@ class FollowDrive(FeedForward, _Follow, Drive):
     Attributes:
         follow_bandwidth: Bandwidth of the filter that estimates rates and accelerations, Hz; 0 to
             set both to 0.
+        frame_joint: Joint that turns base_link, which is measured in the same way.
     """
 
     given, segment, subject = Given.MEASUREMENT, FollowSegment, 'measured {}'
@@ -225,9 +296,15 @@ class FollowDrive(FeedForward, _Follow, Drive):
         """The crank angle before the first measurement, rad."""
         return 0.0
 
+    @property
+    def pivot(self) -> tuple[float, float]:
+        """The point of base_link that is fixed in the world, m."""
+        return self.frame_joint.pivot
+
     def words(self) -> str:
-        """Describes the filter."""
-        return f'follows a measured crank, filter of {self.follow_bandwidth:g} Hz'
+        """Describes the measured joints and the filter."""
+        also = f' and {self.frame_joint.name}, which turns base_link' * bool(self.frame_joint.name)
+        return f'follows a measured crank{also}, filter of {self.follow_bandwidth:g} Hz'
 
     def begin(self, stamp: int, machine: Machine) -> NoReturn:  # noqa: ARG002
         """Refuses to simulate a measured motion.
@@ -242,7 +319,8 @@ class FollowDrive(FeedForward, _Follow, Drive):
 
     def inputs(self, machine: Machine) -> dict[Topic, Input]:
         """Receives measurements; see `Drive.inputs`."""
-        return {MEASURED_JOINT_STATES: MeasuredCrank(machine, self.follow_bandwidth)}
+        crank = MeasuredCrank(machine, self.follow_bandwidth, self.frame_joint)
+        return {MEASURED_JOINT_STATES: crank}
 
     def drawn_angle(self, reach: Reach | None) -> float:
         """Returns a crank angle that the mechanism can reach; see `Drive.drawn_angle`."""
