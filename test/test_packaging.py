@@ -233,6 +233,7 @@ def test_every_version_is_the_same(metadata: Message, lab_metadata: Message) -> 
     assert manifest.findtext('name') == metadata['Name'].replace('-', '_')
     assert manifest.findtext('version') == metadata['Version'] == linkage_ros.__version__
     assert lab_metadata['Version'] == linkage_ros.__version__
+    assert f'\nversion: {linkage_ros.__version__}\n' in (ROOT / 'CITATION.cff').read_text()
     assert f'linkage_ros=={linkage_ros.__version__}' in lab_metadata.get_all('Requires-Dist')
     assert manifest.findtext('description') == metadata['Summary']
     assert manifest.findtext('license') == 'Apache-2.0'
