@@ -162,12 +162,12 @@ def draw(
     with chart(Pictures((path,)), 7.5, title) as figure:
         grid = figure.subplots(2, 2)
         costs = {CONTENDERS[one['contender']]: per_tick(one) for one in ticks}
-        bars(grid[0, 0], 'A tick at 1 kHz, us', costs)
+        bars(grid[0, 0], 'A tick at 1 kHz, \N{MICRO SIGN}s', costs)
         over = {f'{x["work"]}, {x["case"]}': x['over_compression'] for x in logs}
         over = {name: value for name, value in over.items() if 'alone' not in name}
         bars(grid[0, 1], 'A logged state, relative to compression', over)
         means = {name: mean for name, mean, _ in _steps(accuracy)}
-        bars(grid[1, 0], 'A ms of motion under a torque, us', means)
+        bars(grid[1, 0], 'A ms of motion under a torque, \N{MICRO SIGN}s', means)
         ratios = dict(_states(peers))
         bars(grid[1, 1], 'A state with torque, relative to linkage_ros', ratios)
 

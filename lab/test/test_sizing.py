@@ -2,12 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Sizing of drives: linkage_chart economy, and motion --fluctuation."""
 
+import itertools
 import json
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from pages import ROOT, read
 from scipy.interpolate import CubicSpline
 
@@ -272,6 +274,26 @@ def test_the_command_writes_records_and_a_picture(tmp_path, called):
         'full_operations', 'full_microseconds', 'full_parameters',
     }  # fmt: skip
     assert (tmp_path / picture).is_file()
+
+
+def test_labels_of_reduced_models_are_inside_and_not_over_each_other(
+    tmp_path, called, monkeypatch
+):
+    figures, save = [], Figure.savefig
+    monkeypatch.setattr(
+        Figure, 'savefig', lambda *given, **rest: figures.append(given[0]) or save(*given, **rest)
+    )
+    words = 'economy', 'wiper', '--rpm', '45', '--quick', '--out', tmp_path
+    assert called(command_line, *words)[0] == 0
+    _, reduced, _ = figures[0].axes
+    texts = [text for text in reduced.texts if text.get_visible()]
+    boxes = [text.get_window_extent() for text in texts]
+    assert {'1', '32', '8', '64'} <= {text.get_text() for text in texts}
+    assert not any(one.overlaps(other) for one, other in itertools.combinations(boxes, 2))
+    low, high = reduced.get_xlim()
+    for line in reduced.lines[:3]:
+        assert (low < line.get_xdata()).all()
+        assert (line.get_xdata() < high).all()
 
 
 # ---------------------------------------------------------------- the pages

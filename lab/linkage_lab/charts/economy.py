@@ -14,6 +14,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator, NullLocator
+from matplotlib.transforms import Bbox
 
 from linkage_lab import torque_models
 from linkage_lab.output import (
@@ -296,6 +297,8 @@ def _draw(
             axes.yaxis.set_major_formatter('{x:g}')
             axes.grid(visible=False, axis='x')
         _write_table(table, own, terms)
+        figure.draw_without_rendering()  # places the labels
+        _thin_out(reduced)
         table.legend(*reduced.get_legend_handles_labels(), loc='lower left', ncols=2)
 
 
@@ -354,12 +357,23 @@ def _draw_reduced(axes: Axes, own: Sequence[Saving]) -> None:
             )  # fmt: skip
     axes.axvline(full, color=fractions(BLACK), linewidth=1.2, label='full model')
     axes.set(
-        xscale='log', xlim=(None, 1.1 * full), ylabel='Torque error of reduced models',
+        xscale='log', ylabel='Torque error of reduced models',
         xlabel=f'Time to compute one torque at {own[0]["rpm"]:g} rpm, \N{MICRO SIGN}s',
     )  # fmt: skip
     axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     axes.xaxis.set_major_formatter('{x:g}')
     axes.xaxis.set_minor_locator(NullLocator())
+
+
+def _thin_out(axes: Axes) -> None:
+    """Hides the labels that would lie over earlier ones."""
+    kept = list[Bbox]()
+    for text in axes.texts:
+        box = text.get_window_extent()
+        if box.count_overlaps(kept):
+            text.set_visible(False)
+        else:
+            kept.append(box)
 
 
 def _write_table(axes: Axes, own: Sequence[Saving], terms: Sequence[str]) -> None:

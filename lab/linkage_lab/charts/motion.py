@@ -49,7 +49,7 @@ _TALLEST, _LINKAGE, _ABOVE, _ROW, _GAP, _FOOT, _LINE, _ROWS = (
     0.172,
 )
 # Widths: margin left of the diagrams, linkage beside the text, table.
-_MARGIN, _LEFT_OF_TEXT, _TABLE = 0.95, 4.3, 5.4
+_MARGIN, _LEFT_OF_TEXT, _TABLE = 1.05, 4.3, 5.4
 _SINGLE = 6  # most diagrams in one column
 _DRAWN_AT = 45.0  # crank angle of the drawing, deg, at which links rarely overlap
 _TITLES = {

@@ -37,6 +37,7 @@ _DISTANCES, _TURNS, _PIN = (16.0, 26.0, 36.0), (0, 40, -40, 80, -80, 120, -120, 
 _WRITERS: dict[str, Any] = {'.gif': PillowWriter, '.mp4': FFMpegWriter}
 _NAME: dict[str, Any] = {
     'textcoords': 'offset points', 'fontsize': SMALL, 'va': 'center', 'annotation_clip': False,
+    'snap': False,  # a moving letter of straight lines, such as E, would change its shape
 }  # fmt: skip
 
 
