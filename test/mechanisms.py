@@ -239,6 +239,10 @@ ALL = {
         rod=Rod(1.5, 0.3, (-0.4, 0.2), -4.0, 0.9, 12.0, 1.3),
         loads=(LoadCurve('rod', at=(0.5, 2.0, 6.0), value=(4.0, -3.0, 8.0)),),
     ),
+    **{
+        f'{name}_driven': replace(x, input='cylinder', assembly=way)
+        for (name, x), way in zip(CYLINDERS.items(), 2 * ASSEMBLIES, strict=True)
+    },
 }
 
 
@@ -269,7 +273,14 @@ def longest(mechanism):
 
 
 def coordinates(mechanism, cranks):
-    """Returns all coordinates; a wind pump's dyad is open by 0.4 to pi - 0.4 rad."""
+    """Returns all coordinates; a wind pump's dyad is open by 0.4 to pi - 0.4 rad.
+
+    A driven cylinder swings within its stroke.
+    """
+    if mechanism.coordinates == ('rod',):
+        ((low, high),) = mechanism.reach().arcs
+        found = 0.5 * (low + high) + 0.48 * (high - low) * np.sin(1.7 * np.asarray(cranks))
+        return (found if np.ndim(cranks) else float(found),)
     if not isinstance(mechanism, WindPump):
         return (cranks,)
     r, b, c = (getattr(mechanism, name).length for name in ('crank', 'coupler', 'rod'))
@@ -296,7 +307,7 @@ def is_free(mechanism):
 def moving(solver, cranks, speed=2.0, acceleration=1.5, q=None, u=None):
     """Computes the state at crank angles; for a wind pump, `acceleration` is the torque, N m."""
     if not is_free(solver.mechanism):
-        return solver.state(cranks, speed, acceleration)
+        return solver.state(*coordinates(solver.mechanism, cranks), speed, acceleration)
     place, rates, _ = motion(solver.mechanism, cranks, speed)
     q, u = q or place, u or rates
     return solver.state(q, u, solver.accelerations(q, u, acceleration))
@@ -305,7 +316,7 @@ def moving(solver, cranks, speed=2.0, acceleration=1.5, q=None, u=None):
 def asked_of_oracle(mechanism, crank, speed=2.0, acceleration=1.5):
     """Computes the same state with the reference."""
     if not is_free(mechanism):
-        return crank, speed, acceleration
+        return *coordinates(mechanism, crank), speed, acceleration
     q, u, _ = motion(mechanism, crank, speed)
     return q, u, acceleration
 

@@ -33,6 +33,8 @@ MECHANISMS = {
     **{name: of(lengths) for name, lengths in LIMITED.items()},
     'cylinder': cylinder((1, 2.2, 2.1)),
     'cylinder_long_crank': cylinder((2.2, 1, -1.9), -2.0),
+    'driven_cylinder': cylinder((1, 2.2, 0.3), input='cylinder'),
+    'driven_short_cylinder': cylinder((1, 2.2, 1.7), 2.0, input='cylinder', assembly='crossed'),
     'pump': STRETCHED,
 }
 # Their arcs contain a change point, where all links are in line and all coordinates are singular.
@@ -114,7 +116,9 @@ def configuration(mechanism, rate=100.0):
     kind = next(name for name, cls in MECHANISM_KINDS.items() if type(mechanism) is cls)
     base = configure({'drive': 'torque'})
     base = replace(base, kind=replace(base.kind, mechanism=kind))
-    drive = TorqueDrive(Motor(0.3, 0.01), 120 / math.pi, start(mechanism)[0])
+    y = start(mechanism)
+    crank = Solver(mechanism).state(y[: len(y) // 2]).position[0]
+    drive = TorqueDrive(Motor(0.3, 0.01), 120 / math.pi, crank)
     if kind == 'wind_pump':
         base = load('wind_pump')
         slider = replace(mechanism.slider, position=1.0, velocity=0.4)

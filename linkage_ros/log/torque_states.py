@@ -8,6 +8,7 @@ motion of all links and the torque, tau = M q'' + h - Q, are recomputed for comp
 must also follow from the previous state under the torque logged there.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -51,8 +52,8 @@ _STEP, _STEPS = 0.02, (2, 20)
 class TorqueStates(TickStates):
     """Recomputes the states of a torque-driven log.
 
-    A state is stored as a column: positions of all links, including all turns of the crank;
-    their rates; and the torque added to the motor's torque, N m.
+    A state is stored as a column: positions of all links, including all turns of a driven crank;
+    their rates; and the torque added to the motor's torque, N m or N.
     """
 
     needed = (MECHANISM_STATE,)
@@ -70,8 +71,15 @@ class TorqueStates(TickStates):
         self._units = np.array([length if link.slides else 1.0 for link in self._links] * 2)
         # The previous state, initially that at t = 0.
         begin = drive.start(solver.mechanism)
-        state = solver.state(begin.q, begin.u)
-        self._before = np.array([[begin.unwrapped, *state.position[1:], *state.velocity, 0.0]]).T
+        state, self._driven_link = solver.state(begin.q, begin.u), solver.structure.driven
+        positions = self._with_driven(state.position, begin.unwrapped)
+        self._before = np.array([[*positions, *state.velocity, 0.0]]).T
+
+    def _with_driven(self, positions: Sequence[Any], driven: Any) -> list[Any]:
+        """Returns positions of the links with another one of the driven link."""
+        found = [*positions]
+        found[self._driven_link] = driven
+        return found
 
     def coordinates(
         self, number: int, _: list[int], rows: bytes
@@ -83,19 +91,20 @@ class TorqueStates(TickStates):
         """
         self._driven = self._described(self._motions[number])
         table, crank = self._read(rows)
-        self._found = np.array([crank, *table[0, 1:], *table[1], table[3, 0]])
+        link = self._driven_link
+        self._found = np.array([*self._with_driven(table[0], crank), *table[1], table[3, link]])
         driven, solver = self._driven, self._driven.solver
         moving = self._rows(driven)[: len(driven.links)]
         q, u, a = (tuple(row[moving]) for row in table[:3])
         # Use the logged torque of live runs, because it includes commands.
-        torque = self._motor.at(table[1, 0]) if self.is_record else table[3, 0]
+        torque = self._motor.at(table[1, link]) if self.is_record else table[3, link]
         if solver.coordinates == self._own.solver.coordinates:
             if self.is_record:
                 a = solver.accelerations(q, u, torque, by_math=True)
             return Coordinates(q, u, a, crank, solver.state(q, u, a, by_math=True)), None
         state = solver.driven_state(q, u, torque, by_math=True)
-        if not driven.has_crank:
-            pairs = zip(state.position[0].tolist(), crank.tolist(), strict=True)
+        if driven.turns and not driven.has_driven:
+            pairs = zip(state.position[link].tolist(), crank.tolist(), strict=True)
             crank = np.array([with_turns(x, turns_between(x, y)) for x, y in pairs])
         return own_coordinates(solver, state, crank), None
 
@@ -124,7 +133,8 @@ class TorqueStates(TickStates):
 
         Returns:
             Positions, rates, accelerations and efforts of all links, shape (4, links, states),
-            with the crank angle within two turns; and the crank angle including all turns.
+            with a driven crank's angle within two turns; and the position of the driven link,
+            including all turns of a crank.
 
         Raises:
             LogError: A value is not a finite number.
@@ -137,9 +147,12 @@ class TorqueStates(TickStates):
         is_inexact = is_noisy() and any(joint.is_mapped for joint in joints)
         if is_inexact:
             table[:3] = _rounded_often(table[:3])
-        crank = joints[0].own(table[0, 0].copy())
-        table[0, 0] = [joints[0].value(within_two_turns(angle)[0]) for angle in crank.tolist()]
-        table[3, 0] *= joints[0].ratio
+        link = self._driven_link
+        joint = joints[link]
+        crank = joint.own(table[0, link].copy())
+        if self._own.turns:
+            table[0, link] = [joint.value(within_two_turns(x)[0]) for x in crank.tolist()]
+        table[3, link] *= joint.ratio
         table[:3] = link_rows(joints, table[:3])
         if is_inexact:
             table[:3] = _rounded_often(table[:3])
@@ -148,7 +161,7 @@ class TorqueStates(TickStates):
     def take(self, number: int, ticks: list[int]) -> tuple[int, str]:
         """Checks that states follow from their predecessors; see `ExpectedStates`."""
         driven, found = self._driven, self._found[:, : len(ticks)]
-        found[-1] -= self._motor.at(found[len(self._links)])
+        found[-1] -= self._motor.at(found[len(self._links) + self._driven_link])
         origin = np.concatenate([self._before, found[:, :-1]], axis=1)
         numbers = np.array([max(self._tick, 0), *ticks], object)  # of any size
         late = np.diff(self._simulator.ticks.elapsed(numbers)).astype(float)
@@ -237,7 +250,7 @@ class TorqueStates(TickStates):
         driven = replace(
             before,
             torque=lambda speed: self._motor.at(speed) + float(origin[-1]),
-            middle=before.arc_middle(float(origin[0])),
+            middle=before.arc_middle(float(origin[self._driven_link])),
         )
         phase = tuple(origin[self._rows(driven)].tolist())
         try:
@@ -245,11 +258,13 @@ class TorqueStates(TickStates):
             steps.advance(span)
             driven, half = steps.driven, len(phase) // 2
             state = driven.solver.state(steps.phase[:half], steps.phase[half:])
-            crank = driven.crank(steps.phase, steps.pairs)
+            crank = driven.position(steps.phase, steps.pairs)
         except LinkageError:
             return np.full(len(values), _NOWHERE)
-        due = np.array([crank, *state.position[1:], *state.velocity])
-        turning = [i for i, link in enumerate(self._links) if i and not link.slides]
+        due = np.array([*self._with_driven(state.position, crank), *state.velocity])
+        turning = [
+            i for i, link in enumerate(self._links) if i != self._driven_link and not link.slides
+        ]
         apart = values[turning] - due[turning]
         due[turning] += apart - wrap(apart, np.rint)
         return due

@@ -73,6 +73,7 @@ class Model(NamedTuple):
         pin_points: The points of the pins, in the same order.
         dyads: The dyads in the chosen coordinates.
         other_dyads: The dyads in the mechanism's other coordinates.
+        driven: Index of the driven link.
         gravity: Acceleration of gravity, m/s^2; if base_link turns, at its direction 0.
         pivot: The point of base_link that is fixed in the world if it turns, m.
         loads: Loads on the links, except weights and `joint_loads`.
@@ -91,6 +92,7 @@ class Model(NamedTuple):
     pin_points: tuple[Point, ...]
     dyads: tuple[Dyad, ...]
     other_dyads: tuple[Dyad, ...]
+    driven: int
     gravity: Vector
     pivot: Any
     loads: tuple[Load, ...]
@@ -132,6 +134,7 @@ class Model(NamedTuple):
             tuple(structure.points[pin.name] for pin in structure.pins),
             structure.dyads,
             structure.other_dyads,
+            structure.driven,
             Vector(*mechanism.gravity),
             complex(*pivot),
             mechanism.link_loads(),
@@ -235,7 +238,7 @@ def balance(
 ) -> list[Real]:
     """Computes M q'' + h - Q, the generalised force required for the given accelerations.
 
-    For the actual accelerations, the force on the crank angle is the driving torque. For the
+    For the actual accelerations, the force on the first coordinate is the driving torque. For the
     accelerations at q'' = 0, the forces are h - Q.
 
     Args:
@@ -320,16 +323,15 @@ def forward(
     torque: Real,
     environment: Environment = AT_REST,
 ) -> tuple[Real, ...]:
-    """Solves M q'' + h - Q = torque for q'', given the torque on the crank."""
+    """Solves M q'' + h - Q = torque for q'', given the torque or force on the driven link."""
     outside = leaves(environment)
     require(is_finite(*q, *outside), model.refuse_torque, *q, *u, torque, *outside)
     pose = model.loop.pose(tuple(q))
     rates, changes = velocities(pose, u), accelerations(pose, u, ())
     held = balance(model.within(environment), pose, rates, changes)
     matrix = mass_matrix(model, pose)
-    driven = [
-        torque * lever - force for lever, force in zip(pose.links[0].jacobian, held, strict=True)
-    ]
+    levers = pose.links[model.driven].jacobian
+    driven = [torque * lever - force for lever, force in zip(levers, held, strict=True)]
     inertia = number(determinant(matrix))
     require(inertia > 0, model.massless)
     found = solved(matrix, driven, inertia)
@@ -343,11 +345,11 @@ def driven(
     u: Sequence[Real],
     environment: Environment = AT_REST,
 ) -> tuple[Real, ...]:
-    """Computes the accelerations under a torque that is a function of the crank's speed."""
+    """Computes the accelerations under a torque that is a function of the driven link's rate."""
     model, torque = constants
     require(is_finite(*q), model.refuse, *q, *u)
-    crank_speed, *_ = velocities(model.loop.pose(tuple(q)), u)
-    return forward(model, q, u, torque(crank_speed), environment)
+    rates = velocities(model.loop.pose(tuple(q)), u)
+    return forward(model, q, u, torque(rates[model.driven]), environment)
 
 
 def driven_state(
@@ -357,7 +359,7 @@ def driven_state(
     torque: Real,
     environment: Environment = AT_REST,
 ) -> State:
-    """Computes the motion of all links under a torque on the crank."""
+    """Computes the motion of all links under a torque or force on the driven link."""
     a = forward(model, q, u, torque, environment)
     return state(model, q, u, a, environment)._replace(torque=torque)
 

@@ -24,16 +24,17 @@ These formulas were derived for this project.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
-from typing import Any, ClassVar, NamedTuple, NoReturn
+from typing import Any, NamedTuple, NoReturn
 
-from linkage_ros.errors import ConfigurationError, MechanismError, UnreachableError
+from linkage_ros.errors import ConfigurationError, MechanismError
 from linkage_ros.formulas import ZERO, Opaque, Vector, atan2, require, sqrt, turned
 from linkage_ros.mechanism.kinematics import FULL_TURN, Arc, LinkPose, Pose, Reach, Stroke
 from linkage_ros.mechanism.loads import loads_field
 from linkage_ros.mechanism.parts import (
+    CROSSED,
     OPEN,
     Barrel,
     Body,
@@ -52,7 +53,9 @@ from linkage_ros.mechanism.structure import (
 )
 from linkage_ros.mechanism.transmission import Square, half_angle, normalized
 from linkage_ros.numeric import Real, exact_sum, rounded, short_sum
-from linkage_ros.quantities import quantity, unlisted
+from linkage_ros.quantities import quantity
+
+CRANK, CYLINDER = 'crank', 'cylinder'  # values of `input`
 
 
 class InvertedSliderCrankLoop(NamedTuple):
@@ -197,18 +200,19 @@ class InvertedSliderCrank(Mechanism):
 
     Attributes:
         frame: The fixed link, from A0 to B0.
-        crank: Driven link, from A0, the origin.
+        crank: Link from A0, the origin; driven, or the output link of a driven cylinder.
         barrel: Cylinder or slotted lever, which turns about B0.
-        rod: Output link, which slides in the barrel and is pinned to the crank at A. Its position
+        rod: Link that slides in the barrel and is pinned to the crank at A. Its position
             is measured from the foot of the perpendicular from B0.
         offset: Distance of the rod's axis from B0, positive to the left of the barrel's direction,
             m.
         gravity: Acceleration of gravity [x, y], m/s^2.
         loads: Loads on the links. A `LinkLoad` given here is moved into the rod.
-        assembly: 'open'; there is only one.
+        input: Driven joint: 'crank', or 'cylinder', the rod in its barrel.
+        assembly: Side of A from the line from A0 to B0 if the cylinder is driven: 'open' for left,
+            'crossed' for right. A crank angle determines it, so a driven crank has only 'open'.
     """
 
-    other_coordinates: ClassVar[tuple[str, ...]] = ('rod',)
     frame: Frame
     crank: Body
     barrel: Barrel = field(default_factory=Barrel)
@@ -219,7 +223,43 @@ class InvertedSliderCrank(Mechanism):
     )  # fmt: skip
     gravity: tuple[float, float] = gravity_quantity()
     loads: tuple[Any, ...] = loads_field()
-    assembly: str = unlisted(OPEN)
+    input: str = quantity('choice', 'driven joint', choices=(CRANK, CYLINDER), default=CRANK)
+    assembly: str = quantity(
+        'choice', 'side of the pin A from the line of the fixed pivots, with input: cylinder',
+        choices=(OPEN, CROSSED), default=OPEN,
+    )  # fmt: skip
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:  # type: ignore[override]
+        """See `Mechanism`."""
+        return ('rod',) if self.input == CYLINDER else ('crank',)
+
+    @property
+    def other_coordinates(self) -> tuple[str, ...]:  # type: ignore[override]
+        """See `Mechanism`."""
+        return ('crank',) if self.input == CYLINDER else ('rod',)
+
+    @classmethod
+    def drives(cls, values: Mapping[str, object]) -> tuple[tuple[str, ...], str]:
+        """See `Mechanism.drives`."""
+        if values.get('input') != CYLINDER:
+            return (), ''
+        return ('torque', 'motion', 'follow'), (
+            'because with input: cylinder the cylinder is driven, which has no rpm; leave rpm out'
+        )
+
+    @classmethod
+    def unused(cls, values: Mapping[str, object]) -> dict[str, str]:
+        """See `Mechanism.unused`."""
+        reason = 'the crank angle determines the assembly, unless input is cylinder'
+        return {} if values.get('input') == CYLINDER else {'assembly': reason}
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.input == CRANK and self.assembly != OPEN:
+            raise ConfigurationError(
+                f'assembly = {self.assembly!r}: must be {OPEN} with input: {CRANK}'
+            )
 
     def _lengths(self) -> tuple[float, float, float]:
         return self.crank.length, self.frame.length, abs(self.offset)
@@ -258,9 +298,7 @@ class InvertedSliderCrank(Mechanism):
         self.require_closed()
         r, d, _ = self._lengths()
         least, other, most, all_sum = self._sums()
-        kind = (
-            ByRod if description.coordinates == self.other_coordinates else InvertedSliderCrankLoop
-        )
+        kind = ByRod if description.coordinates == ('rod',) else InvertedSliderCrankLoop
         return kind(
             (self.frame.angle, 0.0),
             Vector.at(self.frame.angle),
@@ -281,25 +319,30 @@ class InvertedSliderCrank(Mechanism):
         return short, long
 
     def loop(self) -> InvertedSliderCrankLoop:
-        """Returns the kinematic constants; the coordinate is the crank angle."""
+        """Returns the kinematic constants in the mechanism's own coordinates."""
         return self.loop_of(self.description)
 
     def _refuse_crank(self, crank: float) -> NoReturn:
-        self.reach().refuse(crank)
+        self._reach_of_crank().refuse(crank)
 
     def _refuse_rod(self, slide: float) -> NoReturn:
-        raise UnreachableError(
-            f'with the rod at {slide:.9g} m, the crank does not reach it or is in line with the '
-            'frame',
-            crank_angle=math.nan,
-            arcs=(),
-        )
+        self._reach_of_cylinder().refuse(slide)
 
     def reach(self) -> Reach:
-        """Computes the reach of the crank."""
+        """Computes the reach of the crank or of a driven cylinder."""
+        is_cylinder = self.input == CYLINDER
+        return self._reach_of_cylinder() if is_cylinder else self._reach_of_crank()
+
+    def _reach_of_cylinder(self) -> Reach:
+        (short, _), (long, _) = self._ends()
+        arc = (short or -long, long)
+        limits = ('crank and frame are in line at the ends of its stroke',)
+        return Reach('inverted slider-crank', (arc,), period_turns=0, limits=limits, slides=True)
+
+    def _reach_of_crank(self) -> Reach:
         r, d, _ = self._lengths()
         least, other, *_ = self._sums()
-        loop = self.loop()
+        loop = self.loop_of(Description(('crank',), OPEN))
         if loop.turns_fully:
             grashof = 'swinging-barrel' if r < d else 'turning-barrel'
             width = math.sqrt(least * other) / loop.growth
@@ -341,7 +384,7 @@ class InvertedSliderCrank(Mechanism):
         B0 = Point.at(self.frame.length * direction(self.frame.angle), 3)
         # The barrel is drawn to E: as long as the rod allows or, if that is 0, as a slotted lever.
         (short, _), (long, _) = self._ends()
-        mouth = short or long
+        mouth, is_cylinder = short or long, self.input == CYLINDER
         return Structure(
             (
                 Link.turning('crank', crank, 0, A0),
@@ -357,6 +400,7 @@ class InvertedSliderCrank(Mechanism):
             {'A0': A0, 'A': A, 'B0': B0, 'E': B0.along(1, mouth, self.offset)},
             closure=Point.at(-B0.fixed, 3).along(0, crank.length),
             pins=(Pin('A0', None, 0), Pin('A', 0, 2), Pin('B0', None, 1)),
-            dyads=((1, 2),),
-            other_dyads=((0, 2),),
+            dyads=((0, 2),) if is_cylinder else ((1, 2),),
+            other_dyads=((1, 2),) if is_cylinder else ((0, 2),),
+            driven=2 if is_cylinder else 0,
         )  # fmt: skip

@@ -88,7 +88,8 @@ class Reactions(NamedTuple):
         shaking_force: Force (x, y) of bearings and guide on the frame, N. It includes an external
             force on the slider, because that force originates outside the machine.
         shaking_moment: Moment on the frame about A0, including the drive's reaction, N m.
-        torque: Driving torque from the moment balance of the crank, N m.
+        torque: Driving torque from the moment balance of the crank, N m; for a driven cylinder,
+            its force from the force balance of the rod, N.
     """
 
     pins: dict[str, Vector]
@@ -120,7 +121,8 @@ def reactions(
         for angle, column in zip(q, columns, strict=True):
             (_, k1), (_, k2) = dyad_lines(model, pose, column, dyad)
             # Reject coordinates within rounding errors of a change point.
-            near = _ULPS * abs(k2 - k1) * (1 + abs(angle))
+            size = abs(angle) if model.links[model.driven].slides else 1 + abs(angle)
+            near = _ULPS * abs(k2 - k1) * size
             require(abs(sine) > near, model.refuse_forces, *q)
         i, j = dyad
         balance.solve(i, j, sine)
@@ -130,8 +132,11 @@ def reactions(
         balance.solve_last_pin(j)
     sliding = [j for j, link in enumerate(model.links) if link.slides]
     guides, moments = zip(*map(balance.guide, sliding), strict=True) if sliding else ((), ())
-    torque, forces = balance.moment(0), tuple(balance.forces[pin.name] for pin in model.pins)
-    shaking = -balance.force(_FRAME), -balance.moment(_FRAME) - torque
+    is_inside = model.links[model.driven].slides  # barrel and rod exert it on each other
+    torque = balance.driving_force if is_inside else balance.moment(model.driven)
+    forces = tuple(balance.forces[pin.name] for pin in model.pins)
+    reaction = ZERO if is_inside else torque
+    shaking = -balance.force(_FRAME), -balance.moment(_FRAME) - reaction
     return forces, guides, *shaking, torque, moments
 
 
@@ -141,6 +146,7 @@ class _Balance:
     Attributes:
         forces: Known pin forces, by pin name. The pin's first link exerts the force on its second
             link.
+        driving_force: Force of a driven cylinder, N.
     """
 
     def __init__(
@@ -151,6 +157,7 @@ class _Balance:
         changes: Sequence[Real],
     ) -> None:
         self.forces: dict[str, Vector] = {}
+        self.driving_force: Real = ZERO
         self._guides: dict[int, tuple[Real, Real]] = {}
         self._links, self._pins, self._poses = model.links, model.pins, pose.links
         self._directions = [link.direction for link in pose.links]
@@ -238,7 +245,15 @@ class _Balance:
         inner, outer = self._positions[pin.name], self._positions[outer_pin.name]
         first, second = self._directions[i], self._directions[j]
         across_first = -self.moment(i, outer) / dot(inner - outer, first)
-        if self._links[j].slides:
+        parent = self._links[j].parent
+        if self._links[j].slides and parent is not None:
+            (pivot,) = self._pins_of(parent)
+            outer = self._positions[pivot.name]
+            arm = inner - outer
+            length = sqrt(dot(arm, arm))
+            second = arm * (1.0 / length)
+            across_second = (self.moment(parent, outer) + self.moment(j, outer)) / length
+        elif self._links[j].slides:
             across_second = -dot(self.force(j), second)
             second = second.left()
         else:
@@ -247,6 +262,11 @@ class _Balance:
             across_second = self.moment(j, outer) / dot(inner - outer, second)
         force = (second * across_first - first * across_second) * (1.0 / sine)
         self._add_pin_force(pin, force)
+        if self._links[j].slides and parent is not None:
+            self.driving_force = along = dot(self._directions[j], self.force(j))
+            self._add_effort(j, j, along)
+            self._add_effort(parent, j, -along)
+            self.guide(j)
 
     def _solve_cylinder(self, i: int, j: int, pin: Pin, pivot: Vector) -> None:
         """Computes the forces in the pin and in the guide of a link j that slides on a link i.

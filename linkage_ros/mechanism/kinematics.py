@@ -105,8 +105,9 @@ class Reach(NamedTuple):
     Attributes:
         grashof: Grashof class, such as 'crank-rocker' or 'change-point'; see the mechanism.
         arcs: Reachable arcs of the crank angle as pairs (start, end), rad, with start in
-            [0, 2 pi); a whole turn if the crank turns fully.
-        period_turns: Number of crank turns after which the motion repeats.
+            [0, 2 pi); a whole turn if the crank turns fully. If `slides`, positions of the driven
+            link, m.
+        period_turns: Number of crank turns after which the motion repeats; 0 if `slides`.
         transmission: Smallest and largest transmission angle, rad in [0, pi]; links are collinear
             at 0 and pi. None if the mechanism has no transmission angle.
         limits: Reasons why the crank cannot turn fully; empty if it can.
@@ -115,6 +116,7 @@ class Reach(NamedTuple):
             values differ from 0.
         fast: Crank angle, rad. Near this angle and half a turn away, the output may move fast.
         width: Half-width of these two regions, rad; inf if there are none.
+        slides: Whether the driven link slides, so that its position replaces the crank angle.
     """
 
     grashof: str
@@ -126,6 +128,7 @@ class Reach(NamedTuple):
     equalities: tuple[str, ...] = ()
     fast: float = 0.0
     width: float = math.inf
+    slides: bool = False
 
     @property
     def turns_fully(self) -> bool:
@@ -155,22 +158,26 @@ class Reach(NamedTuple):
         """Rejects a crank angle at which no state exists or the rates are infinite.
 
         Args:
-            crank: Crank angle, rad.
+            crank: Crank angle, rad, or position of a driven link that slides, m.
 
         Raises:
             UnreachableError: Always. The message states class, causes and reachable arcs.
         """
-        purpose = f'move at {rad_and_deg(crank)}'
+        place = f'{crank:.9g} m' if self.slides else rad_and_deg(crank)
+        purpose = f'move at {place}'
         raise UnreachableError(self._refusal(purpose), crank_angle=crank, arcs=self.arcs)
 
     def _refusal(self, purpose: str, cures: str = '') -> str:
         arcs = ' and '.join(
-            f'{start:.6g} to {end:.6g} rad = {math.degrees(start):.6g} to '
+            f'{start:.9g} to {end:.9g} m'
+            if self.slides
+            else f'{start:.6g} to {end:.6g} rad = {math.degrees(start):.6g} to '
             f'{math.degrees(end):.6g} deg'
             for start, end in self.arcs
         )
+        link = 'cylinder' if self.slides else 'crank'
         return (
-            f'the crank of this {self.grashof} linkage cannot {purpose}: '
+            f'the {link} of this {self.grashof} linkage cannot {purpose}: '
             f'{"; ".join(self.limits)}{cures}; it reaches {arcs}'
         )
 
@@ -212,7 +219,8 @@ class State(NamedTuple):
         velocity: Angular velocities of the links, rad/s; for a slider, its velocity, m/s.
         acceleration: Angular accelerations of the links, rad/s^2; for a slider, its
             acceleration, m/s^2.
-        torque: Driving torque on the crank, N m, positive counter-clockwise.
+        torque: Driving torque on the crank, N m, positive counter-clockwise; force of a driven
+            cylinder, N, positive if it lengthens the cylinder.
     """
 
     position: tuple[Real, ...]

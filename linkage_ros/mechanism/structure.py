@@ -4,7 +4,7 @@
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, ClassVar, NamedTuple, TypeAlias, cast
 
@@ -184,6 +184,8 @@ class Structure(NamedTuple):
         pins: The pin joints; empty if joint forces are not supported.
         dyads: The dyads, in the order in which they are solved.
         other_dyads: The dyads for `Mechanism.other_coordinates`.
+        driven: Index of the link whose joint is driven; torque, laws, commands and measurements
+            are those of this joint.
     """
 
     links: tuple[Link, ...]
@@ -192,6 +194,7 @@ class Structure(NamedTuple):
     pins: tuple[Pin, ...] = ()
     dyads: tuple[Dyad, ...] = ()
     other_dyads: tuple[Dyad, ...] = ()
+    driven: int = 0
 
     @property
     def output(self) -> int:
@@ -287,7 +290,7 @@ class Mechanism(Checked):
         coordinates: Names of the links whose positions determine all others.
         other_coordinates: Alternative coordinates, used where `coordinates` are singular, that is,
             at a dead centre or a stretched dyad. Empty if there are none.
-        crank: The link turned by the drive.
+        crank: The link that turns about the origin; driven, unless the structure names another.
         assembly: Assembly of the loop, 'open' or 'crossed'.
         gravity: Acceleration of gravity [x, y], m/s^2.
         loads: Loads on the links, in addition to those defined by the parts.
@@ -305,6 +308,27 @@ class Mechanism(Checked):
         self.require_closed()
         joined = [one for load in _named(self.loads) for one in load.join(self)]
         object.__setattr__(self, 'loads', tuple(joined))
+
+    @classmethod
+    def drives(cls, _values: Mapping[str, object]) -> tuple[tuple[str, ...], str]:
+        """Returns the kinds of drive that a mechanism can have; empty if all.
+
+        Args:
+            _values: Parameters of the mechanism by name.
+
+        Returns:
+            The kinds, and the reason why there are no others.
+        """
+        return (), ''
+
+    @classmethod
+    def unused(cls, _values: Mapping[str, object]) -> dict[str, str]:
+        """Returns the parameters that others of this class have, each with the reason.
+
+        Args:
+            _values: Parameters of the mechanism by name.
+        """
+        return {}
 
     def require_closed(self) -> None:
         """Rejects lengths with which the loop cannot close; called before the loads join."""

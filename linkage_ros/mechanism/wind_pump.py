@@ -18,6 +18,7 @@ differentiating the loop equation twice.
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple, NoReturn
 
@@ -220,6 +221,14 @@ class WindPump(Mechanism):
     )
     gravity: tuple[float, float] = gravity_quantity()
     loads: tuple[Any, ...] = loads_field()
+
+    @classmethod
+    def drives(cls, _values: Mapping[str, object]) -> tuple[tuple[str, ...], str]:
+        """See `Mechanism.drives`."""
+        return ('torque',), (
+            'because the crank speed alone does not determine how a wind_pump moves; leave drive '
+            'and rpm out, and set motor.torque and start_rpm'
+        )
 
     def loop(self) -> WindPumpLoop:
         """Returns the kinematic constants; the coordinates are crank angle and slider position."""

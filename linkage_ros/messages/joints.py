@@ -57,21 +57,27 @@ def own_joints(links: Sequence[Link], joint_prefix: str = '') -> tuple[RobotJoin
 
 
 def joint_rows(
-    links: Sequence[Link], state: State, unwrapped: Real, joints: Sequence[RobotJoint] = ()
+    links: Sequence[Link],
+    state: State,
+    unwrapped: Real,
+    joints: Sequence[RobotJoint] = (),
+    driven: int = 0,
 ) -> list[list[Real]]:
     """Converts a state to joints; compiled as a formula.
 
     Args:
-        links: The links of the open tree, starting with the crank.
+        links: The links of the open tree.
         state: State of the mechanism.
-        unwrapped: Crank angle including all turns, rad, or the measured value of its joint.
+        unwrapped: Position of the driven link: crank angle including all turns, rad, or position
+            of a cylinder, m; or the measured value of its joint.
         joints: The joint of each link; by default, those of the open tree.
+        driven: Index of the driven link.
 
     Returns:
-        Rows of positions, rad or m, velocities, accelerations and efforts of the joints. The crank
-        angle includes all turns; other angles are relative to the parent link and within pi of
-        `zero`, without -pi. The effort of the crank is the driving torque, N m, divided by its
-        ratio; other efforts are 0.
+        Rows of positions, rad or m, velocities, accelerations and efforts of the joints. A driven
+        crank's angle includes all turns; other angles are relative to the parent link and within
+        pi of `zero`, without -pi. The effort of the driven joint is the driving torque, N m, or
+        force, N, divided by its ratio; other efforts are 0.
     """
     joints = joints or own_joints(links)
     position, *_ = rows = [list(row) for row in state[:3]]
@@ -90,10 +96,11 @@ def joint_rows(
         if joint.is_mapped:
             for row in rows:
                 row[i] = joint.ratio * row[i]
-    crank = joints[0]
-    position[0] = unwrapped if crank.is_measured else crank.value(unwrapped)
-    torque = state.torque / crank.ratio if crank.is_mapped else state.torque
-    return [*rows, [torque, *(0.0 for _ in links[1:])]]
+    joint = joints[driven]
+    position[driven] = unwrapped if joint.is_measured else joint.value(unwrapped)
+    efforts: list[Real] = [0.0 for _ in links]
+    efforts[driven] = state.torque / joint.ratio if joint.is_mapped else state.torque
+    return [*rows, efforts]
 
 
 def link_rows(joints: Sequence[RobotJoint], table: Array) -> Array:

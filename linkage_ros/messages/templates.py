@@ -121,10 +121,10 @@ class StateTemplates:
             frame_id: Frame of the messages.
             effort_topic: Topic of the feed-forward torque; empty without feed-forward.
         """
-        names = [joint.name for joint in joints if joint.name]
+        names, driven = [joint.name for joint in joints if joint.name], joints[structure.driven]
         self.parts = {
             JOINT_STATES: joint_state(names, frame_id),
-            DRIVING_TORQUE: float64(f'effort[{names[0]}]'),
+            DRIVING_TORQUE: float64(f'effort[{driven.name}]'),
             MECHANISM_STATE: trajectory(names, frame_id),
         }
         # A joint that is not published still has numbers, of which no message has a field.
@@ -147,8 +147,8 @@ class StateTemplates:
             self.slices[topic] = slice(start, end)
         words = 'position', 'velocity', 'acceleration'
         rows = (tuple(f'{word}_{link.name}' for link in structure.links) for word in words)
-        constants = Constants((structure.links, tuple(joints), tuple(shown)))
-        self._crank_ratio = joints[0].ratio
+        constants = Constants((structure.links, tuple(joints), structure.driven, tuple(shown)))
+        self._ratio = driven.ratio
         self._program = Program(_numbers, constants, (*rows, 'torque', 'unwrapped'))
 
     def numbers(
@@ -158,7 +158,7 @@ class StateTemplates:
 
         Args:
             state: State of the mechanism, with floats or, for many states, arrays.
-            unwrapped: Crank angle including all turns, rad.
+            unwrapped: Position of the driven link; see `joint_rows`.
             ahead: State whose torque is the feed-forward torque; None without feed-forward.
             by_math: Whether the values are arrays.
 
@@ -170,7 +170,7 @@ class StateTemplates:
         found: tuple[Real, ...] = (
             self._program(*values, by_math=True) if by_math else self._program.floats(*values)
         )
-        return found if ahead is None else (*found, ahead.torque / self._crank_ratio + 0.0)
+        return found if ahead is None else (*found, ahead.torque / self._ratio + 0.0)
 
     def pack(self, stamp: int, numbers: Sequence[Real]) -> bytes:
         """Returns the CDR bytes of a state's messages, from its stamp, ns, and its numbers."""
@@ -178,7 +178,7 @@ class StateTemplates:
 
 
 def _numbers(
-    constants: tuple[Sequence[Link], Sequence[RobotJoint], Sequence[Point]],
+    constants: tuple[Sequence[Link], Sequence[RobotJoint], int, Sequence[Point]],
     position: tuple[Real, ...],
     velocity: tuple[Real, ...],
     acceleration: tuple[Real, ...],
@@ -186,9 +186,9 @@ def _numbers(
     unwrapped: Real,
 ) -> tuple[Real, ...]:
     """Computes the numbers in a state's messages, without -0.0; compiled as a formula."""
-    links, joints, points = constants
+    links, joints, driven, points = constants
     state = State(position, velocity, acceleration, torque)
-    rows = joint_rows(links, state, unwrapped, joints)
+    rows = joint_rows(links, state, unwrapped, joints, driven)
     directions = [Vector.at(angle) for angle in position]
     rows += [[*point.follow(directions, velocity, acceleration)[0]] for point in points]
     return tuple(number + 0.0 for row in rows for number in row)

@@ -40,12 +40,16 @@ class DrivenMechanism:
 
     Attributes:
         solver: Solver of the mechanism in the current coordinates.
-        torque: Torque on the crank, N m, as a function of the crank speed, rad/s.
-        middle: If the crank is not a coordinate, the middle of the arc on which it moves, rad.
+        torque: Torque on the crank, N m, as a function of its speed, rad/s; for a driven cylinder,
+            force, N, as a function of its rate, m/s.
+        middle: If a driven crank is not a coordinate, the middle of the arc on which it moves,
+            rad.
         solvers: Solvers for all descriptions used so far.
         links: The links whose positions are the coordinates.
         units: Units of the errors in y: rad or crank lengths, then the same per second.
-        has_crank: Whether the crank is the first coordinate.
+        driven: Index of the driven link.
+        turns: Whether the driven link is a crank, whose turns are counted.
+        has_driven: Whether the driven link is the first coordinate.
         is_own: Whether the current coordinates are the mechanism's own coordinates.
         is_usual: Whether the current coordinates and assembly are the mechanism's own.
         is_limited: Whether the coordinates are singular at positions other than change points.
@@ -63,32 +67,36 @@ class DrivenMechanism:
         self.units = 2 * tuple(
             mechanism.crank.length if link.slides else 1.0 for link in self.links
         )
-        self.has_crank = solver.coordinates[0] == solver.links[0]
+        self.driven = solver.structure.driven
+        self.turns = not solver.structure.links[self.driven].slides
+        self.has_driven = solver.coordinates[0] == solver.links[self.driven]
         self.is_own = solver.coordinates == mechanism.coordinates
         self.is_usual = solver.description == mechanism.description
         self.is_limited = solver.mobility is None or not solver.mobility.turns_fully
 
     def wound(self, y: tuple[float, ...]) -> tuple[tuple[float, ...], int]:
         """Removes pairs of whole turns from the crank angle in y; returns y and their number."""
-        if not self.has_crank:
+        if not (self.has_driven and self.turns):
             return y, 0
         angle, pairs = within_two_turns(y[0])
         return (angle, *y[1:]), pairs
 
-    def crank(self, y: tuple[float, ...], pairs: int) -> float:
-        """Returns the crank angle including all turns.
+    def position(self, y: tuple[float, ...], pairs: int) -> float:
+        """Returns the position of the driven link, including all turns of a crank.
 
         Args:
             y: Coordinates, then their rates.
             pairs: Pairs of whole turns removed from the crank angle in y.
 
         Returns:
-            The angle, rad, rounded once.
+            The angle, rad, or the position, m, rounded once.
         """
-        if self.has_crank:
-            return with_turns(y[0], pairs)
-        angle = self._state(y).position[0]
-        return with_turns(angle, pairs + turns_between(angle, self.middle))
+        place: float = y[0] if self.has_driven else self._state(y).position[self.driven]
+        if not self.turns:
+            return place
+        if self.has_driven:
+            return with_turns(place, pairs)
+        return with_turns(place, pairs + turns_between(place, self.middle))
 
     def described(self, description: Description) -> 'DrivenMechanism':
         """Returns this driven mechanism in another description."""
@@ -133,7 +141,7 @@ class DrivenMechanism:
             return mechanism.other_coordinates if is_worse else ()
         if is_worse or other_sine > _RETURN:
             return mechanism.coordinates
-        turning = zip(y[self.has_crank :], self.links[self.has_crank :], strict=False)
+        turning = zip(y[self.has_driven :], self.links[self.has_driven :], strict=False)
         is_beyond = any(abs(angle) > math.pi for angle, link in turning if not link.slides)
         return self.solver.coordinates if is_beyond else ()
 
@@ -157,10 +165,10 @@ class DrivenMechanism:
             place if link.slides else wrap(place)
             for place, link in zip(state.position, links, strict=True)
         ]
-        positions[0] = self.crank(y, 0)
+        positions[self.driven] = self.position(y, 0)
         moving = [self.solver.links.index(name) for name in coordinates]
         there = (*(positions[i] for i in moving), *(state.velocity[i] for i in moving))
-        middle = self.arc_middle(y[0]) if self.has_crank else self.middle
+        middle = self.arc_middle(y[0]) if self.has_driven else self.middle
 
         def distance(driven: DrivenMechanism) -> float:
             try:
@@ -176,9 +184,12 @@ class DrivenMechanism:
         return replace(min(both, key=distance), middle=middle), there
 
     def arc_middle(self, crank: float) -> float:
-        """Returns the middle of the arc on which the crank moves, rad, within pi of its angle."""
+        """Returns the middle of the arc on which the crank moves, rad, within pi of its angle.
+
+        A position of a driven cylinder, m, is returned as it is.
+        """
         mobility = self.solver.mobility
-        if mobility is None:
+        if mobility is None or mobility.slides:
             return crank
 
         low, high = min(
@@ -209,8 +220,8 @@ class DrivenMechanism:
         return slope_at(self.accelerations, y)
 
     def speed(self, y: tuple[float, ...]) -> float:
-        """Returns the speed of the crank, rad/s."""
-        return y[len(y) // 2] if self.has_crank else self._state(y).velocity[0]
+        """Returns the rate of the driven link, rad/s or m/s."""
+        return y[len(y) // 2] if self.has_driven else self._state(y).velocity[self.driven]
 
     @functools.cached_property
     def rates(self) -> tuple[float, float]:

@@ -17,7 +17,7 @@ from linkage_ros.mechanism.structure import Description
 from linkage_ros.motion.coordinates import DrivenMechanism
 from linkage_ros.motion.segments import Coordinates, Motion, Segment, stacked
 from linkage_ros.motion.steps import FixedSteps, Integrate, StiffSteps, Values, live_steps
-from linkage_ros.numeric import Real, with_turns, within_two_turns, wrap
+from linkage_ros.numeric import Real, wrap
 from linkage_ros.quantities import Checked, quantity
 from linkage_ros.units import NS_PER_S
 
@@ -309,15 +309,15 @@ def published(driven: DrivenMechanism, y: Values, pairs: int) -> Coordinates:
         LinkageError: As for `Solver.accelerations`.
     """
     solver, half = driven.solver, len(y) // 2
-    if driven.has_crank:
-        unwrapped = with_turns(y[0], pairs)
-        y = within_two_turns(unwrapped)[0], *y[1:]
+    if driven.has_driven:
+        unwrapped = driven.position(y, pairs)
+        y = driven.wound((unwrapped, *y[1:]))[0]
     if driven.is_own:
         q, u, a = y[:half], y[half:], driven.accelerations(*y)
         return Coordinates(q, u, a, unwrapped, None if driven.is_usual else solver.state(q, u, a))
     y = legible(driven, y)
-    if not driven.has_crank:
-        unwrapped = driven.crank(y, pairs)
+    if not driven.has_driven:
+        unwrapped = driven.position(y, pairs)
     state = solver.driven_state(y[:half], y[half:], driven.torque(driven.speed(y)))
     return own_coordinates(solver, state, unwrapped)
 
@@ -327,8 +327,8 @@ def all_published(driven: DrivenMechanism, moments: list[tuple[Values, int]]) ->
     solver = driven.solver
     if not driven.is_own:
         return stacked([published(driven, *moment) for moment in moments])
-    unwrapped = [with_turns(y[0], pairs) for y, pairs in moments]
-    angles = [within_two_turns(angle)[0] for angle in unwrapped]
+    unwrapped = [driven.position(y, pairs) for y, pairs in moments]
+    angles = [driven.wound((place,))[0][0] for place in unwrapped]
     (_, *y), count = np.array([y for y, _ in moments]).T, len(solver.coordinates)
     q, u = (np.array(angles), *y[: count - 1]), tuple(y[count - 1 :])
     a = solver.accelerations(q, u, driven.torque(u[0]), by_math=True)
@@ -338,10 +338,10 @@ def all_published(driven: DrivenMechanism, moments: list[tuple[Values, int]]) ->
 
 def legible(driven: DrivenMechanism, y: Values) -> Values:
     """Rounds y so that converting it to the joint values of a message and back is exact."""
-    crank, half = driven.solver.links[0], len(y) // 2
+    name, half = driven.solver.links[driven.driven], len(y) // 2
     values = list(y)
     for i, link in enumerate(driven.links):
-        if link.slides or link.name == crank:
+        if link.slides or link.name == name:
             continue
         # The angle of a joint on the crank is relative to the crank.
         base, speed = (y[0], y[half]) if link.parent is not None else (0.0, 0.0)

@@ -58,9 +58,11 @@ class Configuration:
     @property
     def robot_joints(self) -> tuple[RobotJoint, ...]:
         """The joint of each link in messages."""
-        links, prefix = self.mechanism.structure().links, self.session.joint_prefix
-        is_measured = self.drive.given is Given.MEASUREMENT
-        return robot_joints(links, self.joints, prefix, is_measured=is_measured)
+        structure, prefix = self.mechanism.structure(), self.session.joint_prefix
+        return robot_joints(
+            structure.links, self.joints, prefix, driven=structure.driven,
+            is_measured=self.drive.given is Given.MEASUREMENT,
+        )  # fmt: skip
 
     def parameters(self) -> dict[str, object]:
         """Returns the values of all parameters by name, including defaults."""
@@ -98,9 +100,10 @@ def configure(values: Mapping[str, object]) -> Configuration:
     valid = parameter_leaves(kind, given)
     names = [leaf.name for leaf in valid]
     mistakes = Mistakes()
+    unused = MECHANISMS[kind.mechanism].unused(given)
     for name in [name for name in given if name not in names]:
         with mistakes:
-            raise ConfigurationError(_not_a_parameter(name, kind, names))
+            raise ConfigurationError(_not_a_parameter(name, kind, names, unused.get(name, '')))
     with mistakes:
         mechanism = build(MECHANISMS[kind.mechanism], chosen)
     with mistakes:
@@ -139,7 +142,7 @@ def _require_harmless(drive: Drive) -> None:
         )
 
 
-def _not_a_parameter(name: str, kind: MechanismAndDrive, valid: Sequence[str]) -> str:
+def _not_a_parameter(name: str, kind: MechanismAndDrive, valid: Sequence[str], reason: str) -> str:
     """Returns the error message for an unknown parameter of a mechanism and drive."""
     owner = _with_article(DRIVES[kind.drive].subject.format(kind.mechanism))
     block = name.partition('.')[0]
@@ -149,7 +152,7 @@ def _not_a_parameter(name: str, kind: MechanismAndDrive, valid: Sequence[str]) -
         for kinds, own in ((DRIVES, kind.drive), (MECHANISMS, kind.mechanism))
     )
     having = [*(f'a crank with drive: {x}' for x in drives), *map(_with_article, mechanisms)]
-    reason = f'only {" or ".join(having)} has {sought}' if having else ''
+    reason = reason or (f'only {" or ".join(having)} has {sought}' if having else '')
     if name == 'rate_hz':
         reason = 'measurements set the rate'
     if reason:

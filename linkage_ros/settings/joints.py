@@ -73,6 +73,7 @@ def robot_joints(
     settings: Mapping[str, JointSettings],
     joint_prefix: str,
     *,
+    driven: int = 0,
     is_measured: bool = False,
 ) -> tuple[RobotJoint, ...]:
     """Returns the joint of each link in messages.
@@ -81,7 +82,8 @@ def robot_joints(
         links: The links of the mechanism.
         settings: The given joints, by link.
         joint_prefix: Prefix of names that are not given.
-        is_measured: Whether the crank is measured, so that messages repeat its value.
+        driven: Index of the driven link.
+        is_measured: Whether that link is measured, so that messages repeat its value.
 
     Returns:
         The joints, in the order of the links.
@@ -91,11 +93,11 @@ def robot_joints(
     """
     numbers = {FRAME: None, **{link.name: i for i, link in enumerate(links) if not link.slides}}
     found = list(own_joints(links, joint_prefix))
-    found[0] = found[0]._replace(is_measured=is_measured)
+    found[driven] = found[driven]._replace(is_measured=is_measured)
     for i, (link, joint) in enumerate(zip(links, found, strict=True)):
         given, group = settings.get(link.name, JointSettings()), f'{GROUP}.{link.name}'
         valid = [name for name, number in numbers.items() if number != i]
-        if not i or link.slides:
+        if i == driven or link.slides:
             valid = [FRAME if link.parent is None else links[link.parent].name]
         if given.parent is not None and given.parent not in valid:
             raise ConfigurationError(
@@ -103,7 +105,7 @@ def robot_joints(
             )
         if given.ratio == 0:
             raise ConfigurationError(f'{group}.ratio = 0: must be positive or negative')
-        if not i and given.name == '':
+        if i == driven and given.name == '':
             raise ConfigurationError(
                 f"{group}.name = '': must be a name, because the others follow it"
             )

@@ -46,18 +46,17 @@ class MechanismAndDrive(Checked):
         """Reads mechanism and drive from parameters; a wind pump always has drive: torque.
 
         Raises:
-            ConfigurationError: The mechanism is missing, or a wind pump has another drive.
+            ConfigurationError: The mechanism is missing, or cannot have the drive.
         """
         kind = build(cls, given)
-        if len(MECHANISMS[kind.mechanism].coordinates) == 1:
+        drives, reason = MECHANISMS[kind.mechanism].drives(given)
+        if not drives or kind.drive in drives:
             return kind
-        if given.get('drive', 'torque') != 'torque':
-            raise ConfigurationError(
-                f'drive = {kind.drive!r}: must be torque, because the crank speed alone does not '
-                f'determine how a {kind.mechanism} moves; leave drive and rpm out, and set '
-                'motor.torque and start_rpm'
-            )
-        return replace(kind, drive='torque')
+        if 'drive' not in given and len(drives) == 1:
+            return replace(kind, drive=drives[0])
+        raise ConfigurationError(
+            f'drive = {kind.drive!r}: must be {" or ".join(drives)}, {reason}'
+        )
 
 
 @dataclass(frozen=True)
@@ -143,11 +142,12 @@ def parameter_leaves(
     Raises:
         ConfigurationError: A load in the values has no valid kind.
     """
-    given = DRIVES[kind.drive].given
-    classes = (MechanismAndDrive, MECHANISMS[kind.mechanism], DRIVES[kind.drive], Session)
-    unused = 'rate_hz' if given is Given.MEASUREMENT else ''  # measurements set the rate
+    given, mechanism = DRIVES[kind.drive].given, MECHANISMS[kind.mechanism]
+    classes = (MechanismAndDrive, mechanism, DRIVES[kind.drive], Session)
+    unused = set() if values is None else {*mechanism.unused(values)}
+    unused |= {'rate_hz'} if given is Given.MEASUREMENT else set()  # measurements set the rate
     found = (leaf for cls in classes for leaf in leaves(cls, values=values))
-    own = [leaf for leaf in found if leaf.name != unused]
+    own = [leaf for leaf in found if leaf.name not in unused]
     for i, (name, described, _) in enumerate(own):
         if name == 'gravity':  # an integrator keeps its model
             own[i] = own[i]._replace(quantity=replace(described, live=given is not Given.TORQUE))

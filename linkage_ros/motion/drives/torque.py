@@ -6,12 +6,13 @@ import math
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import Any, cast
 
 from linkage_ros.errors import ConfigurationError, LinkageError, UnreachableError
+from linkage_ros.mechanism.parts import CROSSED, OPEN
 from linkage_ros.mechanism.solver import Solver
-from linkage_ros.mechanism.structure import Mechanism
+from linkage_ros.mechanism.structure import Description, Mechanism
 from linkage_ros.messages.cdr import decode_joint_state
 from linkage_ros.messages.topics import JOINT_COMMANDS, Topic
 from linkage_ros.motion.drives.base import WINDOW, Drive, Given, Input, Machine
@@ -19,7 +20,7 @@ from linkage_ros.motion.segments import Coordinates
 from linkage_ros.motion.under_torque import Motor, TorqueMotion, TorqueSegment
 from linkage_ros.numeric import within_two_turns
 from linkage_ros.quantities import quantity
-from linkage_ros.units import NS_PER_S, radians_per_second
+from linkage_ros.units import NS_PER_S, rad_and_deg, radians_per_second
 
 TAKEN, CUT, REJECTED, TIMEOUTS = (
     'commands taken', 'commands cut to torque_limit', 'commands rejected', 'command timeouts'
@@ -65,7 +66,32 @@ class TorqueDrive(Drive):
         positions, rates = mechanism.start()
         angle, _ = within_two_turns(self.crank_angle)
         u = radians_per_second(self.start_rpm), *rates
+        if mechanism.coordinates[0] != 'crank':
+            return self._start_of_cylinder(mechanism, angle, u[0])
         return Coordinates((angle, *positions), u, (0.0,) * len(u), self.crank_angle)
+
+    def _start_of_cylinder(self, mechanism: Mechanism, crank: float, speed: float) -> Coordinates:
+        """Converts the start, crank angle, rad, and speed, rad/s, to those of a driven cylinder.
+
+        Raises:
+            ConfigurationError: The crank is on the side of the other assembly.
+        """
+        by_crank = Solver(mechanism, description=Description(mechanism.other_coordinates, OPEN))
+        state, driven = by_crank.state(crank, speed), by_crank.structure.driven
+        q, u = state.position[driven], state.velocity[driven]
+        found = {
+            assembly: Solver(replace(cast('Any', mechanism), assembly=assembly)).state(q).position
+            for assembly in (OPEN, CROSSED)
+        }
+        nearest = min(found, key=lambda x: abs(math.remainder(found[x][0] - crank, math.tau)))
+        if nearest != mechanism.assembly:
+            other = rad_and_deg(found[mechanism.assembly][0])
+            raise ConfigurationError(
+                f'crank_angle = {self.crank_angle:g}: is in assembly {nearest}; in '
+                f'{mechanism.assembly}, the crank is at {other} for this position of the '
+                'cylinder; change crank_angle or assembly'
+            )
+        return Coordinates((q,), (u,), (0.0,), q)
 
     def check(self, mechanism: Mechanism) -> None:
         """Checks that the motion can start.
