@@ -20,6 +20,7 @@ from linkage_ros.errors import (
     UnreachableError,
     ViewerError,
 )
+from linkage_ros.mechanism.dyads import Dyad, DyadSlider
 from linkage_ros.mechanism.four_bar import FourBar
 from linkage_ros.mechanism.inverted_slider_crank import InvertedSliderCrank
 from linkage_ros.mechanism.joint_forces import Reactions
@@ -101,6 +102,8 @@ __all__ = [
     'Body',
     'ConfigurationError',
     'Coupler',
+    'Dyad',
+    'DyadSlider',
     'Force',
     'FourBar',
     'Frame',

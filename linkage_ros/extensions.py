@@ -6,6 +6,7 @@ Public: other packages may import this module, and also `formulas`, `quantities`
 and `executables`. All further modules may change in any release.
 """
 
+from linkage_ros.mechanism.dyads import dyads_field
 from linkage_ros.mechanism.equations import (
     Model,
     accelerations,
@@ -73,6 +74,7 @@ __all__ = [
     'acting_forces',
     'balance',
     'coupler_point',
+    'dyads_field',
     'generalised',
     'gravity_quantity',
     'live_steps',

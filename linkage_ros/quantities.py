@@ -173,13 +173,13 @@ def groups(base: type, single: Sequence[Any], named: Mapping[str, Any]) -> Any:
 
     A parameter file may set each group of `single` once, and any number of objects of the classes
     in `named`: the parameters of an object with the name x begin with the name of the field and x,
-    and one of them is its kind.
+    and one of them is its kind, unless all have one class.
 
     Args:
         base: Base class of the valid objects, whose attribute `name` holds an object's name; ''
             for an object of a single group.
         single: Classes whose attribute `group` names their parameter group.
-        named: Classes by kind. It may grow until it is used.
+        named: Classes by kind. It may grow until it is used. The kind of the only class may be ''.
 
     Returns:
         The field, whose default is an empty tuple.
@@ -194,6 +194,11 @@ def unlisted(default: Any) -> Any:
     return dataclasses.field(default=default, metadata={'quantity': None})
 
 
+def required() -> Any:
+    """Declares a dataclass field without a default that is not a parameter."""
+    return dataclasses.field(metadata={'quantity': None})
+
+
 class _Held(NamedTuple):
     """The valid objects of a field whose value is a dataclass of quantities, or a tuple of them.
 
@@ -202,12 +207,14 @@ class _Held(NamedTuple):
         base: Base class of the valid objects.
         is_group: Whether the value is a tuple of objects.
         named: Classes of the objects in the tuple that have names of their own, by kind.
+        is_optional: Whether the value may be None.
     """
 
     kinds: Mapping[str, Any]
     base: Any
     is_group: bool
     named: Mapping[str, Any] = {}
+    is_optional: bool = False
 
     @property
     def kind(self) -> Quantity:
@@ -231,10 +238,38 @@ class _Held(NamedTuple):
         )
         found = {}
         for name in sorted({part[0] for part in parts if len(part) > 1}):
+            if '' in self.named:
+                found[name] = self.named['']
+                continue
             key = f'{prefix}{name}.kind'
             if key not in values:
                 raise ConfigurationError(f'{key} is missing: must be {self.kind.valid}')
             found[name] = self.named[str(self.kind.clean(key, values[key]))]
+        return found
+
+    def by_name(self, field: str, members: Sequence[Any]) -> dict[str, Any]:
+        """Returns the objects of a group by the start of their parameters' names.
+
+        Args:
+            field: Name of the group's field.
+            members: The objects.
+
+        Raises:
+            ConfigurationError: Two objects have one group, or an object has no name.
+        """
+        names = {kind: name for name, kind in self.kinds.items()}
+        kinds = {*self.named.values()}
+        found: dict[str, Any] = {}
+        for member in members:
+            key = names.get(type(member), '')
+            if member.name and type(member) in kinds:
+                key = f'{field}.{member.name}'
+            elif member.name or not key:
+                raise ConfigurationError(
+                    f'{field} holds {shown(member)}: parameters can hold one of each of '
+                    f'{", ".join(self.kinds)}, and any number of {", ".join(self.named)}'
+                )
+            found[key] = member
         return found
 
 
@@ -244,11 +279,18 @@ def _read_parts(cls: Any) -> tuple[tuple[dataclasses.Field[Any], Quantity | _Hel
     found = []
     for field in dataclasses.fields(cls):
         kind = hints[field.name]
-        held = _Held({field.name: kind}, kind, is_group=False)
+        # The class of a part that may be None.
+        inner = next((x for x in typing.get_args(kind) if dataclasses.is_dataclass(x)), kind)
+        held = _Held({field.name: inner}, inner, is_group=False, is_optional=inner is not kind)
         part = field.metadata.get('quantity', held)
         if part is not None:
             found.append((field, part))
     return tuple(found)
+
+
+def _parameter(field: dataclasses.Field[Any]) -> str:
+    """Returns the name of a field in parameters; `from_` is the field of `from`."""
+    return field.name.rstrip('_')
 
 
 _parts: Callable[[Any], Any] = functools.cache(_read_parts)  # type hints are slow to resolve
@@ -262,7 +304,10 @@ class Checked:
             value = getattr(self, field.name)
             if isinstance(part, Quantity):
                 if value is not None or field.default is not None:
-                    object.__setattr__(self, field.name, part.clean(field.name, value))
+                    cleaned = part.clean(_parameter(field), value)
+                    object.__setattr__(self, field.name, cleaned)
+                continue
+            if value is None and part.is_optional:
                 continue
             members = tuple(value) if isinstance(value, (list, tuple)) else (value,)
             for member in members:
@@ -304,18 +349,26 @@ def leaves(
     found: list[Leaf] = []
     for field, part in _parts(cls):
         if isinstance(part, Quantity):
-            found.append(Leaf(prefix + field.name, part, field.default))
+            found.append(Leaf(prefix + _parameter(field), part, field.default))
+            continue
+        if part.is_optional and values is not None and not _names(values, prefix + field.name):
             continue
         for name, kind in part.kinds.items():
             for leaf in leaves(kind, f'{prefix}{name}.'):
                 # Required only if the group is present.
-                is_optional = part.is_group and leaf.default is MISSING
+                is_optional = (part.is_group or part.is_optional) and leaf.default is MISSING
                 found.append(leaf._replace(default=None) if is_optional else leaf)
         start = f'{prefix}{field.name}.'
         for name, kind in part.members(start, values or {}).items():
-            found.append(Leaf(f'{start}{name}.kind', part.kind, MISSING))
-            found += leaves(kind, f'{start}{name}.')
+            if '' not in part.named:
+                found.append(Leaf(f'{start}{name}.kind', part.kind, MISSING))
+            found += leaves(kind, f'{start}{name}.', values)
     return tuple(found)
+
+
+def _names(values: Mapping[str, object], group: str) -> bool:
+    """Returns whether any of the names belongs to a group."""
+    return any(name.startswith(f'{group}.') for name in values)
 
 
 def build(cls: type[_T], values: Mapping[str, object], prefix: str = '', **others: object) -> _T:
@@ -348,18 +401,19 @@ def _built(field: Any, part: Any, values: Mapping[str, object], prefix: str) -> 
     Raises:
         ConfigurationError: A value is missing or invalid.
     """
-    name = prefix + field.name
+    name = prefix + _parameter(field)
     if not isinstance(part, Quantity):
         mistakes, members = Mistakes(), list[Any]()
         for group, kind in part.kinds.items():
-            if not part.is_group or any(x.startswith(f'{prefix}{group}.') for x in values):
+            needed = not (part.is_group or part.is_optional)
+            if needed or _names(values, prefix + group):
                 with mistakes:
                     members.append(build(kind, values, f'{prefix}{group}.'))
         for key, kind in part.members(f'{name}.', values).items():
             with mistakes:
                 members.append(build(kind, values, f'{name}.{key}.', name=key))
         mistakes.check()
-        return tuple(members) if part.is_group else members[0]
+        return tuple(members) if part.is_group else next(iter(members), MISSING)
     if name in values:
         return part.clean(name, values[name])
     if field.default is MISSING:
@@ -377,27 +431,15 @@ def flatten(instance: object, prefix: str = '') -> dict[str, object]:
     flat: dict[str, object] = {}
     for field, part in _parts(type(instance)):
         value = getattr(instance, field.name)
-        if isinstance(part, Quantity):
-            if value is not None:
-                flat[prefix + field.name] = value
+        if value is None:
             continue
-        found: dict[str, object] = {field.name: value}
+        if isinstance(part, Quantity):
+            flat[prefix + _parameter(field)] = value
+            continue
+        found = part.by_name(field.name, value) if part.is_group else {field.name: value}
         kinds = {kind: name for name, kind in part.named.items()}
-        if part.is_group:
-            names = {kind: name for name, kind in part.kinds.items()}
-            found = {}
-            for member in value:
-                key, kind = names.get(type(member)), kinds.get(type(member))
-                if member.name and kind:
-                    key = f'{field.name}.{member.name}'
-                elif member.name or not key:
-                    raise ConfigurationError(
-                        f'{field.name} holds {shown(member)}: parameters can hold one of each of '
-                        f'{", ".join(part.kinds)}, and any number of {", ".join(part.named)}'
-                    )
-                found[key] = member
         for name, member in found.items():
-            if type(member) in kinds and '.' in name:
+            if kinds.get(type(member)) and '.' in name:
                 flat[f'{prefix}{name}.kind'] = kinds[type(member)]
             flat.update(flatten(member, f'{prefix}{name}.'))
     return flat

@@ -105,7 +105,7 @@ WRONG = {
     'huge': (f'{SLIDER}, load: {{link: slider, at: [0.0, 1.0], value: [0.0, 1.0e+300]}}',
              r'load\.value = \[0\.0, 1e\+300\]: must be .* from -1e\+12 to 1e\+12 N or N m'),
     'no points': (f'{SLIDER}, load: {{link: slider, value: [1.0]}}', 'load needs at and value'),
-    'no link': (f'{SLIDER}, load: {{{POINTS}}}', r'load\.link is missing: must be one of crank'),
+    'no link': (f'{SLIDER}, load: {{{POINTS}}}', r'load\.link is missing: must be text'),
     # Files.
     'missing file': (f'{SLIDER}, load: {{link: slider, file: no.csv}}',
                      r"load\.file = 'no\.csv': No such file or directory; give the path"),
@@ -128,7 +128,7 @@ WRONG = {
     'over position on a crank': (f'{SLIDER}, load: {{link: crank, over: position, {POINTS}}}',
                                  r'must be crank_angle if load\.link is crank'),
     'another link': (f'{SLIDER}, load: {{link: coupler, {POINTS}}}',
-                     r"load\.link = 'coupler': must be one of crank, rocker, slider"),
+                     r"load\.link = 'coupler': must be crank or slider"),
     "another mechanism's": (f'{SLIDER}, load: {{link: rocker, {POINTS}}}',
                             r"load\.link = 'rocker': must be crank or slider"),
     "another's of a pump": (f'{PUMP}, load: {{link: rocker, {POINTS}}}',

@@ -454,7 +454,7 @@ WRONG = [
     (SLIDER, CURVE + ', value: [1.0, 2.0], pressure: [1.0, 2.0]', r'loads\.x needs at and value'),
     (SLIDER, CURVE + ', pressure: [1.0, 2.0]', LABEL + 'pressure acts on a slider with a bore'),
     (SLIDER, CURVE + ', value: [1.0, 2.0], bore: 0.1', LABEL + 'bore is for a pressure'),
-    (FOUR, CURVE.replace('slider', 'rocker') + ', pressure: [1.0, 2.0], bore: 0.1', 'acts on a'),
+    (FOUR, CURVE.replace('slider', 'rocker') + ', pressure: [1.0, 2.0], bore: 0.1', 'is not a'),
     (SLIDER, 'kind: curve, link: slider, file: no.csv', "file = '.*no.csv': No such file"),
     *((SLIDER, f'kind: curve, link: slider, file: {name}, bore: 0.1', words) for name, words in {
         'two.csv': 'its first line names crank_angle_deg, crank_angle, value',

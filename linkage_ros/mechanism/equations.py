@@ -40,7 +40,7 @@ from linkage_ros.formulas import (
 from linkage_ros.mechanism.kinematics import LinkPose, Loop, PointMotion, Pose, State
 from linkage_ros.mechanism.loads.base import JointLoad, Load
 from linkage_ros.mechanism.nested import leaves
-from linkage_ros.mechanism.structure import Dyad, Link, Mechanism, Pin, Point, Structure
+from linkage_ros.mechanism.structure import DyadLinks, Link, Mechanism, Pin, Point, Structure
 from linkage_ros.mechanism.turning_frame import TurningFrame
 from linkage_ros.mechanism.wrenches import generalised
 from linkage_ros.numeric import Real
@@ -90,8 +90,8 @@ class Model(NamedTuple):
     links: tuple[Link, ...]
     pins: tuple[Pin, ...]
     pin_points: tuple[Point, ...]
-    dyads: tuple[Dyad, ...]
-    other_dyads: tuple[Dyad, ...]
+    dyads: tuple[DyadLinks, ...]
+    other_dyads: tuple[DyadLinks, ...]
     driven: int
     gravity: Vector
     pivot: Any
@@ -128,7 +128,7 @@ class Model(NamedTuple):
             ConfigurationError: A load does not fit the mechanism.
         """
         return cls(
-            loop or mechanism.loop(),
+            loop or mechanism.chain(),
             structure.links,
             structure.pins,
             tuple(structure.points[pin.name] for pin in structure.pins),
@@ -416,7 +416,7 @@ def dyad_sines(model: Model, q: Sequence[Real], u: Sequence[Real]) -> tuple[Dyad
 
 
 def dyad_lines(
-    model: Model, pose: Pose, rates: Sequence[Real], dyad: Dyad
+    model: Model, pose: Pose, rates: Sequence[Real], dyad: DyadLinks
 ) -> list[tuple[Vector, Real]]:
     """Returns the lines that are parallel where a dyad is in line: of its first and second link.
 
@@ -424,7 +424,7 @@ def dyad_lines(
         model: Constants of the mechanism.
         pose: Positions of the links.
         rates: Velocities of the links, or their derivatives with respect to a coordinate.
-        dyad: The two links; see `structure.Dyad`.
+        dyad: The two links; see `structure.DyadLinks`.
 
     Returns:
         The unit vector of each line, and its angular velocity, rad/s.

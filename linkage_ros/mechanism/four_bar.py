@@ -36,6 +36,7 @@ from linkage_ros.formulas import (
     turned,
     where,
 )
+from linkage_ros.mechanism.dyads import dyads_field
 from linkage_ros.mechanism.kinematics import LinkPose, Loop, Pose, Reach
 from linkage_ros.mechanism.loads import loads_field
 from linkage_ros.mechanism.parts import (
@@ -227,6 +228,7 @@ class FourBar(Mechanism):
             measured from the frame's angle reduced by whole turns to [-pi, pi].
         gravity: Acceleration of gravity [x, y], m/s^2.
         loads: Loads, such as `Force` and `Friction`; a `LinkLoad` is moved into the rocker.
+        dyads: Dyads that the linkage carries.
     """
 
     other_coordinates: ClassVar[tuple[str, ...]] = ('rocker',)
@@ -240,6 +242,7 @@ class FourBar(Mechanism):
     )
     gravity: tuple[float, float] = gravity_quantity()
     loads: tuple[Any, ...] = loads_field()
+    dyads: tuple[Any, ...] = dyads_field()
 
     def __post_init__(self) -> None:
         if type(self.rocker) is Body:  # convert a plain body to a rocker without a load

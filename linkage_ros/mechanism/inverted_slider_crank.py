@@ -31,6 +31,7 @@ from typing import Any, NamedTuple, NoReturn
 
 from linkage_ros.errors import ConfigurationError, MechanismError
 from linkage_ros.formulas import ZERO, Opaque, Vector, atan2, require, sqrt, turned
+from linkage_ros.mechanism.dyads import dyads_field
 from linkage_ros.mechanism.kinematics import FULL_TURN, Arc, LinkPose, Pose, Reach, Stroke
 from linkage_ros.mechanism.loads import loads_field
 from linkage_ros.mechanism.parts import (
@@ -208,6 +209,7 @@ class InvertedSliderCrank(Mechanism):
             m.
         gravity: Acceleration of gravity [x, y], m/s^2.
         loads: Loads on the links. A `LinkLoad` given here is moved into the rod.
+        dyads: Dyads that the linkage carries.
         input: Driven joint: 'crank', or 'cylinder', the rod in its barrel.
         assembly: Side of A from the line from A0 to B0 if the cylinder is driven: 'open' for left,
             'crossed' for right. A crank angle determines it, so a driven crank has only 'open'.
@@ -223,6 +225,7 @@ class InvertedSliderCrank(Mechanism):
     )  # fmt: skip
     gravity: tuple[float, float] = gravity_quantity()
     loads: tuple[Any, ...] = loads_field()
+    dyads: tuple[Any, ...] = dyads_field()
     input: str = quantity('choice', 'driven joint', choices=(CRANK, CYLINDER), default=CRANK)
     assembly: str = quantity(
         'choice', 'side of the pin A from the line of the fixed pivots, with input: cylinder',

@@ -59,6 +59,7 @@ _ULPS = 2.0**-51
 _CHANGE = 1e-12  # convergence tolerance for a round's changes, relative to the largest force
 _ROUNDING = 1e-6  # the same tolerance, used once rounding errors keep the changes from shrinking
 _SINGULAR = 1e-12  # a determinant below this is only rounding error
+_CRAMER = 5  # largest number of contacts for Cramer's rule, whose cost doubles with each
 _STEP = 1e-9  # smallest step of the coefficients, as a fraction of their full values
 _ORIGIN = Vector(ZERO, ZERO)
 _FRAME = FRAME  # also the index of the last body
@@ -197,12 +198,14 @@ class _Balance:
         self._couples[body] = self._couples[body] + couple
         if point is None:
             return
-        at = place(point, links)
-        if body != _FRAME and self._links[body].is_guided:
-            center = self._slid[body]
+        self._push(body, place(point, links), force)
+
+    def _push(self, body: int, at: Vector, force: Vector) -> None:
+        """Adds a force at a point of a body; the guide of a guided link takes its moment."""
+        center = self._slid[body] if body != _FRAME and self._links[body].is_guided else at
+        if at is not center:
             self._couples[body] = self._couples[body] + cross(at - center, force)
-            at = center
-        self._known[body].append((at, force))
+        self._known[body].append((center, force))
 
     def _add_effort(self, body: int, j: int, effort: Real) -> None:
         """Adds a load of link j to a body: a force along the guide or, if j turns, a couple."""
@@ -230,9 +233,9 @@ class _Balance:
     def _add_pin_force(self, pin: Pin, force: Vector) -> None:
         """Adds a pin force to both of the pin's links."""
         self.forces[pin.name] = force
-        self._known[pin.second].append((self._positions[pin.name], force))
+        self._push(pin.second, self._positions[pin.name], force)
         first = _FRAME if pin.first is None else pin.first
-        self._known[first].append((self._positions[pin.name], -force))
+        self._push(first, self._positions[pin.name], -force)
 
     def solve(self, i: int, j: int, sine: Real) -> None:
         """Computes the force in the common pin of a dyad from the moments about its outer pins."""
@@ -471,9 +474,40 @@ def _newton_step(
         for k in range(len(forces))
     ]
     lacking = [found - size for found, size in zip(sizes, search.sizes, strict=True)]
-    whole = number(determinant(matrix))
-    steps = solved(matrix, lacking, where(whole > _SINGULAR, whole, 1.0))
+    if len(matrix) > _CRAMER:
+        whole, steps = _eliminated(matrix, lacking)
+    else:
+        whole = number(determinant(matrix))
+        steps = solved(matrix, lacking, where(whole > _SINGULAR, whole, 1.0))
     return _next_round(search, steps, whole, _largest(sizes))
+
+
+def _eliminated(
+    matrix: Sequence[Sequence[Real]], right: Sequence[Real]
+) -> tuple[Real, tuple[Real, ...]]:
+    """Solves linear equations by elimination, in the order of the rows.
+
+    Newton's matrix is the identity without friction. A pivot that reaches 0 as the coefficients
+    grow is treated as a determinant of 0.
+
+    Returns:
+        The determinant or, if it is smaller, the smallest pivot; and the solution.
+    """
+    rows = [[*row, side] for row, side in zip(matrix, right, strict=True)]
+    whole: Real = 1.0
+    least: Real = 1.0
+    for i, row in enumerate(rows):
+        least = where(row[i] < least, row[i], least)
+        whole = whole * row[i]
+        pivot = where(row[i] > _SINGULAR, row[i], 1.0)
+        row[i:] = [x / pivot for x in row[i:]]
+        for other in rows[i + 1 :]:
+            other[i:] = [x - other[i] * y for x, y in zip(other[i:], row[i:], strict=True)]
+    found: list[Real] = []
+    for i, row in reversed(list(enumerate(rows))):
+        known = total(x * y for x, y in zip(row[i + 1 : -1], found, strict=True))
+        found.insert(0, row[-1] - known)
+    return where(whole < least, whole, least), tuple(found)
 
 
 def _next_round(

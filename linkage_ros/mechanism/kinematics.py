@@ -8,7 +8,7 @@ from typing import NamedTuple, NoReturn, Protocol, TypeAlias
 import numpy as np
 
 from linkage_ros.errors import MechanismError, UnreachableError
-from linkage_ros.formulas import Vector, turned
+from linkage_ros.formulas import ZERO, Vector, turned
 from linkage_ros.numeric import Array, Real
 from linkage_ros.units import rad_and_deg
 
@@ -80,6 +80,33 @@ def directions(
     turn_first, turn_second = scale * root / first, scale * root / second
     other = Vector(apart.x * rest + apart.y * turn_second, apart.y * rest - apart.x * turn_second)
     return turned(apart, part, turn_first), other
+
+
+def bends(
+    lengths: tuple[Real, Real],
+    over: tuple[Real, Real],
+    cosine: Real,
+    squares: tuple[Real, Real],
+    ends: tuple[Real, Real] = (ZERO, ZERO),
+) -> tuple[Real, Real]:
+    """Computes the angular accelerations of a dyad's links, or coefficients in them.
+
+    Args:
+        lengths: Lengths of the links, m.
+        over: 2 x (length of the other link) / root for each link, 1/m; see `directions`.
+        cosine: Cosine of the angle between the links' directions.
+        squares: Squared rate of each link, or coefficients of a product of rates in it.
+        ends: Components, along the second and the first link, of the acceleration of the second
+            end relative to the first.
+
+    Returns:
+        The values for both links.
+    """
+    (b, c), (over_b, over_c), (own, other) = lengths, over, squares
+    return (
+        -over_b * (ends[0] + b * cosine * own + c * other),
+        over_c * (ends[1] + b * own + c * cosine * other),
+    )
 
 
 class Stroke(NamedTuple):

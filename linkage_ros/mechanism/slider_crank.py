@@ -23,7 +23,8 @@ from typing import Any, ClassVar, NamedTuple, NoReturn
 
 from linkage_ros.errors import ConfigurationError, MechanismError, UnreachableError
 from linkage_ros.formulas import ZERO, Opaque, Vector, atan2, dot, require, sqrt, turned
-from linkage_ros.mechanism.kinematics import LinkPose, Pose, Reach, Stroke, directions
+from linkage_ros.mechanism.dyads import dyads_field
+from linkage_ros.mechanism.kinematics import LinkPose, Pose, Reach, Stroke, bends, directions
 from linkage_ros.mechanism.loads import loads_field
 from linkage_ros.mechanism.parts import (
     CROSSED,
@@ -133,8 +134,8 @@ class BySlider(SliderCrankLoop):
         crank, coupler = directions(Vector(slide, e), square, root, r, b)
         over_r, over_b, cosine = 2 * b / root, 2 * r / root, dot(crank, coupler)
         one, other = -coupler.x * over_r, crank.x * over_b
-        bend = -over_r * (r * cosine * (one * one) + b * (other * other))
-        other_bend = over_b * (r * (one * one) + b * cosine * (other * other))
+        squares = one * one, other * other
+        bend, other_bend = bends((r, b), (over_r, over_b), cosine, squares)
         links = []
         for link, rate, change in ((crank, one, bend), (coupler, other, other_bend)):
             way = turned(link, guide.x, guide.y)
@@ -157,6 +158,7 @@ class SliderCrank(Mechanism):
             guide's angle reduced by whole turns to [-pi, pi].
         gravity: Acceleration of gravity [x, y], m/s^2.
         loads: Loads, such as `Force` and `Friction`; a `LinkLoad` is moved into the slider.
+        dyads: Dyads that the linkage carries.
     """
 
     other_coordinates: ClassVar[tuple[str, ...]] = ('slider',)
@@ -171,6 +173,7 @@ class SliderCrank(Mechanism):
     )  # fmt: skip
     gravity: tuple[float, float] = gravity_quantity()
     loads: tuple[Any, ...] = loads_field()
+    dyads: tuple[Any, ...] = dyads_field()
 
     def require_closed(self) -> None:
         """See `Mechanism.require_closed`.

@@ -19,6 +19,7 @@ import numpy as np
 from linkage_ros.errors import ConfigurationError, MechanismError, UnreachableError
 from linkage_ros.formulas import ZERO, Opaque, number
 from linkage_ros.mechanism import equations
+from linkage_ros.mechanism.dyad_reach import reach_of
 from linkage_ros.mechanism.equations import DyadSine, Environment, Model
 from linkage_ros.mechanism.joint_forces import (
     GuideForce,
@@ -143,7 +144,7 @@ class Solver:
         self.model = Model.of(
             mechanism,
             structure,
-            mechanism.loop_of(self.description),
+            mechanism.chain(self.description),
             pivot,
             refuse=_refusal(*q, *u, *a),
             refuse_torque=_refusal(*q, *u, 'torque'),
@@ -241,7 +242,7 @@ class Solver:
 
         A load that repeats after two turns makes its `period_turns` 2.
         """
-        reach = self.mechanism.reach()
+        reach = reach_of(self.mechanism)
         if reach is None:
             return None
         turns = [load.turns for load in self.mechanism.loads]
@@ -763,7 +764,7 @@ class Solver:
         Raises:
             UnreachableError: Always. The message includes the reason.
         """
-        reach = self.mechanism.reach()
+        reach = self.mobility
         raise UnreachableError(
             f'at {rad_and_deg(crank)} {reason}',
             crank_angle=crank, arcs=reach.arcs if reach else (),

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Structure of a mechanism: links, points, pins and dyads. Base class of all mechanisms."""
 
+import functools
 import itertools
 import math
 from collections.abc import Mapping, Sequence
@@ -10,6 +11,8 @@ from typing import Any, ClassVar, NamedTuple, TypeAlias, cast
 
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.formulas import ZERO, Vector, cos, sin, turned
+from linkage_ros.mechanism.dyad_reach import stroke_of
+from linkage_ros.mechanism.dyads import Chain, Dyad, DyadSlider, ordered
 from linkage_ros.mechanism.kinematics import Loop, Reach, State, Stroke
 from linkage_ros.mechanism.loads import LOADS
 from linkage_ros.mechanism.loads.base import AppliedLoad, JointLoad, Load
@@ -44,6 +47,15 @@ class Point(NamedTuple):
         weights = list(self.weights)
         weights[link] += along + 1j * across
         return Point(tuple(weights), self.fixed)
+
+    def wider(self, links: int) -> 'Point':
+        """Returns the same point of a mechanism with further links."""
+        return Point((*self.weights, *[0j] * links), self.fixed)
+
+    def minus(self, other: 'Point') -> 'Point':
+        """Returns the vector from another point to this one, as a linear combination."""
+        weights = tuple(x - y for x, y in zip(self.weights, other.weights, strict=True))
+        return Point(weights, self.fixed - other.fixed)
 
     def follow(
         self, directions: Sequence[Vector], rates: Sequence[Real], changes: Sequence[Real]
@@ -169,7 +181,7 @@ class Pin(NamedTuple):
 # group). If the second link slides on the frame, it is treated as an infinitely long link
 # perpendicular to its guide; if it slides on another link, as the line from that link's pin to its
 # own. If it slides on the first link, the two are a dyad with an inner guide (a cylinder).
-Dyad: TypeAlias = tuple[int, int]
+DyadLinks: TypeAlias = tuple[int, int]
 
 
 class Structure(NamedTuple):
@@ -180,26 +192,82 @@ class Structure(NamedTuple):
         points: The pins A0, A, B and, if present, B0, D, the coupler point C and the mouth E of a
             barrel, by name.
         closure: Sum of the turning links' vectors around the loop. In a closed loop, this sum is
-            0 or, with a sliding link, the position of that link's pin.
+            0 or, with a sliding link, the position of that link's pin. The sliding link is the
+            last of the loop.
         pins: The pin joints; empty if joint forces are not supported.
         dyads: The dyads, in the order in which they are solved.
         other_dyads: The dyads for `Mechanism.other_coordinates`.
         driven: Index of the link whose joint is driven; torque, laws, commands and measurements
             are those of this joint.
+        added: The `closure` of each added dyad, whose links are the last ones.
     """
 
     links: tuple[Link, ...]
     points: dict[str, Point]
     closure: Point
     pins: tuple[Pin, ...] = ()
-    dyads: tuple[Dyad, ...] = ()
-    other_dyads: tuple[Dyad, ...] = ()
+    dyads: tuple[DyadLinks, ...] = ()
+    other_dyads: tuple[DyadLinks, ...] = ()
     driven: int = 0
+    added: tuple[Point, ...] = ()
 
     @property
     def output(self) -> int:
         """Index of the output link, whose travel is shown."""
         return len(self.links) - 1
+
+    @property
+    def closures(self) -> tuple[tuple[Point, int], ...]:
+        """The `closure` of the loop and of each added dyad, with the last link of each."""
+        first = len(self.links) - 2 * len(self.added) - 1
+        return tuple((x, first + 2 * i) for i, x in enumerate((self.closure, *self.added)))
+
+    def with_dyad(self, dyad: Dyad) -> 'Structure':
+        """Returns the structure with the links, points and pins of a dyad."""
+        i, name = len(self.links), dyad.name
+        wide = self._replace(
+            links=tuple(link._replace(center=link.center.wider(2)) for link in self.links),
+            points={x: point.wider(2) for x, point in self.points.items()},
+            closure=self.closure.wider(2),
+            dyads=(*self.dyads, (i, i + 1)),
+            other_dyads=(*self.other_dyads, (i, i + 1)) if self.other_dyads else (),
+            added=tuple(x.wider(2) for x in self.added),
+        )
+
+        def turning(
+            index: int, body: Body, carrier: str, at: tuple[float, float]
+        ) -> tuple[Link, Point, int | None]:
+            parent = None if carrier == 'frame' else self.link_index(carrier, name)
+            end = wide.point_of(FRAME if parent is None else parent, at)
+            link = Link(
+                [*dyad.parts][index - i], body.mass, body.inertia,
+                end.along(index, *body.center), parent, complex(*at),
+            )  # fmt: skip
+            return link, end, parent
+
+        first, start, carrier = turning(i, dyad.first, dyad.from_, dyad.from_at)
+        joint = start.along(i, dyad.first.length)
+        points = {f'{name}_from': start, f'{name}_joint': joint}
+        pins = [Pin(f'{name}_from', carrier, i), Pin(f'{name}_joint', i, i + 1)]
+        if dyad.second is not None:
+            second, end, carrier = turning(
+                i + 1, dyad.second, str(dyad.to), dyad.to_at or (0.0, 0.0)
+            )
+            points[f'{name}_to'] = end
+            pins.append(Pin(f'{name}_to', carrier, i + 1))
+            gap = joint.minus(end.along(i + 1, dyad.second.length))
+        else:
+            slider, gap = cast('DyadSlider', dyad.slider), joint
+            second = Link(
+                f'{name}_slider', slider.mass, 0.0, joint, origin=complex(*slider.at),
+                angle=slider.angle, slides=True,
+            )  # fmt: skip
+        return wide._replace(
+            links=(*wide.links, first, second),
+            points=wide.points | points,
+            pins=(*wide.pins, *pins) if wide.pins else (),
+            added=(*wide.added, gap),
+        )
 
     def link_index(self, name: str, what: str, *others: str) -> int:
         """Returns the index of a link.
@@ -228,7 +296,7 @@ class Structure(NamedTuple):
                 in the axes of its guide; on the frame, in the axes of base_link.
         """
         if link == FRAME:
-            return Point.at(complex(*at), len(self.links))
+            return Point.at(complex(*at), len(self.closure.weights))
         body = self.links[link]
         if body.slides and body.parent is not None:
             pin = next(pin.name for pin in self.pins if link in (pin.first, pin.second))
@@ -240,27 +308,31 @@ class Structure(NamedTuple):
         return self.point_of(above, (body.origin.real, body.origin.imag)).along(link, *at)
 
     def loop_residual(self, state: State) -> float:
-        """Computes the closure error of the loop, m, at a state of floats."""
-        closure, last = self.closure, self.links[-1]
-        reached: complex = closure.fixed + sum(
-            weight * direction(angle)
-            for weight, angle in zip(closure.weights, state.position, strict=False)
-            if weight
-        )
-        if last.slides:
-            slid = last.origin + state.position[-1] * direction(last.angle)
-            axis = 1.0 if last.parent is None else direction(state.position[last.parent])
-            reached -= slid * axis
-        return abs(reached)
+        """Computes the largest closure error of loop and dyads, m, at a state of floats."""
+        found = []
+        for closure, j in self.closures:
+            last = self.links[j]
+            reached: complex = closure.fixed + sum(
+                weight * direction(angle)
+                for weight, angle in zip(closure.weights, state.position, strict=False)
+                if weight
+            )
+            if last.slides:
+                slid = last.origin + state.position[j] * direction(last.angle)
+                axis = 1.0 if last.parent is None else direction(state.position[last.parent])
+                reached -= slid * axis
+            found.append(abs(reached))
+        return max(found)
 
 
 def mouth(structure: Structure) -> complex:
     """Returns the point of a barrel, [along, across] as x + iy, to which the barrel is drawn.
 
     Returns:
-        The point E of the link on which the last link slides, m; 0 without such a link.
+        The point E of the link on which the loop's last link slides, m; 0 without such a link.
     """
-    last = structure.links[-1]
+    (_, j), *_ = structure.closures
+    last = structure.links[j]
     if last.parent is None or not last.slides:
         return 0j
     return complex(structure.points['E'].weights[last.parent])
@@ -294,6 +366,7 @@ class Mechanism(Checked):
         assembly: Assembly of the loop, 'open' or 'crossed'.
         gravity: Acceleration of gravity [x, y], m/s^2.
         loads: Loads on the links, in addition to those defined by the parts.
+        dyads: Dyads that the mechanism carries, in the order in which they are solved.
     """
 
     coordinates: ClassVar[tuple[str, ...]] = ('crank',)
@@ -302,10 +375,14 @@ class Mechanism(Checked):
     assembly: str
     gravity: tuple[float, float]
     loads: tuple[AppliedLoad, ...] = ()
+    dyads: tuple[Dyad, ...] = ()
 
     def __post_init__(self) -> None:
         super().__post_init__()
         self.require_closed()
+        if self.dyads:
+            links = [link.name for link in self.loop_structure().links]
+            object.__setattr__(self, 'dyads', ordered(self.dyads, links))
         joined = [one for load in _named(self.loads) for one in load.join(self)]
         object.__setattr__(self, 'loads', tuple(joined))
 
@@ -339,11 +416,12 @@ class Mechanism(Checked):
 
     def structure(self) -> Structure:
         """Returns the links, points and joints of the mechanism."""
-        return self.loop_structure()
+        return functools.reduce(Structure.with_dyad, self.dyads, self.loop_structure())
 
     def parts(self) -> dict[str, Any]:
         """Returns the part of each link, with its mass and dimensions, by the link's name."""
-        return {link.name: getattr(self, link.name) for link in self.loop_structure().links}
+        found = {link.name: getattr(self, link.name) for link in self.loop_structure().links}
+        return found | {name: part for dyad in self.dyads for name, part in dyad.parts.items()}
 
     def loop(self) -> Loop:
         """Returns the kinematic constants in the mechanism's own coordinates."""
@@ -354,8 +432,20 @@ class Mechanism(Checked):
         """The mechanism's own coordinates and assembly."""
         return Description(self.coordinates, self.assembly)
 
+    def chain(self, description: Description | None = None) -> Loop:
+        """Returns the kinematic constants of loop and dyads.
+
+        Args:
+            description: Coordinates and assembly; by default, the mechanism's own.
+        """
+        loop = self.loop_of(description or self.description)
+        if not self.dyads:
+            return loop
+        points = self.structure().points
+        return Chain(loop, tuple(dyad.loop(points) for dyad in self.dyads))
+
     def loop_of(self, description: Description) -> Loop:
-        """Returns the kinematic constants in the coordinates and assembly of a description."""
+        """Returns the kinematic constants of the loop in a description."""
         mechanism: Mechanism = self
         if description.assembly != self.assembly:
             mechanism = replace(cast('Any', self), assembly=description.assembly)
@@ -401,7 +491,9 @@ class Mechanism(Checked):
         return tuple(found for load in self.loads if (found := load.in_joints(self)) is not None)
 
     def output(self, name: str, what: str) -> int:
-        """Returns the index of a link that may carry a load: the crank or the output link.
+        """Returns the index of a link that may carry a load.
+
+        These are the crank, the last link of the loop, and the sliders of dyads.
 
         Args:
             name: Name of the link.
@@ -411,14 +503,17 @@ class Mechanism(Checked):
             The index of the link in `structure().links`.
 
         Raises:
-            ConfigurationError: The name is not that of the crank or the output link.
+            ConfigurationError: The name is not that of such a link.
         """
-        names = [link.name for link in self.structure().links]
-        if name not in {names[0], names[-1]}:
+        structure = self.structure()
+        (_, last), *added = structure.closures
+        carriers = [0, last, *(j for _, j in added if structure.links[j].slides)]
+        names = {structure.links[j].name: j for j in carriers}
+        if name not in names:
             raise ConfigurationError(
-                f'{what} = {shown(name)}: must be {names[0]} or {names[-1]} of this mechanism'
+                f'{what} = {shown(name)}: must be {" or ".join(names)} of this mechanism'
             )
-        return names.index(name)
+        return names[name]
 
     def swing_middle(self, _what: str, _near: float) -> float | None:
         """Returns the middle of the output link's swing.
@@ -455,6 +550,8 @@ class Mechanism(Checked):
         Raises:
             ConfigurationError: The link is not a slider whose stroke has fixed ends.
         """
+        if any(dyad.slider and name in dyad.parts for dyad in self.dyads):
+            return stroke_of(self, what, name)
         raise ConfigurationError(
             f'{what}: {name} of a {type(self).__name__} is not a slider whose stroke has fixed '
             'ends; use a load over position, or crank_angle'

@@ -72,8 +72,10 @@ def travel(solver: Solver) -> Travel:
     """
     if not isinstance(solver, Solver):
         raise ConfigurationError(f'{shown(solver)}: must be a Solver, as in Solver(mechanism)')
-    reach = solver.mechanism.reach() or solver.reach  # loads do not change the motion
+    reach, own = solver.reach, solver.mechanism.reach()
     reach.require_full_turn()
+    if own is not None:  # loads do not change the motion
+        reach = reach._replace(period_turns=own.period_turns)
     period = reach.period_turns * 2 * math.pi
     # Midpoints, because at symmetric angles a rate may be exactly 0.
     crank = reach.samples()
@@ -143,7 +145,9 @@ def assemblies(mechanism: FourBar | SliderCrank, crank: float) -> tuple[tuple[fl
     if shape is not None:
         raise ConfigurationError(f'crank angle = {shown(crank)}: give one number')
     require_finite(crank_angle=crank)
-    solvers = [Solver(replace(mechanism, assembly=name)) for name in (OPEN, CROSSED)]
+    solvers = [
+        Solver(replace(mechanism, assembly=name, loads=(), dyads=())) for name in (OPEN, CROSSED)
+    ]
     reach, (within, _) = solvers[0].reach, within_two_turns(crank)
     ends = () if reach.turns_fully else [end for arc in reach.arcs for end in arc]
     if any(abs(math.remainder(within - end, math.tau)) <= _SAME for end in ends):

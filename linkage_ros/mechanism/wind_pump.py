@@ -17,6 +17,7 @@ there. The document omits the squared-rate terms of the accelerations; they foll
 differentiating the loop equation twice.
 """
 
+import functools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -36,7 +37,8 @@ from linkage_ros.formulas import (
     sqrt,
     where,
 )
-from linkage_ros.mechanism.kinematics import LinkPose, Pose, directions
+from linkage_ros.mechanism.dyads import dyads_field
+from linkage_ros.mechanism.kinematics import LinkPose, Pose, bends, directions
 from linkage_ros.mechanism.loads import loads_field
 from linkage_ros.mechanism.parts import (
     CROSSED,
@@ -116,28 +118,10 @@ class WindPumpLoop(NamedTuple):
         a11, a12 = r * cross(crank, rod) * over_b, -rod.x * over_b
         a21, a22 = r * cross(coupler, crank) * over_c, coupler.x * over_c
 
-        def bend(
-            own: Real, other: Real, arm_b: Real = ZERO, arm_c: Real = ZERO
-        ) -> tuple[Real, Real]:
-            """Computes one curvature coefficient of coupler and rod, for a pair of coordinates.
-
-            Args:
-                own: Product of the coupler's jacobian values for the pair.
-                other: Product of the rod's jacobian values for the pair.
-                arm_b: Component of the crank's acceleration term along the rod, m.
-                arm_c: Component of the crank's acceleration term along the coupler, m.
-
-            Returns:
-                The coefficients of coupler and rod.
-            """
-            return (
-                -over_b * (arm_b + b * cos23 * own + c * other),
-                over_c * (arm_c + b * own + c * cos23 * other),
-            )
-
-        by_crank = bend(a11 * a11, a21 * a21, r * dot(crank, rod), r * dot(crank, coupler))
-        mixed = bend(2 * a11 * a12, 2 * a21 * a22)
-        by_slide = bend(a12 * a12, a22 * a22)
+        bend = functools.partial(bends, (b, c), (over_b, over_c), cos23)
+        by_crank = bend((a11 * a11, a21 * a21), (r * dot(crank, rod), r * dot(crank, coupler)))
+        mixed = bend((2 * a11 * a12, 2 * a21 * a22))
+        by_slide = bend((a12 * a12, a22 * a22))
         coupler_bends, rod_bends = zip(by_crank, mixed, by_slide, strict=True)
         return Pose(
             (
@@ -207,6 +191,7 @@ class WindPump(Mechanism):
         assembly: 'open' if B lies to the left of the line from A to D, 'crossed' if to the right.
         gravity: Acceleration of gravity [x, y], m/s^2.
         loads: Loads, such as `Force` and `Friction`; a `LinkLoad` is moved into the slider.
+        dyads: Dyads that the linkage carries.
     """
 
     coordinates: ClassVar[tuple[str, ...]] = ('crank', 'slider')
@@ -221,6 +206,7 @@ class WindPump(Mechanism):
     )
     gravity: tuple[float, float] = gravity_quantity()
     loads: tuple[Any, ...] = loads_field()
+    dyads: tuple[Any, ...] = dyads_field()
 
     @classmethod
     def drives(cls, _values: Mapping[str, object]) -> tuple[tuple[str, ...], str]:

@@ -56,13 +56,15 @@ def make_urdf(
     """
     links = rigid_links(mechanism, joint_prefix)
     # The loop cannot close beyond these limits.
-    closure = mechanism.structure().closure
-    reach = repr(math.fsum(map(abs, (*closure.weights, closure.fixed))))
+    (loop, output), *added = mechanism.structure().closures
+    reach = {output: math.fsum(map(abs, (*loop.weights, loop.fixed)))}
+    for x, i in added:
+        reach[i] = math.fsum(map(abs, (*x.weights, x.fixed, links[i].joint.origin)))
     parents = [frame_id, *(link_of(link.name) for link in links)]  # base_link first
     robot = element('robot', element('link', name=frame_id), name='linkage')
-    for link in links:
+    for i, link in enumerate(links):
         above = -1 if link.joint.parent is None else link.joint.parent
-        robot.extend([_link(link), _joint(link, parents[above + 1], reach)])
+        robot.extend([_link(link), _joint(link, parents[above + 1], repr(reach.get(i)))])
     robot.extend([_ros2_control(links[0].name)] if ros2_control else [])
     ET.indent(robot)
     return ET.tostring(robot, encoding='unicode', xml_declaration=True) + '\n'

@@ -42,10 +42,18 @@ class JointSettings(Checked):
     )  # fmt: skip
 
 
-def joint_leaves(mechanism: type[Mechanism]) -> tuple[Leaf, ...]:
-    """Returns the parameters of the joints of a kind of mechanism: of each link with a mass."""
-    names = (leaf.name for leaf in leaves(mechanism))
-    links = [name.removesuffix('.mass') for name in names if name.endswith('.mass')]
+def joint_leaves(
+    mechanism: type[Mechanism], values: Mapping[str, object] | None = None
+) -> tuple[Leaf, ...]:
+    """Returns the parameters of the joints of a kind of mechanism: of each link with a mass.
+
+    Args:
+        mechanism: The kind of mechanism.
+        values: Values by parameter name, whose names of dyads are included.
+    """
+    names = (leaf.name for leaf in leaves(mechanism, values=values))
+    masses = [name.removesuffix('.mass') for name in names if name.endswith('.mass')]
+    links = [name.removeprefix('dyads.').replace('.', '_') for name in masses]
     return tuple(leaf for link in links for leaf in leaves(JointSettings, f'{GROUP}.{link}.'))
 
 

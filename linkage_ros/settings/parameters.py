@@ -151,4 +151,4 @@ def parameter_leaves(
     for i, (name, described, _) in enumerate(own):
         if name == 'gravity':  # an integrator keeps its model
             own[i] = own[i]._replace(quantity=replace(described, live=given is not Given.TORQUE))
-    return (*own, *joint_leaves(MECHANISMS[kind.mechanism]))
+    return (*own, *joint_leaves(MECHANISMS[kind.mechanism], values))

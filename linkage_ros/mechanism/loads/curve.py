@@ -40,7 +40,7 @@ class LoadCurve(AppliedLoad):
     """A force, torque or pressure on a link, interpolated linearly between points.
 
     Attributes:
-        link: Loaded link: 'crank', 'rocker', 'slider', or the 'rod' of a cylinder.
+        link: Loaded link: 'crank', 'rocker', 'slider', 'rod' of a cylinder, or a dyad's slider.
         over: Independent variable. With 'crank_angle', the curve repeats every turn of the crank
             or, if its points span more than a turn, every two turns. With 'position', it is the
             slider's position, or the rocker's angle without a jump in its swing; outside the
@@ -64,7 +64,7 @@ class LoadCurve(AppliedLoad):
     has_corners: ClassVar[bool] = True
 
     link: str = quantity(
-        'choice', 'link that the load curve acts on', choices=('crank', 'rocker', 'slider', 'rod')
+        'text', 'link that the load curve acts on: the crank, the output link, or a slider'
     )
     over: str = quantity(
         'choice', 'variable of the load curve', choices=('crank_angle', 'position'),
@@ -154,11 +154,7 @@ class LoadCurve(AppliedLoad):
                 raise ConfigurationError(
                     f'{label}.{extra[0]} is for a pressure: leave it out, or give {label}.pressure'
                 )
-        elif (
-            self.bore is None
-            or self.link not in {'slider', 'rod'}
-            or self.return_value is not None
-        ):
+        elif self.bore is None or self.return_value is not None:
             raise ConfigurationError(
                 f'{label}.pressure acts on a slider with a bore: give {label}.bore, in m, and '
                 f'{label}.link: slider, and no return_value'
@@ -236,7 +232,10 @@ class LoadCurve(AppliedLoad):
         if self.over == 'crank_angle':
             return CurveForce(link, 0, None, Opaque(Table(at, value, turns=self.turns)), held)
         half_way = 0.5 * (at[0] + at[-1])
-        middle = mechanism.swing_middle(f"{label}.over = 'position'", half_way)
+        slides = mechanism.structure().links[link].slides
+        middle = None
+        if not slides:
+            middle = mechanism.swing_middle(f"{label}.over = 'position'", half_way)
         if middle is not None:
             turns = round((half_way - middle) / _TURN)
             at = tuple(angle - turns * _TURN for angle in at)

@@ -132,7 +132,9 @@ class Drive(Checked):
 
         Raises:
             ConfigurationError: It cannot.
+            MechanismError: A dyad does not close at any crank angle.
         """
+        _ = Solver(mechanism).mobility
 
     @abstractmethod
     def begin(self, stamp: int, machine: Machine) -> Motion:

@@ -1,0 +1,205 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Reach of the crank of a mechanism with dyads, found numerically.
+
+The margin of a dyad is the distance by which its ends could be farther apart, or nearer, until it
+does not close. It is sampled over the arcs on which the loop and the dyads before it close; its
+minima and its roots are then refined.
+"""
+
+import cmath
+import itertools
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from linkage_ros.errors import ConfigurationError, MechanismError
+from linkage_ros.mechanism.dyads import Chain, Dyad
+from linkage_ros.mechanism.kinematics import Arc, Reach, Stroke
+from linkage_ros.mechanism.program import Constants, Program
+from linkage_ros.mechanism.transmission import normalized
+from linkage_ros.numeric import Array, Real
+from linkage_ros.units import rad_and_deg
+
+_STEPS = 720  # samples per turn
+_INSIDE = 1e-9  # distance from the ends of an arc of the loop, relative to the arc
+_LEAST = 1e-9  # a margin below this part of the dyad's size is that of a dyad in line
+_BISECTIONS = 60
+_PARTS, _ROUNDS = 8, 12  # each round divides an interval into this number of parts
+
+
+def reach_of(mechanism: Any) -> Reach | None:
+    """Computes the reach of the crank, with the dyads.
+
+    Args:
+        mechanism: The mechanism.
+
+    Returns:
+        The reach; None if the crank angle does not determine the motion.
+
+    Raises:
+        MechanismError: A dyad does not close at any crank angle.
+    """
+    reach: Reach | None = mechanism.reach()
+    if reach is None or not mechanism.dyads:
+        return reach
+    loop, dyads = mechanism.chain()
+    turn = 2 * math.pi * reach.period_turns
+    arcs = [(0.0, turn)] if reach.turns_fully else list(reach.arcs)
+    limits, cures = list(reach.limits), list(reach.cures)
+    for i, (dyad, given) in enumerate(zip(dyads, mechanism.dyads, strict=True)):
+        constants = Constants((Chain(loop, dyads[:i]), dyad))
+        margins = Program(_margins, constants, ('crank_angle',))
+        size = sum(part.length for part in given.parts.values() if hasattr(part, 'length'))
+        arcs, worst = _closed_arcs(margins, arcs, size, turn)
+        if worst is None:
+            continue
+        crank, margin = worst
+        words = _words(given, margin)
+        place = f'{crank:.9g} m' if reach.slides else rad_and_deg(crank)
+        limits.append(f'the dyad {given.name} does not close at {place}, {words}')
+        cures.append(f'change lengths or ends of the dyad {given.name}')
+        if not arcs:
+            raise MechanismError(
+                f'the dyad {given.name} does not close at any crank angle that the linkage '
+                f'reaches; it comes nearest at {place}, {words}; {cures[-1]}'
+            )
+    if len(limits) == len(reach.limits):
+        return reach
+    found = tuple(normalized(*arc) if reach.period_turns == 1 else arc for arc in arcs)
+    return reach._replace(arcs=found, limits=tuple(limits), cures=tuple(cures))
+
+
+def stroke_of(mechanism: Any, what: str, name: str) -> Stroke:
+    """Finds the ends of the stroke of a dyad's slider.
+
+    Args:
+        mechanism: The mechanism.
+        what: Name of the setting, for the error message.
+        name: Name of the slider.
+
+    Raises:
+        ConfigurationError: The crank cannot turn fully, or the slider does not reverse twice.
+    """
+    reach, structure = reach_of(mechanism), mechanism.structure()
+    j = structure.link_index(name, what)
+    found, turn = list[float](), 2 * math.pi
+    slide = Program(_slide, Constants((mechanism.chain(), j)), ('crank_angle',))
+    if reach is not None and reach.turns_fully and reach.period_turns == 1:
+        crank = (np.arange(_STEPS + 1) + 0.5) * (turn / _STEPS)
+        falls = slide(crank)[1] < 0
+        at = np.flatnonzero(falls[1:] != falls[:-1])
+        low, high = crank[at], crank[at + 1]
+        for _ in range(_BISECTIONS if len(at) else 0):
+            middle = 0.5 * (low + high)
+            before = (slide(middle)[1] < 0) == falls[at]
+            low, high = np.where(before, middle, low), np.where(before, high, middle)
+        found = high.tolist()
+    if len(found) != 2:
+        raise ConfigurationError(
+            f'{what}: the stroke of {name} has no fixed ends, because the crank cannot turn '
+            'fully, or the slider does not reverse once at each end in a turn; use a load over '
+            'position, or crank_angle'
+        )
+    places = slide(np.array(found))[0].tolist()
+    link = structure.links[j]
+    ends = sorted(
+        zip(places, found, strict=True),
+        key=lambda end: -abs(link.origin + cmath.rect(end[0], link.angle)),
+    )
+    return Stroke(*ends)
+
+
+def _slide(constants: Any, crank: Real) -> tuple[Real, Real]:
+    loop, j = constants
+    link = loop.pose((crank,)).links[j]
+    return link.position, link.jacobian[0]
+
+
+def _margins(constants: Any, crank: Real) -> tuple[Real, ...]:
+    loop, dyad = constants
+    found: tuple[Real, ...] = dyad.margins(loop.pose((crank,)).links)
+    return found
+
+
+def _words(dyad: Dyad, margin: tuple[float, int]) -> str:
+    """Describes the gap of a dyad, given its margin and which of its margins that is."""
+    size, side = margin
+    if size >= 0:
+        return 'where it is in line'
+    if dyad.slider is not None:
+        return f'where {dyad.name}_from is {-size:.3g} m too far from the path of the slider'
+    return f'where its ends are {-size:.3g} m too {("far apart", "near")[side]}'
+
+
+def _closed_arcs(
+    margins: Callable[..., Any], arcs: Sequence[Arc], size: float, turn: float
+) -> tuple[list[Arc], tuple[float, tuple[float, int]] | None]:
+    """Finds the parts of arcs on which a dyad closes.
+
+    Args:
+        margins: Function that returns the margins of the dyad, m, at crank angles, rad.
+        arcs: Arcs on which the loop and the dyads before close, rad.
+        size: Sum of the dyad's lengths, m.
+        turn: Length of an arc of whole turns, rad.
+
+    Returns:
+        The parts of the arcs; and None if these are the arcs, otherwise the crank angle with the
+        smallest margin or, if the dyad closes nowhere, the largest, and this margin.
+    """
+    least, found = _LEAST * size, list[Arc]()
+    seen = list[tuple[Array, Array]]()
+    for low, high in arcs:
+        is_whole = high - low == turn
+        crank = np.linspace(-1.0, 1.0, _STEPS * max(1, round((high - low) / math.tau)) + 1)
+        if not is_whole:  # near an end, the links move with the square root of the distance to it
+            crank = (1 - _INSIDE) * np.sin(0.5 * math.pi * crank)
+        crank = 0.5 * (low + high) + 0.5 * (high - low) * crank
+        rows = np.array(margins(crank))
+        crank = np.unique(np.concatenate([crank, *_minima(margins, crank, rows)]))
+        rows = np.array(margins(crank))
+        seen.append((crank, rows))
+        closes = rows.min(axis=0) > least
+        ends = [low, *_edges(margins, crank, closes, least), high]
+        parts = list(itertools.pairwise(ends))[0 if closes[0] else 1 :: 2]
+        if is_whole and len(parts) > 1 and closes[0] and closes[-1]:
+            (_, end), *others = parts
+            parts = [*others[:-1], (others[-1][0], end + high - low)]
+        found += parts
+    if found == list(arcs):
+        return found, None
+    crank, rows = (np.concatenate(each, axis=-1) for each in zip(*seen, strict=True))
+    smallest = rows.min(axis=0)
+    i = int(smallest.argmin() if found else smallest.argmax())
+    return found, (float(crank[i]), (float(smallest[i]), int(rows[:, i].argmin())))
+
+
+def _minima(margins: Callable[..., Any], crank: Array, rows: Array) -> list[Array]:
+    """Refines the minima of each margin between samples."""
+    found = []
+    for i, row in enumerate(rows):
+        inner = 1 + np.flatnonzero((row[1:-1] <= row[:-2]) & (row[1:-1] <= row[2:]))
+        low, high = crank[inner - 1], crank[inner + 1]
+        for _ in range(_ROUNDS if len(inner) else 0):
+            grid = np.linspace(low, high, _PARTS + 1)
+            best = np.array(margins(grid.ravel()))[i].reshape(grid.shape).argmin(axis=0)
+            column = np.arange(len(inner))
+            low, high = (
+                grid[np.maximum(best - 1, 0), column],
+                grid[np.minimum(best + 1, _PARTS), column],
+            )
+        found.append(0.5 * (low + high))
+    return found
+
+
+def _edges(margins: Callable[..., Any], crank: Array, closes: Array, least: float) -> list[float]:
+    """Finds the crank angles between samples at which a dyad begins or ceases to close."""
+    at = np.flatnonzero(closes[1:] != closes[:-1])
+    inside, outside = (np.where(closes[at] == x, crank[at], crank[at + 1]) for x in (True, False))
+    for _ in range(_BISECTIONS if len(at) else 0):
+        middle = 0.5 * (inside + outside)
+        is_in = np.array(margins(middle)).min(axis=0) > least
+        inside, outside = np.where(is_in, middle, inside), np.where(is_in, outside, middle)
+    return [float(x) for x in inside]

@@ -1,0 +1,295 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Dyads of mechanisms: states and forces in many digits, order, reach, refusals."""
+
+import cmath
+import math
+import random
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from dyad_oracle import Oracle
+from mechanisms import FULL, PUMPS, cylinder, four_bar, motion, slider_crank, with_loads
+from mpmath import mp
+
+from linkage_ros import (
+    Body,
+    ConfigurationError,
+    Dyad,
+    DyadSlider,
+    Force,
+    Friction,
+    MechanismError,
+    Pins,
+    Solver,
+    Spring,
+    UnreachableError,
+    travel,
+)
+
+EPSILON = 2.0**-52
+STRUCTURES = 60  # 300 were run by hand
+
+
+def pose(mechanism, q):
+    """Returns the direction of each link, and its first pin or a slider's pin, by name."""
+    solver = Solver(mechanism)
+    state, structure = solver.state(q), solver.structure
+    turned = [cmath.rect(1.0, x) for x in state.position]
+    found = {'frame': (1.0, 0j)}
+    for i, link in enumerate(structure.links):
+        point = structure.point_of(i, (0.0, 0.0))
+        place = point.fixed + sum(w * x for w, x in zip(point.weights, turned, strict=True))
+        spin = link.spin(i)
+        found[link.name] = cmath.rect(1.0, link.angle) if spin is None else turned[spin], place
+    return found
+
+
+def random_body(rng, length):
+    return Body(
+        length, rng.uniform(0.1, 3), rng.uniform(0.01, 0.5),
+        (rng.uniform(-0.3, 1) * length, rng.uniform(-0.5, 0.5) * length),
+    )  # fmt: skip
+
+
+def random_dyad(rng, name, known, sine):
+    """Makes a dyad that closes with a sine where the links are; `known` as from `pose`."""
+
+    def end():
+        link = rng.choice([*known])
+        at = rng.uniform(-1.5, 1.5), rng.uniform(-1.5, 1.5)
+        direction, place = known[link]
+        return link, at, place + complex(*at) * direction
+
+    assembly = rng.choice(['open', 'crossed'])
+    link, at, start = end()
+    if rng.random() < 0.4:
+        length, angle = rng.uniform(0.5, 2.5), rng.uniform(-3, 3)
+        height = rng.choice([1, -1]) * length * math.sqrt(1 - sine * sine)
+        guide = start + cmath.rect(1.0, angle) * complex(rng.uniform(-1, 1), height)
+        slider = DyadSlider(rng.uniform(0.1, 3), (guide.real, guide.imag), angle)
+        first = random_body(rng, length)
+        return Dyad(
+            name=name, from_=link, from_at=at, first=first, slider=slider, assembly=assembly
+        )
+    other, other_at, stop = end()
+    while abs(stop - start) < 0.3:
+        other, other_at, stop = end()
+    # The triangle with the angle between the links, from the distance of the ends.
+    turn = math.asin(sine) if rng.random() < 0.5 else math.pi - math.asin(sine)
+    ratio = rng.uniform(0.6, 1.6)
+    first = abs(stop - start) / abs(1 - ratio * cmath.rect(1.0, turn))
+    while not 0.2 < first < 8:
+        ratio *= rng.uniform(0.5, 2)
+        first = abs(stop - start) / abs(1 - ratio * cmath.rect(1.0, turn))
+    return Dyad(
+        name=name, from_=link, from_at=at, to=other, to_at=other_at, assembly=assembly,
+        first=random_body(rng, first), second=random_body(rng, first * ratio),
+    )  # fmt: skip
+
+
+def random_structure(rng, nearest=0.0):
+    """Makes a mechanism with up to three dyads and loads, and its coordinates."""
+    kinds = ['crank_rocker', 'double_crank', 'centric', 'offset_right', 'cylinder', 'pump']
+    kind, crank = rng.choice(kinds), rng.uniform(-3, 3)
+    if kind == 'pump':
+        base = rng.choice([PUMPS['pump'], PUMPS['pump_open']])
+    elif kind == 'cylinder':
+        base = cylinder((1, 2.5, 0.7), rng.uniform(-3, 3))
+    else:
+        make = four_bar if len(FULL[kind]) == 4 else slider_crank
+        base = make(FULL[kind], rng.uniform(-3, 3), rng.choice(['open', 'crossed']))
+    (q, u, a), size = motion(base, crank), rng.randint(1, 3)
+    names = rng.sample(['ram', 'shoe', 'arm', 'press', 'ejector'], size)
+    for name in names:
+        sine = 10 ** rng.uniform(-5, -0.53) if rng.random() < nearest else rng.uniform(0.31, 0.99)
+        dyad = random_dyad(rng, name, pose(base, q), sine)
+        base = replace(base, dyads=(*base.dyads, dyad))
+    links, pair = [*pose(base, q)][1:], lambda: (rng.uniform(-1, 1), rng.uniform(-1, 1))
+    one, other = rng.sample([*links, 'frame'], 2)
+    one, other = (one, other) if one != 'frame' else (other, one)
+    loads = (
+        Force(
+            rng.choice(links), pair(), (40.0, -70.0), rng.choice(['world', 'link']), name='push'
+        ),
+        Spring(one, pair(), other, pair(), 80.0, 0.3, 4.0, name='spring'),
+        Pins(0.3, name='pins'),
+        Pins(0.2, f'{names[0]}_joint', name='stiff'),
+    )
+    return with_loads(base, *loads), q, u, a
+
+
+def compared(mechanism, q, u, a):
+    """Returns errors of motion and of forces, relative to the largest, and the least sines."""
+    solver, oracle = Solver(mechanism), Oracle(mechanism)
+    state = solver.state(q, u, a)
+    forces = solver.reactions(state)
+    estimate = {
+        name: (place.real, place.imag, cmath.phase(way))
+        for name, (way, place) in pose(mechanism, q).items()
+    }
+    x, v, changes, (joints, torque, *_) = oracle.solve(estimate, q, u, a)
+    errors, right = [], (oracle.positions(x), *oracle.rates(x, v, changes))
+    for i, (row, found) in enumerate(zip(right, state[:3], strict=True)):
+        bodies = zip(solver.structure.links, found, strict=True)
+        gaps = [(row[link.name] - mp.mpf(y), link.slides) for link, y in bodies]
+        gaps = [y if i or slides else mp.sin(y / 2) * 2 for y, slides in gaps]
+        errors.append(max(map(abs, gaps)) / max(1, *(abs(y) for y in row.values())))
+    peak = max(abs(y) for y in joints.values() if not isinstance(y, tuple))
+    reach = peak * max(1, *(abs(place) for _, place in pose(mechanism, q).values()))
+    wrong = [abs(mp.mpc(*force) - joints[pin]) / peak for pin, force in forces.pins.items()]
+    for name, (force, moment) in forces.guides.items():
+        wrong += [abs(force - joints[name][0]) / peak, abs(moment - joints[name][1]) / reach]
+    wrong += [abs(y - torque) / reach for y in (state.torque, forces.torque)]
+    sines = [met.sine for met in solver.dyad_sines((*q, *u))[: len(solver.structure.dyads)]]
+    return float(max(errors)), float(max(wrong)), sines
+
+
+@pytest.mark.parametrize('seed', range(STRUCTURES))
+def test_states_and_forces_of_random_structures_are_right(seed):
+    rng = random.Random(seed)
+    with mp.workdps(30):
+        mechanism, q, u, a = random_structure(rng, 0.0 if seed % 4 else 0.5)
+        error, force_error, sines = compared(mechanism, q, u, a)
+    room = 100 * EPSILON * math.prod(sine**-2 for sine in sines if sine < 0.3)
+    assert error < max(1e-12, room)
+    assert force_error < max(1e-11, room)
+
+
+def carrying(*dyads, **rest):
+    """Makes a four-bar with dyads."""
+    return replace(four_bar(FULL['crank_rocker'], gravity=(0.3, -9.81)), dyads=dyads, **rest)
+
+
+def arm(name='ram', first=3.2, second=2.6, from_='coupler', to='frame', at=(4.0, 3.0), **rest):
+    return Dyad(
+        name=name, from_=from_, from_at=(1.5, 0.4), to=to, to_at=at,
+        first=Body(first, 1.0, 0.2, (1.0, 0.1)), second=Body(second, 0.7, 0.1, (0.5, 0.0)), **rest,
+    )  # fmt: skip
+
+
+def press(name='press', length=3.0, from_='ram_second', at=(4.0, 5.5), angle=0.2, **rest):
+    slider = DyadSlider(2.0, at, angle)
+    return Dyad(name=name, from_=from_, first=Body(length, 0.5), slider=slider, **rest)
+
+
+# ---------------------------------------------------------------- a mechanism with dyads
+
+
+def test_order_follows_references_then_names():
+    given = press('a', from_='b_second'), arm('b'), arm('d'), arm('c')
+    links = Solver(carrying(*given)).links
+    assert links[3::2] == ('b_first', 'a_first', 'c_first', 'd_first')
+    assert Solver(carrying(*given[::-1])).links == links
+
+
+def test_dyads_on_any_link_leave_the_loop_as_it_is():
+    """Positions, rates and accelerations of the loop have the same bits."""
+    alone, both = Solver(carrying()), Solver(carrying(arm(), press()))
+    for angle in np.linspace(-3, 3, 7).tolist():
+        found, right = both.state(angle, 2.0, 1.5), alone.state(angle, 2.0, 1.5)
+        assert [row[:3] for row in found[:3]] == [*right[:3]]
+        assert both.structure.loop_residual(found) < 1e-14
+    program = Solver(carrying()).source
+    assert program == alone.source
+
+
+@pytest.mark.parametrize('from_', ['frame', 'crank', 'slider', 'ram_slider'])
+def test_massless_dyads_do_not_change_the_torque(from_):
+    plain = slider_crank(FULL['centric'])
+    dyads = (
+        Dyad(name='ram', from_='coupler', first=Body(9.0), slider=DyadSlider(angle=1.0)),
+        Dyad(name='link', from_=from_, from_at=(0.2, 0.1), first=Body(9.0), second=Body(8.0),
+             to='frame', to_at=(7.0, 5.0)),
+    )  # fmt: skip
+    crank = np.linspace(0, 6, 9)
+    torques = [Solver(replace(plain, dyads=x)).torque(crank, 3.0, 1.0) for x in ((), dyads)]
+    assert torques[1] == pytest.approx(torques[0], rel=1e-12)
+
+
+def test_torque_supplies_the_power_of_masses_and_loads():
+    """Also under dry friction, with which the mean power is larger."""
+    loads = Force('press_slider', (0.1, 0.2), (-30.0, 5.0), name='push'), Pins(0.05, name='pins')
+    friction = Friction(pin=0.1, pin_radius=0.02, guide=0.15)
+    crank = np.linspace(0, 2 * math.pi, 721)[:-1]
+    means = []
+    for extra in ((), (friction,)):
+        solver = Solver(carrying(arm(), press(), loads=(*loads, *extra)))
+        state = solver.state(crank, 3.0)
+        lost = sum(x * state.velocity[solver.links.index(n)] for n, x in
+                   solver.load_forces(state).items())  # fmt: skip
+        assert np.mean(state.torque * 3.0) == pytest.approx(-np.mean(lost), rel=1e-6)
+        assert solver.reactions(state).torque == pytest.approx(state.torque, rel=1e-9, abs=1e-9)
+        means.append(np.mean(state.torque))
+    assert means[1] > 1.1 * means[0]
+
+
+# ---------------------------------------------------------------- reach
+
+
+def test_reach_is_the_arc_on_which_the_dyad_closes():
+    """The ends of the arc are where the ends of the dyad are as far apart as possible."""
+    solver = Solver(carrying(arm(first=1.6, second=1.5)))
+    reach = solver.reach
+    assert not reach.turns_fully
+    assert 'the dyad ram does not close at ' in reach.limits[0]
+    assert 'too far apart' in reach.limits[0]
+    for start, end in reach.arcs:
+        for inside, outside in ((start + 1e-8, start - 1e-8), (end - 1e-8, end + 1e-8)):
+            assert solver.alignment((inside,))[0] < 1e-3
+            with pytest.raises(UnreachableError, match='the dyad ram does not close'):
+                solver.state(outside)
+    with pytest.raises(MechanismError, match='cannot turn fully'):
+        travel(solver)
+
+
+def test_dyad_that_touches_its_limit_cannot_turn():
+    """The pin of the crank is 4 m from the path at its lowest point."""
+
+    def short(length):
+        dyad = press(length=length, from_='crank', from_at=(1.0, 0.0), at=(0.0, 3.0), angle=0.0)
+        return Solver(carrying(dyad)).reach
+
+    assert short(4.000001).turns_fully
+    assert 'in line' in short(4.0).limits[0]
+    assert '0.1 m too far' in short(3.9).limits[0]
+
+
+@pytest.mark.parametrize(
+    ('dyads', 'words'),
+    [
+        ([arm(first=0.2, second=0.3)], 'does not close at any crank angle .* too far apart'),
+        ([arm(first=9.0, second=0.3)], 'does not close at any crank angle .* too near'),
+        ([press(from_='crank', length=0.5)], 'does not close at any crank angle .* from the path'),
+    ],
+)
+def test_dyad_that_closes_nowhere_is_refused(dyads, words):
+    with pytest.raises(MechanismError, match=words):
+        _ = Solver(carrying(*dyads)).mobility
+
+
+@pytest.mark.parametrize(
+    ('dyads', 'words'),
+    [
+        ([arm(from_='cupler', to='rocker_')],
+         "2 mistakes: .*ram.from = 'cupler': must be one of crank, .*ram.to = 'rocker_'"),
+        ([arm(from_='press_first'), press()], 'press is carried by ram is carried by press'),
+        ([arm(from_='ram_second')], 'ram is carried by ram: they form a circle'),
+        ([arm(), arm()], "two dyads have the name 'ram'"),
+    ],
+)  # fmt: skip
+def test_mistakes_are_said_in_one_line(dyads, words):
+    with pytest.raises(ConfigurationError, match=words):
+        carrying(*dyads)
+
+
+def test_parts_of_a_dyad_are_two_links_or_a_link_and_a_slider():
+    with pytest.raises(ConfigurationError, match='needs second or slider, and not both'):
+        Dyad(name='ram', from_='crank', first=Body(1.0))
+    with pytest.raises(ConfigurationError, match=r'ram\.to is missing'):
+        Dyad(name='ram', from_='crank', first=Body(1.0), second=Body(1.0))
+    with pytest.raises(ConfigurationError, match=r'press\.to is for a dyad of two links'):
+        press(to='frame')
+    with pytest.raises(ConfigurationError, match='its name must be letters'):
+        arm('2nd')
