@@ -143,11 +143,14 @@ def unknown_name(name: str, owner: str, valid: Collection[str], where: str) -> s
     Returns:
         One line that lists the valid names of the same group, if there is such a group.
     """
-    groups = {known.rpartition('.')[0] for known in valid} - {''}
-    group = name if name in groups else name.rpartition('.')[0]
-    words = [known.rpartition('.')[2] for known in valid if known.rpartition('.')[0] == group]
-    hint = f'; {group} has {", ".join(words)}' if group in groups else ''
-    if group == name and hint:
+    group, words = name, list[str]()
+    while group and not words:
+        under = f'{group}.'
+        inside = (known.removeprefix(under) for known in valid if known.startswith(under))
+        words = list(dict.fromkeys(known.partition('.')[0] for known in inside))
+        group = group if words else group.rpartition('.')[0]
+    hint = f'; {group} has {", ".join(words)}' if words else ''
+    if words and group == name:
         hint += f'; write {name}: {{{words[0]}: ...}}'
     return f'{shown(name)} is not a parameter of {owner}{hint}; {where} lists all'
 

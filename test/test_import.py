@@ -227,6 +227,15 @@ def test_leg_with_parallel_four_bar(run):
         assert words in printed.partition('note')[2]
     turned, _ = run(LEG, *CLOSE, '--up', '1', '0', '0')
     assert turned['gravity'] == pytest.approx([0.0, -9.81])
+    _, printed = run(LEG, '--crank', 'knee', *CLOSE[2:])
+    assert 'the crank is measured' in printed  # although the file derives it from another joint
+
+
+def test_units_that_are_probably_wrong_are_noted(run):
+    _, printed = run(LEG, *CLOSE, '--at', 'hip=90')
+    assert '90 deg = 1.571 rad' in printed
+    _, printed = run(LEG.replace('0 -0.3"', '0 -300"').replace('0.03 -0.3"', '0.03 -300"'), *CLOSE)
+    assert '300 mm = 0.3 m' in printed
 
 
 def test_pose_chooses_the_assembly(run):
@@ -364,6 +373,17 @@ WAIST = LEG.replace(
 )
 MESH = MJCF.replace('type="cylinder" size="0.01 0.15"', 'type="mesh" mesh="rod"')
 OPEN_SDF = SDF.replace('<child>c</child>\n    <pose rot', '<child>d</child><pose rot')
+HIDDEN = LEG.replace(
+    '<link name="lug"/>',
+    '<link name="lug"><inertial><mass value="-0.1"/><inertia ixx="0"/></inertial></link>',
+)
+ROD_INERTIA = '<mass value="0.1"/>\n    <inertia ixx="1e-4" iyy="2e-4" izz="3e-4"/>'
+NO_INERTIA = LEG.replace(ROD_INERTIA, '<mass value="0.1"/>')
+CIRCLE = LEG.replace(
+    '</robot>',
+    '<joint name="x" type="fixed"><parent link="foot"/><child link="base"/></joint></robot>',
+)
+TWO_NUMBERS = LEG.replace('xyz="0.06 0 0"/><axis', 'xyz="0.06 0"/><axis')
 REFUSED = {
     'a misspelt crank': (LEG, ('--crank', 'knee_moter', *CLOSE[2:]), 'knee_motor, rod_joint'),
     'a link as crank': (LEG, ('--crank', 'thigh', *CLOSE[2:]), 'movable joint'),
@@ -406,13 +426,19 @@ REFUSED = {
     'a link that is missing': (without(LEG, '<link name="base"/>'), CLOSE, "'base'"),
     'a word as mass': (LEG.replace('mass value="0.6"', 'mass value="much"'), CLOSE, 'much'),
     'an axis without length': (LEG.replace('"0 -1 0"', '"0 0 0"'), CLOSE, 'length 0'),
-    'two numbers for three': (LEG.replace('xyz="0.06 0 0"', 'xyz="0.06 0"'), CLOSE, '3 finite'),
+    'two numbers for three': (TWO_NUMBERS, CLOSE, "joint 'rod_joint': <origin> xyz"),
     'a geom without size': (MJCF.replace('0.01 0.15', '0.01'), ('--crank', 'motor'), '2 posi'),
     'a word as size': (MJCF.replace('0.01 0.15', '0.01 x'), ('--crank', 'motor'), 'size'),
     'axes that do not exist': (MJCF.replace('zyx', 'zyw'), ('--crank', 'motor'), 'eulerseq'),
     'the mass of a mesh': (MESH, ('--crank', 'motor'), 'mesh'),
     'joints with one name': (LEG.replace('name="ankle"', 'name="knee"'), CLOSE, 'two joints'),
-    'a negative mass': (LEG.replace('value="0.6"', 'value="-0.6"'), CLOSE, 'rocker.mass'),
+    'a negative mass': (LEG.replace('value="0.1"', 'value="-0.1"'), CLOSE, 'mass of rod is -0.1'),
+    'a hidden negative mass': (HIDDEN, CLOSE, 'mass of lug is -0.1'),
+    'no mass': (without(LEG, '<mass value="0.6"/>'), CLOSE, "'shank': <inertial> has no <mass>"),
+    'no inertia': (NO_INERTIA, CLOSE, "link 'rod': <inertial> has no <inertia>"),
+    'a joint without name': (without(LEG, 'name="knee" '), CLOSE, 'no name'),
+    'a circle': (CIRCLE, CLOSE, 'circle'),
+    'two roots': (LEG.replace('</robot>', '<link name="box"/></robot>'), CLOSE, "'box'"),
     'a link that no joint holds': (OPEN_SDF, ('--crank', 'one'), "'d'"),
 }  # fmt: skip
 

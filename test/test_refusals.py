@@ -135,7 +135,12 @@ BAD_VALUES = [
     *((FOUR, 'frame_id', x, 'frame_id = …: must be text of …') for x in ('', '/map', 'tool 0')),
     # Names: misspelt, of another mechanism, of no mechanism.
     (FOUR, 'crank.lenght', 1, f"'crank.lenght' is … of a four_bar; {CRANK_HAS}; {LISTED}"),
-    (FOUR, 'coupler.point.x', 1, f"'coupler.point.x' is not … of a four_bar; {LISTED}"),
+    (
+        FOUR,
+        'coupler.point.x',
+        1,
+        f"'coupler.point.x' is not … of a four_bar; coupler has … point; {LISTED}",
+    ),
     (SLIDER, 'rmp', 1, f"'rmp' is not a parameter of a slider_crank; {LISTED}"),
     (SLIDER, 'rocker.length', 1, '… of a slider_crank: only a four_bar has rocker; leave it out'),
     (FOUR, 'slider.offset', 0, '… of a four_bar: only a slider_crank or a wind_pump has slider…'),

@@ -346,7 +346,8 @@ def test_node_answers_with_the_robots_joints(tmp_path):
 
 
 REFUSED = {
-    'a joint of no link': ({'joints.wheel.name': 'a'}, 'joints.wheel.name'),
+    'a joint of no link': ({'joints.wheel.name': 'a'}, 'joints has crank, coupler, rocker'),
+    'a list of names': ({'joints': ['a', 'b', 'c']}, 'write joints: {crank: ...}'),
     'a joint of another mechanism': ({'joints.slider.name': 'a'}, 'joints.slider.name'),
     'a misspelt setting': ({'joints.crank.zeros': 0.0}, 'joints.crank.zero'),
     'no group': ({'joints.crank': 'a'}, 'joints.crank'),

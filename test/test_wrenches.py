@@ -553,6 +553,8 @@ def test_units_that_are_probably_wrong_are_noted(tmp_path):
     cases = {
         f'{FOUR}, crank_angle: 30.0': ['crank_angle = 30 rad = 278.9 deg .* 30 deg = 0.5236 rad'],
         FOUR: ['no link has a mass .*: the torque is 0'],
+        f'{FOUR}, joints: {{rocker: {{zero: 90.0}}}}': ['joints.rocker.zero = 90 rad'],
+        f'{SLIDER}, joints: {{slider: {{zero: 9.0}}}}, slider: {{force: 1.0}}': [],
         f'{SLIDER.replace("0.3", "300.0")}, slider: {{mass: 1.0}}': ['300 mm = 0.3 m'],
         f'{SLIDER.replace("0.1", "1e-5")}, slider: {{mass: 1.0}}': ['= 0.01 mm; did you mean'],
         f'{SLIDER}, slider: {{force: 1.0}}': [],

@@ -23,6 +23,8 @@ from linkage_ros.robot.planar_loop import PlanarLoop, find_loop
 from linkage_ros.robot.sdf import read_sdf
 from linkage_ros.robot.urdf import read_urdf
 from linkage_ros.robot.xml_file import read_xml
+from linkage_ros.settings.configuration import configure
+from linkage_ros.settings.summary import notes
 
 _NAME = 'linkage_import'
 _LAYER = 1e-9  # m, distance along the normal that is worth a line
@@ -153,6 +155,7 @@ def import_robot(options: argparse.Namespace) -> None:
             robot, options.crank, options.close and tuple(options.close), options.frame or '',
             dict(options.at), up, options.world or '',
         )  # fmt: skip
+        configuration = configure({'drive': 'follow', **loop.values})
     except ConfigurationError as error:
         raise ConfigurationError(f'{options.robot}: {error}') from error
     if is_same_file(str(options.out), str(options.robot)):
@@ -162,6 +165,8 @@ def import_robot(options: argparse.Namespace) -> None:
     ) as stream:
         stream.write(parameter_text(loop, options.robot.name).encode())
     print(summary(loop))
+    for line in notes(configuration):
+        print(f'note: {line}')
     print(options.out)
 
 

@@ -187,7 +187,7 @@ class _Reader:
         name = element.get('name') or f'{child}_joint'
         kind = 'free' if element.tag == 'freejoint' else element.get('type', 'hinge')
         at = Transform(np.eye(3), numbers(element, 'pos', 3, '0 0 0'))
-        axis = unit(numbers(element, 'axis', 3, '0 0 1'), name)
+        axis = unit(numbers(element, 'axis', 3, '0 0 1'), f'the axis of joint {shown(name)}')
         (reference,) = numbers(element, 'ref', 1, '0')
         if kind == 'hinge':
             reference *= self.per_angle

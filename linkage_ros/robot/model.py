@@ -200,7 +200,7 @@ def unit(axis: Array, what: str) -> Array:
 
     Args:
         axis: Axis of any length, shape (3,).
-        what: Name of its joint in the error message.
+        what: Description of the axis in the error message.
 
     Returns:
         The unit vector.
@@ -210,7 +210,7 @@ def unit(axis: Array, what: str) -> Array:
     """
     length = math.hypot(*axis)
     if not length:
-        raise ConfigurationError(f'joint {shown(what)} has an axis of length 0: give a direction')
+        raise ConfigurationError(f'{what} has length 0: give a direction')
     scaled: Array = axis / length
     return scaled
 

@@ -82,7 +82,7 @@ class PlanarLoop(NamedTuple):
         residual: Distance in the plane between both ends of the loop at the closed pose, m.
         gap: The same distance at the given pose, m.
         across: Distance of both ends along the normal, m.
-        notes: Sentences about what the mechanism leaves out.
+        notes: Sentences about probably wrong values, and about what the mechanism leaves out.
     """
 
     kind: str
@@ -408,8 +408,8 @@ def _from_frame(tree: _Tree, cycle: list[_Pin], crank: str, frame: str) -> list[
     if ordered[0].name != crank:
         own = [pin.name for pin in cycle if fixed in pin.bodies and pin.edge]
         raise ConfigurationError(
-            f'--crank {crank}: it is not on the frame {tree.name(fixed)}, on which '
-            f'{" and ".join(own) or "no joint"} turn; drive one of them, or give --frame and a '
+            f'--crank {crank}: it is not on the frame {tree.name(fixed)}, which '
+            f'carries {" and ".join(own) or "no joint"}: drive one of them, or give --frame and a '
             'link next to the crank'
         )
     return ordered
@@ -672,13 +672,17 @@ class _Planar:
         """Returns the mass of a body in its own coordinates.
 
         Raises:
-            ConfigurationError: The mass is that of a mesh, or not finite.
+            ConfigurationError: A mass is negative, that of a mesh, or not finite.
         """
         parts = []
         for link, pose in self.tree.bodies[body].links.items():
             inertial = self.robot.links[link]
             if inertial is None:
                 continue
+            if inertial.mass < 0:
+                raise ConfigurationError(
+                    f'the mass of {link} is {inertial.mass:g} kg: must be 0 or more'
+                )
             if not math.isfinite(inertial.mass):
                 raise ConfigurationError(
                     f'the mass of {link} is that of a mesh, which is not read, or not finite: '
@@ -752,13 +756,24 @@ class _Planar:
         )
 
     def _notes(self) -> Iterator[str]:
-        """Yields what the mechanism leaves out."""
-        loop = {pin.name for pin in self.cycle}
+        """Yields values in a probably wrong unit, and what the mechanism leaves out."""
+        for joint in self.robot.joints:
+            value = self.values.get(joint.name, 0.0)
+            if joint.kind == REVOLUTE and abs(value) > math.tau:
+                yield (
+                    f'{joint.name} is at {value:g} rad; did you mean {value:g} deg = '
+                    f'{math.radians(value):.4g} rad?'
+                )
+        loop = [id(pin.edge) for pin in self.cycle]
         for pin in self.cycle:
             if pin.edge and pin.edge.joint.mimics:
-                yield f'{pin.name}: <mimic> is ignored, because the loop determines its value'
+                yield f'{pin.name}: <mimic> is ignored, because ' + (
+                    'the loop determines its value'
+                    if pin is not self.cycle[0]
+                    else 'the crank is measured: its own value must be in the messages'
+                )
         for body, name in zip(self.bodies, self.names, strict=True):
-            others = [edge for edge in self.tree.edges_of(body) if edge.joint.name not in loop]
+            others = [edge for edge in self.tree.edges_of(body) if id(edge) not in loop]
             if name == 'frame':
                 above = self.tree.ancestors(body)[1:]
                 others = [edge for edge in others if edge is not self.turns]

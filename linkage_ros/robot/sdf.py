@@ -111,7 +111,11 @@ class _Reader:
             axis = at.rotation.T @ self.pose(other).rotation @ axis
         first, second = (poses[link].inverse().then(at) for link in (parent, child))
         found = Joint(name, _KINDS.get(kind, kind), parent, child, first, second)
-        return found._replace(axis=unit(axis, name)) if kind in _KINDS else found
+        return (
+            found._replace(axis=unit(axis, f'the axis of joint {shown(name)}'))
+            if kind in _KINDS
+            else found
+        )
 
 
 def _pose(element: ET.Element) -> Transform:

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reads a URDF: http://wiki.ros.org/urdf/XML."""
 
+from collections.abc import Callable, Collection, Iterable
+from typing import TypeVar
 from xml.etree import ElementTree as ET
 
 from linkage_ros.errors import ConfigurationError
@@ -19,6 +21,7 @@ from linkage_ros.robot.model import (
     unit,
 )
 
+_T = TypeVar('_T')
 _KINDS = {'revolute': REVOLUTE, 'continuous': REVOLUTE, 'prismatic': PRISMATIC}
 _SIX = 'ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz'
 
@@ -33,14 +36,14 @@ def read_urdf(root: ET.Element) -> Robot:
         The robot.
 
     Raises:
-        ConfigurationError: The file has unexpanded macros or invalid values, or is not a tree.
+        ConfigurationError: The file has unexpanded macros or invalid values, or is not one tree.
     """
     if any('xacro' in element.tag for element in root.iter()):
         raise ConfigurationError(
             'it has xacro macros: run xacro FILE > robot.urdf, and import that'
         )
-    links = {link.get('name', ''): _inertial(link) for link in root.findall('link')}
-    joints = [_joint(joint) for joint in root.findall('joint')]
+    links = {link.get('name', ''): _read(_inertial, link) for link in root.findall('link')}
+    joints = [_read(_joint, joint) for joint in root.findall('joint')]
     children = [joint.child for joint in joints]
     for joint in joints:
         for link in (joint.parent, joint.child):
@@ -53,7 +56,45 @@ def read_urdf(root: ET.Element) -> Robot:
                 f'link {shown(joint.child)} has two parent joints, but a URDF is a tree: leave '
                 'one out, and name two links that coincide with --close'
             )
+    _require_one_root(links, joints)
     return Robot(links, joints)
+
+
+def _read(read: Callable[[ET.Element], _T], element: ET.Element) -> _T:
+    """Reads a link or joint.
+
+    Raises:
+        ConfigurationError: A value is invalid; the message names the link or joint.
+    """
+    try:
+        return read(element)
+    except ConfigurationError as error:
+        name = shown(element.get('name', ''))
+        raise ConfigurationError(f'{element.tag} {name}: {error}') from error
+
+
+def _require_one_root(links: Collection[str], joints: Iterable[Joint]) -> None:
+    """Requires that all links hang on one root.
+
+    Raises:
+        ConfigurationError: Some do not.
+    """
+    above = {joint.child: joint.parent for joint in joints}
+    roots = [link for link in links if link not in above]
+    if len(roots) > 1:
+        raise ConfigurationError(
+            f'links {shown(roots[0])} and {shown(roots[1])} have no parent joint, but a URDF is '
+            'one tree: connect them by a joint'
+        )
+    for link in links:
+        top = link
+        for _ in links:
+            top = above.get(top, top)
+        if top in above:
+            raise ConfigurationError(
+                f'the joints above link {shown(link)} form a circle, but a URDF is a tree: leave '
+                'one out, and name two links that coincide with --close'
+            )
 
 
 def _pose(element: ET.Element) -> Transform:
@@ -67,6 +108,9 @@ def _inertial(link: ET.Element) -> Inertial | None:
     if element is None:
         return None
     pose = _pose(element)
+    for tag in ('mass', 'inertia'):
+        if element.find(tag) is None:
+            raise ConfigurationError(f'<inertial> has no <{tag}>')
     (mass,) = numbers(element.find('mass'), 'value', 1)
     inertia = symmetric(*(numbers(element.find('inertia'), name, 1, '0')[0] for name in _SIX))
     return Inertial(float(mass), pose.place, pose.rotation @ inertia @ pose.rotation.T)
@@ -78,8 +122,12 @@ def _joint(element: ET.Element) -> Joint:
         '' if (end := element.find(tag)) is None else end.get('link', '')
         for tag in ('parent', 'child')
     )
+    if not name:
+        raise ConfigurationError(
+            f'the joint from link {shown(parent)} to {shown(child)} has no name: give it one'
+        )
     found = Joint(name, _KINDS.get(kind, kind), parent, child, _pose(element))
     if found.kind in {REVOLUTE, PRISMATIC}:  # others may have an axis of length 0
-        axis = unit(numbers(element.find('axis'), 'xyz', 3, '1 0 0'), name)
+        axis = unit(numbers(element.find('axis'), 'xyz', 3, '1 0 0'), '<axis>')
         found = found._replace(axis=axis, mimics=element.find('mimic') is not None)
     return found

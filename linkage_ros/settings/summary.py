@@ -45,9 +45,12 @@ def notes(configuration: Configuration) -> list[str]:
 
 def _angles(configuration: Configuration) -> Iterator[str]:
     values = configuration.parameters()
+    links = configuration.mechanism.structure().links
+    turning = [f'joints.{link.name}.zero' for link in links if not link.slides]
     for name, quantity, _ in parameter_leaves(configuration.kind, values):
         value = values.get(name)
-        if quantity.unit == 'rad' and isinstance(value, float) and abs(value) > 2 * math.pi:
+        is_angle = quantity.unit == 'rad' or name in turning
+        if is_angle and isinstance(value, float) and abs(value) > 2 * math.pi:
             yield (
                 f'{name} = {value:g} rad = {math.degrees(value) % 360:.4g} deg after whole turns; '
                 f'did you mean {value:g} deg = {math.radians(value):.4g} rad?'
