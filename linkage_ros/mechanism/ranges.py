@@ -97,7 +97,7 @@ class Ranges:
                 for label in self._valves
             ]
             self._valves, self._reversed = {}, False
-        for label, (low, high) in self._found.items():
+        for label, (low, high) in list(self._found.items()):  # another thread may add to it
             if label in self._said:
                 continue
             self._said.add(label)

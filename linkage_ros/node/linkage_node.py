@@ -14,6 +14,7 @@ from linkage_ros import cli
 from linkage_ros.errors import LinkageError
 from linkage_ros.log.rows import LoggedState
 from linkage_ros.mechanism.kinematics import State
+from linkage_ros.mechanism.ranges import Ranges
 from linkage_ros.messages.cdr import WARN, encode_diagnostics
 from linkage_ros.messages.topics import (
     DIAGNOSTICS,
@@ -74,6 +75,7 @@ class LinkageNode(ParameterNode):
         self.declare(parameter_leaves(configuration.kind, values), values)
         self._simulator = simulator = Simulator(configuration)
         simulator.prepare_live()
+        self._ranges = Ranges(simulator.solver)
         self._gravity: Gravity | None = None  # set while running
         self._motion: Motion | None = None
         self._segment: Segment | None = None  # the last logged segment
@@ -205,6 +207,7 @@ class LinkageNode(ParameterNode):
         """Computes, publishes, logs and shows the state at a stamp, ns."""
         simulator = self._simulator.under(getattr(self._segment, 'gravity', None))
         self._state = state = simulator.state(coordinates)
+        self._ranges.see(state)
         self._coordinates = coordinates
         later = None if ahead is None else simulator.state(ahead)
         numbers = simulator.templates.numbers(state, coordinates.unwrapped, later)
@@ -250,7 +253,7 @@ class LinkageNode(ParameterNode):
                 logger.warning(status.message)
             else:
                 logger.info(status.message)
-        for line in self._simulator.ranges.notes():
+        for line in self._ranges.notes():
             logger.warning(line)
         now = self.get_clock().now().nanoseconds  # 0 until the first /clock message
         hardware = self._simulator.configuration.kind.mechanism

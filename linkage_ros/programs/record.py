@@ -21,6 +21,8 @@ from linkage_ros.errors import ConfigurationError, LogError, MotionError, in_fil
 from linkage_ros.files import is_same_file
 from linkage_ros.log.bag import Bag, BagMessage, topic_of
 from linkage_ros.log.writer import LogWriter
+from linkage_ros.mechanism.kinematics import State
+from linkage_ros.mechanism.ranges import Ranges
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.messages.topics import MEASURED_JOINT_STATES, ROBOT_DESCRIPTION, qualified
 from linkage_ros.motion.drives.base import Given
@@ -88,7 +90,7 @@ def record(
         LogError: The file cannot be written.
     """
     simulator = Simulator(configuration)
-    motion = simulator.begin(0, record_steps)
+    motion, ranges = simulator.begin(0, record_steps), Ranges(simulator.solver)
     count, written = count_states(simulator, motion, duration, revolutions), 0
     with LogWriter(path, configuration, overwrite=overwrite) as log:
         log.add_states(simulator.templates, qualified)
@@ -101,7 +103,9 @@ def record(
             with cli.progress_bar(
                 total=count, wanted=progress, unit=' states', unit_scale=True
             ) as bar:
-                for stamps, numbers in _states(simulator, motion, count, revolutions or 0):
+                for stamps, numbers in _states(
+                    simulator, motion, count, revolutions or 0, ranges.see
+                ):
                     if stopped():
                         break
                     if motion.segment is not segment:
@@ -115,7 +119,7 @@ def record(
                 time=error.time, coordinates=error.coordinates,
             ) from error  # fmt: skip
         finally:
-            for line in simulator.ranges.notes():
+            for line in ranges.notes():
                 note(line)
     return written
 
@@ -220,7 +224,11 @@ def _batches(bag: Bag, name: str, progress: Callable[[int], object]) -> Iterator
 
 
 def _states(
-    simulator: Simulator, motion: Motion, count: int | None, turns: int
+    simulator: Simulator,
+    motion: Motion,
+    count: int | None,
+    turns: int,
+    see: Callable[[State], object],
 ) -> Iterator[tuple[list[int], Sequence[Real]]]:
     """Yields the states of a motion in batches.
 
@@ -229,6 +237,7 @@ def _states(
         motion: The motion from t = 0.
         count: Number of states; None to continue until the turns are complete.
         turns: Number of crank turns in either direction, used if `count` is None.
+        see: Called with the states of each batch.
 
     Yields:
         The stamps of the states of a batch, ns, and the numbers in their messages.
@@ -247,7 +256,7 @@ def _states(
         if ahead is not None and len(ahead.unwrapped) < len(found.unwrapped):
             found = motion.at_all(stamps[: len(ahead.unwrapped)])  # the motion ends
         stamps = stamps[: len(found.unwrapped)]
-        numbers = simulator.numbers(found, ahead)
+        numbers = simulator.numbers(found, ahead, see)
         if count is None:
             turned = np.abs(found.unwrapped - start) / (2 * math.pi)
             after = int((turned < turns).argmin())

@@ -7,7 +7,7 @@ times give bit-identical states.
 """
 
 import copy
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import Any, cast
@@ -16,7 +16,6 @@ import numpy as np
 
 from linkage_ros.errors import LinkageError
 from linkage_ros.mechanism.kinematics import State
-from linkage_ros.mechanism.ranges import Ranges
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.messages.cdr import encode_string
 from linkage_ros.messages.joints import link_rows, own_joints
@@ -41,7 +40,6 @@ class Simulator:
         solver: Solver of the mechanism.
         robot_joints: The joint of each link in messages.
         joints: Names of the published joints, in the order of the messages.
-        ranges: Load curves that the states so far have left.
         crank_joint: Name of the crank in measurements, commands and trajectories.
         templates: Templates of the messages of a state.
         ticks: Times of the ticks.
@@ -56,7 +54,6 @@ class Simulator:
         mechanism, session = configuration.mechanism, configuration.session
         drive, effort_topic = configuration.drive, ''
         self.solver = Solver(mechanism, pivot=drive.pivot)
-        self.ranges = Ranges(self.solver)
         prefix, frame_id = session.joint_prefix, session.frame_id
         self.robot_joints = joints = configuration.robot_joints
         self.joints = tuple(joint.name for joint in joints if joint.name)
@@ -145,18 +142,21 @@ class Simulator:
         q, u, a, _, state, frame = coordinates
         if state is None:
             row = (q[0], u[0], a[0]) if len(q) == 1 else (q, u, a)
-            state = self.solver.state(*row, frame=frame, by_math=by_math)
-        self.ranges.see(state)
+            return self.solver.state(*row, frame=frame, by_math=by_math)
         return state
 
     def numbers(
-        self, coordinates: Coordinates, ahead: Coordinates | None = None
+        self,
+        coordinates: Coordinates,
+        ahead: Coordinates | None = None,
+        see: Callable[[State], object] = lambda _: None,
     ) -> tuple[Real, ...]:
         """Computes the numbers in the messages of many states.
 
         Args:
             coordinates: Coordinates of the states, as arrays.
             ahead: Coordinates for the feed-forward torque; None without feed-forward.
+            see: Called with the states.
 
         Returns:
             The numbers, with the bits of those of single states.
@@ -165,6 +165,7 @@ class Simulator:
             LinkageError: As for `Solver.state`.
         """
         state = self.state(coordinates, by_math=True)
+        see(state)
         later = None if ahead is None else self.state(ahead, by_math=True)
         return self.templates.numbers(state, coordinates.unwrapped, later, by_math=True)
 
