@@ -16,7 +16,7 @@ from linkage_ros.mechanism.dyads import Chain, Dyad, DyadSlider, ordered
 from linkage_ros.mechanism.kinematics import Loop, Reach, State, Stroke
 from linkage_ros.mechanism.loads import LOADS
 from linkage_ros.mechanism.loads.base import AppliedLoad, JointLoad, Load
-from linkage_ros.mechanism.loads.link_load import LinkForce
+from linkage_ros.mechanism.loads.link_load import LinkForce, LinkLoad
 from linkage_ros.mechanism.parts import Body, Coupler
 from linkage_ros.mechanism.wrenches import FRAME
 from linkage_ros.numeric import Real
@@ -383,8 +383,13 @@ class Mechanism(Checked):
         if self.dyads:
             links = [link.name for link in self.loop_structure().links]
             object.__setattr__(self, 'dyads', ordered(self.dyads, links))
-        joined = [one for load in _named(self.loads) for one in load.join(self)]
-        object.__setattr__(self, 'loads', tuple(joined))
+        loads = []
+        for load in _named(self.loads):
+            if isinstance(load, LinkLoad):
+                object.__setattr__(self, load.link, load.added_to(self))
+            else:
+                loads.append(load.completed(self))
+        object.__setattr__(self, 'loads', tuple(loads))
 
     @classmethod
     def drives(cls, _values: Mapping[str, object]) -> tuple[tuple[str, ...], str]:
@@ -408,7 +413,7 @@ class Mechanism(Checked):
         return {}
 
     def require_closed(self) -> None:
-        """Rejects lengths with which the loop cannot close; called before the loads join."""
+        """Rejects lengths with which the loop cannot close; called before loads are completed."""
 
     def loop_structure(self) -> Structure:
         """Returns the links, points and joints of the loop."""

@@ -109,17 +109,13 @@ class AppliedLoad(Checked):
         """Start of the load's parameter names, without a dot, for error messages."""
         return f'loads.{self.name}' if self.name else self.group or type(self).__name__
 
-    def join(self, _mechanism: Any) -> 'tuple[AppliedLoad, ...]':
-        """Adds the load to a mechanism that is being created.
-
-        Returns:
-            The loads to keep in `Mechanism.loads`: this load, or another if the mechanism
-            completes it, or none if a part of the mechanism now holds its values.
+    def completed(self, _mechanism: Any) -> 'AppliedLoad':
+        """Returns the load with values that depend on the mechanism, which is being created.
 
         Raises:
             ConfigurationError: The load does not fit the mechanism.
         """
-        return (self,)
+        return self
 
     def on(self, _mechanism: Any) -> Load | None:
         """Returns the load in the form used by formulas; None if joint forces cause all of it.

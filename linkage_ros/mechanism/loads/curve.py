@@ -177,14 +177,14 @@ class LoadCurve(AppliedLoad):
                 f'or two whole turns, the last value must equal the first, {value[0]:g}'
             )
 
-    def join(self, mechanism: Any) -> 'tuple[LoadCurve, ...]':
-        """Reads the file; see `AppliedLoad.join`.
+    def completed(self, mechanism: Any) -> 'LoadCurve':
+        """Reads the file; see `AppliedLoad.completed`.
 
         Raises:
             ConfigurationError: The file cannot be read, or does not fit the mechanism.
         """
         if not self.file:
-            return (self,)
+            return self
         label = self.label
         kinds = {field.name: field.metadata.get('quantity') for field in fields(self)}
         try:
@@ -212,7 +212,7 @@ class LoadCurve(AppliedLoad):
             (_, start), _ = mechanism.stroke(f'{label}.file', self.link).ends(top or FAR)
             lists['at'] = tuple(start + x for x in lists['at'])
             top = top if 'pressure' in lists else None
-        return (replace(self, file='', top=top, **lists),)
+        return replace(self, file='', top=top, **lists)
 
     def on(self, mechanism: Any) -> 'CurveForce':
         """See `AppliedLoad.on`.

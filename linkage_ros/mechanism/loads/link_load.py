@@ -19,7 +19,7 @@ _POSITIVE = (0.0, 1e12)
 
 @dataclass(frozen=True)
 class LinkLoad(AppliedLoad):
-    """A load on the output link; the mechanism moves its values into that link.
+    """A short form for the load values of the output link, which the mechanism takes over.
 
     `FourBar(..., loads=(LinkLoad('rocker', -5.0),))` applies a torque of -5 N m to the rocker.
 
@@ -41,8 +41,8 @@ class LinkLoad(AppliedLoad):
     stiffness: float = quantity('number', 'stiffness of a spring', span=_POSITIVE, default=0.0)
     rest: float = quantity('number', 'rest position', 'rad or m', span=(-1e9, 1e9), default=0.0)
 
-    def join(self, mechanism: Any) -> tuple[()]:
-        """Moves the load's values into the link; see `AppliedLoad.join`.
+    def added_to(self, mechanism: Any) -> Any:
+        """Returns the part of the loaded link with the values of this load.
 
         Raises:
             ConfigurationError: The mechanism has no such link, or the link already has a load.
@@ -54,9 +54,7 @@ class LinkLoad(AppliedLoad):
                 f'the load on the {self.link} is given twice: in {self.link} and in loads'
             )
         values = self.force, self.damping, self.stiffness, self.rest
-        taken = replace(part, **dict(zip(part.load_fields, values, strict=True)))
-        object.__setattr__(mechanism, self.link, taken)
-        return ()
+        return replace(part, **dict(zip(part.load_fields, values, strict=True)))
 
 
 class LinkForce(NamedTuple):
