@@ -38,7 +38,7 @@ class MechanismAndDrive(Checked):
     drive: str = quantity(
         'choice', 'given quantity: the speed of the crank, the torque on it, its measured angle, '
         'or its motion over time',
-        choices=tuple(DRIVES), default='speed',
+        choices=DRIVES.keys(), default='speed',
     )  # fmt: skip
 
     @classmethod
