@@ -168,9 +168,9 @@ class Stop:
         return self._set_at < math.inf
 
     def is_urgent(self) -> bool:
-        """Returns whether a second signal asks not to wait for what hangs.
+        """Returns whether a second signal requested to abandon threads that hang.
 
-        In the first second it does not, because a launch may send the same signal twice.
+        It takes effect after one second, because a launch may send the same signal twice.
         """
         return self._is_repeated and time.monotonic() > self._set_at + _ORDERLY_SECONDS
 

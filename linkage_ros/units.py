@@ -15,5 +15,5 @@ def radians_per_second(rpm: float) -> float:
 
 
 def rad_and_deg(angle: float) -> str:
-    """Formats an angle, rad, for messages: parameters are in rad, and people think in deg."""
+    """Formats an angle, rad, in rad and in deg, for messages."""
     return f'{angle:.9g} rad = {math.degrees(angle):.9g} deg'

@@ -55,7 +55,7 @@ class VectorAdapter(Adapter):
     flags = ('-ffast-math', '-march=native', '-fdisable-tree-sincos')
     how = (
         'The same file is compiled with -ffast-math -march=native and libmvec, without the '
-        'compiler pass that fuses sine and cosine, which libmvec has not in vector form.'
+        'compiler pass that fuses sine and cosine, of which libmvec has no vector form.'
     )
 
     def built(self, folder):

@@ -199,11 +199,11 @@ class Crank:
 
 
 def _start(crank: Array, fixed: Array, each: Array, inertia: Array, speed: float) -> float:
-    """Finds the energy at the start for which the mean speed has its given value.
+    """Finds the energy at the start of the period that gives the required mean speed.
 
     Raises:
         ValueError: No energy gives this speed.
-        RuntimeError: Rounding errors of the energy hide it, because the crank almost stops.
+        RuntimeError: The crank almost stops, so that rounding errors dominate.
     """
 
     def excess(start: float) -> float:

@@ -126,7 +126,7 @@ class Stopwatch:
         self._start, self._used = time.perf_counter(), time.process_time()
 
     def warning(self) -> str:
-        """Says that other programs slowed this one down; empty if they did not."""
+        """Returns a warning if other programs slowed this one down, otherwise ''."""
         passed = time.perf_counter() - self._start
         share = (time.process_time() - self._used) / passed if passed else 1.0
         if share > _UNDISTURBED:

@@ -133,7 +133,7 @@ class Period:
         return self.across is OVER_CRANK and (reach is None or reach.turns_fully)
 
     def _add_loads(self, state: State) -> None:
-        """Adds the sum of couples or of forces along the guide of each link, and other forces."""
+        """Adds the sum of each link's couples or guide forces, then other forces."""
         links = self.solver.structure.links
         solver, efforts = self.solver, dict[str, Any]()
         for name, wrenches in solver.wrenches(state).items():
@@ -359,7 +359,7 @@ def _at_speed(
 
 
 def stepped(period: Period, step: float, *, reactions: bool = False) -> dict[str, Column]:
-    """Computes a table with equal steps of the crank angle, for people: angles are in degrees.
+    """Computes a table with equal steps of the crank angle; angles are in degrees.
 
     Args:
         period: Motion at a constant crank speed and acceleration.

@@ -28,7 +28,7 @@ def require_name(path: Path | str) -> None:
     """Checks that the name of a new log ends with .mcap; a device may have any name.
 
     Raises:
-        LogError: Other programs would take the file for one of another kind.
+        LogError: The name has another ending.
     """
     if Path(path).suffix != '.mcap' and (os.path.isfile(path) or not path_exists(path)):  # noqa: PTH113, accepts invalid names
         raise LogError(f'{path} is not a name for a log, which is an MCAP file: write NAME.mcap')

@@ -305,7 +305,7 @@ class LogReader:
 
 
 def _remedy(file: McapFile) -> str:
-    """Returns what saves an incomplete or damaged file; `recover` needs the configuration."""
+    """Returns the remedy for an incomplete or damaged file; `recover` needs the configuration."""
     with suppress(Exception):  # on damaged data the parser may raise any exception
         # Runs of this package write it first.
         _, record, _ = file.part(file.next_place(MAGIC_SIZE))

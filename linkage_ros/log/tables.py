@@ -85,7 +85,7 @@ class _Table:
     def _columns_of(
         self, names: Sequence[str], sizes: Iterable[tuple[str, int]]
     ) -> Iterator[array[float]]:
-        """Yields the column of each value; a value without a name of its own is not kept."""
+        """Yields the column of each value; values without a unique name are omitted."""
         taken = set[str]()
         for quantity, size in sizes:
             for i in range(size):

@@ -299,6 +299,6 @@ def _agrees(
 
 
 def _rounded_often(table: Array) -> Array:
-    """Adds the noise of the rounding errors with which joints are mapped, and mapped back."""
+    """Adds noise for the rounding errors of mapping links to joints and back."""
     rows = [[row + _ROUNDINGS * (noisy(row) - row) for row in rows] for rows in table]
     return np.array(rows)

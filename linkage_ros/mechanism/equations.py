@@ -47,7 +47,7 @@ from linkage_ros.numeric import Real
 
 
 class Environment(NamedTuple):
-    """What acts on a mechanism from outside; unlike constants, it is given for each state.
+    """External influences on a mechanism: unlike constants, they are given for each state.
 
     Attributes:
         frame: Direction of base_link, rad, its rate, rad/s, and its acceleration, rad/s^2; empty

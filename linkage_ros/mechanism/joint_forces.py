@@ -399,7 +399,7 @@ def joint_load_round(
         u: Rates of the coordinates.
         a: Accelerations of the coordinates.
         search: The joint forces from the previous round.
-        environment: What acts from outside.
+        environment: The external influences.
 
     Returns:
         The state, the forces, and the input of the next round.

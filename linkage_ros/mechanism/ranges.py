@@ -70,7 +70,7 @@ class Ranges:
                     )
 
     def see(self, state: State) -> None:
-        """Takes note of a state, or of an array of states."""
+        """Compares a state, or an array of states, with the curves and valves."""
         if self._valves:
             ways = np.sign(np.append(self._way, state.velocity[0]))
             ways = ways[ways != 0]

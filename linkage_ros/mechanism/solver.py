@@ -180,7 +180,7 @@ class Solver:
         Args:
             formula: The formula.
             *letters: Keys of its arguments in `names`.
-            outside: The environment, a further argument, from `_outside`; None without one.
+            outside: Result of `_outside`, for a formula with an environment; otherwise None.
         """
         key = formula, letters, outside and outside.names
         if key not in self._programs:
@@ -193,7 +193,7 @@ class Solver:
     def _outside(
         self, frame: Sequence[Real], forces: Mapping[str, Sequence[Real]]
     ) -> tuple[_Outside | None, list[Real]]:
-        """Returns the environment of programs and its values; none at rest without forces.
+        """Returns the environment of programs, if any, and its values.
 
         Raises:
             ConfigurationError: A load is not a force, or the number of values is wrong.
@@ -342,7 +342,8 @@ class Solver:
             by_math: See `state`.
 
         Returns:
-            The torque on the crank, N m, positive counter-clockwise, with the bits of the state's.
+            The torque on the crank, N m, positive counter-clockwise; bit-identical to that of
+            `state`.
 
         Raises:
             LinkageError: As for `state`.
@@ -715,7 +716,7 @@ class Solver:
         return found
 
     def _single(self, q: Any, u: Any, other: Any) -> Sequence[float]:
-        """Returns single numbers as floats if programs take them as they are, or else nothing."""
+        """Returns the values as floats if a program accepts them directly, otherwise ()."""
         if not self._takes_floats:
             return ()
         values = q, u, other

@@ -303,7 +303,7 @@ class Tape:
 
     @functools.cached_property
     def by_math(self) -> Callable[..., Any]:
-        """Function `bind` of the same program, with `math`'s sin, cos and atan2, by element."""
+        """Function `bind` of the same program, with `math`'s functions for each element."""
         return self._compiled(self._array_text, _BY_MATH)
 
     @functools.cached_property

@@ -6,7 +6,8 @@ In the axes of base_link, whose rate is W and acceleration e, the centre r of a 
 
     e x (r - pivot) - W^2 (r - pivot) + 2 W x v
 
-more than its own acceleration, and its spin by e. Following d'Alembert, this is a load.
+in addition to its acceleration relative to base_link, and its spin by e. By d'Alembert's
+principle, this is a load.
 """
 
 from collections.abc import Sequence

@@ -163,7 +163,7 @@ class StateTemplates:
             by_math: Whether the values are arrays.
 
         Returns:
-            The numbers, without -0.0. Those of arrays have the bits of those of floats.
+            The numbers, without -0.0. Results for arrays and floats are bit-identical.
         """
         position, velocity, acceleration, torque = state
         values = *position, *velocity, *acceleration, torque, unwrapped

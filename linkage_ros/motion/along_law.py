@@ -145,10 +145,10 @@ class LawMotion(Motion):
         return LawMotion(LawSegment(stamp, law, 0, turns, gravity=self.segment.gravity))
 
     def time_to_turn(self, turns: int) -> None:
-        """Checks that the crank gets a number of turns away from its start; see `Motion`.
+        """Checks that the crank turns by a number of turns; see `Motion`.
 
         Raises:
-            ConfigurationError: It never gets there.
+            ConfigurationError: The crank never turns so far.
         """
         law = self.segment.law
         if isinstance(law, Spline) and law.turns:
@@ -164,7 +164,7 @@ class LawMotion(Motion):
     def next_segment(self, logged: LawSegment) -> LawSegment:
         """Recomputes the segment that follows this motion; see `SpeedMotion.next_segment`.
 
-        Of a logged law, only the start is recomputed, because the rest is a trajectory of a user.
+        Only the start of a logged law is recomputed, because the rest is a user's trajectory.
 
         Raises:
             MotionError: This motion ends before the logged segment.

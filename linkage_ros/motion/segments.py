@@ -99,7 +99,7 @@ class Motion(ABC):
             turns: Number of turns in either direction, above 0.
 
         Returns:
-            Time from the start, ns, TIME_END if the crank never gets there; None if the time is
+            Time from the start, ns; TIME_END if the crank never turns so far; None if the time is
             not known in advance.
         """
         return None

@@ -132,7 +132,7 @@ class _PolledGroup(ReentrantCallbackGroup):  # type: ignore[misc]  # rclpy has n
     """
 
     def can_execute(self, _: object) -> bool:
-        """Returns False: no entity of this group is for the executor."""
+        """Returns False, so that the executor ignores this group."""
         return False
 
 

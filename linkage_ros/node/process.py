@@ -132,7 +132,7 @@ def _check_parameter_files(arguments: list[str], node: str) -> None:
 def full_name(arguments: list[str], node: str) -> str:
     """Returns the name that rcl gives to a node, with its namespace.
 
-    Of the rules for the name, and then of those for the namespace, the first that applies counts.
+    The first rule for the name that applies is used, and likewise for the namespace.
     """
 
     def rule(kind: str, name: str) -> str:
@@ -230,7 +230,7 @@ def spinning(node: Node, is_urgent: Callable[[], bool] = lambda: False) -> Itera
 
     Args:
         node: Node whose callbacks are run.
-        is_urgent: Returns whether the end must not wait for what hangs.
+        is_urgent: Returns whether to abandon threads that hang.
 
     Yields:
         None; the callbacks run during the block.

@@ -138,7 +138,7 @@ class _Reader:
         return ET.Element(element.tag, {**values, **element.attrib})
 
     def take_body(self, body: ET.Element, name: str, group: str) -> None:
-        """Reads what a body contains, its sites and child bodies included."""
+        """Reads the contents of a body, including sites and child bodies."""
         group = body.get('childclass', group)
         for child in body:
             if child.tag == 'site' and child.get('name'):
@@ -150,7 +150,7 @@ class _Reader:
                 self.take_frame(child, name, self.pose(child), group)
 
     def take_frame(self, frame: ET.Element, name: str, at: Transform, group: str) -> None:
-        """Reads the bodies in a <frame>, which only moves what it contains."""
+        """Reads the bodies in a <frame>, a transform of its contents."""
         group = frame.get('childclass', group)
         for child in frame:
             if child.tag == 'body':

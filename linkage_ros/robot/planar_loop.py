@@ -82,7 +82,7 @@ class PlanarLoop(NamedTuple):
         residual: Distance in the plane between both ends of the loop at the closed pose, m.
         gap: The same distance at the given pose, m.
         across: Distance of both ends along the normal, m.
-        notes: Sentences about probably wrong values, and about what the mechanism leaves out.
+        notes: Sentences about probably wrong values and omitted properties of the robot.
     """
 
     kind: str
@@ -183,7 +183,7 @@ class _Tree:
                 self._grow(root, at, robot.roots.get(root, IDENTITY))
 
     def _spanning(self, robot: Robot, crank: str) -> list[Joint]:
-        """Returns joints without a loop; the others are left over."""
+        """Returns the joints of a spanning tree; stores the others in `leftover`."""
         top = {link: link for link in robot.links}  # leads from each link to one of its group
         kept = list[Joint]()
         for joint in sorted(robot.joints, key=lambda x: (x.kind != FIXED, x.name != crank)):
@@ -308,7 +308,7 @@ def find_loop(
             frame is at rest.
 
     Returns:
-        The mechanism and what belongs to it.
+        The mechanism, with its joints and bodies.
 
     Raises:
         ConfigurationError: A name is unknown, or there is no such loop.
@@ -638,7 +638,7 @@ class _Planar:
         return self._closed(values, self._joints(zeros))
 
     def _guide(self, B: _Pin, B0: _Pin, A0: _Pin) -> tuple[float, float, float]:
-        """Returns the guide's direction, the slider's position at 0, and the offset."""
+        """Returns direction, slider position at joint value 0, and offset of the guide."""
         frame, *_, output = self.bodies
         axis = self.zero[frame].rotation.T @ self._axis(B0)
         guide = complex(self.x @ axis, self.y @ axis)
@@ -756,7 +756,7 @@ class _Planar:
         )
 
     def _notes(self) -> Iterator[str]:
-        """Yields values in a probably wrong unit, and what the mechanism leaves out."""
+        """Yields sentences about probably wrong values and omitted properties of the robot."""
         for joint in self.robot.joints:
             value = self.values.get(joint.name, 0.0)
             if joint.kind == REVOLUTE and abs(value) > math.tau:
@@ -801,5 +801,5 @@ def _in_plane(vector: Array, normal: Array) -> Array:
 
 
 def _tidy(number: float, size: float) -> float:
-    """Rounds a number to the digits that are kept of the size, without -0.0."""
+    """Rounds a number to a fixed fraction of a size; returns 0.0 instead of -0.0."""
     return round(number, _DIGITS - math.ceil(math.log10(size))) + 0.0 if size else number

@@ -43,7 +43,7 @@ class Simulator:
         crank_joint: Name of the crank in measurements, commands and trajectories.
         templates: Templates of the messages of a state.
         ticks: Times of the ticks.
-        machine: The mechanism, for its drive.
+        machine: The mechanism with its crank's joint, for the drive.
         lead: Time by which the feed-forward torque is ahead of the stamp, ns; None without
             feed-forward.
         description: CDR bytes of the robot_description message; None if it is not published.
@@ -159,7 +159,7 @@ class Simulator:
             see: Called with the states.
 
         Returns:
-            The numbers, with the bits of those of single states.
+            The numbers, bit-identical to those of single states.
 
         Raises:
             LinkageError: As for `Solver.state`.

@@ -128,7 +128,7 @@ def _require_harmless(drive: Drive) -> None:
     """Rejects a drive whose messages another machine would follow, if no mechanism is given.
 
     Raises:
-        ConfigurationError: The torque of the default preset might drive somebody's motor.
+        ConfigurationError: The torque of the default preset might drive a motor.
     """
     names = 'effort_command_topic', 'trajectory_command_topic'
     risky = [f'{name} = {shown(topic)}' for name in names if (topic := getattr(drive, name, ''))]

@@ -45,7 +45,7 @@ class JointSettings(Checked):
 def joint_leaves(
     mechanism: type[Mechanism], values: Mapping[str, object] | None = None
 ) -> tuple[Leaf, ...]:
-    """Returns the parameters of the joints of a kind of mechanism: of each link with a mass.
+    """Returns the parameters of the joints of a mechanism, one joint for each link with a mass.
 
     Args:
         mechanism: The kind of mechanism.

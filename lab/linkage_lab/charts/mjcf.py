@@ -184,7 +184,7 @@ class _Passive:
         self.tendons: list[ET.Element] = []
 
     def add(self, one: Any) -> None:
-        """Adds a one."""
+        """Adds a load that needs no control input."""
         if isinstance(one, Force):
             self._add_force(one)
         elif isinstance(one, Spring):

@@ -242,7 +242,7 @@ def _shooting(
 
 
 def _starts(mechanism: WindPump, shooting: Shooting) -> Iterator[tuple[float, ...]]:
-    """Distributes starts over slider position, crank speed and slider velocity."""
+    """Chooses starting points: a grid of slider positions, crank speeds and slider velocities."""
     r, b, c = (link.length for link in (mechanism.crank, mechanism.coupler, mechanism.rod))
     near, far = abs(b - c) + r, b + c - r
     side = math.copysign(1.0, mechanism.slider.position)
@@ -282,7 +282,7 @@ class _Search:
     """
 
     def __init__(self, shooting: Shooting, *, follows: bool = True) -> None:
-        """Starts with no state; `follows` tells whether to follow the curves of the states."""
+        """Starts without states; with `follows`, the curves of the states are followed."""
         self.shooting, self._follows = shooting, follows
         self.states: list[SteadyState] = []
         self.pieces: list[Piece] = []

@@ -126,9 +126,9 @@ def groups(
         count: Number of designs.
 
     Yields:
-        For each group, the indices of its designs, what tells the reach of their cranks, and the
-        constants of the formulas, in which numbers are arrays of shape (designs, 1), or None if a
-        load does not fit. Designs that cannot be assembled are omitted.
+        For each group, the indices of its designs, the constants that determine the reach of the
+        crank, and those of the formulas, with arrays of shape (designs, 1) as numbers, or None if
+        a load does not fit. Designs that cannot be assembled are omitted.
     """
     found: dict[Any, list[tuple[int, Any, Constants]]] = {}
     # A load curve is a function, which cannot be stacked.
@@ -149,9 +149,9 @@ def groups(
 def _constants(
     mechanism: Mechanism, columns: Mapping[str, Array], row: int
 ) -> tuple[Any, Constants | None]:
-    """Returns what tells the crank's reach, and the constants of the formulas below.
+    """Returns the constants that determine the crank's reach, and those of the formulas below.
 
-    The constants are None if a load does not fit the mechanism.
+    The latter are None if a load does not fit the mechanism.
     """
     for name, column in columns.items():
         mechanism = with_value(mechanism, name, float(column[row]))

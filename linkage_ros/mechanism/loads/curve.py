@@ -256,7 +256,8 @@ class CurveForce(NamedTuple):
         value: The load as a function of this position.
         held: Whether the frame exerts the load, as a cylinder head does.
         return_value: The load while the position decreases, or None to use `value`.
-        work: The work of the load from the first point to a position; None if it depends on more.
+        work: The work of the load from the first point to a position; None if the work depends on
+            more than the position.
     """
 
     link: int

@@ -24,7 +24,7 @@ WINDOW = 10  # s, period to which the rates and warnings of diagnostics refer
 
 
 class Given(Enum):
-    """The quantity that a drive gives, from which the others are computed."""
+    """The quantity that a drive prescribes, and from which the others are computed."""
 
     MOTION = 'the motion of the crank over time'
     MEASUREMENT = 'the measured crank'
@@ -70,7 +70,7 @@ class Input:
             A value for `applied`.
 
         Raises:
-            ValueError: The message is rejected and counted. The error text is the cause.
+            ValueError: The message must be rejected; the error text is the cause.
         """
         raise NotImplementedError
 
@@ -131,7 +131,7 @@ class Drive(Checked):
         """Checks that the drive can move a mechanism.
 
         Raises:
-            ConfigurationError: It cannot.
+            ConfigurationError: The check failed; the message states the reason.
             MechanismError: A dyad does not close at any crank angle.
         """
         _ = Solver(mechanism).mobility

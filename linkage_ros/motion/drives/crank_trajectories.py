@@ -42,7 +42,7 @@ class CrankTrajectories(Input):
             The motion along the trajectory.
 
         Raises:
-            ValueError: The message is rejected and counted. The error text is the cause.
+            ValueError: The message must be rejected; the error text is the cause.
         """
         try:
             motion = self._motion.join(self._stamp, *self._decode(data))

@@ -115,8 +115,8 @@ class MeasuredCrank(Input):
             The stamp, ns, and the coordinates of the crank.
 
         Raises:
-            ValueError: The message is rejected and counted. The error text is the cause, which may
-                be followed by a colon and details.
+            ValueError: The message must be rejected. The error text is the cause, which may be
+                followed by a colon and details.
         """
         found = self._measure(data, received)
         self._require_states(found[1])
@@ -184,7 +184,7 @@ class MeasuredCrank(Input):
         """Reads the coordinates of the crank; see `read`.
 
         Raises:
-            ValueError: The message is rejected and counted.
+            ValueError: The message must be rejected.
         """
         try:
             joint, frame = self._machine.joint, self._frame
@@ -231,10 +231,10 @@ class MeasuredCrank(Input):
         return stamp, value, joint.own(value), rate
 
     def _require_states(self, found: Coordinates) -> None:
-        """Checks the states of a measurement; near a limit of the crank, rates may overflow.
+        """Checks that states exist; near a limit of the crank, rates may overflow.
 
         Raises:
-            ValueError: The message is rejected and counted.
+            ValueError: The message must be rejected.
         """
         try:
             for one in filter(None, (found, self.later(found))):

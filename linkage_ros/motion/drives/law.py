@@ -233,7 +233,7 @@ class LawDrive(TrajectoryFeedForward, _Law, Drive):
         """Checks that the crank can follow the law.
 
         Raises:
-            ConfigurationError: It cannot.
+            ConfigurationError: The check failed; the message states the reason.
         """
         try:
             require_possible(self.motion.law, Solver(mechanism))

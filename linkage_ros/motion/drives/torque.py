@@ -97,7 +97,7 @@ class TorqueDrive(Drive):
         """Checks that the motion can start.
 
         Raises:
-            ConfigurationError: It cannot.
+            ConfigurationError: The check failed; the message states the reason.
         """
         try:
             q, u, *_ = self.start(mechanism)
