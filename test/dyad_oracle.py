@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from mpmath import mp
 
-from linkage_ros import Force, Pins, Spring
+from linkage_ros import Force, Pins, Spring, WindPump
 
 
 def complex_of(pair):
@@ -101,6 +101,8 @@ class Oracle:
         self.pin('A', 'rod', 0, 'crank', m.crank.length)
         self.pin('B0', 'barrel', 0, 'frame', ground)
         self.joints.append(('barrel', 'rod', 'barrel', mp.mpf(m.offset)))
+        if m.input == 'cylinder':
+            self.drives = ['rod']
 
     def WindPump(self, m):
         self.crank(m)
@@ -179,19 +181,28 @@ class Oracle:
             else:
                 body, barrel, offset = joint
                 i, j = (3 * self.names.index(name) for name in (body, barrel))
-                way = mp.expj(x[j + 2])
-                apart = mp.mpc(x[i] - x[j], x[i + 1] - x[j + 1])
-                speed = mp.mpc(v[i] - v[j], v[i + 1] - v[j + 1])
-                row = Row(dot(1j * way, apart) - offset)
-                self.moved(row, body, mp.mpc(0), 1j * way, v, 1)
-                self.moved(row, barrel, mp.mpc(0), 1j * way, v, -1)
-                row.add(j + 2, -dot(way, apart))
-                row.bias -= dot(1j * way, apart) * v[j + 2] ** 2 + 2 * v[j + 2] * dot(way, speed)
+                row = self.between(body, barrel, mp.mpc(0, 1), offset, x, v)
                 rows += [row, Row(x[i + 2] - x[j + 2], {i + 2: mp.mpf(1), j + 2: mp.mpf(-1)})]
         for name, given in zip(self.drives, q, strict=True):
+            if name == 'rod' and not isinstance(self.mechanism, WindPump):
+                rows.append(self.between('rod', 'barrel', mp.mpc(1), given, x, v))
+                continue
             i = 3 * self.names.index(name) + (2 if name == 'crank' else 0)
             rows.append(Row(x[i] - given, {i: mp.mpf(1)}))
         return rows
+
+    def between(self, body, barrel, axis, given, x, v):
+        """Returns the constraint of a component, in the axes of a barrel, of a body's place."""
+        i, j = (3 * self.names.index(name) for name in (body, barrel))
+        way = axis * mp.expj(x[j + 2])
+        apart = mp.mpc(x[i] - x[j], x[i + 1] - x[j + 1])
+        speed = mp.mpc(v[i] - v[j], v[i + 1] - v[j + 1])
+        row = Row(dot(way, apart) - given)
+        self.moved(row, body, mp.mpc(0), way, v, 1)
+        self.moved(row, barrel, mp.mpc(0), way, v, -1)
+        row.add(j + 2, dot(1j * way, apart))
+        row.bias += 2 * v[j + 2] * dot(1j * way, speed) - dot(way, apart) * v[j + 2] ** 2
+        return row
 
     def solve(self, estimate, q, u, a):
         """Returns positions, rates, accelerations and joint forces; `estimate` by body.

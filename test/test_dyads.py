@@ -10,7 +10,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from dyad_oracle import Oracle
-from mechanisms import FULL, PUMPS, cylinder, four_bar, motion, slider_crank, with_loads
+from mechanisms import (
+    FULL,
+    PUMPS,
+    cylinder,
+    four_bar,
+    motion,
+    slider_crank,
+    with_loads,
+)
 from mpmath import mp
 
 from linkage_ros import (
@@ -78,11 +86,10 @@ def random_dyad(rng, name, known, sine):
         other, other_at, stop = end()
     # The triangle with the angle between the links, from the distance of the ends.
     turn = math.asin(sine) if rng.random() < 0.5 else math.pi - math.asin(sine)
-    ratio = rng.uniform(0.6, 1.6)
-    first = abs(stop - start) / abs(1 - ratio * cmath.rect(1.0, turn))
-    while not 0.2 < first < 8:
-        ratio *= rng.uniform(0.5, 2)
-        first = abs(stop - start) / abs(1 - ratio * cmath.rect(1.0, turn))
+    distance, first, ratio = abs(stop - start), 0.0, 1.0
+    while not 0.1 < first / distance < 5:
+        ratio = rng.uniform(0.5, 2)
+        first = distance / abs(1 - ratio * cmath.rect(1.0, turn))
     return Dyad(
         name=name, from_=link, from_at=at, to=other, to_at=other_at, assembly=assembly,
         first=random_body(rng, first), second=random_body(rng, first * ratio),
@@ -97,6 +104,8 @@ def random_structure(rng, nearest=0.0):
         base = rng.choice([PUMPS['pump'], PUMPS['pump_open']])
     elif kind == 'cylinder':
         base = cylinder((1, 2.5, 0.7), rng.uniform(-3, 3))
+        if rng.random() < 0.5:
+            base = replace(base, input='cylinder', assembly=rng.choice(['open', 'crossed']))
     else:
         make = four_bar if len(FULL[kind]) == 4 else slider_crank
         base = make(FULL[kind], rng.uniform(-3, 3), rng.choice(['open', 'crossed']))

@@ -227,12 +227,6 @@ class Chain(NamedTuple):
     loop: Loop
     dyads: tuple[Any, ...]
 
-    @property
-    def plain(self) -> 'Chain | None':
-        """The constants with the plain formula of the loop, if it is as accurate."""
-        plain = getattr(self.loop, 'plain', None)
-        return plain and Chain(plain, self.dyads)
-
     def pose(self, q: tuple[Real, ...]) -> Pose:
         """Computes the pose of the loop, then of each dyad, at the coordinates."""
         links, sines = self.loop.pose(q)
