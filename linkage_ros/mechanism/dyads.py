@@ -172,7 +172,7 @@ def dyads_field() -> Any:
 
 
 def ordered(dyads: Sequence[Dyad], links: Sequence[str]) -> tuple[Dyad, ...]:
-    """Sorts dyads, so that each follows those that carry it; others by name.
+    """Sorts dyads so that each follows the dyads that carry it, and otherwise by name.
 
     Args:
         dyads: The dyads.

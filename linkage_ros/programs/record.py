@@ -146,7 +146,7 @@ def record_measured(
     progress: bool = False,
     stopped: Callable[[], bool] = lambda: False,
 ) -> Answers:
-    """Writes the states at the measurements of a bag, which are those of a live run.
+    """Writes the states that a live run would publish for the measurements of a bag.
 
     The log also holds the measurements. Their log times are those of the bag, as are the times of
     receipt that replace missing stamps; the log time of a state is that of its measurement.

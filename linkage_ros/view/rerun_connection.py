@@ -125,7 +125,7 @@ class View:
                 self.dropped += len(batch)
 
     def is_watched(self) -> bool:
-        """Returns whether a viewer is connected to the served data, or might be."""
+        """Returns whether a viewer is connected to the served data; True if this is unknown."""
         found = connections(self._address[1]) if self._address else None
         return found is None or found > 1  # one connection is that of this process
 
