@@ -183,7 +183,7 @@ class _Reader:
         return event
 
     def syntax_error(self, problem: str) -> ConfigurationError:
-        """Returns an error with all lines that have a common mistake, or else the problem found."""
+        """Returns an error with all lines that have a common mistake, or else the problem."""
         found = []
         text = self.data.decode(errors='replace')
         for number, line in enumerate(text.split('\n'), 1):
