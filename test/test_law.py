@@ -374,10 +374,23 @@ def test_verification_finds_a_forged_law(tmp_path):
         assert f'motion record {number + 1} has' in check_motions(simulator, tuple(segments))
 
 
+POINTS = {'times': (0.0, 1.0), 'angles': (1.5, 1.6)}
+
+
 @pytest.mark.parametrize(
     ('values', 'words'),
     [
         ({}, 'motion: give times and angles, or file, or amplitude and frequency'),
+        (
+            {'amplitude': 1.0, 'frequency': 1.0, 'repeat': True},
+            'motion.repeat = True: .* not for a sine',
+        ),
+        (
+            {'amplitude': 1.0, 'frequency': 1.0, 'spline': 'cubic'},
+            "spline = 'cubic': .* not for a sine",
+        ),
+        ({**POINTS, 'amplitude': 1.0}, r'motion.amplitude = 1.0: .* not for points'),
+        ({**POINTS, 'phase': 1.0}, r'motion.phase = 1.0: .* not for points'),
         ({'times': (0, 1)}, 'motion: give times and angles'),
         ({**LAWS['sine'], 'times': (0, 1), 'angles': (0, 1)}, 'motion: give times and angles'),
         ({'times': (0, 1), 'angles': (0, 1), 'spline': 'linear'}, 'must be one of quintic, cubic'),
@@ -406,6 +419,12 @@ def test_verification_finds_a_forged_law(tmp_path):
 def test_bad_laws_are_refused_in_one_line(values, words):
     with pytest.raises(ConfigurationError, match=words):
         configured(values)
+
+
+def test_a_law_of_one_point_or_turn_is_described_in_the_singular():
+    assert drive_of(times=(0.0,), angles=(1.0,)).motion.law.words == '1 point in 0 s'
+    turning = drive_of(times=(0.0, 1.0), angles=(0.0, TURN), repeat=True).motion.law
+    assert turning.words == '2 points in 1 s, repeated with 1 turn'
 
 
 def test_a_csv_file_gives_the_points(tmp_path):

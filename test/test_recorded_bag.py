@@ -125,18 +125,26 @@ def compressed(mode):
     return lambda path: write_rosbag2(path, robot(9), compression=mode)
 
 
+# A JointState with the name of the crank, and without numbers.
+NAME_ALONE = b''.join(
+    (b'\0\1\0\0', struct.pack('<5I', 0, 0, 1, 0, 1), b'\6\0\0\0crank\0\0\0', bytes(12))
+)
 CONVERTED = 'rosbags-convert --src FOLDER --dst NEW_FOLDER --dst-storage mcap'
 REFUSED = {
     'sqlite3': (sqlite, f'only .*db3.*{CONVERTED}'),
     'sqlite3 file': (lambda path: next(sqlite(path).glob('*.db3')), f'SQLite f.*{CONVERTED}'),
     'compressed file': (compressed(rosbag2.CompressionMode.FILE), f'only .*zstd.*{CONVERTED}'),
     'compressed messages': (
-        compressed(rosbag2.CompressionMode.MESSAGE), 'nothing, as its messages are compressed'
+        compressed(rosbag2.CompressionMode.MESSAGE), 'nothing, or its messages are compressed'
     ),
     'no bag': (lambda path: path, 'cannot be read: No such file'),
     'no joint': (
         lambda path: write_mcap(path, (one for one in robot(9) if 'gripper' in one[0])),
-        'no position of crank: /gripper/joint_states names finger, thumb; set crank_joint',
+        'no position of crank: /gripper/joint_states names finger, thumb; give one .*crank_joint',
+    ),
+    'no position': (
+        lambda path: write_mcap(path, [('/a', JOINT_STATE, 5, NAME_ALONE)]),
+        'no position of crank: /a names crank$',
     ),
     'no joint states': (
         lambda path: write_mcap(path, (one for one in robot(9) if 'other' in one[0])),

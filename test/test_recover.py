@@ -365,7 +365,7 @@ def test_target_in_use_or_not_a_file_is_kept(tmp_path, whole):
     refused(whole.path, '/dev/null', '/dev/null is not a regular file', overwrite=True)
     refused(whole.path, missing, 'cannot be written: there is no folder .*/no$', overwrite=True)
     refused(missing, tmp_path / 'new.mcap', 'no/out.mcap cannot be read: No such file')
-    refused(folder, tmp_path / 'new.mcap', 'folder cannot be read: Is a directory')
+    refused(folder, tmp_path / 'new.mcap', 'folder is a folder: give an .mcap file in it$')
 
 
 def test_full_disk_ends_a_recovery(tmp_path, whole):

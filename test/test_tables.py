@@ -42,7 +42,7 @@ def test_a_log_is_read_as_arrays_and_as_a_table_with_references(tmp_path, preset
             due = [getattr(message, _plural(quantity))[i] for message in messages]
             assert states[f'{joint}.{quantity}'].tolist() == due
             assert found['/mechanism_state'][f'{joint}.{quantity}'].tolist() == due
-    assert write_csv(log, out) == ('/mechanism_state', len(messages))
+    assert write_csv(log, out) == ('/mechanism_state', len(messages), 0)
     head, rows = table(out)
     values = np.array(rows, float).T
     for name, column in zip(head, values, strict=True):
@@ -84,8 +84,11 @@ def test_a_bag_of_another_writer_is_read_with_missing_values(tmp_path, write):
     ):
         write_csv(bag, out)
     assert not out.exists()
-    write_csv(bag, out, topic='/joint_states')
+    written = write_csv(bag, out, topic='/joint_states')
     head, rows = table(out)
+    of_topic = [one for one in robot(90) if one[0] == '/joint_states']
+    assert written == ('/joint_states', len(rows), len(of_topic) - len(rows))
+    assert written.invalid
     assert head == ['t [s]', *(name for name in states if name != 't')]
     crank, finger = head.index('crank.position'), head.index('finger.position')
     assert [row[0] for row in rows[:2]] == [f'{START // 10**9}.{START % 10**9:09d}'] * 2

@@ -19,6 +19,7 @@ import numpy as np
 
 from linkage_ros import ConfigurationError, __version__, preset_names
 from linkage_ros.cli import progress_bar
+from linkage_ros.extensions import notes
 from linkage_ros.formulas import Array
 
 # Charts must be readable at half size, 700 pixels wide; the smallest text is then 8 pixels high.
@@ -97,6 +98,11 @@ def folder(path: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise ConfigurationError(f'{path} cannot be written: {error.strerror or error}') from error
+
+
+def doubts(*configurations: Any) -> list[str]:
+    """Returns a line for each parameter that was probably given in another unit."""
+    return [f'note: {line}' for one in configurations for line in notes(one)]
 
 
 def progress(items: Iterable[Any], words: str) -> Iterable[Any]:

@@ -474,9 +474,22 @@ def test_file_without_crank_speed_needs_rpm_option(tmp_path, called, kind, rest,
     assert_refused(*called(command_line, kind, path, *rest), words)
 
 
-def test_unit_that_is_probably_wrong_is_noted_once(tmp_path, called):
-    path = tmp_path / 'turned.yaml'
-    path.write_text(CHANGE_POINT.replace('rpm: 60.0', 'rpm: 60.0\n    crank_angle: 30.0'))
-    _, out, _ = called(command_line, 'motion', path, '--out', tmp_path)
+@pytest.mark.parametrize(
+    'words',
+    [
+        ['motion', 'turned.yaml'],
+        ['movie', 'turned.yaml', 'turned.html'],
+        ['economy', 'turned.yaml', '--quick', '--rpm', '60'],
+        ['mjcf', 'turned.yaml', 'turned.xml'],
+        ['sweep', 'study.yaml'],
+    ],
+)
+def test_unit_that_is_probably_wrong_is_noted_once(tmp_path, monkeypatch, called, words):
+    monkeypatch.chdir(tmp_path)
+    turned = CHANGE_POINT.replace('rpm: 60.0', 'rpm: 60.0\n    crank_angle: 30.0')
+    Path('turned.yaml').write_text(turned)
+    study = 'base: turned.yaml\ndesigns: 4\nranges: {coupler.mass: [1.0, 2.0]}\n'
+    Path('study.yaml').write_text(f'{study}measures: [peak_torque]\n')
+    _, out, _ = called(command_line, *words)
     (line,) = re.findall('note: .*', out)
     assert 'crank_angle = 30 rad = 278.9 deg' in line

@@ -9,7 +9,7 @@ messages before the damage, and memory holds one chunk at a time.
 import os
 import struct
 from collections import defaultdict
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import suppress
 from itertools import chain
 from pathlib import Path
@@ -236,15 +236,22 @@ def topic_of(bag: Bag, joint: str, name: str = '') -> str:
             f'{bag.path} has positions of {joint} on {", ".join(sorted(named))}: '
             'give one of these as --topic'
         )
-    names = '; '.join(f'{topic} names {_names(data)}' for topic, data in sorted(heard.items()))
+    names = {topic: _names(data) for topic, data in sorted(heard.items())}
+    found = '; '.join(
+        f'{topic} names '
+        + (', '.join(names[topic]) or 'nothing, or its messages are compressed or damaged')
+        for topic in names
+    )
+    others = {*chain.from_iterable(names.values())} - {joint}
     raise LogError(
         f'{bag.path} has no position of {joint}: '
-        + (f'{names}; set crank_joint' if names else f'it has no {JOINT_STATE.name}')
+        + (found or f'it has no {JOINT_STATE.name}')
+        + ('; give one of these as crank_joint or joints.crank.name' if others else '')
     )
 
 
-def _names(data: bytes) -> str:
-    """Returns the names of the joints in a JointState, for an error message."""
+def _names(data: bytes) -> Sequence[str]:
+    """Returns the names of the joints in a JointState; none if it is compressed or damaged."""
     with suppress(ValueError):
-        return ', '.join(decode_joint_state(data).names) or 'nothing'
-    return 'nothing, as its messages are compressed or damaged'
+        return decode_joint_state(data).names
+    return ()

@@ -81,6 +81,8 @@ def open_mcap(path: Path, cure: str = _OWN_LOG) -> BinaryIO:
         stream = open_file(path)
         # Do not read from a pipe, which may never provide data.
         begin = stream.read(MAGIC_SIZE) if stream.seekable() else b''
+    except IsADirectoryError as error:
+        raise LogError(f'{path} is a folder: give an .mcap file in it') from error
     except OSError as error:
         raise LogError(f'{path} cannot be read: {error.strerror or error}') from error
     if begin != MCAP0_MAGIC:

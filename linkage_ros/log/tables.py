@@ -8,11 +8,10 @@ import csv
 import math
 from array import array
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import suppress
 from io import TextIOWrapper
 from itertools import chain, repeat
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -42,6 +41,20 @@ _UNITS = {
 }  # fmt: skip
 
 
+class WrittenTable(NamedTuple):
+    """Contents of a CSV file.
+
+    Attributes:
+        topic: Name of the topic.
+        rows: Number of rows.
+        invalid: Number of messages of the topic that could not be decoded, and have no row.
+    """
+
+    topic: str
+    rows: int
+    invalid: int
+
+
 class _Table:
     """The joint states of a topic.
 
@@ -49,10 +62,11 @@ class _Table:
         topic: The topic.
         stamps: Stamp of each row, ns.
         columns: Values by name, such as 'crank.position'; NaN where a message has none.
+        invalid: Number of messages that could not be decoded.
     """
 
     def __init__(self, topic: BagTopic) -> None:
-        self.topic, self.stamps = topic, array('q')
+        self.topic, self.stamps, self.invalid = topic, array('q'), 0
         self.columns: dict[str, array[float]] = {}
         # The columns of each layout of messages, in the order of the values, and the last layout.
         self._layouts: dict[Any, list[array[float]]] = {}
@@ -111,8 +125,11 @@ def _tables(bag: Bag, progress: Callable[[int], object] = lambda _: None) -> lis
     for topic, time, data in chain.from_iterable(bag.messages(_TYPES, progress)):
         if topic.type == JOINT_TRAJECTORY.name and topic.role != MECHANISM_STATE.role:
             continue  # a command
-        with suppress(ValueError):
-            tables.setdefault(topic, _Table(topic)).add(time, data)
+        table = tables.setdefault(topic, _Table(topic))
+        try:
+            table.add(time, data)
+        except ValueError:
+            table.invalid += 1
     found = [table for table in tables.values() if table.stamps]
     for table in found:
         table.complete()
@@ -137,7 +154,7 @@ def write_csv(
     topic: str = '',
     overwrite: bool = False,
     progress: Callable[[int], object] = lambda _: None,
-) -> tuple[str, int]:
+) -> WrittenTable:
     """Writes the joint states of a topic as a table, with a row for each message.
 
     Args:
@@ -149,7 +166,7 @@ def write_csv(
         progress: Called with the number of bytes read since the last call.
 
     Returns:
-        The name of the topic, and the number of rows.
+        The topic, and the number of rows.
 
     Raises:
         LogError: The source cannot be read, is incomplete or damaged, or has no such topic; or the
@@ -167,7 +184,7 @@ def write_csv(
             writer = csv.writer(text, lineterminator='\n')
             writer.writerow(head)
             writer.writerows(zip(map(_seconds, table.stamps), *columns, strict=True))
-    return table.topic.name, len(table.stamps)
+    return WrittenTable(table.topic.name, len(table.stamps), table.invalid)
 
 
 def _chosen(source: Path | str, tables: Sequence[_Table], name: str) -> _Table:

@@ -17,6 +17,7 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
+from linkage_ros.cli import counted
 from linkage_ros.numeric import TURN
 from linkage_ros.units import NS_PER_S
 
@@ -157,10 +158,12 @@ class Spline(NamedTuple):
     @property
     def words(self) -> str:
         """Describes the law."""
-        words = f'{len(self.times)} points in {self.duration / NS_PER_S:g} s'
+        words = f'{counted(len(self.times), "point")} in {self.duration / NS_PER_S:g} s'
         if self.turns is None:
             return words
-        return f'{words}, repeated' + (f' with {self.turns} turns' if self.turns else '')
+        return f'{words}, repeated' + (
+            f' with {counted(self.turns, "turn")}' if self.turns else ''
+        )
 
     def at(self, time: int) -> Moment:
         """Returns the crank at a time, ns, which is not after the end."""

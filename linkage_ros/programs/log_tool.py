@@ -151,11 +151,12 @@ def _recover(options: argparse.Namespace) -> int:
 
 def _csv(options: argparse.Namespace) -> None:
     with cli.progress_bar(unit='B', unit_scale=True, delay=2) as bar:
-        topic, rows = write_csv(
+        topic, rows, invalid = write_csv(
             options.log, options.out, topic=options.topic, overwrite=options.overwrite,
             progress=bar.update,
         )  # fmt: skip
-    _print([f'{options.out}: {cli.counted(rows, "row")} from {topic}'])
+    left_out = f'; left out: {cli.counted(invalid, "damaged message")}' if invalid else ''
+    _print([f'{options.out}: {cli.counted(rows, "row")} from {topic}{left_out}'])
 
 
 def _print(lines: Iterable[str]) -> None:

@@ -23,6 +23,7 @@ from linkage_lab.output import (
     TEXT,
     Pictures,
     chart,
+    doubts,
     folder,
     pictures,
     progress,
@@ -103,7 +104,7 @@ def economy(options: argparse.Namespace) -> None:
         sentence = measured.sentence(own, options.tolerance, savings)
         save_records(records, savings)
         _draw(savings, [*measured.terms], sentence, own, options.tolerance, drawn)
-    print(f'{name}: {sentence}', records, *drawn.paths, sep='\n')
+    print(*doubts(configuration), f'{name}: {sentence}', records, *drawn.paths, sep='\n')
 
 
 class Economy:

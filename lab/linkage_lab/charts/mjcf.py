@@ -12,7 +12,7 @@ from dataclasses import replace
 from typing import Any
 from xml.etree import ElementTree as ET
 
-from linkage_lab.output import folder
+from linkage_lab.output import doubts, folder
 from linkage_ros import ConfigurationError, Force, Mechanism, Pins, Spring, State, load
 from linkage_ros.extensions import Link, LinkForce, Simulator, Structure, make_urdf
 
@@ -50,7 +50,7 @@ def mjcf(options: argparse.Namespace) -> None:
         raise ConfigurationError(f'{out} already exists: choose another name, or give --overwrite')
     with folder(out.parent):
         out.write_text(text)
-    print(out)
+    print(*doubts(configuration), out, sep='\n')
 
 
 def make_mjcf(mechanism: Mechanism, start: State, joint_prefix: str = '') -> str:

@@ -25,6 +25,7 @@ from linkage_lab.output import (
     WIDTH,
     Pictures,
     chart,
+    doubts,
     folder,
     over,
     pictures,
@@ -32,7 +33,6 @@ from linkage_lab.output import (
 )
 from linkage_lab.period import OVER_CRANK, Period, extent, period_to_show, stepped
 from linkage_ros import ConfigurationError, load, palette
-from linkage_ros.extensions import notes
 from linkage_ros.formulas import Array
 from linkage_ros.palette import BLACK, COLORS, DARK, Color, color_of, fractions
 
@@ -137,8 +137,7 @@ def motion(options: argparse.Namespace) -> None:
             lines += size_flywheel(period, motor, options.fluctuation, names[0], flywheel)
             lines += map(str, flywheel.paths)
         _draw_motion(periods, remarks, options.show, drawn)
-    doubts = [f'note: {line}' for design in designs for line in notes(design)]
-    print(*doubts, *lines, *drawn.paths, table, sep='\n')
+    print(*doubts(*designs), *lines, *drawn.paths, table, sep='\n')
 
 
 def _names(options: argparse.Namespace) -> list[str]:

@@ -18,7 +18,7 @@ from matplotlib.patheffects import withStroke
 from matplotlib.transforms import Bbox
 
 from linkage_lab.movie_page import movie_page
-from linkage_lab.output import SMALL, STYLE, TEXT, folder, over, progress
+from linkage_lab.output import SMALL, STYLE, TEXT, doubts, folder, over, progress
 from linkage_lab.period import Period, period_to_show
 from linkage_ros import ConfigurationError, load
 from linkage_ros.extensions import Drawing
@@ -162,9 +162,8 @@ def movie(options: argparse.Namespace) -> None:
             with .html, .gif or .mp4, ffmpeg is missing, or the file cannot be written.
     """
     path = options.out
-    period, (name, about, speed, *_) = period_to_show(
-        options.params, load(options.params), options.rpm
-    )
+    design = load(options.params)
+    period, (name, about, speed, *_) = period_to_show(options.params, design, options.rpm)
     writer, is_page = _WRITERS.get(path.suffix), path.suffix == '.html'
     if not is_page and not (writer and writer.isAvailable()):
         raise ConfigurationError(
@@ -186,7 +185,7 @@ def movie(options: argparse.Namespace) -> None:
         else:
             words = f'{words}, {_slower(pace)}'
             _film(period, name, words, writer, path)
-    print(f'{name}, {words}', path, sep='\n')
+    print(*doubts(design), f'{name}, {words}', path, sep='\n')
 
 
 def _slower(pace: float) -> str:

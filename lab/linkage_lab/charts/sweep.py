@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from linkage_lab.output import Pictures, chart, folder, pictures, save_csv
+from linkage_lab.output import Pictures, chart, doubts, folder, pictures, save_csv
 from linkage_lab.sweep.measures import CANNOT_TURN, MEASURES, REFUSED, TURNS, measure
 from linkage_lab.sweep.spread import cluster, processes, spread
 from linkage_lab.sweep.study import Study, read_study
@@ -73,7 +73,7 @@ def sweep(options: argparse.Namespace) -> None:
         if study.goals:
             _draw_front(results, name, drawn)
     written = [table, *drawn.paths] if study.goals else [table]
-    print(results.summary, *results.lines(), *written, sep='\n')
+    print(*doubts(study.base), results.summary, *results.lines(), *written, sep='\n')
 
 
 class _Results:

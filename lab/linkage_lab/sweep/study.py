@@ -62,6 +62,7 @@ class Study(NamedTuple):
     """A study with its sampled designs.
 
     Attributes:
+        base: Configuration of the base.
         task: The computation for every design.
         columns: The varied parameters with their ranges; defaults are the values of the base.
         designs: Values of these parameters, a row for each design.
@@ -69,6 +70,7 @@ class Study(NamedTuple):
         goals: 'least' or 'most' for the two measures of the Pareto front; empty without a front.
     """
 
+    base: Any
     task: Task
     columns: list[Leaf]
     designs: Array
@@ -116,7 +118,7 @@ def read_study(path: str) -> Study:
     for name in measures:
         if not MEASURES[name].applies(task):
             raise ConfigurationError(f'measure {name}: needs {MEASURES[name].needs}')
-    return Study(task, columns, _designs(settings, columns), constraints, goals)
+    return Study(configuration, task, columns, _designs(settings, columns), constraints, goals)
 
 
 def _way(settings: Settings, drive: Any) -> Way | None:

@@ -100,6 +100,16 @@ class Prescribed(Checked):
             raise ConfigurationError(
                 'motion: give times and angles, or file, or amplitude and frequency'
             )
+        of_other = (
+            {'spline', 'repeat'} if is_sine else {'center', 'amplitude', 'frequency', 'phase'}
+        )
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if field.name in of_other and value != field.default:
+                raise ConfigurationError(
+                    f'motion.{field.name} = {shown(value)}: leave it out, because it is for '
+                    + ('points, not for a sine' if is_sine else 'a sine, not for points')
+                )
         if 'accelerations' in lists and 'speeds' not in lists:
             raise ConfigurationError('motion.accelerations: give motion.speeds as well')
         if lists:
