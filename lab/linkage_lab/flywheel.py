@@ -26,8 +26,8 @@ from linkage_lab.output import NUMBERS, Pictures, chart, over
 from linkage_lab.period import Extent, Period, extent, mean
 from linkage_lab.sampling import derivative, integral, samples
 from linkage_ros import ConfigurationError, LinkageError, Mechanism, MechanismError, Solver
-from linkage_ros.extensions import Motor
 from linkage_ros.formulas import Array
+from linkage_ros.internals import Motor
 from linkage_ros.palette import BLACK, COLORS, FIRST, GREY, SECOND, fractions
 
 _RPM = 30 / math.pi  # of 1 rad/s

@@ -15,8 +15,8 @@ import numpy as np
 from matplotlib.ticker import MaxNLocator
 
 from linkage_lab.period import OVER_TIME, Column, Period
-from linkage_ros.extensions import Drawing
 from linkage_ros.formulas import Array
+from linkage_ros.internals import Drawing
 from linkage_ros.palette import GREY, SECOND, Color, color_of
 
 _SIZE, _TALLEST = 480, 400  # px, width of a picture, and largest height of the linkage

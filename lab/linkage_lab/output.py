@@ -19,8 +19,8 @@ import numpy as np
 
 from linkage_ros import ConfigurationError, __version__, preset_names
 from linkage_ros.cli import progress_bar
-from linkage_ros.extensions import notes
 from linkage_ros.formulas import Array
+from linkage_ros.internals import notes
 
 # Charts must be readable at half size, 700 pixels wide; the smallest text is then 8 pixels high.
 WIDTH, DPI = 10.0, 140  # inches, and pixels per inch

@@ -14,8 +14,8 @@ from linkage_lab.pump.analysis import settle
 from linkage_lab.pump.shooting import PeriodicMotion
 from linkage_lab.sampling import SAME, integral, samples, with_breaks
 from linkage_ros import ConfigurationError, Mechanism, Solver, State, Travel, WindPump, travel
-from linkage_ros.extensions import Drawing, LawDrive, LawMotion, Sine
 from linkage_ros.formulas import ZERO, Array, number
+from linkage_ros.internals import Drawing, LawDrive, LawMotion, Sine
 
 # Speed of a crank that is drawn over its arc, and the part of the arc left out at each end.
 _SLOW_RPM, _MARGIN = 1.0, 0.01

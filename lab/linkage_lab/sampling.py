@@ -11,8 +11,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from linkage_ros import Solver, State
-from linkage_ros.extensions import poses
 from linkage_ros.formulas import Array
+from linkage_ros.internals import poses
 
 _BISECTIONS = 64  # halvings of a step, after which its ends differ only by rounding
 SAME = 1e-9  # rad; closer crank angles are the two sides of a corner or jump

@@ -14,7 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from linkage_ros import Body, Mechanism, Solver
-from linkage_ros.extensions import (
+from linkage_ros.formulas import ZERO, Array, Opaque, Real, Vector, total
+from linkage_ros.internals import (
     Constants,
     Model,
     Program,
@@ -23,7 +24,6 @@ from linkage_ros.extensions import (
     torque,
     velocities,
 )
-from linkage_ros.formulas import ZERO, Array, Opaque, Real, Vector, total
 from linkage_ros.quantities import build, flatten
 
 STATIC = 'inertia'  # term of all inertia forces; without it, weights and loads remain

@@ -51,8 +51,8 @@ from linkage_lab.output import (
 )
 from linkage_lab.reference.motions import InitialValueProblem
 from linkage_ros import Solver, load
-from linkage_ros.extensions import FollowDrive, FollowMotion, Motor, live_steps
 from linkage_ros.formulas import Array
+from linkage_ros.internals import FollowDrive, FollowMotion, Motor, live_steps
 from linkage_ros.palette import (
     BLACK,
     BLUE,

@@ -14,7 +14,8 @@ from xml.etree import ElementTree as ET
 
 from linkage_lab.output import doubts, folder
 from linkage_ros import ConfigurationError, Force, Mechanism, Pins, Spring, State, load
-from linkage_ros.extensions import Link, LinkForce, Simulator, Structure, make_urdf
+from linkage_ros.extensions import Link, Structure
+from linkage_ros.internals import LinkForce, Simulator, make_urdf
 
 # MuJoCo raises the time constant of a constraint, the first number of solref, to at least twice
 # the timestep, so this makes the loop as stiff as the timestep allows.

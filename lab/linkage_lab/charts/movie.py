@@ -21,8 +21,8 @@ from linkage_lab.movie_page import movie_page
 from linkage_lab.output import SMALL, STYLE, TEXT, doubts, folder, over, progress
 from linkage_lab.period import Period, period_to_show
 from linkage_ros import ConfigurationError, load
-from linkage_ros.extensions import Drawing
 from linkage_ros.formulas import Array
+from linkage_ros.internals import Drawing
 from linkage_ros.palette import COLORS, DARK, GREY, Color, color_of, fractions
 
 _SECONDS = 3.0  # duration of a crank turn in the movie

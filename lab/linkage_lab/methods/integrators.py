@@ -17,8 +17,8 @@ from scipy import integrate
 
 from linkage_lab.reference.motions import InitialValueProblem, Phase, halves
 from linkage_lab.reference.multibody import Multibody
-from linkage_ros.extensions import Integrate, published
 from linkage_ros.formulas import Array, Vector
+from linkage_ros.internals import Integrate, published
 
 _FIRST_STEP = 1e-4  # s
 _END = 1e10  # s, longer than any run

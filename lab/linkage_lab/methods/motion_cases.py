@@ -33,7 +33,7 @@ from linkage_lab.reference.motions import (
     halves,
 )
 from linkage_ros import Body, Coupler, FourBar, Solver, State
-from linkage_ros.extensions import Motor
+from linkage_ros.internals import Motor
 
 TRAJECTORY, ENERGY, LOOP = 'trajectory', 'energy', 'loop'  # compared quantities
 # Modes: mean time per simulated ms, and time of the slowest ms, which limits a live node.

@@ -22,7 +22,8 @@ from linkage_lab.methods.measure import BATCH, ONE, Method, Setting
 from linkage_lab.methods.stages import POSITION, RATES, STATE, Locate, Pair
 from linkage_lab.reference.states import Linkage, lengths
 from linkage_ros import ConfigurationError, Solver
-from linkage_ros.extensions import (
+from linkage_ros.formulas import Real
+from linkage_ros.internals import (
     LONGEST_STEP,
     TOLERANCE,
     Constants,
@@ -30,7 +31,6 @@ from linkage_ros.extensions import (
     live_steps,
     record_steps,
 )
-from linkage_ros.formulas import Real
 
 CAP = 50
 _ENDLESS = 200  # iteration limit of a method that has none of its own

@@ -23,16 +23,9 @@ from typing import Any, NamedTuple, TypeAlias
 
 from linkage_lab.reference.states import Linkage, lengths
 from linkage_ros import OPEN
-from linkage_ros.extensions import (
-    LinkPose,
-    Model,
-    Pose,
-    accelerations,
-    balance,
-    torque,
-    velocities,
-)
+from linkage_ros.extensions import LinkPose, Pose
 from linkage_ros.formulas import ZERO, Opaque, Real, Vector, atan2, cos, cross, dot, sin, sqrt
+from linkage_ros.internals import Model, accelerations, balance, torque, velocities
 
 QUANTITIES = ('position', 'rate', 'acceleration', 'torque')
 STATE, POSITION, RATES = 'state', 'position', 'rates'

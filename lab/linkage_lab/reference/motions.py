@@ -23,8 +23,8 @@ from scipy import optimize
 
 from linkage_lab.reference.multibody import Multibody, eliminate
 from linkage_ros import Solver, load
-from linkage_ros.extensions import DrivenMechanism, Motor
 from linkage_ros.formulas import Vector, cross, dot
+from linkage_ros.internals import DrivenMechanism, Motor
 
 _CONTEXT = Context(prec=34)
 _LOOK = 0.02  # s between two checks for a singularity of the coordinates

@@ -19,8 +19,9 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeAlias, cast
 
 from linkage_ros import FourBar, InvertedSliderCrank, Mechanism
-from linkage_ros.extensions import Link, LinkPose, generalised, transformed
+from linkage_ros.extensions import Link, LinkPose
 from linkage_ros.formulas import ZERO, Vector, dot
+from linkage_ros.internals import generalised, transformed
 
 Row: TypeAlias = list[Any]  # of floats, Decimals or mpfs
 

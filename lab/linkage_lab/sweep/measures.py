@@ -17,8 +17,8 @@ import numpy as np
 import numpy.typing as npt
 
 from linkage_ros import LinkageError, Mechanism
-from linkage_ros.extensions import Constants, Model, Program, reactions, torque, transformed
 from linkage_ros.formulas import ZERO, Array, Real, Vector
+from linkage_ros.internals import Constants, Model, Program, reactions, torque, transformed
 
 RPM = 'rpm'
 CANNOT_TURN, TURNS, REFUSED = range(3)

@@ -12,8 +12,8 @@ from scipy.stats import qmc
 
 from linkage_lab.sweep.measures import MEASURES, RPM, Task, Way
 from linkage_ros import ConfigurationError, Mechanism, load
-from linkage_ros.extensions import LawDrive, LawMotion, read_yaml
 from linkage_ros.formulas import Array
+from linkage_ros.internals import LawDrive, LawMotion, read_yaml
 from linkage_ros.quantities import Checked, Leaf, Quantity, build, flatten, leaves, quantity, shown
 
 _GROUPS = 'ranges', 'tolerances', 'constraints', 'goals'
