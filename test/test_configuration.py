@@ -42,7 +42,7 @@ REQUIRED = {
     'rocker.length': 0.5,
     'rpm': 150.0,
 }
-# Data of document 1's linkage according to the design; the preset must agree.
+# Data of Ghalbi's linkage according to the design; the preset must agree.
 QUADRILATERAL = {
     'mechanism': 'four_bar',
     'drive': 'speed',

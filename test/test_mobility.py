@@ -405,7 +405,7 @@ def test_middle_of_a_swing_through_the_seam_is_within_half_a_turn():
         assert abs(low + high) / 2 <= math.pi
 
 
-# Number of assemblies of a linkage at a crank angle, as document 2 counts them.
+# Number of assemblies of a linkage at a crank angle, as Mottola 2017 counts them.
 
 NEAR = 1e-12  # rad from a limit, which is rounded by a few 1e-16
 

@@ -98,7 +98,7 @@ def cases():
             around(dead, 1e-6, beyond=False),
         ),
         Case(
-            'crossed assembly', 'The four-bar of document 1 makes a turn in its other assembly.',
+            'crossed assembly', 'The four-bar of Ghalbi 2019 makes a turn in its other assembly.',
             replace(preset, assembly='crossed'), once,
         ),
         Case(
@@ -118,7 +118,7 @@ def cases():
             four_bar(0.55, 0.4, 0.55, 0.12), tuple((0.5 + i) * 72 * DEGREE for i in range(10)),
         ),
         Case(
-            'long run', 'The four-bar of document 1 makes a whole turn in steps of 10 deg, '
+            'long run', 'The four-bar of Ghalbi 2019 makes a whole turn in steps of 10 deg, '
             'starting at a crank angle of a million turns.', preset,
             tuple(far + 10 * i * DEGREE for i in range(37)),
         ),

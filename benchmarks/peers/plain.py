@@ -3,7 +3,7 @@
 """The textbook closed form of a four-bar, in Python and in C.
 
 The position of the coupler-rocker pin takes one square root; rates and accelerations take a
-division by sin(gamma - beta); the torque comes from the power balance of document 1. The form
+division by sin(gamma - beta); the torque comes from the power balance of Ghalbi 2019. The form
 fails at change points.
 """
 

@@ -20,7 +20,7 @@ the figures in one run and wrote the page on {date}, with {machine[cpu]}, {machi
     python benchmarks/peers/run.py --markdown lab/docs/peers.md
 
 The task is to compute the angle, rate and acceleration of coupler and rocker of the four-bar of
-document 1 (`config/quadrilateral.yaml`) at 150 rpm and, in the rows "with torque", the driving
+Ghalbi 2019 (`config/quadrilateral.yaml`) at 150 rpm and, in the rows "with torque", the driving
 torque. A ratio is a peer's time divided by the time of this package; above 1, this package is
 faster. For arrays, a peer without torque is compared with the package's program that includes
 it. The ratio is the median of {rounds} rounds, in which peer and package run alternately. Set-up

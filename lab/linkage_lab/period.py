@@ -417,7 +417,7 @@ def _load_power(solver: Solver, state: State) -> Array:
 def _completed(period: Period, state: State, *, reactions: bool) -> Period:
     """Adds transmission ratios and, on request, reactions to a period."""
     solver = period.solver
-    ratios = solver.state(period.crank, 1.0).velocity  # document 2, after eq. 33
+    ratios = solver.state(period.crank, 1.0).velocity  # Mottola 2017, after eq. 33
     for link, ratio in zip(solver.structure.links[1:], ratios[1:], strict=True):
         period.add(f'{link.name}.transmission_ratio', 'm/rad' if link.slides else '1', ratio)
     if reactions:

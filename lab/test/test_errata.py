@@ -48,7 +48,7 @@ SPEED, CRANKS = 5 * math.pi, np.arange(0, TURN, TURN / 100)
 
 
 def positions(length, *, is_real):
-    """Solves for the angles of coupler and rocker by document 1's Newton-Raphson.
+    """Solves for the angles of coupler and rocker by Ghalbi's Newton-Raphson.
 
     Args:
         length: Length in the second column of the Jacobian, m.

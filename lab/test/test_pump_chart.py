@@ -71,7 +71,7 @@ def motions(analysis):
     return [state.motion for state in analysis.states]
 
 
-# ---------------------------------------------------------------- document 3's figure 3
+# ---------------------------------------------------------------- Deliu and Vlase's figure 3
 
 
 def test_three_states_are_those_of_another_program(motions):

@@ -3,8 +3,8 @@
 """Equations of motion by virtual power: driving torque or accelerations from pose and loads.
 
 Every centre of mass is a fixed linear combination of the link directions, G = sum_j rho_j
-e^(i phi_j) (+ constant). The power balance in document 1 and the virtual work in document 3 sum
-m v . a, J w eps and P . v over the bodies. These sums depend on the bodies only through the
+e^(i phi_j) (+ constant). The power balance in Ghalbi 2019 and the virtual work in Deliu and Vlase
+sum m v . a, J w eps and P . v over the bodies. These sums depend on the bodies only through the
 constants
 
     C_jk = sum_bodies m conj(rho_j) rho_k  (+ J on the diagonal)      W_j = sum_bodies m rho_j,

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The four-bar linkage: parameters, mobility and exact pose.
 
-The loop equation is r e^(i alpha) + b e^(i beta) = c e^(i gamma) + d e^(i delta) (document 1,
-eq. 7; document 2, eq. 1). The solution below was derived for this project. The diagonal B0 - A,
+The loop equation is r e^(i alpha) + b e^(i beta) = c e^(i gamma) + d e^(i delta) (Ghalbi 2019,
+eq. 7; Mottola 2017, eq. 1). The solution below was derived for this project. The diagonal B0 - A,
 of length L, divides the quadrilateral into two triangles of the same form:
 
     d - r e^(i theta) = e^(i theta/2) [(d-r) cos(theta/2) - i (d+r) sin(theta/2)]

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The slider-crank: parameters, mobility and exact pose.
 
-In the guide's axes, the loop equation is eq. 2 of document 4, with an added offset e:
+In the guide's axes, the loop equation is eq. 2 of Redaelli 2024, with an added offset e:
 
     r e^(i alpha) + b e^(i beta) = x + i e
 

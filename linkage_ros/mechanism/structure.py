@@ -60,7 +60,7 @@ class Point(NamedTuple):
     def follow(
         self, directions: Sequence[Vector], rates: Sequence[Real], changes: Sequence[Real]
     ) -> tuple[Vector, Vector, Vector]:
-        """Computes the motion of the point (document 2, eq. a2, a3, 34, 35 and derivatives).
+        """Computes the motion of the point (Mottola 2017, eq. a2, a3, 34, 35 and derivatives).
 
         Args:
             directions: Unit vector of each link.

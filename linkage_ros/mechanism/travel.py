@@ -126,7 +126,7 @@ def _reversal(solver: Solver, low: float, high: float) -> float:
 def assemblies(mechanism: FourBar | SliderCrank, crank: float) -> tuple[tuple[float, ...], ...]:
     """Finds the assemblies of a linkage at a crank angle.
 
-    As in document 2, there are usually two: the open and the crossed assembly. They coincide at
+    As in Mottola 2017, there are usually two: the open and the crossed assembly. They coincide at
     the end of a limited crank's reach or at a change point. The coupler is then in line with the
     rocker or, in a slider-crank, with the normal of the guide. Beyond the reach, there are none.
 

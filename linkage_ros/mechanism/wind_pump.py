@@ -12,8 +12,8 @@ factored closed form as the four-bar (docs/mechanisms.md):
     B - A = (D-A) [(l2-l3)(l2+l3) + L^2 + i side sqrt(PQ)] / (2 L^2)
 
 and sin(phi2 - phi3) = side sqrt(PQ) / (2 l2 l3), so no digits are lost near a stretched dyad. The
-rates have the form of document 3, phi2' = a11 phi1' + a12 xD', whose coefficients are misprinted
-there. The document omits the squared-rate terms of the accelerations; they follow from
+rates have the form of Deliu and Vlase, phi2' = a11 phi1' + a12 xD', whose coefficients are
+misprinted there. They omit the squared-rate terms of the accelerations; they follow from
 differentiating the loop equation twice.
 """
 

@@ -37,7 +37,7 @@ _ENDLESS = 200  # iteration limit of a method that has none of its own
 
 
 def newton_raphson(case: LinkageCase, setting: Setting) -> Locate:
-    """Newton-Raphson on the loop equation, as in document 1 (eq. 8 to 12).
+    """Newton-Raphson on the loop equation, as in Ghalbi 2019 (eq. 8 to 12).
 
     Each angle starts from the solution of the previous one. The document does not limit the
     iterations; here the limit is 50, and the last iterate is returned.
@@ -152,18 +152,18 @@ METHODS = [
     ),
     Method(
         'half-angle', POSITION, 'nothing',
-        'document 2, eq. 16 to 26; the same substitution for a slider-crank',
+        'Mottola 2017, eq. 16 to 26; the same substitution for a slider-crank',
         stages.half_angle,
     ),
     Method(
         'Newton-Raphson', POSITION,
-        'a first guess; small steps of the crank angle', 'document 1, eq. 8 to 12',
+        'a first guess; small steps of the crank angle', 'Ghalbi 2019, eq. 8 to 12',
         stages.looked_up, tuple({'tolerance': 10.0**-k} for k in (1, 3, 6, 9, 12, 15)),
         {'tolerance': 1e-12}, (ONE,), tool=newton_raphson,
     ),
     Method(
         "Ghalbi's listing", POSITION, 'the same; a four-bar',
-        'document 1, as printed; see the errata', stages.looked_up, modes=(ONE,),
+        'Ghalbi 2019, as printed; see the errata', stages.looked_up, modes=(ONE,),
         tool=listing,
     ),
     Method(

@@ -140,7 +140,7 @@ def two_circles(links: Links, crank: Real) -> Pair:
 
 
 def half_angle(links: Links, crank: Real) -> Pair:
-    """Solves quadratic equations for tangents of half angles (document 2, eq. 16 to 26)."""
+    """Solves quadratic equations for tangents of half angles (Mottola 2017, eq. 16 to 26)."""
     r, b, c, d, angle, side, *_ = links
     theta = crank - angle
     if c is None:
@@ -225,7 +225,7 @@ def newton_step(links: Links, crank: Real, coupler: Real, output: Real) -> tuple
 def two_by_two(links: Links, crank: Real, locate: Locate) -> tuple[Pair, Pair, Pair]:
     """Solves the differentiated loop equation for the derivatives of coupler and output.
 
-    See document 1, eq. 13 to 18; for a slider-crank, document 4, eq. 5 to 8.
+    See Ghalbi 2019, eq. 13 to 18; for a slider-crank, Redaelli 2024, eq. 5 to 8.
     """
     position = locate(crank)
     arm, coupler, output, slope, _ = _arms(links, crank, position)

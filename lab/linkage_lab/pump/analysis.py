@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Computes the steady states of a wind pump under its motor, as in document 3's figure 3."""
+"""Computes the steady states of a wind pump under its motor, as in Deliu and Vlase's figure 3."""
 
 import itertools
 import math

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""The averaged equations of document 3, after Van der Pol.
+"""The averaged equations of Deliu and Vlase, after Van der Pol.
 
 The motion is approximated with one harmonic and a constant crank speed w:
 

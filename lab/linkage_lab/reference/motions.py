@@ -67,7 +67,7 @@ def halves(phase: Phase) -> tuple[Phase, Phase]:
 
 
 def driven_pump(speed: float, velocity: float = 0.0) -> InitialValueProblem:
-    """Makes the initial value problem of document 3's wind pump with its motor and load.
+    """Makes the initial value problem of Deliu and Vlase's wind pump with its motor and load.
 
     Args:
         speed: Speed of the crank at t = 0, rad/s.
@@ -89,7 +89,7 @@ def free_pump(speed: float) -> InitialValueProblem:
 
 
 def coasting() -> InitialValueProblem:
-    """Makes the initial value problem of document 1's quadrilateral coasting from 150 rpm."""
+    """Makes the initial value problem of Ghalbi's quadrilateral coasting from 150 rpm."""
     return InitialValueProblem(load('quadrilateral').mechanism, (0.0, 5 * math.pi))
 
 
