@@ -125,7 +125,7 @@ def _margins(constants: Any, crank: Real) -> tuple[Real, ...]:
 
 
 def _words(dyad: Dyad, margin: tuple[float, int]) -> str:
-    """Describes the gap of a dyad, given its margin and which of its margins that is."""
+    """Describes the gap of a dyad, given its margin and the index of that margin."""
     size, side = margin
     if size >= 0:
         return 'where it is in line'

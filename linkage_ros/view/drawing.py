@@ -217,7 +217,7 @@ class Drawing:
 
 
 def free_ends(arrows: Array, pins: Array) -> Array:
-    """Returns the end of each arrow that is farther from the pins: there is room for its value.
+    """Returns the end of each arrow that is farther from the pins, where its value fits.
 
     Args:
         arrows: Arrows from `Drawing.loads`, shape (n, k, 2), m.

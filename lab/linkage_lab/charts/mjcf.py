@@ -179,7 +179,7 @@ class _Passive:
     """
 
     def __init__(self, structure: Structure, names: list[str], bodies: list[ET.Element]) -> None:
-        """Takes the bodies of the links and, last, of the world, to which it adds sites."""
+        """Stores the bodies, to which it adds sites: those of the links, then the world."""
         self._structure, self._names, self._bodies = structure, names, bodies
         self.forces: list[ET.Element] = []
         self.tendons: list[ET.Element] = []
