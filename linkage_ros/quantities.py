@@ -155,6 +155,10 @@ def unknown_name(name: str, owner: str, valid: Collection[str], where: str) -> s
     return f'{shown(name)} is not a parameter of {owner}{hint}; {where} lists all'
 
 
+# Pattern of the name of a topic, which may be empty.
+TOPIC_NAME = '(/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*)?'
+
+
 def quantity(
     kind: str,
     meaning: str,

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from linkage_ros.errors import MotionError
+from linkage_ros.log.logged_forces import Forces
 from linkage_ros.log.reader import LoggedMessage, LogReader
 from linkage_ros.log.rows import RowLayout
 from linkage_ros.messages.topics import (
@@ -111,7 +112,7 @@ class ExpectedStates(ABC):
 
     @abstractmethod
     def coordinates(
-        self, number: int, stamps: list[int], rows: bytes
+        self, number: int, stamps: list[int], rows: bytes, forces: Forces
     ) -> tuple[Coordinates, Coordinates | None]:
         """Computes the coordinates of states.
 
@@ -119,6 +120,7 @@ class ExpectedStates(ABC):
             number: Index of the states' segment.
             stamps: Stamps of the states, ns.
             rows: Logged rows of the states.
+            forces: Forces of live loads, by name; empty without messages.
 
         Returns:
             The coordinates, and those for the feed-forward torque or None.
@@ -127,6 +129,13 @@ class ExpectedStates(ABC):
             LinkageError: There is no state at one of the stamps, or the messages do not describe
                 valid states.
         """
+
+    def elapsed(self, _number: int, stamps: list[int]) -> list[int]:
+        """Returns the times of states of a segment, ns, which a step of the clock does not change.
+
+        They decide when messages expire.
+        """
+        return stamps
 
     @abstractmethod
     def take(self, number: int, ticks: list[int]) -> tuple[int, str]:
@@ -189,11 +198,19 @@ class TickStates(ExpectedStates):
         return self._simulator.under(getattr(self._motions[number], 'gravity', None))
 
     def coordinates(
-        self, number: int, stamps: list[int], rows: bytes  # noqa: ARG002, others read them
-    ) -> tuple[Coordinates, Coordinates | None]:  # fmt: skip
+        self,
+        number: int,
+        stamps: list[int],
+        rows: bytes,  # noqa: ARG002, others read them
+        forces: Forces,  # noqa: ARG002, as above
+    ) -> tuple[Coordinates, Coordinates | None]:
         """Follows the motion of a segment; see `ExpectedStates`."""
         motion = self._motions[number].motion()
         return motion.at_all(stamps), self._simulator.ahead(motion, stamps)
+
+    def elapsed(self, number: int, stamps: list[int]) -> list[int]:
+        """Returns the times since tick 0; see `ExpectedStates`."""
+        return [stamp - self._anchors[number] for stamp in stamps]
 
     def take(self, number: int, ticks: list[int]) -> tuple[int, str]:
         """Counts the ticks before and between states; see `ExpectedStates`."""
@@ -238,7 +255,7 @@ class MeasuredStates(ExpectedStates):
         return self._simulator.under(self._motions[number - 1].gravity if number else None)
 
     def coordinates(
-        self, _: int, stamps: list[int], __: bytes
+        self, _: int, stamps: list[int], __: bytes, ___: Forces
     ) -> tuple[Coordinates, Coordinates | None]:
         """Returns the coordinates of the next measurements; see `ExpectedStates`."""
         return self._crank.stacked([one for _, one in self._next[: len(stamps)]])

@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from linkage_ros.errors import LinkageError, LogError
 from linkage_ros.log.expected_states import TickStates
+from linkage_ros.log.logged_forces import Forces
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.rows import RowLayout
 from linkage_ros.mechanism.elementwise import is_noisy, noisy
@@ -28,7 +29,7 @@ from linkage_ros.motion.runge_kutta import Plant, leap, slope_at
 from linkage_ros.motion.segments import Coordinates
 from linkage_ros.motion.steps import live_method
 from linkage_ros.motion.under_torque import CATCH_UP, TorqueSegment, own_coordinates
-from linkage_ros.numeric import Array, with_turns, within_two_turns, wrap
+from linkage_ros.numeric import Array, Real, with_turns, within_two_turns, wrap
 from linkage_ros.run.states import Simulator
 from linkage_ros.units import NS_PER_S
 
@@ -74,6 +75,8 @@ class TorqueStates(TickStates):
         state, self._driven_link = solver.state(begin.q, begin.u), solver.structure.driven
         positions = self._with_driven(state.position, begin.unwrapped)
         self._before = np.array([[*positions, *state.velocity, 0.0]]).T
+        # The components of the forces of live loads in that state.
+        self._push = np.array([[x] for force in simulator.forces.values() for x in force])
 
     def _with_driven(self, positions: Sequence[Any], driven: Any) -> list[Any]:
         """Returns positions of the links with another one of the driven link."""
@@ -82,7 +85,7 @@ class TorqueStates(TickStates):
         return found
 
     def coordinates(
-        self, number: int, _: list[int], rows: bytes
+        self, number: int, _: list[int], rows: bytes, forces: Forces
     ) -> tuple[Coordinates, Coordinates | None]:
         """Reads coordinates, rates and accelerations from mechanism_state, as arrays.
 
@@ -96,13 +99,16 @@ class TorqueStates(TickStates):
         driven, solver = self._driven, self._driven.solver
         moving = self._rows(driven)[: len(driven.links)]
         q, u, a = (tuple(row[moving]) for row in table[:3])
+        given: dict[str, Any] = {'forces': forces or self._simulator.forces, 'by_math': True}
+        pushes = [x for force in given['forces'].values() for x in force]
+        self._pushes = np.array([np.broadcast_to(x, len(crank)) for x in pushes])
         # Use the logged torque of live runs, because it includes commands.
         torque = self._motor.at(table[1, link]) if self.is_record else table[3, link]
         if solver.coordinates == self._own.solver.coordinates:
             if self.is_record:
-                a = solver.accelerations(q, u, torque, by_math=True)
-            return Coordinates(q, u, a, crank, solver.state(q, u, a, by_math=True)), None
-        state = solver.driven_state(q, u, torque, by_math=True)
+                a = solver.accelerations(q, u, torque, **given)
+            return Coordinates(q, u, a, crank, solver.state(q, u, a, **given)), None
+        state = solver.driven_state(q, u, torque, **given)
         if driven.turns and not driven.has_driven:
             pairs = zip(state.position[link].tolist(), crank.tolist(), strict=True)
             crank = np.array([with_turns(x, turns_between(x, y)) for x, y in pairs])
@@ -163,22 +169,36 @@ class TorqueStates(TickStates):
         driven, found = self._driven, self._found[:, : len(ticks)]
         found[-1] -= self._motor.at(found[len(self._links) + self._driven_link])
         origin = np.concatenate([self._before, found[:, :-1]], axis=1)
+        pushes = np.concatenate([self._push, self._pushes], axis=1) if len(self._push) else ()
         numbers = np.array([max(self._tick, 0), *ticks], object)  # of any size
         late = np.diff(self._simulator.ticks.elapsed(numbers)).astype(float)
         if not self.is_record:  # the plant is paused in longer gaps
             late[late > self._simulator.ticks.elapsed(1) + CATCH_UP] = 0
         spans = late / NS_PER_S
-        follows = self._many_follow(driven, origin, found, spans) | (spans > _LONGEST)
+        every = self._forces([row[: len(ticks)] for row in pushes])
+        follows = self._many_follow(driven, origin, found, spans, every) | (spans > _LONGEST)
         follows[0] |= self._is_after_gap
         for i in map(int, np.flatnonzero(~follows)):
-            before = driven if i else self._last
+            forces = self._forces([float(row[i]) for row in pushes])
+            before = replace(driven if i else self._last, forces=forces)
             if wrong := self._difference(before, origin[:, i], found[:, i], float(spans[i])):
                 return i, f'it does not follow from the previous state: {wrong}'
         self._before, self._last = found[:, -1:], driven
+        self._push = self._pushes[:, len(ticks) - 1 : len(ticks)] if len(pushes) else self._push
         return super().take(number, ticks)
 
+    def _forces(self, components: Sequence[Real]) -> dict[str, tuple[Real, Real]]:
+        """Returns forces by name of the load, from their components."""
+        pairs = zip(components[::2], components[1::2], strict=True)
+        return dict(zip(self._simulator.forces, pairs, strict=True))
+
     def _many_follow(
-        self, driven: DrivenMechanism, origin: Array, found: Array, spans: Array
+        self,
+        driven: DrivenMechanism,
+        origin: Array,
+        found: Array,
+        spans: Array,
+        forces: dict[str, tuple[Real, Real]],
     ) -> npt.NDArray[np.bool_]:
         """Returns which states follow from their predecessors, integrating all at once."""
         nothing, half = np.zeros(len(spans), bool), len(driven.links)
@@ -190,7 +210,7 @@ class TorqueStates(TickStates):
 
         def accelerations(*y: Array) -> Any:
             torque = self._motor.at(y[half]) + origin[-1]
-            return driven.solver.accelerations(y[:half], y[half:], torque)
+            return driven.solver.accelerations(y[:half], y[half:], torque, forces=forces)
 
         plant, phase = Plant(driven.units, accelerations), tuple(origin[rows])
         error = np.zeros(len(spans))

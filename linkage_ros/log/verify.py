@@ -28,6 +28,7 @@ from linkage_ros.log.expected_states import (
     TickStates,
     check_motions,
 )
+from linkage_ros.log.logged_forces import LoggedForces
 from linkage_ros.log.reader import LoggedMessage, LogReader
 from linkage_ros.log.rows import MESSAGE_HEAD, RowLayout
 from linkage_ros.log.torque_states import TorqueStates
@@ -90,7 +91,7 @@ class Verification:
         absent: Relative names of the topics of states that are missing from the log.
         missed: Number of ticks without a state.
         stops_at_gap: Whether the states after missing messages were not compared, because they
-            depend on the missing measurements.
+            depend on the missing measurements or forces.
         cut: Names of the topics that are missing from an incomplete last state.
         ulp: Largest difference, ulp; 0 if all bits are equal.
         difference: Description of the first difference; empty if there is none.
@@ -117,7 +118,8 @@ class Verification:
         self._description = channels.pop(ROBOT_DESCRIPTION, None)
         self._channels = channels
         self.difference = check_motions(simulator, log.motions)
-        topics = (*own, DIAGNOSTICS, TRAJECTORY_COMMANDS, *simulator.inputs())
+        received = *simulator.inputs(), *simulator.live_forces()
+        topics = (*own, DIAGNOSTICS, TRAJECTORY_COMMANDS, *received)
         schemas = {topic.role: topic.interface for topic in topics}
         for channel in log.topics:
             due = schemas.get(channel.role)
@@ -144,6 +146,7 @@ class Verification:
         self._layout = layout = RowLayout(simulator.templates, channels)
         self._names = [channel.name for channel in self._channels.values()]
         self._comparison = RowComparison(log, layout, self._names)
+        self._forces = LoggedForces(simulator, log)
         self._expected = kind(simulator, log, layout)
 
     def run(self, progress: Callable[[int], object]) -> None:
@@ -174,11 +177,14 @@ class Verification:
         """Compares the states before missing messages, and prepares for those after them."""
         self._compare_last(progress)
         self._rows.clear()
-        self.cut, self.stops_at_gap = (), not self._expected.cross_gap()
+        self.cut = ()
+        self.stops_at_gap = self._forces.is_live or not self._expected.cross_gap()
 
     def _handle(self, message: LoggedMessage) -> None:
         """Handles a message that is not part of a state; called in the order of writing."""
         self._expected.handle(message)
+        if self._forces.is_live:
+            self._forces.handle(message, self.states + self._layout.count(self._rows, 0))
         due = self._simulator.description
         if due and self._description and message.channel == self._description.number:
             ulp = _description_ulp(message.data, due)
@@ -254,7 +260,10 @@ class Verification:
         Raises:
             LinkageError: A logged row does not describe a valid state.
         """
-        coordinates, ahead = self._expected.coordinates(number, stamps, rows)
+        forces = self._forces.at(self.states, self._expected.elapsed(number, stamps))
+        coordinates, ahead = self._expected.coordinates(number, stamps, rows, forces)
+        coordinates = coordinates._replace(forces=forces)
+        ahead = ahead and ahead._replace(forces=forces)
         numbers, layout = (
             self._expected.simulator(number).numbers(coordinates, ahead),
             self._layout,

@@ -44,7 +44,7 @@ from linkage_ros.units import rad_and_deg
 
 _ROUND = 'q', 'u', 'a', 'search'  # arguments of `joint_load_round`
 _FRAME = 'frame_angle', 'frame_speed', 'frame_acceleration'
-_NO_FORCES: Mapping[str, Sequence[Real]] = MappingProxyType({})
+NO_FORCES: Mapping[str, Sequence[Real]] = MappingProxyType({})
 _ROUNDS = 10_000
 _IN_LINE = (
     'all links are in line: the joint forces are infinite at a change point; choose another angle'
@@ -281,7 +281,7 @@ class Solver:
         a: Any = 0.0,
         *,
         frame: Sequence[Real] = (),
-        forces: Mapping[str, Sequence[Real]] = _NO_FORCES,
+        forces: Mapping[str, Sequence[Real]] = NO_FORCES,
         by_math: bool = False,
     ) -> State:
         """Computes positions, rates and accelerations of all links, and the driving torque.
@@ -328,7 +328,7 @@ class Solver:
         a: Any = 0.0,
         *,
         frame: Sequence[Real] = (),
-        forces: Mapping[str, Sequence[Real]] = _NO_FORCES,
+        forces: Mapping[str, Sequence[Real]] = NO_FORCES,
         by_math: bool = False,
     ) -> Real:
         """Computes the driving torque alone, which costs less than the state.
@@ -381,7 +381,7 @@ class Solver:
         torque: Any,
         *,
         frame: Sequence[Real] = (),
-        forces: Mapping[str, Sequence[Real]] = _NO_FORCES,
+        forces: Mapping[str, Sequence[Real]] = NO_FORCES,
         by_math: bool = False,
     ) -> Any:
         """Solves M q'' + h - Q = torque for the accelerations q'' under a given torque.
@@ -424,7 +424,7 @@ class Solver:
         torque: Any,
         *,
         frame: Sequence[Real] = (),
-        forces: Mapping[str, Sequence[Real]] = _NO_FORCES,
+        forces: Mapping[str, Sequence[Real]] = NO_FORCES,
         by_math: bool = False,
     ) -> State:
         """Computes positions, rates and accelerations of all links under a given torque.
@@ -450,7 +450,7 @@ class Solver:
     def driven_by(
         self,
         torque: Callable[[float], float],
-        forces: Mapping[str, Sequence[Real]] = _NO_FORCES,
+        forces: Mapping[str, Sequence[Real]] = NO_FORCES,
     ) -> Callable[..., tuple[float, ...]]:
         """Returns a fast function for integrators: the accelerations under a torque law.
 
@@ -544,7 +544,7 @@ class Solver:
         state: State,
         *,
         frame: Sequence[Real] = (),
-        forces: Mapping[str, Sequence[Real]] = _NO_FORCES,
+        forces: Mapping[str, Sequence[Real]] = NO_FORCES,
     ) -> Reactions:
         """Computes the forces in the joints, the shaking force and the shaking moment.
 
@@ -651,7 +651,7 @@ class Solver:
         self,
         formula: Callable[..., Any],
         frame: Sequence[Real] = (),
-        forces: Mapping[str, Sequence[Real]] = _NO_FORCES,
+        forces: Mapping[str, Sequence[Real]] = NO_FORCES,
         *,
         by_math: bool = False,
         **given: Any,
@@ -678,7 +678,7 @@ class Solver:
         u: Any,
         a: Any,
         frame: Sequence[Real] = (),
-        forces: Mapping[str, Sequence[Real]] = _NO_FORCES,
+        forces: Mapping[str, Sequence[Real]] = NO_FORCES,
         *,
         by_math: bool = False,
     ) -> Round:

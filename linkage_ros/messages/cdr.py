@@ -256,6 +256,28 @@ def decode_trajectory(data: bytes) -> tuple[int, list[str], list[TrajectoryPoint
     return stamp_of(data), names, points
 
 
+def decode_wrench(data: bytes) -> tuple[str, float, float]:
+    """Decodes an untrusted WrenchStamped.
+
+    Args:
+        data: CDR bytes of the message, little endian.
+
+    Returns:
+        The frame_id, and the force along its x and y axes, N.
+
+    Raises:
+        ValueError: The bytes are not a WrenchStamped, or the message is too large.
+    """
+    body = _body(data, 'WrenchStamped')
+    try:
+        (text,), at = _sequence(body, STAMP.size, 's')
+        at += -at % 8
+        x, y, *_ = struct.unpack_from('<6d', body, at)
+        return text.removesuffix(b'\0').decode(), x, y
+    except (struct.error, ValueError) as error:
+        raise ValueError('its bytes are not a WrenchStamped') from error
+
+
 def _body(data: bytes, kind: str) -> bytes:
     """Removes the encapsulation of an untrusted message.
 

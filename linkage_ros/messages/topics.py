@@ -84,6 +84,16 @@ JOINT_TRAJECTORY = _interface(
         ('builtin_interfaces/Duration', 'int32 sec\nuint32 nanosec\n'),
     ),
 )
+WRENCH_STAMPED = _interface(
+    'geometry_msgs/msg/WrenchStamped',
+    '8dc3deaf06b2ab281f9f9a742a8961c328ca7cec16e3fd6586d3a5c83fa78f77',
+    'std_msgs/Header header\nWrench wrench\n',
+    (
+        *_HEADER,
+        ('geometry_msgs/Wrench', 'Vector3 force\nVector3 torque\n'),
+        ('geometry_msgs/Vector3', 'float64 x\nfloat64 y\nfloat64 z\n'),
+    ),
+)
 DIAGNOSTIC_ARRAY = _interface(
     'diagnostic_msgs/msg/DiagnosticArray',
     '5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e',
@@ -198,6 +208,12 @@ TRAJECTORY_COMMANDS = Topic(
     JOINT_TRAJECTORY,
     meaning='motion and torque of the crank for `trajectory_horizon` from the stamp on',
     parameter='trajectory_command_topic',
+)
+WRENCHES = Topic(
+    'wrench_topic',
+    WRENCH_STAMPED,
+    meaning='best effort: the force of a load of kind `force`, from the next state on',
+    parameter='wrench_topic',
 )
 
 

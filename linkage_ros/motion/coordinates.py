@@ -9,10 +9,11 @@ used again, possibly in the other assembly.
 
 import functools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
+from itertools import chain
 from statistics import median
 from typing import Any, NoReturn
 
@@ -45,6 +46,8 @@ class DrivenMechanism:
         middle: If a driven crank is not a coordinate, the middle of the arc on which it moves,
             rad.
         solvers: Solvers for all descriptions used so far.
+        forces: Force [x, y], N, of each load whose force is given, by name in the order of the
+            loads; may change if the names stay.
         links: The links whose positions are the coordinates.
         units: Units of the errors in y: rad or crank lengths, then the same per second.
         driven: Index of the driven link.
@@ -59,6 +62,7 @@ class DrivenMechanism:
     torque: Callable[[Any], Real]
     middle: float = 0.0
     solvers: dict[Description, Solver] = field(default_factory=dict)
+    forces: Mapping[str, Sequence[float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         solver, mechanism = self.solver, self.solver.mechanism
@@ -209,7 +213,10 @@ class DrivenMechanism:
 
         It raises the errors of `Solver.accelerations`.
         """
-        return self.solver.driven_by(self.torque)
+        found, forces = self.solver.driven_by(self.torque, self.forces), self.forces
+        if not forces:
+            return found
+        return lambda *y: found(*y, *chain.from_iterable(forces.values()))
 
     def slope(self, y: tuple[float, ...]) -> tuple[float, ...]:
         """Computes y', the rates followed by the accelerations.
@@ -231,7 +238,9 @@ class DrivenMechanism:
         imaginary part of the eigenvalues. The torque at rest is subtracted. The median ignores
         the dead centre of a massless crank, where an eigenvalue is infinite.
         """
-        free = DrivenMechanism(self.solver, lambda speed: self.torque(speed) - self.torque(0.0))
+        free = DrivenMechanism(
+            self.solver, lambda speed: self.torque(speed) - self.torque(0.0), forces=self.forces
+        )
         arcs = self.solver.mobility.arcs if self.solver.mobility else FULL_TURN
         others, _ = self.solver.mechanism.start()
         found, places = [], [i + 0.5 for i in range(_PLACES)]

@@ -198,4 +198,6 @@ def extrapolated(coordinates: Coordinates, seconds: float) -> Coordinates:
         angle, rate, change = frame
         turned = angle + (rate + 0.5 * change * seconds) * seconds
         frame = turned, rate + change * seconds, change
-    return Coordinates((q + moved,), (u + a * seconds,), (a,), unwrapped + moved, None, frame)
+    return coordinates._replace(
+        q=(q + moved,), u=(u + a * seconds,), unwrapped=unwrapped + moved, frame=frame
+    )

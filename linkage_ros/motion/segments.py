@@ -7,13 +7,14 @@ stores.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
 from linkage_ros.mechanism.kinematics import State
+from linkage_ros.mechanism.solver import NO_FORCES
 from linkage_ros.numeric import Array, Real
 
 Gravity: TypeAlias = tuple[float, float]
@@ -74,6 +75,10 @@ class Motion(ABC):
         """Returns the motion under changed parameters of its drive from a stamp on."""
         return self
 
+    def push(self, stamp: int, forces: Mapping[str, Sequence[float]]) -> 'Motion':  # noqa: ARG002
+        """Returns the motion under forces of loads, N, by name, from a stamp, ns, on."""
+        return self
+
     def under(self, stamp: int, gravity: Gravity | None) -> 'Motion':  # noqa: ARG002, as above
         """Returns the motion under a gravity, m/s^2, from a stamp, ns, on."""
         return self
@@ -120,6 +125,7 @@ class Coordinates(NamedTuple):
             determine the state; otherwise None.
         frame: Direction of base_link, rad, its rate, rad/s, and its acceleration, rad/s^2; empty
             if it is at rest.
+        forces: Force [x, y], N, of each load whose force is given, by name.
     """
 
     q: tuple[Real, ...]
@@ -128,11 +134,12 @@ class Coordinates(NamedTuple):
     unwrapped: Real
     state: State | None = None
     frame: tuple[Real, ...] = ()
+    forces: Mapping[str, Sequence[Real]] = NO_FORCES
 
 
 def stacked(moments: Sequence[Coordinates]) -> Coordinates:
-    """Stacks the coordinates of many times into arrays; either all or none have a state."""
-    q, u, a, unwrapped, states, frame = zip(*moments, strict=True)
+    """Stacks the coordinates of many times, without forces; either all or none have a state."""
+    q, u, a, unwrapped, states, frame, _ = zip(*moments, strict=True)
     state = None
     if states[0] is not None:
         *rows, torques = zip(*states, strict=True)

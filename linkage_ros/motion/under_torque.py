@@ -3,7 +3,7 @@
 """Motion of a mechanism under a motor and torque commands, integrated from stamp to stamp."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, cast
 
@@ -12,7 +12,7 @@ import numpy as np
 from linkage_ros.errors import ConfigurationError, LinkageError
 from linkage_ros.mechanism.kinematics import State
 from linkage_ros.mechanism.parts import CROSSED, OPEN
-from linkage_ros.mechanism.solver import Solver
+from linkage_ros.mechanism.solver import NO_FORCES, Solver
 from linkage_ros.mechanism.structure import Description
 from linkage_ros.motion.coordinates import DrivenMechanism
 from linkage_ros.motion.segments import Coordinates, Motion, Segment, stacked
@@ -99,6 +99,7 @@ class TorqueMotion(Motion):
         stamp: int,
         period: int,
         integrate: Integrate = live_steps,
+        forces: Mapping[str, Sequence[float]] = NO_FORCES,
     ) -> None:
         """Starts a motion.
 
@@ -109,6 +110,8 @@ class TorqueMotion(Motion):
             stamp: Stamp of t = 0, ns.
             period: Time between states, ns.
             integrate: Function that creates the integrator.
+            forces: Initial force [x, y], N, of each load whose force `push` changes, by name in
+                the order of the loads.
 
         Raises:
             LinkageError: The motion cannot start from the given coordinates and rates.
@@ -117,7 +120,8 @@ class TorqueMotion(Motion):
         self._period = period
         self._end: LinkageError | None = None
         y = start.unwrapped, *start.q[1:], *start.u
-        self._steps = integrate(DrivenMechanism(solver, self._torque), y)
+        self._forces = {**forces}
+        self._steps = integrate(DrivenMechanism(solver, self._torque, forces=self._forces), y)
         self._begin(TorqueSegment(stamp, motor.torque))
 
     def at(self, stamp: int) -> Coordinates:
@@ -180,6 +184,18 @@ class TorqueMotion(Motion):
             self._advance(stamp)
             self._command = torque
             self._steps.changed()
+
+    def push(self, stamp: int, forces: Mapping[str, Sequence[float]]) -> 'TorqueMotion':
+        """Continues this motion under other forces; see `Motion.push`.
+
+        Raises:
+            MotionError: The motion ends before the stamp.
+        """
+        if forces != self._forces:
+            self._advance(stamp)
+            self._forces.update(forces)
+            self._steps.changed()
+        return self
 
     def follow(self, stamp: int, drive: Any) -> 'TorqueMotion':
         """Continues the motion under a drive from a stamp on.
@@ -314,11 +330,13 @@ def published(driven: DrivenMechanism, y: Values, pairs: int) -> Coordinates:
         y = driven.wound((unwrapped, *y[1:]))[0]
     if driven.is_own:
         q, u, a = y[:half], y[half:], driven.accelerations(*y)
-        return Coordinates(q, u, a, unwrapped, None if driven.is_usual else solver.state(q, u, a))
+        state = None if driven.is_usual else solver.state(q, u, a, forces=driven.forces)
+        return Coordinates(q, u, a, unwrapped, state)
     y = legible(driven, y)
     if not driven.has_driven:
         unwrapped = driven.position(y, pairs)
-    state = solver.driven_state(y[:half], y[half:], driven.torque(driven.speed(y)))
+    torque = driven.torque(driven.speed(y))
+    state = solver.driven_state(y[:half], y[half:], torque, forces=driven.forces)
     return own_coordinates(solver, state, unwrapped)
 
 
@@ -331,8 +349,9 @@ def all_published(driven: DrivenMechanism, moments: list[tuple[Values, int]]) ->
     angles = [driven.wound((place,))[0][0] for place in unwrapped]
     (_, *y), count = np.array([y for y, _ in moments]).T, len(solver.coordinates)
     q, u = (np.array(angles), *y[: count - 1]), tuple(y[count - 1 :])
-    a = solver.accelerations(q, u, driven.torque(u[0]), by_math=True)
-    state = None if driven.is_usual else solver.state(q, u, a, by_math=True)
+    given: dict[str, Any] = {'forces': driven.forces, 'by_math': True}
+    a = solver.accelerations(q, u, driven.torque(u[0]), **given)
+    state = None if driven.is_usual else solver.state(q, u, a, **given)
     return Coordinates(q, u, a, np.array(unwrapped), state)
 
 

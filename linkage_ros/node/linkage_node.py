@@ -5,6 +5,7 @@
 import functools
 import sys
 import time
+from collections.abc import Mapping
 from contextlib import suppress
 from typing import Any
 
@@ -81,7 +82,8 @@ class LinkageNode(ParameterNode):
         self._segment: Segment | None = None  # the last logged segment
         self._state: State | None = None
         self._coordinates: Coordinates | None = None  # those of the state
-        others, heard = [DIAGNOSTICS], simulator.inputs()
+        others, inputs, forces = [DIAGNOSTICS], simulator.inputs(), simulator.live_forces()
+        heard: dict[Topic, Any] = {**inputs, **forces}
         if simulator.description:
             others.append(ROBOT_DESCRIPTION)
         self._trajectory: TrajectoryAhead | None = None
@@ -98,10 +100,7 @@ class LinkageNode(ParameterNode):
             self._others = {topic.name: create_publisher(self, topic) for topic in others}
         self._joint_states = simulator.templates.slices[JOINT_STATES]
         self._outputs = Outputs(self, simulator, [*others, *heard])
-        self._inputs: list[tuple[PolledSubscription, Any]] = [
-            (PolledSubscription(self, topic, source.read, self._outputs.log_message), source)
-            for topic, source in heard.items()
-        ]
+        self._inputs, self._forces = self._subscribed(inputs), self._subscribed(forces)
         self._ticker = self._make_ticker()
         name = self.get_fully_qualified_name().lstrip('/')
         self._monitor = HealthMonitor(name)
@@ -118,6 +117,14 @@ class LinkageNode(ParameterNode):
         # Reports use real time, because simulated time may be paused.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._report_timer = self.create_timer(1.0, self._report, clock=steady)
+
+    def _subscribed(self, sources: Mapping[Topic, Any]) -> list[tuple[PolledSubscription, Any]]:
+        """Subscribes to topics; returns each subscription with the reader of its messages."""
+        log = self._outputs.log_message
+        return [
+            (PolledSubscription(self, topic, source.read, log), source)
+            for topic, source in sources.items()
+        ]
 
     def _make_ticker(self) -> Ticker:
         callbacks = self._simulator.ticks, self._tick, self._restamp, self._fail
@@ -171,13 +178,15 @@ class LinkageNode(ParameterNode):
             elapsed, received = stamp - self._ticker.t0, subscription.take()
             motion = self._continue(source.applied(motion, stamp, elapsed, received))
         motion = self._continue(motion.under(stamp, self._gravity))
+        forces = self._forces_at(stamp - self._ticker.t0)
+        motion = self._continue(motion.push(stamp, forces))
         lead = self._simulator.lead
         ahead = None if lead is None else motion.at(stamp + lead)
         coordinates = motion.at(stamp)
         self._continue(motion)  # the description may change here
-        self._publish_state(stamp, coordinates, ahead)
+        self._publish_state(stamp, coordinates, ahead, forces)
         if self._trajectory:
-            message = self._trajectory.message_at(motion, stamp)
+            message = self._trajectory.message_at(motion, stamp, forces)
             if message is not None:
                 self._publish(self._trajectory.topic, message)
 
@@ -187,7 +196,14 @@ class LinkageNode(ParameterNode):
         if gravity is not None and gravity != getattr(self._segment, 'gravity', None):
             self._segment = FollowSegment(stamp, gravity)
             self._outputs.log_segment(self._segment)
-        self._publish_state(stamp, coordinates, ahead)
+        self._publish_state(stamp, coordinates, ahead, self._forces_at(stamp))
+
+    def _forces_at(self, now: int) -> dict[str, Any]:
+        """Returns the forces that act from now, ns, on, by name of the load."""
+        return {
+            source.name: source.force(now, subscription.take())
+            for subscription, source in self._forces
+        }
 
     def _continue(self, motion: Motion) -> Motion:
         """Sets the current motion, and logs its segment if it is new."""
@@ -202,10 +218,17 @@ class LinkageNode(ParameterNode):
             self._continue(self._motion.restamp(old, new))
 
     def _publish_state(
-        self, stamp: int, coordinates: Coordinates, ahead: Coordinates | None
+        self,
+        stamp: int,
+        coordinates: Coordinates,
+        ahead: Coordinates | None,
+        forces: dict[str, Any],
     ) -> None:
         """Computes, publishes, logs and shows the state at a stamp, ns."""
         simulator = self._simulator.under(getattr(self._segment, 'gravity', None))
+        if forces:
+            coordinates = coordinates._replace(forces=forces)
+            ahead = ahead and ahead._replace(forces=forces)
         self._state = state = simulator.state(coordinates)
         self._ranges.see(state)
         self._coordinates = coordinates
@@ -231,7 +254,8 @@ class LinkageNode(ParameterNode):
             angle, frame = (last.q[0], last.frame) if last else (0.0, ())
             for acceleration in (0.0, 1.0):  # compile the programs before the tick needs them
                 with suppress(LinkageError):
-                    solver.state(angle, 1.0, acceleration, frame=frame)
+                    forces = self._simulator.forces
+                    solver.state(angle, 1.0, acceleration, frame=frame, forces=forces)
             self._gravity = value
             return
         self._drive = build(type(self._drive), {**flatten(self._drive), name: value})
@@ -242,7 +266,7 @@ class LinkageNode(ParameterNode):
             topic.count()
         is_waiting = isinstance(self._ticker, SimTimeTicker) and not self._state
         troubles, figures = ['waiting for /clock'] * is_waiting, self._figures()
-        for subscription, source in self._inputs:
+        for subscription, source in (*self._inputs, *self._forces):
             troubles += source.troubles(subscription.name)
             figures.update(source.diagnostics())
         health = self._outputs.health()

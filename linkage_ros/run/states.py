@@ -14,8 +14,9 @@ from typing import Any, cast
 
 import numpy as np
 
-from linkage_ros.errors import LinkageError
+from linkage_ros.errors import ConfigurationError, LinkageError
 from linkage_ros.mechanism.kinematics import State
+from linkage_ros.mechanism.loads.force import Force
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.messages.cdr import encode_string
 from linkage_ros.messages.joints import link_rows, own_joints
@@ -24,9 +25,11 @@ from linkage_ros.messages.topics import Topic
 from linkage_ros.messages.urdf import make_urdf
 from linkage_ros.motion.drives.base import Input, Machine
 from linkage_ros.motion.drives.feed_forward import FeedForward
+from linkage_ros.motion.live_force import LiveForce
 from linkage_ros.motion.segments import Coordinates, Gravity, Motion
 from linkage_ros.motion.steps import Integrate, live_steps
 from linkage_ros.numeric import Array, Real
+from linkage_ros.quantities import shown
 from linkage_ros.run.ticks import TickRate
 from linkage_ros.settings.configuration import Configuration
 from linkage_ros.units import NS_PER_S
@@ -43,6 +46,8 @@ class Simulator:
         crank_joint: Name of the crank in measurements, commands and trajectories.
         templates: Templates of the messages of a state.
         ticks: Times of the ticks.
+        forces: Force [x, y], N, of each load whose force messages give, by name, without a
+            message.
         machine: The mechanism with its crank's joint, for the drive.
         lead: Time by which the feed-forward torque is ahead of the stamp, ns; None without
             feed-forward.
@@ -68,9 +73,11 @@ class Simulator:
             effort_topic, self.lead = drive.effort_command_topic, round(drive.lead_time * NS_PER_S)
         self.templates = StateTemplates(self.solver.structure, joints, frame_id, effort_topic)
         self.ticks = TickRate(session.rate_hz)
+        self.forces = {force.name: force.held.value for force in self.live_forces().values()}
         self.machine = Machine(
-            self.solver, self.ticks.elapsed(1), self.crank_joint, joints[0], self.lead
-        )
+            self.solver, self.ticks.elapsed(1), self.crank_joint, joints[0], self.lead,
+            forces=self.forces,
+        )  # fmt: skip
         self._other: tuple[Gravity, Simulator] | None = None  # the last result of `under`
 
     @property
@@ -116,6 +123,25 @@ class Simulator:
         """Returns the topics that a run receives, with new readers of their messages."""
         return self.configuration.drive.inputs(self.machine)
 
+    def live_forces(self) -> dict[Topic, LiveForce]:
+        """Returns the topics of live loads, with new readers of their messages.
+
+        Raises:
+            ConfigurationError: Two loads have the same topic.
+        """
+        session, loads = self.configuration.session, self.configuration.mechanism.loads
+        found = [
+            LiveForce(load, session.joint_prefix, session.frame_id)
+            for load in loads
+            if isinstance(load, Force) and load.wrench_topic
+        ]
+        names = [force.topic.name for force in found]
+        if twice := next((name for name in names if names.count(name) > 1), ''):
+            raise ConfigurationError(
+                f'wrench_topic = {shown(twice)}: two loads have it; give each its own'
+            )
+        return {force.topic: force for force in found}
+
     def prepare_live(self) -> None:
         """Compiles the programs, and rejects a motion that is too fast for a live run.
 
@@ -139,10 +165,11 @@ class Simulator:
         Raises:
             LinkageError: As for `Solver.state`.
         """
-        q, u, a, _, state, frame = coordinates
+        q, u, a, _, state, frame, given = coordinates
         if state is None:
             row = (q[0], u[0], a[0]) if len(q) == 1 else (q, u, a)
-            return self.solver.state(*row, frame=frame, by_math=by_math)
+            forces = given or self.forces
+            return self.solver.state(*row, frame=frame, forces=forces, by_math=by_math)
         return state
 
     def numbers(

@@ -3,9 +3,11 @@
 """Trajectories of the crank with its torque, ahead of time, for a controller."""
 
 from collections import deque
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 
 from linkage_ros.errors import MotionError
+from linkage_ros.mechanism.solver import NO_FORCES
 from linkage_ros.messages.templates import crank_trajectory
 from linkage_ros.messages.topics import (
     TRAJECTORY_COMMANDS,
@@ -46,13 +48,16 @@ class TrajectoryAhead:
         self._points: deque[tuple[int, tuple[float, ...]]] = deque()
         self._next = self._due = 0
 
-    def message_at(self, motion: Motion, stamp: int) -> bytes | None:
+    def message_at(
+        self, motion: Motion, stamp: int, forces: Mapping[str, Sequence[float]] = NO_FORCES
+    ) -> bytes | None:
         """Returns the trajectory to send at a stamp, if one is due.
 
         Args:
             motion: Motion in the segment that contains the stamp. If it differs from the motion in
                 the last call, the previous trajectory is invalid, and a new one is due.
             stamp: Stamp of the current tick, ns.
+            forces: Force [x, y], N, of each load whose force messages give, by name.
 
         Returns:
             The CDR bytes of the message; None if no message is due.
@@ -64,7 +69,7 @@ class TrajectoryAhead:
         with suppress(MotionError):  # a law may end within the horizon
             while self._next < stamp + self._horizon + _STEP:
                 (q,), (u,), (a,), unwrapped, *_ = motion.at(self._next)
-                torque = float(self._solver.state(q, u, a).torque)
+                torque = float(self._solver.state(q, u, a, forces=forces).torque)
                 joint = self._joint
                 position, effort = joint.value(unwrapped), torque / joint.ratio
                 values = position, joint.ratio * u, joint.ratio * a, effort

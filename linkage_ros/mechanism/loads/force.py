@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A constant force at a point of a link."""
+"""A force at a point of a link, constant or from messages."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,14 +11,14 @@ from linkage_ros.mechanism.kinematics import LinkPose
 from linkage_ros.mechanism.loads.base import AppliedLoad
 from linkage_ros.mechanism.wrenches import Wrench, place
 from linkage_ros.numeric import Real
-from linkage_ros.quantities import quantity
+from linkage_ros.quantities import TOPIC_NAME, quantity
 
 WORLD, LINK = 'world', 'link'
 
 
 @dataclass(frozen=True)
 class Force(AppliedLoad):
-    """A constant force at a point of a link.
+    """A force at a point of a link.
 
     Attributes:
         link: Name of the link.
@@ -27,6 +27,8 @@ class Force(AppliedLoad):
             axes of the guide.
         axes: Axes of `force`: 'world' for those of base_link, 'link' for along and across the
             link, or the guide.
+        wrench_topic: Topic of messages with the force; empty for a constant force.
+        wrench_timeout: Time for which a message acts, s. Without one, `force` acts.
     """
 
     link: str = quantity('text', 'link on which the force acts')
@@ -40,6 +42,14 @@ class Force(AppliedLoad):
     axes: str = quantity(
         'choice', 'axes of the force: world, or along and across the link',
         choices=(WORLD, LINK), default=WORLD,
+    )  # fmt: skip
+    wrench_topic: str = quantity(
+        'text', 'topic of the force while the node runs, in these axes; empty: none',
+        pattern=TOPIC_NAME, default='',
+    )  # fmt: skip
+    wrench_timeout: float = quantity(
+        'number', 'time for which a message acts; without one, force acts', 's',
+        span=(1e-3, 1e9), default=0.1,
     )  # fmt: skip
 
     def on(self, mechanism: Any) -> 'PointForce':

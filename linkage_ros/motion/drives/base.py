@@ -5,11 +5,13 @@
 Everything that depends on the kind of drive is a method or an attribute of it.
 """
 
+import math
+import time
 from abc import abstractmethod
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from enum import Enum
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Generic, TypeVar
 
 from linkage_ros.mechanism.kinematics import Reach
 from linkage_ros.mechanism.solver import Solver
@@ -19,6 +21,7 @@ from linkage_ros.messages.topics import Topic
 from linkage_ros.motion.segments import Coordinates, Motion, Segment
 from linkage_ros.motion.steps import Integrate, live_steps
 from linkage_ros.quantities import Checked
+from linkage_ros.units import NS_PER_S
 
 WINDOW = 10  # s, period to which the rates and warnings of diagnostics refer
 
@@ -46,6 +49,8 @@ class Machine:
         lead: Time by which the feed-forward torque is ahead of the stamp, ns; None without
             feed-forward.
         integrate: Creates the integrator of a motion under a torque.
+        forces: Force [x, y], N, of each load whose force messages give, by name, before the first
+            message.
     """
 
     solver: Solver
@@ -54,6 +59,57 @@ class Machine:
     joint: RobotJoint = _CRANK
     lead: int | None = None
     integrate: Integrate = live_steps
+    forces: Mapping[str, Sequence[float]] = field(default_factory=dict)
+
+
+T = TypeVar('T')
+
+
+class Expiring(Generic[T]):
+    """The last received value, which acts from the tick that reads it until it expires.
+
+    Attributes:
+        default: Value that acts before the first value and after a timeout.
+        value: The value that acts.
+        timeouts: Number of values that expired.
+    """
+
+    def __init__(self, default: T, timeout: float) -> None:
+        """Initializes without a received value.
+
+        Args:
+            default: Value that acts before the first value and after a timeout.
+            timeout: Time for which a received value acts, s.
+        """
+        self.value, self.timeouts = default, 0
+        self.default, self._timeout = default, round(timeout * NS_PER_S)
+        self._begin: int | None = None  # of the last received value, ns
+        self._is_active = False
+        self._without_at = -math.inf  # last time without a value after a timeout, s
+
+    def at(self, now: int, received: Iterable[T]) -> T:
+        """Returns the value that acts from now on.
+
+        Args:
+            now: Time of a tick, ns. If it goes back, the value expires.
+            received: The values received since the last call.
+        """
+        for self.value in received:
+            self._begin, self._is_active = now, True
+        if self._begin is not None and not self.acts(now - self._begin):
+            self.timeouts += self._is_active
+            self.value, self._is_active = self.default, False
+            self._without_at = time.monotonic()
+        return self.value
+
+    def acts(self, age: int) -> bool:
+        """Returns whether a value acts at an age, ns."""
+        return 0 <= age < self._timeout
+
+    @property
+    def has_expired(self) -> bool:
+        """Whether, after a timeout, no value acted at some time in the last 10 s."""
+        return time.monotonic() - self._without_at < WINDOW
 
 
 class Input:

@@ -4,10 +4,7 @@
 
 from dataclasses import dataclass
 
-from linkage_ros.quantities import Checked, quantity
-
-_NAME = '[A-Za-z_][A-Za-z0-9_]*'
-_TOPIC = f'(/?{_NAME}(/{_NAME})*)?'
+from linkage_ros.quantities import TOPIC_NAME, Checked, quantity
 
 
 @dataclass(frozen=True)
@@ -21,7 +18,7 @@ class FeedForward(Checked):
 
     effort_command_topic: str = quantity(
         'text', 'topic of the driving torque for a controller; empty: none',
-        pattern=_TOPIC, default='',
+        pattern=TOPIC_NAME, default='',
     )  # fmt: skip
     lead_time: float = quantity(
         'number', 'time after the stamp for which the torque is computed', 's',
@@ -40,7 +37,7 @@ class TrajectoryFeedForward(FeedForward):
 
     trajectory_command_topic: str = quantity(
         'text', "topic of the crank's motion and torque ahead of time; empty: none",
-        pattern=_TOPIC, default='',
+        pattern=TOPIC_NAME, default='',
     )  # fmt: skip
     trajectory_horizon: float = quantity(
         'number', 'duration of that motion; a new message follows after half this time', 's',

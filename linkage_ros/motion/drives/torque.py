@@ -3,7 +3,6 @@
 """A torque on the crank, from a motor and from commands."""
 
 import math
-import time
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -15,7 +14,7 @@ from linkage_ros.mechanism.solver import Solver
 from linkage_ros.mechanism.structure import Description, Mechanism
 from linkage_ros.messages.cdr import decode_joint_state
 from linkage_ros.messages.topics import JOINT_COMMANDS, Topic
-from linkage_ros.motion.drives.base import WINDOW, Drive, Given, Input, Machine
+from linkage_ros.motion.drives.base import WINDOW, Drive, Expiring, Given, Input, Machine
 from linkage_ros.motion.segments import Coordinates
 from linkage_ros.motion.under_torque import Motor, TorqueMotion, TorqueSegment
 from linkage_ros.numeric import within_two_turns
@@ -109,8 +108,9 @@ class TorqueDrive(Drive):
     def begin(self, stamp: int, machine: Machine) -> TorqueMotion:
         """Starts the motion; see `Drive.begin`."""
         start = self.start(machine.solver.mechanism)
+        integrate, forces = machine.integrate, machine.forces
         return TorqueMotion(
-            machine.solver, self.motor, start, stamp, machine.period, machine.integrate
+            machine.solver, self.motor, start, stamp, machine.period, integrate, forces
         )
 
     def inputs(self, machine: Machine) -> dict[Topic, Input]:
@@ -156,12 +156,9 @@ class TorqueCommands(Input):
             crank: Name of the crank's joint.
             ratio: Ratio of the joint; the crank's torque is its effort times the ratio.
         """
-        self.counts = dict.fromkeys((TAKEN, CUT, REJECTED, TIMEOUTS), 0)
+        self.counts = dict.fromkeys((TAKEN, CUT, REJECTED), 0)
         self._limit, self._crank, self._ratio = limit, crank, ratio
-        self._timeout = round(timeout * NS_PER_S)
-        self._torque, self._end = 0.0, math.inf  # active torque, N m, and when it expires, ns
-        self._is_active = False
-        self._timed_out_at = -math.inf
+        self._held = Expiring(0.0, timeout)  # the torque, N m
 
     def read(self, data: bytes, _: int) -> float:
         """Decodes a message.
@@ -220,8 +217,6 @@ class TorqueCommands(Input):
     def torque(self, now: int, received: Iterable[float]) -> float:
         """Returns the torque from a tick until the next one.
 
-        A command acts from the tick that reads it until it expires.
-
         Args:
             now: Time from tick 0 to this tick, ns, which a step of the clock does not change.
             received: Results of `read` since the last call.
@@ -229,21 +224,17 @@ class TorqueCommands(Input):
         Returns:
             The torque, N m; 0 before the first command and after a timeout.
         """
-        for torque in received:
-            self._torque, self._end, self._is_active = torque, now + self._timeout, True
-        if now >= self._end:
-            self.counts[TIMEOUTS] += self._is_active
-            self._torque, self._is_active, self._timed_out_at = 0.0, False, time.monotonic()
-        return self._torque
+        return self._held.at(now, received)
 
     def troubles(self, topic: str) -> list[str]:  # noqa: ARG002, the signature of all
         """Returns a warning if no command was active at some tick in the last 10 s."""
-        if time.monotonic() - self._timed_out_at >= WINDOW:
+        if not self._held.has_expired:
             return []
         alone = f'the motor alone drove the crank in the last {WINDOW} s'
         return [f'no command within command_timeout: {alone}']
 
     def diagnostics(self) -> dict[str, str]:
         """Returns the active torque and the counts of commands, for diagnostics."""
-        counts = {name: str(count) for name, count in self.counts.items()}
-        return {'command, N m': f'{self._torque:.6g}', **counts}
+        counts = {**self.counts, TIMEOUTS: self._held.timeouts}
+        found = {name: str(count) for name, count in counts.items()}
+        return {'command, N m': f'{self._held.value:.6g}', **found}

@@ -1,0 +1,93 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Forces of loads that messages give while a run lasts."""
+
+import math
+from collections.abc import Iterable
+from typing import TypeAlias
+
+from linkage_ros.mechanism.loads.force import LINK, Force
+from linkage_ros.messages.cdr import decode_wrench
+from linkage_ros.messages.topics import WRENCHES
+from linkage_ros.messages.urdf import link_of
+from linkage_ros.motion.drives.base import WINDOW, Expiring, Input
+
+Vector: TypeAlias = tuple[float, float]
+
+TAKEN, REJECTED, TIMEOUTS = 'wrenches taken', 'wrenches rejected', 'wrench timeouts'
+_LARGEST = 1e12  # N, as for the parameter
+
+
+class LiveForce(Input):
+    """Stores the last force of a load until it expires, and counts messages.
+
+    Attributes:
+        name: Name of the load.
+        topic: Topic of the messages.
+        held: The force [x, y], N.
+        counts: Numbers of messages, by their names in diagnostics.
+    """
+
+    def __init__(self, load: Force, joint_prefix: str, frame_id: str) -> None:
+        """Initializes with the force of the parameters.
+
+        Args:
+            load: The load, with a `wrench_topic`.
+            joint_prefix: Prefix of the names of joints and links.
+            frame_id: Name of base_link.
+        """
+        self.name = load.name
+        self.topic = WRENCHES._replace(
+            name=load.wrench_topic, parameter=f'{load.label}.{WRENCHES.name}'
+        )
+        self.held: Expiring[Vector] = Expiring(load.force, load.wrench_timeout)
+        self.counts = dict.fromkeys((TAKEN, REJECTED), 0)
+        turns = load.axes == LINK
+        self._frame_id = link_of(f'{joint_prefix}{load.link}') if turns else frame_id
+
+    def read(self, data: bytes, _: int) -> Vector:
+        """Decodes a message.
+
+        Args:
+            data: CDR bytes of a WrenchStamped.
+
+        Returns:
+            The force [x, y], N.
+
+        Raises:
+            ValueError: The message has another frame_id, or its force is not finite.
+        """
+        try:
+            force = self._decode(data)
+        except ValueError:
+            self.counts[REJECTED] += 1
+            raise
+        self.counts[TAKEN] += 1
+        return force
+
+    def _decode(self, data: bytes) -> Vector:
+        frame_id, x, y = decode_wrench(data)
+        if frame_id not in {'', self._frame_id}:
+            words = ascii(frame_id)[1:-1]
+            raise ValueError(f'frame_id {words:.80}: must be {self._frame_id} or empty')
+        if not math.hypot(x, y) <= _LARGEST:
+            raise ValueError(f'force [{x}, {y}]: must be finite, up to {_LARGEST:g} N')
+        return x, y
+
+    def force(self, now: int, received: Iterable[Vector]) -> Vector:
+        """Returns the force from a state until the next one; see `Expiring.at`."""
+        return self.held.at(now, received)
+
+    def troubles(self, topic: str) -> list[str]:
+        """Returns a warning if a message expired in the last 10 s."""
+        if not self.held.has_expired:
+            return []
+        alone = f'the force of the parameters acted in the last {WINDOW} s'
+        return [f'no message on {topic} within wrench_timeout: {alone}']
+
+    def diagnostics(self) -> dict[str, str]:
+        """Returns the force and the counts of messages, for diagnostics."""
+        x, y = self.held.value
+        counts = {**self.counts, TIMEOUTS: self.held.timeouts}
+        found = {'force, N': f'[{x:.6g}, {y:.6g}]', **{k: str(v) for k, v in counts.items()}}
+        return {f'{self.name}: {key}': value for key, value in found.items()}
