@@ -38,6 +38,7 @@ from linkage_ros.messages.topics import (
     SIMULATED_CLOCK,
     TOPICS,
     TRAJECTORY_COMMANDS,
+    WRENCHES,
 )
 from linkage_ros.motion.drives import DRIVES
 from linkage_ros.quantities import Leaf, leaves
@@ -113,7 +114,8 @@ def _sections(word: str, classes: Mapping[str, type]) -> str:
 
 def _topics() -> str:
     rows = []
-    subscribed = JOINT_COMMANDS, MEASURED_JOINT_STATES, CRANK_TRAJECTORY, SIMULATED_CLOCK
+    commands = JOINT_COMMANDS, MEASURED_JOINT_STATES, CRANK_TRAJECTORY
+    subscribed = *commands, WRENCHES, SIMULATED_CLOCK
     for topic in (*TOPICS, EFFORT_COMMANDS, TRAJECTORY_COMMANDS, *subscribed):
         direction = ' (subscribed)' if topic in subscribed else ''
         latched = '; transient local' * topic.latched

@@ -32,6 +32,7 @@ from linkage_ros.messages.topics import (
     POINT_STAMPED,
     STRING,
     TOPICS,
+    WRENCH_STAMPED,
 )
 from linkage_ros.node.endpoints import message_class
 
@@ -195,7 +196,7 @@ def test_both_decoders_read_back_every_other_message(data, interface, fields, de
 
 @pytest.mark.parametrize(
     'interface',
-    [*(topic.interface for topic in TOPICS), CLOCK, FLOAT64_MULTI_ARRAY],
+    [*(topic.interface for topic in TOPICS), CLOCK, FLOAT64_MULTI_ARRAY, WRENCH_STAMPED],
     ids=lambda interface: interface.name,
 )
 def test_definition_and_type_hash_are_those_of_jazzy(interface):

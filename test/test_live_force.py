@@ -146,6 +146,13 @@ def test_wrong_messages_are_rejected_and_counted(message, words):
     assert (figures['push: wrenches taken'], figures['push: wrenches rejected']) == ('2', '1')
 
 
+def test_damaged_messages_are_rejected():
+    force, data = live_force(**PUSH), serialize_message(wrench())
+    for end in range(len(data) - 32):  # z and the torque are not read, but must be there
+        with pytest.raises(ValueError, match='not a WrenchStamped'):
+            force.read(data[:end], 0)
+
+
 def test_a_message_acts_from_its_state_until_it_expires():
     force = live_force(**PUSH)
     own, late = PUSH['loads.push.force'], 100 * MS
