@@ -195,6 +195,21 @@ def test_messages_are_accepted_or_counted_by_cause_of_rejection(name):
     assert crank.rejected == {NO_JOINT_STATE: 3, NO_CRANK: 3, OUT_OF_REACH: 1}
 
 
+def test_value_out_of_reach_is_named_in_values_of_the_robots_joint():
+    limited = four_bar(LIMITED['rocker_crank'])
+    mapped = {'joints.crank.name': 'knee', 'joints.crank.zero': 1.0, 'joints.crank.ratio': -2.0}
+    crank = measured_crank(
+        Simulator(replace(configure({**FOLLOWED, **mapped}), mechanism=limited))
+    )
+    (start, end), *_ = limited.reach().arcs
+    values = [-2.0 * (angle - 1.0) for angle in (end + 0.01 * (TURN - end + start), start, end)]
+    with pytest.raises(ValueError, match='knee') as caught:
+        crank.read(message(0, ('knee',), values[:1]), 10**18)
+    numbers = np.array(re.findall(r'-?\d+\.?\d*', str(caught.value)), float)
+    for value in values:
+        assert np.abs(numbers - value).min() < 1e-5
+
+
 @pytest.mark.parametrize('lead', [{}, {'effort_command_topic': '/torque', 'lead_time': 0.01}])
 def test_extreme_measurements_do_not_end_the_motion(lead):
     """Values whose square overflows, and angles at a limit or beyond it after the lead time."""

@@ -781,7 +781,7 @@ class _Planar:
                 if moving:
                     yield (
                         f'the frame hangs on {", ".join(moving)}: it is taken as at rest, and '
-                        'gravity is that of this pose'
+                        'gravity is that of this pose; --world follows one joint in the plane'
                     )
             else:
                 for edge in others:

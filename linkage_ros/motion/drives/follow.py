@@ -10,7 +10,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import NoReturn, TypeAlias
 
-from linkage_ros.errors import ConfigurationError, LinkageError
+from linkage_ros.errors import ConfigurationError, LinkageError, UnreachableError
 from linkage_ros.mechanism.kinematics import Reach
 from linkage_ros.messages.cdr import JointReader
 from linkage_ros.messages.joints import RobotJoint
@@ -247,7 +247,20 @@ class MeasuredCrank(Input):
         try:
             self._machine.solver.state(*motion, frame=frame)
         except LinkageError as error:
-            raise ValueError(f'{OUT_OF_REACH}: {error}') from error
+            raise ValueError(f'{OUT_OF_REACH}: {self._in_joint(error)}{error}') from error
+
+    def _in_joint(self, error: LinkageError) -> str:
+        """Returns the rejected value and the reach of the robot's joint, if it is mapped."""
+        joint = self._machine.joint
+        if not (joint.is_mapped and isinstance(error, UnreachableError)):
+            return ''
+        arcs = (sorted(joint.value(angle) for angle in arc) for arc in error.arcs)
+        reach = ' and '.join(f'{start:.6g} to {end:.6g}' for start, end in arcs)
+        turn = math.tau * abs(joint.ratio)
+        return (
+            f'{joint.name} is at {joint.value(error.crank_angle):.6g}, and reaches {reach}, plus '
+            f'multiples of {turn:.6g}; own angles: '
+        )
 
     def _reject(self, error: ValueError) -> None:
         self.rejected[str(error).partition(':')[0]] += 1
