@@ -269,7 +269,7 @@ def test_mean_power_of_a_settled_pump_equals_the_loss_at_its_slider():
 
 
 def test_transmission_ratios_match_document_2_even_at_rest():
-    """Document 2, eq. (32) and (33)."""
+    """Mottola 2017, eq. (32) and (33)."""
     mechanism = load('quadrilateral').mechanism
     columns = speed_driven_period(mechanism, 0.0).columns
     two, three, four = (

@@ -40,7 +40,7 @@ def solved(u, v, w):
     return dot(1j * w, v) / determinant, dot(1j * u, w) / determinant
 
 
-# Document 1.
+# Ghalbi 2019.
 
 
 R, B, C, D = 0.1, 0.315, 0.5, 0.425 * np.exp(7j / 4 * math.pi)
@@ -111,7 +111,7 @@ def test_jacobian_of_the_listing_has_two_slips():
     assert np.abs(beta.imag).max() > 0.005
 
 
-# Document 2.
+# Mottola 2017.
 
 
 def test_eq_25_and_26_divide_by_zero_where_a_link_points_back():
@@ -131,7 +131,7 @@ def test_eq_25_and_26_divide_by_zero_where_a_link_points_back():
         assert min(np.abs(a).max(), np.abs(d).max()) > 0.1
 
 
-# Document 3.
+# Deliu and Vlase.
 
 
 def pump_motion():
@@ -165,7 +165,7 @@ def test_velocity_coefficients_match_the_errata():
     assert a21 * speed + a22 * slide == pytest.approx(state.velocity[2], rel=1e-13)
 
 
-# Document 4.
+# Redaelli 2024.
 
 ROD = SliderCrank(Body(1.0), Coupler(math.sqrt(2)), Slider(), Guide())
 

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The wind pump: parameters and exact pose at a crank angle and a slider position.
 
-Document 3 gives the loop equation, l1 e^(i phi1) + l2 e^(i phi2) + l3 e^(i phi3) = xD. Given
+The loop equation is (Deliu and Vlase) l1 e^(i phi1) + l2 e^(i phi2) + l3 e^(i phi3) = xD. Given
 the crank pin A and the slider's pin D, coupler and rod form a dyad. With L = |D - A| and
 h = phi1 / 2 for xD >= 0 (for xD < 0, use h = (phi1 - pi) / 2 and |xD|), the dyad has the same
 factored closed form as the four-bar (docs/mechanisms.md):

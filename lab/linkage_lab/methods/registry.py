@@ -66,7 +66,7 @@ def newton_raphson(case: LinkageCase, setting: Setting) -> Locate:
 
 
 def listing(case: LinkageCase, _: Setting) -> Locate:
-    """Document 1's listing as printed, for a four-bar: see lab/docs/errata.md.
+    """Ghalbi's listing as printed, for a four-bar: see lab/docs/errata.md.
 
     The second column of the listing's Jacobian has the coupler's length instead of the rocker's,
     and a complex number instead of its real part. The angles therefore become complex; the listing

@@ -3,11 +3,11 @@
 """Formulas from the crank angle of a linkage to position, velocity, acceleration and torque.
 
 A method computes one stage; the package's own formulas compute the other stages. A method for
-rates receives the position as unit vectors. After a method for positions, the 2x2 solve of
-documents 1 and 4 computes rates that are consistent with these positions. The torque always comes
-from the package's own formula. Every method can therefore be compared in the charts of its own
-stage and of all later stages. All formulas are compiled to programs (mechanism/tracer.py), so that
-the comparison is fair. The loop equation of documents 1 (eq. 7 and 8) and 4 (eq. 2) is:
+rates receives the position as unit vectors. After a method for positions, the 2x2 solve of Ghalbi
+2019 and Redaelli 2024 computes rates that are consistent with these positions. The torque always
+comes from the package's own formula. Every method can therefore be compared in the charts of its
+own stage and of all later stages. All formulas are compiled to programs (mechanism/tracer.py), so
+that the comparison is fair. The loop equation (Ghalbi 2019, eq. 7 and 8; Redaelli 2024, eq. 2) is:
 
     gap = r e^(i alpha) + b e^(i beta) - B(y) = 0
 
