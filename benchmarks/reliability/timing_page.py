@@ -75,9 +75,7 @@ Time per millisecond of motion, on another machine:
 {limits}
 
 The processor time of the tick thread varies by 20 us from one start to the next, and so does what
-log or viewer adds. On a machine half as fast, the log added -27 to 50 us in eighteen runs, and the
-viewer 2 to 80 us in thirteen. In 20 pairs of runs of 5 s, the log added 0.5 us (standard error
-5.7 us).
+log or viewer adds.
 """
 
 
