@@ -14,6 +14,9 @@ from linkage_ros.numeric import Array
 from linkage_ros.quantities import shown
 
 FIXED, REVOLUTE, PRISMATIC = 'fixed', 'revolute', 'prismatic'
+# Kinds of movable joints, and names of the components of inertia, in URDF and SDF.
+KINDS = {'revolute': REVOLUTE, 'continuous': REVOLUTE, 'prismatic': PRISMATIC}
+INERTIA = 'ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz'
 
 
 class Transform(NamedTuple):

@@ -13,8 +13,8 @@ from linkage_ros.quantities import shown
 from linkage_ros.robot.model import (
     FIXED,
     IDENTITY,
-    PRISMATIC,
-    REVOLUTE,
+    INERTIA,
+    KINDS,
     Inertial,
     Joint,
     Robot,
@@ -25,9 +25,6 @@ from linkage_ros.robot.model import (
     symmetric,
     unit,
 )
-
-_KINDS = {'revolute': REVOLUTE, 'continuous': REVOLUTE, 'prismatic': PRISMATIC}
-_SIX = 'ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz'
 
 
 def read_sdf(root: ET.Element) -> Robot:
@@ -110,10 +107,10 @@ class _Reader:
         if xyz is not None and (other := xyz.get('expressed_in')):
             axis = at.rotation.T @ self.pose(other).rotation @ axis
         first, second = (poses[link].inverse().then(at) for link in (parent, child))
-        found = Joint(name, _KINDS.get(kind, kind), parent, child, first, second)
+        found = Joint(name, KINDS.get(kind, kind), parent, child, first, second)
         return (
             found._replace(axis=unit(axis, f'the axis of joint {shown(name)}'))
-            if kind in _KINDS
+            if kind in KINDS
             else found
         )
 
@@ -136,7 +133,7 @@ def _inertial(link: ET.Element) -> Inertial:
     pose, six = _pose(element), element.find('inertia')
     parts = (
         numbers(None if six is None else six.find(name), '', 1, default)
-        for name, default in zip(_SIX, '100101', strict=True)
+        for name, default in zip(INERTIA, '100101', strict=True)
     )
     inertia = symmetric(*(float(part[0]) for part in parts))
     (mass,) = numbers(element.find('mass'), '', 1, '1')

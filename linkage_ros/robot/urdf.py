@@ -9,6 +9,8 @@ from xml.etree import ElementTree as ET
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.quantities import shown
 from linkage_ros.robot.model import (
+    INERTIA,
+    KINDS,
     PRISMATIC,
     REVOLUTE,
     Inertial,
@@ -22,8 +24,6 @@ from linkage_ros.robot.model import (
 )
 
 _T = TypeVar('_T')
-_KINDS = {'revolute': REVOLUTE, 'continuous': REVOLUTE, 'prismatic': PRISMATIC}
-_SIX = 'ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz'
 
 
 def read_urdf(root: ET.Element) -> Robot:
@@ -112,7 +112,7 @@ def _inertial(link: ET.Element) -> Inertial | None:
         if element.find(tag) is None:
             raise ConfigurationError(f'<inertial> has no <{tag}>')
     (mass,) = numbers(element.find('mass'), 'value', 1)
-    inertia = symmetric(*(numbers(element.find('inertia'), name, 1, '0')[0] for name in _SIX))
+    inertia = symmetric(*(numbers(element.find('inertia'), name, 1, '0')[0] for name in INERTIA))
     return Inertial(float(mass), pose.place, pose.rotation @ inertia @ pose.rotation.T)
 
 
@@ -126,7 +126,7 @@ def _joint(element: ET.Element) -> Joint:
         raise ConfigurationError(
             f'the joint from link {shown(parent)} to {shown(child)} has no name: give it one'
         )
-    found = Joint(name, _KINDS.get(kind, kind), parent, child, _pose(element))
+    found = Joint(name, KINDS.get(kind, kind), parent, child, _pose(element))
     if found.kind in {REVOLUTE, PRISMATIC}:  # others may have an axis of length 0
         axis = unit(numbers(element.find('axis'), 'xyz', 3, '1 0 0'), '<axis>')
         found = found._replace(axis=axis, mimics=element.find('mimic') is not None)
