@@ -4,8 +4,8 @@
 
 Apart from greys, they are from the colour-blind-safe palette of Okabe and Ito. A link and its
 curves have the same colour, which is visible on black and on white. Two further colours are for
-pairs of other items, such as states, energies or controllers. In charts without a mechanism, a
-legend explains the colours.
+the links of dyads, and for pairs of other items, such as states, energies or controllers. In
+charts without a mechanism, a legend explains the colours.
 
 Public: other packages may import this module.
 """
@@ -37,9 +37,15 @@ COLORS: dict[str, Color] = {
 FIRST, SECOND = SKY, ORANGE
 
 
+# Of the links and pins of dyads, whose names begin with that of the dyad.
+_DYADS: dict[str, Color] = {'first': SKY, 'from': SKY, 'to': DARK} | dict.fromkeys(
+    ('second', 'slider', 'joint'), ORANGE
+)
+
+
 def color_of(link: str) -> Color:
-    """Returns the colour of a link, given its name; grey if the name is unknown."""
-    return COLORS.get(link, GREY)
+    """Returns the colour of a link or a pin, given its name; grey if the name is unknown."""
+    return COLORS.get(link) or _DYADS.get(link.rpartition('_')[2], GREY)
 
 
 def mixed(color: Color, other: Color, share: float) -> Color:

@@ -21,7 +21,11 @@ from linkage_ros import (
 from linkage_ros.programs.record import record
 from linkage_ros.settings.configuration import configure, load
 
-SHAPER = load('shaper').parameters()
+SHAPER = {
+    name: value
+    for name, value in load('shaper').parameters().items()
+    if not name.startswith(('dyads.', 'loads.'))
+}
 
 
 def shaper(**values):

@@ -78,9 +78,16 @@ class Engine:
             self.ends = {'crank': mechanism.crank.length, 'rod': 0.0}
         else:
             self.ends = {'coupler': mechanism.coupler.length, self.output: reach}
+        added = [name for dyad in mechanism.dyads for name in dyad.parts]
+        for dyad in mechanism.dyads:
+            self.ends |= {x: getattr(part, 'length', 0.0) for x, part in dyad.parts.items()}
         names = [self.model.joint(number).name for number in range(self.model.njnt)]
-        assert names == ['crank', middle, self.output]
-        assert self.model.nv == self.model.nq == 3
+        assert names == ['crank', middle, self.output, *added]
+        assert self.model.nv == self.model.nq == 3 + len(added)
+        # Each turning link that another carries is measured from it.
+        self.parents = [
+            None if link.slides else link.parent for link in mechanism.structure().links
+        ]
 
     def inverse(self, position, velocity, acceleration):
         """Computes the driving torque for a motion of the closed loop, and the gaps at B.
@@ -93,24 +100,31 @@ class Engine:
             (data.qpos, position), (data.qvel, velocity), (data.qacc, acceleration),
         ):  # fmt: skip
             mine[:] = given
-            mine[1] -= given[0] * (self.output != 'rod')  # a coupler is measured from the crank
+            for number, parent in enumerate(self.parents):
+                mine[number] -= 0.0 if parent is None else given[parent]
         mujoco.mj_inverse(model, data)
         # Forces that the joints need, minus the external force on the slider.
-        output, pushed = model.joint(self.output).bodyid[0], np.zeros(3)
+        output, pushed = model.joint(self.output).bodyid[0], np.zeros(model.nv)
         center = data.xipos[output]
         mujoco.mj_applyFT(model, data, self.force, np.zeros(3), center, output, pushed)
-        needed = data.qfrc_inverse - pushed - [0.0, 0.0, self.along]
-        (here, jacobian, drift), (there, other, other_drift) = map(self._end, self.ends)
-        loop, drift = (jacobian - other)[:2], (drift - other_drift)[:2]
+        needed = data.qfrc_inverse - pushed
+        needed[2] -= self.along
+        apart, loop, drift = map(np.concatenate, zip(*self._apart(), strict=True))
         # Rates per crank speed that keep the loop closed, for the virtual power.
         rates = np.array([1.0, *np.linalg.solve(loop[:, 1:], -loop[:, 0])])
-        gaps = (here - there)[:2], loop @ data.qvel, loop @ data.qacc + drift @ data.qvel
-        return rates @ needed, [np.hypot(*gap) for gap in gaps]
+        gaps = apart, loop @ data.qvel, loop @ data.qacc + drift @ data.qvel
+        return rates @ needed, [np.hypot(*gap.reshape(-1, 2).T).max() for gap in gaps]
+
+    def _apart(self):
+        """Yields the distance of the two ends of each loop, its Jacobian and that one's rate."""
+        ends = list(map(self._end, self.ends))
+        for one, other in zip(ends[::2], ends[1::2], strict=True):
+            yield [(x - y)[:2] for x, y in zip(one, other, strict=True)]
 
     def _end(self, name):
         """Computes the position of B on a body, its Jacobian and the Jacobian's rate."""
         model, data, number = self.model, self.data, self.model.joint(name).bodyid[0]
-        jacobian, rate = np.zeros((2, 3, 3))
+        jacobian, rate = np.zeros((2, 3, model.nv))
         turned = data.xmat[number].reshape(3, 3)
         point = data.xpos[number] + turned @ [self.ends[name], 0.0, 0.0]
         mujoco.mj_jac(model, data, jacobian, None, point, number)

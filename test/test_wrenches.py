@@ -645,7 +645,7 @@ def test_arrows_stand_at_the_points_of_forces():
     solver, drawing = Solver(mechanism), Drawing(mechanism)
     state = solver.state(np.array([0.3, 2.0]), 2.0)
     position, rates = (np.stack(row, axis=-1) for row in state[:2])
-    arrows = drawing.loads(drawing.place(position), position, rates)
+    arrows = drawing.loads(position, rates)
     line = arrows['payload on coupler'] @ (1, 1j)
     exact = [np.array(x) for x in solver.point(state, 'A').position]
     place = exact[0] + 1j * exact[1] + (0.2 + 0.3j) * np.exp(1j * state.position[1])

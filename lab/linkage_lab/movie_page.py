@@ -153,7 +153,7 @@ def _linkage(period: Period) -> _Linkage:
         for word in ('position', 'velocity')
     )
     pins = drawing.place(positions)
-    return _Linkage(drawing, pins, drawing.links(pins), drawing.loads(pins, positions, rates))
+    return _Linkage(drawing, pins, drawing.links(pins), drawing.loads(positions, rates))
 
 
 def _draw_linkage(linkage: _Linkage, shown: Array) -> tuple[str, float, Array]:

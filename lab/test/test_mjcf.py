@@ -72,8 +72,9 @@ def exported(configuration, mechanism=None):
 
 
 def gap(model, data):
-    """Returns the distance between the two sites that the loop joins, m."""
-    return math.dist(data.site_xpos[model.eq_obj1id[0]], data.site_xpos[model.eq_obj2id[0]])
+    """Returns the largest distance between two sites that a loop joins, m."""
+    pairs = zip(model.eq_obj1id, model.eq_obj2id, strict=True)
+    return max(math.dist(data.site_xpos[one], data.site_xpos[other]) for one, other in pairs)
 
 
 # ---------------------------------------------------------------- contents of the file
@@ -167,9 +168,11 @@ def run(configuration, seconds, mechanism=None):
     rpm = drive.start_rpm if is_motor else drive.initial_rpm
     unpowered = TorqueDrive(start_rpm=rpm, crank_angle=drive.crank_angle)
     plant = unpowered.begin(0, Machine(solver, step))
-    loads = configuration.mechanism.link_loads()
-    curve = next((load for load in loads if isinstance(load, CurveForce)), None)
-    name = curve and solver.links[curve.link]
+    named = configuration.mechanism.load_names(), configuration.mechanism.link_loads()
+    pairs = (pair for pair in zip(*named, strict=True) if isinstance(pair[1], CurveForce))
+    name, curve = next(pairs, ('', None))
+    if name == 'load':
+        name = f'{solver.links[curve.link]}_curve'
     place, worst, widest = plant.at(0), 0.0, 0.0
     for stamp in range(0, round(seconds * NS_PER_S), step):
         if is_motor:
@@ -181,7 +184,7 @@ def run(configuration, seconds, mechanism=None):
         place = plant.at(stamp + step)
         data.actuator('crank').ctrl = torque
         if curve:
-            data.actuator(f'{name}_curve').ctrl = value_of(curve, data, model.opt.timestep / 2)
+            data.actuator(name).ctrl = value_of(curve, data, model.opt.timestep / 2)
         mujoco.mj_step(model, data)
         # The sites are at their positions at the start of the step.
         widest = max(widest, gap(model, data))

@@ -7,10 +7,12 @@ All coordinates are m in base_link, x to the right and y up.
 
 import cmath
 import math
+from contextlib import suppress
 from itertools import pairwise
 
 import numpy as np
 
+from linkage_ros.errors import UnreachableError
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.mechanism.structure import Mechanism, Point, Structure
 from linkage_ros.numeric import Array
@@ -43,7 +45,7 @@ class Drawing:
         owners: Names of the links that own the moving points, by point; the path of a point has
             the colour of its owner. Points on the circle of the crank pin have no owner.
         loaded: Names of the arrows of the loads; see `LoadArrows`.
-        paths: Closed paths of the output link's pin and of the coupler point C, by the name of
+        paths: Closed paths of the output links' pins and of the coupler point C, by the name of
             the owner; shape (n, 2), m. Empty for a mechanism with a free slider.
         ground: Drawing of the fixed link, lines of shape (n, 2), m.
         scale: A scale bar below the drawing, a line of shape (4, 2), m.
@@ -61,7 +63,10 @@ class Drawing:
                 turn fully.
         """
         structure = mechanism.structure()
-        self._links, points = structure.links, structure.points
+        self._links = structure.links
+        # A dyad's end at a pin of its carrier is that pin.
+        self._names = {point: name for name, point in reversed(structure.points.items())}
+        points = {x: point for x, point in structure.points.items() if x == self._names[point]}
         self.joints = tuple(link.name for link in self._links)
         self.turning = tuple(link.name for link in self._links if not link.slides)
         self.pins = tuple(name for name, point in points.items() if any(point.weights))
@@ -69,18 +74,22 @@ class Drawing:
         self._weights = np.array([points[name].weights for name in self.pins])
         self._fixed = np.array([points[name].fixed for name in self.pins])
         self.pivots = plane(np.array([points[name].fixed for name in self.pivot_names]))
-        loop, output = _pins_of_the_loop(structure), self._links[-1]
+        (_, last), *_ = structure.closures
+        loop, output = _pins_of_the_loop(structure), self._links[last]
         self.ends = dict(zip(self.turning, pairwise(loop), strict=False))
         # The owner of a pin between two links is the later link; C belongs to the coupler.
-        self.owners = dict(zip(loop[2:], self.joints[2:], strict=False))
-        self._has_block = output.is_guided
-        if output.slides and not self._has_block:
+        self.owners = dict(zip(loop[2:], self.joints[2 : last + 1], strict=False))
+        if output.slides and not output.is_guided:
             self.ends |= {'barrel': ('B0', 'E'), output.name: ('E', loop[-1])}
             self.owners['E'] = 'barrel'
             loop.append('E')
-        asides = {name: self.joints[np.flatnonzero(points[name].weights)[-1]] for name in self.pins
-                  if name not in loop}  # fmt: skip
-        self.owners |= asides
+        # The pin of each slider on the frame.
+        self._blocks = {last: loop[-1]} if output.is_guided else {}
+        asides = self._add_dyads(structure)
+        known = {*loop, *asides, *self.owners}
+        asides |= {name: self.joints[np.flatnonzero(points[name].weights)[-1]]
+                   for name in self.pins if name not in known}  # fmt: skip
+        self.owners |= {'C': asides['C']} if 'C' in asides else {}
 
         positions = _reach(mechanism, crank_angle)
         swept = self.place(positions)
@@ -91,34 +100,49 @@ class Drawing:
             for pin, link in self.owners.items()
             if mechanism.reach()
         }
-        # The output link's pin.
-        self._output = self.pins.index(
-            next(pin.name for pin in structure.pins if pin.second == len(self.joints) - 1)
-            if structure.pins
-            else loop[len(self.joints) - 1]
-        )
         self._connect(asides)
         self.ground = [line for pivot in self.pivots for line in _pivot(pivot, mark)]
-        if self._has_block:
-            axis = cmath.rect(1.0, self._links[-1].angle)
-            self.ground += _rail(swept[:, self._output] @ (1, 1j), axis, mark)
+        for j, pin in self._blocks.items():
+            axis = cmath.rect(1.0, self._links[j].angle)
+            self.ground += _rail(swept[:, self.pins.index(pin)] @ (1, 1j), axis, mark)
         # Labels of pivots are below the pivots, or above them if the links are below.
         is_low = swept[..., 1].mean() < self.pivots[:, 1:]
         above = np.where(is_low, _LABEL_DISTANCE + _LABEL_HEIGHT, -_PIVOT_HEIGHT)
         self.pivot_labels = self.pivots + mark * above * [0.0, 1.0]
         self._arrows = LoadArrows(mechanism, mark, positions)
         self.loaded = self._arrows.names
-        arrows = plane(self._arrows.reach)
+        arrows = plane(np.append(self._arrows.reach, self._arrows.farthest(positions)))
         everything = np.concatenate([everything, *self.ground, self.pivot_labels, arrows])
-        if self.joints[-1] in self.loaded and output.slides:
-            far = plane(self._arrows.farthest(positions))
-            everything = np.concatenate([everything, swept[:, self._output] + far])
         low, high = everything.min(axis=0), everything.max(axis=0)
         room = (_LABEL_DISTANCE + _LABEL_HEIGHT) * mark  # room for the names of the pins
         self.scale_length = length = _round_below(_SCALE * (high - low).max())
         end = 0.4 * mark  # the ends of the bar are turned up
         self.scale = low - room + np.array([(0, end), (0, 0), (length, 0), (length, end)])
         self.bounds = np.array([low - room - [mark, 2 * mark], high + room])
+
+    def _add_dyads(self, structure: Structure) -> dict[str, str]:
+        """Adds the pins of dyads; returns the links that carry their ends, by point."""
+        carriers = dict[str, str]()
+        for _, j in structure.closures[1:]:
+            first, last = self.joints[j - 1 : j + 1]
+            name = first.removesuffix('_first')
+            start, joint = (
+                self._names[structure.points[f'{name}_{x}']] for x in ('from', 'joint')
+            )
+            self.owners[joint], self.ends[first], ends = last, (start, joint), [(j - 1, start)]
+            if self._links[j].slides:
+                self._blocks[j] = joint
+            else:
+                end = self._names[structure.points[f'{name}_to']]
+                self.ends[last] = (end, joint)
+                ends.append((j, end))
+            parents = ((self._links[i].parent, end) for i, end in ends)
+            carriers |= {
+                end: self.joints[i]
+                for i, end in parents
+                if i is not None and end.startswith(f'{name}_')
+            }
+        return carriers
 
     def _connect(self, asides: dict[str, str]) -> None:
         """Determines the corners of the links and the directions that labels must avoid.
@@ -135,13 +159,14 @@ class Drawing:
         sides = [side for shape in self._corners.values() for side in pairwise(shape)]
         sides += [side[::-1] for side in sides]
         self._around, distances = np.zeros((0, 2)), np.full((len(self.pins), 1), _LABEL_DISTANCE)
-        if self._has_block:
-            axis = self._mark * cmath.rect(1.0, self._links[-1].angle)
+        for i, (j, pin) in enumerate(self._blocks.items()):
+            axis = self._mark * cmath.rect(1.0, self._links[j].angle)
             block = axis * np.array([1 + 0.6j, -1 + 0.6j, -1 - 0.6j, 1 - 0.6j, 1, -1, -0.6j])
-            self._around, first = plane(block), len(names)
-            self._corners[self.joints[-1]] = [first, first + 1, first + 2, first + 3, first]
-            sides += [(self._output, corner) for corner in range(first + 4, first + 7)]
-            distances[self._output] = _LABEL_BEYOND_BLOCK
+            first, number = len(names) + 7 * i, self.pins.index(pin)
+            self._around = np.concatenate([self._around, plane(block)])
+            self._corners[self.joints[j]] = [first, first + 1, first + 2, first + 3, first]
+            sides += [(number, corner) for corner in range(first + 4, first + 7)]
+            distances[number] = _LABEL_BEYOND_BLOCK
         ways = [[end for start, end in sides if start == pin] for pin in range(len(self.pins))]
         most = max(map(len, ways))
         self._ways, self._distances = [(way * most)[:most] for way in ways], self._mark * distances
@@ -172,11 +197,10 @@ class Drawing:
         corners = self._all_corners(points)
         return {link: corners[:, shape] for link, shape in self._corners.items()}
 
-    def loads(self, points: Array, positions: Array, rates: Array) -> dict[str, Array]:
+    def loads(self, positions: Array, rates: Array) -> dict[str, Array]:
         """Draws the arrows of the loads.
 
         Args:
-            points: Points from `place`, shape (n, pins, 2), m.
             positions: Positions of the links, shape (n, links), rad and m.
             rates: Rates of the links, rad/s and m/s.
 
@@ -185,7 +209,7 @@ class Drawing:
         """
         if not self.loaded:
             return {}
-        arrows = self._arrows.lines(positions, rates, points[:, self._output] @ (1, 1j))
+        arrows = self._arrows.lines(positions, rates)
         return {name: plane(lines) for name, lines in arrows.items()}
 
     def load_values(self, positions: Array, rates: Array) -> dict[str, list[str]]:
@@ -212,7 +236,8 @@ class Drawing:
 
     def _all_corners(self, points: Array) -> Array:
         pivots = np.broadcast_to(self.pivots, (len(points), *self.pivots.shape))
-        around = points[:, self._output, np.newaxis] + self._around
+        blocks = [self.pins.index(pin) for pin in self._blocks.values() for _ in range(7)]
+        around = points[:, blocks] + self._around
         return np.concatenate([points, pivots, around], axis=1)
 
 
@@ -284,12 +309,16 @@ def _area(solver: Solver, start: float) -> Array:
     gaps = np.flatnonzero(~possible)
     first, last = gaps[gaps < middle].max(initial=-1), gaps[gaps > middle].min(initial=_POSITIONS)
     closes[: first + 1] = closes[last:] = False
-    return np.stack(solver.state((angle[closes], place[closes])).position, axis=-1)
+    found = []
+    for q in zip(angle[closes].tolist(), place[closes].tolist(), strict=True):
+        with suppress(UnreachableError):  # a dyad may not close
+            found.append(solver.state(q).position)
+    return np.array(found)
 
 
 def _pins_of_the_loop(structure: Structure) -> list[str]:
     """Returns the names of the pins between the links that turn, in the order of the loop."""
-    names = {point: name for name, point in structure.points.items()}
+    names = {point: name for name, point in reversed(structure.points.items())}
     way, rest = structure.closure.weights, (0j,) * len(structure.links)
     found = []
     for count in range(sum(map(bool, way)) + 1):  # the two links of a pin may be in either order

@@ -65,26 +65,39 @@ class LoadArrows:
         ends = np.concatenate(places) if places else np.empty(0, complex)
         # Corners of the area that arrows at points may cover.
         self.reach = np.concatenate([ends + room * (1 + 1j), ends - room * (1 + 1j)])
-        # Straight arrows are on the far side of the slider, where they overlap no link.
-        self._side = math.copysign(1.0, positions[:, -1].mean())
+        # Straight arrows are on the far side of a slider, where they overlap no link.
+        self._sides = np.copysign(1.0, positions.mean(axis=0))
 
-    def _outwards(self, positions: Array) -> Complex:
-        """Returns the direction of straight arrows from the slider's pin, shape (n,) or ()."""
-        output = self._solver.structure.links[self._solver.structure.output]
-        angle = output.angle if output.parent is None else positions[:, output.parent]
-        return np.asarray(self._side * np.exp(1j * np.asarray(angle)))
+    def _outwards(self, j: int, positions: Array) -> Complex:
+        """Returns the direction of straight arrows from a slider's pin, shape (n,) or ()."""
+        link = self._solver.structure.links[j]
+        angle = link.angle if link.parent is None else positions[:, link.parent]
+        return np.asarray(self._sides[j] * np.exp(1j * np.asarray(angle)))
+
+    def _slider_pin(self, j: int, positions: Array) -> Complex:
+        """Returns the positions of a slider's pin, shape (n,)."""
+        structure = self._solver.structure
+        point = structure.point_of(j, (0.0, 0.0))
+        slides = [link.slides for link in structure.links]
+        turned = np.exp(1j * np.where(slides, 0.0, positions))
+        return np.asarray(turned @ np.array(point.weights) + point.fixed)
 
     def farthest(self, positions: Array) -> Complex:
-        """Returns the vectors from the slider's pin to the far end of the longest arrow, m."""
-        return np.asarray((_BESIDE_PIN + _LONGEST) * self._mark * self._outwards(positions))
+        """Returns the far ends of the longest straight arrows of loaded sliders, shape (n,)."""
+        room = (_BESIDE_PIN + _LONGEST) * self._mark
+        ends = [
+            self._slider_pin(j, positions) + room * self._outwards(j, positions)
+            for j, link in enumerate(self._solver.structure.links)
+            if link.slides and link.name in self.names
+        ]
+        return np.concatenate([*ends, np.empty(0, complex)])
 
-    def lines(self, positions: Array, rates: Array, slider_pin: Complex) -> dict[str, Complex]:
+    def lines(self, positions: Array, rates: Array) -> dict[str, Complex]:
         """Draws the arrows.
 
         Args:
             positions: Positions of the links, shape (n, links), rad and m.
             rates: Rates of the links, rad/s and m/s.
-            slider_pin: Positions of the slider's pin, shape (n,); not used without a slider.
 
         Returns:
             Lines of shape (n, points), by the name of the arrow.
@@ -100,7 +113,7 @@ class LoadArrows:
             j = self._solver.links.index(name)
             link = self._solver.structure.links[j]
             found[name] = (
-                self._straight(slider_pin, share, self._outwards(positions))
+                self._straight(j, positions, share)
                 if link.slides
                 else self._curved(self._pivot(link, positions), positions[:, j], share)
             )
@@ -148,11 +161,12 @@ class LoadArrows:
         self._largest[name] = float(largest[-1])
         return force / np.where(largest[1:] > 0, largest[1:], 1.0)
 
-    def _straight(self, pin: Complex, share: Array, outwards: Complex) -> Complex:
-        """Draws arrows that push or pull the slider."""
+    def _straight(self, j: int, positions: Array, share: Array) -> Complex:
+        """Draws arrows that push or pull a slider."""
+        pin, outwards = self._slider_pin(j, positions), self._outwards(j, positions)
         near = pin + np.where(share, _BESIDE_PIN * self._mark, 0.0) * outwards
         far = near + abs(share) * _LONGEST * self._mark * outwards
-        pulls = share * self._side > 0
+        pulls = share * self._sides[j] > 0
         body = np.stack([np.where(pulls, near, far), np.where(pulls, far, near)], axis=1)
         forward = np.where(pulls, 1.0, -1.0) * outwards
         return self._with_head(body, forward, abs(share) * _LONGEST)

@@ -61,8 +61,9 @@ class Picture:
     def __init__(self, configuration: Configuration) -> None:
         mechanism, self._drive = configuration.mechanism, configuration.drive
         self.drawing = Drawing(mechanism, self._drive.drawn_angle(mechanism.reach()))
-        turning = self.drawing.turning
-        sliders = self.drawing.joints[len(turning) :]
+        turning, joints = self.drawing.turning, self.drawing.joints
+        sliders = [joint for joint in joints if joint not in turning]
+        self._turning, self._sliders = ([*map(joints.index, row)] for row in (turning, sliders))
         # Links whose curves each entity holds.
         self._curves = {
             VALUES: ('crank', *sliders, *sliders), RATES: turning, DIRECTIONS: turning[1:],
@@ -84,13 +85,13 @@ class Picture:
         Yields:
             Rows of the moving parts and of the curves.
         """
-        places, count = places.copy(), self._directions.shape[1]
-        steps = np.diff(places[:, :count], axis=0, prepend=self._directions)
-        places[:, :count] -= 2 * math.pi * np.cumsum(np.round(steps / (2 * math.pi)), axis=0)
-        self._directions = places[-1:, :count]
-        turning, sliders = slice(count), slice(count, None)
+        places, turning, sliders = places.copy(), self._turning, self._sliders
+        steps = np.diff(places[:, turning], axis=0, prepend=self._directions)
+        places[:, turning] -= 2 * math.pi * np.cumsum(np.round(steps / (2 * math.pi)), axis=0)
+        self._directions = places[-1:, turning]
         values = [torque, places[:, sliders], rates[:, sliders]]
-        curves = np.concatenate(values, axis=1), rates[:, turning], np.degrees(places[:, 1:count])
+        directions = np.degrees(places[:, turning[1:]])
+        curves = np.concatenate(values, axis=1), rates[:, turning], directions
         for entity, part in zip(self._curves, curves, strict=True):
             yield entity, stamps, [_column(_SCALARS, pa.array(part.ravel()), part.shape)]
         frames = stamps // _DRAWING_NS
@@ -110,7 +111,7 @@ class Picture:
         drawing = self.drawing
         pins = drawing.place(places)
         points = np.concatenate([drawing.labels(pins), pins], axis=1)
-        loads = drawing.loads(pins, places, rates)
+        loads = drawing.loads(places, rates)
         lines = [*drawing.links(pins).values(), *loads.values()]
         lengths = np.tile([line.shape[1] for line in lines], len(pins))
         ends = np.concatenate([[0], np.cumsum(lengths)]).astype(np.int32)

@@ -14,7 +14,7 @@ from xml.etree import ElementTree as ET
 
 from linkage_lab.output import doubts, folder
 from linkage_ros import ConfigurationError, Force, Mechanism, Pins, Spring, State, load
-from linkage_ros.extensions import Link, Structure
+from linkage_ros.extensions import Link, Point, Structure
 from linkage_ros.internals import LinkForce, Simulator, make_urdf
 
 # MuJoCo raises the time constant of a constraint, the first number of solref, to at least twice
@@ -55,7 +55,7 @@ def mjcf(options: argparse.Namespace) -> None:
 
 
 def make_mjcf(mechanism: Mechanism, start: State, joint_prefix: str = '') -> str:
-    """Generates the MJCF: the tree of the URDF, closed by a connect constraint between two sites.
+    """Generates the MJCF: the tree of the URDF, closed by connect constraints between sites.
 
     The model includes masses, gravity and loads, a motor on the crank, sensors for the values of
     joint_states, and a keyframe of the start. The reference position of each joint is its position
@@ -86,13 +86,7 @@ def make_mjcf(mechanism: Mechanism, start: State, joint_prefix: str = '') -> str
     for name, link, shape, at in zip(names, links, described, position, strict=True):
         bodies.append(_body(name, link, shape, at))
         (world if link.parent is None else bodies[link.parent]).append(bodies[-1])
-    # A pin joins the two leaf links of the tree. The closure runs along the first and back along
-    # the second, which explains the sign of the second weight.
-    parents, weights = {link.parent for link in links}, structure.closure.weights
-    first, second = (number for number in range(len(links)) if number not in parents)
-    ends = [f'{names[number]}_end' for number in (first, second)]
-    bodies[first].append(_site(ends[0], weights[first]))
-    bodies[second].append(_site(ends[1], -weights[second]))
+    pairs = [_close(closure, last, names, bodies) for closure, last in structure.closures]
     passive = _Passive(structure, names, [*bodies, world])
     described_by = {x.name: x for x in mechanism.loads if isinstance(x, (Force, Spring, Pins))}
     for one in described_by.values():
@@ -122,9 +116,11 @@ def make_mjcf(mechanism: Mechanism, start: State, joint_prefix: str = '') -> str
         ),
         world,
         *([_element('tendon', *passive.tendons)] if passive.tendons else []),
-        _element('equality', _element(
-            'connect', site1=ends[0], site2=ends[1], solref=_text(*_SOLREF),
-            solimp=_text(*_SOLIMP),
+        _element('equality', *(
+            _element(
+                'connect', site1=one, site2=other, solref=_text(*_SOLREF), solimp=_text(*_SOLIMP)
+            )
+            for one, other in pairs
         )),
         _element('actuator', _element('motor', name=crank, joint=crank), *loads),
         _element('sensor', *sensors),
@@ -136,6 +132,21 @@ def make_mjcf(mechanism: Mechanism, start: State, joint_prefix: str = '') -> str
     )  # fmt: skip
     ET.indent(root)
     return ET.tostring(root, encoding='unicode') + '\n'
+
+
+def _close(
+    closure: Point, last: int, names: list[str], bodies: list[ET.Element]
+) -> tuple[str, str]:
+    """Adds two sites that a constraint holds together; returns their names.
+
+    The closure runs along the link before the last one that it contains, and back along the last,
+    which explains the sign of its weight.
+    """
+    first = max(j for j, weight in enumerate(closure.weights) if weight and j != last)
+    ends = f'{names[first]}_end', f'{names[last]}_end'
+    bodies[first].append(_site(ends[0], closure.weights[first]))
+    bodies[last].append(_site(ends[1], -closure.weights[last]))
+    return ends
 
 
 def _body(name: str, link: Link, shape: Any, at: float) -> ET.Element:
