@@ -77,9 +77,8 @@ def _blueprint(configuration: Configuration) -> rrb.Blueprint:
     torque = plots.contents[0].contents[0]
     start, end = (rr.TimeRangeBoundary.absolute(seconds=seconds) for seconds in _SHOWN)
     turn = rr.TimeRange(start=start, end=end)
-    # By default, the axis ends at the cursor, which moves.
+    # Usually the axis ends at the cursor, which moves.
     torque.properties['TimeAxis'] = rrb.archetypes.TimeAxis(view_range=turn)
-    del torque.properties['VisibleTimeRanges']
     return rrb.Blueprint(
         rrb.Horizontal(linkage, torque, column_shares=[2, 3]),
         rrb.TopPanel(state='hidden'),

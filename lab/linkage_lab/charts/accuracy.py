@@ -14,7 +14,7 @@ import itertools
 import math
 import operator
 import textwrap
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -131,15 +131,10 @@ def accuracy(options: argparse.Namespace) -> None:
         moved = measure_accuracy(motions(quick=quick), INTEGRATORS, quick=quick)
         written = [out / 'accuracy.json']
         save_records(written[0], [*solved, *moved])
-        machine = ', '.join(f'{name} {value}' for name, value in about().items())
-        on = f'{machine}\n{watch.warning()}'.rstrip()
-        charts: dict[str, list[Point]] = {}
-        for point in solved:
-            charts.setdefault(point['mechanism'], []).append(point)
-        for name, points in {**charts, 'motions': moved}.items():
-            drawn = pictures(options, f'accuracy_{name.replace(" ", "_")}')
-            title = f'Speed against accuracy: {name.replace("_", "-")}\n{on}'
-            draw_accuracy(points, title, drawn)
+        warning = watch.warning()
+        for title, stem, points in charts([*solved, *moved], about()):
+            drawn = pictures(options, stem)
+            draw_accuracy(points, f'{title}\n{warning}'.rstrip(), drawn)
             written += drawn.paths
         drawn = pictures(options, 'accuracy_follow')
         written += [out / 'accuracy_follow.json', *drawn.paths]
@@ -148,6 +143,25 @@ def accuracy(options: argparse.Namespace) -> None:
         title = f'Torque error of a measured crank: quadrilateral, {speeds}, measured at 1 kHz'
         draw_follow(errors, title, drawn)
     print(*written, sep='\n')
+
+
+def charts(
+    points: Sequence[Point], machine: Mapping[str, str]
+) -> Iterator[tuple[str, str, list[Point]]]:
+    """Yields title, name of the file and points of each chart.
+
+    Args:
+        points: All points.
+        machine: Software versions and description of the machine; see `about`.
+    """
+    groups: dict[str, list[Point]] = {}
+    for point in points:
+        is_state = point['quantity'] in QUANTITIES
+        groups.setdefault(point['mechanism'] if is_state else 'motions', []).append(point)
+    on = ', '.join(f'{name} {value}' for name, value in machine.items())
+    for name, group in groups.items():
+        title = f'Speed against accuracy: {name.replace("_", "-")}\n{on}'
+        yield title, f'accuracy_{name.replace(" ", "_")}', group
 
 
 def draw_accuracy(points: Sequence[Point], title: str, files: Pictures) -> None:

@@ -45,7 +45,7 @@ _DEFAULTS = {
     registry.RECORDS: 'default for records', loads.GROWN: 'default', loads.STRAIGHT: 'default',
 }  # fmt: skip
 # The grids from top to bottom: linkages, load curves, friction, motions.
-GRIDS = (
+GRIDS: Sequence[tuple[Sequence[Any], Sequence[measure.Situation]]] = (
     (registry.METHODS, situations.SITUATIONS),
     (loads.CURVE_METHODS, loads.CURVE_SITUATIONS),
     (loads.FRICTION_METHODS, loads.FRICTION_SITUATIONS),
@@ -56,7 +56,10 @@ GRIDS = (
 _WIDE, _HIGH = 92 / DPI, 53 / DPI
 _LEFT, _ABOVE = 1.2, 1.4
 _TOP, _FOOT = 0.5, 0.75
-_NAMES, _SAID = 16, 42  # characters per line of a situation's name and of its description
+_NAMES = 16  # characters per line of a situation's name
+# Characters per line of a situation's description, also beside a narrow grid of few methods; width
+# of a character, inches.
+_SAID, _SAID_NARROW, _FEW, _CHARACTER = 42, 26, 3, 0.066
 
 
 def stability(options: argparse.Namespace) -> None:
@@ -76,12 +79,16 @@ def stability(options: argparse.Namespace) -> None:
             for cell in measure.measure_outcomes(places, methods, cases=cases)
         ]  # fmt: skip
         save_records(records, cells)
-        title = (
-            'Outcome of each method in each situation\n'
-            f'worst outcome of {cases} cases, or of a few motions, and largest relative error'
-        )
-        draw_stability(cells, title, drawn)
+        draw_stability(cells, heading(cases), drawn)
     print(records, *drawn.paths, sep='\n')
+
+
+def heading(cases: int) -> str:
+    """Returns the title of the picture of so many cases."""
+    return (
+        'Outcome of each method in each situation\n'
+        f'worst outcome of {cases} cases, or of a few motions, and largest relative error'
+    )
 
 
 def draw_stability(cells: Sequence[dict[str, Any]], title: str, files: Pictures) -> None:
@@ -95,13 +102,22 @@ def draw_stability(cells: Sequence[dict[str, Any]], title: str, files: Pictures)
     Raises:
         OSError: The picture cannot be written.
     """
-    height = _TOP + sum(_ABOVE + _HIGH * len(places) for _, places in GRIDS) + _FOOT
-    y = height - _TOP
+    # Grids that fit side by side share a row.
+    spots = list[tuple[float, float]]()  # left and upper end of each grid, inches
+    x, y, low = 0.0, _TOP, _TOP
+    for methods, places in GRIDS:
+        across = _LEFT + _WIDE * len(methods) + _CHARACTER * _said(methods)
+        if x + across > WIDTH:
+            x, y = 0.0, low
+        spots.append((x + _LEFT, y + _ABOVE))
+        x, low = x + across, max(low, y + _ABOVE + _HIGH * len(places))
+    height = low + _FOOT
     with chart(files, height, title, layout=None) as figure:
-        for methods, places in GRIDS:
+        for (left, top), (methods, places) in zip(spots, GRIDS, strict=True):
             across, down = _WIDE * len(methods), _HIGH * len(places)
-            y -= _ABOVE + down
-            axes = figure.add_axes((_LEFT / WIDTH, y / height, across / WIDTH, down / height))
+            axes = figure.add_axes(
+                (left / WIDTH, 1 - (top + down) / height, across / WIDTH, down / height)
+            )
             _draw_grid(axes, [method.name for method in methods], places, cells)
         figure.suptitle(title, y=1 - 0.15 / height)
         patches = [
@@ -109,6 +125,11 @@ def draw_stability(cells: Sequence[dict[str, Any]], title: str, files: Pictures)
             for name, (fill, _) in _COLORS.items()
         ]
         figure.legend(handles=patches, loc='lower center', ncols=3)
+
+
+def _said(methods: Sequence[Any]) -> int:
+    """Returns the number of characters per line of a description."""
+    return _SAID if len(methods) > _FEW else _SAID_NARROW
 
 
 def _draw_grid(
@@ -119,7 +140,7 @@ def _draw_grid(
 ) -> None:
     for y, place in enumerate(places):
         axes.text(
-            len(methods) + 0.15, y + 0.5, textwrap.fill(place.words, _SAID),
+            len(methods) + 0.15, y + 0.5, textwrap.fill(place.words, _said(methods)),
             va='center', color='0.3',
         )  # fmt: skip
         for cell in (cell for cell in cells if cell['situation'] == place.name):
