@@ -20,6 +20,7 @@ from mechanisms import (
     with_loads,
 )
 from mpmath import mp
+from ros_harness import verified
 
 from linkage_ros import (
     Body,
@@ -35,6 +36,8 @@ from linkage_ros import (
     UnreachableError,
     travel,
 )
+from linkage_ros.programs.record import record
+from linkage_ros.settings.configuration import from_strings, load, to_strings
 
 EPSILON = 2.0**-52
 STRUCTURES = 60  # 300 were run by hand
@@ -302,3 +305,57 @@ def test_parts_of_a_dyad_are_two_links_or_a_link_and_a_slider():
         press(to='frame')
     with pytest.raises(ConfigurationError, match='its name must be letters'):
         arm('2nd')
+
+
+# ---------------------------------------------------------------- in the programs
+
+SIX_BAR = """
+/**:
+  ros__parameters:
+    mechanism: four_bar
+    frame: {length: 2.2}
+    crank: {length: 1.0, mass: 1.0, inertia: 5.0}
+    coupler: {length: 3.0, mass: 1.0, inertia: 0.5}
+    rocker: {length: 2.5, mass: 1.0, inertia: 0.5}
+    dyads:
+      shoe: {from: ram_second, from_at: [2.0, 0.1], first: {length: 3.0},
+             slider: {mass: 2.0, at: [4.0, 5.5], angle: 0.2}}
+      ram: {from: coupler, from_at: [1.5, 0.4], to: frame, to_at: [4.0, 3.0],
+            first: {length: 3.2, mass: 1.0, inertia: 0.2}, second: {length: 2.6, mass: 0.7}}
+    loads:
+      push: {kind: force, link: shoe_slider, at: [0.1, 0.2], force: [-30.0, 5.0]}
+      pull: {kind: spring, link: ram_first, at: [1.0, 0.0], to: shoe_slider, stiffness: 20.0}
+      gas: {kind: gas, link: shoe_slider, bore: 0.1, clearance: 0.5, inlet: 1.0e5}
+      bearings: {kind: pins, damping: 0.02, pin: ram_joint}
+      cut: {kind: curve, link: shoe_slider, at: [0.0, 2.0], value: [0.0, 40.0]}
+    joints:
+      ram_second: {name: elbow, zero: 0.4, ratio: -2.0, parent: rocker}
+      shoe_slider: {name: carriage, zero: 0.1}
+"""
+DRIVES = {
+    'speed': ['rpm: 30.0'],
+    'friction': ['rpm: 30.0', 'friction: {pin: 0.1, pin_radius: 0.02, guide: 0.1}'],
+    'torque': ['drive: torque', 'motor: {torque: 60.0, damping: 4.0}', 'start_rpm: 30.0'],
+    'motion': ['drive: motion', 'motion: {center: 1.0, amplitude: 0.7, frequency: 0.5}'],
+}
+
+
+def six_bar(tmp_path, *lines):
+    path = tmp_path / 'six_bar.yaml'
+    path.write_text(SIX_BAR + ''.join(f'    {line}\n' for line in lines))
+    return load(str(path))
+
+
+@pytest.mark.parametrize('drive', DRIVES)
+def test_log_of_each_drive_verifies(tmp_path, drive):
+    configuration = six_bar(tmp_path, *DRIVES[drive])
+    assert from_strings(to_strings(configuration)) == configuration
+    names = [joint.name for joint in configuration.robot_joints]
+    assert names[3:] == ['ram_first', 'elbow', 'shoe_first', 'carriage']
+    record(configuration, tmp_path / 'run.mcap', duration=1.0)
+    verified(tmp_path / 'run.mcap')
+
+
+def test_mistakes_of_a_file_are_said_together(tmp_path):
+    with pytest.raises(ConfigurationError, match=r'5 mistakes: .*ram\.assembly.*saddle\.second'):
+        six_bar(tmp_path, 'rpm: 1.0', 'dyads.ram.assembly: up', 'dyads.saddle.second.mass: -1.0')

@@ -7,6 +7,7 @@ import json
 import math
 import sys
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 from importlib import import_module
 
 import numpy as np
@@ -21,7 +22,7 @@ from sensor_msgs.msg import JointState
 from test_rerun_connection import read
 
 from linkage_lab.methods.registry import METHODS
-from linkage_ros import Body, Coupler, MechanismError, Solver
+from linkage_ros import Body, Coupler, Dyad, DyadSlider, MechanismError, Solver
 from linkage_ros.mechanism.parts import Guide, Slider
 from linkage_ros.mechanism.registry import MECHANISMS
 from linkage_ros.messages.urdf import make_urdf
@@ -117,6 +118,25 @@ def test_accelerations_invert_the_torque_and_energy_holds_spring_and_force(solve
     slide = state.velocity[2]
     power = state.torque * 5.0 - 30.0 * slide**2
     assert (later - sooner) / (2 * step) == pytest.approx(power, rel=1e-6, abs=1e-6)
+
+
+def test_gear_carries_a_dyad(cardan_gear, solver):
+    """The dyad adds the power of its masses, which follows from the kinetic energy."""
+    press = Dyad(
+        name='press', from_='slider', first=Body(0.6, 0.4, 0.01, (0.1, 0.0)),
+        slider=DyadSlider(1.5, (0.3, 0.0), 1.2),
+    )  # fmt: skip
+    both = Solver(replace(solver.mechanism, dyads=(press,)))
+    assert both.links == ('crank', 'coupler', 'slider', 'press_first', 'press_slider')
+    crank, step = np.linspace(-3, 4, 50), 1e-5
+    state, alone = both.state(crank, 5.0), solver.state(crank, 5.0)
+    assert np.array_equal(state.position[:3], alone.position)
+    change = [
+        (sum(one.energy(crank + step, 5.0)) - sum(one.energy(crank - step, 5.0))) / (2 * step)
+        for one in (both, solver)
+    ]
+    assert state.torque - alone.torque == pytest.approx(change[0] - change[1], abs=1e-6)
+    assert abs(state.torque - alone.torque).max() > 0.5
 
 
 def test_a_gear_that_does_not_mesh_and_unknown_joint_forces_are_refused(cardan_gear, solver):

@@ -18,7 +18,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from linkage_ros import OPEN, Body, Coupler, Guide, Mechanism, MechanismError, Reach, Slider
+from linkage_ros import OPEN, Body, Coupler, Dyad, Guide, Mechanism, MechanismError, Reach, Slider
 from linkage_ros.extensions import (
     MECHANISMS,
     Link,
@@ -29,6 +29,7 @@ from linkage_ros.extensions import (
     Structure,
     Wrench,
     coupler_point,
+    dyads_field,
     gravity_quantity,
     two_sum,
 )
@@ -124,6 +125,7 @@ class CardanGear(Mechanism):
         frame: Direction of the guide.
         assembly: Assembly; there is only one.
         gravity: Acceleration of gravity [x, y], m/s^2.
+        dyads: Dyads that the gear carries.
     """
 
     crank: Body
@@ -133,6 +135,7 @@ class CardanGear(Mechanism):
     frame: Guide = field(default_factory=Guide)
     assembly: str = quantity('choice', 'the only assembly', choices=(OPEN,), default=OPEN)
     gravity: tuple[float, float] = gravity_quantity()
+    dyads: tuple[Dyad, ...] = dyads_field()
 
     def __post_init__(self) -> None:
         super().__post_init__()
