@@ -386,3 +386,16 @@ def test_ctrl_c_leaves_a_complete_log(out):
     assert said == f'{out}: stopped; {len(states)} states kept\n'
     assert [stamp for stamp, _ in states] == [tick * 10**6 for tick in range(len(states))]
     assert len(states) > 1_500
+
+
+@pytest.mark.parametrize(('lead', 'duration', 'leaves'), [(0.2, 0.1, 0), (0.2, 0.2, 1)])
+def test_note_on_a_load_curve_counts_recorded_states_alone(out, lead, duration, leaves):
+    """The feed-forward torque is computed for later states, which may be beyond the curve."""
+    configuration = configure({
+        **dict(read_values('slider_crank')), 'rpm': 60.0, 'start_rpm': 60.0, 'crank_angle': 0.0,
+        'load.link': 'slider', 'load.over': 'position', 'load.at': [2.1, 2.5],
+        'load.value': [-1.0, -1.0], 'effort_command_topic': 'torque', 'lead_time': lead,
+    })  # fmt: skip
+    lines = []
+    record(configuration, out, duration=duration, note=lines.append)
+    assert len(lines) == leaves

@@ -14,7 +14,7 @@ from linkage_ros.mechanism.wrenches import Wrench
 from linkage_ros.numeric import Real
 from linkage_ros.quantities import quantity
 
-_POSITIVE = (0.0, 1e12)
+_NOT_NEGATIVE = (0.0, 1e12)
 
 
 @dataclass(frozen=True)
@@ -37,8 +37,8 @@ class LinkLoad(AppliedLoad):
     force: float = quantity(
         'number', 'force or torque', 'N or N m', span=(-1e12, 1e12), default=0.0
     )
-    damping: float = quantity('number', 'resistance per rate', span=_POSITIVE, default=0.0)
-    stiffness: float = quantity('number', 'stiffness of a spring', span=_POSITIVE, default=0.0)
+    damping: float = quantity('number', 'resistance per rate', span=_NOT_NEGATIVE, default=0.0)
+    stiffness: float = quantity('number', 'stiffness of a spring', span=_NOT_NEGATIVE, default=0.0)
     rest: float = quantity('number', 'rest position', 'rad or m', span=(-1e9, 1e9), default=0.0)
 
     def added_to(self, mechanism: Any) -> Any:

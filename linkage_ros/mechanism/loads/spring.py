@@ -16,7 +16,7 @@ from linkage_ros.numeric import Real
 from linkage_ros.quantities import quantity
 from linkage_ros.units import rad_and_deg
 
-_POSITIVE = (0.0, 1e12)
+_NOT_NEGATIVE = (0.0, 1e12)
 
 
 @dataclass(frozen=True)
@@ -46,12 +46,12 @@ class Spring(AppliedLoad):
         'pair', 'second end, likewise; on the frame, in the axes of base_link', 'm',
         span=(-1e9, 1e9), default=(0.0, 0.0),
     )  # fmt: skip
-    stiffness: float = quantity('number', 'stiffness', 'N/m', span=_POSITIVE, default=0.0)
+    stiffness: float = quantity('number', 'stiffness', 'N/m', span=_NOT_NEGATIVE, default=0.0)
     free_length: float = quantity(
         'number', 'length without tension', 'm', span=(0.0, 1e9), default=0.0
     )
     damping: float = quantity(
-        'number', 'damping coefficient', 'N s/m', span=_POSITIVE, default=0.0
+        'number', 'damping coefficient', 'N s/m', span=_NOT_NEGATIVE, default=0.0
     )
 
     def on(self, mechanism: Any) -> 'PointSpring':
