@@ -56,7 +56,7 @@ def terms(mechanism: Mechanism) -> dict[str, dict[str, int]]:
     }
     # The centre of a massless link has no effect.
     used = {x: n for x, n in counts.items() if n and counts.get(x.replace('.center', '.mass'), n)}
-    known = TERMS | {load.label: (load.label,) for load in mechanism.loads}
+    known = _known(mechanism)
     found = {name: {x: used[x] for x in _members(used, own)} for name, own in known.items()}
     masses = any(name.endswith(('.mass', '.inertia')) for name in used)
     return {
@@ -66,6 +66,17 @@ def terms(mechanism: Mechanism) -> dict[str, dict[str, int]]:
     }  # fmt: skip
 
 
+def _known(mechanism: Mechanism) -> dict[str, tuple[str, ...]]:
+    """Returns the parameters of all terms that a mechanism may have."""
+    found = TERMS | {load.label: (load.label,) for load in mechanism.loads}
+    for dyad in mechanism.dyads:
+        for link in dyad.parts:
+            part = f'dyads.{dyad.name}.{link.removeprefix(f"{dyad.name}_")}'
+            found[link] = f'{part}.mass', f'{part}.inertia', f'{part}.center'
+            found[STATIC] += (f'{part}.inertia',)
+    return found
+
+
 def _members(values: Iterable[str], wanted: Iterable[str]) -> set[str]:
     """Selects parameters by name or by group."""
     return {x for x in values for name in wanted if x == name or x.startswith(f'{name}.')}
@@ -73,10 +84,8 @@ def _members(values: Iterable[str], wanted: Iterable[str]) -> set[str]:
 
 def without(mechanism: Mechanism, names: Iterable[str]) -> Mechanism:
     """Returns a copy of a mechanism in which the parameters of some terms are 0."""
-    values = flatten(mechanism)
-    gone = {
-        parameter for name in names for parameter in _members(values, TERMS.get(name, (name,)))
-    }
+    values, known = flatten(mechanism), _known(mechanism)
+    gone = {x for name in names for x in _members(values, known.get(name, (name,)))}
     left = {name: value for name, value in values.items() if name not in gone}
     return build(type(mechanism), {'gravity': (0.0, 0.0)} | left)
 
@@ -91,7 +100,10 @@ def with_point_masses(mechanism: Any) -> Mechanism | None:
         The mechanism with a massless coupler; None if there is no coupler, or it has no mass, or
         its centre of mass is not between its pins.
     """
-    coupler, output = getattr(mechanism, 'coupler', None), [*mechanism.parts()][-1]
+    coupler, output = (
+        getattr(mechanism, 'coupler', None),
+        mechanism.loop_structure().links[-1].name,
+    )
     if coupler is None or not (coupler.mass and 0 <= coupler.center[0] <= coupler.length):
         return None
     at_end = coupler.center[0] / coupler.length * coupler.mass

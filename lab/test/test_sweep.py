@@ -12,7 +12,7 @@ import sys
 import textwrap
 import time
 from concurrent.futures import BrokenExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import partial
 from importlib.metadata import PackageNotFoundError
@@ -27,11 +27,16 @@ from linkage_lab import command_line
 from linkage_lab.charts import sweep as command
 from linkage_lab.charts.sweep import FRONT
 from linkage_lab.sweep import spread as command_spread
-from linkage_lab.sweep.measures import Task, groups, measure, torque_of, with_value
+from linkage_lab.sweep.measures import TURNS, Task, groups, measure, torque_of, with_value
 from linkage_lab.sweep.spread import cluster, processes, spread
 from linkage_lab.sweep.study import Settings, _designs, _way, parameters
 from linkage_ros import Body, Frame
-from linkage_ros.errors import ConfigurationError, MechanismError, UnreachableError
+from linkage_ros.errors import (
+    ConfigurationError,
+    LinkageError,
+    MechanismError,
+    UnreachableError,
+)
 from linkage_ros.mechanism.program import Program
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.mechanism.travel import travel
@@ -454,3 +459,28 @@ def test_absent_scheduler_gives_one_line(run):
     code, _, errors = run(STUDY, '--scheduler', 'tcp://127.0.0.1:9')
     assert (code, errors.count('\n')) == (2, 1)
     assert 'no Dask scheduler answers' in errors
+
+
+def test_designs_of_a_six_bar_match_the_solver():
+    """A dyad that does not close at some crank angle counts as a crank that cannot turn."""
+    names = 'dyads.ram.first.length', 'dyads.ram.from_at.0', 'crank.length'
+    rng = np.random.default_rng(1)
+    low, high = (0.05, 0.1, 0.05), (0.6, 0.4, 0.12)
+    table = rng.uniform(low, high, (30, 3))
+    mechanism = replace(load('watt').mechanism, loads=())
+    found = measure(Task(mechanism, 60.0, names, ('peak_torque', 'stroke'), 90), table)
+    angles, turning = (np.arange(90) + 0.5) * math.tau / 90, 0
+    for (outcome, peak, stroke), row in zip(found, table, strict=True):
+        design = mechanism
+        for name, value in zip(names, row, strict=True):
+            design = with_value(design, name, float(value))
+        with suppress(LinkageError):
+            solver = Solver(design)
+            low, high = travel(solver).extremes
+            turning += 1
+            assert outcome == TURNS
+            torque = solver.state(angles, math.tau).torque
+            assert peak == pytest.approx(abs(torque).max(), rel=1e-12)
+            assert math.isnan(stroke) or stroke == pytest.approx(high - low, rel=1e-9)
+    assert 5 < turning < 25
+    assert np.sum(found[:, 0] == TURNS) == turning

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 import numpy.typing as npt
 
-from linkage_ros import LinkageError, Mechanism
+from linkage_ros import LinkageError, Mechanism, Reach, Solver
 from linkage_ros.formulas import ZERO, Array, Real, Vector
 from linkage_ros.internals import Constants, Model, Program, reactions, torque, transformed
 
@@ -157,19 +157,44 @@ def _constants(
         mechanism = with_value(mechanism, name, float(column[row]))
     structure, loop = mechanism.structure(), mechanism.loop()
     mobility: Any = getattr(loop, 'transmission', loop)
+    if mechanism.dyads:
+        mobility = _WithDyads(mobility, cast('Reach', Solver(mechanism).mobility))
     try:
-        model = Model.of(mechanism, structure, loop)
+        model = Model.of(mechanism, structure)
     except LinkageError:
         return mobility, None
     constants = model, structure.points.get('C'), mobility.extremes()
     return mobility, Constants(constants)
 
 
+class _WithDyads(NamedTuple):
+    """The transmission of a loop, and the reach of the crank with the dyads."""
+
+    loop: Any
+    reach: Reach
+
+    @property
+    def turns_fully(self) -> bool:
+        """Whether the crank turns fully."""
+        return self.reach.turns_fully
+
+    def arcs(self) -> tuple[tuple[float, float], ...]:
+        """Returns the arcs that the crank reaches, rad."""
+        return self.reach.arcs
+
+    def extremes(self) -> Any:
+        """Returns the smallest and the largest transmission angle of the loop, rad."""
+        return self.loop.extremes()
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.loop, name)
+
+
 def with_value(part: Any, name: str, value: Any) -> Any:
     """Copies a description with one value replaced; the value is not checked.
 
     Args:
-        part: A mechanism, one of its parts, or a pair of numbers.
+        part: A mechanism, one of its parts, its dyads, or a pair of numbers.
         name: Dotted name of a parameter; 0 and 1 are the numbers of a pair.
         value: The value to set.
 
@@ -178,7 +203,11 @@ def with_value(part: Any, name: str, value: Any) -> Any:
     """
     first, _, rest = name.partition('.')
     if isinstance(part, tuple):
-        return tuple(value if i == int(first) else old for i, old in enumerate(part))
+        names = [getattr(old, 'name', str(i)) for i, old in enumerate(part)]
+        return tuple(
+            old if first != own else with_value(old, rest, value) if rest else value
+            for own, old in zip(names, part, strict=True)
+        )
     changed = copy.copy(part)
     inner = with_value(getattr(part, first), rest, value) if rest else value
     object.__setattr__(changed, first, inner)
@@ -276,8 +305,10 @@ class Batch:
 
     def stroke(self) -> Array:
         """Computes the signed distance between the two reversals of the output, rad or m."""
-        places, *_ = self._run(_output_of, self._reversals)
-        return np.asarray(places[:, 1] - places[:, 0])
+        at = self._reversals
+        known = ~np.isnan(at)
+        places, *_ = self._run(_output_of, np.where(known, at, self._angles[0]))
+        return np.where(known.all(axis=1), places[:, 1] - places[:, 0], math.nan)
 
     def swing(self) -> Array:
         """Computes the swing of a rocker that stays on one side of the frame, deg."""

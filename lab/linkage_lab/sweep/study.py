@@ -214,8 +214,9 @@ def _span(name: str, value: object, allowed: Quantity) -> tuple[float, float]:
 def parameters(mechanism: Mechanism, rpm: float | None) -> Iterator[Leaf]:
     """Yields the parameters that can vary, with the values of the base as defaults."""
     values: dict[str, Any] = flatten(mechanism)
-    for name, allowed, _ in leaves(type(mechanism)):
-        if name in values and hasattr(mechanism, name.partition('.')[0]):  # not part of a load
+    for name, allowed, _ in leaves(type(mechanism), values=values):
+        group = name.partition('.')[0]
+        if name in values and group != 'loads' and hasattr(mechanism, group):
             if allowed.kind == 'number':
                 yield Leaf(name, allowed, values[name])
             elif allowed.kind == 'pair':
