@@ -323,7 +323,7 @@ def test_each_joint_of_a_robot_has_one_state_publisher(launched, leg):
         }
         # A mimic joint would be published with both values.
         assert model.find("joint[@name='knee']/mimic") is None
-        assert values['publish_frequency'] >= 100.0
+        assert values['ignore_timestamp']  # both publish every message, so that the loop closes
     whole, passive = topics
     assert topics[whole] == {'joint_states': '/motors'}
     assert movable[whole] == {'hip', 'knee_motor', 'rod_joint', 'knee', 'ankle'}

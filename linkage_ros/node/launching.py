@@ -169,6 +169,8 @@ def robot(arguments: Mapping[str, str]) -> tuple[Values, list[Any]]:
         name = 'joint' if joint.tag == 'mimic' else 'name'
         if joint.get(name) == joints[0]:
             joint.set(name, f'{joints[0]}, measured')
+    # The limit of publish_frequency would drop other messages in one than in the other.
+    publisher['ignore_timestamp'] = True
     passive = {**publisher, 'robot_description': ET.tostring(root, encoding='unicode')}
     measured = [('joint_states', arguments['measured'])]
     own = [
