@@ -5,7 +5,7 @@
 import functools
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from typing import Any
 
@@ -82,6 +82,7 @@ class LinkageNode(ParameterNode):
         self._segment: Segment | None = None  # the last logged segment
         self._state: State | None = None
         self._coordinates: Coordinates | None = None  # those of the state
+        self._first: Sequence[float] = ()  # numbers of the first state, until they are reported
         others, inputs, forces = [DIAGNOSTICS], simulator.inputs(), simulator.live_forces()
         heard: dict[Topic, Any] = {**inputs, **forces}
         if simulator.description:
@@ -231,10 +232,12 @@ class LinkageNode(ParameterNode):
             ahead = ahead and ahead._replace(forces=forces)
         self._state = state = simulator.state(coordinates)
         self._ranges.see(state)
-        self._coordinates = coordinates
         later = None if ahead is None else simulator.state(ahead)
         numbers = simulator.templates.numbers(state, coordinates.unwrapped, later)
+        if not self._coordinates:
+            self._first = numbers
         messages = simulator.templates.pack(stamp, numbers)
+        self._coordinates = coordinates
         now = time.time_ns()
         for topic, place in self._states:
             if topic.is_heard:
@@ -272,6 +275,9 @@ class LinkageNode(ParameterNode):
         health = self._outputs.health()
         statuses = self._monitor.report(self._ticker.counts, figures, health, troubles)
         logger = self.get_logger()
+        if self._first:  # shows which assembly it is
+            logger.info(f'first state: {self._simulator.joint_words(self._first)}')
+            self._first = ()
         for status in self._monitor.changes(statuses):
             if status.level == WARN:
                 logger.warning(status.message)
