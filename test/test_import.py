@@ -4,10 +4,12 @@
 
 import cmath
 import math
+import re
 
 import mujoco  # required by these tests: without it they must fail, not be skipped
 import numpy as np
 import pytest
+import yaml
 from robots import Tree, make_robot
 from ros_harness import assert_refused
 
@@ -227,8 +229,6 @@ def test_leg_with_parallel_four_bar(run):
         assert words in printed.partition('note')[2]
     turned, _ = run(LEG, *CLOSE, '--up', '1', '0', '0')
     assert turned['gravity'] == pytest.approx([0.0, -9.81])
-    _, printed = run(LEG, '--crank', 'knee', *CLOSE[2:])
-    assert 'the crank is measured' in printed  # although the file derives it from another joint
 
 
 def test_units_that_are_probably_wrong_are_noted(run):
@@ -236,6 +236,19 @@ def test_units_that_are_probably_wrong_are_noted(run):
     assert '90 deg = 1.571 rad' in printed
     _, printed = run(LEG.replace('0 -0.3"', '0 -300"').replace('0.03 -0.3"', '0.03 -300"'), *CLOSE)
     assert '300 mm = 0.3 m' in printed
+
+
+def test_crank_that_mimics_a_measured_joint_can_be_mapped_to_it(run):
+    coupled = LEG.replace('multiplier="-1"', 'multiplier="-2" offset="0.3"')
+    values, printed = run(coupled, '--crank', 'knee', *CLOSE[2:])
+    assert values['joints.crank.name'] == 'knee'
+    (cure,) = re.findall(r'joints.crank (name: .*)', printed)
+    other = yaml.safe_load(f'{{{cure}}}')
+    assert other['name'] == 'knee_motor'
+    motor = 0.7
+    knee = -2 * motor + 0.3
+    own = knee / values['joints.crank.ratio'] + values['joints.crank.zero']
+    assert other['ratio'] * (own - other['zero']) == pytest.approx(motor, abs=1e-15)
 
 
 def test_pose_chooses_the_assembly(run):

@@ -73,7 +73,7 @@ class Joint(NamedTuple):
         in_child: Pose of the joint's frame in the child link.
         axis: Axis in the joint's frame, a unit vector.
         reference: Value at which both poses of the joint's frame coincide, rad or m.
-        mimics: Whether the file couples the joint to another one.
+        mimics: Name, multiplier and offset of the joint to which the file couples this one.
     """
 
     name: str
@@ -84,7 +84,7 @@ class Joint(NamedTuple):
     in_child: Transform = IDENTITY
     axis: Array = np.array((1.0, 0.0, 0.0))
     reference: float = 0.0
-    mimics: bool = False
+    mimics: tuple[str, float, float] | None = None
 
     def moved(self, value: float) -> Transform:
         """Returns the pose of the child link in the parent link at a value, rad or m."""

@@ -12,6 +12,7 @@ keep their digits.
 
 import cmath
 import itertools
+import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -742,7 +743,7 @@ class _Planar:
         return PlanarLoop(
             self.kind, made, joints, dict(zip(self.names, members, strict=True)),
             (self.cycle[0].places[self.bodies[0]], self.x, self.y, self.normal),
-            given, closed, ends[0][0], ends[1][0], ends[0][1], [*self._notes()],
+            given, closed, ends[0][0], ends[1][0], ends[0][1], [*self._notes(crank)],
         )  # fmt: skip
 
     def gap(self, values: Mapping[str, float]) -> tuple[float, float]:
@@ -755,7 +756,24 @@ class _Planar:
             float((second - first) @ normal)
         )
 
-    def _notes(self) -> Iterator[str]:
+    def _mimics(self, crank: JointMap) -> Iterator[str]:
+        """Yields the couplings in the file, and how to measure a crank that is coupled."""
+        for pin in self.cycle:
+            if not (pin.edge and pin.edge.joint.mimics):
+                continue
+            cure = 'the loop determines its value'
+            if pin is self.cycle[0]:
+                other, multiplier, offset = pin.edge.joint.mimics
+                cure = 'it must be measured itself'
+                if multiplier:
+                    zero = json.dumps(float(crank.zero + offset / crank.ratio))
+                    cure = (
+                        f'if only {other} is measured, give joints.crank name: '
+                        f'{json.dumps(other)}, zero: {zero}, ratio: {crank.ratio / multiplier!r}'
+                    )
+            yield f'{pin.name}: <mimic> is ignored; {cure}'
+
+    def _notes(self, crank: JointMap) -> Iterator[str]:
         """Yields sentences about probably wrong values and omitted properties of the robot."""
         for joint in self.robot.joints:
             value = self.values.get(joint.name, 0.0)
@@ -764,14 +782,8 @@ class _Planar:
                     f'{joint.name} is at {value:g} rad; did you mean {value:g} deg = '
                     f'{math.radians(value):.4g} rad?'
                 )
+        yield from self._mimics(crank)
         loop = [id(pin.edge) for pin in self.cycle]
-        for pin in self.cycle:
-            if pin.edge and pin.edge.joint.mimics:
-                yield f'{pin.name}: <mimic> is ignored, because ' + (
-                    'the loop determines its value'
-                    if pin is not self.cycle[0]
-                    else 'the crank is measured: its own value must be in the messages'
-                )
         for body, name in zip(self.bodies, self.names, strict=True):
             others = [edge for edge in self.tree.edges_of(body) if id(edge) not in loop]
             if name == 'frame':

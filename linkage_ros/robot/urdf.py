@@ -129,5 +129,11 @@ def _joint(element: ET.Element) -> Joint:
     found = Joint(name, KINDS.get(kind, kind), parent, child, _pose(element))
     if found.kind in {REVOLUTE, PRISMATIC}:  # others may have an axis of length 0
         axis = unit(numbers(element.find('axis'), 'xyz', 3, '1 0 0'), '<axis>')
-        found = found._replace(axis=axis, mimics=element.find('mimic') is not None)
+        found = found._replace(axis=axis)
+    if (mimic := element.find('mimic')) is not None:
+        (multiplier,), (offset,) = (
+            numbers(mimic, attribute, 1, default)
+            for attribute, default in (('multiplier', '1'), ('offset', '0'))
+        )
+        found = found._replace(mimics=(mimic.get('joint', ''), float(multiplier), float(offset)))
     return found
