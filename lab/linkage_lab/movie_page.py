@@ -101,21 +101,26 @@ def _samples(period: Period, count: int) -> Array:
 
 
 def _quantities(period: Period) -> list[_Quantity]:
-    """Lists what the page shows: crank, output link, torque and loads."""
-    columns, output = period.columns, period.solver.output
-    rpm = columns['crank.velocity'].values * 30 / math.pi
-    found = [
-        _Quantity(
-            'Crank angle',
-            'deg',
-            color_of('crank'),
-            np.degrees(period.crank),
-            period.across is OVER_TIME,
-        ),
-        _Quantity('Crank speed', 'rpm', color_of('crank'), rpm, bool(np.ptp(rpm) > 0)),
+    """Lists what the page shows: driven link, output link, torque and loads."""
+    columns, output, driven = period.columns, period.solver.output, period.driven.name
+    is_law, speed = period.across is OVER_TIME, columns[f'{driven}.velocity']
+    is_uneven = bool(np.ptp(speed.values) > 0)
+    effort, color = period.effort.replace('_', ' ').capitalize(), color_of(driven)
+    if period.driven.slides:
+        found = [
+            _Quantity('Cylinder position', 'm', color, period.crank, is_law),
+            _Quantity('Cylinder speed', 'm/s', color, speed.values, is_uneven),
+        ]
+    else:
+        rpm = speed.values * 30 / math.pi
+        found = [
+            _Quantity('Crank angle', 'deg', color, np.degrees(period.crank), is_law),
+            _Quantity('Crank speed', 'rpm', color, rpm, is_uneven),
+        ]
+    found += [
         _quantity(columns[f'{output}.position'], f'{output.capitalize()} position', output, False),
         _quantity(columns[f'{output}.velocity'], f'{output.capitalize()} speed', output),
-        _quantity(columns['driving_torque'], 'Driving torque', 'crank'),
+        _quantity(columns[period.effort], effort, driven),
     ]
     for name, column in columns.items():
         link, _, kind = name.partition('.')

@@ -17,8 +17,9 @@ from linkage_ros import ConfigurationError, Mechanism, Solver, State, Travel, Wi
 from linkage_ros.formulas import ZERO, Array, number
 from linkage_ros.internals import Drawing, LawDrive, LawMotion, Sine
 
-# Speed of a crank that is drawn over its arc, and the part of the arc left out at each end.
-_SLOW_RPM, _MARGIN = 1.0, 0.01
+# Speed of a crank that is drawn over its arc, or of a cylinder over its stroke, m/s; and the part
+# of the arc or stroke left out at each end.
+_SLOW_RPM, _SLOW, _MARGIN = 1.0, 0.01, 0.01
 _MOTION = ('position', ''), ('velocity', '/s'), ('acceleration', '/s^2')
 
 
@@ -34,10 +35,10 @@ class Extent(NamedTuple):
 
     Attributes:
         low: Smallest value.
-        low_at: Crank angle or time of the smallest value, rad or s.
+        low_at: Crank angle, position or time of the smallest value, rad, m or s.
         high: Largest value.
-        high_at: Crank angle or time of the largest value, rad or s.
-        rms: Root mean square over the crank angle or the time.
+        high_at: The same of the largest value.
+        rms: Root mean square over this variable.
     """
 
     low: float
@@ -48,7 +49,7 @@ class Extent(NamedTuple):
 
 
 class Across(NamedTuple):
-    """The variable over which a motion is drawn: name, unit, and units per rad or s."""
+    """The variable over which a motion is drawn: name, unit, and units per rad, m or s."""
 
     name: str
     unit: str
@@ -56,6 +57,7 @@ class Across(NamedTuple):
 
 
 OVER_CRANK = Across('Crank angle', 'deg', 180 / math.pi)
+OVER_CYLINDER = Across('Position of the cylinder', 'm', 1.0)
 OVER_TIME = Across('Time', 's', 1.0)
 
 
@@ -64,10 +66,12 @@ class Period:
 
     Attributes:
         solver: Solver of the mechanism.
-        crank: Crank angles, rad. Without a law they increase, over a period from 0.
-        x: The crank angles or, along a law, the times, in increasing order, rad or s.
+        driven: The link whose joint is driven.
+        crank: Positions of this joint: crank angles, rad, or positions of a cylinder, m. Without a
+            law they increase, over a period from 0.
+        x: The same or, along a law, the times, in increasing order, rad, m or s.
         across: The variable in `x`.
-        speed: Mean crank speed, rad/s; along a law, its mean magnitude.
+        speed: Mean speed of the driven joint, rad/s or m/s; along a law, its mean magnitude.
         mean_power: Mean driving power over time, W.
         columns: Quantities by name, such as 'coupler.position'; angles are unwrapped.
     """
@@ -85,30 +89,44 @@ class Period:
         """Converts the states at all crank angles, and along a law the times, to columns."""
         self.solver = solver
         self.crank, self.speed, self.mean_power = crank, speed, mean_power
-        self.x, self.across = (crank, OVER_CRANK) if time is None else (time, OVER_TIME)
+        self.driven, driven = solver.structure.driven_link, solver.structure.driven
+        over = OVER_CYLINDER if self.driven.slides else OVER_CRANK
+        self.x, self.across = (crank, over) if time is None else (time, OVER_TIME)
         self.columns: dict[str, Column] = {}
         links = dict(zip(solver.links, solver.structure.links, strict=True))
         if time is not None:
             self.add('time', 's', time)
-        self.add('crank_angle', 'rad', crank)
+        if not self.driven.slides:
+            self.add('crank_angle', 'rad', crank)
         for i, link in enumerate(links.values()):
             for (name, per), rows in zip(_MOTION, state, strict=False):
                 is_angle = name == 'position' and not link.slides
                 values = np.unwrap(rows[i]) if is_angle else rows[i]
                 self.add(f'{link.name}.{name}', ('m' if link.slides else 'rad') + per, values)
-        self.add('driving_torque', 'N m', state.torque)
-        self.add('driving_power', 'W', state.torque * state.velocity[0])
+        self.add(self.effort, self.driven.units.effort, state.torque)
+        self.add('driving_power', 'W', state.torque * state.velocity[driven])
         self._add_loads(state)
         if 'C' in solver.structure.points:
             for (name, per), vector in zip(_MOTION, solver.point(state, 'C'), strict=True):
                 self.add(f'coupler_point.{name}', 'm' + per, vector)
 
     @property
+    def effort(self) -> str:
+        """Name of the column of the driving torque or force."""
+        return 'driving_force' if self.driven.slides else 'driving_torque'
+
+    @property
+    def effort_title(self) -> str:
+        """The driving torque or force with its unit, for a diagram."""
+        words = self.effort.replace('_', ' ').capitalize()
+        return f'{words}, {self.columns[self.effort].unit}'
+
+    @property
     def time(self) -> Array:
         """Time from the first crank angle to each crank angle, in either direction, s."""
         if self.across is OVER_TIME:
             return self.x
-        speed = np.abs(self.columns['crank.velocity'].values)
+        speed = np.abs(self.columns[f'{self.driven.name}.velocity'].values)
         steps = 2 * np.diff(self.crank) / (speed[1:] + speed[:-1])
         return np.concatenate([[0.0], np.cumsum(steps)])
 
@@ -179,6 +197,10 @@ def period_to_show(
     name, kind = Path(source).stem, design.kind.mechanism
     # If the crank angle does not determine the motion, the motor does.
     reach = Solver(design.mechanism).mobility
+    if reach and reach.slides and rpm is not None:
+        raise ConfigurationError(
+            f'--rpm is for a crank, but {source} drives a cylinder: leave it out'
+        )
     if reach is None:
         found = _settled(source, design, rpm, options)
     elif rpm is None and isinstance(design.drive, LawDrive):
@@ -228,7 +250,7 @@ def _along_law(source: str, design: Any, options: dict[str, Any]) -> tuple[Perio
     _require_no(options, f'the law of {source} determines its speed')
     drive, solver = design.drive, Solver(design.mechanism)
     period = law_period(solver, drive, reactions='reactions' in options)
-    return period, [solver.reach.grashof, drive.motion.law.words, *_ranges(period)]
+    return period, [_group(solver), drive.words(period.driven), *_ranges(period)]
 
 
 def _over_arc(
@@ -245,8 +267,16 @@ def _over_arc(
     low, high = min(arcs, key=lambda arc: (begin - arc[0]) % math.tau - (arc[1] - arc[0]))
     margin = _MARGIN * (high - low)  # the rates are infinite at the ends
     crank = np.linspace(low + margin, high - margin, 721)
-    period = _at_speed(solver, crank, rpm * math.pi / 30, reactions='reactions' in options)
-    return period, [solver.reach.grashof, f'{rpm:g} rpm over its arc', *_ranges(period)]
+    speed, words = rpm * math.pi / 30, f'{rpm:g} rpm over its arc'
+    if solver.reach.slides:
+        speed, words = _SLOW, f'{_SLOW:g} m/s over its stroke'
+    period = _at_speed(solver, crank, speed, reactions='reactions' in options)
+    return period, [_group(solver), words, *_ranges(period)]
+
+
+def _group(solver: Solver) -> str:
+    """Describes the class of a mechanism with one degree of freedom."""
+    return 'driven cylinder' if solver.reach.slides else solver.reach.grashof
 
 
 def _require_no(options: Mapping[str, Any], reason: str) -> None:
@@ -264,9 +294,9 @@ def _require_no(options: Mapping[str, Any], reason: str) -> None:
 
 
 def _ranges(period: Period) -> list[str]:
-    """Describes the ranges of the crank and of the output link."""
+    """Describes the ranges of the driven link and of the output link."""
     words = []
-    for name in (period.solver.links[0], period.solver.output):
+    for name in (period.driven.name, period.solver.output):
         unit, values = period.columns[f'{name}.position']
         low, high = float(values.min()), float(values.max())
         if unit == 'rad':
@@ -292,7 +322,9 @@ def law_period(solver: Solver, drive: LawDrive, *, reactions: bool = False) -> P
     Raises:
         ConfigurationError: The requested reactions are infinite at a change point.
     """
-    motion, law = LawMotion.begin(drive.motion.law, 0), drive.motion.law
+    driven = solver.structure.driven
+    law = drive.law(solver.structure.driven_link)
+    motion = LawMotion.begin(law, 0)
     last = law.duration
     even = {last * n // 720 for n in range(720)} | {max(last - 1, 1)}
     # At a point, the acceleration may jump: take 1 ns before it as well.
@@ -311,8 +343,8 @@ def law_period(solver: Solver, drive: LawDrive, *, reactions: bool = False) -> P
     time = with_breaks((found + np.where(before, 0.5, 0.0)) / 1e9, solver, states)
     state, angle = states(time), crank(time).unwrapped
     repeats = isinstance(law, Sine) or law.turns is not None
-    power = _load_power(solver, state) if repeats else state.torque * state.velocity[0]
-    speed = mean(time, np.abs(state.velocity[0]))
+    power = _load_power(solver, state) if repeats else state.torque * state.velocity[driven]
+    speed = mean(time, np.abs(state.velocity[driven]))
     period = Period(solver, angle, state, speed=speed, mean_power=mean(time, power), time=time)
     return _completed(period, state, reactions=reactions)
 
@@ -349,7 +381,7 @@ def _at_speed(
 ) -> Period:
     """Computes the motion at crank angles, rad; see `speed_driven_period`."""
     state = solver.state(crank, speed, acceleration)
-    power = state.torque * state.velocity[0]
+    power = state.torque * state.velocity[solver.structure.driven]
     if solver.reach.turns_fully:
         # Summing only the power of the loads and of the crank's acceleration avoids cancellation.
         ((inertia,),) = solver.matrix(crank)
@@ -373,7 +405,7 @@ def stepped(period: Period, step: float, *, reactions: bool = False) -> dict[str
         ConfigurationError: The crank has no constant speed.
     """
     given = [period.columns[f'crank.{name}'].values for name in ('velocity', 'acceleration')]
-    if period.across is OVER_TIME or any(np.ptp(values) for values in given):
+    if period.across is not OVER_CRANK or any(np.ptp(values) for values in given):
         raise ConfigurationError(
             '--csv is for a crank at a given speed: leave it out, or give --rpm if the crank has '
             'a law'
@@ -418,8 +450,11 @@ def _completed(period: Period, state: State, *, reactions: bool) -> Period:
     """Adds transmission ratios and, on request, reactions to a period."""
     solver = period.solver
     ratios = solver.state(period.crank, 1.0).velocity  # Mottola 2017, after eq. 33
-    for link, ratio in zip(solver.structure.links[1:], ratios[1:], strict=True):
-        period.add(f'{link.name}.transmission_ratio', 'm/rad' if link.slides else '1', ratio)
+    for link, ratio in zip(solver.structure.links, ratios, strict=True):
+        if link != period.driven:
+            units = link.units.position, period.driven.units.position
+            unit = '1' if units[0] == units[1] else '/'.join(units)
+            period.add(f'{link.name}.transmission_ratio', unit, ratio)
     if reactions:
         _add_reactions(period, state)
     return period

@@ -27,7 +27,15 @@ from linkage_lab import command_line
 from linkage_lab.charts import sweep as command
 from linkage_lab.charts.sweep import FRONT
 from linkage_lab.sweep import spread as command_spread
-from linkage_lab.sweep.measures import TURNS, Task, groups, measure, torque_of, with_value
+from linkage_lab.sweep.measures import (
+    MEASURES,
+    TURNS,
+    Task,
+    groups,
+    measure,
+    torque_of,
+    with_value,
+)
 from linkage_lab.sweep.spread import cluster, processes, spread
 from linkage_lab.sweep.study import Settings, _designs, _way, parameters
 from linkage_ros import Body, Frame
@@ -51,12 +59,13 @@ LENGTHS = {
                       'frame.angle', 'coupler.mass', 'coupler.center.0', 'gravity.1'),
     'slider_crank': ('crank.length', 'coupler.length', 'slider.offset', 'slider.mass',
                      'slider.damping', 'coupler.mass'),
+    'shaper': ('frame.length', 'crank.length', 'offset', 'barrel.mass', 'frame.angle', 'rod.mass'),
 }  # fmt: skip
 
 
 def drawn(preset, count, seed=0):
     """Returns a mechanism, and random values in wide ranges for some of its parameters."""
-    mechanism = load(preset).mechanism
+    mechanism = replace(load(preset).mechanism, dyads=(), loads=())
     base = {leaf.name: leaf.default or 0.1 for leaf in parameters(mechanism, None)}
     shares = np.random.default_rng(seed).uniform(0.5, 1.6, (count, len(LENGTHS[preset])))
     return mechanism, LENGTHS[preset], shares * [base[name] for name in LENGTHS[preset]]
@@ -105,13 +114,15 @@ def expected_measures(solver, angles, points):
         'rms_torque': math.sqrt(np.mean(state.torque**2)),
         'shaking_force': np.hypot(*solver.reactions(state).shaking_force).max(),
     }
-    moved, (low, high) = travel(solver), solver.reach.transmission
+    moved = travel(solver)
     way = moved.extremes[1] - moved.extremes[0] if moved.extremes else math.nan
     found |= {
         'stroke' if moved.slides else 'swing': way if moved.slides else math.degrees(way),
         'time_ratio': moved.time_ratio or math.nan,
-        'transmission_angle': math.degrees(min(low, math.pi - high)),
     }
+    if solver.reach.transmission:
+        low, high = solver.reach.transmission
+        found['transmission_angle'] = math.degrees(min(low, math.pi - high))
     if 'C' in solver.structure.points:
         x, y = solver.point(solver.state(np.linspace(0, 2 * math.pi, 100001)), 'C').position
         found['point_distance'] = max(np.abs(x + 1j * y - point).min() for point in points)
@@ -214,7 +225,8 @@ def test_measures_within_an_arc_match_the_solver(law):
     settings = {'times': (0.0, 0.4, 1.0), 'angles': (0.5, 2.0, 1.0)}
     drive = LawDrive(Prescribed(**settings))
     chosen = Settings('quadrilateral', angles=48, **({} if law else {'swing': (0.5, 2.0)}))
-    way, rpm = _way(chosen, drive), None if law else RPM
+    joint = mechanism.structure().driven_link
+    way, rpm = _way(chosen, drive, joint), None if law else RPM
     measures = 'peak_torque', 'rms_torque', 'shaking_force', 'swing', 'transmission_angle'
     found = measure(Task(mechanism, rpm, names, measures, 48, (), way), table)
     counts = [0, 0]
@@ -243,6 +255,37 @@ def test_measures_within_an_arc_match_the_solver(law):
         ]  # fmt: skip
         assert values == pytest.approx(expected, rel=1e-9)
     assert min(counts) > 3
+
+
+def test_measures_of_a_driven_cylinder_match_the_solver():
+    design = load('excavator')
+    mechanism, drive = design.mechanism, design.drive
+    way = _way(Settings('excavator', angles=48), drive, mechanism.structure().driven_link)
+    names = 'frame.length', 'barrel.mass'
+    table = np.random.default_rng(5).uniform((0.3, 10.0), (0.62, 40.0), (40, 2))
+    measures = 'peak_force', 'rms_force', 'shaking_force', 'swing'
+    found = measure(Task(mechanism, None, names, measures, 48, (), way), table)
+    solved = 0
+    for row, (fits, *values) in zip(table, found, strict=True):
+        changed = mechanism
+        for name, value in zip(names, row.tolist(), strict=True):
+            changed = with_value(changed, name, value)
+        solver = Solver(changed)
+        ((low, high),) = solver.reach.arcs
+        assert fits == (low < way.low and way.high < high)
+        if not fits:
+            continue
+        solved += 1
+        state = solver.state(way.angles, way.speeds, way.accelerations)
+        expected = [
+            np.abs(state.torque).max(), np.sqrt(np.mean(state.torque**2)),
+            np.hypot(*solver.reactions(state).shaking_force).max(),
+            np.degrees(np.ptp(np.unwrap(state.position[0]))),
+        ]  # fmt: skip
+        assert values == pytest.approx(expected, rel=1e-9)
+    assert 5 < solved < 35
+    for name in ('peak_torque', 'stroke'):
+        assert not MEASURES[name].applies(Task(mechanism, None, names, (name,), 48, (), way))
 
 
 def test_a_study_of_a_limited_crank_has_a_swing(run):

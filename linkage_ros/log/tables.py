@@ -34,11 +34,6 @@ from linkage_ros.units import NS_PER_S
 
 _TYPES = JOINT_STATE.name, JOINT_TRAJECTORY.name
 _IN_JOINT_STATE = tuple(name for name in QUANTITIES if name != 'acceleration')
-# Units of a turning and of a sliding joint.
-_UNITS = {
-    'position': ('rad', 'm'), 'velocity': ('rad/s', 'm/s'),
-    'acceleration': ('rad/s^2', 'm/s^2'), 'effort': ('N m', 'N'),
-}  # fmt: skip
 
 
 class WrittenTable(NamedTuple):
@@ -216,11 +211,11 @@ def _labels(path: Path | str) -> dict[str, str]:
         return labels
     joints, links = simulator.robot_joints, simulator.solver.structure.links
     for joint, link in zip(joints, links, strict=True):
-        for quantity, units in _UNITS.items():
+        for quantity, unit in zip(QUANTITIES, link.units, strict=False):
             name, origin = f'{joint.name}.{quantity}', ''
             if joint.parent is not None and quantity != 'effort':
                 origin = f' relative to {joints[joint.parent].name or links[joint.parent].name}'
-            labels[name] = f'{name}{origin} [{units[link.slides]}]'
+            labels[name] = f'{name}{origin} [{unit}]'
     return labels
 
 

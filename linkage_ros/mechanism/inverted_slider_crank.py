@@ -144,6 +144,18 @@ class ByRod(InvertedSliderCrankLoop):
     `side` is 1 if A lies to the left of the line from A0 to B0, otherwise -1.
     """
 
+    slides = True  # the arcs are positions, m
+
+    @property
+    def turns_fully(self) -> bool:
+        """Returns False, because the stroke has ends."""
+        return False
+
+    def arcs(self) -> tuple[Arc, ...]:
+        """Computes the positions between those at which crank and frame are in line, m."""
+        (short, _), (long, _) = self.ends
+        return ((short or -long, long),)
+
     def pose(self, q: tuple[Real, ...]) -> Pose:
         """Computes the pose of crank, barrel and rod at a position of the rod, m."""
         (slide,) = q
@@ -337,10 +349,9 @@ class InvertedSliderCrank(Mechanism):
         return self._reach_of_cylinder() if is_cylinder else self._reach_of_crank()
 
     def _reach_of_cylinder(self) -> Reach:
-        (short, _), (long, _) = self._ends()
-        arc = (short or -long, long)
+        arcs = self.loop_of(Description(('rod',), OPEN)).arcs()
         limits = ('crank and frame are in line at the ends of its stroke',)
-        return Reach('inverted slider-crank', (arc,), period_turns=0, limits=limits, slides=True)
+        return Reach('inverted slider-crank', arcs, period_turns=0, limits=limits, slides=True)
 
     def _reach_of_crank(self) -> Reach:
         r, d, _ = self._lengths()

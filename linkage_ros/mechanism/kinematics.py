@@ -10,7 +10,7 @@ import numpy as np
 from linkage_ros.errors import MechanismError, UnreachableError
 from linkage_ros.formulas import ZERO, Vector, turned
 from linkage_ros.numeric import Array, Real
-from linkage_ros.units import rad_and_deg
+from linkage_ros.units import SLIDING, TURNING, place_words
 
 Arc: TypeAlias = tuple[float, float]
 
@@ -178,7 +178,7 @@ class Reach(NamedTuple):
             MechanismError: The crank is limited. The message states class, causes and arcs.
         """
         if not self.turns_fully:
-            cures = f'; {" or ".join(self.cures)}'
+            cures = f'; {" or ".join(self.cures)}' * bool(self.cures)
             raise MechanismError(self._refusal('turn fully', cures) + otherwise)
 
     def refuse(self, crank: float) -> NoReturn:
@@ -190,8 +190,7 @@ class Reach(NamedTuple):
         Raises:
             UnreachableError: Always. The message states class, causes and reachable arcs.
         """
-        place = f'{crank:.9g} m' if self.slides else rad_and_deg(crank)
-        purpose = f'move at {place}'
+        purpose = f'move at {place_words(crank, SLIDING if self.slides else TURNING)}'
         raise UnreachableError(self._refusal(purpose), crank_angle=crank, arcs=self.arcs)
 
     def _refusal(self, purpose: str, cures: str = '') -> str:

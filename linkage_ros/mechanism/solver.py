@@ -245,6 +245,8 @@ class Solver:
         reach = reach_of(self.mechanism)
         if reach is None:
             return None
+        if reach.slides:
+            return reach
         turns = [load.turns for load in self.mechanism.loads]
         return reach._replace(period_turns=max([reach.period_turns, *turns]))
 

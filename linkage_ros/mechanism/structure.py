@@ -21,6 +21,7 @@ from linkage_ros.mechanism.parts import Body, Coupler
 from linkage_ros.mechanism.wrenches import FRAME
 from linkage_ros.numeric import Real
 from linkage_ros.quantities import Checked, shown
+from linkage_ros.units import SLIDING, TURNING, JointUnits
 
 
 class Point(NamedTuple):
@@ -108,6 +109,11 @@ class Link(NamedTuple):
     origin: complex = 0j
     angle: float = 0.0
     slides: bool = False
+
+    @property
+    def units(self) -> JointUnits:
+        """Units of the joint."""
+        return SLIDING if self.slides else TURNING
 
     @property
     def is_guided(self) -> bool:
@@ -212,9 +218,22 @@ class Structure(NamedTuple):
     added: tuple[Point, ...] = ()
 
     @property
+    def driven_link(self) -> Link:
+        """The link whose joint is driven."""
+        return self.links[self.driven]
+
+    @property
     def output(self) -> int:
-        """Index of the output link, whose travel is shown."""
-        return len(self.links) - 1
+        """Index of the output link, whose travel is shown.
+
+        It is the last link; for a cylinder, the crank if the cylinder is driven, else the barrel,
+        whose swing is that of a slotted lever.
+        """
+        last = len(self.links) - 1
+        if last == self.driven:
+            return 0
+        parent = self.links[last].parent
+        return last if parent is None or not self.links[last].slides else parent
 
     @property
     def closures(self) -> tuple[tuple[Point, int], ...]:

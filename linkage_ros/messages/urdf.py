@@ -48,13 +48,13 @@ def make_urdf(
         mechanism: Mechanism to export.
         joint_prefix: Prefix of all joint and link names, except frame_id.
         frame_id: Name of the root link, which carries the fixed pivots.
-        ros2_control: Whether to add a ros2_control tag, with which a controller drives the crank
-            of a node.
+        ros2_control: Whether to add a ros2_control tag, with which a controller drives the crank,
+            or the cylinder, of a node.
 
     Returns:
         The URDF as XML text.
     """
-    links = rigid_links(mechanism, joint_prefix)
+    links, driven = rigid_links(mechanism, joint_prefix), mechanism.structure().driven
     # The loop cannot close beyond these limits.
     (loop, output), *added = mechanism.structure().closures
     reach = {output: math.fsum(map(abs, (*loop.weights, loop.fixed)))}
@@ -65,7 +65,7 @@ def make_urdf(
     for i, link in enumerate(links):
         above = -1 if link.joint.parent is None else link.joint.parent
         robot.extend([_link(link), _joint(link, parents[above + 1], repr(reach.get(i)))])
-    robot.extend([_ros2_control(links[0].name)] if ros2_control else [])
+    robot.extend([_ros2_control(links[driven].name)] if ros2_control else [])
     ET.indent(robot)
     return ET.tostring(robot, encoding='unicode', xml_declaration=True) + '\n'
 
@@ -133,8 +133,8 @@ def _origin(x: float, y: float, z: float = 0.0, *, yaw: float = 0.0) -> ET.Eleme
     return element('origin', xyz=text_of(x, y, z), rpy=f'0 0 {yaw!r}')
 
 
-def _ros2_control(crank: str) -> ET.Element:
-    """Returns the tag for the crank only, because the node ignores commands for other joints."""
+def _ros2_control(driven: str) -> ET.Element:
+    """Returns the tag for the driven joint, because the node ignores commands for others."""
     states = (element('state_interface', name=n) for n in ('position', 'velocity', 'effort'))
     return element(
         'ros2_control',
@@ -143,7 +143,7 @@ def _ros2_control(crank: str) -> ET.Element:
             element('plugin', text=_PLUGIN),
             *(element('param', text=value, name=name) for name, value in _HARDWARE.items()),
         ),
-        element('joint', element('command_interface', name='effort'), *states, name=crank),
+        element('joint', element('command_interface', name='effort'), *states, name=driven),
         name='linkage',
         type='system',
     )

@@ -14,11 +14,11 @@ from linkage_ros.motion.law import Law, Moment, Spline
 from linkage_ros.motion.segments import Coordinates, Gravity, Motion, Segment, stacked
 from linkage_ros.motion.spline import joined
 from linkage_ros.numeric import nearest_turns, with_turns
-from linkage_ros.units import NS_PER_S
+from linkage_ros.units import NS_PER_S, SLIDING, TURNING, JointUnits
 
 # rad, rad/s or rad/s^2. Larger values cannot be meant, and their squares may overflow.
 _LARGEST = 1e12
-_UNITS = {'angle': 'rad', 'speed': 'rad/s', 'acceleration': 'rad/s^2'}
+_WORDS = {False: ('angle', 'speed', 'acceleration'), True: ('position', 'speed', 'acceleration')}
 
 
 @dataclass(frozen=True)
@@ -45,10 +45,13 @@ class LawSegment(Segment):
         """Returns the motion in this segment."""
         return LawMotion(self)
 
-    def words(self) -> str:
-        """Describes crank angle and speed at the start, and the law."""
+    def words(self, units: JointUnits) -> str:
+        """Describes position and rate at the start, and the law."""
         _, (speed,), _, angle, *_ = LawMotion(self).at(self.stamp)
-        return f'from {angle:.6f} rad, {speed:.6f} rad/s along {self.law.words}'
+        return (
+            f'from {angle:.6f} {units.position}, {speed:.6f} {units.velocity} along '
+            f'{self.law.words}'
+        )
 
 
 class LawMotion(Motion):
@@ -75,12 +78,14 @@ class LawMotion(Motion):
             stamp: Stamp at or after the start of the segment, ns.
 
         Returns:
-            Crank angle, speed and acceleration.
+            Position, rate and acceleration of the driven joint.
 
         Raises:
             MotionError: The motion ends before the stamp.
         """
         turns, angle, rate, acceleration = self._moment(stamp)
+        if self.segment.law.slides:
+            return Coordinates((angle,), (rate,), (acceleration,), angle)
         unwrapped = with_turns(angle, turns / 2)
         reduced = with_turns(angle, turns / 2 - int((turns + angle / math.tau) / 2))
         return Coordinates((reduced,), (rate,), (acceleration,), unwrapped)
@@ -127,7 +132,7 @@ class LawMotion(Motion):
         Args:
             stamp: Stamp at which to leave, ns.
             stamps: Stamps of the points, ns, increasing, after `stamp`.
-            angles: Crank angles at the points, with all turns, rad.
+            angles: Crank angles at the points, with all turns, rad; positions of a cylinder, m.
             slopes: Rates, or rates and accelerations, at the points; see `joined`.
 
         Returns:
@@ -137,11 +142,13 @@ class LawMotion(Motion):
             MotionError: This motion ends before the stamp.
         """
         turns, angle, *rates = self._moment(stamp)
-        extra = nearest_turns(angle)
+        slides = self.segment.law.slides
+        extra = 0 if slides else nearest_turns(angle)
         turns += extra
         start = Moment(turns, with_turns(angle, -extra / 2), *rates)
         near = [with_turns(angle, -turns / 2) for angle in angles]
         law = joined(start, [time - stamp for time in stamps], near, slopes)
+        law = law._replace(slides=slides)
         return LawMotion(LawSegment(stamp, law, 0, turns, gravity=self.segment.gravity))
 
     def time_to_turn(self, turns: int) -> None:
@@ -190,10 +197,11 @@ class LawMotion(Motion):
         """
         law, time = self.segment.law, self._time(stamp)
         if law.end is not None and time > law.end:
-            last = law.at(law.end)
+            last, units = law.at(law.end), SLIDING if law.slides else TURNING
             raise MotionError(
                 f'the motion ends {law.end / NS_PER_S:g} s after the start of its law, where the '
-                f'speed is still {last.rate:g} rad/s: end the law at rest, or repeat it',
+                f'speed is still {last.rate:g} {units.velocity}: end the law at rest, or repeat '
+                'it',
                 time=law.end / NS_PER_S, coordinates=(last.angle,),
             )  # fmt: skip
         found, turns = law.at(time), self.segment.turns
@@ -211,7 +219,8 @@ def require_possible(law: Law, solver: Solver) -> None:
         ConfigurationError: The crank leaves its arc, a value is not finite or beyond 1e12, or the
             crank reverses inside the stroke of a gas with valves.
     """
-    for (name, unit), value in zip(_UNITS.items(), law.largest, strict=True):
+    units = solver.structure.driven_link.units
+    for name, unit, value in zip(_WORDS[law.slides], units, law.largest, strict=False):
         if not value <= _LARGEST:
             raise ConfigurationError(
                 f'the {name} reaches up to {value:.3g} {unit}: must be at most {_LARGEST:g} '
@@ -224,7 +233,7 @@ def require_possible(law: Law, solver: Solver) -> None:
     begin = law.at(0).angle
     low = high = begin
     for start, end in reach.arcs:
-        turns = math.floor((begin - start) / math.tau) * math.tau
+        turns = 0.0 if reach.slides else math.floor((begin - start) / math.tau) * math.tau
         if start + turns < begin < end + turns:
             low, high = start + turns, end + turns
             reach = reach._replace(arcs=((low, high),))

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from linkage_ros.motion.segments import Coordinates, Gravity, Motion, Segment, stacked
-from linkage_ros.units import NS_PER_S, TIME_END
+from linkage_ros.units import NS_PER_S, TIME_END, JointUnits
 
 # Phases, speeds and accelerations are integers in units of 2^-128 turn, rpm and rpm/s. Doubles
 # above 1e-22 are exact in these units; rounding changes smaller values by less than 1e-38.
@@ -62,7 +62,7 @@ class SpeedSegment(Segment):
         """Returns the motion in this segment."""
         return SpeedMotion(self)
 
-    def words(self) -> str:
+    def words(self, units: JointUnits) -> str:  # noqa: ARG002, for other segments
         """Describes crank angle and speed at the start, and the set speed."""
         _, (speed,), _, angle, *_ = SpeedMotion(self).at(self.stamp)
         ramp = f' at {self.acceleration:g} rad/s^2' if self.acceleration else ''

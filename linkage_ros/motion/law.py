@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Laws of motion: the crank angle as a function of time, with its first two derivatives.
+"""Laws of motion: the position of the driven joint over time, with its first two derivatives.
 
 Times are integers, ns, and whole turns are counted, so that a law that repeats loses no digit
 after any time.
@@ -58,7 +58,7 @@ def _direction(angle: int) -> tuple[float, float]:
 
 
 class Moment(NamedTuple):
-    """The crank at a time.
+    """The driven joint at a time; a cylinder's values are in m instead of rad.
 
     Attributes:
         turns: Whole turns to add to the angle.
@@ -81,12 +81,14 @@ class Sine(NamedTuple):
         amplitude: Amplitude, rad.
         frequency: Frequency, Hz.
         phase: Phase at t = 0, rad.
+        slides: Whether it is the law of a cylinder, whose center and amplitude are in m.
     """
 
     center: float
     amplitude: float
     frequency: float
     phase: float
+    slides: bool = False
 
     @property
     def duration(self) -> int:
@@ -101,8 +103,9 @@ class Sine(NamedTuple):
     @property
     def words(self) -> str:
         """Describes the law; angles in degrees."""
-        center, amplitude = math.degrees(self.center), math.degrees(self.amplitude)
-        return f'{center:g} deg with amplitude {amplitude:g} deg at {self.frequency:g} Hz'
+        unit, scale = ('m', 1.0) if self.slides else ('deg', math.degrees(1.0))
+        center, amplitude = self.center * scale, self.amplitude * scale
+        return f'{center:g} {unit} with amplitude {amplitude:g} {unit} at {self.frequency:g} Hz'
 
     def at(self, time: int) -> Moment:
         """Returns the crank at a time, ns."""
@@ -126,7 +129,7 @@ class Sine(NamedTuple):
         return [0, *(round(share / Fraction(self.frequency) * NS_PER_S) for share in shares)]
 
     def __str__(self) -> str:
-        return json.dumps(self._asdict())
+        return _text(self)
 
 
 class Spline(NamedTuple):
@@ -139,11 +142,13 @@ class Spline(NamedTuple):
             angle there. Without it, the law repeats, or the motion ends at the last point.
         turns: Whole turns by which the crank advances each time that the law repeats; None if it
             does not repeat.
+        slides: Whether it is the law of a cylinder, whose coefficients are in m/s^n.
     """
 
     times: tuple[int, ...]
     rows: tuple[tuple[float, ...], ...]
     turns: int | None = None
+    slides: bool = False
 
     @property
     def duration(self) -> int:
@@ -219,10 +224,15 @@ class Spline(NamedTuple):
         return found
 
     def __str__(self) -> str:
-        return json.dumps(self._asdict())
+        return _text(self)
 
 
 Law: TypeAlias = Sine | Spline
+
+
+def _text(law: Law) -> str:
+    """Returns a law as JSON; `parse_law` inverts it."""
+    return json.dumps({k: v for k, v in law._asdict().items() if k != 'slides' or v})
 
 
 def parse_law(text: str) -> Law:
@@ -238,8 +248,9 @@ def parse_law(text: str) -> Law:
         ValueError: The text is not a law. Malformed text may raise other exceptions.
     """
     fields = json.loads(text)
+    slides = bool(fields.pop('slides', False))
     if 'frequency' in fields:
-        law = Sine(**{name: float(value) for name, value in fields.items()})
+        law = Sine(**{name: float(value) for name, value in fields.items()}, slides=slides)
         if not law.frequency > 0:
             raise ValueError(f'frequency = {law.frequency}: must be above 0')
         return law
@@ -252,4 +263,4 @@ def parse_law(text: str) -> Law:
         raise ValueError('not a spline: its points and polynomials do not match')
     if not all(rows) or not all(map(math.isfinite, chain(*rows))):
         raise ValueError('not a spline: a polynomial is empty or not finite')
-    return Spline(times, rows, turns)
+    return Spline(times, rows, turns, slides)

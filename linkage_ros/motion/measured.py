@@ -23,7 +23,7 @@ from fractions import Fraction
 
 from linkage_ros.motion.segments import Coordinates, Gravity, Segment
 from linkage_ros.numeric import with_turns, within_two_turns
-from linkage_ros.units import NS_PER_S
+from linkage_ros.units import NS_PER_S, JointUnits
 
 # ns. Stamps jump back farther than this only if a bag is looped or a simulator is restarted.
 _RESTART = NS_PER_S
@@ -47,7 +47,7 @@ class FollowSegment(Segment):
 
     gravity: Gravity
 
-    def words(self) -> str:
+    def words(self, units: JointUnits) -> str:  # noqa: ARG002, for other segments
         """Describes the segment."""
         return 'measured'
 
@@ -107,7 +107,8 @@ class FollowMotion:
 
         Args:
             bandwidth: Bandwidth of the filter, Hz; 0 to set rates and accelerations to 0.
-            period_turns: Number of crank turns after which the mechanism's motion repeats.
+            period_turns: Number of crank turns after which the mechanism's motion repeats; 0 for a
+                cylinder, which has no turns.
         """
         self._bandwidth, self._period_turns = bandwidth, period_turns
         w = 2 * math.pi * bandwidth
@@ -123,8 +124,8 @@ class FollowMotion:
 
         Args:
             stamp: Time of the measurement, ns.
-            position: Crank angle, rad.
-            velocity: Crank speed, rad/s; None or NaN if it was not measured.
+            position: Crank angle, rad, or position of a cylinder, m.
+            velocity: Its rate, rad/s or m/s; None or NaN if it was not measured.
 
         Returns:
             The coordinates at the stamp. The crank angle is the measured one; if the motion
@@ -142,7 +143,7 @@ class FollowMotion:
             self._restart()
             angle = self._angle
         time = angle.elapsed(stamp)
-        turns = self._turns_since(time, position)
+        turns = self._turns_since(time, position) if self._period_turns else 0
         self._turns += turns
         angle.advance(stamp, time, position + turns * _TURN, velocity or 0.0)
         angle.value = position
@@ -153,6 +154,8 @@ class FollowMotion:
             rate, change = velocity, speed.rate
         if not self._w2:
             rate = change = 0.0
+        if not self._period_turns:
+            return Coordinates((position,), (rate,), (change,), position)
         reduced, _ = within_two_turns(position)
         if self._turns % self._period_turns:
             reduced = with_turns(reduced, Fraction(-1 if reduced > 0 else 1, 2))

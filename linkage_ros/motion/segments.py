@@ -16,6 +16,7 @@ import numpy as np
 from linkage_ros.mechanism.kinematics import State
 from linkage_ros.mechanism.solver import NO_FORCES
 from linkage_ros.numeric import Array, Real
+from linkage_ros.units import JointUnits
 
 Gravity: TypeAlias = tuple[float, float]
 
@@ -35,8 +36,8 @@ class Segment(ABC):
         return None
 
     @abstractmethod
-    def words(self) -> str:
-        """Describes the segment, without its start and gravity."""
+    def words(self, units: JointUnits) -> str:
+        """Describes the segment, without its start and gravity; units of the driven joint."""
 
 
 class Motion(ABC):
@@ -117,10 +118,11 @@ class Coordinates(NamedTuple):
 
     Attributes:
         q: Crank angle, rad, reduced to the range of two turns, after which every state repeats;
-            for a wind pump also the slider's position, m.
+            for a wind pump also the slider's position, m; for a driven cylinder its position, m.
         u: Rates of the coordinates, rad/s and m/s.
         a: Accelerations of the coordinates, rad/s^2 and m/s^2.
-        unwrapped: Crank angle including all turns, correctly rounded, rad.
+        unwrapped: Position of the driven joint, correctly rounded: crank angle including all
+            turns, rad, or position of a cylinder, m.
         state: The state, if the motion may be in another assembly so that the coordinates do not
             determine the state; otherwise None.
         frame: Direction of base_link, rad, its rate, rad/s, and its acceleration, rad/s^2; empty

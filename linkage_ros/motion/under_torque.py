@@ -19,7 +19,7 @@ from linkage_ros.motion.segments import Coordinates, Motion, Segment, stacked
 from linkage_ros.motion.steps import FixedSteps, Integrate, StiffSteps, Values, live_steps
 from linkage_ros.numeric import Real, wrap
 from linkage_ros.quantities import Checked, quantity
-from linkage_ros.units import NS_PER_S
+from linkage_ros.units import NS_PER_S, TURNING, JointUnits
 
 # Longest delay, ns, that a late run catches up with. Catching up with more would take so long that
 # the delay would grow.
@@ -32,26 +32,33 @@ _ROUNDINGS = 8  # largest number of conversions to joint angles and back; see `l
 class Motor(Checked):
     """A motor whose torque decreases linearly with the crank speed.
 
+    On a cylinder, it is a force that decreases with the cylinder's rate.
+
     Attributes:
-        torque: Torque at rest, N m, positive counter-clockwise.
-        damping: Decrease in torque per unit of crank speed, N m s.
+        torque: Torque at rest, N m, positive counter-clockwise; force that lengthens a cylinder,
+            N.
+        damping: Decrease in torque per unit of crank speed, N m s; N s/m for a cylinder.
     """
 
     torque: float = quantity(
-        'number', 'motor torque at rest, counter-clockwise positive', 'N m', span=(-1e12, 1e12),
-        live=True, default=0.0,
+        'number', 'motor torque at rest, counter-clockwise positive; force that lengthens a '
+        'driven cylinder', 'N m or N', span=(-1e12, 1e12), live=True, default=0.0,
     )  # fmt: skip
     damping: float = quantity(
         'number',
-        'decrease of motor torque per crank speed',
-        'N m s',
+        'decrease of motor torque per crank speed, or of force per rate of a cylinder',
+        'N m s or N s/m',
         span=(0.0, 1e12),
         default=0.0,
     )
 
     def __str__(self) -> str:
-        lost = f' - {self.damping:g} N m s x speed' if self.damping else ''
-        return f'motor {self.torque:g} N m{lost}'
+        return self.words()
+
+    def words(self, units: JointUnits = TURNING) -> str:
+        """Describes the motor of a joint with these units."""
+        lost = f' - {self.damping:g} {units.damping} x speed' if self.damping else ''
+        return f'motor {self.torque:g} {units.effort}{lost}'
 
     def at(self, speed: Real) -> Real:
         """Returns the torque, N m, at a crank speed or an array of crank speeds, rad/s."""
@@ -63,7 +70,7 @@ class TorqueSegment(Segment):
     """A segment in which a motor torque drives the mechanism.
 
     Attributes:
-        torque: Torque of the motor at rest, N m.
+        torque: Torque of the motor at rest, N m, or its force, N.
         old_stamp: If a step of the clock started the segment, the stamp of its start on the old
             clock, ns; otherwise None.
         description: Coordinates and assembly of the motion; None for the mechanism's own.
@@ -73,9 +80,9 @@ class TorqueSegment(Segment):
     old_stamp: int | None = None
     description: Description | None = None
 
-    def words(self) -> str:
+    def words(self, units: JointUnits) -> str:
         """Describes the motor's torque and, if they are not the usual ones, the coordinates."""
-        words = f'motor torque {self.torque:g} N m'
+        words = f'motor torque {self.torque:g} {units.effort}'
         if self.description:
             coordinates, assembly = self.description
             words += f', described by {" and ".join(coordinates)}, {assembly}'

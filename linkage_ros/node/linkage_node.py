@@ -107,9 +107,11 @@ class LinkageNode(ParameterNode):
         self._monitor = HealthMonitor(name)
         self.get_logger().info(preset_note(given) + summary(configuration, simulator.solver))
         if self._drive.given is Given.MEASUREMENT and simulator.guesses_zero:
+            joint = simulator.solver.structure.driven_link
+            meaning = 'a rod at 0 m' if joint.slides else 'the direction of +x'
             self.get_logger().warning(
-                f"joints.crank.zero is not given, so zero 0: {simulator.crank_joint}'s 0 is taken "
-                'as the direction of +x'
+                f'joints.{joint.name}.zero is not given, so zero 0: '
+                f"{simulator.crank_joint}'s 0 is taken as {meaning}"
             )
         for line in notes(configuration):
             self.get_logger().warning(line)
@@ -292,10 +294,14 @@ class LinkageNode(ParameterNode):
     def _figures(self) -> dict[str, str]:
         if self._state is None:
             return {}
-        residual = self._simulator.solver.structure.loop_residual(self._state)
+        structure = self._simulator.solver.structure
+        joint, residual = structure.driven_link, structure.loop_residual(self._state)
+        force = 'driving force' if joint.slides else 'driving torque'
         return {
-            'crank speed, rad/s': f'{self._state.velocity[0]:.6g}',
-            'driving torque, N m': f'{self._state.torque:.6g}',
+            f'{joint.name} speed, {joint.units.velocity}': (
+                f'{self._state.velocity[structure.driven]:.6g}'
+            ),
+            f'{force}, {joint.units.effort}': f'{self._state.torque:.6g}',
             'loop residual, m': f'{residual:.3g}',
         }
 

@@ -20,7 +20,7 @@ from linkage_ros.mechanism.solver import Solver
 from linkage_ros.motion.segments import Segment
 from linkage_ros.settings.parameters import parameter_leaves
 from linkage_ros.settings.summary import notes, summary
-from linkage_ros.units import NS_PER_S
+from linkage_ros.units import NS_PER_S, JointUnits
 
 _NAME = 'linkage_log'
 # Stamps below this, s, are times since the start of a record, not dates.
@@ -54,7 +54,8 @@ def info(log: LogReader) -> Iterator[str]:
         renamed = f', {role}' if role and not name.endswith(f'/{role}') else ''
         yield f'  {name:{width}}  {count:9d}  {kind}{renamed}'
     yield 'motion:'
-    yield from (f'  {_time(segment.stamp)}: {_motion(segment)}' for segment in log.motions)
+    joint = solver.structure.driven_link.units
+    yield from (f'  {_time(segment.stamp)}: {_motion(segment, joint)}' for segment in log.motions)
     yield 'configuration:'
     values = log.configuration.parameters()
     leaves = parameter_leaves(log.configuration.kind, values)
@@ -64,10 +65,10 @@ def info(log: LogReader) -> Iterator[str]:
         yield f'  {name}: {text}' + (f'  # {units[name]}' if units[name] else '')
 
 
-def _motion(segment: Segment) -> str:
+def _motion(segment: Segment, units: JointUnits) -> str:
     gravity = getattr(segment, 'gravity', None)
     under = f', gravity {list(gravity)} m/s^2' if gravity else ''
-    return f'{segment.words()}{under}'
+    return f'{segment.words(units)}{under}'
 
 
 def _time(stamp: int) -> str:

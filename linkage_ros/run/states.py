@@ -43,7 +43,8 @@ class Simulator:
         solver: Solver of the mechanism.
         robot_joints: The joint of each link in messages.
         joints: Names of the published joints, in the order of the messages.
-        crank_joint: Name of the crank in measurements, commands and trajectories.
+        driven: Index of the driven link.
+        crank_joint: Name of the driven joint in measurements, commands and trajectories.
         templates: Templates of the messages of a state.
         ticks: Times of the ticks.
         forces: Force [x, y], N, of each load whose force messages give, by name, without a
@@ -62,7 +63,8 @@ class Simulator:
         prefix, frame_id = session.joint_prefix, session.frame_id
         self.robot_joints = joints = configuration.robot_joints
         self.joints = tuple(joint.name for joint in joints if joint.name)
-        self.crank_joint = session.crank_joint or self.joints[0]
+        self.driven = driven = self.solver.structure.driven
+        self.crank_joint = session.crank_joint or joints[driven].name
         self.description: bytes | None = None
         if session.publish_description or (
             session.publish_description is None and not configuration.joints
@@ -75,17 +77,19 @@ class Simulator:
         self.ticks = TickRate(session.rate_hz)
         self.forces = {force.name: force.held.value for force in self.live_forces().values()}
         self.machine = Machine(
-            self.solver, self.ticks.elapsed(1), self.crank_joint, joints[0], self.lead,
+            self.solver, self.ticks.elapsed(1), self.crank_joint, joints[driven], self.lead,
             forces=self.forces,
         )  # fmt: skip
         self._other: tuple[Gravity, Simulator] | None = None  # the last result of `under`
 
     @property
     def guesses_zero(self) -> bool:
-        """Whether the crank has the name of a robot's joint, but its zero is not given."""
+        """Whether the driven joint has the name of a robot's, but its zero is not given."""
         prefix, given = self.configuration.session.joint_prefix, self.configuration.joints
-        is_own = self.crank_joint == own_joints(self.solver.structure.links, prefix)[0].name
-        return not is_own and ('crank' not in given or given['crank'].zero is None)
+        links, driven = self.solver.structure.links, self.driven
+        is_own = self.crank_joint == own_joints(links, prefix)[driven].name
+        name = links[driven].name
+        return not is_own and (name not in given or given[name].zero is None)
 
     def under(self, gravity: Gravity | None) -> 'Simulator':
         """Returns the simulator under another gravity, m/s^2; None for that of the configuration.
@@ -216,15 +220,17 @@ class Simulator:
 
         Returns:
             Positions, rad and m, and rates of the links, shape (n, links), and the driving torque,
-            N m, shape (n, 1).
+            N m, or force, N, shape (n, 1).
         """
-        joints, count = self.robot_joints, len(self.joints)
-        torque = numbers[:, 2 * count :][:, :1] * joints[0].ratio
+        joints, count, link = self.robot_joints, len(self.joints), self.driven
+        joint, place = joints[link], self.joints.index(joints[link].name)
+        torque = numbers[:, 2 * count :][:, place, np.newaxis] * joint.ratio
         table = np.reshape(numbers[:, : 2 * count].T, (2, count, -1))
-        if count < len(joints):  # the others follow from the crank
-            crank, rate = joints[0].own(table[0, 0]), table[1, 0] / joints[0].ratio
-            state = self.solver.state(crank, rate, 0.0 * rate)
-            table = np.array([(crank, *state.position[1:]), state.velocity])
+        if count < len(joints):  # the others follow from the driven joint
+            driven, rate = joint.own(table[0, place]), table[1, place] / joint.ratio
+            state = self.solver.state(driven, rate, 0.0 * rate)
+            table = np.array([state.position, state.velocity])
+            table[0, link] = driven
         else:
             table = link_rows(joints, table)
         return table[0].T, table[1].T, torque

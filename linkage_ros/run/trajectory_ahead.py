@@ -41,7 +41,7 @@ class TrajectoryAhead:
         """
         self.topic = TRAJECTORY_COMMANDS._replace(name=drive.trajectory_command_topic)
         self._names = simulator.crank_joint, simulator.configuration.session.frame_id
-        self._joint = simulator.robot_joints[0]
+        self._joint = simulator.machine.joint
         self._simulator, self._solver = simulator, simulator.solver
         self._horizon = round(drive.trajectory_horizon * NS_PER_S)
         self._motion: Motion | None = None

@@ -70,7 +70,7 @@ class Session(Checked):
         viewer: A value described by `VIEWERS`, which the view checks; empty for no viewer.
         viewer_bind: Address on which the data of a spawned viewer or the web page is served.
         joint_prefix: Prefix of all joint names in messages and all link names in the URDF.
-        crank_joint: Name of the crank joint in measurements, commands and trajectories; empty for
+        crank_joint: Name of the driven joint in measurements, commands and trajectories; empty for
             its name in the other messages.
         frame_id: Name of the link that carries the fixed pivots, and frame of the messages.
         publish_description: Whether to publish robot_description; None to publish it unless the
@@ -89,8 +89,8 @@ class Session(Checked):
         pattern=JOINT_PREFIX, default='',
     )  # fmt: skip
     crank_joint: str = quantity(
-        'text', "a robot's name for the crank, in measurements, commands and trajectories; "
-        'empty: crank, after joint_prefix', default='',
+        'text', "a robot's name for the driven joint, in measurements, commands and trajectories; "
+        'empty: crank (or rod), after joint_prefix', default='',
     )  # fmt: skip
     frame_id: str = quantity(
         'text', 'link that carries the fixed pivots; joint_prefix does not apply to it',
@@ -111,22 +111,24 @@ class Session(Checked):
         Raises:
             ConfigurationError: The name is already in use.
         """
-        links = mechanism.structure().links
+        links, driven = mechanism.structure().links, mechanism.structure().driven
         joints = [joint.name for joint in own_joints(links, self.joint_prefix)]
         if self.frame_id in {*joints, *map(link_of, joints)}:
             raise ConfigurationError(
                 f'frame_id = {shown(self.frame_id)}: must not be a joint or moving link of this '
                 'linkage; name the link that carries its fixed pivots, or change joint_prefix'
             )
-        if self.crank_joint and robot[0].name != joints[0]:
+        own, others = joints[driven], [*joints[:driven], *joints[driven + 1 :]]
+        name = links[driven].name
+        if self.crank_joint and robot[driven].name != own:
             raise ConfigurationError(
-                f'crank_joint = {shown(self.crank_joint)}: joints.crank.name already names the '
-                'crank; leave crank_joint out'
+                f'crank_joint = {shown(self.crank_joint)}: joints.{name}.name already names the '
+                f'{name}; leave crank_joint out'
             )
-        if self.crank_joint in joints[1:]:
+        if self.crank_joint in others:
             raise ConfigurationError(
                 f'crank_joint = {shown(self.crank_joint)}: must not be another joint of this '
-                f"linkage, {', '.join(joints[1:])}; give the robot's name for the crank"
+                f"linkage, {', '.join(others)}; give the robot's name for the {name}"
             )
 
 

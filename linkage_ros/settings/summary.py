@@ -26,12 +26,13 @@ def summary(configuration: Configuration, solver: Solver) -> str:
     """
     words = [configuration.kind.mechanism, configuration.mechanism.assembly]
     if reach := solver.mobility:
-        words.append(reach.grashof)
+        words.append('driven cylinder' if reach.slides else reach.grashof)
         if reach.turns_fully:
             words += travel(solver).words()
     drive = configuration.drive
     rate = f' at {configuration.session.rate_hz:g} Hz'
-    words.append(drive.words() + ('' if drive.given is Given.MEASUREMENT else rate))
+    moved = drive.words(solver.structure.driven_link)
+    words.append(moved + ('' if drive.given is Given.MEASUREMENT else rate))
     return ', '.join(words)
 
 

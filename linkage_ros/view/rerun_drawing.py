@@ -65,9 +65,12 @@ class Picture:
         sliders = [joint for joint in joints if joint not in turning]
         self._turning, self._sliders = ([*map(joints.index, row)] for row in (turning, sliders))
         # Links whose curves each entity holds.
+        joint = mechanism.structure().driven_link
         self._curves = {
-            VALUES: ('crank', *sliders, *sliders), RATES: turning, DIRECTIONS: turning[1:],
+            VALUES: (joint.name, *sliders, *sliders), RATES: turning,
+            DIRECTIONS: turning if joint.slides else turning[1:],
         }  # fmt: skip
+        self._driven = joint
         self._directions = np.zeros((1, len(turning)))  # at the last sample, rad
         self._last_frame = -1
 
@@ -80,7 +83,7 @@ class Picture:
             stamps: Stamps of the samples, ns, shape (n,), n > 0.
             places: Positions of the links, rad and m, shape (n, links).
             rates: Rates of the links, rad/s and m/s, shape (n, links).
-            torque: Driving torque, N m, shape (n, 1).
+            torque: Driving torque, N m, or force, N, shape (n, 1).
 
         Yields:
             Rows of the moving parts and of the curves.
@@ -90,7 +93,8 @@ class Picture:
         places[:, turning] -= 2 * math.pi * np.cumsum(np.round(steps / (2 * math.pi)), axis=0)
         self._directions = places[-1:, turning]
         values = [torque, places[:, sliders], rates[:, sliders]]
-        directions = np.degrees(places[:, turning[1:]])
+        shown = [*map(self.drawing.joints.index, self._curves[DIRECTIONS])]
+        directions = np.degrees(places[:, shown])
         curves = np.concatenate(values, axis=1), rates[:, turning], directions
         for entity, part in zip(self._curves, curves, strict=True):
             yield entity, stamps, [_column(_SCALARS, pa.array(part.ravel()), part.shape)]
@@ -174,13 +178,17 @@ class Picture:
             contents=f'/{LINKAGE}/**',
             visual_bounds=rrb.VisualBounds2D(x_range=(left, right), y_range=(-high, -low)),
         )
-        first = [self._plot('Torque, N m', VALUES, 0), self._plot('Rates, rad/s', RATES)]
+        drive = 'Force, N' if self._driven.slides else 'Torque, N m'
+        first = [self._plot(drive, VALUES, 0), self._plot('Rates, rad/s', RATES)]
         second = [self._plot('Angles, deg', DIRECTIONS)]
-        if self._drive.given is Given.TORQUE:
+        if self._drive.given is Given.TORQUE and not self._driven.slides:
             first.insert(0, self._plot('Crank speed, rad/s', RATES, 0))
-        if len(self._curves[VALUES]) > 1:
-            second = [self._plot('Slider, m', VALUES, 1), self._plot('Slider, m/s', VALUES, 2),
-                      *second]  # fmt: skip
+        sliders = [self.drawing.joints[j] for j in self._sliders]
+        names = [f'{name.replace("_", " ").capitalize()}, {unit}'
+                 for unit in ('m', 'm/s') for name in sliders]  # fmt: skip
+        second = [
+            *(self._plot(name, VALUES, number) for number, name in enumerate(names, 1)), *second
+        ]  # fmt: skip
         parts = linkage, rrb.Horizontal(rrb.Tabs(*first), rrb.Tabs(*second))
         is_wide = right - left > _WIDE * (high - low)
         return rrb.Blueprint(

@@ -31,7 +31,7 @@ from linkage_lab.output import (
     pictures,
     save_csv,
 )
-from linkage_lab.period import OVER_CRANK, Period, extent, period_to_show, stepped
+from linkage_lab.period import OVER_TIME, Period, extent, period_to_show, stepped
 from linkage_ros import ConfigurationError, load, palette
 from linkage_ros.formulas import Array
 from linkage_ros.palette import BLACK, COLORS, DARK, Color, color_of, fractions
@@ -52,17 +52,14 @@ _TALLEST, _LINKAGE, _ABOVE, _ROW, _GAP, _FOOT, _LINE, _ROWS = (
 _MARGIN, _LEFT_OF_TEXT, _TABLE = 1.05, 4.3, 5.4
 _SINGLE = 6  # most diagrams in one column
 _DRAWN_AT = 45.0  # crank angle of the drawing, deg, at which links rarely overlap
-_TITLES = {
-    'deg': 'Direction', 'rad/s': 'Rate', 'rad/s\u00b2': 'Acceleration', 'N m': 'Driving torque',
-    'm': 'Slider', 'm/s': 'Slider', 'm/s\u00b2': 'Slider',
-}  # fmt: skip
+_TITLES = {'deg': 'Direction', 'rad/s': 'Rate', 'rad/s\u00b2': 'Acceleration'}
 _DASHES = ('-', (0, (6, 3)), (0, (3, 3)), (0, (1, 2)))
 # A pin's force has the colour of the link on which it acts; the force at B0 has the colour of the
 # ground. Shaking force, shaking moment and guide force have colours of their own.
 _FORCES: dict[str, Color] = {
     'A0': COLORS['crank'], 'A': COLORS['coupler'], 'B': COLORS['rocker'], 'B0': DARK,
     'guide': BLACK, 'force.x': BLACK, 'force.y': DARK, 'moment': BLACK, 'power': BLACK,
-    'torque': COLORS['crank'], 'C.x': COLORS['coupler'], 'C.y': DARK,
+    'torque': COLORS['crank'], 'force': COLORS['rod'], 'C.x': COLORS['coupler'], 'C.y': DARK,
 }  # fmt: skip
 # Colours of the designs, in order.
 DESIGN_COLORS = (
@@ -110,10 +107,11 @@ def motion(options: argparse.Namespace) -> None:
     ]
     periods = dict(zip(names, (period for period, _ in shown), strict=True))
     period, title = shown[0]
-    if len({one.across for one in periods.values()}) > 1:
+    if len({(one.across, one.effort) for one in periods.values()}) > 1:
         raise ConfigurationError(
-            'a motion along a law is drawn over time, the others over the crank angle: draw them '
-            'separately, or give --rpm'
+            'a motion along a law is drawn over time, that of a driven cylinder over its position '
+            'and with its force, the others over the crank angle: draw them separately, or give '
+            '--rpm'
         )
     stem = 'comparison' if len(names) > 1 else f'{names[0]}_motion'
     drawn, table = pictures(options, stem, *options.params), options.out / f'{stem}.csv'
@@ -128,7 +126,7 @@ def motion(options: argparse.Namespace) -> None:
             rows = zip(*(values.tolist() for _, values in columns.values()), strict=True)
             save_csv(table, head, rows)
             lines = [', '.join(title)]
-            angle = math.degrees(period.crank[_drawn(period)])
+            angle = math.degrees(period.columns['crank.position'].values[_drawn(period)])
             remarks = [*title[1:], f'mean power {period.mean_power:.4g} W',
                        f'drawn at crank angle {angle:.4g} deg']  # fmt: skip
         if options.fluctuation is not None:
@@ -177,10 +175,10 @@ def _measures(period: Period) -> dict[str, float | None]:
     solver, columns = period.solver, period.columns
     link, found = solver.structure.links[solver.structure.output], period.travel
     way, torque = (
-        extent(period.x, columns[name].values)
-        for name in (f'{link.name}.position', 'driving_torque')
+        extent(period.x, columns[name].values) for name in (f'{link.name}.position', period.effort)
     )
     angles = found.transmission if found else None
+    word, unit = period.effort.removeprefix('driving_'), period.driven.units.effort
     force = [columns[name].values for name in columns if name.startswith('shaking_force')]
     return {
         'swing [deg]': None if link.slides else math.degrees(way.high - way.low),
@@ -189,8 +187,8 @@ def _measures(period: Period) -> dict[str, float | None]:
         'least transmission angle [deg]': (
             math.degrees(min(angles[0], math.pi - angles[1])) if angles else None
         ),
-        'peak torque [N m]': max(-torque.low, torque.high),
-        'rms torque [N m]': torque.rms,
+        f'peak {word} [{unit}]': max(-torque.low, torque.high),
+        f'rms {word} [{unit}]': torque.rms,
         'mean power [W]': period.mean_power,
         'peak shaking force [N]': float(np.hypot(*force).max()) if force else None,
     }
@@ -273,7 +271,8 @@ def _draw_motion(
 
 def _drawn(period: Period) -> int:
     """Returns the sample of the drawing."""
-    apart = np.exp(1j * period.crank) - cmath.rect(1.0, math.radians(_DRAWN_AT))
+    crank = period.columns['crank.position'].values
+    apart = np.exp(1j * crank) - cmath.rect(1.0, math.radians(_DRAWN_AT))
     return int(np.abs(apart).argmin())
 
 
@@ -285,13 +284,14 @@ def _wrapped(text: str, width: int) -> str:
 
 def _panels(period: Period, show: Collection[str]) -> Iterator[_Panel]:
     """Yields the diagrams of one mechanism."""
-    columns, links = period.columns, period.solver.links
-    even = not np.ptp(columns['crank.velocity'].values)
+    columns, links, driven = period.columns, period.solver.links, period.driven.name
+    even = not np.ptp(columns[f'{driven}.velocity'].values)
     for quantity in QUANTITIES:
         if quantity not in show:
             continue
         if quantity == 'torque':
-            yield _Panel('Driving torque, N m', [_curve(period, 'driving_torque', 'torque')])
+            word = period.effort.removeprefix('driving_')
+            yield _Panel(period.effort_title, [_curve(period, period.effort, word)])
         elif quantity == 'load':
             loads = [name for name in columns if name.endswith('.load')]
             yield from _by_unit([_curve(period, x, x.replace('.', ' ')) for x in loads], 'Load')
@@ -303,8 +303,8 @@ def _panels(period: Period, show: Collection[str]) -> Iterator[_Panel]:
             point = [name for name in columns if name.startswith('coupler_point.position')]
             yield from _by_unit([_curve(period, x, f'C.{x[-1]}') for x in point], 'Coupler point')
         else:
-            is_known = period.across is OVER_CRANK and (even or quantity == 'position')
-            shown = links[1:] if is_known else links
+            is_known = period.across is not OVER_TIME and (even or quantity == 'position')
+            shown = [link for link in links if not (is_known and link == driven)]
             yield from _by_unit([_curve(period, f'{link}.{quantity}', link) for link in shown])
     if 'shaking_moment' in columns:
         pins = dict.fromkeys(name[4:-2] for name in columns if name.startswith('pin_'))
@@ -322,7 +322,7 @@ def _panels(period: Period, show: Collection[str]) -> Iterator[_Panel]:
 def _compared(periods: Mapping[str, Period], show: Collection[str]) -> Iterator[_Panel]:
     """Yields the shared diagrams of several mechanisms: motion of the outputs, and torques."""
     for quantity in QUANTITIES:
-        column = {'torque': 'driving_torque'}.get(quantity, f'{{}}.{quantity}')
+        column = {'torque': next(iter(periods.values())).effort}.get(quantity, f'{{}}.{quantity}')
         if quantity in show and quantity not in {'load', 'point'}:
             yield from _by_unit([
                 _curve(period, column.format(period.solver.output), name)._replace(color=color)
@@ -346,7 +346,8 @@ def _by_unit(curves: Sequence[_Curve], title: str = '') -> Iterator[_Panel]:
     """Groups curves into one diagram per unit."""
     for unit in dict.fromkeys(curve.unit for curve in curves):
         group = [curve for curve in curves if curve.unit == unit]
-        yield _Panel(f'{title or _TITLES[unit]}, {unit}', group)
+        names = ' and '.join(curve.name for curve in group)
+        yield _Panel(f'{title or _TITLES.get(unit) or names.capitalize()}, {unit}', group)
 
 
 def _draw(axes: Axes, panel: _Panel) -> list[Line2D]:

@@ -23,7 +23,7 @@ from linkage_lab.period import Period, period_to_show
 from linkage_ros import ConfigurationError, load
 from linkage_ros.formulas import Array
 from linkage_ros.internals import Drawing
-from linkage_ros.palette import COLORS, DARK, GREY, Color, color_of, fractions
+from linkage_ros.palette import DARK, GREY, Color, color_of, fractions
 
 _SECONDS = 3.0  # duration of a crank turn in the movie
 _RATE = 20  # frames per second
@@ -199,7 +199,7 @@ def _slower(pace: float) -> str:
 def _film(period: Period, name: str, words: str, writer: Any, path: Path) -> None:
     """Draws the moving mechanism, and its torque up to the current crank angle."""
     samples = _frames(period)
-    marks, torque = period.marks, period.columns['driving_torque'].values
+    marks, torque = period.marks, period.columns[period.effort].values
     with rc_context(STYLE):
         size, places = _SIZE, ((0.02, 0.06, 0.5, 0.78), (0.62, 0.16, 0.35, 0.66))
         if proportion(period) > WIDE:
@@ -210,9 +210,9 @@ def _film(period: Period, name: str, words: str, writer: Any, path: Path) -> Non
         linkage, axes = map(figure.add_axes, places)
         picture = LinkagePicture(linkage, period, samples)
         axes.plot(marks, torque, color='0.8', linewidth=1.2)
-        (drawn,) = axes.plot([], [], color=fractions(COLORS['crank']), linewidth=1.8)
+        (drawn,) = axes.plot([], [], color=fractions(color_of(period.driven.name)), linewidth=1.8)
         (dot,) = axes.plot([], [], 'o', color=fractions(DARK), markersize=5)
-        over(axes, marks, 'Driving torque, N m', 4)
+        over(axes, marks, period.effort_title, 4)
         axes.set_xlabel(f'{period.across.name}, {period.across.unit}')
         saved = writer(fps=_RATE)
         with saved.saving(figure, path, _DPI):

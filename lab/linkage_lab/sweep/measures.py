@@ -28,11 +28,11 @@ class Way(NamedTuple):
     """A motion of the crank within an arc, which all designs make.
 
     Attributes:
-        low: Smallest crank angle of the motion, rad.
-        high: Largest crank angle, rad.
-        angles: Crank angles at equal times, rad.
-        speeds: Crank speeds there, rad/s; None for a constant speed.
-        accelerations: Crank accelerations there, rad/s^2; 0 for a constant speed.
+        low: Smallest crank angle of the motion, rad; of a driven cylinder, positions, m.
+        high: Largest crank angle.
+        angles: Crank angles at equal times.
+        speeds: Crank speeds there, rad/s or m/s; None for a constant speed.
+        accelerations: Crank accelerations there; 0 for a constant speed.
     """
 
     low: float
@@ -43,7 +43,9 @@ class Way(NamedTuple):
 
     def fits(self, mobility: Any) -> bool:
         """Returns whether a mechanism can make the motion."""
-        shifts = ((self.low - start) // math.tau * math.tau for start, _ in mobility.arcs())
+        turn = math.inf if getattr(mobility, 'slides', False) else math.tau
+        starts = (start for start, _ in mobility.arcs())
+        shifts = (0.0 if turn == math.inf else (self.low - x) // turn * turn for x in starts)
         ends = zip(mobility.arcs(), shifts, strict=True)
         return mobility.turns_fully or any(
             start + shift < self.low and self.high < end + shift for (start, end), shift in ends
@@ -163,7 +165,7 @@ def _constants(
         model = Model.of(mechanism, structure)
     except LinkageError:
         return mobility, None
-    constants = model, structure.points.get('C'), mobility.extremes()
+    constants = model, structure.points.get('C'), mobility.extremes(), structure.output
     return mobility, Constants(constants)
 
 
@@ -226,7 +228,8 @@ def torque_of(constants: Any, angle: Real, speed: Real) -> Real:
 
 def _output_of(constants: Any, angle: Real, _: Real) -> tuple[Real, Real, Real]:
     """Computes the output position and its first two derivatives with respect to the angle."""
-    link = constants[0].loop.pose((angle,)).links[-1]
+    model, _, _, output = constants
+    link = model.loop.pose((angle,)).links[output]
     return link.position, link.jacobian[0], link.curvature[0]
 
 
@@ -402,8 +405,9 @@ def _force_along(constants: Any, angle: Real, speed: Real, acceleration: Real) -
 
 def _output_along(constants: Any, angle: Real, *_: Real) -> tuple[Real, Real]:
     """Computes the position of the output link and the sine of the transmission angle."""
-    pose = constants[0].loop.pose((angle,))
-    return pose.links[-1].position, pose.sines[0]
+    model, _, _, output = constants
+    pose = model.loop.pose((angle,))
+    return pose.links[output].position, pose.sines[0]
 
 
 class Measure(NamedTuple):
@@ -436,12 +440,37 @@ _SPEED: Any = (
         and not task.mechanism.joint_loads()
     ),
 )
+
+
+def _driving(*, slides: bool) -> Any:
+    """Returns requirement and test for the torque of a crank, or the force of a cylinder."""
+    needs, has_speed = _SPEED
+
+    def applies(task: Task) -> bool:
+        link = task.mechanism.structure().driven_link
+        return bool(has_speed(task)) and link.slides == slides
+
+    return f'{needs}, and a driven {"cylinder" if slides else "crank"}', applies
+
+
+def _peak(batch: Batch) -> Array:
+    return np.asarray(np.abs(batch.torque).max(-1))
+
+
+def _rms(batch: Batch) -> Array:
+    return np.asarray(np.sqrt(np.mean(batch.torque * batch.torque, -1)))
+
+
 _WHOLE: Any = ('a crank that turns fully', lambda task: task.way is None)
 MEASURES = {
-    'peak_torque': Measure('N m', lambda x: np.abs(x.torque).max(-1), *_SPEED),
-    'rms_torque': Measure('N m', lambda x: np.sqrt(np.mean(x.torque * x.torque, -1)), *_SPEED),
+    'peak_torque': Measure('N m', _peak, *_driving(slides=False)),
+    'rms_torque': Measure('N m', _rms, *_driving(slides=False)),
+    'peak_force': Measure('N', _peak, *_driving(slides=True)),
+    'rms_force': Measure('N', _rms, *_driving(slides=True)),
     'shaking_force': Measure('N', lambda x: x.shaking_force(), *_SPEED),
-    'swing': Measure('deg', lambda x: x.swing(), 'a rocker', lambda task: not _slides(task)),
+    'swing': Measure(
+        'deg', lambda x: x.swing(), 'an output link that swings', lambda task: not _slides(task)
+    ),
     'stroke': Measure('m', lambda x: np.abs(x.stroke()), 'a slider', _slides),
     'time_ratio': Measure('', Batch.time_ratio, *_WHOLE),
     'transmission_angle': Measure(

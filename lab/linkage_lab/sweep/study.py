@@ -47,8 +47,9 @@ class Settings(Checked):
     angles: int = quantity('whole', 'crank angles in a turn', span=(12, 36000), default=360)
     rpm: float | None = quantity('number', 'crank speed', 'rpm', span=(-1e6, 1e6), default=None)
     swing: tuple[float, float] | None = quantity(
-        'pair', 'crank angles between which the crank moves', 'rad', span=(-1e6, 1e6), default=None
-    )
+        'pair', 'crank angles between which the crank moves, or positions of a driven cylinder',
+        'rad or m', span=(-1e6, 1e6), default=None,
+    )  # fmt: skip
     points: tuple[float, ...] | None = quantity(
         'list',
         'points that the coupler point should pass through',
@@ -112,7 +113,7 @@ def read_study(path: str) -> Study:
         raise ConfigurationError(f'measures {shown(measures)}: choose from {", ".join(MEASURES)}')
     names, points = tuple(leaf.name for leaf in columns), settings.points or ()
     places = tuple(map(complex, points[::2], points[1::2]))
-    way = _way(settings, configuration.drive)
+    way = _way(settings, configuration.drive, mechanism.structure().driven_link)
     chosen = tuple(dict.fromkeys(measures))
     task = Task(mechanism, rpm, names, chosen, settings.angles, places, way)
     for name in measures:
@@ -121,7 +122,7 @@ def read_study(path: str) -> Study:
     return Study(configuration, task, columns, _designs(settings, columns), constraints, goals)
 
 
-def _way(settings: Settings, drive: Any) -> Way | None:
+def _way(settings: Settings, drive: Any, joint: Any) -> Way | None:
     """Returns the motion of the crank within an arc; None for whole turns.
 
     Raises:
@@ -137,7 +138,7 @@ def _way(settings: Settings, drive: Any) -> Way | None:
         return Way(low, high, np.linspace(low, high, count))
     if settings.rpm is not None or not isinstance(drive, LawDrive):
         return None
-    law = drive.motion.law
+    law = drive.law(joint)
     ends = [law.at(time).angle for time in law.extremes(math.inf, -math.inf)]
     stamps = [(law.duration - 1) * i // (count - 1) for i in range(count)]
     found = LawMotion.begin(law, 0).at_all(stamps)

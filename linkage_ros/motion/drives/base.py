@@ -15,7 +15,7 @@ from typing import Any, ClassVar, Generic, TypeVar
 
 from linkage_ros.mechanism.kinematics import Reach
 from linkage_ros.mechanism.solver import Solver
-from linkage_ros.mechanism.structure import Mechanism
+from linkage_ros.mechanism.structure import Link, Mechanism
 from linkage_ros.messages.joints import RobotJoint
 from linkage_ros.messages.topics import Topic
 from linkage_ros.motion.segments import Coordinates, Motion, Segment
@@ -29,9 +29,9 @@ WINDOW = 10  # s, period to which the rates and warnings of diagnostics refer
 class Given(Enum):
     """The quantity that a drive prescribes, and from which the others are computed."""
 
-    MOTION = 'the motion of the crank over time'
-    MEASUREMENT = 'the measured crank'
-    TORQUE = 'the torque on the crank'
+    MOTION = 'the motion of the driven joint over time'
+    MEASUREMENT = 'the measured joint'
+    TORQUE = 'the torque or force on the driven joint'
 
 
 _CRANK = RobotJoint('crank')
@@ -39,13 +39,13 @@ _CRANK = RobotJoint('crank')
 
 @dataclass(frozen=True)
 class Machine:
-    """The mechanism that a drive moves, and its crank in messages.
+    """The mechanism that a drive moves, and its driven joint in messages.
 
     Attributes:
         solver: Solver of the mechanism.
         period: Time between states, ns.
-        crank: Name of the crank in measurements, commands and trajectories.
-        joint: The crank's joint.
+        crank: Name of the driven joint in measurements, commands and trajectories.
+        joint: The driven joint.
         lead: Time by which the feed-forward torque is ahead of the stamp, ns; None without
             feed-forward.
         integrate: Creates the integrator of a motion under a torque.
@@ -180,8 +180,8 @@ class Drive(Checked):
         return 0.0, 0.0
 
     @abstractmethod
-    def words(self) -> str:
-        """Describes the drive."""
+    def words(self, joint: Link) -> str:
+        """Describes the drive, given the link whose joint is driven."""
 
     def check(self, mechanism: Mechanism) -> None:
         """Checks that the drive can move a mechanism.

@@ -12,6 +12,7 @@ from typing import NoReturn, TypeAlias
 
 from linkage_ros.errors import ConfigurationError, LinkageError, UnreachableError
 from linkage_ros.mechanism.kinematics import Reach
+from linkage_ros.mechanism.structure import Link
 from linkage_ros.messages.cdr import JointReader
 from linkage_ros.messages.joints import RobotJoint
 from linkage_ros.messages.topics import MEASURED_JOINT_STATES, Topic
@@ -314,10 +315,10 @@ class FollowDrive(FeedForward, _Follow, Drive):
         """The point of base_link that is fixed in the world, m."""
         return self.frame_joint.pivot
 
-    def words(self) -> str:
+    def words(self, joint: Link) -> str:
         """Describes the measured joints and the filter."""
         also = f' and {self.frame_joint.name}, which turns base_link' * bool(self.frame_joint.name)
-        return f'follows a measured crank{also}, filter of {self.follow_bandwidth:g} Hz'
+        return f'follows a measured {joint.name}{also}, filter of {self.follow_bandwidth:g} Hz'
 
     def begin(self, stamp: int, machine: Machine) -> NoReturn:  # noqa: ARG002
         """Refuses to simulate a measured motion.

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A crank that follows a law of motion."""
+"""A crank or a cylinder that follows a law of motion."""
 
 import functools
 import math
@@ -8,12 +8,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from fractions import Fraction
 from itertools import pairwise
-from typing import Any, cast
+from typing import Any
 
 from linkage_ros.columns import read_columns
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.mechanism.solver import Solver
-from linkage_ros.mechanism.structure import Mechanism
+from linkage_ros.mechanism.structure import Link, Mechanism
 from linkage_ros.messages.topics import CRANK_TRAJECTORY, Topic
 from linkage_ros.motion.along_law import LawMotion, LawSegment, require_possible
 from linkage_ros.motion.drives.base import Drive, Given, Input, Machine
@@ -25,13 +25,20 @@ from linkage_ros.quantities import Checked, quantity, shown
 from linkage_ros.units import NS_PER_S
 
 _ANGLES, _SPEEDS, _ACCELERATIONS = (-1e6, 1e6), (-1e9, 1e9), (-1e12, 1e12)
-_LISTS = 'times', 'angles', 'speeds', 'accelerations'
-_COLUMNS = dict(zip(('time', 'angle', 'speed', 'acceleration'), _LISTS, strict=True))
+_DEGREE = math.radians(1.0)
+_LISTS = 'times', 'angles', 'positions', 'speeds', 'accelerations'
+# Lists by the names of their columns, and factors of their units.
+_COLUMNS = {
+    'time': ('times', 1.0), 'angle': ('angles', 1.0), 'angle_deg': ('angles', _DEGREE),
+    'position': ('positions', 1.0), 'position_mm': ('positions', 1e-3),
+    'speed': ('speeds', 1.0), 'speed_deg': ('speeds', _DEGREE),
+    'acceleration': ('accelerations', 1.0), 'acceleration_deg': ('accelerations', _DEGREE),
+}  # fmt: skip
 _HEADER = (
     'time [s], angle [rad] or angle_deg, and optionally speed [rad/s] or speed_deg, and '
-    'acceleration [rad/s^2] or acceleration_deg'
+    'acceleration [rad/s^2] or acceleration_deg; of a cylinder position [m] or position_mm, and '
+    'optionally speed [m/s] and acceleration [m/s^2]'
 )
-_DEGREES = '_deg'  # suffix of columns in degrees
 _ROUNDING = 8 * math.ulp(math.tau)  # relative tolerance of whole turns
 
 
@@ -42,14 +49,15 @@ class Prescribed(Checked):
     Attributes:
         times: Times of the points, s, increasing from 0.
         angles: Crank angles at the points, rad.
-        speeds: Crank speeds at the points, rad/s; None for a spline.
-        accelerations: Crank accelerations at the points, rad/s^2; only with `speeds`.
+        positions: Positions of a driven cylinder at the points, m.
+        speeds: Speeds at the points, rad/s or m/s; None for a spline.
+        accelerations: Accelerations at the points, rad/s^2 or m/s^2; only with `speeds`.
         file: CSV file with these lists as columns. It is read on creation, after which this field
             is empty.
         spline: Spline through the points if no speeds are given.
         repeat: Whether the law repeats after the last point.
-        center: Middle of a sine, rad.
-        amplitude: Amplitude of a sine, rad.
+        center: Middle of a sine, rad or m.
+        amplitude: Amplitude of a sine, rad or m.
         frequency: Frequency of a sine, Hz.
         phase: Phase of a sine at t = 0, rad.
     """
@@ -60,16 +68,22 @@ class Prescribed(Checked):
     angles: tuple[float, ...] | None = quantity(
         'list', 'crank angles at the points', 'rad', span=_ANGLES, default=None
     )
+    positions: tuple[float, ...] | None = quantity(
+        'list', 'positions of a driven cylinder at the points, instead of angles', 'm',
+        span=_ANGLES, default=None,
+    )  # fmt: skip
     speeds: tuple[float, ...] | None = quantity(
-        'list', 'crank speeds at the points; empty: a spline', 'rad/s', span=_SPEEDS, default=None
-    )
+        'list', 'speeds at the points; empty: a spline', 'rad/s or m/s', span=_SPEEDS,
+        default=None,
+    )  # fmt: skip
     accelerations: tuple[float, ...] | None = quantity(
-        'list', 'crank accelerations at the points; only with speeds', 'rad/s^2',
+        'list', 'accelerations at the points; only with speeds', 'rad/s^2 or m/s^2',
         span=_ACCELERATIONS, default=None,
     )  # fmt: skip
     file: str = quantity(
-        'text', 'CSV file with the columns time, angle and optionally speed and acceleration, '
-        'used instead of these lists; _deg after a name: degrees', default='',
+        'text', 'CSV file with the columns time, angle or position, and optionally speed and '
+        'acceleration, used instead of these lists; _deg after a name: degrees; position_mm: mm',
+        default='',
     )  # fmt: skip
     spline: str = quantity(
         'choice', 'degree of the spline through the points; straight lines would need infinite '
@@ -79,10 +93,11 @@ class Prescribed(Checked):
         'switch', 'repeat the points; the last angle equals the first, or is whole turns from it',
         default=False,
     )  # fmt: skip
-    center: float = quantity('number', 'middle of a sine', 'rad', span=_ANGLES, default=0.0)
+    center: float = quantity('number', 'middle of a sine', 'rad or m', span=_ANGLES, default=0.0)
     amplitude: float | None = quantity(
-        'number', 'amplitude of a sine, used instead of points', 'rad', span=_ANGLES, default=None
-    )
+        'number', 'amplitude of a sine, used instead of points', 'rad or m', span=_ANGLES,
+        default=None,
+    )  # fmt: skip
     frequency: float | None = quantity(
         'number', 'frequency of the sine', 'Hz', span=(1e-9, 1e6), default=None
     )
@@ -96,9 +111,11 @@ class Prescribed(Checked):
             self._read()
         is_sine = self.amplitude is not None and self.frequency is not None
         lists = [name for name in _LISTS if getattr(self, name) is not None]
-        if is_sine == bool(lists) or (lists and not {*lists} >= {'times', 'angles'}):
+        places = {'angles', 'positions'} & {*lists}
+        if is_sine == bool(lists) or (lists and ('times' not in lists or len(places) != 1)):
             raise ConfigurationError(
-                'motion: give times and angles, or file, or amplitude and frequency'
+                'motion: give times and angles, or file, or amplitude and frequency; for a '
+                'cylinder, positions instead of angles'
             )
         of_other = (
             {'spline', 'repeat'} if is_sine else {'center', 'amplitude', 'frequency', 'phase'}
@@ -140,11 +157,19 @@ class Prescribed(Checked):
                     f'motion.times must increase by 1 ns or more: number {i}, {times[i - 1]!r}, '
                     f'follows {times[i - 2]!r}'
                 )
-        if not self.repeat:
-            return
-        if len(times) == 1:
+        if self.repeat:
+            self._check_repetition()
+
+    def _check_repetition(self) -> None:
+        if len(self.times or ()) == 1:
             raise ConfigurationError('motion.repeat: give two points or more')
-        way = cast('Any', self.angles)[-1] - cast('Any', self.angles)[0]
+        places: Any = self.places
+        way = places[-1] - places[0]
+        if self.positions is not None and way:
+            raise ConfigurationError(
+                f'motion.positions ends {way!r} m after its start: must end there, to repeat '
+                'without a jump'
+            )
         gap = math.remainder(way, math.tau)
         if abs(gap) > _ROUNDING * max(1.0, abs(way)):
             raise ConfigurationError(
@@ -163,16 +188,21 @@ class Prescribed(Checked):
             object.__setattr__(self, name, kinds[name].clean(f'motion.{name}', row))
         object.__setattr__(self, 'file', '')
 
+    @property
+    def places(self) -> tuple[float, ...] | None:
+        """The angles, rad, or positions, m, at the points; None for a sine."""
+        return self.angles if self.positions is None else self.positions
+
     @functools.cached_property
     def law(self) -> Law:
-        """The law."""
+        """The law, as that of a crank."""
         if self.amplitude is not None and self.frequency is not None:
             return Sine(self.center, self.amplitude, self.frequency, self.phase)
-        times, angles = self.times or (), self.angles or ()
+        times, places = self.times or (), self.places or ()
         rows = [row for row in (self.speeds, self.accelerations) if row is not None]
         slopes = [*zip(*rows, strict=True)] if rows else None
         return interpolated(
-            _nanoseconds(times), angles, slopes, cubic=self.spline == 'cubic', repeat=self.repeat
+            _nanoseconds(times), places, slopes, cubic=self.spline == 'cubic', repeat=self.repeat
         )
 
 
@@ -195,10 +225,7 @@ def _columns(path: str) -> dict[str, list[float]]:
             f'path of a CSV file with the columns {_HEADER}'
         ) from error
     return {
-        _COLUMNS[name.removesuffix(_DEGREES)]: (
-            [*map(math.radians, row)] if name.endswith(_DEGREES) else row
-        )
-        for name, row in columns.items()
+        _COLUMNS[name][0]: [_COLUMNS[name][1] * x for x in row] for name, row in columns.items()
     }
 
 
@@ -208,21 +235,21 @@ def _check_columns(names: Sequence[str]) -> None:
     Raises:
         ValueError: They are not the columns of a law.
     """
-    plain = [name.removesuffix(_DEGREES) for name in names]
-    if not set(plain) <= _COLUMNS.keys() or len({*plain}) < len(plain) or 'time_deg' in names:
+    lists = [_COLUMNS[name][0] for name in names if name in _COLUMNS]
+    if len({*lists}) < len(names):
         raise ValueError(f'its first line names {", ".join(names) or "nothing"}')
 
 
 @dataclass(frozen=True)
 class _Law(Checked):
-    """Parameters of a crank that follows a law; see `LawDrive`."""
+    """Parameters of a joint that follows a law; see `LawDrive`."""
 
     motion: Prescribed
 
 
 @dataclass(frozen=True)
 class LawDrive(TrajectoryFeedForward, _Law, Drive):
-    """A crank that follows a law of motion.
+    """A crank or a cylinder that follows a law of motion.
 
     Attributes:
         motion: The law.
@@ -232,27 +259,39 @@ class LawDrive(TrajectoryFeedForward, _Law, Drive):
 
     @property
     def crank_angle(self) -> float:
-        """The crank angle at t = 0, rad."""
+        """The crank angle at t = 0, rad, or the position of a cylinder, m."""
         return self.motion.law.at(0).angle
 
-    def words(self) -> str:
+    def law(self, joint: Link) -> Law:
+        """Returns the law of a driven joint."""
+        return self.motion.law._replace(slides=joint.slides)
+
+    def words(self, joint: Link) -> str:
         """Describes the law."""
-        return self.motion.law.words
+        return self.law(joint).words
 
     def check(self, mechanism: Mechanism) -> None:
-        """Checks that the crank can follow the law.
+        """Checks that the driven joint can follow the law.
 
         Raises:
             ConfigurationError: The check failed; the message states the reason.
         """
+        solver = Solver(mechanism)
+        joint = solver.structure.driven_link
+        wrong = self.motion.angles if joint.slides else self.motion.positions
+        if wrong is not None:
+            names = ('angles', 'positions') if joint.slides else ('positions', 'angles')
+            raise ConfigurationError(
+                f'motion.{names[0]}: must be motion.{names[1]}, because the {joint.name} is driven'
+            )
         try:
-            require_possible(self.motion.law, Solver(mechanism))
+            require_possible(self.law(joint), solver)
         except ConfigurationError as error:
             raise ConfigurationError(f'motion: {error}') from error
 
-    def begin(self, stamp: int, machine: Machine) -> LawMotion:  # noqa: ARG002
+    def begin(self, stamp: int, machine: Machine) -> LawMotion:
         """Starts the motion; see `Drive.begin`."""
-        return LawMotion.begin(self.motion.law, stamp)
+        return LawMotion.begin(self.law(machine.solver.structure.driven_link), stamp)
 
     def inputs(self, machine: Machine) -> dict[Topic, Input]:
         """Receives trajectories; see `Drive.inputs`."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from linkage_ros.mechanism.ranges import Ranges
 from linkage_ros.mechanism.solver import Solver
-from linkage_ros.mechanism.structure import Mechanism
+from linkage_ros.mechanism.structure import Link, Mechanism
 from linkage_ros.motion.at_speed import SpeedMotion, SpeedSegment
 from linkage_ros.motion.drives.base import Drive, Given, Machine
 from linkage_ros.motion.drives.feed_forward import TrajectoryFeedForward
@@ -69,7 +69,7 @@ class SpeedDrive(TrajectoryFeedForward, _Speed, Drive):
         speed = self.initial_rpm * math.tau / 60
         return [self.crank_angle + 0.5 * speed * abs(speed) / self.crank_acceleration]
 
-    def words(self) -> str:
+    def words(self, joint: Link) -> str:  # noqa: ARG002, always a crank
         """Describes the speed."""
         if self.start_rpm is None or not self.crank_acceleration:
             return f'{self.rpm:g} rpm'

@@ -11,7 +11,7 @@ from typing import Any, cast
 from linkage_ros.errors import ConfigurationError, LinkageError, UnreachableError
 from linkage_ros.mechanism.parts import CROSSED, OPEN
 from linkage_ros.mechanism.solver import Solver
-from linkage_ros.mechanism.structure import Description, Mechanism
+from linkage_ros.mechanism.structure import Description, Link, Mechanism
 from linkage_ros.messages.cdr import decode_joint_state
 from linkage_ros.messages.topics import JOINT_COMMANDS, Topic
 from linkage_ros.motion.drives.base import WINDOW, Drive, Expiring, Given, Input, Machine
@@ -28,13 +28,13 @@ TAKEN, CUT, REJECTED, TIMEOUTS = (
 
 @dataclass(frozen=True)
 class TorqueDrive(Drive):
-    """A drive that applies a torque to the crank.
+    """A drive that applies a torque to the crank, or a force to a cylinder.
 
     Attributes:
         motor: The motor; commanded torques are added to its torque.
         start_rpm: Crank speed at t = 0, turns per minute.
         crank_angle: Crank angle at t = 0, rad.
-        torque_limit: Magnitude to which commanded torques are clipped, N m.
+        torque_limit: Magnitude to which commanded torques are clipped, N m or N.
         command_timeout: Time for which a command acts, s; a live run refuses less than a tick.
     """
 
@@ -49,16 +49,16 @@ class TorqueDrive(Drive):
     )
     torque_limit: float = quantity(
         'number', 'largest torque of a command; larger ones are limited to it',
-        'N m', span=(0.0, 1e12), default=1e12,
+        'N m or N', span=(0.0, 1e12), default=1e12,
     )  # fmt: skip
     command_timeout: float = quantity(
         'number', 'time for which a command acts; refused if shorter than a tick',
         's', span=(1e-3, 1e9), default=0.1,
     )  # fmt: skip
 
-    def words(self) -> str:
+    def words(self, joint: Link) -> str:
         """Describes motor and initial speed."""
-        return f'{self.motor}, from {self.start_rpm:g} rpm'
+        return f'{self.motor.words(joint.units)}, from {self.start_rpm:g} rpm'
 
     def start(self, mechanism: Mechanism) -> Coordinates:
         """Returns the coordinates at t = 0, with accelerations of 0."""
@@ -115,8 +115,9 @@ class TorqueDrive(Drive):
 
     def inputs(self, machine: Machine) -> dict[Topic, Input]:
         """Receives commanded torques; see `Drive.inputs`."""
+        unit = machine.solver.structure.driven_link.units.effort
         commands = TorqueCommands(
-            self.torque_limit, self.command_timeout, machine.crank, machine.joint.ratio
+            self.torque_limit, self.command_timeout, machine.crank, machine.joint.ratio, unit
         )
         return {JOINT_COMMANDS: commands}
 
@@ -147,15 +148,19 @@ class TorqueCommands(Input):
         counts: Numbers of commands, by their names in diagnostics.
     """
 
-    def __init__(self, limit: float, timeout: float, crank: str, ratio: float = 1.0) -> None:
+    def __init__(
+        self, limit: float, timeout: float, crank: str, ratio: float = 1.0, unit: str = 'N m'
+    ) -> None:
         """Initializes without an active command.
 
         Args:
-            limit: Magnitude to which torques are clipped, N m.
+            limit: Magnitude to which torques are clipped.
             timeout: Time for which a command acts, s.
-            crank: Name of the crank's joint.
-            ratio: Ratio of the joint; the crank's torque is its effort times the ratio.
+            crank: Name of the driven joint.
+            ratio: Ratio of the joint; the driving torque is its effort times the ratio.
+            unit: Unit of torques: N m for a crank, N for a cylinder.
         """
+        self._unit = unit
         self.counts = dict.fromkeys((TAKEN, CUT, REJECTED), 0)
         self._limit, self._crank, self._ratio = limit, crank, ratio
         self._held = Expiring(0.0, timeout)  # the torque, N m
@@ -201,7 +206,7 @@ class TorqueCommands(Input):
             raise ValueError(f'it names {shown:.80}: must name {self._crank} once')
         torque = float(efforts[list(names).index(self._crank)]) * self._ratio
         if not math.isfinite(torque):
-            raise ValueError(f'effort {torque}: must be a finite number, N m')
+            raise ValueError(f'effort {torque}: must be a finite number, {self._unit}')
         self.counts[TAKEN] += 1
         self.counts[CUT] += abs(torque) > self._limit
         return min(max(torque, -self._limit), self._limit)
@@ -237,4 +242,4 @@ class TorqueCommands(Input):
         """Returns the active torque and the counts of commands, for diagnostics."""
         counts = {**self.counts, TIMEOUTS: self._held.timeouts}
         found = {name: str(count) for name, count in counts.items()}
-        return {'command, N m': f'{self._held.value:.6g}', **found}
+        return {f'command, {self._unit}': f'{self._held.value:.6g}', **found}
