@@ -58,7 +58,7 @@ PYTHON_ELSEWHERE = {
     'lab/docs/mjcf.md': 'lab/test/test_mjcf.py',
 }
 README = read('README.md')
-DOORS = links(README[README.index('## Five doors') : README.index('## Set-up')])
+DOORS = links(README[README.index('## Start here') : README.index('## Set-up')])
 
 
 # ---------------------------------------------------------------- commands are understood
