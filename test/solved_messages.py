@@ -75,9 +75,9 @@ def solved_messages(configuration, motion, stamps):
     messages['/robot_description'].append((stamps[0], description))
     names = [link.name for link in links]
     for stamp in stamps:
-        q, u, a, crank, _ = motion.at(stamp)
-        state = solver.state(q, u, a)
-        position, velocity, acceleration, effort = joint_rows(links, state, crank)
+        found = motion.at(stamp)
+        state = solver.state(found.q, found.u, found.a)
+        position, velocity, acceleration, effort = joint_rows(links, state, found.unwrapped)
         header = {'stamp': time_of(stamp), 'frame_id': 'base_link'}
         rates = {'position': position, 'velocity': velocity, 'effort': effort}
         point = {

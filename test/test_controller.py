@@ -53,7 +53,8 @@ def ripple(believed, lead, rpm=600.0):
     law = SpeedController(believed, rpm, 15.0, lead)
     waiting, speeds = deque([0.0]), []
     for tick in range(1, 2000):
-        _, (speed,), _, crank, _ = plant.at(tick * TICK_NS)
+        found = plant.at(tick * TICK_NS)
+        (speed,), crank = found.u, found.unwrapped
         plant.command(tick * TICK_NS, waiting.popleft())
         waiting.append(law.torque(crank, speed, TICK))
         speeds.append(speed)
