@@ -11,6 +11,7 @@ from test_methods import run_quick
 
 from linkage_lab.charts import stability as stability_chart
 from linkage_lab.methods import stages
+from linkage_lab.methods.dyads import DYAD, DYAD_METHODS, DYAD_SITUATIONS
 from linkage_lab.methods.loads import (
     CURVE_METHODS,
     CURVE_SITUATIONS,
@@ -239,7 +240,7 @@ def test_programming_errors_are_raised(judged):
         judged(raised(KeyError('typo')))
 
 
-DEFAULTS = DEFAULT, STRAIGHT, GROWN, LIVE, RECORDS
+DEFAULTS = DEFAULT, DYAD, STRAIGHT, GROWN, LIVE, RECORDS
 GRIDS = stability_chart.GRIDS
 FAILS = 'any outcome but right'  # rounding decides which, so it differs between processors
 NAMED = {
@@ -255,6 +256,9 @@ NAMED = {
     ('table, cubic Hermite', 'dead centre'): REFUSED,
     ('2x2 solve', 'change point hit'): NAN,
     ('central differences', 'near a change point'): DIVERGED,
+    ('Newton, two links', 'dyad near its toggle'): DIVERGED,
+    ('differences of dyads', 'dyad near its toggle'): FAILS,
+    ('differences of dyads', 'dyad'): RIGHT,
     ('cubic spline', 'corner of a load curve'): DIVERGED,
     ('even nodes', 'corner of a load curve'): DIVERGED,
     ('Newton, at once', 'friction that relieves'): DIVERGED,
@@ -302,14 +306,15 @@ def test_every_method_but_the_defaults_has_a_cell_where_it_fails():
 
 def test_command_writes_a_picture_and_the_cells(tmp_path, monkeypatch):
     chosen = (
-        SITUATIONS[5:6], CURVE_SITUATIONS[:1], FRICTION_SITUATIONS[1:2], MOTION_SITUATIONS[1:2],
+        SITUATIONS[5:6], DYAD_SITUATIONS[:1], CURVE_SITUATIONS[:1], FRICTION_SITUATIONS[1:2],
+        MOTION_SITUATIONS[1:2],
     )  # fmt: skip
     grids = tuple((methods, few) for (methods, _), few in zip(GRIDS, chosen, strict=True))
     monkeypatch.setattr(stability_chart, 'GRIDS', grids)
     written, records = run_quick('stability', tmp_path)
     assert written == ['stability.json', 'stability.png']
     assert set(records[0]) == {'method', 'situation', 'outcome', 'worst_error'}
-    all_methods = *METHODS, *CURVE_METHODS, *FRICTION_METHODS, *INTEGRATORS
+    all_methods = *METHODS, *DYAD_METHODS, *CURVE_METHODS, *FRICTION_METHODS, *INTEGRATORS
     assert len(records) == len(all_methods)
     assert all(r['worst_error'] is None or r['worst_error'] >= 0 for r in records)
     assert {r['outcome'] for r in records} == {RIGHT, REFUSED, DIVERGED, NAN}

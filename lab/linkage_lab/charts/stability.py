@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Patch, Rectangle
 
-from linkage_lab.methods import loads, measure, motion_cases, registry, situations
+from linkage_lab.methods import dyads, loads, measure, motion_cases, registry, situations
 from linkage_lab.output import (
     DPI,
     NUMBERS,
@@ -43,10 +43,12 @@ _SHORT = {measure.DIVERGED: 'wrong', measure.WRONG_BRANCH: 'branch'}  # in a cel
 _DEFAULTS = {
     registry.DEFAULT: 'default', registry.LIVE: 'default, live',
     registry.RECORDS: 'default for records', loads.GROWN: 'default', loads.STRAIGHT: 'default',
+    dyads.DYAD: 'default',
 }  # fmt: skip
-# The grids from top to bottom: linkages, load curves, friction, motions.
+# The grids from top to bottom: linkages, dyads, load curves, friction, motions.
 GRIDS: Sequence[tuple[Sequence[Any], Sequence[measure.Situation]]] = (
     (registry.METHODS, situations.SITUATIONS),
+    (dyads.DYAD_METHODS, dyads.DYAD_SITUATIONS),
     (loads.CURVE_METHODS, loads.CURVE_SITUATIONS),
     (loads.FRICTION_METHODS, loads.FRICTION_SITUATIONS),
     (registry.INTEGRATORS, motion_cases.MOTION_SITUATIONS),

@@ -1,0 +1,111 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Methods for six-bars, and situations in which some of them fail.
+
+A dyad of two links hangs between the crank pin of a four-bar and the frame. The answer is the rate
+of its second link per crank rate. The reference is the intersection of two circles with 60 digits,
+and the rate at which it moves.
+"""
+
+import math
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+from mpmath import mp
+
+from linkage_lab.methods.loads import NumberCase
+from linkage_lab.methods.measure import Method, Situation
+from linkage_lab.methods.situations import Random, any_assembly, four_bar
+from linkage_ros import OPEN, Body, Dyad, FourBar, Solver
+
+_STEP, _ROUNDS = 1e-4, 50
+
+
+def _plain(mechanism: FourBar, crank: float) -> float:
+    return float(Solver(mechanism).state(crank, 1.0).velocity[-1])
+
+
+def _differences(mechanism: FourBar, crank: float) -> float:
+    solver = Solver(mechanism)
+    before, after = (solver.state(crank + x).position[-1] for x in (-_STEP, _STEP))
+    return math.remainder(after - before, math.tau) / (2 * _STEP)
+
+
+def _newton(mechanism: FourBar, crank: float) -> float:
+    """Solves the loop equations of the dyad from a fixed first guess, then for the rates."""
+    (dyad,) = mechanism.dyads
+    b, c = dyad.first.length, dyad.second.length
+    pin = mechanism.crank.length * np.array([math.cos(crank), math.sin(crank)])
+    first, second = 0.5, 1.0
+    for _ in range(_ROUNDS):
+        one = np.array([math.cos(first), math.sin(first)])
+        other = np.array([math.cos(second), math.sin(second)])
+        gap = pin + b * one - np.array(dyad.to_at) - c * other
+        columns = np.array([[-b * one[1], c * other[1]], [b * one[0], -c * other[0]]])
+        step = np.linalg.solve(columns, gap)
+        first, second = first - step[0], second - step[1]
+    slope = np.array([-pin[1], pin[0]])
+    return float(np.linalg.solve(columns, -slope)[1])
+
+
+DYAD = 'dyad formula'
+DYAD_METHODS = [
+    Method(DYAD, 'dyad', 'nothing', 'this package: mechanism/dyads.py', _plain),
+    Method('Newton, two links', 'dyad', 'a first guess', 'loop equations, 50 rounds', _newton),
+    Method('differences of dyads', 'dyad', 'positions', f'steps of {_STEP:g} rad', _differences),
+]
+
+
+def _exact(mechanism: FourBar, crank: float) -> float:
+    """Computes the rate of the second link per crank rate."""
+    (dyad,) = mechanism.dyads
+    with mp.workdps(60):
+        arm = mp.mpf(mechanism.crank.length) * mp.expj(mp.mpf(crank))
+        b, c = mp.mpf(dyad.first.length), mp.mpf(dyad.second.length)
+        apart = mp.mpc(*map(mp.mpf, dyad.to_at)) - arm
+        size = abs(apart)
+        along = (size**2 + b**2 - c**2) / (2 * size)
+        side = mp.sqrt(b**2 - along**2) * (1 if dyad.assembly == OPEN else -1)
+        first = mp.mpc(along, side) * apart / size
+        second = first - apart
+        # With the velocity v of the joint, (v - i arm).first = v.second = 0.
+        moved = (mp.conj(1j * arm) * first).real
+        rate = moved / (mp.conj(1j * second) * first).real
+        return float(rate)
+
+
+def _six_bar(random: Random, _: int, *, sine: float) -> NumberCase:
+    """Makes a six-bar and a crank angle at which the sine of its dyad has this value.
+
+    With a sine of 0, the dyad is too short there by a thousandth.
+    """
+    base = four_bar((1.0, 3.0, 2.5, 2.2), any_assembly(random))
+    crank = float(random.uniform(-3, 3))
+    to = complex(*random.uniform((1.5, 1.0), (2.5, 3.0)).tolist())
+    size = abs(to - complex(math.cos(crank), math.sin(crank)))
+    ratio, turn = float(random.uniform(0.7, 1.4)), math.pi - math.asin(sine)
+    if sine:
+        first = size / abs(1 - ratio * complex(math.cos(turn), math.sin(turn)))
+    else:
+        first = 0.999 * size / (1 + ratio)
+    dyad = Dyad(
+        name='ram', from_='crank', from_at=(1.0, 0.0), to='frame', to_at=(to.real, to.imag),
+        first=Body(first), second=Body(first * ratio), assembly=any_assembly(random),
+    )  # fmt: skip
+    mechanism = replace(base, dyads=(dyad,))
+    exact = _exact(mechanism, crank) if sine else math.inf
+    return NumberCase((mechanism, crank), exact, abs(exact))
+
+
+DYAD_SITUATIONS = (
+    Situation('dyad', 'its links enclose an angle of 45 deg', partial(_six_bar, sine=0.7)),
+    Situation(
+        'dyad near its toggle', 'the sine of the angle between its links is 1e-3',
+        partial(_six_bar, sine=1e-3),
+    ),
+    Situation(
+        'six-bar that jams', 'the dyad is too short by a thousandth', partial(_six_bar, sine=0.0),
+        exists=False,
+    ),
+)  # fmt: skip
