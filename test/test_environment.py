@@ -16,6 +16,7 @@ from mpmath import mp
 from oracle import Oracle
 
 from linkage_ros import ConfigurationError, Force, Friction, Solver
+from linkage_ros.settings.configuration import load
 
 # A hip at 5 rad/s and 40 rad/s^2.
 HIP = 0.7, 5.0, 40.0
@@ -112,6 +113,21 @@ def test_turning_base_against_the_whole_machine_in_the_world(name):
     assert found.torque == pytest.approx(torques, abs=1e-11 * peak)
     assert solver.torque(cranks, *KNEE, frame=HIP) == pytest.approx(torques, abs=1e-11 * peak)
     assert max(abs(at_rest.torque - torques)) > 0.3 * peak  # the frame matters
+
+
+@pytest.mark.parametrize('name', ['six-bar', 'driven cylinder'])
+def test_moment_balance_of_the_driven_link_gives_the_same_torque(name):
+    leg = load('watt').mechanism
+    if name != 'six-bar':
+        leg = replace(CYLINDERS['swinging_barrel'], input='cylinder', assembly='crossed')
+    solver = Solver(loaded(leg), pivot=PIVOT)
+    (low, high), *_ = solver.reach.arcs
+    q = np.linspace(low, high, 9)[1:-1]
+    given = {'frame': HIP, 'forces': FORCES}
+    state = solver.state(q, *KNEE, **given)
+    found, peak = solver.reactions(state, **given), np.abs(state.torque).max()
+    assert found.torque == pytest.approx(state.torque, abs=1e-11 * peak)
+    assert np.abs(solver.state(q, *KNEE).torque - state.torque).max() > 0.01 * peak
 
 
 @pytest.mark.parametrize('friction', [False, True])

@@ -130,9 +130,9 @@ def test_record_has_the_force_of_the_parameters(tmp_path):
 
 
 @pytest.mark.parametrize(('message', 'words'), [
-    (wrench(x=math.nan), 'must be finite'),
-    (wrench(y=-math.inf), 'must be finite'),
-    (wrench(x=2e12), 'up to 1e\\+12 N'),
+    (wrench(x=math.nan), 'not finite'),
+    (wrench(y=-math.inf), 'not finite'),
+    (wrench(x=2e12), r'beyond 1e\+12 N'),
     (wrench(frame_id='tool'), 'frame_id tool: must be base_link or empty'),
     (JointState(), 'not a WrenchStamped'),
 ])  # fmt: skip

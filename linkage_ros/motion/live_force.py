@@ -71,7 +71,7 @@ class LiveForce(Input):
             words = ascii(frame_id)[1:-1]
             raise ValueError(f'frame_id {words:.80}: must be {self._frame_id} or empty')
         if not math.hypot(x, y) <= _LARGEST:
-            raise ValueError(f'force [{x}, {y}]: must be finite, up to {_LARGEST:g} N')
+            raise ValueError(f'force not finite, or beyond {_LARGEST:g} N: [{x}, {y}]')
         return x, y
 
     def force(self, now: int, received: Iterable[Vector]) -> Vector:
