@@ -15,6 +15,7 @@ from linkage_ros import ConfigurationError, Solver, read_log
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.verify import verify
 from linkage_ros.messages.cdr import decode_trajectory
+from linkage_ros.messages.topics import WRENCH_STAMPED
 from linkage_ros.programs.record import record
 from linkage_ros.run.states import Simulator
 from linkage_ros.settings.configuration import configure, load
@@ -108,6 +109,12 @@ def test_each_drive_takes_forces_and_its_log_verifies(drive, tmp_path):
         await_forces((False, True), *((pushes, one) for one in wrong), (pulls, wrench(*ALONG, '')))
         stop(process)
     assert verified(log).states >= len(heard)
+    if drive == 'speed':
+        with watched({'/push': WRENCH_STAMPED.name}, log, '--loop', module='replay') as (
+            listener, process,
+        ):  # fmt: skip
+            wait_for(lambda: listener.received['/push'])
+            stop(process)
     # With another point or another timeout, the log differs.
     for name, value in (('at', (0.1, 0.0)), ('wrench_timeout', 100.0)):
         forged = LogReader(log)

@@ -15,7 +15,7 @@ from rclpy.publisher import Publisher
 from linkage_ros.errors import ConfigurationError, LogError
 from linkage_ros.log.reader import LogReader
 from linkage_ros.messages.cdr import encode_clock
-from linkage_ros.messages.topics import EFFORT_COMMANDS, SIMULATED_CLOCK, TOPICS, Topic
+from linkage_ros.messages.topics import EFFORT_COMMANDS, SIMULATED_CLOCK, TOPICS, WRENCHES, Topic
 from linkage_ros.node.endpoints import create_publisher, wait_for_subscribers
 from linkage_ros.node.parameter_node import given_values
 from linkage_ros.node.process import USER_ERRORS, reported_as_configuration, ros_context, spinning
@@ -102,7 +102,7 @@ def _await_receipt(publishers: Iterable[Publisher]) -> None:
 
 
 def _publishers(node: Node, log: LogReader, topics: set[str]) -> dict[str, Publisher]:
-    interfaces = (topic.interface for topic in (*TOPICS, EFFORT_COMMANDS))
+    interfaces = (topic.interface for topic in (*TOPICS, EFFORT_COMMANDS, WRENCHES))
     known = {interface.name: interface for interface in interfaces}
     publishers = {}
     for topic in log.topics:
