@@ -36,9 +36,10 @@ FORMATS = 'png', 'svg', 'pdf'
 # Diagrams of `linkage_chart motion`.
 QUANTITIES = 'position', 'velocity', 'acceleration', 'torque', 'load', 'point'
 DEFAULT = 'position', 'torque', 'load'
-# Metadata with the source of a picture, by format; quoting leaves no special characters.
+# Metadata with the source of a picture, by format. Quoting leaves no special characters, and the
+# closing one separates the source from what follows, such as a checksum.
 _METADATA = {'.png': 'Source', '.svg': 'Source', '.pdf': 'Subject'}
-_SOURCE = re.compile(rb'linkage_ros:([\w.~/%-]+)')
+_SOURCE = re.compile(rb'linkage_ros:([\w.~/%-]+);')
 
 
 class Pictures(NamedTuple):
@@ -181,7 +182,7 @@ def chart(
         figure.suptitle(title)
         yield figure
         for path in pictures.paths:
-            source = f'linkage_ros:{urllib.parse.quote(pictures.source)}'
+            source = f'linkage_ros:{urllib.parse.quote(pictures.source)};'
             figure.savefig(path, metadata={_METADATA[path.suffix]: source})
 
 

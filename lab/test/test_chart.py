@@ -23,7 +23,7 @@ from PIL import Image, ImageSequence
 from ros_harness import assert_refused
 from scipy.integrate import cumulative_trapezoid, trapezoid
 
-from linkage_lab import command_line
+from linkage_lab import command_line, output
 from linkage_lab.charts import movie
 from linkage_lab.charts.motion import DESIGN_COLORS
 from linkage_lab.output import QUANTITIES
@@ -37,6 +37,7 @@ from linkage_lab.period import (
 from linkage_lab.pump.analysis import settle
 from linkage_ros import (
     Body,
+    ConfigurationError,
     Coupler,
     FourBar,
     Frame,
@@ -201,6 +202,20 @@ def test_formats_hold_the_same_picture_and_no_file_of_another_source_is_replaced
     assert Path('wiper_motion.csv').read_bytes() == before
     Path('new').mkdir()
     assert called(command_line, 'motion', 'wiper', '--out', 'new')[0] == 0
+
+
+@pytest.mark.parametrize('suffix', ['png', 'svg', 'pdf'])
+def test_a_picture_replaces_one_of_the_same_source(tmp_path, suffix):
+    """The bytes after the source, such as a checksum, may be letters."""
+    options = SimpleNamespace(out=tmp_path, format=[suffix])
+    for preset in preset_names():
+        files = output.pictures(options, 'same', preset)
+        with output.chart(files, 0.5, layout=None):
+            pass
+        assert output.pictures(options, 'same', preset) == files
+        with pytest.raises(ConfigurationError, match=f'shows preset {preset}: choose'):
+            output.pictures(options, 'same', 'other.yaml')
+        files.paths[0].unlink()
 
 
 @pytest.mark.parametrize('preset', preset_names())

@@ -147,10 +147,26 @@ def test_each_term_is_left_out_alone(mechanism):
     }  # fmt: skip
 
 
-@pytest.mark.parametrize('mechanism', [FULL, PRESS])
+def test_the_links_of_a_dyad_are_terms():
+    mechanism = load('watt').mechanism
+    (ram,) = mechanism.dyads
+    left = {
+        'ram_first': replace(ram, first=Body(ram.first.length)),
+        'ram_slider': replace(ram, slider=replace(ram.slider, mass=0.0)),
+    }
+    assert terms(mechanism).keys() >= left.keys()
+    for name, dyad in left.items():
+        expected = torque(replace(mechanism, dyads=(dyad,)))
+        assert torque(without(mechanism, [name])) == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize('mechanism', [FULL, PRESS, load('watt').mechanism])
 def test_two_point_masses_keep_mass_and_centre_along_the_coupler(mechanism):
     """The moment of inertia of the two masses about the centre is m s (b - s)."""
-    coupler = replace(mechanism.coupler, center=(0.14, 0.0), inertia=2.0 * 0.14 * (0.32 - 0.14))
+    found = mechanism.coupler
+    along = found.center[0]
+    inertia = found.mass * along * (found.length - along)
+    coupler = replace(found, center=(along, 0.0), inertia=inertia)
     expected = torque(replace(mechanism, coupler=coupler))
     lumped = with_point_masses(mechanism)
     assert lumped.coupler.mass == lumped.coupler.inertia == 0.0

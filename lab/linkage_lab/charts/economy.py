@@ -361,6 +361,7 @@ def _draw_reduced(axes: Axes, own: Sequence[Saving]) -> None:
         xscale='log', ylabel='Torque error of reduced models',
         xlabel=f'Time to compute one torque at {own[0]["rpm"]:g} rpm, \N{MICRO SIGN}s',
     )  # fmt: skip
+    axes.margins(x=0.08)
     axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     axes.xaxis.set_major_formatter('{x:g}')
     axes.xaxis.set_minor_locator(NullLocator())
@@ -380,7 +381,7 @@ def _thin_out(axes: Axes) -> None:
 def _write_table(axes: Axes, own: Sequence[Saving], terms: Sequence[str]) -> None:
     """Lists the costs of the full model and of each simpler model."""
     full = {'left_out': _FULL, 'error': 0.0} | dict.fromkeys(_COSTS, 0)
-    line = '{name:17}{error:>8.3g}{operations:>8d}{microseconds:>8.1f}{parameters:>8d}'
+    line = '{name:19}{error:>8.3g}{operations:>8d}{microseconds:>8.1f}{parameters:>8d}'
     words, *costs = (
         line.format(
             name=x['left_out'].removeprefix('coupler as '),
@@ -391,8 +392,8 @@ def _write_table(axes: Axes, own: Sequence[Saving], terms: Sequence[str]) -> Non
     )  # fmt: skip
     at = f'at {own[0]["rpm"]:g} rpm'
     lines = [
-        f'{"":17}{"":>8}{"oper-":>8}{"micro-":>8}{"para-":>8}',
-        f'{at:17}{"error":>8}{"ations":>8}{"seconds":>8}{"meters":>8}',
+        f'{"":19}{"":>8}{"oper-":>8}{"micro-":>8}{"para-":>8}',
+        f'{at:19}{"error":>8}{"ations":>8}{"seconds":>8}{"meters":>8}',
         words, 'without', *costs,
     ]  # fmt: skip
     axes.set_axis_off()

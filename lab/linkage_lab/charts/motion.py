@@ -50,6 +50,7 @@ _TALLEST, _LINKAGE, _ABOVE, _ROW, _GAP, _FOOT, _LINE, _ROWS = (
 )
 # Widths: margin left of the diagrams, linkage beside the text, table.
 _MARGIN, _LEFT_OF_TEXT, _TABLE = 1.05, 4.3, 5.4
+_CHARACTER = 0.071  # width of a character of the table
 _SINGLE = 6  # most diagrams in one column
 _DRAWN_AT = 45.0  # crank angle of the drawing, deg, at which links rarely overlap
 _TITLES = {'deg': 'Direction', 'rad/s': 'Rate', 'rad/s\u00b2': 'Acceleration'}
@@ -241,7 +242,8 @@ def _draw_motion(
             (_MARGIN if above else _LEFT_OF_TEXT + 0.1) / WIDTH, 1 - y / height, notes,
             fontsize=TEXT, va='top', linespacing=1.3,
         )  # fmt: skip
-        left = WIDTH - _TABLE if not others else 0.5 * (WIDTH - _TABLE)
+        longer = max(0, max(len(curve.name) for curve in curves) - 13)
+        left = (1.0 if not others else 0.5) * (WIDTH - _TABLE - _CHARACTER * longer)
         grid = figure.add_gridspec(
             rows, columns, hspace=_GAP / row, wspace=0.27, left=_MARGIN / WIDTH,
             right=1 - 0.2 / WIDTH, top=1 - (top + _GAP) / height, bottom=_FOOT / height,
@@ -259,10 +261,10 @@ def _draw_motion(
         figure.align_ylabels()
         blank = Line2D([], [], linestyle='none')
         at = f'at {first.across.unit}'
-        heading = f'{"":<14}{"":<7}{"min":>10}{at:>7}{"max":>10}{at:>7}{"rms":>10}'
+        heading = f'{"":<{14 + longer}}{"":<7}{"min":>10}{at:>7}{"max":>10}{at:>7}{"rms":>10}'
         figure.legend(
             [blank, *handles, *(blank for _ in extra)],
-            [heading, *map(_extent, [*curves, *extra])],
+            [heading, *(_extent(curve, 14 + longer) for curve in (*curves, *extra))],
             loc='upper left', bbox_to_anchor=(left / WIDTH, 1 - (y + said * (not above)) / height),
             prop={'family': 'monospace', 'size': NUMBERS}, labelspacing=0.35, borderpad=0.0,
             borderaxespad=0.0, handletextpad=0.5, handlelength=2.4,
@@ -363,12 +365,12 @@ def _draw(axes: Axes, panel: _Panel) -> list[Line2D]:
     return lines
 
 
-def _extent(curve: _Curve) -> str:
-    """Describes a curve by its extreme values, their crank angles, and rms."""
+def _extent(curve: _Curve, width: int) -> str:
+    """Describes a curve by its extreme values, their crank angles, and rms; pads its name."""
     low, low_at, high, high_at, rms = extent(curve.period.x, curve.values)
     across = curve.period.across
     digits = f'>7.{1 if across.unit == "deg" else 3}f'
     return (
-        f'{curve.name:<14.13}{curve.unit:<7}{low:>10.4g}{across.scale * low_at:{digits}}'
+        f'{curve.name:<{width}}{curve.unit:<7}{low:>10.4g}{across.scale * low_at:{digits}}'
         f'{high:>10.4g}{across.scale * high_at:{digits}}{rms:>10.4g}'
     )
