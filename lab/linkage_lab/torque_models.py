@@ -27,25 +27,30 @@ from linkage_ros.internals import (
 from linkage_ros.quantities import build, flatten
 
 STATIC = 'inertia'  # term of all inertia forces; without it, weights and loads remain
-# Parameters of each term, or their group. A load with parameters of its own adds a term with the
-# name of their group. A term is present if any of its parameters is nonzero.
-TERMS: dict[str, tuple[str, ...]] = {
-    'gravity': ('gravity',),
-    STATIC: ('crank.inertia', 'coupler.inertia', 'rocker.inertia'),
-    'crank': ('crank.mass', 'crank.inertia', 'crank.center'),
-    'crank.inertia': ('crank.inertia',),
-    'coupler': ('coupler.mass', 'coupler.inertia', 'coupler.center'),
-    'coupler.inertia': ('coupler.inertia',),
-    'rocker': ('rocker.mass', 'rocker.inertia', 'rocker.center'),
-    'rocker.inertia': ('rocker.inertia',),
-    'slider': ('slider.mass',),
-    'rocker.torque': ('rocker.torque',),
-    'rocker.damping': ('rocker.damping',),
-    'rocker.stiffness': ('rocker.stiffness', 'rocker.rest_angle'),
-    'slider.force': ('slider.force',),
-    'slider.damping': ('slider.damping',),
-    'slider.stiffness': ('slider.stiffness', 'slider.rest_position'),
-}
+# Parameters of a link by term: its body, and what acts on it.
+_BODY = 'mass', 'inertia', 'center'
+_ACTING = {
+    'torque': ('torque',), 'force': ('force',), 'damping': ('damping',),
+    'stiffness': ('stiffness', 'rest_angle', 'rest_position'),
+}  # fmt: skip
+
+
+def _known(mechanism: Mechanism) -> dict[str, tuple[str, ...]]:
+    """Returns the parameters of each possible term, or their group; a load is one term."""
+    groups = {name: name for name in mechanism.parts()}
+    for dyad in mechanism.dyads:
+        for link in dyad.parts:
+            groups[link] = f'dyads.{dyad.name}.{link.removeprefix(f"{dyad.name}_")}'
+    known: dict[str, tuple[str, ...]] = {
+        'gravity': ('gravity',), STATIC: tuple(f'{group}.inertia' for group in groups.values()),
+    }  # fmt: skip
+    for name, group in groups.items():
+        known[name] = tuple(f'{group}.{x}' for x in _BODY)
+        known[f'{name}.inertia'] = (f'{group}.inertia',)
+    for name, group in groups.items():
+        for term, members in _ACTING.items():
+            known[f'{name}.{term}'] = tuple(f'{group}.{x}' for x in members)
+    return known | {load.label: (load.label,) for load in mechanism.loads}
 
 
 def terms(mechanism: Mechanism) -> dict[str, dict[str, int]]:
@@ -64,17 +69,6 @@ def terms(mechanism: Mechanism) -> dict[str, dict[str, int]]:
         # For a link without mass, 'crank' would repeat 'crank.inertia'.
         if (own or (name == STATIC and masses)) and own != found.get(f'{name}.inertia')
     }  # fmt: skip
-
-
-def _known(mechanism: Mechanism) -> dict[str, tuple[str, ...]]:
-    """Returns the parameters of all terms that a mechanism may have."""
-    found = TERMS | {load.label: (load.label,) for load in mechanism.loads}
-    for dyad in mechanism.dyads:
-        for link in dyad.parts:
-            part = f'dyads.{dyad.name}.{link.removeprefix(f"{dyad.name}_")}'
-            found[link] = f'{part}.mass', f'{part}.inertia', f'{part}.center'
-            found[STATIC] += (f'{part}.inertia',)
-    return found
 
 
 def _members(values: Iterable[str], wanted: Iterable[str]) -> set[str]:
