@@ -5,6 +5,7 @@
 python benchmarks/six_bars.py
 """
 
+import argparse
 import time
 from dataclasses import replace
 
@@ -48,6 +49,7 @@ def measured(solvers):
 
 def main():
     """Prints the times."""
+    argparse.ArgumentParser(description=__doc__).parse_args()
     mechanisms = [_FOUR_BAR, *(replace(_FOUR_BAR, dyads=(dyad,)) for dyad in _DYADS.values())]
     four_bar, *others = measured([Solver(mechanism) for mechanism in mechanisms])
     print(f'{"four-bar":36}{four_bar[0] * 1e6:6.2f} us, {four_bar[1] * 1e9:5.0f} ns in arrays')
