@@ -20,7 +20,6 @@ from linkage_ros.messages.urdf import make_urdf
 from linkage_ros.motion.along_law import LawMotion
 from linkage_ros.motion.coordinates import DrivenMechanism
 from linkage_ros.motion.drives.follow import FollowDrive
-from linkage_ros.motion.drives.law import LawDrive
 from linkage_ros.motion.law import Sine
 from linkage_ros.motion.measured import FollowMotion
 from linkage_ros.motion.steps import LONGEST_STEP, TOLERANCE, Integrate, live_steps, record_steps
@@ -39,7 +38,6 @@ __all__ = [
     'FollowDrive',
     'FollowMotion',
     'Integrate',
-    'LawDrive',
     'LawMotion',
     'LinkForce',
     'Model',

@@ -63,7 +63,7 @@ class SettlingDrive(Drive):
 
     speed: float = quantity('number', 'speed at t = 0', 'rad/s', span=(-1e3, 1e3), default=9.0)
 
-    def words(self):
+    def words(self, joint):
         return f'settles from {self.speed:g} rad/s'
 
     def begin(self, stamp, machine):

@@ -15,7 +15,7 @@ from linkage_lab.pump.shooting import PeriodicMotion
 from linkage_lab.sampling import SAME, integral, samples, with_breaks
 from linkage_ros import ConfigurationError, Mechanism, Solver, State, Travel, WindPump, travel
 from linkage_ros.formulas import ZERO, Array, number
-from linkage_ros.internals import Drawing, LawDrive, LawMotion, Sine
+from linkage_ros.internals import Drawing, LawMotion, Sine
 
 # Speed of a crank that is drawn over its arc, or of a cylinder over its stroke, m/s; and the part
 # of the arc or stroke left out at each end.
@@ -196,14 +196,15 @@ def period_to_show(
     """
     name, kind = Path(source).stem, design.kind.mechanism
     # If the crank angle does not determine the motion, the motor does.
-    reach = Solver(design.mechanism).mobility
+    solver = Solver(design.mechanism)
+    reach, law = solver.mobility, design.drive.law(solver.structure.driven_link)
     if reach and reach.slides and rpm is not None:
         raise ConfigurationError(
             f'--rpm is for a crank, but {source} drives a cylinder: leave it out'
         )
     if reach is None:
         found = _settled(source, design, rpm, options)
-    elif rpm is None and isinstance(design.drive, LawDrive):
+    elif rpm is None and law is not None:
         found = _along_law(source, design, options)
     elif reach.turns_fully:
         found = _at_given_speed(source, design, rpm, options)
@@ -305,7 +306,7 @@ def _ranges(period: Period) -> list[str]:
     return words
 
 
-def law_period(solver: Solver, drive: LawDrive, *, reactions: bool = False) -> Period:
+def law_period(solver: Solver, drive: Any, *, reactions: bool = False) -> Period:
     """Computes the motion along a law, from its start to its end or over one of its periods.
 
     There are 720 steps of equal time, the points of the law, and both sides of each corner or jump
@@ -313,7 +314,7 @@ def law_period(solver: Solver, drive: LawDrive, *, reactions: bool = False) -> P
 
     Args:
         solver: Solver of a mechanism with one degree of freedom.
-        drive: The drive.
+        drive: A drive with a law.
         reactions: Whether to add pin forces, shaking force and shaking moment.
 
     Returns:

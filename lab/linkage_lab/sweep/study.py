@@ -13,7 +13,7 @@ from scipy.stats import qmc
 from linkage_lab.sweep.measures import MEASURES, RPM, Task, Way
 from linkage_ros import ConfigurationError, Mechanism, load
 from linkage_ros.formulas import Array
-from linkage_ros.internals import LawDrive, LawMotion, read_yaml
+from linkage_ros.internals import LawMotion, read_yaml
 from linkage_ros.quantities import Checked, Leaf, Quantity, build, flatten, leaves, quantity, shown
 
 _GROUPS = 'ranges', 'tolerances', 'constraints', 'goals'
@@ -136,9 +136,9 @@ def _way(settings: Settings, drive: Any, joint: Any) -> Way | None:
                 f'swing = {shown(settings.swing)}: give the smaller angle first'
             )
         return Way(low, high, np.linspace(low, high, count))
-    if settings.rpm is not None or not isinstance(drive, LawDrive):
+    law = drive.law(joint) if settings.rpm is None else None
+    if law is None:
         return None
-    law = drive.law(joint)
     ends = [law.at(time).angle for time in law.extremes(math.inf, -math.inf)]
     stamps = [(law.duration - 1) * i // (count - 1) for i in range(count)]
     found = LawMotion.begin(law, 0).at_all(stamps)

@@ -18,6 +18,7 @@ from linkage_ros.mechanism.solver import Solver
 from linkage_ros.mechanism.structure import Link, Mechanism
 from linkage_ros.messages.joints import RobotJoint
 from linkage_ros.messages.topics import Topic
+from linkage_ros.motion.law import Law
 from linkage_ros.motion.segments import Coordinates, Motion, Segment
 from linkage_ros.motion.steps import Integrate, live_steps
 from linkage_ros.quantities import Checked
@@ -222,6 +223,10 @@ class Drive(Checked):
     def drawn_angle(self, reach: Reach | None) -> float:  # noqa: ARG002, a measured crank needs it
         """Returns the crank angle at which the mechanism is drawn before its first state, rad."""
         return self.crank_angle
+
+    def law(self, joint: Link) -> Law | None:  # noqa: ARG002, some have one
+        """Returns the law of the driven joint; None if its motion is given in another way."""
+        return None
 
     @property
     def plotted_seconds(self) -> float:
