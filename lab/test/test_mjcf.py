@@ -83,8 +83,8 @@ def gap(model, data):
 @each
 @pytest.mark.parametrize('assembly', ['open', 'crossed'])
 def test_model_starts_with_a_closed_loop_in_its_assembly(preset, assembly):
-    is_cylinder = preset == 'shaper'
-    configuration = changed(preset, **({} if is_cylinder else {'assembly': assembly}))
+    is_cylinder, is_shaper = preset in {'shaper', 'excavator'}, preset == 'shaper'
+    configuration = changed(preset, **({} if is_shaper else {'assembly': assembly}))
     state, mechanism = start_of(configuration), configuration.mechanism
     model, data = exported(configuration)
     scale = mechanism.crank.length + (mechanism.frame if is_cylinder else mechanism.coupler).length
@@ -97,7 +97,8 @@ def test_model_starts_with_a_closed_loop_in_its_assembly(preset, assembly):
     mujoco.mj_resetDataKeyframe(model, data, model.key('start').id)
     mujoco.mj_forward(model, data)
     assert np.array_equal(data.qpos, positions)
-    assert data.actuator('crank').ctrl == state.torque
+    driven = mechanism.structure().driven_link.name
+    assert data.actuator(driven).ctrl == state.torque
     assert gap(model, data) < 1e-14 * scale
     speeds = data.sensordata[model.nq : 2 * model.nq]
     assert np.array_equal(speeds, data.qvel)
@@ -165,8 +166,13 @@ def run(configuration, seconds, mechanism=None):
     solver, given = simulator.solver, simulator.begin(0)
     step = round(model.opt.timestep * NS_PER_S)
     is_motor = isinstance(drive, TorqueDrive)
-    rpm = drive.start_rpm if is_motor else drive.initial_rpm
-    unpowered = TorqueDrive(start_rpm=rpm, crank_angle=drive.crank_angle)
+    driven = solver.structure.driven_link
+    rpm, crank = 0.0, drive.crank_angle
+    if driven.slides:  # the law begins at rest
+        crank = solver.state(crank).position[0]
+    else:
+        rpm = drive.start_rpm if is_motor else drive.initial_rpm
+    unpowered = TorqueDrive(start_rpm=rpm, crank_angle=crank)
     plant = unpowered.begin(0, Machine(solver, step))
     named = configuration.mechanism.load_names(), configuration.mechanism.link_loads()
     pairs = (pair for pair in zip(*named, strict=True) if isinstance(pair[1], CurveForce))
@@ -182,13 +188,14 @@ def run(configuration, seconds, mechanism=None):
             torque = solver.state(q, u, a).torque
         plant.command(stamp, torque)
         place = plant.at(stamp + step)
-        data.actuator('crank').ctrl = torque
+        data.actuator(driven.name).ctrl = torque
         if curve:
             data.actuator(name).ctrl = value_of(curve, data, model.opt.timestep / 2)
         mujoco.mj_step(model, data)
         # The sites are at their positions at the start of the step.
         widest = max(widest, gap(model, data))
-        worst = max(worst, abs(data.joint('crank').qpos.item() - place.unwrapped))
+        crank = simulator.state(place).position[0] if driven.slides else place.unwrapped
+        worst = max(worst, abs(data.joint('crank').qpos.item() - crank))
     return math.degrees(worst), widest
 
 

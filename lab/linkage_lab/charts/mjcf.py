@@ -22,8 +22,8 @@ from linkage_ros.internals import LinkForce, Simulator, make_urdf
 _SOLREF, _SOLIMP = (1e-6, 1.0), (0.9999, 0.9999, 0.001)
 _TIMESTEP = 2e-4  # s
 _ABOUT = """
-  Written by linkage_lab. Joint positions are those of joint_states. The control "{crank}" is the
-  torque on the crank, N m, counter-clockwise: effort[{crank}] of joint_states. The keyframe
+  Written by linkage_lab. Joint positions are those of joint_states. The control "{name}" is the
+  {effort}: effort[{name}] of joint_states. The keyframe
   "start" is the state at t = 0.
 """
 
@@ -57,9 +57,10 @@ def mjcf(options: argparse.Namespace) -> None:
 def make_mjcf(mechanism: Mechanism, start: State, joint_prefix: str = '') -> str:
     """Generates the MJCF: the tree of the URDF, closed by connect constraints between sites.
 
-    The model includes masses, gravity and loads, a motor on the crank, sensors for the values of
-    joint_states, and a keyframe of the start. The reference position of each joint is its position
-    at the start, so that the model starts in the correct assembly even without the keyframe.
+    The model includes masses, gravity and loads, a motor on the driven joint, sensors for the
+    values of joint_states, and a keyframe of the start. The reference position of each joint is
+    its position at the start, so that the model starts in the correct assembly even without the
+    keyframe.
 
     Args:
         mechanism: Mechanism to export.
@@ -82,7 +83,10 @@ def make_mjcf(mechanism: Mechanism, start: State, joint_prefix: str = '') -> str
     parser = ET.XMLParser(target=ET.TreeBuilder(insert_comments=True))  # noqa: S314
     robot = ET.fromstring(make_urdf(mechanism, joint_prefix).encode(), parser)  # noqa: S314
     _, *described = robot.findall('link')
-    world, bodies, crank = _element('worldbody'), list[ET.Element](), names[0]
+    world, bodies, driven = _element('worldbody'), list[ET.Element](), names[structure.driven]
+    effort = 'torque on the crank, N m, counter-clockwise'
+    if structure.driven_link.slides:
+        effort = 'force that lengthens the cylinder, N'
     for name, link, shape, at in zip(names, links, described, position, strict=True):
         bodies.append(_body(name, link, shape, at))
         (world if link.parent is None else bodies[link.parent]).append(bodies[-1])
@@ -101,14 +105,14 @@ def make_mjcf(mechanism: Mechanism, start: State, joint_prefix: str = '') -> str
         for kind, word in (('jointpos', 'position'), ('jointvel', 'velocity'))
         for name in names
     ]
-    sensors.append(_element('actuatorfrc', name=f'{crank}_effort', actuator=crank))
+    sensors.append(_element('actuatorfrc', name=f'{driven}_effort', actuator=driven))
     if point := structure.points.get('C'):
         name = f'{joint_prefix}coupler_point'
         bodies[1].append(_site(name, point.weights[1]))
         sensors.append(_element('framepos', name=name, objtype='site', objname=name))
     root = _element(
         'mujoco',
-        ET.Comment(_ABOUT.format(crank=crank)),
+        ET.Comment(_ABOUT.format(name=driven, effort=effort)),
         _element('compiler', angle='radian'),
         _element(
             'option', timestep=repr(_TIMESTEP), integrator='RK4',
@@ -122,7 +126,7 @@ def make_mjcf(mechanism: Mechanism, start: State, joint_prefix: str = '') -> str
             )
             for one, other in pairs
         )),
-        _element('actuator', _element('motor', name=crank, joint=crank), *loads),
+        _element('actuator', _element('motor', name=driven, joint=driven), *loads),
         _element('sensor', *sensors),
         _element('keyframe', _element(
             'key', name='start', qpos=_text(*position), qvel=_text(*velocity),
