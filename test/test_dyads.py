@@ -29,7 +29,9 @@ from linkage_ros import (
     DyadSlider,
     Force,
     Friction,
+    LinkageError,
     MechanismError,
+    MotionError,
     Pins,
     Solver,
     Spring,
@@ -359,3 +361,27 @@ def test_log_of_each_drive_verifies(tmp_path, drive):
 def test_mistakes_of_a_file_are_said_together(tmp_path):
     with pytest.raises(ConfigurationError, match=r'5 mistakes: .*ram\.assembly.*saddle\.second'):
         six_bar(tmp_path, 'rpm: 1.0', 'dyads.ram.assembly: up', 'dyads.saddle.second.mass: -1.0')
+
+
+def test_six_bar_that_jams_ends_its_motion_with_the_place(tmp_path):
+    """Within its arc it moves by a law; beyond, a law and a constant speed are refused."""
+    short = {'length: 3.2': 'length: 1.8', 'length: 2.6': 'length: 1.7'}
+    text = '\n'.join(x for x in SIX_BAR.split('\n') if 'gas:' not in x and 'cut:' not in x)
+    for old, new in short.items():
+        text = text.replace(old, new)
+    path, start = tmp_path / 'jams.yaml', 'crank_angle: 0.3'
+    law = 'motion: {{center: 0.3, amplitude: {}, frequency: 0.5}}'.format
+
+    def configuration(*lines):
+        path.write_text(text + ''.join(f'    {line}\n' for line in lines))
+        return load(str(path))
+
+    record(configuration('drive: motion', law(0.2)), tmp_path / 'run.mcap', duration=1.0)
+    verified(tmp_path / 'run.mcap')
+    with pytest.raises(ConfigurationError, match=r't = 0\.5 s, .* the dyad ram does not close'):
+        configuration('drive: motion', law(2.2))
+    with pytest.raises(LinkageError, match='cannot turn fully: the dyad ram does not close'):
+        configuration('rpm: 10.0')
+    torque = configuration('drive: torque', 'motor: {torque: 60.0, damping: 4.0}', start)
+    with pytest.raises(MotionError, match='ram_first and ram_second are in line'):
+        record(torque, tmp_path / 'end.mcap', duration=4.0)
