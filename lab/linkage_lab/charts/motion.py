@@ -299,7 +299,7 @@ def _panels(period: Period, show: Collection[str]) -> Iterator[_Panel]:
             yield from _by_unit([_curve(period, x, x.replace('.', ' ')) for x in loads], 'Load')
             points = [name for name in columns if name.endswith('.force.x')]
             for name in (x.removesuffix('.force.x') for x in points):
-                forces = [_curve(period, f'{name}.force.{x}', x) for x in 'xy']
+                forces = [_curve(period, f'{name}.force.{x}', f'{name}.{x}') for x in 'xy']
                 yield _Panel(f'Force {name}, N', forces)
         elif quantity == 'point':
             point = [name for name in columns if name.startswith('coupler_point.position')]
