@@ -47,7 +47,10 @@ def reach_of(mechanism: Any) -> Reach | None:
         return reach
     loop, dyads = mechanism.chain()
     turn = 2 * math.pi * reach.period_turns
-    arcs = [(0.0, turn)] if reach.turns_fully else list(reach.arcs)
+    arcs = [(0.0, turn)]
+    if not reach.turns_fully:  # the loop reaches the same arcs in each turn of a period
+        shifts = [math.tau * i for i in range(max(1, reach.period_turns))]
+        arcs = [(low + shift, high + shift) for shift in shifts for low, high in reach.arcs]
     limits, cures = list(reach.limits), list(reach.cures)
     for i, (dyad, given) in enumerate(zip(dyads, mechanism.dyads, strict=True)):
         constants = Constants((Chain(loop, dyads[:i]), dyad))
