@@ -238,6 +238,18 @@ def test_units_that_are_probably_wrong_are_noted(run):
     assert '300 mm = 0.3 m' in printed
 
 
+@pytest.mark.parametrize('turns', [-1, 0, 3])
+def test_reach_is_given_next_to_the_value_that_is_out_of_reach(run, turns):
+    given = -1.57 + turns * math.tau
+    longer = LEG.replace('xyz="0 0 -0.3" rpy', 'xyz="0 0 -0.35" rpy')
+    code, _, error = run(longer, *CLOSE, '--at', f'knee_motor={given}')
+    assert code == 2
+    start, end = map(float, re.search(r'from (\S+) to (\S+) rad', error).groups())
+    assert 0 < abs((start + end) / 2 - given) <= math.pi + 1e-4
+    for inside in (start + 0.01, end - 0.01):
+        assert len(run(longer, *CLOSE, '--at', f'knee_motor={inside}')) == 2
+
+
 def test_crank_that_mimics_a_measured_joint_can_be_mapped_to_it(run):
     coupled = LEG.replace('multiplier="-1"', 'multiplier="-2" offset="0.3"')
     values, printed = run(coupled, '--crank', 'knee', *CLOSE[2:])

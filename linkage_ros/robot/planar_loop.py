@@ -710,9 +710,10 @@ class _Planar:
             try:
                 state = solver.state(own, 0.0, 0.0)
             except UnreachableError as error:
+                turns = [math.tau * round((own - sum(arc) / 2) / math.tau) for arc in error.arcs]
                 reached = ' or '.join(
-                    ' to '.join(f'{(angle - crank.zero) * crank.ratio:.6g}' for angle in arc)
-                    for arc in error.arcs
+                    ' to '.join(f'{(x + turn - crank.zero) * crank.ratio:.6g}' for x in arc)
+                    for arc, turn in zip(error.arcs, turns, strict=True)
                 )
                 raise ConfigurationError(
                     f'the loop cannot close with {crank.name} at {given[crank.name]:g}: it can '
