@@ -12,6 +12,7 @@ import pytest
 from dyad_oracle import Oracle
 from mechanisms import (
     FULL,
+    LIMITED,
     PUMPS,
     cylinder,
     four_bar,
@@ -36,10 +37,12 @@ from linkage_ros import (
     Solver,
     Spring,
     UnreachableError,
+    read_log,
     travel,
 )
 from linkage_ros.programs.record import record
-from linkage_ros.settings.configuration import from_strings, load, to_strings
+from linkage_ros.quantities import flatten
+from linkage_ros.settings.configuration import configure, from_strings, load, to_strings
 
 EPSILON = 2.0**-52
 STRUCTURES = 60  # 300 were run by hand
@@ -385,3 +388,28 @@ def test_six_bar_that_jams_ends_its_motion_with_the_place(tmp_path):
     torque = configuration('drive: torque', 'motor: {torque: 60.0, damping: 4.0}', start)
     with pytest.raises(MotionError, match='ram_first and ram_second are in line'):
         record(torque, tmp_path / 'end.mcap', duration=4.0)
+
+
+def test_free_motion_passes_a_dead_centre_of_the_loop_and_keeps_its_energy(tmp_path):
+    rod = Body(3.0, 0.5, 0.1, (1.0, 0.0))
+    press = Dyad(
+        name='ram', from_='rocker', from_at=(0.5, 0.2), first=rod,
+        slider=DyadSlider(1.0, (4.0, -1.0), 0.3),
+    )  # fmt: skip
+    mechanism = replace(four_bar(LIMITED['rocker_crank'], 0.0), dyads=(press,))
+    values = {'mechanism': 'four_bar', 'drive': 'torque', 'motor.torque': 0.0, 'crank_angle': 1.5}
+    record(configure(values | flatten(mechanism)), tmp_path / 'run.mcap', duration=4.0)
+    verified(tmp_path / 'run.mcap')
+    (log,) = [x for x in read_log(str(tmp_path / 'run.mcap')).values() if 'crank.effort' in x][:1]
+    energies, sides = [], set()
+    for row in range(0, 800, 20):
+        for side in ('open', 'crossed'):
+            solver = Solver(replace(mechanism, assembly=side))
+            q, u = (float(log[f'crank.{x}'][row]) for x in ('position', 'velocity'))
+            gap = solver.state(q, u).position[2] - log['rocker.position'][row]
+            if abs(math.sin(0.5 * gap)) < 1e-6:
+                sides.add(side)
+                energies.append(sum(solver.energy(q, u)))
+    assert sides == {'open', 'crossed'}
+    assert len(energies) == 40
+    assert np.ptp(energies) < 1e-6
