@@ -133,7 +133,7 @@ def _quantity(column: Column, name: str, link: str, is_drawn: bool = True) -> _Q
     unit, values = column
     if unit == 'rad':
         unit, values = 'deg', np.degrees(values)
-    return _Quantity(name, unit, color_of(link), values, is_drawn)
+    return _Quantity(name.replace('_', ' '), unit, color_of(link), values, is_drawn)
 
 
 class _Linkage(NamedTuple):
