@@ -17,7 +17,10 @@ import numpy as np
 LINKS = {
     'four_bar': ('crank', 'coupler', 'rocker'),
     'slider_crank': ('crank', 'coupler', 'slider'),
+    'inverted_slider_crank': ('crank', 'rod', 'barrel'),
 }
+# A valid URDF has limits of its prismatic joints.
+LIMITS = {'prismatic': '<limit lower="-9" upper="9" effort="9" velocity="9"/>', 'continuous': ''}
 UP = np.array((0.0, 0.0, 1.0))
 
 
@@ -93,7 +96,7 @@ def make_robot(values, random, cut='B', axes=None, hip=None):
         values: Parameters of a four_bar or slider_crank by dotted name; gravity is that of the
             plane.
         random: Random generator.
-        cut: Pin at which the tree is open: A, B or B0.
+        cut: Pin at which the tree is open: A, B or B0; of a cylinder A0, A or B0.
         axes: Axes of the linkage in all frames of the model, as columns; by default, all frames
             are turned at random.
         hip: Kind of the joint on which the frame hangs, whose axis is normal to the plane; by
@@ -105,16 +108,9 @@ def make_robot(values, random, cut='B', axes=None, hip=None):
 
     links = LINKS[values['mechanism']]
     out, delta = links[2], values['frame.angle']
-    pins = {'crank': ('A0', 'A'), 'coupler': ('A', 'B'), out: ('B0', 'B')}
+    pins, above = tree_of(out, cut)
     length = {link: values.get(f'{link}.length', 0.0) for link in links}
-    fixed = {'A0': 0j, 'B0': values.get('frame.length', 0.0) * np.exp(1j * delta)}
-    if out == 'slider':
-        fixed['B0'] = 1j * values['slider.offset'] * np.exp(1j * delta)
-    above = {
-        'B': {'crank': 'frame', out: 'frame', 'coupler': 'crank'},
-        'A': {'crank': 'frame', out: 'frame', 'coupler': out},
-        'B0': {'crank': 'frame', 'coupler': 'crank', out: 'coupler'},
-    }[cut]
+    fixed = pivots(values, out)
 
     mount, bracket = pose(turn(), random.normal(size=3)), pose(turn(), random.normal(size=3))
     frame = mount @ bracket
@@ -140,7 +136,27 @@ def make_robot(values, random, cut='B', axes=None, hip=None):
         far = length[link] * (pins[link].index(pin) == 1)
         return start[link] + far * np.exp(1j * angle[link])
 
+    def add(link, parent, place, axis, kind):
+        """Adds a link and its joint, along or about an axis."""
+        nonlocal parts
+        level = random.normal()
+        bodies[link] = pose(turn(), space(place, level))
+        turned = pose(rotated(UP, angle[link]), (start[link].real, start[link].imag, level))
+        own[link] = plane @ turned
+        inside = np.linalg.inv(bodies[parent]) @ bodies[link]
+        words = f'<axis xyz="{numbers(bodies[link][:3, :3].T @ axis)}"/>'
+        parts.append(joint(f'{link}_motor', kind, parent, link, inside, words + LIMITS[kind]))
+        parts += masses(link, values, own[link], bodies[link], random, turn)
+
     for link, parent in above.items():
+        if {link, parent} == {'rod', 'barrel'}:
+            zeros[link], angle[link] = random.uniform(0.8, 1.1) * values['stroke'], angle[parent]
+            way = np.exp(1j * angle[link])
+            side = 1 if link == 'rod' else -1
+            start[link] = start[parent] + side * (zeros[link] + 1j * values['offset']) * way
+            place, axis = start[link], side * signs[link] * (space(way) - space(0j))
+            add(link, parent, place, axis, 'prismatic')
+            continue
         (pin,) = set(pins[link]) & set(('A0', 'B0') if parent == 'frame' else pins[parent])
         place = at(parent, pin)
         zeros[link] = random.uniform(-math.pi, math.pi)
@@ -152,17 +168,7 @@ def make_robot(values, random, cut='B', axes=None, hip=None):
             axis = signs[link] * (space(np.exp(1j * delta)) - space(0j))
         start[link] = place
         start[link] -= at(link, pin) - place
-        level = random.normal()
-        bodies[link] = pose(turn(), space(place, level))
-        turned = pose(rotated(UP, angle[link]), (start[link].real, start[link].imag, level))
-        own[link] = plane @ turned
-        kind = 'prismatic' if link == 'slider' else 'continuous'
-        inside = np.linalg.inv(bodies[parent]) @ bodies[link]
-        axis = f'<axis xyz="{numbers(bodies[link][:3, :3].T @ axis)}"/>'
-        if kind == 'prismatic':  # a valid URDF has its limits
-            axis += '<limit lower="-9" upper="9" effort="9" velocity="9"/>'
-        parts.append(joint(f'{link}_motor', kind, parent, link, inside, axis))
-        parts += masses(link, values, own[link], bodies[link], random, turn)
+        add(link, parent, place, axis, 'prismatic' if link == 'slider' else 'continuous')
 
     level = random.normal()
     ends = [*(link for link in pins if cut in pins[link]), 'frame']
@@ -174,11 +180,51 @@ def make_robot(values, random, cut='B', axes=None, hip=None):
             weld(link, f'{name}_arm', np.linalg.inv(bodies[link]) @ between),
             weld(f'{name}_arm', name, np.linalg.inv(between) @ end),
         ]
-    joints = {link: (f'{link}_motor', zeros[link], signs[link], above[link]) for link in links}
+    joints = joints_of(links, above, zeros, signs)
     return Made(
         f'<robot name="made">{"".join(parts)}</robot>', joints,
         plane[:3, :3], ('tip', 'pin'), plane[:3, :3].T @ (0.0, 0.0, -9.81),
     )  # fmt: skip
+
+
+def pivots(values, out):
+    """Returns the points of the frame in the plane, x + iy."""
+    way = np.exp(1j * values['frame.angle'])
+    if out == 'slider':
+        return {'A0': 0j, 'B0': 1j * values['slider.offset'] * way}
+    return {'A0': 0j, 'B0': values['frame.length'] * way}
+
+
+def tree_of(out, cut):
+    """Returns the pins of each link, and the link above it in the tree that is open at a pin."""
+    if out == 'barrel':
+        return {'crank': ('A0', 'A'), 'rod': ('A',), 'barrel': ('B0',)}, {
+            'A': {'crank': 'frame', 'barrel': 'frame', 'rod': 'barrel'},
+            'B0': {'crank': 'frame', 'rod': 'crank', 'barrel': 'rod'},
+            'A0': {'barrel': 'frame', 'rod': 'barrel', 'crank': 'rod'},
+        }[cut]
+    return {'crank': ('A0', 'A'), 'coupler': ('A', 'B'), out: ('B0', 'B')}, {
+        'B': {'crank': 'frame', out: 'frame', 'coupler': 'crank'},
+        'A': {'crank': 'frame', out: 'frame', 'coupler': out},
+        'B0': {'crank': 'frame', 'coupler': 'crank', out: 'coupler'},
+    }[cut]
+
+
+def joints_of(links, above, zeros, signs):
+    """Returns name, zero, ratio and parent link of each joint, by the link that it moves.
+
+    A rod turns with its barrel, and slides in it.
+    """
+    found = {}
+    for link in links:
+        moved, parent = link, above[link]
+        if {link, parent} == {'rod', 'barrel'}:
+            moved = parent = 'rod'
+        elif link == 'rod':
+            moved = 'barrel'
+        parent = 'barrel' if parent == 'rod' else parent
+        found[moved] = f'{link}_motor', zeros[link], signs[link], parent
+    return found
 
 
 def joint(name, kind, parent, child, inside, axis=''):

@@ -71,6 +71,18 @@ ROBOTS = {
     'tilted slider-crank, open at the crank pin': (
         {'crank.length': 0.05, 'coupler.length': 0.2, 'slider.offset': -0.03}, 'A', None,
     ),
+    'excavator arm, driven by its cylinder': (
+        {'crank.length': 1.2, 'frame.length': 0.57, 'offset': 0.04, 'stroke': 1.0,
+         'input': 'cylinder'}, 'A', X_Z,
+    ),
+    'leg with a linear actuator, open at the hip': (
+        {'crank.length': 0.1, 'frame.length': 0.4, 'offset': -0.02, 'stroke': 0.38,
+         'input': 'cylinder'}, 'A0', None,
+    ),
+    'slotted lever, open at its pivot': (
+        {'crank.length': 0.1, 'frame.length': 0.25, 'offset': 0.01, 'stroke': 0.2,
+         'input': 'crank'}, 'B0', None,
+    ),
 }  # fmt: skip
 
 
@@ -79,11 +91,13 @@ def robot_of(name, tmp_path, number=0, hip=None):
     lengths, cut, axes = ROBOTS[name]
     random = np.random.default_rng(number)
     values = {
-        'mechanism': 'four_bar' if 'frame.length' in lengths else 'slider_crank',
+        'mechanism': 'inverted_slider_crank' if 'stroke' in lengths else 'four_bar'
+        if 'frame.length' in lengths else 'slider_crank',
         'assembly': 'open', 'frame.angle': random.uniform(-3, 3), **lengths,
     }  # fmt: skip
-    for link in ('crank', 'coupler', 'rocker'):
-        if f'{link}.length' in values:
+    is_cylinder = 'stroke' in values
+    for link in ('crank', 'coupler', 'rocker', *('barrel', 'rod') * is_cylinder):
+        if f'{link}.length' in values or link in {'barrel', 'rod'}:
             values[f'{link}.mass'] = random.uniform(0.1, 3)
             values[f'{link}.inertia'] = random.uniform(0.001, 0.1)
             values[f'{link}.center'] = tuple(random.normal(size=2) * 0.1)
@@ -95,10 +109,13 @@ def robot_of(name, tmp_path, number=0, hip=None):
     robot, trials = read_robot(path), 0
     while True:  # a crank value at which the loop closes
         trials += 1
-        at = {f'{link}_motor': random.uniform(-3, 3) for link in made.joints}
+        at = {name: random.uniform(-3, 3) for name, *_ in made.joints.values()}
+        if is_cylinder:
+            at[made.joints['rod'][0]] = 0.0
+        driven = made.joints['rod' if values.get('input') == 'cylinder' else 'crank'][0]
         try:
             world = 'root' if hip else ''
-            found = find_loop(robot, 'crank_motor', made.close, at=at, world=world)
+            found = find_loop(robot, driven, made.close, at=at, world=world)
             break
         except ConfigurationError:
             assert trials < 100
@@ -131,19 +148,24 @@ def mechanism_state(made, simulator):
 def test_answers_close_the_robots_loop_with_its_torque(name, tmp_path):
     made, tree, configuration, found = robot_of(name, tmp_path)
     simulator, random = Simulator(configuration), np.random.default_rng(1)
-    values = found.given['crank_motor'] + np.cumsum(random.uniform(-0.02, 0.03, size=4000))
+    driven, reach = simulator.crank_joint, simulator.solver.reach
+    values = found.given[driven] + np.cumsum(random.uniform(-0.02, 0.03, size=4000))
+    if reach.slides:
+        ((low, high),) = reach.arcs
+        own = 0.5 * (low + high) + 0.49 * (high - low) * np.sin(np.arange(1000.0))
+        values = simulator.machine.joint.value(own)
     torques, errors, count = [], [], 0
     for value, answer in islice(answers(simulator, values), 1000):
         state = decode_joint_state(answer.messages[0])
         q = dict(zip(state.names, state.positions, strict=True))
         assert len(q) == 3
-        assert q['crank_motor'] == value  # the measured value itself
+        assert q[driven] == value  # the measured value itself
         assert tree.gap(q, made.close) < 1e-9
         count += 1
         if count % 10 == 0:
             q, u, a, efforts = mechanism_state(answer, simulator)
             torques.append(tree.power(q, u, a) / 3.0)
-            errors.append(abs(efforts['crank_motor'] - torques[-1]))
+            errors.append(abs(efforts[driven] - torques[-1]))
     assert count == 1000
     # Near a limit of the crank, single torques are huge.
     sizes = np.abs(torques) + np.median(np.abs(torques))

@@ -89,7 +89,7 @@ def parameter_text(loop: PlanarLoop, source: str) -> str:
     ]
     for link, joint in loop.joints.items():
         parts = [f'{name}: {json.dumps(value)}' for name, value in joint._asdict().items()]
-        usual = 'crank' if link == 'coupler' else 'frame'
+        usual = {'coupler': 'crank', 'rod': 'barrel'}.get(link, 'frame')
         lines.append(
             f'      {link}: {{{", ".join(parts[:-1] if joint.parent == usual else parts)}}}'
         )
@@ -102,7 +102,8 @@ def summary(loop: PlanarLoop) -> str:
     normal = ', '.join(f'{part:.6g}' for part in loop.axes[-1])
     frame = loop.bodies['frame']
     lines = [
-        f'{loop.kind}, {values["assembly"]}, in the plane normal to [{normal}] of {frame[0]}',
+        ', '.join([loop.kind, *filter(None, [values.get('assembly')])])
+        + f', in the plane normal to [{normal}] of {frame[0]}',
         f'  frame    {_named(frame)}'
         + (f', {values["frame.length"]:.9g} m' if 'frame.length' in values else ''),
     ]
@@ -206,7 +207,8 @@ def _parser() -> argparse.ArgumentParser:
     cli.add_options(parser, [
         (('robot',), None, {'metavar': 'ROBOT', 'type': Path, 'help': 'URDF, SDF or MJCF file'}),
         (('--crank',), None, {
-            'required': True, 'metavar': 'JOINT', 'help': 'the driven joint, on the frame',
+            'required': True, 'metavar': 'JOINT',
+            'help': 'the driven joint, on the frame, or a cylinder',
         }),
         (('--close',), None, {
             'nargs': 2, 'metavar': ('TIP_LINK', 'PIN_LINK'),

@@ -44,9 +44,11 @@ _SHORTEST = 1e-9  # m, as for the lengths of a mechanism
 _SLANTED = 0.6  # shortest projection of an axis of the frame that gives the plane's y axis
 _ALIKE = 1e-9  # rad, difference between two assemblies that cannot be told apart
 _MASSLESS = Inertial(0.0, np.zeros(3), np.zeros((3, 3)))
+_CYLINDER = 'inverted_slider_crank'
 _KINDS = {
     (REVOLUTE, REVOLUTE, REVOLUTE, REVOLUTE): ('four_bar', 'rocker'),
     (REVOLUTE, REVOLUTE, REVOLUTE, PRISMATIC): ('slider_crank', 'slider'),
+    (REVOLUTE, REVOLUTE, PRISMATIC, REVOLUTE): (_CYLINDER, 'barrel'),
 }
 
 
@@ -334,7 +336,7 @@ def find_loop(
     turns = _frame_joint(tree, cycle, world) if world else None
     if turns:
         values.pop(turns.joint.name, None)  # gravity is that at its 0
-    return _Planar(robot, tree, cycle, values, gravity, turns).found()
+    return _Planar(robot, tree, cycle, values, gravity, crank, turns).found()
 
 
 def _require_known(
@@ -386,14 +388,16 @@ def _the_loop(robot: Robot, tree: _Tree, crank: str, close: tuple[str, str] | No
 def _from_frame(tree: _Tree, cycle: list[_Pin], crank: str, frame: str) -> list[_Pin]:
     """Orders the pins of a loop from the frame on, so that the crank comes first.
 
+    A cylinder comes third: the crank is then on the frame, and carries the rod.
+
     Raises:
         ConfigurationError: The loop is too long, or the crank is not on the frame.
     """
     names = ', '.join(pin.name for pin in cycle[:-1])
     if len(cycle) != len(('A0', 'A', 'B', 'B0')):
         raise ConfigurationError(
-            f'the loop has {len(cycle) - 1} joints and the closure, {names}: a four-bar or '
-            'slider-crank has 3 and the closure; a longer loop cannot be imported'
+            f'the loop has {len(cycle) - 1} joints and the closure, {names}: a four-bar, a '
+            'slider-crank or a cylinder has 3 and the closure; a longer loop cannot be imported'
         )
     bodies = [pin.bodies[0] for pin in cycle]
     fixed = tree.home[frame] if frame else min(bodies, key=lambda body: len(tree.ancestors(body)))
@@ -404,6 +408,11 @@ def _from_frame(tree: _Tree, cycle: list[_Pin], crank: str, frame: str) -> list[
         )
     start = bodies.index(fixed)
     ordered = cycle[start:] + cycle[:start]
+    driven = next(pin for pin in ordered if pin.name == crank)
+    if driven.kind == PRISMATIC and driven in ordered[1:3]:
+        if driven is ordered[1]:
+            ordered = [pin.reversed() for pin in reversed(ordered)]
+        return ordered
     if ordered[0].name != crank:
         ordered = [pin.reversed() for pin in reversed(ordered)]
     if ordered[0].name != crank:
@@ -461,6 +470,7 @@ class _Planar:
         cycle: list[_Pin],
         values: Mapping[str, float],
         gravity: Array,
+        driven: str,
         turns: _Edge | None = None,
     ) -> None:
         """Computes the plane.
@@ -471,21 +481,26 @@ class _Planar:
             cycle: The pins A0, A, B and B0, the frame first.
             values: Joint values of the pose.
             gravity: Acceleration of gravity in the axes of the root, m/s^2.
+            driven: Name of the driven joint.
             turns: The joint that turns the frame; None if the frame is at rest.
 
         Raises:
             ConfigurationError: The loop is not planar, or has no mechanism with its joints.
         """
-        self.turns = turns
+        self.turns, self.driven = turns, driven
+        self.slide, self.lengthens = 0.0, 1.0  # of a cylinder: rod position and ratio
         self.robot, self.tree, self.cycle, self.values = robot, tree, cycle, values
         self.bodies = [pin.bodies[0] for pin in cycle]  # frame, crank, coupler, output
         self.kind, output = self._kind()
-        self.names = ('frame', 'crank', 'coupler', output)
+        self.is_cylinder = self.kind == _CYLINDER
+        self.names = ('frame', 'crank', 'rod' if self.is_cylinder else 'coupler', output)
         loop = {pin.name for pin in cycle}
         # The loop's joints at 0; the others do not change it.
         outside = {name: value for name, value in values.items() if name not in loop}
         self.zero, self.posed = tree.poses(outside), tree.poses(values)
-        self.world_normal = self._axis(cycle[0])
+        # A cylinder's loop may be closed at the crank.
+        self.turning = next(pin for pin in cycle if pin.edge and pin.kind == REVOLUTE)
+        self.world_normal = self._axis(self.turning)
         self._require_plane()
         # In the frame's axes: the normal, and the y axis, up as far as they allow.
         self.normal = self.zero[self.bodies[0]].rotation.T @ self.world_normal
@@ -513,7 +528,8 @@ class _Planar:
             words = (f'{pin.name} {kind}' for pin, kind in zip(self.cycle, kinds, strict=True))
             problem = (
                 f'the joints of the loop are {", ".join(words)}: a four_bar has 4 revolute ones, '
-                'a slider_crank has a prismatic one on the frame'
+                'a slider_crank has a prismatic one on the frame, an inverted_slider_crank a '
+                'prismatic one between two links, of which the crank carries the second'
             )
         raise ConfigurationError(f'{problem}; other loops cannot be imported')
 
@@ -557,7 +573,7 @@ class _Planar:
             need = 'normal' if slides else 'parallel'
             raise ConfigurationError(
                 f'the axis of {name} is {angle:.6g} rad ({math.degrees(angle):.4g} deg) off being '
-                f'{need} to that of the crank {self.cycle[0].name}: must be at most '
+                f'{need} to that of {self.turning.name}: must be at most '
                 f'{_PARALLEL:g} rad, because the linkage is planar'
             )
 
@@ -584,14 +600,7 @@ class _Planar:
         """
         A0, A, B, B0 = self.cycle
         frame, crank, coupler, output = self.bodies
-        slides = self.kind == 'slider_crank'
-        vectors = {
-            crank: A.places[crank] - A0.places[crank],
-            coupler: B.places[coupler] - A.places[coupler],
-        }
-        if not slides:
-            vectors[output] = B.places[output] - B0.places[output]
-            vectors[frame] = B0.places[frame] - A0.places[frame]
+        slides, vectors = self.kind == 'slider_crank', self._vectors()
         lengths = {body: self._length(body, vector) for body, vector in vectors.items()}
         for body, length in lengths.items():
             if length < _SHORTEST:
@@ -602,19 +611,16 @@ class _Planar:
         angles = {body: cmath.phase(self._flat(body, v)) for body, v in vectors.items()}
         values: dict[str, Any] = {'mechanism': self.kind}
         size = max(lengths.values())
-        starts = dict(zip((crank, coupler, output), (A0, A, B0), strict=True))
-        for body, name in zip(self.bodies[1:], self.names[1:], strict=True):
-            mass = self._lumped(body)
+        if self.is_cylinder:
+            way, self.slide, offset = self._cylinder(A, B, B0)
+            angles[coupler] = angles[output] = way
+            values['input'] = 'cylinder' if B.name == self.driven else 'crank'
+            values['offset'] = _tidy(offset, size)
+        for body, start in zip((crank, coupler, output), (A0, A, B0), strict=True):
+            name = self.names[self.bodies.index(body)]
             if body in lengths:
                 values[f'{name}.length'] = _tidy(lengths[body], size)
-                arm = self._flat(body, mass.center - starts[body].places[body])
-                along = arm * cmath.exp(-1j * angles[body])
-                normal = self._normal_in(body)
-                values[f'{name}.mass'] = mass.mass
-                values[f'{name}.inertia'] = float(normal @ mass.inertia @ normal)
-                values[f'{name}.center'] = [_tidy(along.real, size), _tidy(along.imag, size)]
-            else:
-                values[f'{name}.mass'] = mass.mass
+            values |= self._masses(name, body, start, angles.get(body), size)
         zeros = {body: angles[body] for body in (crank, coupler, output) if body in angles}
         if slides:
             guide, slide, offset = self._guide(B, B0, A0)
@@ -638,6 +644,34 @@ class _Planar:
         values['gravity'] = [_tidy(pull.real, largest), _tidy(pull.imag, largest)]
         return self._closed(values, self._joints(zeros))
 
+    def _vectors(self) -> dict[int, Array]:
+        """Returns the vector between the pins of each body that has two."""
+        A0, A, B, B0 = self.cycle
+        frame, crank, coupler, output = self.bodies
+        found = {crank: A.places[crank] - A0.places[crank]}
+        if not self.is_cylinder:
+            found[coupler] = B.places[coupler] - A.places[coupler]
+        if self.kind == 'four_bar':
+            found[output] = B.places[output] - B0.places[output]
+        if self.kind != 'slider_crank':
+            found[frame] = B0.places[frame] - A0.places[frame]
+        return found
+
+    def _masses(
+        self, name: str, body: int, start: _Pin, angle: float | None, size: float
+    ) -> dict[str, Any]:
+        """Returns mass and, if the body has a direction, rad, inertia and centre from a pin."""
+        mass = self._lumped(body)
+        if angle is None:
+            return {f'{name}.mass': mass.mass}
+        arm = self._flat(body, mass.center - start.places[body])
+        along, normal = arm * cmath.exp(-1j * angle), self._normal_in(body)
+        return {
+            f'{name}.mass': mass.mass,
+            f'{name}.inertia': float(normal @ mass.inertia @ normal),
+            f'{name}.center': [_tidy(along.real, size), _tidy(along.imag, size)],
+        }
+
     def _guide(self, B: _Pin, B0: _Pin, A0: _Pin) -> tuple[float, float, float]:
         """Returns direction, slider position at joint value 0, and offset of the guide."""
         frame, *_, output = self.bodies
@@ -649,6 +683,26 @@ class _Planar:
         place = pin * guide.conjugate()
         return cmath.phase(guide), place.real, place.imag
 
+    def _cylinder(self, A: _Pin, guide: _Pin, B0: _Pin) -> tuple[float, float, float]:
+        """Returns direction and rod position at joint value 0, and the offset of the rod.
+
+        The direction is that from the barrel to the crank pin at the given pose.
+        """
+        _, _, rod, barrel = self.bodies
+        axis = self._axis(guide)
+        if self._outwards(guide)[0] == rod:
+            axis = -axis
+        inside = self.zero[self.bodies[0]].rotation.T @ axis
+        way = complex(self.x @ inside, self.y @ inside)
+        way /= abs(way)
+        arm = self._flat(barrel, guide.places[barrel] - B0.places[barrel])
+        arm += self._flat(rod, A.places[rod] - guide.places[rod])
+        value = self.values.get(guide.name, 0.0)
+        self.lengthens = 1.0 if (arm * way.conjugate()).real + value >= 0 else -1.0
+        way *= self.lengthens
+        place = arm * way.conjugate()
+        return cmath.phase(way), place.real, place.imag
+
     def _joints(self, zeros: Mapping[int, float]) -> dict[str, JointMap]:
         """Returns the joint of each link: the one towards the frame."""
         name_of = dict(zip(self.bodies, self.names, strict=True))
@@ -658,6 +712,9 @@ class _Planar:
                 continue
             near, far = self._outwards(pin)
             name, zero, parent = pin.edge.joint.name, zeros[far], name_of[near]
+            if self.is_cylinder and pin.kind == PRISMATIC:
+                found['rod'] = JointMap(name, self.slide, self.lengthens, 'barrel')
+                continue
             if pin.kind == PRISMATIC:  # the guide has the direction of the joint
                 found[name_of[far]] = JointMap(name, zero, 1.0, parent)
                 continue
@@ -666,7 +723,9 @@ class _Planar:
             if parent != 'frame':
                 zero = float(wrap(zero - zeros[near]))
             ratio = 1.0 if self._axis(pin) @ self.world_normal > 0 else -1.0
-            found[name_of[far]] = JointMap(name, zero + 0.0, ratio, parent)
+            # A rod turns with its barrel.
+            parent, link = ('barrel' if x == 'rod' else x for x in (parent, name_of[far]))
+            found[link] = JointMap(name, zero + 0.0, ratio, parent)
         return {name: found[name] for name in self.names[1:]}
 
     def _lumped(self, body: int) -> Inertial:
@@ -700,12 +759,13 @@ class _Planar:
             ConfigurationError: The loop cannot close, or both assemblies are equally near.
         """
         given = {joint.name: self.values.get(joint.name, 0.0) for joint in joints.values()}
-        crank = joints['crank']
+        crank = next(joint for joint in joints.values() if joint.name == self.driven)
+        is_crank = values.get('input') == 'crank'  # whose angle determines the assembly
         own = crank.zero + given[crank.name] / crank.ratio
         size = max(value for name, value in values.items() if name.endswith('.length'))
         found = []
-        for assembly in (OPEN, CROSSED):
-            made = {**values, 'assembly': assembly}
+        for assembly in (OPEN,) if is_crank else (OPEN, CROSSED):
+            made = values if is_crank else {**values, 'assembly': assembly}
             solver = Solver(build(MECHANISMS[self.kind], made))
             try:
                 state = solver.state(own, 0.0, 0.0)
@@ -715,26 +775,28 @@ class _Planar:
                     ' to '.join(f'{(x + turn - crank.zero) * crank.ratio:.6g}' for x in arc)
                     for arc, turn in zip(error.arcs, turns, strict=True)
                 )
+                turns = 'm' if solver.reach.slides else 'rad, plus whole turns'
                 raise ConfigurationError(
                     f'the loop cannot close with {crank.name} at {given[crank.name]:g}: it can '
-                    f'from {reached} rad, plus whole turns; give --at {crank.name}=VALUE'
+                    f'from {reached} {turns}; give --at {crank.name}=VALUE'
                 ) from error
             places = dict(zip(solver.links, map(float, state.position), strict=True))
             closed, away = dict[str, float](), 0.0
             for link, joint in joints.items():
-                slides = link == 'slider'
-                move = places[link] - (0.0 if joint.parent == 'frame' else places[joint.parent])
+                slides = link in {'slider', 'rod'}
+                is_relative = joint.parent != 'frame' and not slides
+                move = places[link] - (places[joint.parent] if is_relative else 0.0)
                 move -= joint.zero
                 move = move if slides else float(wrap(move))
                 closed[joint.name] = joint.ratio * move + 0.0
-                if link != 'crank':
+                if joint is not crank:
                     off = closed[joint.name] - given[joint.name]
                     away += abs(off) / size if slides else abs(float(wrap(off)))
             closed[crank.name] = given[crank.name]
             found.append((away, made, closed))
-        (away, made, closed), (other, *_) = sorted(found, key=lambda one: one[0])
-        if other - away < _ALIKE:
-            passive = [joint.name for link, joint in joints.items() if link != 'crank']
+        (away, made, closed), *others = sorted(found, key=lambda one: one[0])
+        if any(other - away < _ALIKE for other, *_ in others):
+            passive = [joint.name for joint in joints.values() if joint is not crank]
             raise ConfigurationError(
                 'both assemblies are equally far from this pose: give --at and a value of '
                 f'{" or ".join(passive)} in the wanted assembly'
