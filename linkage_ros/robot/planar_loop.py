@@ -775,10 +775,10 @@ class _Planar:
                     ' to '.join(f'{(x + turn - crank.zero) * crank.ratio:.6g}' for x in arc)
                     for arc, turn in zip(error.arcs, turns, strict=True)
                 )
-                turns = 'm' if solver.reach.slides else 'rad, plus whole turns'
+                unit = 'm' if solver.reach.slides else 'rad, plus whole turns'
                 raise ConfigurationError(
                     f'the loop cannot close with {crank.name} at {given[crank.name]:g}: it can '
-                    f'from {reached} {turns}; give --at {crank.name}=VALUE'
+                    f'from {reached} {unit}; give --at {crank.name}=VALUE'
                 ) from error
             places = dict(zip(solver.links, map(float, state.position), strict=True))
             closed, away = dict[str, float](), 0.0
