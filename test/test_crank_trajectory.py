@@ -135,6 +135,21 @@ class Controller:
         return effort + self.gains['p'] * error + self.gains['d'] * (speed - velocity)
 
 
+def test_a_trajectory_holds_the_forces_at_its_stamp():
+    """Forces come at any rate; points before a change are computed again for the next message."""
+    pushed = machine(**{
+        'loads.push.kind': 'force', 'loads.push.link': 'rocker', 'loads.push.force': [0.0, 0.0],
+        'loads.push.wrench_topic': 'push',
+    })  # fmt: skip
+    ahead, motion = trajectory(pushed), pushed.begin(T0)
+    for tick in range(600):
+        stamp, force = T0 + tick * PERIOD, {'push': (float(tick // 100), -20.0)}
+        message = ahead.message_at(motion, stamp, force)
+        assert (message is not None) == (tick % 250 == 0)
+        if message is not None:
+            assert message == trajectory(pushed).message_at(motion, stamp, force)
+
+
 def parameters_of_the_example():
     return PARAMETERS['crank_controller']['ros__parameters']
 

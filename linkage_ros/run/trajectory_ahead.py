@@ -9,9 +9,7 @@ from contextlib import suppress
 from linkage_ros.errors import MotionError
 from linkage_ros.mechanism.solver import NO_FORCES
 from linkage_ros.messages.templates import crank_trajectory
-from linkage_ros.messages.topics import (
-    TRAJECTORY_COMMANDS,
-)
+from linkage_ros.messages.topics import TRAJECTORY_COMMANDS
 from linkage_ros.motion.drives.feed_forward import TrajectoryFeedForward
 from linkage_ros.motion.segments import Motion
 from linkage_ros.run.states import Simulator
@@ -26,7 +24,8 @@ class TrajectoryAhead:
 
     A trajectory starts at or just before its stamp, so that a controller can follow it as soon as
     it arrives. Each tick computes only the new points within the horizon. The first tick, and the
-    first one after a change of the motion, compute all points.
+    first one after a change of the motion, compute all points; so does the first trajectory due
+    after a change of the forces, which may come at any rate.
 
     Attributes:
         topic: Topic of the trajectories.
@@ -45,6 +44,7 @@ class TrajectoryAhead:
         self._simulator, self._solver = simulator, simulator.solver
         self._horizon = round(drive.trajectory_horizon * NS_PER_S)
         self._motion: Motion | None = None
+        self._forces = NO_FORCES  # those of the points
         self._points: deque[tuple[int, tuple[float, ...]]] = deque()
         self._next = self._due = 0
 
@@ -57,19 +57,22 @@ class TrajectoryAhead:
             motion: Motion in the segment that contains the stamp. If it differs from the motion in
                 the last call, the previous trajectory is invalid, and a new one is due.
             stamp: Stamp of the current tick, ns.
-            forces: Force [x, y], N, of each load whose force messages give, by name.
+            forces: Force [x, y], N, of each load whose force messages give, by name. Each
+                trajectory holds the forces at its stamp.
 
         Returns:
             The CDR bytes of the message; None if no message is due.
         """
-        if motion is not self._motion or stamp >= self._next:
+        has_other_forces = stamp >= self._due and forces != self._forces
+        if motion is not self._motion or has_other_forces or stamp >= self._next:
             self._points.clear()
+            self._forces = forces
             self._motion, self._next, self._due = motion, stamp, stamp
             self._solver = self._simulator.under(getattr(motion.segment, 'gravity', None)).solver
         with suppress(MotionError):  # a law may end within the horizon
             while self._next < stamp + self._horizon + _STEP:
                 (q,), (u,), (a,), unwrapped, *_ = motion.at(self._next)
-                torque = float(self._solver.state(q, u, a, forces=forces).torque)
+                torque = float(self._solver.state(q, u, a, forces=self._forces).torque)
                 joint = self._joint
                 position, effort = joint.value(unwrapped), torque / joint.ratio
                 values = position, joint.ratio * u, joint.ratio * a, effort
