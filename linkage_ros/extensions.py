@@ -8,7 +8,7 @@ and `executables`. All further modules may change in any release.
 
 from linkage_ros.mechanism.dyads import dyads_field
 from linkage_ros.mechanism.kinematics import LinkPose, Pose
-from linkage_ros.mechanism.loads import LOADS
+from linkage_ros.mechanism.loads import LOADS, loads_field
 from linkage_ros.mechanism.loads.base import AppliedLoad, Load
 from linkage_ros.mechanism.parts import gravity_quantity
 from linkage_ros.mechanism.registry import MECHANISMS
@@ -30,5 +30,6 @@ __all__ = [
     'coupler_point',
     'dyads_field',
     'gravity_quantity',
+    'loads_field',
     'two_sum',
 ]

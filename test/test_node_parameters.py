@@ -15,9 +15,12 @@ from rcl_interfaces.srv import (
     SetParameters,
     SetParametersAtomically,
 )
+from rclpy.parameter import Parameter as LocalParameter
 from rclpy.parameter import parameter_value_to_python
 from ros_harness import decoded, node_arguments, stop, wait_for, watched
 
+from linkage_ros.node.parameter_node import _descriptor
+from linkage_ros.quantities import Quantity
 from linkage_ros.settings.configuration import load
 from linkage_ros.settings.parameters import MechanismAndDrive, parameter_leaves
 
@@ -54,6 +57,16 @@ def dump(listener):
     names = sorted(listed.result.names)
     got = call(listener, GetParameters, 'get_parameters', GetParameters.Request(names=names))
     return dict(zip(names, got.values, strict=True))
+
+
+def test_every_kind_of_quantity_has_the_type_of_its_values():
+    values = {
+        'number': 0.5, 'whole': 2, 'pair': (0.0, 1.0), 'list': (0.0, 1.0, 2.0), 'choice': 'open',
+        'text': '', 'switch': True,
+    }  # fmt: skip
+    for kind, value in values.items():
+        due = LocalParameter.Type.from_parameter_value(value).value
+        assert _descriptor('x', Quantity(kind, 'a value')).type == due
 
 
 def test_each_is_described_with_its_range(listener):

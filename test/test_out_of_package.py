@@ -22,7 +22,7 @@ from sensor_msgs.msg import JointState
 from test_rerun_connection import read
 
 from linkage_lab.methods.registry import METHODS
-from linkage_ros import Body, Coupler, Dyad, DyadSlider, MechanismError, Solver
+from linkage_ros import Body, Coupler, Dyad, DyadSlider, MechanismError, Solver, read_log
 from linkage_ros.mechanism.parts import Guide, Slider
 from linkage_ros.mechanism.registry import MECHANISMS
 from linkage_ros.messages.urdf import make_urdf
@@ -221,6 +221,20 @@ def test_real_node_publishes_states_of_the_textbook_formula(folder):
     for data in listener.received['/joint_states']:
         check_textbook(deserialize_message(data, JointState))
     assert 'every one equal to the bit' in run('log', 'verify', path, cwd=folder)
+
+
+def test_a_kind_of_load_works_on_a_mechanism_of_another_package(tmp_path):
+    """The power of the fan on the gear's coupler, which turns like the crank: c |rate|^3."""
+    words = '    loads:\n      blower: {kind: fan, link: coupler, coefficient: 0.4}\n'
+    powers = []
+    for name, text in (('bare', ''), ('fan', words)):
+        (tmp_path / f'{name}.yaml').write_text(GEAR.read_text() + text)
+        run('record', f'{name}.yaml', f'{name}.mcap', '--duration', 0.2, cwd=tmp_path)
+        assert 'every one equal to the bit' in run('log', 'verify', f'{name}.mcap', cwd=tmp_path)
+        found = read_log(tmp_path / f'{name}.mcap')['/joint_states']
+        powers.append(found['crank.effort'] * found['crank.velocity'])
+    rate = abs(120.0 * math.pi / 30)
+    assert powers[1] - powers[0] == pytest.approx(0.4 * rate**3)
 
 
 def test_a_kind_of_load_works_in_every_program(tmp_path):

@@ -21,6 +21,7 @@ from typing import NamedTuple
 from linkage_ros import OPEN, Body, Coupler, Dyad, Guide, Mechanism, MechanismError, Reach, Slider
 from linkage_ros.extensions import (
     MECHANISMS,
+    AppliedLoad,
     Link,
     LinkPose,
     Load,
@@ -31,6 +32,7 @@ from linkage_ros.extensions import (
     coupler_point,
     dyads_field,
     gravity_quantity,
+    loads_field,
     two_sum,
 )
 from linkage_ros.formulas import ZERO, Real, Vector, atan2, cos, sin
@@ -125,6 +127,7 @@ class CardanGear(Mechanism):
         frame: Direction of the guide.
         assembly: Assembly; there is only one.
         gravity: Acceleration of gravity [x, y], m/s^2.
+        loads: Loads of the kinds that every mechanism accepts.
         dyads: Dyads that the gear carries.
     """
 
@@ -135,6 +138,7 @@ class CardanGear(Mechanism):
     frame: Guide = field(default_factory=Guide)
     assembly: str = quantity('choice', 'the only assembly', choices=(OPEN,), default=OPEN)
     gravity: tuple[float, float] = gravity_quantity()
+    loads: tuple[AppliedLoad, ...] = loads_field()
     dyads: tuple[Dyad, ...] = dyads_field()
 
     def __post_init__(self) -> None:

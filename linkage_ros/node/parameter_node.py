@@ -24,6 +24,7 @@ from linkage_ros.settings.yaml_file import read_parameter_file
 
 _TYPES = {
     'number': ParameterType.PARAMETER_DOUBLE,
+    'whole': ParameterType.PARAMETER_INTEGER,
     'pair': ParameterType.PARAMETER_DOUBLE_ARRAY,
     'list': ParameterType.PARAMETER_DOUBLE_ARRAY,
     'choice': ParameterType.PARAMETER_STRING,
