@@ -236,8 +236,8 @@ class Reach(NamedTuple):
 class State(NamedTuple):
     """The motion of a mechanism at one crank angle or at an array of crank angles.
 
-    The order of the links is crank, coupler, and rocker or slider. In a wind pump, it is crank,
-    coupler, rod and slider.
+    The order of the links is that of `Solver.links`: crank, coupler, and rocker or slider; crank,
+    barrel and rod of a cylinder; crank, coupler, rod and slider of a wind pump; then dyads.
 
     Attributes:
         position: Directions of the links from first to second pin, rad, in [-pi, pi] except for

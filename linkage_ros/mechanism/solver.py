@@ -70,9 +70,10 @@ class _Outside(NamedTuple):
 class Solver:
     """Exact solver for a mechanism.
 
-    The coordinates are the crank angle and, for a wind pump, the slider's position. With one
-    coordinate, q, u and a are floats or arrays; with more, sequences of floats or arrays. A tuple
-    always holds one value per coordinate, even if there is only one. Arrays broadcast.
+    The coordinates are the crank angle and, for a wind pump, the slider's position; for a driven
+    cylinder, the rod's position. With one coordinate, q, u and a are floats or arrays; with more,
+    sequences of floats or arrays. A tuple always holds one value per coordinate, even if there is
+    only one. Arrays broadcast.
 
     Methods that compute torques, accelerations or forces also accept:
 
@@ -522,7 +523,7 @@ class Solver:
 
         Args:
             state: A state of floats or arrays, from `state`.
-            name: 'A0', 'A', 'B', 'B0' (four-bar), 'C' (coupler point, if any) or 'D' (wind pump).
+            name: A pin, such as 'B', the coupler point 'C', or a joint of a dyad, 'ram_joint'.
             by_math: See `state`.
 
         Returns:
