@@ -168,7 +168,7 @@ class Stop:
         return self._set_at < math.inf
 
     def is_urgent(self) -> bool:
-        """Returns whether a second signal requested to abandon threads that hang.
+        """Returns whether a second signal requested that hanging threads be abandoned.
 
         It takes effect after one second, because a launch may send the same signal twice.
         """
@@ -189,7 +189,7 @@ class Stop:
         return self.is_set()
 
     def join(self, thread: threading.Thread, timeout: float = math.inf) -> None:
-        """Waits for the end of a thread, but not for one that hangs if the end is urgent.
+        """Waits for a thread to end; if the end is urgent, abandons a thread that hangs.
 
         Args:
             thread: Thread to wait for.

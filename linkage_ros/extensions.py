@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Names for mechanisms and loads of your own, beside those of `linkage_ros`.
+"""Names for custom mechanisms and loads, in addition to those of `linkage_ros`.
 
 Public: other packages may import this module, and also `formulas`, `quantities`, `cli`, `palette`
 and `executables`. All further modules may change in any release.

@@ -348,7 +348,7 @@ def leaves(
     Args:
         cls: Dataclass whose fields are quantities or nested dataclasses of this kind.
         prefix: Prefix of all names.
-        values: Values by dotted name, whose names of objects in `groups` are included.
+        values: Values by dotted name; their objects in `groups` add quantities.
 
     Raises:
         ConfigurationError: The values give no kind of such an object.

@@ -37,7 +37,7 @@ class Extent(NamedTuple):
         low: Smallest value.
         low_at: Crank angle, position or time of the smallest value, rad, m or s.
         high: Largest value.
-        high_at: The same of the largest value.
+        high_at: The same for the largest value.
         rms: Root mean square over this variable.
     """
 
@@ -49,7 +49,7 @@ class Extent(NamedTuple):
 
 
 class Across(NamedTuple):
-    """The variable over which a motion is drawn: name, unit, and units per rad, m or s."""
+    """The variable over which a motion is drawn: name, unit, and its value per rad, m or s."""
 
     name: str
     unit: str

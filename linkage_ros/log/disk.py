@@ -65,7 +65,7 @@ class LogFile:
         self._waiting: list[bytes] = []
 
     def write(self, data: bytes) -> None:
-        """Keeps bytes for the next `flush`."""
+        """Buffers bytes until the next `flush`."""
         self._waiting.append(data)
 
     def flush(self) -> None:

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""States that a log must contain, by its segments of motion or its measurements.
+"""States that a log must contain according to its segments of motion or its measurements.
 
 A step of the clock starts a new segment, but tick numbers continue.
 """
@@ -86,7 +86,7 @@ class ExpectedStates(ABC):
     missed, is_record = 0, False
 
     def handle(self, message: LoggedMessage) -> None:  # noqa: B027, most ignore it
-        """Takes a message that is not part of a state, in the order of writing."""
+        """Handles a message that is not part of a state; called in the order of writing."""
 
     @abstractmethod
     def cross_gap(self) -> bool:
@@ -133,7 +133,7 @@ class ExpectedStates(ABC):
     def elapsed(self, _number: int, stamps: list[int]) -> list[int]:
         """Returns the times of states of a segment, ns, which a step of the clock does not change.
 
-        They decide when messages expire.
+        They determine when messages expire.
         """
         return stamps
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Forces that messages gave to the loads of a run, from its log."""
+"""Forces of a run's loads that were set by messages, read from its log."""
 
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
@@ -41,7 +41,7 @@ class LoggedForces:
         self.is_live = bool(self._loads)
 
     def handle(self, message: LoggedMessage, state: int) -> None:
-        """Takes a message that is not part of a state, in the order of writing.
+        """Handles a message that is not part of a state; called in the order of writing.
 
         Args:
             message: The message.
@@ -62,7 +62,7 @@ class LoggedForces:
 
 
 class _Heard:
-    """The forces on one load.
+    """The received forces of one load.
 
     Attributes:
         source: Reader of the messages.

@@ -79,7 +79,7 @@ class TorqueStates(TickStates):
         self._push = np.array([[x] for force in simulator.forces.values() for x in force])
 
     def _with_driven(self, positions: Sequence[Any], driven: Any) -> list[Any]:
-        """Returns positions of the links with another one of the driven link."""
+        """Returns positions of the links, with the position of the driven link replaced."""
         found = [*positions]
         found[self._driven_link] = driven
         return found

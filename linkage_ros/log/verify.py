@@ -355,7 +355,7 @@ class RowComparison:
 
     @functools.cached_property
     def _largest(self) -> Array:
-        """The largest finite number of each field in the log, shape (fields, 1)."""
+        """The largest finite magnitude of each field in the log, shape (fields, 1)."""
         largest = np.zeros((len(self._doubles), 1))
         for rows in self._log.rows(self._layout, lambda _: None):
             if self._layout.count(rows, 0):

@@ -254,7 +254,7 @@ class LogWriter(AbstractContextManager['LogWriter']):
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, _: object
     ) -> None:
-        """Closes the log, after an unexpected error without end record and summary."""
+        """Closes the log; after an unexpected error, omits the end record and the summary."""
         if error is None or isinstance(error, LinkageError):
             self.close()
             return

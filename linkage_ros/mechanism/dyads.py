@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Dyads that a mechanism carries beside its loop: six-bars, and a linkage that drives the next.
+"""Dyads that a mechanism carries in addition to its loop, for six-bars and linkages in series.
 
 A dyad is two links between points of other links, or a link and a slider on a fixed guide. Its
 pose follows from the poses of the links that carry it. With the vector D between the ends of two
@@ -13,7 +13,7 @@ For a slider, with the first end at (p, -h) in the axes of the guide, l e = (x, 
 
     phi' = h'/x   phi'' = (h'' + h phi'^2) / x   s' = p' - h phi'   s'' = p'' - h phi'' - x phi'^2
 
-Digits are lost as 1 / sigma^2, since the ends have rounding errors of their own.
+Relative errors grow as 1 / sigma^2, because the ends have rounding errors.
 """
 
 import itertools

@@ -1,9 +1,9 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Functions of `math` for arrays, and noise that shows how far a result depends on last bits.
+"""Functions of `math` for arrays, and noise that shows the effect of rounding errors.
 
-NumPy's sine may differ from that of `math` in the last bit, and the latter between processors with
-and without fused multiply-add. From there on, all rounding errors differ.
+NumPy's sine may differ from that of `math` in the last bit, and that of `math` differs between
+processors with and without fused multiply-add. All later rounding errors then differ.
 """
 
 import math

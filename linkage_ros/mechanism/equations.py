@@ -418,7 +418,7 @@ def dyad_sines(model: Model, q: Sequence[Real], u: Sequence[Real]) -> tuple[Dyad
 def dyad_lines(
     model: Model, pose: Pose, rates: Sequence[Real], dyad: DyadLinks
 ) -> list[tuple[Vector, Real]]:
-    """Returns the lines that are parallel where a dyad is in line: of its first and second link.
+    """Returns the lines of a dyad's two links, which are parallel where the dyad is in line.
 
     Args:
         model: Constants of the mechanism.

@@ -56,7 +56,7 @@ class _Outside(NamedTuple):
 
     Attributes:
         model: Their model, which names the scalars in errors.
-        constants: The same, prepared.
+        constants: The prepared constants of the model.
         names: Names of the scalars in the environment.
         forces: Names of the loads whose forces are given, in the order of the scalars.
     """
@@ -291,7 +291,7 @@ class Solver:
 
         Args:
             q: Coordinates: crank angle, rad; slider position, m. A crank angle within a few turns
-                keeps all its digits.
+                is not rounded.
             u: Rates of the coordinates, rad/s and m/s.
             a: Accelerations of the coordinates, rad/s^2 and m/s^2. `accelerations` computes the
                 acceleration of a wind pump's slider.

@@ -345,10 +345,10 @@ class Structure(NamedTuple):
 
 
 def mouth(structure: Structure) -> complex:
-    """Returns the point of a barrel, [along, across] as x + iy, to which the barrel is drawn.
+    """Returns the mouth of a barrel, [along, across] as x + iy, m, where its drawing ends.
 
     Returns:
-        The point E of the link on which the loop's last link slides, m; 0 without such a link.
+        Point E of the barrel; 0 if the loop's last link does not slide on another link.
     """
     (_, j), *_ = structure.closures
     last = structure.links[j]
@@ -424,7 +424,7 @@ class Mechanism(Checked):
 
     @classmethod
     def unused(cls, _values: Mapping[str, object]) -> dict[str, str]:
-        """Returns the parameters that others of this class have, each with the reason.
+        """Returns the parameters of this class that do not apply, each with the reason.
 
         Args:
             _values: Parameters of the mechanism by name.

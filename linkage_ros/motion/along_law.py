@@ -31,7 +31,7 @@ class LawSegment(Segment):
         turns: Whole turns to add to the angle of the law.
         old_stamp: If a step of the clock started the segment, the stamp of its start on the old
             clock, ns; otherwise None.
-        gravity: Acceleration of gravity [x, y], m/s^2, since it was changed; None for that of the
+        gravity: Acceleration of gravity [x, y], m/s^2, if it was changed; None for that of the
             configuration.
     """
 
@@ -190,7 +190,7 @@ class LawMotion(Motion):
         return stamp - self.segment.stamp + self.segment.time
 
     def _moment(self, stamp: int) -> Moment:
-        """Returns the crank at a stamp; see `at`.
+        """Returns the motion of the crank at a stamp; see `at`.
 
         Raises:
             MotionError: The motion ends before the stamp.

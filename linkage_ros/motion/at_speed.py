@@ -47,7 +47,7 @@ class SpeedSegment(Segment):
             immediate change.
         old_stamp: If a step of the clock started the segment, the stamp of its start on the old
             clock, ns; otherwise None.
-        gravity: Acceleration of gravity [x, y], m/s^2, since it was changed; None for that of the
+        gravity: Acceleration of gravity [x, y], m/s^2, if it was changed; None for that of the
             configuration.
     """
 
@@ -196,7 +196,7 @@ class SpeedMotion(Motion):
         return SpeedMotion(replace(segment, gravity=self.segment.gravity))
 
     def next_segment(self, logged: SpeedSegment) -> SpeedSegment:
-        """Recomputes the segment after this motion; only set speed and gravity are taken over."""
+        """Recomputes the next segment; only set speed and gravity are those of the logged one."""
         if logged.old_stamp is None:
             segment = self.change(logged.stamp, logged.rpm).segment
         else:

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Laws of motion: the position of the driven joint over time, with its first two derivatives.
 
-Times are integers, ns, and whole turns are counted, so that a law that repeats loses no digit
-after any time.
+Times are integers, ns, and whole turns are counted, so that a repeating law stays exact at all
+times.
 """
 
 import functools
@@ -58,7 +58,7 @@ def _direction(angle: int) -> tuple[float, float]:
 
 
 class Moment(NamedTuple):
-    """The driven joint at a time; a cylinder's values are in m instead of rad.
+    """The motion of the driven joint at a time; a cylinder's values are in m instead of rad.
 
     Attributes:
         turns: Whole turns to add to the angle.
@@ -108,7 +108,7 @@ class Sine(NamedTuple):
         return f'{center:g} {unit} with amplitude {amplitude:g} {unit} at {self.frequency:g} Hz'
 
     def at(self, time: int) -> Moment:
-        """Returns the crank at a time, ns."""
+        """Returns the motion of the crank at a time, ns."""
         numerator, denominator = self.frequency.as_integer_ratio()
         turned = (numerator * time << _BITS) // (denominator * NS_PER_S)
         sine, cosine = _direction(turned + _in_turns(self.phase))
@@ -118,7 +118,7 @@ class Sine(NamedTuple):
 
     @property
     def largest(self) -> tuple[float, float, float]:
-        """Limits of the magnitudes of angle, rad, rate, rad/s, and acceleration, rad/s^2."""
+        """Upper bounds of the magnitudes of angle, rad, rate, rad/s, and acceleration, rad/s^2."""
         speed, swing = 2 * math.pi * self.frequency, abs(self.amplitude)
         return abs(self.center) + swing, swing * speed, swing * speed * speed
 
@@ -171,7 +171,7 @@ class Spline(NamedTuple):
         )
 
     def at(self, time: int) -> Moment:
-        """Returns the crank at a time, ns, which is not after the end."""
+        """Returns the motion of the crank at a time, ns, which is not after the end."""
         turns = 0
         if self.turns is not None:
             periods, time = divmod(time, self.times[-1])
@@ -187,7 +187,7 @@ class Spline(NamedTuple):
 
     @property
     def largest(self) -> tuple[float, float, float]:
-        """Limits of the magnitudes of angle, rad, rate, rad/s, and acceleration, rad/s^2."""
+        """Upper bounds of the magnitudes of angle, rad, rate, rad/s, and acceleration, rad/s^2."""
         found = [(abs(row[0]), 0.0, 0.0) for row in self.rows]
         for row, length in self._pieces():
             sizes, limits = [abs(factor) for factor in row], [0.0, 0.0, 0.0]

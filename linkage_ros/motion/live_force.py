@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Forces of loads that messages give while a run lasts."""
+"""Forces of loads that are set by messages during a run."""
 
 import math
 from collections.abc import Iterable

@@ -62,7 +62,7 @@ def interpolated(
         angles: Angles at the points, rad. If the law repeats, the last one is made to differ from
             the first one by whole turns.
         slopes: Rates, rad/s, or rates and accelerations, rad/s^2, at each point, for a cubic or
-            quintic polynomial between each two points; None for a spline.
+            quintic polynomial between adjacent points; None for a spline.
         cubic: Whether the spline is cubic and has continuous accelerations. Otherwise, it is
             quintic and has two more continuous derivatives.
         repeat: Whether the law repeats after the last point. A spline is then periodic. Otherwise,
@@ -102,10 +102,10 @@ def joined(
     angles: Sequence[float],
     slopes: Sequence[Sequence[float]] | None = None,
 ) -> Spline:
-    """Computes a law from a moving crank through points.
+    """Computes a law that continues the motion of a crank through points.
 
     Args:
-        moment: The crank at t = 0.
+        moment: The motion of the crank at t = 0.
         times: Times of the points, ns, increasing, above 0.
         angles: Angles at the points, rad, without the whole turns of the moment.
         slopes: See `interpolated`. Without them, the law is a quintic spline.
@@ -149,7 +149,7 @@ def _smooth(
     The system is symmetric and positive definite, so that elimination in order is stable.
 
     Args:
-        pieces: Length, s, and rise, rad, between each two points.
+        pieces: Length, s, and rise, rad, between adjacent points.
         size: Number of slopes at a point: 1 for a cubic, 2 for a quintic spline.
         ends: Slopes at the first and the last point; None if the spline is periodic.
 

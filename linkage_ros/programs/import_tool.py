@@ -31,7 +31,7 @@ _LAYER = 1e-9  # m, distance along the normal that is worth a line
 
 
 def read_robot(path: Path) -> Robot:
-    """Reads a robot model; the root element decides the format.
+    """Reads a robot model; the root element determines the format.
 
     Args:
         path: Path of a URDF, SDF or MJCF file.

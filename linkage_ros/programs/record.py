@@ -78,7 +78,7 @@ def record(
         progress: Whether to show a progress bar on stderr.
         stopped: Function called before each batch of states; the record ends early if it returns
             True.
-        note: Function called with a line for each load curve that the motion has left.
+        note: Function called with a line for each load curve whose range the motion has left.
 
     Returns:
         The number of states written.

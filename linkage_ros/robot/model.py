@@ -66,7 +66,7 @@ class Joint(NamedTuple):
 
     Attributes:
         name: Name of the joint; empty if the file gives none.
-        kind: FIXED, REVOLUTE, PRISMATIC, or another word of the file.
+        kind: FIXED, REVOLUTE, PRISMATIC, or another type in the file.
         parent: Name of the parent link.
         child: Name of the child link, which moves along or about `axis` by the joint's value.
         in_parent: Pose of the joint's frame in the parent link.

@@ -2,12 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Finds the planar linkage in a closed loop of a robot model.
 
-Links that fixed joints hold together are one body. Cut open at the closure, the bodies form a
+Links connected by fixed joints are one body. If the loop is cut at the closure, the bodies form a
 tree. The loop consists of the two paths from the closure to their first common body. Lengths,
-centres and zeros follow from the bodies alone; the pose only decides the assembly and gravity.
+centres of mass and joint zeros depend only on the bodies; the pose only determines the assembly
+and the direction of gravity.
 
-Coordinates of a body are those of its link nearest to the root, so that the lengths of the file
-keep their digits.
+The coordinates of a body are those of its link nearest to the root, so that the lengths in the
+file are not rounded.
 """
 
 import cmath
@@ -78,7 +79,7 @@ class PlanarLoop(NamedTuple):
         kind: Name of the mechanism in `MECHANISMS`.
         values: Its parameters by dotted name, and those of the joint that turns the frame.
         joints: The robot's joint of each link.
-        bodies: Names of the robot's links in each link of the mechanism, also of the frame.
+        bodies: Names of the robot's links in each link of the mechanism, including the frame.
         axes: The plane in the axes of the frame's first link: origin, x axis, y axis and normal.
         given: The joint values of the pose, and those that close the loop at its crank value.
         closed: The joint values that close the loop.
@@ -102,7 +103,7 @@ class PlanarLoop(NamedTuple):
 
 
 class _Body(NamedTuple):
-    """Links that fixed joints hold together.
+    """Links connected by fixed joints.
 
     Attributes:
         links: Pose of each link in the body by name, the first link first.
@@ -540,7 +541,7 @@ class _Planar:
         return pin.bodies if is_before else (pin.bodies[1], pin.bodies[0])
 
     def _axis(self, pin: _Pin) -> Array:
-        """Returns the axis of a joint, about or along which the body off the frame moves."""
+        """Returns the axis about or along which a joint moves the body farther from the frame."""
         if pin.edge is None:
             return np.zeros(3)
         axis = self._own_axis(pin.edge)
@@ -596,7 +597,7 @@ class _Planar:
         """Returns the mechanism.
 
         Raises:
-            ConfigurationError: A link has no length, or the pose does not decide the assembly.
+            ConfigurationError: A link has no length, or the pose does not determine the assembly.
         """
         A0, A, B, B0 = self.cycle
         frame, crank, coupler, output = self.bodies

@@ -74,7 +74,7 @@ def _read(read: Callable[[ET.Element], _T], element: ET.Element) -> _T:
 
 
 def _require_one_root(links: Collection[str], joints: Iterable[Joint]) -> None:
-    """Requires that all links hang on one root.
+    """Requires that all links descend from one root.
 
     Raises:
         ConfigurationError: Some do not.

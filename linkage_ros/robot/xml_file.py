@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Reads the XML of robot models, as tolerant as ROS, Gazebo and MuJoCo are."""
+"""Reads the XML of robot models, as tolerantly as ROS, Gazebo and MuJoCo do."""
 
 import re
 from pathlib import Path

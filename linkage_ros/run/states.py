@@ -47,7 +47,7 @@ class Simulator:
         crank_joint: Name of the driven joint in measurements, commands and trajectories.
         templates: Templates of the messages of a state.
         ticks: Times of the ticks.
-        forces: Force [x, y], N, of each load whose force messages give, by name, without a
+        forces: Force [x, y], N, of each load whose force is set by messages, by name, without a
             message.
         machine: The mechanism with its crank's joint, for the drive.
         lead: Time by which the feed-forward torque is ahead of the stamp, ns; None without
@@ -84,7 +84,7 @@ class Simulator:
 
     @property
     def guesses_zero(self) -> bool:
-        """Whether the driven joint has the name of a robot's, but its zero is not given."""
+        """Whether the driven joint has the name of a robot's joint, but its zero is not given."""
         prefix, given = self.configuration.session.joint_prefix, self.configuration.joints
         links, driven = self.solver.structure.links, self.driven
         is_own = self.crank_joint == own_joints(links, prefix)[driven].name

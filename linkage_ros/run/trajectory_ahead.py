@@ -57,7 +57,7 @@ class TrajectoryAhead:
             motion: Motion in the segment that contains the stamp. If it differs from the motion in
                 the last call, the previous trajectory is invalid, and a new one is due.
             stamp: Stamp of the current tick, ns.
-            forces: Force [x, y], N, of each load whose force messages give, by name. Each
+            forces: Force [x, y], N, of each load whose force is set by messages, by name. Each
                 trajectory holds the forces at its stamp.
 
         Returns:

@@ -49,7 +49,7 @@ def joint_leaves(
 
     Args:
         mechanism: The kind of mechanism.
-        values: Values by parameter name, whose names of dyads are included.
+        values: Values by parameter name; their dyads add joints.
     """
     names = (leaf.name for leaf in leaves(mechanism, values=values))
     masses = [name.removesuffix('.mass') for name in names if name.endswith('.mass')]

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Parameters of linkage_node and linkage_record, which the log stores.
 
-Here are those of a run; a mechanism's are the fields of its class and of its parts, and a drive's
-the fields of its class. Each field is declared by `quantity`, from which ROS parameter, valid
-range, --help and the tables of the documentation follow.
+This module declares those of a run. Those of a mechanism are the fields of its class and of its
+parts, and those of a drive are the fields of its class. `quantity` declares each field, and
+thereby its ROS parameter, its valid range, its --help text and its row in the documentation.
 """
 
 from collections.abc import Mapping, Sequence
@@ -139,7 +139,7 @@ def parameter_leaves(
 
     Args:
         kind: The kinds of mechanism and drive.
-        values: Values by parameter name, whose names of loads are included.
+        values: Values by parameter name; their loads add parameters.
 
     Raises:
         ConfigurationError: A load in the values has no valid kind.

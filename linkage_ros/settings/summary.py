@@ -39,7 +39,8 @@ def summary(configuration: Configuration, solver: Solver) -> str:
 def notes(configuration: Configuration) -> list[str]:
     """Returns a line for each parameter that was probably given in another unit.
 
-    They name the value in the other unit. A mechanism that needs no torque at all is also noted.
+    Each line also states the value in the other unit. A mechanism that needs no torque at all is
+    also noted.
     """
     return [*_angles(configuration), *_lengths(configuration), *_nothing(configuration)]
 

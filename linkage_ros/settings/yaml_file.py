@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reads ROS 2 parameter files without ROS.
 
-As in rcl, `1e2` is a float, `on` is a bool, a list has one type, and of the sections that apply to
-a node the later one wins. Other spellings of numbers, such as hexadecimal ones, are text.
+As in rcl, `1e2` is a float, `on` is a bool, all values of a list have one type, and a later
+section for a node overrides an earlier one. Other spellings of numbers, such as hexadecimal ones,
+are text.
 """
 
 import re

@@ -133,7 +133,7 @@ class LoadArrows:
     def _exerted(
         self, positions: Array, rates: Array
     ) -> dict[str, tuple[Complex | Array, Complex | None]]:
-        """Returns the load and, of a force at a point, the point, by the name of the arrow."""
+        """Returns the load and, for a force at a point, the point, by the name of the arrow."""
         positions = np.nan_to_num(positions)  # a state in a log may be impossible
         state = State(tuple(positions.T), tuple(rates.T), tuple(0.0 * rates.T), 0.0)
         links = poses(self._solver.structure.links, state.position)

@@ -272,7 +272,7 @@ def _draw_motion(
 
 
 def _drawn(period: Period) -> int:
-    """Returns the sample of the drawing."""
+    """Returns the index of the sample at which the mechanism is drawn."""
     crank = period.columns['crank.position'].values
     apart = np.exp(1j * crank) - cmath.rect(1.0, math.radians(_DRAWN_AT))
     return int(np.abs(apart).argmin())

@@ -86,7 +86,7 @@ def stability(options: argparse.Namespace) -> None:
 
 
 def heading(cases: int) -> str:
-    """Returns the title of the picture of so many cases."""
+    """Returns the title of the picture, given the number of cases."""
     return (
         'Outcome of each method in each situation\n'
         f'worst outcome of {cases} cases, or of a few motions, and largest relative error'

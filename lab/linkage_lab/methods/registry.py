@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """All methods, for charts, tests and lab/docs/methods.md.
 
-To add a method, append a `Method` to `METHODS`, here or in a module of your own that is imported
+To add a method, append a `Method` to `METHODS`, here or in your own module that is imported
 before a chart is drawn. Position methods that iterate or use a table have a tool, which makes a
 function of the crank angle.
 """

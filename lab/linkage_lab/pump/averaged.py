@@ -6,8 +6,8 @@ The motion is approximated with one harmonic and a constant crank speed w:
 
     xD = X0 + a cos phi1 + b sin phi1,    phi1' = w.
 
-Forces R on the slider and torques R1 on the crank are then left over. On average over a turn, R,
-R cos phi1, R sin phi1 and R1 vanish; these four equations determine X0, a, b and w.
+This leaves residual forces R on the slider and residual torques R1 on the crank. On average over a
+turn, R, R cos phi1, R sin phi1 and R1 vanish; these four equations determine X0, a, b and w.
 """
 
 from typing import Any, NamedTuple

@@ -71,9 +71,9 @@ def _between(
     value: Callable[[PeriodicMotion], float],
     error: float = 1e-7,
 ) -> PeriodicMotion:
-    """Finds the motion between two motions of a curve where a value is 0, or else the second.
+    """Finds the motion between two motions of a curve at which a value is 0, or else the second.
 
-    `error` is that of the part of the way between them.
+    `error` is the tolerance of its position, as a fraction of the distance between the two.
     """
     found, shooting = {0.0: one, 1.0: other}, one.shooting
     way = (other.phase - one.phase) / shooting.units
@@ -155,7 +155,7 @@ def _continued(seed: PeriodicMotion, sign: float) -> tuple[list[PeriodicMotion],
 
 
 def _passes_doubling(one: PeriodicMotion, other: PeriodicMotion) -> bool:
-    """Returns whether a curve ends between two motions, where it meets that of half the turns.
+    """Returns whether a curve ends between two motions, at a motion with half as many turns.
 
     Beyond this point, the turns would be in reverse order.
     """

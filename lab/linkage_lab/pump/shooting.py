@@ -107,14 +107,14 @@ class Shooting:
     ) -> tuple[float, ...]:
         """Computes the derivatives of a phase and of the time over the crank angle.
 
-        They are not numbers where the motion cannot be; the integrator then shortens its step.
+        They are NaN where no motion exists; the integrator then shortens its step.
         """
         self._at_rest = torque
         crank, slider = self._accelerations(angle, x, w, v)
         return (v / w, crank / w, slider / w, 0.0, 1 / w) if w > 0 else (math.nan,) * 5
 
     def _accelerations(self, angle: float, x: float, w: float, v: float) -> tuple[float, ...]:
-        """Computes the accelerations; they are not numbers if the dyad is nearly in line."""
+        """Computes the accelerations; NaN if the dyad is nearly in line."""
         r, b, c = self._lengths
         square = x * x + r * r - 2 * x * r * math.cos(angle)  # of the dyad's length
         sines = ((b + c) ** 2 - square) * (square - (b - c) ** 2)

@@ -28,7 +28,7 @@ class Way(NamedTuple):
     """A motion of the crank within an arc, which all designs make.
 
     Attributes:
-        low: Smallest crank angle of the motion, rad; of a driven cylinder, positions, m.
+        low: Smallest crank angle of the motion, rad; for a driven cylinder, a position, m.
         high: Largest crank angle.
         angles: Crank angles at equal times.
         speeds: Crank speeds there, rad/s or m/s; None for a constant speed.

@@ -50,8 +50,8 @@ class Machine:
         lead: Time by which the feed-forward torque is ahead of the stamp, ns; None without
             feed-forward.
         integrate: Creates the integrator of a motion under a torque.
-        forces: Force [x, y], N, of each load whose force messages give, by name, before the first
-            message.
+        forces: Force [x, y], N, of each load whose force is set by messages, by name, before the
+            first message.
     """
 
     solver: Solver
@@ -161,7 +161,7 @@ class Drive(Checked):
     `linkage_ros.motion.drives.DRIVES` lists the kinds in parameter files.
 
     Attributes:
-        given: The given quantity. It decides how the states of a log are recomputed.
+        given: The given quantity. It determines how the states of a log are recomputed.
         segment: Class of the segments of the motion.
         subject: A mechanism with this drive, in error messages, where {} is its kind.
     """

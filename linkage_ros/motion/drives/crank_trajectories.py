@@ -27,7 +27,7 @@ class CrankTrajectories(Input):
 
         Args:
             machine: The mechanism.
-            motion: The motion at first.
+            motion: The initial motion.
         """
         self.counts = dict.fromkeys((TRAJECTORIES_TAKEN, TRAJECTORIES_REJECTED), 0)
         self._machine, self._motion, self._stamp = machine, motion, 0

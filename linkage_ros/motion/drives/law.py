@@ -195,7 +195,7 @@ class Prescribed(Checked):
 
     @functools.cached_property
     def law(self) -> Law:
-        """The law, as that of a crank."""
+        """The law, in the form for a crank."""
         if self.amplitude is not None and self.frequency is not None:
             return Sine(self.center, self.amplitude, self.frequency, self.phase)
         times, places = self.times or (), self.places or ()

@@ -35,7 +35,7 @@ class TorqueDrive(Drive):
         start_rpm: Crank speed at t = 0, turns per minute.
         crank_angle: Crank angle at t = 0, rad.
         torque_limit: Magnitude to which commanded torques are clipped, N m or N.
-        command_timeout: Time for which a command acts, s; a live run refuses less than a tick.
+        command_timeout: Time for which a command acts, s; in a live run, at least a tick.
     """
 
     given, segment, subject = Given.TORQUE, TorqueSegment, 'torque-driven {}'
