@@ -60,7 +60,7 @@ Fast DDS ([#6535](https://github.com/eProsima/Fast-DDS/issues/6535)).
 ## Logs
 
 Processor time per state, for the quadrilateral at a given speed (four messages) and for the wind
-pump under its torque (three). Compression of the same bytes (zstd and crc32) is the minimum.
+pump under its torque (three). Compression of the same bytes (zstd and crc32) is a lower bound.
 
 {logs}
 

@@ -74,7 +74,7 @@ class Model(NamedTuple):
         dyads: The dyads in the chosen coordinates.
         other_dyads: The dyads in the mechanism's other coordinates.
         driven: Index of the driven link.
-        gravity: Acceleration of gravity, m/s^2; if base_link turns, at its direction 0.
+        gravity: Acceleration of gravity in the axes of base_link at direction 0, m/s^2.
         pivot: The point of base_link that is fixed in the world if it turns, m.
         loads: Loads on the links, except weights and `joint_loads`.
         joint_loads: Loads caused by joint forces, such as friction.

@@ -1,9 +1,10 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Finds motions that a load does not describe.
+"""Finds motions outside the range of validity of a load.
 
-Beyond the points of a load curve over position, its end values apply. Valves of a gas open by
-themselves only if the slider reverses at the ends of its stroke, that is, if the crank does not.
+Beyond the points of a load curve over position, its end values apply. Self-acting valves require
+that the slider reverses only at the ends of its stroke; the crank must therefore not reverse
+inside it.
 """
 
 import math
@@ -88,7 +89,7 @@ class Ranges:
             )  # fmt: skip
 
     def notes(self) -> list[str]:
-        """Returns a line for each load that does not describe the motion, once."""
+        """Returns a line for each load that is not valid for the motion, once."""
         lines = []
         if self._reversed:
             lines += [

@@ -78,8 +78,9 @@ class Solver:
     Methods that compute torques, accelerations or forces also accept:
 
     - `frame`: Direction of base_link, rad, its rate, rad/s, and its acceleration, rad/s^2, if it
-      turns about `pivot`. Gravity is then that at the direction 0. Empty if it is at rest.
-    - `forces`: Force [x, y], N, in place of that of a load of kind force, by the load's name.
+      turns about `pivot`; empty if it is at rest. Gravity is given in the axes of base_link at
+      direction 0.
+    - `forces`: Force [x, y], N, that replaces the force of a load of kind force, by name.
 
     Attributes:
         mechanism: The mechanism.

@@ -208,7 +208,7 @@ def _mark(colors: _Colors, state: SteadyState) -> dict[str, Any]:
 
 
 def states_table(analysis: Analysis) -> list[str]:
-    """Formats the steady states, and the share of starts that none of them explains.
+    """Formats the steady states, and the share of starts that reach none of them.
 
     Args:
         analysis: Analysis of a pump.

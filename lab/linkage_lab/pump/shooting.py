@@ -133,8 +133,8 @@ class Shooting:
         Args:
             guess: Approximate phase of the motion.
             turns: Number of turns after which the motion repeats.
-            fixed: Direction in which the phase is kept, in the units of a phase; by default, that
-                of the torque.
+            fixed: Direction in which the phase is held fixed, in the units of a phase; by default,
+                that of the torque.
             tolerance: Relative tolerance of the integration.
 
         Returns:
