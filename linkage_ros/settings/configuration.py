@@ -198,14 +198,14 @@ def read_values(source: str, namespace: str = '') -> Mapping[str, object]:
 
 
 def with_files(values: Mapping[str, Any], path: Path | str) -> dict[str, Any]:
-    """Makes the files that a parameter file names relative to this parameter file.
+    """Resolves the file paths in a parameter file relative to that file.
 
     Args:
         values: Values by dotted parameter name.
         path: Path of the parameter file.
 
     Returns:
-        The values, with the paths of all parameters named `file` relative to the parameter file.
+        The values, with the paths of all parameters named `file` resolved in this way.
     """
     folder = Path(path).parent
     return {
