@@ -19,7 +19,7 @@ _NOT_NEGATIVE = (0.0, 1e12)
 
 @dataclass(frozen=True)
 class LinkLoad(AppliedLoad):
-    """Shorthand for the load on the output link; the mechanism copies it to that link's part.
+    """Shorthand for the load on the output link; the mechanism moves it into that link's part.
 
     `FourBar(..., loads=(LinkLoad('rocker', -5.0),))` applies a torque of -5 N m to the rocker.
 
