@@ -332,6 +332,9 @@ def test_unpublished_joint(tmp_path):
         state, full = (decode_joint_state(x.messages[0]) for x in (one, other))
         assert state.names == ['hip_motor', 'left_rocker']
         assert state.positions == full.positions[::2]
+        named = zip(state.names, state.positions, strict=True)
+        numbers = simulator.templates.numbers(one.state, state.positions[0])
+        assert simulator.joint_words(numbers) == ', '.join(f'{x} {y:.6g} rad' for x, y in named)
         places, *_ = simulator.links_of(
             np.array([[*state.positions, *state.velocities, *state.efforts]])
         )

@@ -206,11 +206,15 @@ class Simulator:
         return None if lead is None else motion.at_all([stamp + lead for stamp in stamps])
 
     def joint_words(self, numbers: Sequence[float]) -> str:
-        """Describes the positions of the published joints, given the numbers in messages."""
-        pairs = zip(self.robot_joints, self.solver.structure.links, strict=True)
-        units = ['m' if link.slides else 'rad' for joint, link in pairs if joint.name]
-        values = zip(self.joints, numbers, units, strict=False)
-        return ', '.join(f'{name} {value:.6g} {unit}' for name, value, unit in values)
+        """Describes the positions of the published joints, given the numbers of a state."""
+        words = [
+            f'{joint.name} {value:.6g} {"m" if link.slides else "rad"}'
+            for joint, link, value in zip(
+                self.robot_joints, self.solver.structure.links, numbers, strict=False
+            )
+            if joint.name
+        ]
+        return ', '.join(words)
 
     def links_of(self, numbers: Array) -> tuple[Array, Array, Array]:
         """Converts the numbers in messages on joint_states to the motion of the links.
