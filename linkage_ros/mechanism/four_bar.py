@@ -48,6 +48,7 @@ from linkage_ros.mechanism.parts import (
     Rocker,
     gravity_quantity,
 )
+from linkage_ros.mechanism.plain import PlainFourBar, is_far
 from linkage_ros.mechanism.structure import (
     Link,
     Mechanism,
@@ -70,8 +71,10 @@ from linkage_ros.numeric import (
 )
 from linkage_ros.quantities import quantity
 
-# If |d - r| is below this fraction of d + r, `_mean_near_pivot` computes the rates.
+# If |d - r| is below this fraction of d + r, `_mean_near_pivot` computes the rates. Above, the
+# error of the plain formula is at most about an ulp divided by the square of this fraction.
 _CLOSE = 1 / 64
+_APART = 1 / 4  # |d - r| above this fraction of d + r does not limit the plain formula
 
 
 class FourBarLoop(NamedTuple):
@@ -90,6 +93,7 @@ class FourBarLoop(NamedTuple):
         quotient: Quotient of the two brackets above, +1 or -1; used only if `length` is None.
         close: Whether the crank pin passes so close to the rocker pivot that L becomes much
             shorter than d.
+        plain: Plain formula, if it is as accurate.
     """
 
     transmission: Transmission
@@ -102,6 +106,7 @@ class FourBarLoop(NamedTuple):
     arm: tuple[float, float]
     quotient: int
     close: bool
+    plain: PlainFourBar | None
 
     def pose(self, q: tuple[Real, ...]) -> Pose:
         """Computes the pose at a crank angle.
@@ -295,10 +300,12 @@ class FourBar(Mechanism):
         diff_dr, sum_dr = ground
         transmission = self._transmission(far, near, other, sum_dr + sum_bc)
         concentric = diff_dr == 0 and diff_bc == 0
+        axis = Vector.at(self.frame.angle)
+        is_apart = transmission.turns_fully and abs(diff_dr) > _APART * sum_dr
         return FourBarLoop(
             transmission,
             side,
-            axis=Vector.at(self.frame.angle),
+            axis=axis,
             ground=ground,
             dyad=(diff_bc, side * sum_bc),
             length=None if concentric else (diff_dr * diff_dr, 4 * r * d),
@@ -307,6 +314,9 @@ class FourBar(Mechanism):
             quotient=1 if side * transmission.kappa > 0 else -1,
             # If the crank cannot reach theta = 0, L never becomes short.
             close=not transmission.sin.limits and abs(diff_dr) < _CLOSE * sum_dr,
+            plain=PlainFourBar(r, b, c, axis * d, float(side))
+            if is_apart and is_far(transmission.extremes())
+            else None,
         )
 
     def _pairs(self, far: float, near: float, other: float) -> tuple[tuple[float, float], ...]:

@@ -346,8 +346,9 @@ class Solver:
             by_math: See `state`.
 
         Returns:
-            The torque on the crank, N m, positive counter-clockwise; bit-identical to that of
-            `state`.
+            The torque on the crank, N m, positive counter-clockwise. Far from change points, its
+            last digits may differ from those of `state`, since the positions are computed by
+            another formula (`linkage_ros.mechanism.plain`).
 
         Raises:
             LinkageError: As for `state`.
