@@ -386,7 +386,8 @@ def worst_errors(solver, angles, speed=2.0, acceleration=1.5, lengths=None, peri
                 if i < count and oracle.turning[i]:
                     error = wrap(error)
                 worst[i] = max(worst[i], float(abs(error) / scales[i]) if scales[i] else 0.0)
-    if not oracle.is_free and scales[-1]:  # the torque alone is computed by another formula
+    # Some mechanisms compute the torque alone by another formula.
+    if getattr(solver.model.loop, 'plain', None) and scales[-1]:
         torques = [solver.torque(x, speed, acceleration) for x in angles]
         torques = [*torques, *solver.torque(np.array(angles), speed, acceleration).tolist()]
         for torque, (*_, right) in zip(torques, rows * 2, strict=True):
