@@ -238,6 +238,34 @@ def test_units_that_are_probably_wrong_are_noted(run):
     assert '300 mm = 0.3 m' in printed
 
 
+SLIDER = """<robot name="pump">
+  <link name="base"/><link name="frame"/><link name="arm"/><link name="rod"/><link name="tip"/>
+  <joint name="hip" type="continuous"><parent link="base"/><child link="frame"/>
+    <axis xyz="0 1 0"/></joint>
+  <joint name="motor" type="continuous"><parent link="frame"/><child link="arm"/>
+    <axis xyz="0 1 0"/></joint>
+  <joint name="pin" type="continuous"><parent link="arm"/><child link="rod"/>
+    <origin xyz="0.1 0 0"/><axis xyz="0 1 0"/></joint>
+  <joint name="end" type="fixed"><parent link="rod"/><child link="tip"/>
+    <origin xyz="0 0 0.3"/></joint>
+  <link name="piston"><inertial><origin xyz="0 0.5 0.04"/><mass value="2"/>
+    <inertia ixx="1" iyy="1" izz="1"/></inertial></link>
+  <joint name="slide" type="prismatic"><parent link="frame"/><child link="piston"/>
+    <origin xyz="0.1 0 0.3"/><axis xyz="0 0 1"/></joint>
+</robot>"""
+
+
+def test_centre_of_mass_off_the_pin_of_a_slider_is_noted(run):
+    made = SLIDER, '--crank', 'motor', '--close', 'tip', 'piston'
+    _, printed = run(*made)
+    assert "the slider's centre of mass is 0.04 m from its pin" in printed
+    assert 'torque is wrong' not in printed
+    _, printed = run(*made, '--world', 'base')
+    assert 'while the frame turns the torque is wrong' in printed
+    _, printed = run(SLIDER.replace('0 0.5 0.04', '0 0.5 0'), *made[1:], '--world', 'base')
+    assert 'centre of mass' not in printed
+
+
 @pytest.mark.parametrize('turns', [-1, 0, 3])
 def test_reach_is_given_next_to_the_value_that_is_out_of_reach(run, turns):
     given = -1.57 + turns * math.tau
@@ -301,9 +329,26 @@ MJCF = """<mujoco>
 """
 
 
-def test_mjcf_is_read_like_mujoco(tmp_path):
+# The same parts in frames of their bodies.
+FRAMED = (
+    MJCF.replace(
+        '<joint name="motor" ref="25"/>',
+        '<frame pos="0.01 0 0.02" euler="0 15 0" childclass="hinged"><frame euler="0 -40 0">'
+        '<joint name="motor" ref="25"/></frame></frame>',
+    )
+    .replace('<geom type="cylinder"', '<frame pos="0.02 0 0.03" euler="10 0 20"><geom type="cyl'
+             'inder"')
+    .replace('<site name="rod_tip" pos="0.3 0 0"/>', '</frame><frame pos="0 0 0.01"><site '
+             'name="rod_tip" pos="0.3 0 0"/></frame>')
+    .replace('<inertial', '<frame pos="0 0.1 0" euler="0 30 0"><inertial')
+    .replace('<geom type="sphere" size="0.1"/>', '</frame><geom type="sphere" size="0.1"/>')
+)  # fmt: skip
+
+
+@pytest.mark.parametrize('text', [MJCF, FRAMED], ids=['plain', 'with frames in bodies'])
+def test_mjcf_is_read_like_mujoco(text, tmp_path):
     path = tmp_path / 'leg.xml'
-    path.write_text(MJCF)
+    path.write_text(text)
     robot = read_robot(path)
     model = mujoco.MjModel.from_xml_path(str(path))
     data = mujoco.MjData(model)
@@ -429,6 +474,7 @@ REFUSED = {
     'an unknown joint of the pose': (LEG, (*CLOSE, '--at', 'knie=1'), 'no such movable joint'),
     'no value': (LEG, (*CLOSE, '--at', 'knee'), 'JOINT=VALUE'),
     'a word as value': (LEG, (*CLOSE, '--at', 'knee=bent'), 'JOINT=VALUE'),
+    'two values of a joint': (LEG, (*CLOSE, '--at', 'hip=1', '--at', 'hip=2'), 'twice'),
     'NaN as value': (LEG, (*CLOSE, '--at', 'knee=nan'), 'JOINT=VALUE'),
     'a pose out of reach': (FAR, CLOSE, 'cannot close'),
     'up without direction': (LEG, (*CLOSE, '--up', '0', '0', '0'), 'direction'),

@@ -63,6 +63,7 @@ def test_each_change_is_logged_and_verified(drive, tmp_path):
             refused = set_parameter(listener, 'gravity', type=8, double_array_value=values)
             assert not refused.successful
             assert words in refused.reason
+            assert 'array' not in refused.reason
         assert set_parameter(listener, 'gravity', type=8, double_array_value=TURNED).successful
         await_states(10)
         # Whole numbers are accepted, and a component of 0 changes the program.

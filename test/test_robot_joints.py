@@ -49,6 +49,7 @@ from linkage_ros.settings.configuration import (
     read_values,
     to_strings,
 )
+from linkage_ros.settings.summary import notes
 
 X_Z = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 ROBOTS = {
@@ -237,13 +238,25 @@ def test_measurements_without_the_frame_joint_are_rejected():
 
 @pytest.mark.parametrize(('given', 'words'), [
     ({'frame_joint.name': 'crank'}, 'that is the crank'),
+    ({'frame_joint.name': 'rocker'}, 'that is a joint of this linkage'),
+    ({**FRAME_JOINT, 'joints.coupler.name': 'hip'}, 'that is a joint of this linkage'),
     ({'frame_joint.pivot': (0.1, 0.2)}, 'frame_joint.name is missing'),
     ({**FRAME_JOINT, 'frame_joint.ratio': 0.0}, 'positive or negative'),
     ({**FRAME_JOINT, 'drive': 'speed', 'rpm': 60.0}, 'drive: follow'),
 ])  # fmt: skip
 def test_wrong_frame_joints_are_refused(given, words):
     with pytest.raises(ConfigurationError, match=words):
-        Simulator(configure({**FOLLOWED, **given})).inputs()
+        configure({**FOLLOWED, **given})
+
+
+def test_missing_zero_of_a_measured_crank_is_noted():
+    given = {**FOLLOWED, 'joints.crank.name': 'motor'}
+    (line,) = notes(configure(given))
+    assert line == (
+        "joints.crank.zero is not given, so zero 0: motor's 0 is taken as the direction of +x"
+    )
+    assert notes(configure({**given, 'joints.crank.zero': 0.0})) == []
+    assert notes(configure({**given, 'drive': 'speed', 'rpm': 60.0})) == []
 
 
 # The joints of a robot: other names, zeros and directions, a gear, and another tree.

@@ -106,13 +106,6 @@ class LinkageNode(ParameterNode):
         name = self.get_fully_qualified_name().lstrip('/')
         self._monitor = HealthMonitor(name)
         self.get_logger().info(preset_note(given) + summary(configuration, simulator.solver))
-        if self._drive.given is Given.MEASUREMENT and simulator.guesses_zero:
-            joint = simulator.solver.structure.driven_link
-            meaning = 'a rod at 0 m' if joint.slides else 'the direction of +x'
-            self.get_logger().warning(
-                f'joints.{joint.name}.zero is not given, so zero 0: '
-                f"{simulator.crank_joint}'s 0 is taken as {meaning}"
-            )
         for line in notes(configuration):
             self.get_logger().warning(line)
         wait_for_subscribers([state.publisher for state, _ in self._states])

@@ -113,7 +113,7 @@ class ParameterNode(Node):  # type: ignore[misc]  # rclpy has no types
         try:  # rclpy checks numbers, but not those of an array
             for one in live:
                 if one.type_ == Parameter.Type.DOUBLE_ARRAY:
-                    self._live[one.name].clean(one.name, one.value)
+                    self._live[one.name].clean(one.name, list(one.value))
         except ConfigurationError as error:
             return SetParametersResult(successful=False, reason=str(error))
         result = super().set_parameters_atomically(changed)

@@ -149,6 +149,10 @@ def import_robot(options: argparse.Namespace) -> None:
     Raises:
         ConfigurationError: The model cannot be read or imported, or the file cannot be written.
     """
+    names = [name for name, _ in options.at]
+    for name in names:
+        if names.count(name) > 1:
+            raise ConfigurationError(f'--at {printable(name)}: it is given twice: give one value')
     robot = read_robot(options.robot)
     up = None if options.up is None else np.array(options.up)
     try:

@@ -4,7 +4,7 @@
 
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -87,6 +87,12 @@ def _solid(kind: str, a: float, b: float, c: float) -> tuple[float, tuple[float,
     return math.nan, (math.nan, math.nan, math.nan)
 
 
+def _moved(mass: Inertial, at: Transform) -> Inertial:
+    """Returns a mass that is given in another frame."""
+    turned = at.rotation @ mass.inertia @ at.rotation.T
+    return Inertial(mass.mass, at.of(mass.center), turned)
+
+
 class _Reader:
     """Walks through the bodies; collects links, joints and closures."""
 
@@ -139,34 +145,34 @@ class _Reader:
 
     def take_body(self, body: ET.Element, name: str, group: str) -> None:
         """Reads the contents of a body, including sites and child bodies."""
-        group = body.get('childclass', group)
-        for child in body:
+        for child, at, own in self.parts(body, IDENTITY, body.get('childclass', group)):
             if child.tag == 'site' and child.get('name'):
-                site = self.complete(child, group)
-                self.take_fixed(name, child.get('name', ''), self.pose(site))
+                site = self.complete(child, own)
+                self.take_fixed(name, child.get('name', ''), at.then(self.pose(site)))
             elif child.tag == 'body':
-                self.take_child(child, name, IDENTITY, group)
-            elif child.tag == 'frame':
-                self.take_frame(child, name, self.pose(child), group)
+                self.take_child(child, name, at, own)
 
-    def take_frame(self, frame: ET.Element, name: str, at: Transform, group: str) -> None:
-        """Reads the bodies in a <frame>, a transform of its contents."""
-        group = frame.get('childclass', group)
-        for child in frame:
-            if child.tag == 'body':
-                self.take_child(child, name, at, group)
-            elif child.tag == 'frame':
-                self.take_frame(child, name, at.then(self.pose(child)), group)
+    def parts(
+        self, element: ET.Element, at: Transform, group: str
+    ) -> Iterator[tuple[ET.Element, Transform, str]]:
+        """Yields each child, the transform of the <frame> elements around it, and its class."""
+        for child in element:
+            if child.tag == 'frame':
+                pose, inner = at.then(self.pose(child)), child.get('childclass', group)
+                yield from self.parts(child, pose, inner)
+            else:
+                yield child, at, group
 
     def take_child(self, body: ET.Element, parent: str, at: Transform, group: str) -> None:
         """Reads a body with its joints; two joints have a link without mass between them."""
         name = body.get('name') or f'body {len(self.links)}'
         pose, own = at.then(self.pose(body)), body.get('childclass', group)
-        joints = [x for x in body if x.tag in {'joint', 'freejoint'}]
-        for index, element in enumerate(joints):
+        parts = self.parts(body, IDENTITY, own)
+        joints = [part for part in parts if part[0].tag in {'joint', 'freejoint'}]
+        for index, (element, inside, inner) in enumerate(joints):
             is_last = index == len(joints) - 1
-            child = name if is_last else f'{name}, before {joints[index + 1].get("name")}'
-            self.take_joint(self.complete(element, own), parent, child, pose)
+            child = name if is_last else f'{name}, before {joints[index + 1][0].get("name")}'
+            self.take_joint(self.complete(element, inner), parent, child, pose, inside)
             if not is_last:
                 self.links[child] = None
                 parent, pose = child, IDENTITY
@@ -181,12 +187,14 @@ class _Reader:
         self.links[name] = None
         self.joints.append(Joint('', FIXED, parent, name, at))
 
-    def take_joint(self, element: ET.Element, parent: str, child: str, pose: Transform) -> None:
+    def take_joint(
+        self, element: ET.Element, parent: str, child: str, pose: Transform, inside: Transform
+    ) -> None:
         if child in self.links:
             raise ConfigurationError(f'two bodies or sites are named {shown(child)}: rename one')
         name = element.get('name') or f'{child}_joint'
         kind = 'free' if element.tag == 'freejoint' else element.get('type', 'hinge')
-        at = Transform(np.eye(3), numbers(element, 'pos', 3, '0 0 0'))
+        at = inside.then(Transform(np.eye(3), numbers(element, 'pos', 3, '0 0 0')))
         axis = unit(numbers(element, 'axis', 3, '0 0 1'), f'the axis of joint {shown(name)}')
         (reference,) = numbers(element, 'ref', 1, '0')
         if kind == 'hinge':
@@ -226,10 +234,16 @@ class _Reader:
 
     def inertial(self, body: ET.Element, group: str) -> Inertial | None:
         """Reads the mass of a body, or computes it from its geoms."""
-        element = body.find('inertial')
-        if element is None:
-            geoms = (self.geom(self.complete(geom, group)) for geom in body.findall('geom'))
+        parts = [*self.parts(body, IDENTITY, group)]
+        own = [child for child, *_ in parts if child.tag == 'inertial']
+        if not own:
+            geoms = (
+                _moved(self.geom(self.complete(geom, inner)), at)
+                for geom, at, inner in parts
+                if geom.tag == 'geom'
+            )
             return lumped([geom for geom in geoms if geom.mass])
+        element = own[0]  # MuJoCo does not apply the frames around it
         pose, (mass,) = self.pose(element), numbers(element, 'mass', 1)
         if element.get('fullinertia'):
             xx, yy, zz, xy, xz, yz = numbers(element, 'fullinertia', 6)

@@ -43,6 +43,7 @@ _PARALLEL = 1e-6  # rad, largest angle between axes that count as parallel
 _DIGITS = 14  # kept of the longest length, so that links of equal length stay equal
 _SHORTEST = 1e-9  # m, as for the lengths of a mechanism
 _SLANTED = 0.6  # shortest projection of an axis of the frame that gives the plane's y axis
+_OFF_PIN = 1e-6  # m, distance of a slider's centre of mass from its pin that is noted
 _ALIKE = 1e-9  # rad, difference between two assemblies that cannot be told apart
 _MASSLESS = Inertial(0.0, np.zeros(3), np.zeros((3, 3)))
 _CYLINDER = 'inverted_slider_crank'
@@ -837,6 +838,19 @@ class _Planar:
                     )
             yield f'{pin.name}: <mimic> is ignored; {cure}'
 
+    def _off_pin(self) -> Iterator[str]:
+        """Yields what is wrong if the slider's centre of mass is not its pin, as in the model."""
+        if self.kind != 'slider_crank':
+            return
+        *_, output = self.bodies
+        mass, pin = self._lumped(output), self.cycle[2].places[output]
+        if mass.mass and (off := abs(self._flat(output, mass.center - pin))) > _OFF_PIN:
+            wrong = ', and while the frame turns the torque is wrong' if self.turns else ''
+            yield (
+                f"the slider's centre of mass is {off:.4g} m from its pin, but is taken there: "
+                f'the moment on the guide is wrong{wrong}'
+            )
+
     def _notes(self, crank: JointMap) -> Iterator[str]:
         """Yields sentences about probably wrong values and omitted properties of the robot."""
         for joint in self.robot.joints:
@@ -847,6 +861,7 @@ class _Planar:
                     f'{math.radians(value):.4g} rad?'
                 )
         yield from self._mimics(crank)
+        yield from self._off_pin()
         loop = [id(pin.edge) for pin in self.cycle]
         for body, name in zip(self.bodies, self.names, strict=True):
             others = [edge for edge in self.tree.edges_of(body) if id(edge) not in loop]

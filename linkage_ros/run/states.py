@@ -19,7 +19,7 @@ from linkage_ros.mechanism.kinematics import State
 from linkage_ros.mechanism.loads.force import Force
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.messages.cdr import encode_string
-from linkage_ros.messages.joints import link_rows, own_joints
+from linkage_ros.messages.joints import link_rows
 from linkage_ros.messages.templates import StateTemplates
 from linkage_ros.messages.topics import Topic
 from linkage_ros.messages.urdf import make_urdf
@@ -81,15 +81,6 @@ class Simulator:
             forces=self.forces,
         )  # fmt: skip
         self._other: tuple[Gravity, Simulator] | None = None  # the last result of `under`
-
-    @property
-    def guesses_zero(self) -> bool:
-        """Whether the driven joint has the name of a robot's joint, but its zero is not given."""
-        prefix, given = self.configuration.session.joint_prefix, self.configuration.joints
-        links, driven = self.solver.structure.links, self.driven
-        is_own = self.crank_joint == own_joints(links, prefix)[driven].name
-        name = links[driven].name
-        return not is_own and (name not in given or given[name].zero is None)
 
     def under(self, gravity: Gravity | None) -> 'Simulator':
         """Returns the simulator under another gravity, m/s^2; None for that of the configuration.

@@ -115,6 +115,7 @@ def configure(values: Mapping[str, object]) -> Configuration:
         _require_harmless(drive)
     found = Configuration(kind, mechanism, drive, session, build_joints(given))
     session.require_names(mechanism, found.robot_joints)
+    _require_frame_joint(found)
     if drive.given is Given.TORQUE and '' in {joint.name for joint in found.robot_joints}:
         raise ConfigurationError(
             "joints: a name is '', but with drive: torque each joint must be published, because a "
@@ -122,6 +123,23 @@ def configure(values: Mapping[str, object]) -> Configuration:
         )
     drive.check(mechanism)
     return found
+
+
+def _require_frame_joint(configuration: Configuration) -> None:
+    """Rejects a joint of the linkage as the one that turns base_link.
+
+    Raises:
+        ConfigurationError: One joint is both.
+    """
+    joint = getattr(configuration.drive, 'frame_joint', None)
+    driven = configuration.mechanism.structure().driven
+    for number, own in enumerate(configuration.robot_joints):
+        if joint and own.name and joint.name == own.name:
+            what = 'the crank' if number == driven else 'a joint of this linkage'
+            raise ConfigurationError(
+                f'frame_joint.name = {shown(joint.name)}: that is {what}; give the joint that '
+                'turns base_link'
+            )
 
 
 def _require_harmless(drive: Drive) -> None:

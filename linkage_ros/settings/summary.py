@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.mechanism.travel import travel
+from linkage_ros.messages.joints import own_joints
 from linkage_ros.motion.drives.base import Given
 from linkage_ros.settings.configuration import Configuration
 from linkage_ros.settings.parameters import parameter_leaves
@@ -39,10 +40,28 @@ def summary(configuration: Configuration, solver: Solver) -> str:
 def notes(configuration: Configuration) -> list[str]:
     """Returns a line for each parameter that was probably given in another unit.
 
-    Each line also states the value in the other unit. A mechanism that needs no torque at all is
-    also noted.
+    Each line also states the value in the other unit. A measured crank whose zero is missing, and
+    a mechanism that needs no torque at all, are also noted.
     """
-    return [*_angles(configuration), *_lengths(configuration), *_nothing(configuration)]
+    return [
+        *_zero(configuration),
+        *_angles(configuration),
+        *_lengths(configuration),
+        *_nothing(configuration),
+    ]
+
+
+def _zero(configuration: Configuration) -> Iterator[str]:
+    structure, given = configuration.mechanism.structure(), configuration.joints
+    link, joint = structure.driven_link, configuration.robot_joints[structure.driven]
+    own = own_joints(structure.links, configuration.session.joint_prefix)[structure.driven]
+    is_given = link.name in given and given[link.name].zero is not None
+    if configuration.drive.given is not Given.MEASUREMENT or joint.name == own.name or is_given:
+        return
+    meaning = 'a rod at 0 m' if link.slides else 'the direction of +x'
+    yield (
+        f"joints.{link.name}.zero is not given, so zero 0: {joint.name}'s 0 is taken as {meaning}"
+    )
 
 
 def _angles(configuration: Configuration) -> Iterator[str]:

@@ -21,7 +21,7 @@ from linkage_ros.motion.drives.feed_forward import FeedForward
 from linkage_ros.motion.measured import FollowMotion, FollowSegment, extrapolated
 from linkage_ros.motion.segments import Coordinates, stacked
 from linkage_ros.numeric import Real
-from linkage_ros.quantities import Checked, quantity, shown
+from linkage_ros.quantities import Checked, quantity
 from linkage_ros.units import NS_PER_S
 
 # Computes the numbers in messages from coordinates, and those for the feed-forward torque.
@@ -87,15 +87,7 @@ class MeasuredCrank(Input):
             machine: The mechanism.
             bandwidth: Bandwidth of the filters, Hz; see `FollowDrive`.
             frame: Joint that turns base_link.
-
-        Raises:
-            ConfigurationError: One joint is the crank and turns base_link.
         """
-        if frame.name == machine.crank:
-            raise ConfigurationError(
-                f'frame_joint.name = {shown(frame.name)}: that is the crank; give the joint that '
-                'turns base_link'
-            )
         self._machine, self._joint = machine, JointReader(machine.crank)
         reach = machine.solver.reach
         self._motion = FollowMotion(bandwidth, reach.period_turns)
