@@ -389,7 +389,8 @@ SDF = """<sdf version="1.7"><model name="made"><pose>1 2 3 0 0.3 0</pose>
   <link name="b"><pose relative_to="a">0.3 0 0 0 0 0</pose></link>
   <link name="c"><pose degrees="true">1 0.1 0 0 90 0</pose></link>
   <frame name="A0"><pose>0 0 0 0 -1 0</pose></frame>
-  <joint name="one" type="revolute"><parent>world</parent><child>a</child>
+  <joint name="one" type="revolute"><parent>world</parent><child>
+      a </child>
     <axis><xyz expressed_in="__model__">0 1 0</xyz></axis></joint>
   <joint name="two" type="revolute"><parent>a</parent><child>b</child>
     <axis><xyz>0 1 0</xyz></axis></joint>

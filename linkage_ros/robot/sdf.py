@@ -81,7 +81,7 @@ class _Reader:
         if part is None or name in seen:
             fault = 'is missing' if part is None else 'refers to itself'
             raise ConfigurationError(f'frame {shown(name)} {fault}')
-        base = {'joint': part.findtext('child', ''), 'frame': part.get('attached_to', '')}
+        base = {'joint': part.findtext('child', '').strip(), 'frame': part.get('attached_to', '')}
         pose = part.find('pose')
         other = (pose.get('relative_to') if pose is not None else '') or base.get(part.tag, '')
         return self.pose(other, (*seen, name)).then(_pose(part))
