@@ -22,7 +22,7 @@ from matplotlib.axes import Axes
 from scipy.integrate import trapezoid
 from scipy.optimize import brentq
 
-from linkage_lab.output import NUMBERS, Pictures, chart, over
+from linkage_lab.output import NUMBERS, Pictures, chart, over, rounded
 from linkage_lab.period import Extent, Period, extent, mean
 from linkage_lab.sampling import derivative, integral, samples
 from linkage_ros import ConfigurationError, LinkageError, Mechanism, MechanismError, Solver
@@ -236,7 +236,7 @@ def size_flywheel(
         _demand(period, 'driving_torque', torque),
         _demand(period, 'driving_power', period.mean_power),
         f'fluctuation {fluctuation:g}: add {added:.5g} kg m^2 to the crank (without: {without})',
-        f'to first order: {energy:.4g} J between the extremes, {total:.5g} kg m^2 in total',
+        f'to first order: {rounded(energy)} J between the extremes, {total:.5g} kg m^2 in total',
     ]
     size, power = (extent(period.crank, period.columns[f'driving_{x}'].values)
                    for x in ('torque', 'power'))  # fmt: skip
@@ -244,18 +244,20 @@ def size_flywheel(
         ('mean speed', f'{_RPM * speed:.5g} rpm'),
         ('fluctuation', f'{fluctuation:g}' + (f', {without} without' if bare else '')),
         ('added to the crank', f'{added:.5g} kg m\u00b2'),
-        ('surplus of a turn', f'{energy:.4g} J'),
-        ('torque: peak, rms, mean', f'{_peak(size):.4g}, {size.rms:.4g}, {torque + 0.0:.4g} N m'),
-        ('power: peak, mean', f'{_peak(power):.4g}, {period.mean_power + 0.0:.4g} W'),
+        ('surplus of a turn', f'{rounded(energy)} J'),
+        ('torque: peak, rms, mean', _listed(_peak(size), size.rms, torque) + ' N m'),
+        ('power: peak, mean', _listed(_peak(power), period.mean_power) + ' W'),
     ]
     carried = None
     if motor:
         carried, words = _attempt(crank.cycle, speed, added, motor)
-        range_ = f'{_RPM * carried.speed:.4g} rpm, {carried.fluctuation:.4g}' if carried else words
+        range_ = words
+        if carried:
+            range_ = f'{rounded(_RPM * carried.speed)} rpm, {carried.fluctuation:.4g}'
         rows += [('motor', str(motor).removeprefix('motor ')), ('with this motor', range_)]
-        needed = f'and the cycle needs {torque:.4g} N m'
+        needed = f'and the cycle needs {rounded(torque)} N m'
         lines += [
-            f'{motor}: {motor.at(speed):.4g} N m at this speed, {needed}',
+            f'{motor}: {rounded(motor.at(speed))} N m at this speed, {needed}',
             f'with the flywheel: {words}',
             f'without: {_attempt(crank.cycle, speed, 0.0, motor)[1]}',
         ]
@@ -278,9 +280,13 @@ def _demand(period: Period, name: str, average: float) -> str:
     unit, values = period.columns[name]
     size = extent(period.crank, values)
     return (
-        f'{name.replace("_", " ")}: peak {_peak(size):.4g} {unit}, '
-        f'rms {size.rms:.4g} {unit}, mean {average + 0.0:.4g} {unit}'
+        f'{name.replace("_", " ")}: peak {rounded(_peak(size))} {unit}, '
+        f'rms {rounded(size.rms)} {unit}, mean {rounded(average + 0.0)} {unit}'
     )
+
+
+def _listed(*values: float) -> str:
+    return ', '.join(rounded(value + 0.0) for value in values)
 
 
 def _peak(size: Extent) -> float:
@@ -293,7 +299,7 @@ def _attempt(compute: Callable[..., Cycle], *arguments: Any) -> tuple[Cycle | No
         cycle = compute(*arguments)
     except LinkageError as error:
         return None, str(error)
-    at = f'at {_RPM * cycle.speed:.4g} rpm, fluctuation {cycle.fluctuation:.4g}'
+    at = f'at {rounded(_RPM * cycle.speed)} rpm, fluctuation {cycle.fluctuation:.4g}'
     return cycle, f'the motor drives the cycle {at}'
 
 

@@ -22,6 +22,7 @@ from linkage_ros.palette import GREY, SECOND, Color, color_of
 _SIZE, _TALLEST = 480, 400  # px, width of a picture, and largest height of the linkage
 _ROOM = 26  # px around the linkage, for the names of its pins
 _NAME = 17  # px from a pin to the middle of its name
+_LETTER = 12  # px, at most a letter's mean width in a name, on a phone
 # Margins of the curves and the height of one, px.
 _LEFT, _RIGHT, _TOP, _ROW, _FOOT = 70, 20, 24, 104, 42
 _GAP = _TOP + 12  # px between two curves
@@ -210,8 +211,17 @@ def _draw_linkage(linkage: _Linkage, shown: Array) -> tuple[str, float, Array]:
     scale_length = f'{drawing.scale_length:g}'
     ways = drawing.labels(pins) - pins
     names = pins + _NAME / scale * ways / np.linalg.norm(ways, axis=-1, keepdims=True)
+    # Long names may need more room at the sides.
+    sides = [(place(names)[:, i, 0], pin) for i, pin in enumerate(drawing.pins)]
+    sides += [
+        (place(pivot)[..., 0] + aside[0], name)
+        for pivot, aside, name in zip(drawing.pivots, asides, drawing.pivot_names, strict=True)
+    ]
+    reach = max(np.abs(x - 0.5 * _SIZE).max() + 0.5 * _LETTER * len(name) for x, name in sides)
+    more = max(0, math.ceil(reach - 0.5 * _SIZE))
+    box = f'{-more} 0 {_SIZE + 2 * more} {height}'
     parts = [
-        f'<svg id="linkage" viewBox="0 0 {_SIZE} {height}" role="img" aria-label="the linkage">',
+        f'<svg id="linkage" viewBox="{box}" role="img" aria-label="the linkage">',
         *(line(ground, GREY, 1.2) for ground in drawing.ground),
         *(line(path, color_of(owner), 1.2) for path, owner in paths),
         f'<polyline points="{_spaced(bar)}" stroke="rgb{GREY}"/>',

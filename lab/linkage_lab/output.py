@@ -142,6 +142,11 @@ class Stopwatch:
         return f'busy machine: this program had {got}; times are too long'
 
 
+def rounded(value: float) -> str:
+    """Writes a number with four significant digits, below ten millions without an exponent."""
+    return f'{float(f"{value:.4g}"):.7g}'
+
+
 def save_records(path: Path, records: list[dict[str, Any]]) -> None:
     """Writes records as JSON, together with `about()`."""
     path.write_text(json.dumps({'about': about(), 'records': records}, indent=1) + '\n')

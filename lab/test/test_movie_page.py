@@ -115,6 +115,29 @@ def test_page_fits_a_phone(opened):
     opened.call('Emulation.clearDeviceMetricsOverride')
 
 
+@pytest.mark.skipif(not browser.PROGRAM, reason='no browser here: install chromium')
+@pytest.mark.parametrize('preset', ['shaper', 'watt'])
+def test_names_of_pins_stay_within_the_picture(tmp_path, called, preset):
+    script = """(() => {
+      const frame = get('linkage').getBoundingClientRect(), out = [];
+      for (let i = 0; i <= last; i += 10) {
+        go(i);
+        for (const name of document.querySelectorAll('#linkage .name')) {
+          const box = name.getBoundingClientRect();
+          if (box.left < frame.left || box.right > frame.right)
+            out.push(name.textContent);
+        }
+      }
+      return out;
+    })()"""
+    with browser.opened_page(page(tmp_path, called, preset).as_uri()) as shown:
+        wait_for(lambda: shown.run("!!document.querySelector('dd:not(:empty)')"))
+        for width, is_mobile in ((1200, False), (360, True)):
+            size = {'width': width, 'height': 740, 'deviceScaleFactor': 1, 'mobile': is_mobile}
+            shown.call('Emulation.setDeviceMetricsOverride', **size)
+            assert shown.run(script) == []
+
+
 @pytest.mark.parametrize('scheme', ['light', 'dark'])
 def test_page_follows_the_color_scheme(opened, scheme):
     features = [{'name': 'prefers-color-scheme', 'value': scheme}]

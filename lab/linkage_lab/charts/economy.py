@@ -352,7 +352,8 @@ def _draw_reduced(axes: Axes, own: Sequence[Saving]) -> None:
         side = -1 if kind == 'table' else 1  # nodes and harmonics may take the same time
         for name, point in group.items():
             axes.annotate(
-                ''.join(filter(str.isdigit, name)), point, xytext=(6 * side, 1),
+                ''.join(filter(str.isdigit, name)), point,
+                xytext=(1, 8) if side > 0 else (-6, 1),  # above the curve, which falls
                 ha='left' if side > 0 else 'right',
                 textcoords='offset points', fontsize=NUMBERS, va='center',
             )  # fmt: skip

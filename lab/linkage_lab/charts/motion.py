@@ -29,6 +29,7 @@ from linkage_lab.output import (
     folder,
     over,
     pictures,
+    rounded,
     save_csv,
 )
 from linkage_lab.period import OVER_TIME, Period, extent, period_to_show, stepped
@@ -128,7 +129,7 @@ def motion(options: argparse.Namespace) -> None:
             save_csv(table, head, rows)
             lines = [', '.join(title)]
             angle = math.degrees(period.columns['crank.position'].values[_drawn(period)])
-            remarks = [*title[1:], f'mean power {period.mean_power:.4g} W',
+            remarks = [*title[1:], f'mean power {rounded(period.mean_power)} W',
                        f'drawn at crank angle {angle:.4g} deg']  # fmt: skip
         if options.fluctuation is not None:
             motor = getattr(designs[0].drive, 'motor', None)
@@ -165,7 +166,8 @@ def _compare(periods: Mapping[str, Period], path: Path) -> list[str]:
     width = 2 + max(12, *map(len, rows))
     lines = [' ' * 32 + ''.join(f'{name:>{width}}' for name in rows)]
     for name in measures:
-        cells = ['-' if row[name] is None else f'{row[name]:.4g}' for row in rows.values()]
+        values = [row[name] for row in rows.values()]
+        cells = ['-' if value is None else rounded(value) for value in values]
         if set(cells) != {'-'}:
             lines.append(f'{name:<32}' + ''.join(f'{cell:>{width}}' for cell in cells))
     return lines
@@ -371,6 +373,6 @@ def _extent(curve: _Curve, width: int) -> str:
     across = curve.period.across
     digits = f'>7.{1 if across.unit == "deg" else 3}f'
     return (
-        f'{curve.name:<{width}}{curve.unit:<7}{low:>10.4g}{across.scale * low_at:{digits}}'
-        f'{high:>10.4g}{across.scale * high_at:{digits}}{rms:>10.4g}'
+        f'{curve.name:<{width}}{curve.unit:<7}{rounded(low):>10}{across.scale * low_at:{digits}}'
+        f'{rounded(high):>10}{across.scale * high_at:{digits}}{rounded(rms):>10}'
     )
