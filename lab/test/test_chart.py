@@ -39,6 +39,7 @@ from linkage_ros import (
     Body,
     ConfigurationError,
     Coupler,
+    Dyad,
     FourBar,
     Frame,
     Solver,
@@ -231,6 +232,27 @@ def test_names_in_a_movie_do_not_overlap(preset):
         assert not any(one.overlaps(other) for one, other in itertools.combinations(boxes, 2))
 
 
+def test_names_of_pins_at_the_edge_are_whole():
+    first, second = Body(length=0.5), Body(length=0.35)
+    ram = Dyad(
+        name='a_long_name', from_='coupler', from_at=(0.2, 0.1), to='frame', to_at=(0.3, 0.7),
+        first=first, second=second,
+    )  # fmt: skip
+    mechanism = FourBar(
+        frame=Frame(length=0.5, angle=0.2), crank=Body(length=0.12), coupler=Coupler(length=0.45),
+        rocker=Body(length=0.3), dyads=(ram,),
+    )  # fmt: skip
+    period = speed_driven_period(mechanism, 1.0)
+    figure = Figure(figsize=(6.0, 4.2), dpi=90)
+    axes = figure.add_axes((0.01, 0.06, 0.31, 0.78))
+    samples = range(0, len(period.crank), 40)
+    picture = movie.LinkagePicture(axes, period, samples)
+    for sample in samples:
+        picture.move(sample)
+        boxes = [text.get_window_extent() for text in axes.texts[1:]]
+        assert min(box.x0 for box in boxes) >= 0
+
+
 @pytest.mark.parametrize('preset', ALL)
 def test_pins_are_named_in_the_drawing(drawn, preset):
     drawing = drawn[preset].page.axes[0]
@@ -406,6 +428,15 @@ def test_several_mechanisms_are_drawn_side_by_side_with_one_table(tmp_path, call
     pixels = matplotlib.image.imread(tmp_path / 'comparison.png')[..., :3]
     for color in DESIGN_COLORS[: len(names)]:  # the curves of each mechanism
         assert (np.abs(pixels * 255 - color).max(axis=-1) < 2).sum() > 500
+
+
+def test_diagrams_of_several_mechanisms_have_titles(tmp_path, called):
+    options = '--show', 'position', 'velocity', 'torque', '--format', 'svg', '--out', tmp_path
+    called(command_line, 'motion', 'press', 'compressor', *options)
+    picture = (tmp_path / 'comparison.svg').read_text(encoding='utf-8')
+    titles = 'Position, m', 'Velocity, m/s', 'torque, N m'  # of one line, or the last line
+    assert all(f'<!-- {title} -->' in picture for title in titles)
+    assert 'Press and' not in picture
 
 
 @pytest.mark.parametrize(

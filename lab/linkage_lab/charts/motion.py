@@ -326,12 +326,15 @@ def _panels(period: Period, show: Collection[str]) -> Iterator[_Panel]:
 def _compared(periods: Mapping[str, Period], show: Collection[str]) -> Iterator[_Panel]:
     """Yields the shared diagrams of several mechanisms: motion of the outputs, and torques."""
     for quantity in QUANTITIES:
-        column = {'torque': next(iter(periods.values())).effort}.get(quantity, f'{{}}.{quantity}')
+        first = next(iter(periods.values()))
+        is_effort = quantity == 'torque'
+        column = first.effort if is_effort else f'{{}}.{quantity}'
+        other = first.effort_title.partition(',')[0] if is_effort else quantity.capitalize()
         if quantity in show and quantity not in {'load', 'point'}:
             yield from _by_unit([
                 _curve(period, column.format(period.solver.output), name)._replace(color=color)
                 for (name, period), color in zip(periods.items(), DESIGN_COLORS, strict=False)
-            ])  # fmt: skip
+            ], other=other)  # fmt: skip
 
 
 def _curve(period: Period, column: str, name: str, across: str = '') -> _Curve:
@@ -346,12 +349,18 @@ def _curve(period: Period, column: str, name: str, across: str = '') -> _Curve:
     return _Curve(name, _FORCES.get(name) or color_of(name.split()[0]), unit, period, values)
 
 
-def _by_unit(curves: Sequence[_Curve], title: str = '') -> Iterator[_Panel]:
-    """Groups curves into one diagram per unit."""
+def _by_unit(curves: Sequence[_Curve], title: str = '', other: str = '') -> Iterator[_Panel]:
+    """Groups curves into one diagram per unit.
+
+    Args:
+        curves: The curves.
+        title: Title of all diagrams, without the unit.
+        other: Title of diagrams whose unit has none; empty for the names of their curves.
+    """
     for unit in dict.fromkeys(curve.unit for curve in curves):
         group = [curve for curve in curves if curve.unit == unit]
         names = ' and '.join(curve.name for curve in group)
-        yield _Panel(f'{title or _TITLES.get(unit) or names.capitalize()}, {unit}', group)
+        yield _Panel(f'{title or _TITLES.get(unit) or other or names.capitalize()}, {unit}', group)
 
 
 def _draw(axes: Axes, panel: _Panel) -> list[Line2D]:

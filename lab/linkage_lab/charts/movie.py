@@ -4,7 +4,7 @@
 
 import argparse
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -120,7 +120,7 @@ class LinkagePicture:
             name.set_position(place)
 
     def _apart(self, pins: Array, ways: Array) -> list[tuple[float, float]]:
-        """Places the names of pins so that they do not overlap each other or another pin.
+        """Places names of pins in the picture, so that they overlap no other name or pin.
 
         Args:
             pins: Positions of the pins, shape (n, 2), points.
@@ -130,6 +130,7 @@ class LinkagePicture:
             Positions of the names relative to their pins, points.
         """
         taken, found = [self._unit], list[tuple[float, float]]()
+        page = Bbox(self._points * self._axes.figure.bbox.get_points())
         taken += [Bbox([pin - _PIN, pin + _PIN]) for pin in pins]
         for pin, way, size in zip(pins, ways, self._sizes, strict=True):
             half = 0.5 * np.array([size.width, size.height]) + 1.0
@@ -140,8 +141,13 @@ class LinkagePicture:
                 middle = np.add(pin, (place.real, place.imag))
                 return Bbox([middle - half, middle + half])
 
+            def cost(place: complex, box: Callable[[complex], Bbox] = box) -> tuple[bool, int]:
+                spot = box(place)
+                is_cut = not (page.contains(*spot.min) and page.contains(*spot.max))
+                return is_cut, spot.count_overlaps(taken)
+
             # The first of the places with the fewest overlaps.
-            best = min(places, key=lambda place: box(place).count_overlaps(taken))
+            best = min(places, key=cost)
             taken.append(box(best))
             found.append((best.real, best.imag))
         return found
