@@ -839,17 +839,23 @@ class _Planar:
             yield f'{pin.name}: <mimic> is ignored; {cure}'
 
     def _off_pin(self) -> Iterator[str]:
-        """Yields what is wrong if the slider's centre of mass is not its pin, as in the model."""
+        """Yields what is wrong if the slider's centre of mass is not its pin, as in the model.
+
+        Raises:
+            ConfigurationError: The frame turns, and the torque would be wrong.
+        """
         if self.kind != 'slider_crank':
             return
         *_, output = self.bodies
         mass, pin = self._lumped(output), self.cycle[2].places[output]
         if mass.mass and (off := abs(self._flat(output, mass.center - pin))) > _OFF_PIN:
-            wrong = ', and while the frame turns the torque is wrong' if self.turns else ''
-            yield (
-                f"the slider's centre of mass is {off:.4g} m from its pin, but is taken there: "
-                f'the moment on the guide is wrong{wrong}'
-            )
+            where = f"the slider's centre of mass is {off:.4g} m from its pin"
+            if self.turns:
+                raise ConfigurationError(
+                    f'{where}: on a frame that turns it must be in the pin; leave out --world for '
+                    'the torque on a frame at rest'
+                )
+            yield f'{where}, but is taken there: the moment on the guide is wrong'
 
     def _notes(self, crank: JointMap) -> Iterator[str]:
         """Yields sentences about probably wrong values and omitted properties of the robot."""
