@@ -11,7 +11,7 @@ from importlib import import_module
 import pytest
 from pages import ROOT, load_script, read
 
-from linkage_lab.methods.linkage_cases import NEAR
+from linkage_lab.methods.linkage_cases import NEAR, TOGGLE
 from linkage_lab.methods.registry import DEFAULT, INTEGRATORS, LIVE, RECORDS
 from linkage_ros.log import writer
 from linkage_ros.log.scan import LARGEST
@@ -116,7 +116,9 @@ def test_conclusions_of_methods_follow_from_the_measurements():
             right = point['max_error'] is not None and point['max_error'] < 1e-6
             assert right == (point['method'] == DEFAULT), point
         elif point['method'] == DEFAULT:
-            assert point['max_error'] < 2e-15, point
+            # A steep load and a toggle magnify rounding errors.
+            limit = {'six_bar': 1e-13, TOGGLE: 1e-9}.get(point['mechanism'], 2e-15)
+            assert point['max_error'] < limit, point
         if point['mechanism'] == 'quadrilateral':
             key = point['method'], point['quantity'], point['mode']
             times.setdefault(key, point['us_per_state'])

@@ -158,7 +158,7 @@ def charts(
     for point in points:
         is_state = point['quantity'] in QUANTITIES
         groups.setdefault(point['mechanism'] if is_state else 'motions', []).append(point)
-    on = ', '.join(f'{name} {value}' for name, value in machine.items())
+    on = textwrap.fill(', '.join(f'{name} {value}' for name, value in machine.items()), 105)
     for name, group in groups.items():
         title = f'Speed against accuracy: {name.replace("_", "-")}\n{on}'
         yield title, f'accuracy_{name.replace(" ", "_")}', group
@@ -179,6 +179,8 @@ def draw_accuracy(points: Sequence[Point], title: str, files: Pictures) -> None:
         wide, columns = 3, [(TRAJECTORY, MEAN), (ENERGY, MEAN), (TRAJECTORY, SLOWEST)]
         methods, named = INTEGRATORS, '{0}, {1}, {2}'
         time, error = 'time per simulated ms', 'rad, crank lengths, or relative'
+    measured = {point['method'] for point in points}
+    methods = [method for method in methods if method.name in measured]
     place = operator.itemgetter('mechanism', 'quantity', 'mode')
     mechanisms = dict.fromkeys(point['mechanism'] for point in points)
     names = [(name, *column) for name in mechanisms for column in columns]

@@ -35,11 +35,11 @@ from linkage_lab.methods.measure import (
 )
 from linkage_lab.methods.stages import ACCELERATION, POSITION, QUANTITIES, SPEED
 from linkage_lab.reference.states import Linkage, Reference, other_assembly
-from linkage_ros import LinkageError, Solver, UnreachableError, load
+from linkage_ros import Body, Dyad, LinkageError, Solver, UnreachableError, load
 from linkage_ros.formulas import Array, Real
 from linkage_ros.internals import Constants, Program
 
-NEAR = 'near a change point'
+NEAR, TOGGLE = 'near a change point', 'near a toggle'
 _EVEN = 48  # number of evenly spaced angles in a period or an arc
 _NOTHING = 1e-12  # relative to the largest value of a quantity; smaller values count as 0
 _BATCH = 4096  # states
@@ -103,20 +103,20 @@ class LinkageCase(Case):
         return dict(zip(QUANTITIES, sizes, strict=True))
 
     def error(self, quantity: str, place: int, row: Sequence[float]) -> float:
-        """See `Case`; a position consists of two numbers, or more for unit vectors."""
+        """See `Case`; a position has a number per link, or more if unit vectors come first."""
         state, found, off = self._exact(place), np.array(row, np.longdouble), 0.0
         if not state:
             return math.inf
-        turning = 2 - self.reference.slides if quantity == POSITION else 0
-        if turning and len(row) > 2:
-            x, y = found[: 2 * turning].reshape(turning, 2).T
-            off = max(abs(np.hypot(x, y) - 1))  # a unit vector's length is judged, too
-            found = np.append(np.arctan2(y, x), found[2 * turning :])
         true, size = state[quantity], self._sizes[quantity]
+        turning = np.logical_not(self.reference.slides) if quantity == POSITION else False
+        if len(found) > len(true):
+            count = np.sum(turning)
+            x, y = found[: 2 * count].reshape(count, 2).T
+            off = max(abs(np.hypot(x, y) - 1))  # a unit vector's length is judged, too
+            found = np.append(np.arctan2(y, x), found[2 * count :])
         apart, scale = found - true, np.where(size, np.maximum(size, abs(true)), 1.0)
-        apart[:turning] = np.arctan2(np.sin(apart[:turning]), np.cos(apart[:turning]))
-        scale[:turning] = 1.0
-        return float(max(off, *abs(apart) / scale))
+        apart = np.where(turning, np.arctan2(np.sin(apart), np.cos(apart)), apart)
+        return float(max(off, *abs(apart) / np.where(turning, 1.0, scale)))
 
     def wrong(self, quantity: str, place: int, row: Sequence[float]) -> str:
         """See `Case`."""
@@ -177,8 +177,14 @@ class TurnCase(LinkageCase):
 
     rounds = 15
 
-    def __init__(self, mechanism: Linkage, angles: int) -> None:
-        """Prepares the case; `angles` is the number of evenly spaced crank angles per turn."""
+    def __init__(self, mechanism: Linkage, angles: int, more: Sequence[float] = ()) -> None:
+        """Prepares the case.
+
+        Args:
+            mechanism: Linkage whose crank turns fully.
+            angles: Number of evenly spaced crank angles per turn.
+            more: Further crank angles where the motion is fast, rad.
+        """
         reach = Solver(mechanism).reach
         fine = reach.samples(angles)
         even = np.linspace(0, fine[-1], angles * reach.period_turns + 1)
@@ -187,13 +193,14 @@ class TurnCase(LinkageCase):
         # Angles where the motion is fast are added, including the fastest.
         fast = reach.fast + math.pi * np.arange(2 * reach.period_turns)
         some = np.setdiff1d(fine, even)[:: 360 // angles]
-        cranks = np.unique(np.concatenate([self._ones, some, fast]))
+        cranks = np.unique(np.concatenate([self._ones, some, fast, more]))
         super().__init__(mechanism, cranks, _rough(mechanism, 0.1))
 
     def panels(self, method: Method, _: Setting) -> Panels:
         """See `Case`; includes the quantities computed by the package's own later stages."""
         first = QUANTITIES.index(stages.OWN[method.stage][0])
-        return itertools.product(QUANTITIES[first:], method.modes)
+        asked = method.dyads if self.mechanism.dyads else QUANTITIES[first:]
+        return itertools.product(asked, method.modes)
 
     def timer(
         self, method: Method, setting: Setting, quantity: str, mode: str
@@ -206,15 +213,15 @@ class TurnCase(LinkageCase):
 
 def _rough(mechanism: Linkage, crank: float) -> stages.Pair:
     """Computes the position at a crank angle, rounded to 0.1 rad or m."""
-    _, coupler, output = Solver(mechanism).state(crank).position
-    return round(coupler, 1), round(output, 1)
+    return tuple(round(x, 1) for x in Solver(mechanism).state(crank).position[1:])
 
 
 def linkages(*, quick: bool) -> list[tuple[str, TurnCase]]:
-    """Returns the three linkages of the accuracy chart, each with its name.
+    """Returns the linkages of the accuracy chart, each with its name.
 
     The third linkage is nearly a kite: its crank pin passes the rocker pivot at a distance of
-    1e-12 m. Its masses and inertias equal those of the first linkage.
+    1e-12 m. Its masses and inertias equal those of the first linkage. The last one is the first
+    linkage with a dyad: at crank angle 0, the sine of the angle between its links is 1e-3.
     """
     found: dict[str, Any] = {
         name: load(name).mechanism for name in ('quadrilateral', 'slider_crank')
@@ -227,4 +234,14 @@ def linkages(*, quick: bool) -> list[tuple[str, TurnCase]]:
         coupler=replace(q.coupler, length=0.5),
         rocker=replace(q.rocker, length=0.5),
     )
-    return [(name, TurnCase(each, 36 if quick else 360)) for name, each in found.items()]
+    found['six_bar'] = load('watt').mechanism
+    r = q.crank.length
+    rod = Body(1.5 * r * (1 + 1.25e-7), 2.0, 0.1, (0.75 * r, 0.0))
+    arm = Dyad(
+        name='arm', from_='crank', from_at=(r, 0.0), to='frame', to_at=(-2 * r, 0.0), first=rod,
+        second=rod,
+    )  # fmt: skip
+    found[TOGGLE] = replace(q, dyads=(arm,))
+    near = {TOGGLE: [0.0, *(sign * 10.0**-k for k in range(2, 6) for sign in (-1, 1))]}
+    angles = 36 if quick else 360
+    return [(name, TurnCase(each, angles, near.get(name, ()))) for name, each in found.items()]

@@ -71,6 +71,7 @@ class Method:
         tool: Function that makes an additional input of the formula from the case of a linkage and
             the setting.
         narrow: Whether the method computes in single precision, including crank angle and results.
+        dyads: For linkages: the quantities that the method also computes for links of dyads.
     """
 
     name: str
@@ -83,6 +84,7 @@ class Method:
     modes: tuple[str, ...] = (ONE, BATCH)
     tool: Callable[..., Any] | None = None
     narrow: bool = False
+    dyads: tuple[str, ...] = ()
 
 
 def label(setting: Setting) -> str:

@@ -19,7 +19,7 @@ from linkage_lab.methods import stages
 from linkage_lab.methods.integrators import Multipliers, OfPackage, OfScipy, RungeKutta4
 from linkage_lab.methods.linkage_cases import LinkageCase
 from linkage_lab.methods.measure import BATCH, ONE, Method, Setting
-from linkage_lab.methods.stages import POSITION, RATES, STATE, Locate, Pair
+from linkage_lab.methods.stages import POSITION, QUANTITIES, RATES, STATE, Locate, Pair
 from linkage_lab.reference.states import Linkage, lengths
 from linkage_ros import ConfigurationError, Solver
 from linkage_ros.formulas import Real
@@ -107,29 +107,33 @@ def hermite(mechanism: Linkage, nodes: int) -> Locate:
         nodes: Number of nodes per period.
 
     Returns:
-        Function from the crank angle, rad, to coupler and output.
+        Function from the crank angle, rad, to the positions of all other links.
     """
     solver = Solver(mechanism)
     solver.reach.require_full_turn()
     length = solver.reach.period_turns * math.tau
     state = solver.state(np.arange(nodes + 1) * (length / nodes), 1.0)
-    turning = 1 if solver.structure.links[-1].slides else 2
-    places = [*np.unwrap(state.position[1 : 1 + turning]), *state.position[1 + turning :]]
+    links = zip(solver.structure.links[1:], state.position[1:], strict=True)
+    places = [row if link.slides else np.unwrap(row) for link, row in links]
     slopes = np.transpose(state.velocity[1:]) * (length / nodes)
     spline = CubicHermiteSpline(np.arange(nodes + 1), np.transpose(places), slopes)
     table = np.concatenate(spline.c[::-1].transpose(0, 2, 1))
-    rows, per_step = table.T.tolist(), nodes / length
+    per_step, count = nodes / length, len(places)
+    rows = table.reshape(4, count, nodes).T.tolist()
 
     def look_up(crank: Real) -> Pair:
         place = (crank % length) * per_step
         if isinstance(place, float):
             index: Any = min(int(place), nodes - 1)
-            a1, a2, b1, b2, c1, c2, d1, d2 = rows[index]
+            links = rows[index]
         else:
             index = np.minimum(place.astype(np.intp), nodes - 1)
-            a1, a2, b1, b2, c1, c2, d1, d2 = table[:, index]
+            links = table[:, index].reshape(4, count, -1).swapaxes(0, 1)
         t = place - index
-        return a1 + t * (b1 + t * (c1 + t * d1)), a2 + t * (b2 + t * (c2 + t * d2))
+        if count == 2:  # a loop without dyads; written out, this is a third faster
+            (a1, b1, c1, d1), (a2, b2, c2, d2) = links
+            return a1 + t * (b1 + t * (c1 + t * d1)), a2 + t * (b2 + t * (c2 + t * d2))
+        return [a + t * (b + t * (c + t * d)) for a, b, c, d in links]
 
     return look_up
 
@@ -139,11 +143,11 @@ DEFAULT = 'factored closed form'
 METHODS = [
     Method(
         DEFAULT, STATE, 'nothing', 'this package: mechanism/transmission.py, docs/mechanisms.md',
-        stages.factored,
+        stages.factored, dyads=QUANTITIES,
     ),
     Method(
         'factored, float32', STATE, 'nothing', 'the same, in single precision',
-        stages.factored, modes=(BATCH,), narrow=True,
+        stages.factored, modes=(BATCH,), narrow=True, dyads=QUANTITIES,
     ),
     Method(
         'two circles', POSITION, 'nothing',
@@ -171,6 +175,7 @@ METHODS = [
         'de Boor, A Practical Guide to Splines, ch. IV', stages.looked_up,
         tuple({'nodes': 4**k} for k in range(2, 9)), {'nodes': 4096},
         tool=lambda case, setting: hermite(case.mechanism, setting['nodes']),
+        dyads=QUANTITIES[:1],
     ),
     Method(
         '2x2 solve', RATES, 'links not in line', 'documents 1 (eq. 13 to 18) and 4 (eq. 5 to 8)',
@@ -181,7 +186,7 @@ METHODS = [
         'Dahlquist and Bjorck, Numerical Methods in Scientific Computing, 3.3',
         stages.central_differences,
         tuple({'step': 10.0**-k} for k in (1, 2, 3, 4, 5, 6, 7)), {'step': 1e-4},
-        tool=lambda _, setting: setting['step'],
+        tool=lambda _, setting: setting['step'], dyads=QUANTITIES[1:],
     ),
 ]  # fmt: skip
 

@@ -18,7 +18,7 @@ slider.
 import functools
 import math
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, TypeAlias
 
 from linkage_lab.reference.states import Linkage, lengths
@@ -34,8 +34,8 @@ OWN = {STATE: QUANTITIES, POSITION: QUANTITIES[:1], RATES: QUANTITIES[1:3]}
 SPEED, ACCELERATION = 5 * math.pi, 20.0  # of the crank, rad/s (150 rpm) and rad/s^2
 
 # Direction of the coupler and position of the output, each an angle, rad, or a unit vector; the
-# position of a slider is in m.
-Pair: TypeAlias = tuple[Any, Any]
+# position of a slider is in m. The links of dyads follow, if the method solves them.
+Pair: TypeAlias = Sequence[Any]
 Locate: TypeAlias = Callable[[Real], Pair]  # from the crank angle
 
 
@@ -69,7 +69,8 @@ class Links(NamedTuple):
         side = 1.0 if mechanism.assembly == OPEN else -1.0
         model = Model.of(mechanism, mechanism.structure())
         if callable(tool):
-            tool = tuple(map(Opaque, (tool, operator.itemgetter(0), operator.itemgetter(1))))
+            parts = map(operator.itemgetter, range(len(model.links) - 1))
+            tool = tuple(map(Opaque, (tool, *parts)))
         return cls(r, b, c, d, mechanism.frame.angle, side, model, tool)
 
 
@@ -83,9 +84,9 @@ def formula(quantity: str, stage: str, solve: Callable[..., Any]) -> Callable[..
         solve: Formula of the stage.
 
     Returns:
-        A function of links and crank angle. Depending on the quantity, it returns the direction of
-        the coupler and the position of the output, their rates, their accelerations, or the
-        driving torque, N m, in a tuple. A direction is an angle, rad, or the two components of a
+        A function of links and crank angle. Depending on the quantity, it returns the positions of
+        coupler, output and links of dyads, their rates, their accelerations, or the driving
+        torque, N m, in a tuple. A direction is an angle, rad, or the two components of a
         unit vector; the position of a slider is in m.
     """
     position, slopes = (solve, two_by_two) if stage == POSITION else (factored, solve)
@@ -93,6 +94,8 @@ def formula(quantity: str, stage: str, solve: Callable[..., Any]) -> Callable[..
     def solved(links: Links, crank: Real) -> tuple[Real, ...]:
         if stage == STATE and quantity == QUANTITIES[3]:
             return torque(links.model, (crank,), (SPEED,), (ACCELERATION,))
+        if quantity == stage == POSITION:
+            return tuple(_numbers(solve(links, crank)))
         if stage == STATE:
             pose = links.model.loop.pose((crank,))
             place: Any = tuple(link.position for link in pose.links[1:])
@@ -119,8 +122,8 @@ def _numbers(place: Pair) -> list[Real]:
 
 def factored(links: Links, crank: Real) -> Pair:
     """Uses the package's own formula: sums of non-negative terms (transmission.py)."""
-    _, coupler, output = links.model.loop.pose((crank,)).links
-    return coupler.direction, output.position if links.c is None else output.direction
+    poses = zip(links.model.links[1:], links.model.loop.pose((crank,)).links[1:], strict=True)
+    return tuple(pose.position if link.slides else pose.direction for link, pose in poses)
 
 
 def two_circles(links: Links, crank: Real) -> Pair:
@@ -166,10 +169,10 @@ def _half_angle_root(a: Real, b: Real, c: Real, sign: Real) -> Real:
 
 
 def looked_up(links: Links, crank: Real) -> Pair:
-    """Calls the tool, an opaque function of the angle, and unpacks its two results."""
-    locate, first, second = links.tool
+    """Calls the tool, an opaque function of the angle, and unpacks its results."""
+    locate, *parts = links.tool
     found = locate(crank)
-    return first(found), second(found)
+    return tuple(part(found) for part in parts)
 
 
 # ---------------------------------------------------------------- the loop
@@ -205,9 +208,8 @@ def _direction(link: Real | Vector) -> Vector:
 def posed(links: Links, crank: Real, place: Pair, first: Pair, second: Pair) -> Pose:
     """Makes the pose from positions and their derivatives with respect to the crank angle."""
     poses = [LinkPose(crank, Vector.at(crank), (1.0,), (ZERO,))]
-    for at, rate, change in zip(place, first, second, strict=True):
-        slides = links.c is None and len(poses) > 1
-        along = Vector.at(links.angle) if slides else _direction(at)
+    for link, at, rate, change in zip(links.model.links[1:], place, first, second, strict=True):
+        along = Vector.at(link.angle) if link.slides else _direction(at)
         angle = atan2(at.y, at.x) if isinstance(at, Vector) else at
         poses.append(LinkPose(angle, along, (rate,), (change,)))
     return Pose(tuple(poses), ())
@@ -240,11 +242,9 @@ def central_differences(links: Links, crank: Real, locate: Locate) -> tuple[Pair
     """Differentiates positions one step before and after (Dahlquist and Bjorck, sec. 3.3)."""
     step = links.tool
     before, here, after = locate(crank - step), locate(crank), locate(crank + step)
-    (a, b), (c, d) = (
-        (_change(y, z), _change(x, y)) for x, y, z in zip(before, here, after, strict=True)
-    )
+    steps = [(_change(y, z), _change(x, y)) for x, y, z in zip(before, here, after, strict=True)]
     over, square = 1 / (2 * step), 1 / (step * step)
-    return here, ((a + b) * over, (c + d) * over), ((a - b) * square, (c - d) * square)
+    return here, tuple((a + b) * over for a, b in steps), tuple((a - b) * square for a, b in steps)
 
 
 def _change(old: Any, new: Any) -> Real:

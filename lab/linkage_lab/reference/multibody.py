@@ -3,15 +3,15 @@
 """Multibody equations of any mechanism, with constraints and Lagrange multipliers.
 
 Every link has its own coordinate. The equations yield the accelerations and, at the same time, the
-force lambda that closes the loop:
+forces lambda that close the loop and each added dyad:
 
     [ M   G^T ] [   q''    ]   [ Q - h        ]
     [ G    0  ] [ -lambda  ] = [ -(G' q')     ]
 
-The lower rows are the loop closure, differentiated twice. This is the textbook form for any
-mechanism (Baumgarte, Comput. Methods Appl. Mech. Eng. 1 (1972), eq. 1 to 5). It needs no dyads, so
-it also holds where coupler and third link are in line. In floats, these equations are one of the
-compared methods; in multiple precision, they are the reference for states and motions.
+The lower rows are the closures, differentiated twice. This is the textbook form for any
+mechanism (Baumgarte, Comput. Methods Appl. Mech. Eng. 1 (1972), eq. 1 to 5). It solves no dyads,
+so it also holds where coupler and third link are in line. In floats, these equations are one of
+the compared methods; in multiple precision, they are the reference for states and motions.
 """
 
 import operator
@@ -19,7 +19,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeAlias, cast
 
 from linkage_ros import FourBar, InvertedSliderCrank, Mechanism
-from linkage_ros.extensions import Link, LinkPose
+from linkage_ros.extensions import LinkPose
 from linkage_ros.formulas import ZERO, Vector, dot
 from linkage_ros.internals import generalised, transformed
 
@@ -31,7 +31,6 @@ class Multibody:
 
     Attributes:
         slides: For each link, whether it slides.
-        axis: Direction of a guide on the frame; (1, 0) if there is none.
     """
 
     def __init__(
@@ -50,8 +49,9 @@ class Multibody:
             length: Converts a length, m; by default `number`.
         """
         structure, length = mechanism.structure(), length or number
-        *_, last = links = structure.links
-        self.slides, self.axis = [link.slides for link in links], unit(last.angle)
+        links = structure.links
+        self.slides = [link.slides for link in links]
+        self._guides = [unit(link.angle) for link in links]
         self._zero = number(0.0)
         self._gravity = Vector(*map(number, mechanism.gravity))
         self._bodies = []
@@ -62,58 +62,86 @@ class Multibody:
             *pins, own = weights
             center = _vectors(pins, length) | _vectors([0j] * spin + [own], number)
             self._bodies.append((number(link.mass), number(link.inertia), spin, center))
-        self._closure = _vectors(structure.closure.weights, length)
-        fixed = structure.closure.fixed
-        # The link on which the last one slides, and the offset of the guide from its pin.
-        self._parent, self._offset = last.parent if last.slides else None, length(last.origin.imag)
-        if last.is_guided:
-            self._closure[len(links) - 1] = Vector(number(-1.0), self._zero)
-            fixed -= last.origin
-        self._fixed = Vector(length(fixed.real), length(fixed.imag))
+        # Weights and constant of each gap vector: of the loop, then of each added dyad.
+        self._closures = []
+        for closure, j in structure.closures:
+            around, fixed = _vectors(closure.weights, length), closure.fixed
+            if links[j].is_guided:
+                around[j] = Vector(number(-1.0), self._zero)
+                fixed -= links[j].origin
+            self._closures.append((around, Vector(length(fixed.real), length(fixed.imag))))
         if isinstance(mechanism, (FourBar, InvertedSliderCrank)):  # the pivot is in doubles
-            self._fixed = unit(mechanism.frame.angle) * -length(mechanism.frame.length)
+            pivot = unit(mechanism.frame.angle) * -length(mechanism.frame.length)
+            self._closures[0] = self._closures[0][0], pivot
+        self._last = structure.closures[0][1]
+        last = links[self._last]
+        # The link on which the loop's last one slides, and the offset of the guide from its pin.
+        self._parent, self._offset = last.parent if last.slides else None, length(last.origin.imag)
+        added = len(links) - 2 * len(structure.added)
+        self._solved = 1, 2, *range(added, len(links))
         self._links = links
         self._loads = transformed(lambda x: _constant(x, number), mechanism.link_loads())
 
-    def gap(self, places: Sequence[Vector]) -> Vector:
-        """Computes the gap of the loop.
+    def gap(self, places: Sequence[Vector]) -> Row:
+        """Computes the gaps of the loop and of each added dyad.
 
         Args:
             places: Unit vector of each link that turns, (position, 0) of each link that slides.
 
         Returns:
-            The gap vector, m.
+            The components x and y of each gap vector, m.
         """
-        gap = self._fixed
-        for j, weight in self._closure.items():
-            slid = self.axis * places[j].x if self.slides[j] else places[j]
-            gap = gap + turned(weight, slid)
-        return gap if self._parent is None else gap - self._arm(places)
+        gaps = []
+        for weights, gap in self._closures:
+            for j, weight in weights.items():
+                slid = self._guides[j] * places[j].x if self.slides[j] else places[j]
+                gap = gap + turned(weight, slid)
+            gaps.append(gap)
+        if self._parent is not None:
+            gaps[0] -= self._arm(places)
+        return [x for gap in gaps for x in gap]
 
     def _arm(self, places: Sequence[Vector]) -> Vector:
         """Returns the vector from the parent's pivot to the pin of a link that slides on it."""
-        return turned(Vector(places[-1].x, self._offset), places[cast('int', self._parent)])
+        slid = Vector(places[self._last].x, self._offset)
+        return turned(slid, places[cast('int', self._parent)])
 
     def closure(self, places: Sequence[Vector], rates: Row) -> tuple[list[Row], Row]:
-        """Returns the jacobian G of the gap, as rows x and y, and G' q'."""
-        columns, bias = self._columns(self._closure, places, rates)
-        if (j := self._parent) is not None:
-            arm = self._arm(places)
-            columns |= {j: -arm.left(), len(rates) - 1: -places[j]}
-            twice = 2 * rates[-1] * rates[j]
-            bias = bias + arm * (rates[j] * rates[j]) - places[j].left() * twice
+        """Returns the jacobian G of the gaps, as rows x and y of each, and G' q'."""
         empty = Vector(self._zero, self._zero)
-        xy = zip(*(columns.get(j, empty) for j in range(len(rates))), strict=True)
-        return list(map(list, xy)), list(bias)
+        rows: list[Row] = []
+        biases: Row = []
+        for weights, _ in self._closures:
+            columns, bias = self._columns(weights, places, rates)
+            if not rows and (j := self._parent) is not None:
+                arm, last = self._arm(places), self._last
+                columns |= {j: -arm.left(), last: -places[j]}
+                twice = 2 * rates[last] * rates[j]
+                bias = bias + arm * (rates[j] * rates[j]) - places[j].left() * twice
+            xy = zip(*(columns.get(j, empty) for j in range(len(rates))), strict=True)
+            rows += map(list, xy)
+            biases += bias
+        return rows, biases
 
     def closed(self, places: Sequence[Vector], rates: Row, opening: Row) -> Row:
-        """Solves for the rates of coupler and third link at a given velocity of the gap, m/s."""
-        free = [*rates[:1], self._zero, self._zero, *rates[3:]]
+        """Solves for the rates of coupler, third link and dyads at given velocities of the gaps.
+
+        Args:
+            places: See `gap`.
+            rates: Rates of all links, of which those to solve for are ignored.
+            opening: Velocities of the gaps, m/s.
+
+        Returns:
+            The rates of all links.
+        """
+        solved = self._solved
+        free = [self._zero if j in solved else rate for j, rate in enumerate(rates)]
         closure, _ = self.closure(places, free)
         right = [
             x - sum(map(operator.mul, row, free)) for x, row in zip(opening, closure, strict=True)
         ]
-        return [free[0], *eliminate([row[1:3] for row in closure], right), *free[3:]]
+        found = iter(eliminate([[row[j] for j in solved] for row in closure], right))
+        return [next(found) if j in solved else rate for j, rate in enumerate(free)]
 
     def system(self, places: Sequence[Vector], rates: Row) -> tuple[list[Row], Row]:
         """Returns the matrix and the right-hand side of the equations, without a driving torque.
@@ -136,8 +164,7 @@ class Multibody:
                 for k, other in columns.items():
                     rows[j][k] += mass * dot(one, other)
         poses = [
-            LinkPose(place.x, self._axis(link, place, places), (), ())
-            for place, link in zip(places, self._links, strict=True)
+            LinkPose(place.x, self._axis(j, places), (), ()) for j, place in enumerate(places)
         ]
         for load in self._loads:
             for wrench in load.wrenches(poses, rates):
@@ -146,14 +173,15 @@ class Multibody:
         closure, rest_of_gap = self.closure(places, rates)
         for j, row in enumerate(rows):
             row += [rest[j] for rest in closure]
-        rows += [[*row, self._zero, self._zero] for row in closure]
+        rows += [[*row, *[self._zero] * len(closure)] for row in closure]
         return rows, [*right, *(-x for x in rest_of_gap)]
 
-    def _axis(self, link: Link, place: Vector, places: Sequence[Vector]) -> Vector:
+    def _axis(self, j: int, places: Sequence[Vector]) -> Vector:
         """Returns the direction of a link, or of its guide."""
-        if not link.slides:
-            return place
-        return self.axis if link.parent is None else places[link.parent]
+        if not self.slides[j]:
+            return places[j]
+        parent = self._links[j].parent
+        return self._guides[j] if parent is None else places[parent]
 
     def _columns(
         self, weights: Mapping[int, Vector], places: Sequence[Vector], rates: Row
@@ -162,7 +190,7 @@ class Multibody:
         columns, bias = {}, Vector(self._zero, self._zero)
         for j, weight in weights.items():
             if self.slides[j]:
-                columns[j] = turned(weight, self.axis)
+                columns[j] = turned(weight, self._guides[j])
             else:
                 arm = turned(weight, places[j])
                 columns[j], bias = arm.left(), bias - arm * (rates[j] * rates[j])

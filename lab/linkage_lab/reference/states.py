@@ -3,13 +3,14 @@
 """Reference states of linkages, computed with 130 digits.
 
 Positions are intersections of circles; rates, accelerations and torque solve the multibody
-equations, from which virtual power eliminates the force that closes the loop. Digits cancel near
-change points, but 100 digits remain in every situation (test/test_methods.py). At a change point
-the formulas are 0/0; the motion is smooth there, so the state is the mean of the states 1e-60 rad
-on either side.
+equations, from which virtual power eliminates the forces that close the loop and each added dyad.
+Digits cancel near change points, but 100 digits remain in every situation (test/test_methods.py).
+At a change point the formulas are 0/0; the motion is smooth there, so the state is the mean of the
+states 1e-60 rad on either side.
 """
 
 import operator
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from typing import Any, TypeAlias
@@ -49,7 +50,7 @@ class Reference:
     """Computes states of a linkage, correct to 100 digits.
 
     Attributes:
-        slides: Whether the output slides.
+        slides: For each link but the crank, whether it slides.
     """
 
     def __init__(
@@ -65,21 +66,23 @@ class Reference:
                 have the value of their float.
         """
         self._mechanism, self._motion = mechanism, (speed, acceleration)
-        self.slides = isinstance(mechanism, SliderCrank)
         as_typed = repr if decimal else float
         self._lengths = [Fraction(as_typed(x or 0.0)) for x in lengths(mechanism)]
         with mp.workdps(3 * _DIGITS):
-            self._bodies = Multibody(mechanism, mp.mpf, _unit, lambda x: mp.mpf(as_typed(x)))
+            self._length: Callable[[float], _Number] = lambda x: mp.mpf(as_typed(x))
+            self._bodies = Multibody(mechanism, mp.mpf, _unit, self._length)
+        self.slides = self._bodies.slides[1:]
 
     def state(self, crank: float) -> dict[str, tuple[_Number, ...]]:
         """Computes the state at a crank angle, rad.
 
         Returns:
-            Values by quantity: 'position' (of the coupler, rad, and of the output, rad or m),
-            'rate', 'acceleration', 'torque' (in a tuple).
+            Values by quantity: 'position' (of each link but the crank, rad or m), 'rate',
+            'acceleration', 'torque' (in a tuple).
 
         Raises:
-            UnreachableError: The loop does not close at this angle, or the crank's arc ends there.
+            UnreachableError: The loop or a dyad does not close at this angle, or the crank's arc
+                ends there.
         """
         with mp.workdps(_DIGITS):
             place = self._locate(mp.mpf(crank))
@@ -100,7 +103,7 @@ class Reference:
         theta, turn = crank - frame, mp.expj(frame)
         r, b, c, d = map(mp.convert, self._lengths)
         exact_r, exact_b, exact_c, exact_d = self._lengths
-        if self.slides:
+        if isinstance(self._mechanism, SliderCrank):
             y = d - r * mp.sin(theta)
             folds = exact_b + exact_d == exact_r, exact_b - exact_d == exact_r
             x = self._height(b + y, b - y, folds, theta + mp.pi / 2)
@@ -136,20 +139,76 @@ class Reference:
         self, crank: _Number, coupler: _Number, output: _Number, _: _Number
     ) -> dict[str, tuple[_Number, ...]]:
         """Computes rates, accelerations and, by virtual power, the torque at a position."""
-        (speed, change), zero, bodies = map(mp.mpf, self._motion), mp.mpf(0), self._bodies
-        places = [_unit(crank), _vector(coupler), _vector(output)]
-        slopes = bodies.closed(places, [mp.mpf(1), zero, zero], [zero, zero])
+        (speed, change), bodies = map(mp.mpf, self._motion), self._bodies
+        numbers = [mp.expj(crank), coupler, output, *self._dyads(crank, coupler, output)]
+        places, still = list(map(_vector, numbers)), [mp.mpf(0)] * len(self.slides)
+        slopes = bodies.closed(places, [mp.mpf(1), *still], still)
         rates = [slope * speed for slope in slopes]
         rows, right = bodies.system(places, rates)
-        changes = bodies.closed(places, [change, zero, zero], right[3:])
+        changes = bodies.closed(places, [change, *still], right[len(places) :])
         forces = [sum(map(operator.mul, row, changes)) for row in rows]
         powers = (x * (y - z) for x, y, z in zip(slopes, forces, right, strict=False))
         return {
-            'position': (mp.arg(coupler), output.real if self.slides else mp.arg(output)),
+            'position': tuple(
+                number.real if slides else mp.arg(number)
+                for number, slides in zip(numbers[1:], self.slides, strict=True)
+            ),
             'rate': tuple(rates[1:]),
             'acceleration': tuple(changes[1:]),
             'torque': (sum(powers),),
         }
+
+    def _dyads(self, crank: _Number, coupler: _Number, output: _Number) -> list[_Number]:
+        """Computes the unit vectors of the dyads' links, and the positions of their sliders.
+
+        Raises:
+            UnreachableError: A dyad does not close.
+        """
+        mechanism, frame = self._mechanism, mp.expj(mp.mpf(self._mechanism.frame.angle))
+        r, b, _, d = map(mp.convert, self._lengths)
+        pin = r * mp.expj(crank)
+        # Origin and direction of each link, by name.
+        bodies = {
+            'frame': (mp.mpf(0), mp.mpf(1)), 'crank': (mp.mpf(0), mp.expj(crank)),
+            'coupler': (pin, coupler), 'rocker': (d * frame, output),
+            'slider': (pin + b * coupler, frame),
+        }  # fmt: skip
+
+        def end(link: str, at: Sequence[float]) -> _Number:
+            origin, direction = bodies[link]
+            return origin + direction * mp.mpc(*map(self._length, at))
+
+        found: list[_Number] = []
+        for dyad in mechanism.dyads:
+            start, b = end(dyad.from_, dyad.from_at), self._length(dyad.first.length)
+            name, side = dyad.name, 1 if dyad.assembly == OPEN else -1
+            if dyad.slider:  # its path meets the circle about the first end
+                at, guide = end('frame', dyad.slider.at), mp.expj(mp.mpf(dyad.slider.angle))
+                x, y = _vector((start - at) / guide)
+                place = mp.mpc(x + side * self._root(b**2 - y**2, crank))
+                joint = at + place * guide
+                found += [(joint - start) / b, place]
+                bodies[f'{name}_slider'] = joint, guide
+            else:  # the circles about both ends meet
+                to, c = end(dyad.to, dyad.to_at), self._length(dyad.second.length)
+                square = abs(to - start) ** 2
+                along = (square + b**2 - c**2) / 2
+                across = side * self._root(b**2 * square - along**2, crank)
+                joint = start + (to - start) * mp.mpc(along, across) / square
+                found += [(joint - start) / b, (joint - to) / c]
+                bodies[f'{name}_second'] = to, found[-1]
+            bodies[f'{name}_first'] = start, found[-2]
+        return found
+
+    def _root(self, square: _Number, crank: _Number) -> _Number:
+        """Returns a square root.
+
+        Raises:
+            UnreachableError: The number is negative, so a dyad does not close.
+        """
+        if square < 0:
+            raise UnreachableError('a dyad does not close', crank_angle=float(crank), arcs=())
+        return mp.sqrt(square)
 
 
 def _unit(angle: _Number) -> Vector:
