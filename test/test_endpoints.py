@@ -56,7 +56,9 @@ def polled(monkeypatch):
     with node_of('subscriber', domain) as node, node_of('robot', domain) as robot:
         subscription = endpoints.PolledSubscription(node, JOINT_COMMANDS, reject, lambda *_: None)
         publisher = endpoints.create_publisher(robot, JOINT_COMMANDS)
+        # Each side matches the other on its own; before that, best effort loses messages.
         wait_for(publisher.get_subscription_count)
+        wait_for(subscription._subscription.get_publisher_count)
         yield node, subscription, publisher, robot
 
 
