@@ -61,8 +61,8 @@ def called(monkeypatch, capfd):
 
 
 # The longest files run first, so that no process runs one of them alone at the end.
-LONGEST = ('test_docs', 'test_browser', 'test_pump_chart', 'test_outcomes', 'test_faults', 'test_hostile',
-           'test_methods', 'test_mjcf', 'test_fifty_digits', 'test_replay',
+LONGEST = ('test_docs', 'test_browser', 'test_pump_chart', 'test_outcomes', 'test_faults',
+           'test_hostile', 'test_methods', 'test_mjcf', 'test_fifty_digits', 'test_replay',
            'test_rerun_connection', 'test_two_hosts', 'test_out_of_package',
            'test_packaging', 'test_sizing', 'test_chart', 'test_node', 'test_launch', 'test_ros',
            'test_torque_driven_motion', 'test_integrators')  # fmt: skip
