@@ -5,6 +5,7 @@
 A frozen file system blocks every write in the kernel, as a hanging disk does.
 """
 
+import math
 import os
 import re
 import subprocess
@@ -15,7 +16,7 @@ from fcntl import ioctl
 import pytest
 from mechanisms import FOLLOWED
 from rclpy.qos import QoSProfile
-from ros_harness import node_arguments, report_of, stop, wait_for, watched
+from ros_harness import CODEC, node_arguments, report_of, stop, wait_for, watched
 from sensor_msgs.msg import JointState
 from test_node_parameters import set_parameter
 
@@ -91,7 +92,10 @@ def test_log_of_a_stalled_disk_verifies(disk, tmp_path, called, drive):
 
             wait_for(arrived)
             if drive == 'speed':
-                assert set_parameter(listener, 'rpm', type=3, double_value=50.0 + sent).successful
+                rpm = 200.0 + sent  # never the speed at the start
+                assert set_parameter(listener, 'rpm', type=3, double_value=rpm).successful
+                # The tick that logs the change comes later.
+                wait_for(lambda: abs(CODEC.decode(received[-1])[1][3] - rpm * math.pi / 30) < 1e-9)
 
         states(50)
         size = path.stat().st_size
