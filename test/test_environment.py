@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""What acts from outside: a base_link that turns, and forces given for each state.
+"""Tests of a base_link that turns, and of forces that are given for each state.
 
 The reference sees the whole machine in the world's axes: d'Alembert's principle with positions in
 50 digits, whose derivatives it takes numerically. It knows no Coriolis terms.

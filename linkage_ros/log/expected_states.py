@@ -126,8 +126,7 @@ class ExpectedStates(ABC):
             The coordinates, and those for the feed-forward torque or None.
 
         Raises:
-            LinkageError: There is no state at one of the stamps, or the messages do not describe
-                valid states.
+            LinkageError: A stamp has no state, or the messages give an invalid motion.
         """
 
     def elapsed(self, _number: int, stamps: list[int]) -> list[int]:

@@ -102,7 +102,7 @@ class InvertedSliderCrankLoop(NamedTuple):
         return (normalized(start, start + 2 * (math.pi - nearest)),)
 
     def extremes(self) -> None:
-        """Returns None, because there is no transmission angle."""
+        """Returns None: a cylinder has no transmission angle."""
 
     def pose(self, q: tuple[Real, ...]) -> Pose:
         """Computes the pose of crank, barrel and rod at a crank angle, rad."""

@@ -418,7 +418,7 @@ class Mechanism(Checked):
             _values: Parameters of the mechanism by name.
 
         Returns:
-            The kinds, and the reason why there are no others.
+            The kinds, and why no other kind is accepted.
         """
         return (), ''
 

@@ -78,7 +78,7 @@ class PlanarLoop(NamedTuple):
 
     Attributes:
         kind: Name of the mechanism in `MECHANISMS`.
-        values: Its parameters by dotted name, and those of the joint that turns the frame.
+        values: Parameters of the mechanism and of `frame_joint`, by dotted name.
         joints: The robot's joint of each link.
         bodies: Names of the robot's links in each link of the mechanism, including the frame.
         axes: The plane in the axes of the frame's first link: origin, x axis, y axis and normal.

@@ -106,7 +106,7 @@ class Session(Checked):
 
         Args:
             mechanism: Mechanism of the run.
-            robot: Its joints in messages.
+            robot: Joints of the mechanism in messages.
 
         Raises:
             ConfigurationError: The name is already in use.
