@@ -262,11 +262,6 @@ def _discard_stdout() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-def counted(number: int, noun: str) -> str:
-    """Formats a number with a noun, such as '1 state' or '2 states'."""
-    return f'{number} {noun}{"" if number == 1 else "s"}'
-
-
 def print_error(name: str, error: object) -> None:
     """Prints an error as one line on stderr, if stderr is open."""
     if sys.stderr is not None:

@@ -131,6 +131,11 @@ def shown(value: object) -> str:
     return shortened(' '.join(repr(value).split()), _LONGEST)
 
 
+def counted(number: int, noun: str) -> str:
+    """Formats a number with a noun, such as '1 state' or '2 states'."""
+    return f'{number} {noun}{"" if number == 1 else "s"}'
+
+
 def unknown_name(name: str, owner: str, valid: Collection[str], where: str) -> str:
     """Returns the error message for an unknown parameter name.
 

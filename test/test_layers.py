@@ -17,6 +17,10 @@ WRONG = {
         'import linkage_ros.messages.topics',
         'mechanism.parts -> linkage_ros.messages.topics',
     ),
+    'linkage_ros/motion/law.py': (
+        'from linkage_ros.cli import print_error',
+        'motion.law -> linkage_ros.cli',
+    ),
     'linkage_ros/node/health.py': ('import matplotlib', 'node.health -> matplotlib'),
     'linkage_ros/node/ticker.py': (
         'import linkage_lab.period',

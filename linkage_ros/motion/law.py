@@ -17,8 +17,8 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from linkage_ros.cli import counted
 from linkage_ros.numeric import TURN
+from linkage_ros.quantities import counted
 from linkage_ros.units import NS_PER_S
 
 # Angles of a sine are integers in units of 2^-_BITS turn.

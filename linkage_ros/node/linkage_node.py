@@ -43,7 +43,7 @@ from linkage_ros.node.parameter_node import ParameterNode, given_values
 from linkage_ros.node.process import reported_as_configuration, run_program
 from linkage_ros.node.ticker import RealTimeTicker, SimTimeTicker, Ticker
 from linkage_ros.node.workers import freeze_heap
-from linkage_ros.quantities import build, flatten
+from linkage_ros.quantities import build, counted, flatten
 from linkage_ros.run.states import Simulator
 from linkage_ros.run.trajectory_ahead import TrajectoryAhead
 from linkage_ros.settings.command_lines import node_parser
@@ -160,9 +160,9 @@ class LinkageNode(ParameterNode):
             f', {one.dropped} lost to the {part}' for part, one in health.items() if one.dropped
         ]
         self.get_logger().info(
-            f'{cli.counted(counts.kept, "state")}, '
-            f'{cli.counted(counts.missed, "tick")} missed, '
-            f'{cli.counted(counts.clock_steps, "clock step")}, latest tick '
+            f'{counted(counts.kept, "state")}, '
+            f'{counted(counts.missed, "tick")} missed, '
+            f'{counted(counts.clock_steps, "clock step")}, latest tick '
             f'{counts.max_lateness / NS_PER_MS:.1f} ms late{"".join(lost)}'
         )
 

@@ -18,6 +18,7 @@ from linkage_ros.log.tables import write_csv
 from linkage_ros.log.verify import Verification, verify
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.motion.segments import Segment
+from linkage_ros.quantities import counted
 from linkage_ros.settings.parameters import parameter_leaves
 from linkage_ros.settings.summary import notes, summary
 from linkage_ros.units import NS_PER_S, JointUnits
@@ -90,11 +91,11 @@ def verdict(log: LogReader, report: Verification) -> Iterator[str]:
     """
     if report.difference:
         yield f'{log.path}: DIFFERS: {report.difference}'
-        equal = cli.counted(report.states, 'state')
+        equal = counted(report.states, 'state')
         yield f'  equal before it: {equal}; later messages were not compared'
     else:
         equal = f'within {math.ceil(report.ulp)} ulp' if report.ulp else 'to the bit'
-        yield f'{log.path}: {cli.counted(report.states, "state")}, every one equal {equal}'
+        yield f'{log.path}: {counted(report.states, "state")}, every one equal {equal}'
         yield f'  compared: {", ".join(report.compared) or "nothing"}'
     notes = (
         (report.others, f'not recomputable, so not compared: {", ".join(report.others)}'),
@@ -104,7 +105,7 @@ def verdict(log: LogReader, report: Verification) -> Iterator[str]:
          'states after this were not compared: they depend on measurements that the log lost'),
         (report.absent, f'not in the log: {", ".join(report.absent)}'),
         (report.missed,
-         f'{cli.counted(report.missed, "tick")} without a state: the run was late or lost states'),
+         f'{counted(report.missed, "tick")} without a state: the run was late or lost states'),
         (log.lost is None,
          'no end record, as after the recovery of an incomplete log: states may be missing'),
         (report.cut, f'the last state is cut off, before {", ".join(report.cut)}'),
@@ -118,12 +119,12 @@ def saved(path: Path, done: Recovered) -> str:
     """Describes the outcome of a recovery in one line."""
     lost = []
     if done.places:
-        places = cli.counted(done.places, 'damaged place')
-        lost.append(f'{cli.counted(done.damaged, "byte")} in {places}')
+        places = counted(done.places, 'damaged place')
+        lost.append(f'{counted(done.damaged, "byte")} in {places}')
     if done.unknown:
-        lost.append(f'{cli.counted(done.unknown, "message")} of unknown topics')
+        lost.append(f'{counted(done.unknown, "message")} of unknown topics')
     return (
-        f'{path}: {cli.counted(done.messages, "message")} saved, {done.duration:.3f} s; '
+        f'{path}: {counted(done.messages, "message")} saved, {done.duration:.3f} s; '
         f'lost: {", ".join(lost) or "nothing that was on the disk"}'
     )
 
@@ -156,8 +157,8 @@ def _csv(options: argparse.Namespace) -> None:
             options.log, options.out, topic=options.topic, overwrite=options.overwrite,
             progress=bar.update,
         )  # fmt: skip
-    left_out = f'; left out: {cli.counted(invalid, "damaged message")}' if invalid else ''
-    _print([f'{options.out}: {cli.counted(rows, "row")} from {topic}{left_out}'])
+    left_out = f'; left out: {counted(invalid, "damaged message")}' if invalid else ''
+    _print([f'{options.out}: {counted(rows, "row")} from {topic}{left_out}'])
 
 
 def _print(lines: Iterable[str]) -> None:

@@ -30,7 +30,7 @@ from linkage_ros.motion.drives.follow import MeasuredCrank
 from linkage_ros.motion.segments import Motion
 from linkage_ros.motion.steps import record_steps
 from linkage_ros.numeric import Real
-from linkage_ros.quantities import Quantity, leaves
+from linkage_ros.quantities import Quantity, counted, leaves
 from linkage_ros.run.states import Simulator
 from linkage_ros.settings.configuration import (
     Configuration,
@@ -115,7 +115,7 @@ def record(
                     bar.update(len(stamps))
         except MotionError as error:
             raise MotionError(
-                f'{error}; {path} keeps the {cli.counted(written, "state")} before it',
+                f'{error}; {path} keeps the {counted(written, "state")} before it',
                 time=error.time, coordinates=error.coordinates,
             ) from error  # fmt: skip
         finally:
@@ -197,7 +197,7 @@ def record_measured(
                 if stopped():
                     break
         except LogError as error:
-            kept = f'{path} keeps the {cli.counted(states, "state")} before it'
+            kept = f'{path} keeps the {counted(states, "state")} before it'
             raise LogError(f'{error}; {kept}') from error
     return Answers(states, crank.rejected)
 
@@ -372,10 +372,10 @@ def _record(options: argparse.Namespace) -> int:
     if prefix := preset_note(values):
         print(prefix + summary(configuration, Solver(configuration.mechanism)))
     if stop.is_set():
-        print(f'{options.out}: stopped; {cli.counted(count, "state")} kept')
+        print(f'{options.out}: stopped; {counted(count, "state")} kept')
         return cli.STOPPED_BY_USER
     duration = count / configuration.session.rate_hz
-    words = f'{options.out}: {cli.counted(count, "state")}, {duration:g} s'
+    words = f'{options.out}: {counted(count, "state")}, {duration:g} s'
     if options.out.is_file():
         words += f'; linkage_replay {options.out} --viewer web --no-ros shows it'
     print(words)
@@ -395,7 +395,7 @@ def _record_measured(
         stopped=stop.is_set,
     )
     causes = ''.join(f', {count} rejected: {cause}' for cause, count in rejected.items())
-    print(f'{options.out}: {cli.counted(states, "state")}{causes}')
+    print(f'{options.out}: {counted(states, "state")}{causes}')
     return cli.STOPPED_BY_USER if stop.is_set() else 0 if states else 1
 
 

@@ -30,7 +30,7 @@ from linkage_ros.programs.player import (
     feed,
     play,
 )
-from linkage_ros.quantities import Quantity
+from linkage_ros.quantities import Quantity, counted
 from linkage_ros.settings.viewer import VIEWERS, WEB
 from linkage_ros.units import NS_PER_S
 
@@ -182,7 +182,7 @@ def showing(
         worker.close(_VIEW_CLOSE_SECONDS)
         lost = worker.dropped + view.dropped
         if lost and worker.error is None:
-            words = f'{cli.counted(lost, "state")} not shown: the viewer lagged or ended'
+            words = f'{counted(lost, "state")} not shown: the viewer lagged or ended'
             cli.print_error(_NAME, words)
     check()
 
@@ -238,7 +238,7 @@ def _run(arguments: list[str]) -> int:
         items = stack.enter_context(feed(log, excerpt, loop=options.loop))
         show = stack.enter_context(_status(log, excerpt, pace))
         count = play(items, sinks, pace, keyboard, stop, show, paused=options.start_paused)
-    print(f'{options.log}: {cli.counted(count, "message")} replayed')
+    print(f'{options.log}: {counted(count, "message")} replayed')
     return 0
 
 

@@ -17,9 +17,10 @@ from linkage_lab.sweep.measures import CANNOT_TURN, MEASURES, REFUSED, TURNS, me
 from linkage_lab.sweep.spread import cluster, processes, spread
 from linkage_lab.sweep.study import Study, read_study
 from linkage_ros import ConfigurationError
-from linkage_ros.cli import counted, progress_bar
+from linkage_ros.cli import progress_bar
 from linkage_ros.formulas import Array
 from linkage_ros.palette import BLUE, GREY, SKY, VERMILION, fractions
+from linkage_ros.quantities import counted
 
 LIMITED, STUCK, UNFIT, OUTSIDE, VALID, FRONT = OUTCOMES = (
     'cannot turn', 'cannot move so far', 'a spring or load curve does not fit',
