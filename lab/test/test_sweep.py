@@ -89,8 +89,8 @@ def test_designs_equal_their_solvers_to_the_bit(preset):
     angles = np.random.default_rng(1).uniform(0, 2 * math.pi, (len(table), 1))
     found = np.full(len(table), math.nan)
     columns, sizes = dict(zip(names, table.T, strict=True)), []
-    for rows, (transmission, *_), constants in groups(mechanism, columns, len(table)):
-        if transmission.turns_fully:
+    for rows, (reach, *_), constants in groups(mechanism, columns, len(table)):
+        if reach.turns_fully:
             program = Program(torque_of, constants, ('angle', 'speed'))
             found[rows] = program.designs(angles[rows], 15.0, by_math=True).ravel()
             sizes.append(len(rows))

@@ -8,7 +8,7 @@ arrays, so that one call of the program computes all of them.
 
 import copy
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import cached_property
 from typing import Any, NamedTuple, cast
@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from linkage_ros import LinkageError, Mechanism, Reach, Solver
-from linkage_ros.formulas import ZERO, Array, Real, Vector
+from linkage_ros.formulas import Array, Real, Vector
 from linkage_ros.internals import Constants, Model, Program, reactions, torque, transformed
 
 RPM = 'rpm'
@@ -41,13 +41,12 @@ class Way(NamedTuple):
     speeds: Array | None = None
     accelerations: Real = 0.0
 
-    def fits(self, mobility: Any) -> bool:
-        """Returns whether a mechanism can make the motion."""
-        turn = math.inf if getattr(mobility, 'slides', False) else math.tau
-        starts = (start for start, _ in mobility.arcs())
-        shifts = (0.0 if turn == math.inf else (self.low - x) // turn * turn for x in starts)
-        ends = zip(mobility.arcs(), shifts, strict=True)
-        return mobility.turns_fully or any(
+    def fits(self, reach: Reach) -> bool:
+        """Returns whether a mechanism with this reach can make the motion."""
+        starts = (start for start, _ in reach.arcs)
+        shifts = (0.0 if reach.slides else (self.low - x) // math.tau * math.tau for x in starts)
+        ends = zip(reach.arcs, shifts, strict=True)
+        return reach.turns_fully or any(
             start + shift < self.low and self.high < end + shift for (start, end), shift in ends
         )
 
@@ -94,21 +93,21 @@ def measure(task: Task, designs: Array) -> Array:
     # As in Program.arrays: makes glibc keep freed arrays for reuse.
     np.empty(3_000_000)
     with np.errstate(all='ignore'):
-        for rows, mobilities, constants in groups(task.mechanism, columns, len(designs)):
+        for rows, reaches, constants in groups(task.mechanism, columns, len(designs)):
             (able,) = np.nonzero(
-                [task.way.fits(x) if task.way else x.turns_fully for x in mobilities]
+                [task.way.fits(x) if task.way else x.turns_fully for x in reaches]
             )
             rows = rows[able]
             if constants is None:
                 found[rows, 0] = REFUSED
                 continue
             found[rows, 0] = TURNS
-            constants = constants.part(able)
+            constants, reaches = constants.part(able), tuple(reaches[i] for i in able)
             for start in range(0, len(rows), at_once):
                 part = slice(start, start + at_once)
                 speed: Real = rpms[rows[part], None] * math.pi / 30
                 kind = SwingBatch if task.way else Batch
-                batch = kind(constants.part(part), mobilities[0], speed, task)
+                batch = kind(constants.part(part), reaches[part], speed, task)
                 for i, name in enumerate(task.measures, 1):
                     found[rows[part], i] = MEASURES[name].of(batch)
     return found
@@ -119,7 +118,7 @@ def measure(task: Task, designs: Array) -> Array:
 
 def groups(
     mechanism: Mechanism, columns: Mapping[str, Array], count: int
-) -> Iterator[tuple[npt.NDArray[np.intp], tuple[Any, ...], Constants | None]]:
+) -> Iterator[tuple[npt.NDArray[np.intp], tuple[Reach, ...], Constants | None]]:
     """Divides designs into groups that share a structure, and therefore a program.
 
     Args:
@@ -128,68 +127,42 @@ def groups(
         count: Number of designs.
 
     Yields:
-        For each group, the indices of its designs, the constants that determine the reach of the
-        crank, and those of the formulas, with arrays of shape (designs, 1) as numbers, or None if
-        a load does not fit. Designs that cannot be assembled are omitted.
+        For each group, the indices of its designs, the reach of their cranks, and the constants
+        of the formulas below, with arrays of shape (designs, 1) as numbers, or None if a load does
+        not fit. Designs that cannot be assembled are omitted.
     """
-    found: dict[Any, list[tuple[int, Any, Constants]]] = {}
+    found: dict[Any, list[tuple[int, Reach, Constants]]] = {}
     # A load curve is a function, which cannot be stacked.
     has_curve = any(map(callable, Constants(mechanism.link_loads()).numbers))
     for row in range(count):
         with suppress(LinkageError):
-            mobility, constants = _constants(mechanism, columns, row)
+            reach, constants = _constants(mechanism, columns, row)
             if constants is None:
-                yield np.array([row]), (mobility,), None
+                yield np.array([row]), (reach,), None
                 continue
             key = row if has_curve else id(constants.tapes)
-            found.setdefault(key, []).append((row, mobility, constants))
+            found.setdefault(key, []).append((row, reach, constants))
     for group in found.values():
-        rows, mobilities, each = zip(*group, strict=True)
-        yield np.array(rows), mobilities, Constants.stacked(each)
+        rows, reaches, each = zip(*group, strict=True)
+        yield np.array(rows), reaches, Constants.stacked(each)
 
 
 def _constants(
     mechanism: Mechanism, columns: Mapping[str, Array], row: int
-) -> tuple[Any, Constants | None]:
-    """Returns the constants that determine the crank's reach, and those of the formulas below.
+) -> tuple[Reach, Constants | None]:
+    """Returns the reach of the crank, and the constants of the formulas below.
 
     The latter are None if a load does not fit the mechanism.
     """
     for name, column in columns.items():
         mechanism = with_value(mechanism, name, float(column[row]))
-    structure, loop = mechanism.structure(), mechanism.loop()
-    mobility: Any = getattr(loop, 'transmission', loop)
-    if mechanism.dyads:
-        mobility = _WithDyads(mobility, cast('Reach', Solver(mechanism).mobility))
+    structure = mechanism.structure()
+    reach = cast('Reach', Solver(mechanism).mobility if mechanism.dyads else mechanism.reach())
     try:
         model = Model.of(mechanism, structure)
     except LinkageError:
-        return mobility, None
-    constants = model, structure.points.get('C'), mobility.extremes(), structure.output
-    return mobility, Constants(constants)
-
-
-class _WithDyads(NamedTuple):
-    """The transmission of a loop, and the reach of the crank with the dyads."""
-
-    loop: Any
-    reach: Reach
-
-    @property
-    def turns_fully(self) -> bool:
-        """Whether the crank turns fully."""
-        return self.reach.turns_fully
-
-    def arcs(self) -> tuple[tuple[float, float], ...]:
-        """Returns the arcs that the crank reaches, rad."""
-        return self.reach.arcs
-
-    def extremes(self) -> Any:
-        """Returns the smallest and the largest transmission angle of the loop, rad."""
-        return self.loop.extremes()
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self.loop, name)
+        return reach, None
+    return reach, Constants((model, structure.points.get('C'), structure.output))
 
 
 def with_value(part: Any, name: str, value: Any) -> Any:
@@ -218,29 +191,40 @@ def with_value(part: Any, name: str, value: Any) -> Any:
 
 # ---------------------------------------------------------------- formulas and measures
 
-# Each formula takes the constants above, the crank angle, rad, and the crank speed, rad/s.
+# Each formula takes the constants above, the crank angle, rad, the crank speed, rad/s, and, unless
+# the speed is constant, the crank acceleration, rad/s^2.
 
 
-def torque_of(constants: Any, angle: Real, speed: Real) -> Real:
+def torque_of(constants: Any, angle: Real, speed: Real, *acceleration: Real) -> Real:
     """Computes the driving torque, N m."""
-    return torque(constants[0], (angle,), (speed,))[0]
+    return torque(constants[0], (angle,), (speed,), acceleration)[0]
 
 
-def _output_of(constants: Any, angle: Real, _: Real) -> tuple[Real, Real, Real]:
+def _force_of(constants: Any, angle: Real, speed: Real, *acceleration: Real) -> Vector:
+    """Computes the force on the frame, N."""
+    return reactions(constants[0], (angle,), (speed,), acceleration)[2]
+
+
+def _output_of(constants: Any, angle: Real, *_: Real) -> tuple[Real, Real, Real]:
     """Computes the output position and its first two derivatives with respect to the angle."""
-    model, _, _, output = constants
+    model, _, output = constants
     link = model.loop.pose((angle,)).links[output]
     return link.position, link.jacobian[0], link.curvature[0]
 
 
-def _path_of(constants: Any, angle: Real, _: Real) -> Vector:
+def _transmission_of(constants: Any, angle: Real, *_: Real) -> Real:
+    """Computes the sine of the transmission angle."""
+    return cast('Real', constants[0].loop.pose((angle,)).sines[0])
+
+
+def _path_of(constants: Any, angle: Real, *_: Real) -> Vector:
     """Computes the position of the coupler point, m."""
-    return _path_motion_of(constants, angle, _)[0]
+    return _path_motion_of(constants, angle)[0]
 
 
-def _path_motion_of(constants: Any, angle: Real, _: Real) -> tuple[Vector, Vector, Vector]:
+def _path_motion_of(constants: Any, angle: Real, *_: Real) -> tuple[Vector, Vector, Vector]:
     """Computes the coupler point's position and its derivatives with respect to the angle, m."""
-    model, point, *_ = constants
+    model, point, _ = constants
     links = model.loop.pose((angle,)).links
     found = point.follow(
         [link.direction for link in links],
@@ -250,51 +234,46 @@ def _path_motion_of(constants: Any, angle: Real, _: Real) -> tuple[Vector, Vecto
     return cast('tuple[Vector, Vector, Vector]', found)
 
 
-def _force_of(constants: Any, angle: Real, speed: Real) -> Vector:
-    """Computes the force on the frame, N."""
-    return reactions(constants[0], (angle,), (speed,), ())[2]
-
-
-def _extremes_of(constants: Any, *_: Real) -> tuple[Real, Real]:
-    """Returns the smallest and the largest transmission angle, rad."""
-    return cast('tuple[Real, Real]', constants[2])
-
-
 class Batch:
     """Designs with the same structure and fully turning cranks, evaluated over a period.
 
-    All arrays have a row for each design.
+    All arrays have a row for each design. `travel` finds the same reversals, one design at a time.
     """
 
-    def __init__(self, constants: Constants, mobility: Any, speed: Array, task: Task) -> None:
-        """Stores constants and crank speeds, rad/s, of shape (designs, 1), and the task."""
-        self._constants, self._speed, self._points = constants, speed, task.points
-        squares = (getattr(mobility, name, None) for name in ('cos', 'sin'))
-        straight = [square.least is ZERO for square in squares if square]
-        self._has_change_point, turns = any(straight), 2 if sum(straight) == 1 else 1
+    def __init__(
+        self, constants: Constants, reaches: Sequence[Reach], speed: Array, task: Task
+    ) -> None:
+        """Stores constants, reach and crank speed, rad/s, shape (designs, 1), of each design."""
+        self._constants, self._reaches, self._points = constants, reaches, task.points
+        turns = reaches[0].period_turns
+        self._has_change_point = turns == 2 or reaches[0].has_change_point
         self._step = 2 * math.pi / task.angles
         self._angles = (np.arange(turns * task.angles) + 0.5) * self._step
+        self._motion: tuple[Real, ...] = (speed,)
 
-    def _run(self, formula: Callable[..., Any], angles: Real) -> Any:
-        found = Program(formula, self._constants, ('angle', 'speed')).designs(angles, self._speed)
-        shape = len(self._speed), angles.shape[-1]
+    def _run(self, formula: Callable[..., Any], angles: Real | None = None) -> Any:
+        """Evaluates a formula at crank angles, rad; by default, at those of the motion."""
+        angles = self._angles if angles is None else angles
+        names = ('angle', 'speed', 'acceleration')[: 1 + len(self._motion)]
+        found = Program(formula, self._constants, names).designs(angles, *self._motion)
+        shape = len(self._reaches), angles.shape[-1]
         return transformed(lambda x: np.broadcast_to(x, shape), found)
 
     @cached_property
     def torque(self) -> Array:
         """Driving torque, N m."""
-        return cast('Array', self._run(torque_of, self._angles))
+        return cast('Array', self._run(torque_of))
 
     def shaking_force(self) -> Array:
         """Computes the largest force on the frame, N; infinite if there are change points."""
         if self._has_change_point:
-            return np.full(len(self._speed), math.inf)
-        return np.asarray(np.hypot(*self._run(_force_of, self._angles)).max(-1))
+            return np.full(len(self._reaches), math.inf)
+        return np.asarray(np.hypot(*self._run(_force_of)).max(-1))
 
     @cached_property
     def _reversals(self) -> Array:
         """Crank angles of the two reversals of the output, rad; NaN unless it reverses twice."""
-        _, rate, _ = self._run(_output_of, self._angles)
+        _, rate, _ = self._run(_output_of)
         turned = rate * np.roll(rate, -1, axis=-1) < 0
         first, last = turned.argmax(-1), turned[:, ::-1].argmax(-1)
         before = self._angles[np.stack([first, turned.shape[-1] - 1 - last], -1)]
@@ -326,8 +305,8 @@ class Batch:
 
     def transmission_angle(self) -> Array:
         """Computes the smallest transmission angle, measured as an acute angle, deg."""
-        low, high = self._run(_extremes_of, self._angles[:1])
-        return cast('Array', np.degrees(np.minimum(low, math.pi - high)).ravel())
+        low, high = np.transpose([cast('Any', reach.transmission) for reach in self._reaches])
+        return cast('Array', np.degrees(np.minimum(low, math.pi - high)))
 
     def point_distance(self) -> Array:
         """Computes the largest distance of the given points from the coupler point's path, m."""
@@ -354,60 +333,30 @@ class Batch:
 class SwingBatch(Batch):
     """Designs with the same structure, evaluated along a motion within an arc of the crank."""
 
-    def __init__(self, constants: Constants, mobility: Any, speed: Array, task: Task) -> None:
+    def __init__(
+        self, constants: Constants, reaches: Sequence[Reach], speed: Array, task: Task
+    ) -> None:
         """See `Batch`."""
-        super().__init__(constants, mobility, speed, task)
+        super().__init__(constants, reaches, speed, task)
         way = cast('Way', task.way)
-        self._angles, self._count = way.angles, len(speed)
-        self._motion = speed if way.speeds is None else way.speeds, way.accelerations
-
-    def _along(self, formula: Callable[..., Any]) -> Any:
-        names = 'angle', 'speed', 'acceleration'
-        program = Program(formula, self._constants, names)
-        found = program.designs(self._angles, *self._motion)
-        shape = self._count, len(self._angles)
-        return transformed(lambda x: np.broadcast_to(x, shape), found)
-
-    @cached_property
-    def torque(self) -> Array:
-        """Driving torque, N m."""
-        return cast('Array', self._along(_torque_along))
-
-    def shaking_force(self) -> Array:
-        """Computes the largest force on the frame, N; infinite if there are change points."""
-        if self._has_change_point:
-            return np.full(self._count, math.inf)
-        return np.asarray(np.hypot(*self._along(_force_along)).max(-1))
+        self._angles = way.angles
+        if way.speeds is not None:
+            self._motion = way.speeds, way.accelerations
 
     def stroke(self) -> Array:
         """Computes the distance that the output covers, rad or m."""
-        place, _ = self._along(_output_along)
+        place, *_ = self._run(_output_of)
         return np.asarray(np.ptp(place, axis=-1))
 
     def swing(self) -> Array:
         """Computes the swing of the rocker, deg."""
-        place, _ = self._along(_output_along)
+        place, *_ = self._run(_output_of)
         return np.asarray(np.degrees(np.ptp(np.unwrap(place), axis=-1)))
 
     def transmission_angle(self) -> Array:
         """Computes the smallest transmission angle, measured as an acute angle, deg."""
-        _, sine = self._along(_output_along)
-        return np.asarray(np.degrees(np.arcsin(np.abs(sine).min(-1))))
-
-
-def _torque_along(constants: Any, angle: Real, speed: Real, acceleration: Real) -> Real:
-    return torque(constants[0], (angle,), (speed,), (acceleration,))[0]
-
-
-def _force_along(constants: Any, angle: Real, speed: Real, acceleration: Real) -> Vector:
-    return reactions(constants[0], (angle,), (speed,), (acceleration,))[2]
-
-
-def _output_along(constants: Any, angle: Real, *_: Real) -> tuple[Real, Real]:
-    """Computes the position of the output link and the sine of the transmission angle."""
-    model, _, _, output = constants
-    pose = model.loop.pose((angle,))
-    return pose.links[output].position, pose.sines[0]
+        sine = np.abs(self._run(_transmission_of))
+        return np.asarray(np.degrees(np.arcsin(sine.min(-1))))
 
 
 class Measure(NamedTuple):
@@ -477,7 +426,7 @@ MEASURES = {
         'deg',
         lambda x: x.transmission_angle(),
         'a four_bar or a slider_crank',
-        lambda task: hasattr(task.mechanism.loop(), 'transmission'),
+        lambda task: cast('Reach', task.mechanism.reach()).transmission is not None,
     ),
     'point_distance': Measure(
         'm',
