@@ -38,7 +38,7 @@ from linkage_lab.sweep.measures import (
 )
 from linkage_lab.sweep.spread import cluster, processes, spread
 from linkage_lab.sweep.study import Settings, _designs, _way, parameters
-from linkage_ros import Body, Frame
+from linkage_ros import Body, Frame, LoadCurve
 from linkage_ros.errors import (
     ConfigurationError,
     LinkageError,
@@ -286,6 +286,27 @@ def test_measures_of_a_driven_cylinder_match_the_solver():
     assert 5 < solved < 35
     for name in ('peak_torque', 'stroke'):
         assert not MEASURES[name].applies(Task(mechanism, None, names, (name,), 48, (), way))
+
+
+def test_torque_over_both_turns_of_a_four_stroke_load():
+    """The load acts only in the second turn, in which the motion repeats that of the first."""
+    at = (0.0, *(math.tau + x for x in (0.0, 1.0, 2.0, math.tau)))
+    load_curve = LoadCurve(
+        link='crank', over='crank_angle', at=at, value=(0.0, 0.0, 900.0, 0.0, 0.0)
+    )
+    mechanism = replace(load('slider_crank').mechanism, loads=(load_curve,))
+    crank = (np.arange(720) + 0.5) * (math.tau / 360)
+    state = Solver(mechanism).state(crank, radians_per_second(RPM))
+    expected = (
+        np.abs(state.torque).max(),
+        math.sqrt(np.mean(state.torque**2)),
+        travel(Solver(mechanism)).time_ratio,
+    )
+    measures = 'peak_torque', 'rms_torque', 'time_ratio'
+    task = Task(mechanism, RPM, ('coupler.mass',), measures, 360)
+    found = measure(task, np.array([[mechanism.coupler.mass]]))
+    assert np.abs(state.torque[:360]).max() < 0.9 * expected[0]
+    assert found[0] == pytest.approx([TURNS, *expected], rel=1e-9)
 
 
 def test_a_study_of_a_limited_crank_has_a_swing(run):

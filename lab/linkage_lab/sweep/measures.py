@@ -249,6 +249,9 @@ class Batch:
         self._has_change_point = turns == 2 or reaches[0].has_change_point
         self._step = 2 * math.pi / task.angles
         self._angles = (np.arange(turns * task.angles) + 0.5) * self._step
+        # Those of torques and forces: a load may repeat after two turns, the motion after one.
+        turns = max([turns, *(load.turns for load in task.mechanism.loads)])
+        self._loaded = (np.arange(turns * task.angles) + 0.5) * self._step
         self._motion: tuple[Real, ...] = (speed,)
 
     def _run(self, formula: Callable[..., Any], angles: Real | None = None) -> Any:
@@ -262,13 +265,13 @@ class Batch:
     @cached_property
     def torque(self) -> Array:
         """Driving torque, N m."""
-        return cast('Array', self._run(torque_of))
+        return cast('Array', self._run(torque_of, self._loaded))
 
     def shaking_force(self) -> Array:
         """Computes the largest force on the frame, N; infinite if there are change points."""
         if self._has_change_point:
             return np.full(len(self._reaches), math.inf)
-        return np.asarray(np.hypot(*self._run(_force_of)).max(-1))
+        return np.asarray(np.hypot(*self._run(_force_of, self._loaded)).max(-1))
 
     @cached_property
     def _reversals(self) -> Array:
@@ -339,7 +342,7 @@ class SwingBatch(Batch):
         """See `Batch`."""
         super().__init__(constants, reaches, speed, task)
         way = cast('Way', task.way)
-        self._angles = way.angles
+        self._angles = self._loaded = way.angles
         if way.speeds is not None:
             self._motion = way.speeds, way.accelerations
 
