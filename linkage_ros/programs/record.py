@@ -93,12 +93,9 @@ def record(
     motion, ranges = simulator.begin(0, record_steps), Ranges(simulator.solver)
     count, written = count_states(simulator, motion, duration, revolutions), 0
     with LogWriter(path, configuration, overwrite=overwrite) as log:
-        log.add_states(simulator.templates, qualified)
-        if simulator.description:
-            description = log.add_topic(ROBOT_DESCRIPTION, qualified(ROBOT_DESCRIPTION))
+        describe = _add_topics(log, simulator)
         log.write_motion(segment := motion.segment)
-        if simulator.description:
-            log.write(description, 0, simulator.description)
+        describe(0)
         try:
             with cli.progress_bar(
                 total=count, wanted=progress, unit=' states', unit_scale=True
@@ -122,6 +119,20 @@ def record(
             for line in ranges.notes():
                 note(line)
     return written
+
+
+def _add_topics(log: LogWriter, simulator: Simulator) -> Callable[[int], object]:
+    """Adds the topics of the states and, if it is published, that of the robot's description.
+
+    Returns:
+        A function that writes the description at a log time, ns.
+    """
+    log.add_states(simulator.templates, qualified)
+    description = simulator.description
+    if description is None:
+        return lambda _: None
+    number = log.add_topic(ROBOT_DESCRIPTION, qualified(ROBOT_DESCRIPTION))
+    return lambda time: log.write(number, time, description)
 
 
 class Answers(NamedTuple):
@@ -180,14 +191,12 @@ def record_measured(
         LogWriter(path, configuration, overwrite=overwrite) as log,
         cli.progress_bar(total=source.size, wanted=progress, unit='B', unit_scale=True) as bar,
     ):
-        log.add_states(simulator.templates, qualified)
-        if simulator.description:
-            description = log.add_topic(ROBOT_DESCRIPTION, qualified(ROBOT_DESCRIPTION))
+        describe = _add_topics(log, simulator)
         number = log.add_topic(MEASURED_JOINT_STATES, qualified(MEASURED_JOINT_STATES))
         try:
             for batch in _batches(source, name, bar.update):
-                if simulator.description and not log.mcap.statistics.message_count:
-                    log.write(description, batch[0][1], simulator.description)
+                if not log.mcap.statistics.message_count:
+                    describe(batch[0][1])
                 log.write_messages((number, time, data) for _, time, data in batch)
                 messages = [(time, data) for _, time, data in batch]
                 times, stamps, numbers = crank.answers(messages, simulator.numbers)
