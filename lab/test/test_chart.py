@@ -219,16 +219,20 @@ def test_a_picture_replaces_one_of_the_same_source(tmp_path, suffix):
         files.paths[0].unlink()
 
 
-@pytest.mark.parametrize('preset', preset_names())
-def test_names_in_a_movie_do_not_overlap(preset):
-    period, _ = period_to_show(preset, load(preset), None)
-    figure = Figure(figsize=(8.0, 4.2), dpi=90)
-    axes = figure.add_axes((0.02, 0.06, 0.5, 0.78))
+def names_in_a_movie(period, width, place):
+    """Yields the boxes of all names at every 20th crank angle."""
+    axes = Figure(figsize=(width, 4.2), dpi=90).add_axes(place)
     samples = range(0, len(period.crank), 20)
     picture = movie.LinkagePicture(axes, period, samples)
     for sample in samples:
         picture.move(sample)
-        boxes = [text.get_window_extent() for text in axes.texts]
+        yield [text.get_window_extent() for text in axes.texts]
+
+
+@pytest.mark.parametrize('preset', preset_names())
+def test_names_in_a_movie_do_not_overlap(preset):
+    period, _ = period_to_show(preset, load(preset), None)
+    for boxes in names_in_a_movie(period, 8.0, (0.02, 0.06, 0.5, 0.78)):
         assert not any(one.overlaps(other) for one, other in itertools.combinations(boxes, 2))
 
 
@@ -243,13 +247,7 @@ def test_names_of_pins_at_the_edge_are_whole():
         rocker=Body(length=0.3), dyads=(ram,),
     )  # fmt: skip
     period = speed_driven_period(mechanism, 1.0)
-    figure = Figure(figsize=(6.0, 4.2), dpi=90)
-    axes = figure.add_axes((0.01, 0.06, 0.31, 0.78))
-    samples = range(0, len(period.crank), 40)
-    picture = movie.LinkagePicture(axes, period, samples)
-    for sample in samples:
-        picture.move(sample)
-        boxes = [text.get_window_extent() for text in axes.texts[1:]]
+    for _, *boxes in names_in_a_movie(period, 6.0, (0.01, 0.06, 0.31, 0.78)):
         assert min(box.x0 for box in boxes) >= 0
 
 

@@ -8,6 +8,7 @@ Masses, shapes and colours are those of the URDF.
 import argparse
 import cmath
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 from xml.etree import ElementTree as ET
@@ -92,11 +93,9 @@ def make_mjcf(mechanism: Mechanism, start: State, joint_prefix: str = '') -> str
         (world if link.parent is None else bodies[link.parent]).append(bodies[-1])
     pairs = [_close(closure, last, names, bodies) for closure, last in structure.closures]
     passive = _Passive(structure, names, [*bodies, world])
-    described_by = {x.name: x for x in mechanism.loads if isinstance(x, (Force, Spring, Pins))}
-    for one in described_by.values():
-        passive.add(one)
+    added = {load.name for load in mechanism.loads if passive.add(load)}
     others = zip(mechanism.load_names(), mechanism.link_loads(), strict=True)
-    acting: list[tuple[str, Any]] = [pair for pair in others if pair[0] not in described_by]
+    acting: list[tuple[str, Any]] = [pair for pair in others if pair[0] not in added]
     acting += [('', one) for one in mechanism.loads if one.in_joints(mechanism)]
     motors = [_load(name, one, links, names, position) for name, one in acting]
     loads = [*passive.forces, *motors]
@@ -199,20 +198,15 @@ class _Passive:
         self.forces: list[ET.Element] = []
         self.tendons: list[ET.Element] = []
 
-    def add(self, one: Any) -> None:
-        """Adds a load that needs no control input."""
-        if isinstance(one, Force):
-            self._add_force(one)
-        elif isinstance(one, Spring):
-            ends = (one.link, one.at), (one.to, one.to_at)
-            sites = [self._add_site(f'{one.name}_{i}', *end) for i, end in enumerate(ends, 1)]
-            self.tendons.append(_element(
-                'spatial', *(_element('site', site=site) for site in sites), name=one.name,
-                stiffness=repr(one.stiffness), damping=repr(one.damping),
-                springlength=repr(one.free_length),
-            ))  # fmt: skip
-        else:
-            self._add_pins(one)
+    def add(self, load: Any) -> bool:
+        """Adds a load that needs no control input; returns False for any other load."""
+        kinds: dict[type, Callable[[Any], None]] = {
+            Force: self._add_force, Spring: self._add_spring, Pins: self._add_pins,
+        }  # fmt: skip
+        if type(load) not in kinds:
+            return False
+        kinds[type(load)](load)
+        return True
 
     def _add_site(self, name: str, link: str, at: tuple[float, float]) -> str:
         number = -1 if link == 'frame' else self._structure.link_index(link, name)
@@ -228,6 +222,15 @@ class _Passive:
         self.forces.append(_element(
             'general', name=one.name, site=site, **axes, gear=gear, gainprm='0',
             biastype='affine', biasprm='1',
+        ))  # fmt: skip
+
+    def _add_spring(self, one: Spring) -> None:
+        ends = (one.link, one.at), (one.to, one.to_at)
+        sites = [self._add_site(f'{one.name}_{i}', *end) for i, end in enumerate(ends, 1)]
+        self.tendons.append(_element(
+            'spatial', *(_element('site', site=site) for site in sites), name=one.name,
+            stiffness=repr(one.stiffness), damping=repr(one.damping),
+            springlength=repr(one.free_length),
         ))  # fmt: skip
 
     def _add_pins(self, one: Pins) -> None:
