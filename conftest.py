@@ -17,6 +17,7 @@ from hypothesis import settings
 from ros_harness import fresh_domain
 
 import linkage_ros.view  # noqa: F401, sets the log level of Rerun before its first import
+from linkage_ros import cli
 
 # A program that runs the checks in the background may ignore these signals; children inherit it.
 for number, handler in (
@@ -43,11 +44,11 @@ def called(monkeypatch, capfd):
     threshold = gc.get_threshold()
 
     def call(module, *arguments):
-        name = module.__name__.rpartition('.')[2].removesuffix('_tool')
-        monkeypatch.setattr(sys, 'argv', [f'linkage_{name}', *map(str, arguments)])
+        name = module._NAME  # noqa: SLF001
+        monkeypatch.setattr(sys, 'argv', [name, *map(str, arguments)])
         capfd.readouterr()
         try:
-            code = module.main()
+            code = cli.run(name, module.main)
         except SystemExit as ended:  # argparse
             code = ended.code
         return code, *capfd.readouterr()

@@ -15,15 +15,15 @@ from linkage_ros import cli
 
 
 def _start(name: str, module: str) -> int:
-    return cli.run(name, lambda: cli.leave(_main(module)))
+    return cli.leave(cli.run(name, lambda: _main(module)))
 
 
-def _main(module: str) -> int:
+def _main(module: str) -> int | None:
     if module in {'node.linkage_node', 'programs.controller'}:  # --help needs no rclpy
         from linkage_ros.settings.command_lines import PARSERS
 
         PARSERS[module]().parse_known_args()
-    code: int = import_module(f'linkage_ros.{module}').main()
+    code: int | None = import_module(f'linkage_ros.{module}').main()
     return code
 
 

@@ -10,6 +10,8 @@ from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
 
+from linkage_ros import cli
+
 _PROCESSES = multiprocessing.get_context('forkserver')
 _PROCESSES.set_forkserver_preload(
     [
@@ -57,7 +59,7 @@ def _run(words, folder, variables):
         sys.path.insert(0, str(Path(program).parent))
         runpy.run_path(program, run_name='__main__')
     else:
-        sys.exit(import_module(program).main())
+        sys.exit(cli.run(program, import_module(program).main))
 
 
 def run_forked(program, *arguments, folder, variables=None, seconds=60):

@@ -141,7 +141,7 @@ def hang(self, *arguments):
     return act(self, *arguments)
 
 Hanging.{method} = hang
-sys.exit(cli.leave(node.main()))
+sys.exit(cli.leave(cli.run('linkage_node', node.main)))
 """
 
 

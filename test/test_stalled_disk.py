@@ -35,7 +35,7 @@ from linkage_ros import cli
 from linkage_ros.node import linkage_node as node
 from linkage_ros.node import outputs
 outputs._LOG_CAPACITY = 200
-cli.leave(node.main())
+cli.leave(cli.run('linkage_node', node.main))
 """
 NODE = [sys.executable, '-c', PROGRAM]
 

@@ -309,9 +309,9 @@ class LinkageNode(ParameterNode):
 
 
 def main() -> int:
-    """Runs `linkage_node`; returns the exit code."""
-    return cli.run(_NAME, lambda: run_program(sys.argv, node_parser(), LinkageNode))
+    """Runs `linkage_node`; returns the exit code. `cli.run` reports its errors."""
+    return run_program(sys.argv, node_parser(), LinkageNode)
 
 
 if __name__ == '__main__':
-    sys.exit(cli.leave(main()))
+    sys.exit(cli.leave(cli.run(_NAME, main)))

@@ -143,9 +143,9 @@ class ControllerNode(ParameterNode):
 
 
 def main() -> int:
-    """Runs `linkage_controller`; returns the exit code."""
-    return cli.run(_NAME, lambda: run_program(sys.argv, controller_parser(), ControllerNode))
+    """Runs `linkage_controller`; returns the exit code. `cli.run` reports its errors."""
+    return run_program(sys.argv, controller_parser(), ControllerNode)
 
 
 if __name__ == '__main__':
-    sys.exit(cli.leave(main()))
+    sys.exit(cli.leave(cli.run(_NAME, main)))

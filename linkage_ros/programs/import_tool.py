@@ -245,11 +245,10 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def main() -> int:
-    """Runs `linkage_import`; returns the exit code."""
-    options = _parser().parse_args()
-    return cli.run(_NAME, lambda: import_robot(options))
+def main() -> None:
+    """Runs `linkage_import`. `cli.run` reports its errors."""
+    import_robot(_parser().parse_args())
 
 
 if __name__ == '__main__':
-    sys.exit(main())
+    sys.exit(cli.run(_NAME, main))

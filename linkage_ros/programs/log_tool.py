@@ -219,10 +219,11 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def main() -> int:
-    """Runs `linkage_log`; returns the exit code."""
+    """Runs `linkage_log`; returns the exit code. `cli.run` reports its errors."""
     options = _parser().parse_args()
-    return cli.run(_NAME, lambda: options.run(options))
+    code: int = options.run(options) or 0
+    return code
 
 
 if __name__ == '__main__':
-    sys.exit(main())
+    sys.exit(cli.run(_NAME, main))

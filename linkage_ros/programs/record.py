@@ -409,12 +409,12 @@ def _record_measured(
 
 
 def main() -> int:
-    """Runs `linkage_record`; returns the exit code."""
+    """Runs `linkage_record`; returns the exit code. `cli.run` reports its errors."""
     options = _parser().parse_args()
     gc.freeze()  # garbage collections need not visit what is imported
     gc.set_threshold(50_000)  # and rarely what a batch of measurements creates
-    return cli.run(_NAME, lambda: _record(options))
+    return _record(options)
 
 
 if __name__ == '__main__':
-    sys.exit(main())
+    sys.exit(cli.run(_NAME, main))

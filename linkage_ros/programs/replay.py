@@ -216,8 +216,9 @@ def _sinks(
     return sinks
 
 
-def _run(arguments: list[str]) -> int:
-    own, ros_arguments = _split(arguments)
+def main() -> int:
+    """Runs `linkage_replay`; returns the exit code. `cli.run` reports its errors."""
+    own, ros_arguments = _split(sys.argv)
     options = _parser().parse_args(own)
     stop, log = cli.Stop(), LogReader(options.log)
     _check(options, log)
@@ -242,10 +243,5 @@ def _run(arguments: list[str]) -> int:
     return 0
 
 
-def main() -> int:
-    """Runs `linkage_replay`; returns the exit code."""
-    return cli.run(_NAME, lambda: _run(sys.argv))
-
-
 if __name__ == '__main__':
-    sys.exit(cli.leave(main()))
+    sys.exit(cli.leave(cli.run(_NAME, main)))
