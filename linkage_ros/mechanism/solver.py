@@ -73,7 +73,8 @@ class Solver:
     The coordinates are the crank angle and, for a wind pump, the slider's position; for a driven
     cylinder, the rod's position. With one coordinate, q, u and a are floats or arrays; with more,
     sequences of floats or arrays. A tuple always holds one value per coordinate, even if there is
-    only one. Arrays broadcast.
+    only one. Arrays broadcast. For a driven cylinder, each torque is its force, N, positive if it
+    lengthens the cylinder.
 
     Methods that compute torques, accelerations or forces also accept:
 
@@ -291,8 +292,8 @@ class Solver:
         """Computes positions, rates and accelerations of all links, and the driving torque.
 
         Args:
-            q: Coordinates: crank angle, rad; slider position, m. A crank angle within a few turns
-                is not rounded.
+            q: Coordinates, rad and m; see the class. A crank angle within a few turns is not
+                rounded.
             u: Rates of the coordinates, rad/s and m/s.
             a: Accelerations of the coordinates, rad/s^2 and m/s^2. `accelerations` computes the
                 acceleration of a wind pump's slider.
@@ -525,7 +526,8 @@ class Solver:
 
         Args:
             state: A state of floats or arrays, from `state`.
-            name: A pin, such as 'B', the coupler point 'C', or a joint of a dyad, 'ram_joint'.
+            name: A pin, such as 'B', the coupler point 'C', the mouth 'E' of a barrel, or a joint
+                of a dyad, such as 'ram_joint'.
             by_math: See `state`.
 
         Returns:

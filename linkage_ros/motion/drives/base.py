@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Base class of drives.
 
-Everything that depends on the kind of drive is a method or an attribute of it.
+Methods and attributes of a drive contain what depends on its kind. Programs choose between ways
+to run it by `given`.
 """
 
 import math
