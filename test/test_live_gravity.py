@@ -19,6 +19,7 @@ from linkage_ros.log.reader import LogReader
 from linkage_ros.log.verify import verify
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.programs.log_tool import info
+from linkage_ros.run.states import Simulator
 from linkage_ros.settings.configuration import load
 from linkage_ros.units import NS_PER_S
 
@@ -94,6 +95,15 @@ def test_each_change_is_logged_and_verified(drive, tmp_path):
         forged = LogReader(log)
         forged.motions = wrong
         assert verify(forged).difference
+
+
+def test_a_state_under_the_old_gravity_keeps_what_is_compiled_for_the_next():
+    """A tick may still be under the old gravity when the programs for the next are compiled."""
+    simulator = Simulator(load('quadrilateral'))
+    old, new = simulator.under(TURNED), simulator.under((7.0, 0.0))
+    assert simulator.under(TURNED) is old
+    assert simulator.under((7.0, 0.0)) is new
+    assert new.solver is not old.solver
 
 
 def other(segment):

@@ -7,6 +7,7 @@ times give bit-identical states.
 """
 
 import copy
+import functools
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -33,6 +34,8 @@ from linkage_ros.quantities import shown
 from linkage_ros.run.ticks import TickRate
 from linkage_ros.settings.configuration import Configuration
 from linkage_ros.units import NS_PER_S
+
+_GRAVITIES = 4  # number whose solvers are kept
 
 
 class Simulator:
@@ -80,7 +83,8 @@ class Simulator:
             self.solver, self.ticks.elapsed(1), self.crank_joint, joints[driven], self.lead,
             forces=self.forces,
         )  # fmt: skip
-        self._other: tuple[Gravity, Simulator] | None = None  # the last result of `under`
+        # A tick may still be under the old gravity when `under` prepares the next one.
+        self._under = functools.lru_cache(_GRAVITIES)(self._copy_under)
 
     def under(self, gravity: Gravity | None) -> 'Simulator':
         """Returns the simulator under another gravity, m/s^2; None for that of the configuration.
@@ -88,15 +92,13 @@ class Simulator:
         Raises:
             ConfigurationError: The gravity is not valid.
         """
-        other = self._other
-        if gravity is None:
-            return self
-        if other is None or other[0] != gravity:
-            mechanism = replace(cast('Any', self.configuration.mechanism), gravity=gravity)
-            found = copy.copy(self)
-            found.solver = Solver(mechanism, pivot=self.solver.pivot)
-            self._other = other = gravity, found
-        return other[1]
+        return self if gravity is None else self._under(gravity)
+
+    def _copy_under(self, gravity: Gravity) -> 'Simulator':
+        mechanism = replace(cast('Any', self.configuration.mechanism), gravity=gravity)
+        found = copy.copy(self)
+        found.solver = Solver(mechanism, pivot=self.solver.pivot)
+        return found
 
     def begin(self, stamp: int, integrate: Integrate = live_steps) -> Motion:
         """Starts a motion.
