@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Names for custom mechanisms and loads, in addition to those of `linkage_ros`.
+"""Names for custom mechanisms, loads and formulas, in addition to those of `linkage_ros`.
 
 Public: other packages may import this module, and also `formulas`, `quantities`, `cli`, `palette`
 and `executables`. All further modules may change in any release.
@@ -11,6 +11,7 @@ from linkage_ros.mechanism.kinematics import LinkPose, Pose
 from linkage_ros.mechanism.loads import LOADS, loads_field
 from linkage_ros.mechanism.loads.base import AppliedLoad, Load
 from linkage_ros.mechanism.parts import gravity_quantity
+from linkage_ros.mechanism.program import Constants, Program
 from linkage_ros.mechanism.registry import MECHANISMS
 from linkage_ros.mechanism.structure import Link, Point, Structure, coupler_point
 from linkage_ros.mechanism.wrenches import Wrench
@@ -20,11 +21,13 @@ __all__ = [
     'LOADS',
     'MECHANISMS',
     'AppliedLoad',
+    'Constants',
     'Link',
     'LinkPose',
     'Load',
     'Point',
     'Pose',
+    'Program',
     'Structure',
     'Wrench',
     'coupler_point',

@@ -15,7 +15,7 @@ from linkage_lab.pump.shooting import PeriodicMotion
 from linkage_lab.sampling import SAME, integral, samples, with_breaks
 from linkage_ros import ConfigurationError, Mechanism, Solver, State, Travel, WindPump, travel
 from linkage_ros.formulas import ZERO, Array, number
-from linkage_ros.internals import Drawing, LawMotion, Sine
+from linkage_ros.internals import Drawing, LawMotion
 
 # Speed of a crank that is drawn over its arc, or of a cylinder over its stroke, m/s; and the part
 # of the arc or stroke left out at each end.
@@ -343,8 +343,7 @@ def law_period(solver: Solver, drive: Any, *, reactions: bool = False) -> Period
     before = np.isin(found, [time - 1 for time in points])
     time = with_breaks((found + np.where(before, 0.5, 0.0)) / 1e9, solver, states)
     state, angle = states(time), crank(time).unwrapped
-    repeats = isinstance(law, Sine) or law.turns is not None
-    power = _load_power(solver, state) if repeats else state.torque * state.velocity[driven]
+    power = _load_power(solver, state) if law.repeats else state.torque * state.velocity[driven]
     speed = mean(time, np.abs(state.velocity[driven]))
     period = Period(solver, angle, state, speed=speed, mean_power=mean(time, power), time=time)
     return _completed(period, state, reactions=reactions)

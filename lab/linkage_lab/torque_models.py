@@ -14,16 +14,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from linkage_ros import Body, Mechanism, Solver
+from linkage_ros.extensions import Constants, Program
 from linkage_ros.formulas import ZERO, Array, Opaque, Real, Vector, total
-from linkage_ros.internals import (
-    Constants,
-    Model,
-    Program,
-    Tape,
-    acting_forces,
-    torque,
-    velocities,
-)
+from linkage_ros.internals import Model, acting_forces, torque
 from linkage_ros.quantities import build, flatten
 
 STATIC = 'inertia'  # term of all inertia forces; without it, weights and loads remain
@@ -127,11 +120,11 @@ class TorqueProgram(NamedTuple):
     Attributes:
         scalar: Function of the crank angle, rad, and the constant speed, rad/s, that returns the
             torque, N m, in a tuple.
-        tape: Operations of the program; with friction, those of one iteration.
+        tape: Operations of the program, as in `Solver.tape`.
     """
 
     scalar: Callable[[float, float], tuple[Any]]
-    tape: Tape
+    tape: Any
 
     def torques(self, angles: Array, speed: float) -> Array:
         """Computes the torque, N m, at each crank angle, rad, for a constant speed, rad/s."""
@@ -169,7 +162,7 @@ def _driving_torque(model: Model, angle: Real, speed: Real) -> tuple[Real]:
 
 def _static_torque(model: Model, angle: Real, speed: Real) -> tuple[Real]:
     pose = model.loop.pose((angle,))
-    rates = velocities(pose, (speed,))
+    rates = [link.jacobian[0] * speed for link in pose.links]
     acting = acting_forces(model, pose.links, rates)
     return (-total(x * pose.links[j].jacobian[0] for j, x in acting),)
 

@@ -24,7 +24,7 @@ from ros_harness import assert_refused
 from scipy.integrate import cumulative_trapezoid, trapezoid
 
 from linkage_lab import command_line, output
-from linkage_lab.charts import movie
+from linkage_lab.charts import accuracy, movie
 from linkage_lab.charts.motion import DESIGN_COLORS
 from linkage_lab.output import QUANTITIES
 from linkage_lab.period import (
@@ -45,6 +45,7 @@ from linkage_ros import (
     Solver,
 )
 from linkage_ros.mechanism.travel import travel
+from linkage_ros.motion.drives.follow import FollowDrive
 from linkage_ros.settings.configuration import load
 from linkage_ros.settings.presets import preset_names
 
@@ -509,6 +510,10 @@ def test_invalid_chart_arguments_give_one_line(called, arguments, words):
 
 
 @pytest.mark.parametrize(('kind', 'rest'), [('motion', []), ('movie', ['crank.gif'])])
+def test_default_bandwidth_in_the_chart_is_that_of_the_drive():
+    assert FollowDrive().follow_bandwidth == accuracy.DEFAULT_BANDWIDTH
+
+
 @pytest.mark.parametrize('drive', ['torque', 'follow'])
 def test_file_without_crank_speed_needs_rpm_option(tmp_path, called, kind, rest, drive):
     path = tmp_path / 'crank.yaml'

@@ -92,7 +92,8 @@ def test_designs_equal_their_solvers_to_the_bit(preset):
     for rows, (reach, *_), constants in groups(mechanism, columns, len(table)):
         if reach.turns_fully:
             program = Program(torque_of, constants, ('angle', 'speed'))
-            found[rows] = program.designs(angles[rows], 15.0, by_math=True).ravel()
+            (torques,) = program.designs(angles[rows], 15.0, by_math=True)
+            found[rows] = torques.ravel()
             sizes.append(len(rows))
     solvers = [solver_of(mechanism, names, row) for row in table]
     expected = [

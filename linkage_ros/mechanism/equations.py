@@ -42,7 +42,6 @@ from linkage_ros.mechanism.loads.base import JointLoad, Load
 from linkage_ros.mechanism.nested import leaves
 from linkage_ros.mechanism.structure import DyadLinks, Link, Mechanism, Pin, Point, Structure
 from linkage_ros.mechanism.turning_frame import TurningFrame
-from linkage_ros.mechanism.wrenches import generalised
 from linkage_ros.numeric import Real
 
 
@@ -230,7 +229,7 @@ def acting_forces(
         yield j, (dot if model.links[j].is_guided else cross)(link.direction, model.weight(j))
     for load in model.loads:
         for wrench in load.wrenches(links, rates):
-            yield from generalised(wrench, model.links, links)
+            yield from wrench.generalised(model.links, links)
 
 
 def balance(

@@ -37,7 +37,7 @@ from linkage_ros.mechanism.numba_program import CompiledProgram
 from linkage_ros.mechanism.program import Constants, Program
 from linkage_ros.mechanism.structure import Description, Mechanism
 from linkage_ros.mechanism.tracer import Tape
-from linkage_ros.mechanism.wrenches import Wrench, generalised, poses
+from linkage_ros.mechanism.wrenches import Wrench, poses
 from linkage_ros.numeric import Real, real_numbers, require_finite, single_numbers
 from linkage_ros.quantities import shown
 from linkage_ros.units import rad_and_deg
@@ -604,7 +604,7 @@ class Solver:
         links = poses(bodies, self._rows(state)[0])
         for wrenches in self.wrenches(state).values():
             for wrench in wrenches:
-                for j, force in generalised(wrench, bodies, links):
+                for j, force in wrench.generalised(bodies, links):
                     found[self.links[j]] = found.get(self.links[j], ZERO) + force
         return {name: number(force) for name, force in found.items()}
 

@@ -37,6 +37,34 @@ class Wrench(NamedTuple):
     point: Any = None
     couple: Real = ZERO
 
+    def generalised(
+        self, bodies: Sequence[Any], links: Sequence[LinkPose]
+    ) -> Iterator[tuple[int, Real]]:
+        """Yields the power of the wrench per unit of each link's rate.
+
+        Args:
+            bodies: The moving links of the mechanism, each a `structure.Link`.
+            links: Their poses.
+
+        Yields:
+            Index of a link and torque on it, N m, or force along its guide, N.
+        """
+        body, effort, _, force, point, couple = self
+        if body == FRAME:
+            return
+        if effort is not ZERO:
+            yield body, effort
+        if couple is not ZERO and (spin := bodies[body].spin(body)) is not None:
+            yield spin, couple
+        if point is None:
+            return
+        if bodies[body].is_guided:
+            yield body, dot(links[body].direction, force)
+            return
+        for j, weight in enumerate(point.weights):
+            if weight.x is not ZERO or weight.y is not ZERO:
+                yield j, cross(turned(links[j].direction, weight.x, weight.y), force)
+
 
 def poses(bodies: Sequence[Any], positions: Sequence[Real]) -> list[LinkPose]:
     """Returns poses for the functions below and for loads, from the positions of the links.
@@ -67,33 +95,3 @@ def velocity(point: Any, links: Sequence[LinkPose], rates: Sequence[Real]) -> Ve
     for weight, link, rate in zip(point.weights, links, rates, strict=True):
         found += turned(link.direction, weight.x, weight.y).left() * rate
     return found
-
-
-def generalised(
-    wrench: Wrench, bodies: Sequence[Any], links: Sequence[LinkPose]
-) -> Iterator[tuple[int, Real]]:
-    """Yields the power of a wrench per unit of each link's rate.
-
-    Args:
-        wrench: Wrench on a body.
-        bodies: The moving links of the mechanism, each a `structure.Link`.
-        links: Their poses.
-
-    Yields:
-        Index of a link and torque on it, N m, or force along its guide, N.
-    """
-    body, effort, _, force, point, couple = wrench
-    if body == FRAME:
-        return
-    if effort is not ZERO:
-        yield body, effort
-    if couple is not ZERO and (spin := bodies[body].spin(body)) is not None:
-        yield spin, couple
-    if point is None:
-        return
-    if bodies[body].is_guided:
-        yield body, dot(links[body].direction, force)
-        return
-    for j, weight in enumerate(point.weights):
-        if weight.x is not ZERO or weight.y is not ZERO:
-            yield j, cross(turned(links[j].direction, weight.x, weight.y), force)

@@ -251,7 +251,7 @@ def require_possible(law: Law, solver: Solver) -> None:
 def _reversals(law: Law) -> Iterator[int]:
     """Yields times at which the crank reverses, ns, of the law and of its repetition."""
     times = sorted({0, law.duration, *law.extremes(math.inf, -math.inf)})
-    rounds = 1 if isinstance(law, Spline) and law.turns is None else 2
+    rounds = 2 if law.repeats else 1
     way = 0.0
     for start, end in rounds * list(pairwise(times)):
         rate = law.at((start + end) // 2).rate

@@ -101,6 +101,11 @@ class Sine(NamedTuple):
         return None
 
     @property
+    def repeats(self) -> bool:
+        """Whether the motion repeats; always True."""
+        return True
+
+    @property
     def words(self) -> str:
         """Describes the law; angles in degrees."""
         unit, scale = ('m', 1.0) if self.slides else ('deg', math.degrees(1.0))
@@ -158,7 +163,12 @@ class Spline(NamedTuple):
     @property
     def end(self) -> int | None:
         """The time at which the motion ends, ns; None if it repeats, or the crank rests."""
-        return self.times[-1] if self.turns is None and len(self.rows) < len(self.times) else None
+        return None if self.repeats or len(self.rows) == len(self.times) else self.times[-1]
+
+    @property
+    def repeats(self) -> bool:
+        """Whether the motion repeats."""
+        return self.turns is not None
 
     @property
     def words(self) -> str:

@@ -18,7 +18,7 @@ from scipy import integrate
 from linkage_lab.reference.motions import InitialValueProblem, Phase, halves
 from linkage_lab.reference.multibody import Multibody
 from linkage_ros.formulas import Array, Vector
-from linkage_ros.internals import Integrate, published
+from linkage_ros.internals import published
 
 _FIRST_STEP = 1e-4  # s
 _END = 1e10  # s, longer than any run
@@ -28,7 +28,7 @@ _MOST_STEPS = 500  # maximum between two times; a solver that needs more is cons
 class OfPackage:
     """The package's own integrators, which switch coordinates and count crank turns."""
 
-    def __init__(self, problem: InitialValueProblem, begin: Integrate) -> None:
+    def __init__(self, problem: InitialValueProblem, begin: Callable[..., Any]) -> None:
         self._steps = begin(problem.driven, problem.start)
 
     def at(self, time: float) -> Phase:

@@ -36,8 +36,8 @@ from linkage_lab.methods.measure import (
 from linkage_lab.methods.stages import ACCELERATION, POSITION, QUANTITIES, SPEED
 from linkage_lab.reference.states import Linkage, Reference, other_assembly
 from linkage_ros import Body, Dyad, LinkageError, Solver, UnreachableError, load
+from linkage_ros.extensions import Constants, Program
 from linkage_ros.formulas import Array, Real
-from linkage_ros.internals import Constants, Program
 
 NEAR, TOGGLE = 'near a change point', 'near a toggle'
 _EVEN = 48  # number of evenly spaced angles in a period or an arc

@@ -22,15 +22,9 @@ from linkage_lab.methods.measure import BATCH, ONE, Method, Setting
 from linkage_lab.methods.stages import POSITION, QUANTITIES, RATES, STATE, Locate, Pair
 from linkage_lab.reference.states import Linkage, lengths
 from linkage_ros import ConfigurationError, Solver
+from linkage_ros.extensions import Constants, Program
 from linkage_ros.formulas import Real
-from linkage_ros.internals import (
-    LONGEST_STEP,
-    TOLERANCE,
-    Constants,
-    Program,
-    live_steps,
-    record_steps,
-)
+from linkage_ros.internals import live_steps, record_steps
 
 CAP = 50
 _ENDLESS = 200  # iteration limit of a method that has none of its own
@@ -193,8 +187,9 @@ METHODS = [
 
 # Default integrators of live runs and of records.
 LIVE, RECORDS = 'fixed steps, checked', 'DOP853, guarded'
-_SECONDS = (0.025, 0.01, 0.005, 0.0025, LONGEST_STEP, 0.0005)
-_LIVE: Setting = {'step': LONGEST_STEP, 'tolerance': TOLERANCE}
+# The longest step, s, and the tolerance of a live run.
+_LIVE: Setting = {'step': 1e-3, 'tolerance': 1e-9}
+_SECONDS = (0.025, 0.01, 0.005, 0.0025, _LIVE['step'], 0.0005)
 _DOP853 = 'Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, II.5 and II.6'
 
 _MULTIPLIERS = tuple({'tolerance': 10.0**-k} for k in (5, 7, 9, 11, 13)), {'tolerance': 1e-9}
@@ -213,7 +208,7 @@ INTEGRATORS = (
             ),
         ),
         # Without a tolerance, no step is shortened, so that the chart shows the order.
-        tuple(_LIVE if step == LONGEST_STEP else {'step': step} for step in _SECONDS), _LIVE,
+        tuple(_LIVE if step == _LIVE['step'] else {'step': step} for step in _SECONDS), _LIVE,
     ),
     Method(
         RECORDS, 'motion', 'SciPy; a torque without jumps',
@@ -229,7 +224,7 @@ INTEGRATORS = (
         'RK4', 'motion', 'a step that is short enough everywhere',
         'Hairer, Norsett and Wanner I, II.1, table 1.2',
         lambda problem, setting: RungeKutta4(problem, setting['step']),
-        tuple({'step': step} for step in _SECONDS), {'step': LONGEST_STEP},
+        tuple({'step': step} for step in _SECONDS), {'step': _LIVE['step']},
     ),
     Method(
         'Radau', 'motion', 'SciPy; no singularity of the coordinates',

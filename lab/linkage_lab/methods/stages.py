@@ -25,7 +25,7 @@ from linkage_lab.reference.states import Linkage, lengths
 from linkage_ros import OPEN
 from linkage_ros.extensions import LinkPose, Pose
 from linkage_ros.formulas import ZERO, Opaque, Real, Vector, atan2, cos, cross, dot, sin, sqrt
-from linkage_ros.internals import Model, accelerations, balance, torque, velocities
+from linkage_ros.internals import Model, torque
 
 QUANTITIES = ('position', 'rate', 'acceleration', 'torque')
 STATE, POSITION, RATES = 'state', 'position', 'rates'
@@ -102,14 +102,31 @@ def formula(quantity: str, stage: str, solve: Callable[..., Any]) -> Callable[..
         else:
             place, *derivatives = slopes(links, crank, functools.partial(position, links))
             pose = posed(links, crank, place, *derivatives)
-        rates, changes = (
-            velocities(pose, (SPEED,)), accelerations(pose, (SPEED,), (ACCELERATION,)),
-        )  # fmt: skip
-        drive = balance(links.model, pose, rates, changes)
-        found = _numbers(place), rates[1:], changes[1:], drive
-        return tuple(found[QUANTITIES.index(quantity)])
+        if quantity == QUANTITIES[3]:
+            return torque(
+                links.model._replace(loop=_Posed(pose)), (crank,), (SPEED,), (ACCELERATION,)
+            )
+        found = {
+            QUANTITIES[0]: _numbers(place),
+            QUANTITIES[1]: [x.jacobian[0] * SPEED for x in pose.links[1:]],
+            QUANTITIES[2]: [
+                x.curvature[0] * (SPEED * SPEED) + x.jacobian[0] * ACCELERATION
+                for x in pose.links[1:]
+            ],
+        }
+        return tuple(found[quantity])
 
     return solved
+
+
+class _Posed(NamedTuple):
+    """A loop whose pose is given."""
+
+    given: Pose
+
+    def pose(self, _: tuple[Real, ...]) -> Pose:
+        """Returns the pose."""
+        return self.given
 
 
 def _numbers(place: Pair) -> list[Real]:

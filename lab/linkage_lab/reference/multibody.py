@@ -21,7 +21,6 @@ from typing import Any, TypeAlias, cast
 from linkage_ros import FourBar, InvertedSliderCrank, Mechanism
 from linkage_ros.extensions import LinkPose
 from linkage_ros.formulas import ZERO, Vector, dot
-from linkage_ros.internals import generalised, transformed
 
 Row: TypeAlias = list[Any]  # of floats, Decimals or mpfs
 
@@ -80,7 +79,7 @@ class Multibody:
         added = len(links) - 2 * len(structure.added)
         self._solved = 1, 2, *range(added, len(links))
         self._links = links
-        self._loads = transformed(lambda x: _constant(x, number), mechanism.link_loads())
+        self._loads = _constants(mechanism.link_loads(), number)
 
     def gap(self, places: Sequence[Vector]) -> Row:
         """Computes the gaps of the loop and of each added dyad.
@@ -168,7 +167,7 @@ class Multibody:
         ]
         for load in self._loads:
             for wrench in load.wrenches(poses, rates):
-                for j, force in generalised(wrench, self._links, poses):
+                for j, force in wrench.generalised(self._links, poses):
                     right[j] += force
         closure, rest_of_gap = self.closure(places, rates)
         for j, row in enumerate(rows):
@@ -197,10 +196,12 @@ class Multibody:
         return columns, bias
 
 
-def _constant(x: Any, number: Callable[[float], Any]) -> Any:
-    """Converts a float or complex constant of a load; leaves others unchanged."""
+def _constants(x: Any, number: Callable[[float], Any]) -> Any:
+    """Converts the float and complex constants of loads; leaves others unchanged."""
+    if isinstance(x, tuple):
+        return tuple.__new__(type(x), [_constants(part, number) for part in x])
     if isinstance(x, complex):
-        return Vector(_constant(x.real, number), _constant(x.imag, number))
+        return Vector(_constants(x.real, number), _constants(x.imag, number))
     return (number(x) if x else ZERO) if isinstance(x, float) else x
 
 

@@ -17,8 +17,9 @@ import numpy as np
 import numpy.typing as npt
 
 from linkage_ros import LinkageError, Mechanism, Reach, Solver
-from linkage_ros.formulas import Array, Real, Vector
-from linkage_ros.internals import Constants, Model, Program, reactions, torque, transformed
+from linkage_ros.extensions import Constants, Program
+from linkage_ros.formulas import Array, Real
+from linkage_ros.internals import Model, reactions, torque
 
 RPM = 'rpm'
 CANNOT_TURN, TURNS, REFUSED = range(3)
@@ -195,34 +196,34 @@ def with_value(part: Any, name: str, value: Any) -> Any:
 # the speed is constant, the crank acceleration, rad/s^2.
 
 
-def torque_of(constants: Any, angle: Real, speed: Real, *acceleration: Real) -> Real:
+def torque_of(constants: Any, angle: Real, speed: Real, *acceleration: Real) -> tuple[Real, ...]:
     """Computes the driving torque, N m."""
-    return torque(constants[0], (angle,), (speed,), acceleration)[0]
+    return torque(constants[0], (angle,), (speed,), acceleration)
 
 
-def _force_of(constants: Any, angle: Real, speed: Real, *acceleration: Real) -> Vector:
-    """Computes the force on the frame, N."""
+def _force_of(constants: Any, angle: Real, speed: Real, *acceleration: Real) -> tuple[Real, ...]:
+    """Computes the components of the force on the frame, N."""
     return reactions(constants[0], (angle,), (speed,), acceleration)[2]
 
 
-def _output_of(constants: Any, angle: Real, *_: Real) -> tuple[Real, Real, Real]:
+def _output_of(constants: Any, angle: Real, *_: Real) -> tuple[Real, ...]:
     """Computes the output position and its first two derivatives with respect to the angle."""
     model, _, output = constants
     link = model.loop.pose((angle,)).links[output]
     return link.position, link.jacobian[0], link.curvature[0]
 
 
-def _transmission_of(constants: Any, angle: Real, *_: Real) -> Real:
+def _transmission_of(constants: Any, angle: Real, *_: Real) -> tuple[Real, ...]:
     """Computes the sine of the transmission angle."""
-    return cast('Real', constants[0].loop.pose((angle,)).sines[0])
+    return cast('tuple[Real]', constants[0].loop.pose((angle,)).sines[:1])
 
 
-def _path_of(constants: Any, angle: Real, *_: Real) -> Vector:
-    """Computes the position of the coupler point, m."""
-    return _path_motion_of(constants, angle)[0]
+def _path_of(constants: Any, angle: Real, *_: Real) -> tuple[Real, ...]:
+    """Computes the components of the coupler point's position, m."""
+    return _path_motion_of(constants, angle)[:2]
 
 
-def _path_motion_of(constants: Any, angle: Real, *_: Real) -> tuple[Vector, Vector, Vector]:
+def _path_motion_of(constants: Any, angle: Real, *_: Real) -> tuple[Real, ...]:
     """Computes the coupler point's position and its derivatives with respect to the angle, m."""
     model, point, _ = constants
     links = model.loop.pose((angle,)).links
@@ -231,7 +232,7 @@ def _path_motion_of(constants: Any, angle: Real, *_: Real) -> tuple[Vector, Vect
         [link.jacobian[0] for link in links],
         [link.curvature[0] for link in links],
     )
-    return cast('tuple[Vector, Vector, Vector]', found)
+    return tuple(x for vector in found for x in vector)
 
 
 class Batch:
@@ -254,18 +255,18 @@ class Batch:
         self._loaded = (np.arange(turns * task.angles) + 0.5) * self._step
         self._motion: tuple[Real, ...] = (speed,)
 
-    def _run(self, formula: Callable[..., Any], angles: Real | None = None) -> Any:
+    def _run(self, formula: Callable[..., Any], angles: Real | None = None) -> list[Array]:
         """Evaluates a formula at crank angles, rad; by default, at those of the motion."""
         angles = self._angles if angles is None else angles
         names = ('angle', 'speed', 'acceleration')[: 1 + len(self._motion)]
         found = Program(formula, self._constants, names).designs(angles, *self._motion)
         shape = len(self._reaches), angles.shape[-1]
-        return transformed(lambda x: np.broadcast_to(x, shape), found)
+        return [np.broadcast_to(x, shape) for x in found]
 
     @cached_property
     def torque(self) -> Array:
         """Driving torque, N m."""
-        return cast('Array', self._run(torque_of, self._loaded))
+        return self._run(torque_of, self._loaded)[0]
 
     def shaking_force(self) -> Array:
         """Computes the largest force on the frame, N; infinite if there are change points."""
@@ -314,7 +315,7 @@ class Batch:
     def point_distance(self) -> Array:
         """Computes the largest distance of the given points from the coupler point's path, m."""
         x, y = self._run(_path_of, self._angles)
-        path = x + 1j * y
+        path: Any = x + 1j * y
         step = np.roll(path, -1, axis=-1) - path
         points = np.array(self._points)
         ways = (points[:, None, None] - path) / step
@@ -324,7 +325,8 @@ class Batch:
         at = before + self._step * np.take_along_axis(parts, nearest, -1)[..., 0].T
         found: Array = np.full_like(at, math.inf)
         for _ in range(8):  # Newton steps from the chord to the path
-            place, slope, bend = (u + 1j * v for u, v in self._run(_path_motion_of, at))
+            found_at = iter(self._run(_path_motion_of, at))
+            place, slope, bend = (x + 1j * y for x, y in zip(found_at, found_at, strict=True))
             gap, square = place - points, np.abs(slope) ** 2
             found = np.fmin(found, np.abs(gap))
             grows = square + (gap * bend.conj()).real
@@ -358,8 +360,8 @@ class SwingBatch(Batch):
 
     def transmission_angle(self) -> Array:
         """Computes the smallest transmission angle, measured as an acute angle, deg."""
-        sine = np.abs(self._run(_transmission_of))
-        return np.asarray(np.degrees(np.arcsin(sine.min(-1))))
+        (sine,) = self._run(_transmission_of)
+        return np.asarray(np.degrees(np.arcsin(np.abs(sine).min(-1))))
 
 
 class Measure(NamedTuple):
