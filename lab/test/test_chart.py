@@ -509,11 +509,11 @@ def test_invalid_chart_arguments_give_one_line(called, arguments, words):
     assert_refused(*called(command_line, *arguments), re.escape(words))
 
 
-@pytest.mark.parametrize(('kind', 'rest'), [('motion', []), ('movie', ['crank.gif'])])
 def test_default_bandwidth_in_the_chart_is_that_of_the_drive():
     assert FollowDrive().follow_bandwidth == accuracy.DEFAULT_BANDWIDTH
 
 
+@pytest.mark.parametrize(('kind', 'rest'), [('motion', []), ('movie', ['crank.gif'])])
 @pytest.mark.parametrize('drive', ['torque', 'follow'])
 def test_file_without_crank_speed_needs_rpm_option(tmp_path, called, kind, rest, drive):
     path = tmp_path / 'crank.yaml'
