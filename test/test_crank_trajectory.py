@@ -49,7 +49,7 @@ def machine(**values):
 
 
 def trajectory(machine):
-    return TrajectoryAhead(machine, machine.configuration.drive)
+    return TrajectoryAhead(machine)
 
 
 def nanoseconds(time):

@@ -59,7 +59,7 @@ def write(path, configuration, names):
     simulator, names = Simulator(configuration), iter(names)
     inputs, drive = simulator.inputs(), configuration.drive
     others = [ROBOT_DESCRIPTION, DIAGNOSTICS, *inputs]
-    crank = TrajectoryAhead(simulator, drive) if isinstance(drive, SpeedDrive) else None
+    crank = TrajectoryAhead(simulator) if isinstance(drive, SpeedDrive) else None
     others += [crank.topic] if crank else []
     used = {topic.role: next(names) for topic in (*simulator.templates.topics, *others)}
     with LogWriter(path, configuration, overwrite=True) as log:

@@ -319,10 +319,7 @@ def test_every_drive_maps_its_messages(drive, tmp_path):
 
 def test_trajectory_and_command_are_those_of_the_motor():
     mapped, plain = (Simulator(driven('speed', **changes)) for changes in (JOINTS, {}))
-    messages = [
-        TrajectoryAhead(x, x.configuration.drive).message_at(x.begin(0), 0)
-        for x in (mapped, plain)
-    ]
+    messages = [TrajectoryAhead(x).message_at(x.begin(0), 0) for x in (mapped, plain)]
     found, due = (deserialize_message(x, JointTrajectory) for x in messages)
     assert found.joint_names == ['hip_motor']
     for one, own in zip(found.points, due.points, strict=True):

@@ -26,7 +26,6 @@ from linkage_ros.messages.topics import (
     MECHANISM_STATE,
     Topic,
 )
-from linkage_ros.motion.drives.base import Given
 from linkage_ros.motion.drives.follow import MeasuredCrank
 from linkage_ros.motion.segments import Coordinates, Segment
 from linkage_ros.run.states import Simulator
@@ -35,8 +34,7 @@ from linkage_ros.units import TIME_END
 
 def _moment(segment: Segment) -> int:
     """Returns the start of a segment on the clock of the previous segment, ns."""
-    old = getattr(segment, 'old_stamp', None)
-    return segment.stamp if old is None else old
+    return segment.stamp if segment.old_stamp is None else segment.old_stamp
 
 
 def check_motions(simulator: Simulator, motions: tuple[Segment, ...]) -> str:
@@ -57,7 +55,7 @@ def check_motions(simulator: Simulator, motions: tuple[Segment, ...]) -> str:
         due, motion = logged, past.motion() if past else None
         if past and logged.motion() and _moment(logged) < past.stamp:
             return f'motion record {number} starts before the previous one'
-        if past is None and simulator.configuration.drive.given is not Given.MEASUREMENT:
+        if past is None and not simulator.configuration.drive.is_measured:
             due = simulator.begin(logged.stamp).segment
         elif motion:
             try:
@@ -194,7 +192,7 @@ class TickStates(ExpectedStates):
 
     def simulator(self, number: int) -> Simulator:
         """Returns the simulator under the gravity of a segment; see `ExpectedStates`."""
-        return self._simulator.under(getattr(self._motions[number], 'gravity', None))
+        return self._simulator.under(self._motions[number].gravity)
 
     def coordinates(
         self,

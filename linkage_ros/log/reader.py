@@ -27,7 +27,6 @@ from linkage_ros.log.records import (
 from linkage_ros.log.rows import MESSAGE_HEAD, RowLayout, message_record
 from linkage_ros.log.scan import MAGIC_SIZE, McapFile, open_mcap
 from linkage_ros.messages.topics import EFFORT_COMMANDS, MEASURED_JOINT_STATES, TOPICS, Topic
-from linkage_ros.motion.drives.base import Given
 from linkage_ros.units import TIME_END
 
 # Largest size of messages buffered because chunks overlap in time, and overhead of a message in
@@ -149,8 +148,7 @@ class LogReader:
         channels = {channel.id: channel for channel in summary[Channel]}.values()
         topics = [_topic(channel, schemas, statistics) for channel in channels]
         if not any(topic.role for topic in topics):
-            follows = drive.given is Given.MEASUREMENT
-            topics = _with_guessed_roles(topics, follows=follows)
+            topics = _with_guessed_roles(topics, follows=drive.is_measured)
         self.topics = tuple(topics)
         self._roles = {topic.role: topic for topic in topics if topic.role}
         self._names = {topic.number: topic.name for topic in self.topics}

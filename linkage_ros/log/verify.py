@@ -40,7 +40,7 @@ from linkage_ros.messages.topics import (
     TRAJECTORY_COMMANDS,
 )
 from linkage_ros.messages.urdf import text_of
-from linkage_ros.motion.drives.base import Given
+from linkage_ros.motion.drives.base import Drive
 from linkage_ros.numeric import Array
 from linkage_ros.run.states import Simulator
 
@@ -53,11 +53,6 @@ _LAST_BIT, _NOISE, _SAMPLES = 2.0**-54, 2.0**-40, 4
 # A position in the URDF.
 _NUMBER = r'(-?\d+(?:\.\d+)?(?:e[+-]\d+)?)'
 _POSITION = re.compile(f'xyz="{_NUMBER} {_NUMBER} {_NUMBER}"')
-
-# How states are recomputed, by the quantity that the drive gives.
-_STATES: dict[Given, type[TickStates] | type[MeasuredStates]] = {
-    Given.MOTION: TickStates, Given.MEASUREMENT: MeasuredStates, Given.TORQUE: TorqueStates,
-}  # fmt: skip
 
 
 def verify(log: LogReader, progress: Callable[[int], object] = lambda _: None) -> 'Verification':
@@ -79,6 +74,12 @@ def verify(log: LogReader, progress: Callable[[int], object] = lambda _: None) -
         kind = 'missing' if log.lost > 0 else 'too many'
         done.difference = f'logged messages {kind}: {abs(log.lost)}, according to the end record'
     return done
+
+
+def _states_of(drive: Drive) -> type[TickStates] | type[MeasuredStates]:
+    if drive.is_measured:
+        return MeasuredStates
+    return TorqueStates if drive.is_integrated else TickStates
 
 
 class Verification:
@@ -136,7 +137,7 @@ class Verification:
             LogError: The log lacks the topics or segments required to recompute its states.
         """
         log, simulator = self._log, self._simulator
-        kind = _STATES[simulator.configuration.drive.given]
+        kind = _states_of(simulator.configuration.drive)
         if not self._channels.keys() & {*kind.needed} or (kind.needs_motion and not log.motions):
             raise LogError(
                 f'{log.path} cannot be verified: it has no motion record, or no '

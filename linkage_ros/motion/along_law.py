@@ -29,10 +29,6 @@ class LawSegment(Segment):
         law: The law.
         time: Time of the law at the start, ns.
         turns: Whole turns to add to the angle of the law.
-        old_stamp: If a step of the clock started the segment, the stamp of its start on the old
-            clock, ns; otherwise None.
-        gravity: Acceleration of gravity [x, y], m/s^2, if it was changed; None for that of the
-            configuration.
     """
 
     law: Law

@@ -45,10 +45,6 @@ class SpeedSegment(Segment):
         rpm: Set speed, turns per minute.
         acceleration: Magnitude of the acceleration towards the set speed, rad/s^2; 0 for an
             immediate change.
-        old_stamp: If a step of the clock started the segment, the stamp of its start on the old
-            clock, ns; otherwise None.
-        gravity: Acceleration of gravity [x, y], m/s^2, if it was changed; None for that of the
-            configuration.
     """
 
     phase: Fraction

@@ -39,11 +39,7 @@ NOT_NEWER, NOT_FINITE = 'not newer than the one before', 'not finite, or beyond 
 
 @dataclass(frozen=True)
 class FollowSegment(Segment):
-    """A segment of measurements; the first one is not logged.
-
-    Attributes:
-        gravity: Acceleration of gravity [x, y], m/s^2.
-    """
+    """Measurements under a changed gravity; those before the first change have no segment."""
 
     gravity: Gravity
 

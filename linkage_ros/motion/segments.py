@@ -9,7 +9,7 @@ stores.
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias, cast
 
 import numpy as np
 
@@ -27,9 +27,16 @@ class Segment(ABC):
 
     Attributes:
         stamp: Stamp of the start, ns.
+        old_stamp: If a step of the clock started the segment, the stamp of its start on the old
+            clock, ns; otherwise None.
+        gravity: Acceleration of gravity [x, y], m/s^2, if it was changed; None for that of the
+            configuration.
     """
 
     stamp: int
+    # Not fields, so that only the segments that have such fields log them.
+    old_stamp = cast('int | None', None)
+    gravity = cast('Gravity | None', None)
 
     def motion(self) -> 'Motion | None':
         """Returns the motion in this segment; None if the segment alone does not determine it."""

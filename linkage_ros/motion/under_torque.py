@@ -71,8 +71,6 @@ class TorqueSegment(Segment):
 
     Attributes:
         torque: Torque of the motor at rest, N m, or its force, N.
-        old_stamp: If a step of the clock started the segment, the stamp of its start on the old
-            clock, ns; otherwise None.
         description: Coordinates and assembly of the motion; None for the mechanism's own.
     """
 

@@ -24,8 +24,6 @@ from linkage_ros.messages.topics import (
     SIMULATED_CLOCK,
     Topic,
 )
-from linkage_ros.motion.drives.base import Given
-from linkage_ros.motion.drives.feed_forward import TrajectoryFeedForward
 from linkage_ros.motion.drives.follow import MeasuredCrank
 from linkage_ros.motion.measured import FollowSegment
 from linkage_ros.motion.segments import Coordinates, Gravity, Motion, Segment
@@ -88,8 +86,8 @@ class LinkageNode(ParameterNode):
         if simulator.description:
             others.append(ROBOT_DESCRIPTION)
         self._trajectory: TrajectoryAhead | None = None
-        if isinstance(self._drive, TrajectoryFeedForward) and self._drive.trajectory_command_topic:
-            self._trajectory = TrajectoryAhead(simulator, self._drive)
+        if self._drive.trajectory_command_topic:
+            self._trajectory = TrajectoryAhead(simulator)
             others.append(self._trajectory.topic)
         with reported_as_configuration():  # a topic name may be invalid
             require_distinct(self, [*heard, *simulator.templates.topics, *others])
@@ -124,7 +122,7 @@ class LinkageNode(ParameterNode):
 
     def _make_ticker(self) -> Ticker:
         callbacks = self._simulator.ticks, self._tick, self._restamp, self._fail
-        if self._drive.given is Given.MEASUREMENT:
+        if self._drive.is_measured:
             ((measured, crank),) = self._inputs
             answer = functools.partial(self._answer, crank)
             return Ticker(
@@ -189,7 +187,7 @@ class LinkageNode(ParameterNode):
     def _answer(self, crank: MeasuredCrank, stamp: int, coordinates: Coordinates) -> None:
         """Publishes the state of a measurement; runs in the ticker's thread."""
         ahead, gravity = crank.later(coordinates), self._gravity
-        if gravity is not None and gravity != getattr(self._segment, 'gravity', None):
+        if gravity is not None and not (self._segment and self._segment.gravity == gravity):
             self._segment = FollowSegment(stamp, gravity)
             self._outputs.log_segment(self._segment)
         self._publish_state(stamp, coordinates, ahead, self._forces_at(stamp))
@@ -221,7 +219,7 @@ class LinkageNode(ParameterNode):
         forces: dict[str, Any],
     ) -> None:
         """Computes, publishes, logs and shows the state at a stamp, ns."""
-        simulator = self._simulator.under(getattr(self._segment, 'gravity', None))
+        simulator = self._simulator.under(self._segment.gravity if self._segment else None)
         if forces:
             coordinates = coordinates._replace(forces=forces)
             ahead = ahead and ahead._replace(forces=forces)

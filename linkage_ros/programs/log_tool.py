@@ -67,8 +67,7 @@ def info(log: LogReader) -> Iterator[str]:
 
 
 def _motion(segment: Segment, units: JointUnits) -> str:
-    gravity = getattr(segment, 'gravity', None)
-    under = f', gravity {list(gravity)} m/s^2' if gravity else ''
+    under = f', gravity {list(segment.gravity)} m/s^2' if segment.gravity else ''
     return f'{segment.words(units)}{under}'
 
 

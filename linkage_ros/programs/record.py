@@ -25,7 +25,6 @@ from linkage_ros.mechanism.kinematics import State
 from linkage_ros.mechanism.ranges import Ranges
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.messages.topics import MEASURED_JOINT_STATES, ROBOT_DESCRIPTION, qualified
-from linkage_ros.motion.drives.base import Given
 from linkage_ros.motion.drives.follow import MeasuredCrank
 from linkage_ros.motion.segments import Motion
 from linkage_ros.motion.steps import record_steps
@@ -180,7 +179,7 @@ def record_measured(
             or incomplete, or the log cannot be written. The log contains the states before the
             damage.
     """
-    if configuration.drive.given is not Given.MEASUREMENT:
+    if not configuration.drive.is_measured:
         raise ConfigurationError('--measured needs drive: follow: the bag has the crank angles')
     simulator, source = Simulator(configuration), Bag(bag)
     if any(is_same_file(str(path), str(file)) for file in source.files):

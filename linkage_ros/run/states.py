@@ -25,7 +25,6 @@ from linkage_ros.messages.templates import StateTemplates
 from linkage_ros.messages.topics import Topic
 from linkage_ros.messages.urdf import make_urdf
 from linkage_ros.motion.drives.base import Input, Machine
-from linkage_ros.motion.drives.feed_forward import FeedForward
 from linkage_ros.motion.live_force import LiveForce
 from linkage_ros.motion.segments import Coordinates, Gravity, Motion
 from linkage_ros.motion.steps import Integrate, live_steps
@@ -61,7 +60,8 @@ class Simulator:
     def __init__(self, configuration: Configuration) -> None:
         self.configuration = configuration
         mechanism, session = configuration.mechanism, configuration.session
-        drive, effort_topic = configuration.drive, ''
+        drive = configuration.drive
+        effort_topic = drive.effort_command_topic
         self.solver = Solver(mechanism, pivot=drive.pivot)
         prefix, frame_id = session.joint_prefix, session.frame_id
         self.robot_joints = joints = configuration.robot_joints
@@ -73,9 +73,7 @@ class Simulator:
             session.publish_description is None and not configuration.joints
         ):
             self.description = encode_string(make_urdf(mechanism, prefix, frame_id))
-        self.lead: int | None = None
-        if isinstance(drive, FeedForward) and drive.effort_command_topic:
-            effort_topic, self.lead = drive.effort_command_topic, round(drive.lead_time * NS_PER_S)
+        self.lead = round(drive.lead_time * NS_PER_S) if effort_topic else None
         self.templates = StateTemplates(self.solver.structure, joints, frame_id, effort_topic)
         self.ticks = TickRate(session.rate_hz)
         self.forces = {force.name: force.held.value for force in self.live_forces().values()}

@@ -10,7 +10,6 @@ from linkage_ros.errors import MotionError
 from linkage_ros.mechanism.solver import NO_FORCES
 from linkage_ros.messages.templates import crank_trajectory
 from linkage_ros.messages.topics import TRAJECTORY_COMMANDS
-from linkage_ros.motion.drives.feed_forward import TrajectoryFeedForward
 from linkage_ros.motion.segments import Motion
 from linkage_ros.run.states import Simulator
 from linkage_ros.units import NS_PER_MS, NS_PER_S
@@ -31,13 +30,13 @@ class TrajectoryAhead:
         topic: Topic of the trajectories.
     """
 
-    def __init__(self, simulator: Simulator, drive: TrajectoryFeedForward) -> None:
+    def __init__(self, simulator: Simulator) -> None:
         """Prepares the trajectories.
 
         Args:
-            simulator: Simulator of the run.
-            drive: Drive with the topic and the duration of the trajectories.
+            simulator: Simulator of the run, whose drive gives the topic and the duration.
         """
+        drive = simulator.configuration.drive
         self.topic = TRAJECTORY_COMMANDS._replace(name=drive.trajectory_command_topic)
         self._names = simulator.crank_joint, simulator.configuration.session.frame_id
         self._joint = simulator.machine.joint
@@ -68,7 +67,7 @@ class TrajectoryAhead:
             self._points.clear()
             self._forces = forces
             self._motion, self._next, self._due = motion, stamp, stamp
-            self._solver = self._simulator.under(getattr(motion.segment, 'gravity', None)).solver
+            self._solver = self._simulator.under(motion.segment.gravity).solver
         with suppress(MotionError):  # a law may end within the horizon
             while self._next < stamp + self._horizon + _STEP:
                 (q,), (u,), (a,), unwrapped, *_ = motion.at(self._next)

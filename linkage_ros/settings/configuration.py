@@ -13,7 +13,7 @@ from linkage_ros.mechanism.registry import MECHANISMS
 from linkage_ros.mechanism.structure import Mechanism
 from linkage_ros.messages.joints import RobotJoint
 from linkage_ros.motion.drives import DRIVES
-from linkage_ros.motion.drives.base import Drive, Given
+from linkage_ros.motion.drives.base import Drive
 from linkage_ros.quantities import (
     build,
     flatten,
@@ -61,7 +61,7 @@ class Configuration:
         structure, prefix = self.mechanism.structure(), self.session.joint_prefix
         return robot_joints(
             structure.links, self.joints, prefix, driven=structure.driven,
-            is_measured=self.drive.given is Given.MEASUREMENT,
+            is_measured=self.drive.is_measured,
         )  # fmt: skip
 
     def parameters(self) -> dict[str, object]:
@@ -116,7 +116,7 @@ def configure(values: Mapping[str, object]) -> Configuration:
     found = Configuration(kind, mechanism, drive, session, build_joints(given))
     session.require_names(mechanism, found.robot_joints)
     _require_frame_joint(found)
-    if drive.given is Given.TORQUE and '' in {joint.name for joint in found.robot_joints}:
+    if drive.is_integrated and '' in {joint.name for joint in found.robot_joints}:
         raise ConfigurationError(
             "joints: a name is '', but with drive: torque each joint must be published, because a "
             'log of it could not be verified'
@@ -131,13 +131,13 @@ def _require_frame_joint(configuration: Configuration) -> None:
     Raises:
         ConfigurationError: One joint is both.
     """
-    joint = getattr(configuration.drive, 'frame_joint', None)
+    name = configuration.drive.frame_joint_name
     driven = configuration.mechanism.structure().driven
     for number, own in enumerate(configuration.robot_joints):
-        if joint and own.name and joint.name == own.name:
+        if own.name and name == own.name:
             what = 'the crank' if number == driven else 'a joint of this linkage'
             raise ConfigurationError(
-                f'frame_joint.name = {shown(joint.name)}: that is {what}; give the joint that '
+                f'frame_joint.name = {shown(name)}: that is {what}; give the joint that '
                 'turns base_link'
             )
 
@@ -149,8 +149,8 @@ def _require_harmless(drive: Drive) -> None:
         ConfigurationError: The torque of the default preset might drive a motor.
     """
     names = 'effort_command_topic', 'trajectory_command_topic'
-    risky = [f'{name} = {shown(topic)}' for name in names if (topic := getattr(drive, name, ''))]
-    if drive.given is Given.MEASUREMENT:
+    risky = [f'{name} = {shown(topic)}' for name in names if (topic := getattr(drive, name))]
+    if drive.is_measured:
         risky.append('drive = follow')
     if risky:
         raise ConfigurationError(

@@ -17,7 +17,6 @@ from linkage_ros.messages.joints import RobotJoint, own_joints
 from linkage_ros.messages.templates import ROOT_FRAME
 from linkage_ros.messages.urdf import link_of
 from linkage_ros.motion.drives import DRIVES
-from linkage_ros.motion.drives.base import Given
 from linkage_ros.quantities import Checked, Leaf, build, leaves, quantity, shown
 from linkage_ros.settings.joints import joint_leaves
 from linkage_ros.settings.viewer import VIEWERS
@@ -144,13 +143,13 @@ def parameter_leaves(
     Raises:
         ConfigurationError: A load in the values has no valid kind.
     """
-    given, mechanism = DRIVES[kind.drive].given, MECHANISMS[kind.mechanism]
-    classes = (MechanismAndDrive, mechanism, DRIVES[kind.drive], Session)
+    drive, mechanism = DRIVES[kind.drive], MECHANISMS[kind.mechanism]
+    classes = (MechanismAndDrive, mechanism, drive, Session)
     unused = set() if values is None else {*mechanism.unused(values)}
-    unused |= {'rate_hz'} if given is Given.MEASUREMENT else set()  # measurements set the rate
+    unused |= {'rate_hz'} if drive.is_measured else set()  # measurements set the rate
     found = (leaf for cls in classes for leaf in leaves(cls, values=values))
     own = [leaf for leaf in found if leaf.name not in unused]
     for i, (name, described, _) in enumerate(own):
         if name == 'gravity':  # an integrator keeps its model
-            own[i] = own[i]._replace(quantity=replace(described, live=given is not Given.TORQUE))
-    return (*own, *joint_leaves(MECHANISMS[kind.mechanism], values))
+            own[i] = own[i]._replace(quantity=replace(described, live=not drive.is_integrated))
+    return (*own, *joint_leaves(mechanism, values))

@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.mechanism.travel import travel
 from linkage_ros.messages.joints import own_joints
-from linkage_ros.motion.drives.base import Given
 from linkage_ros.settings.configuration import Configuration
 from linkage_ros.settings.parameters import parameter_leaves
 
@@ -33,7 +32,7 @@ def summary(configuration: Configuration, solver: Solver) -> str:
     drive = configuration.drive
     rate = f' at {configuration.session.rate_hz:g} Hz'
     moved = drive.words(solver.structure.driven_link)
-    words.append(moved + ('' if drive.given is Given.MEASUREMENT else rate))
+    words.append(moved + ('' if drive.is_measured else rate))
     return ', '.join(words)
 
 
@@ -56,7 +55,7 @@ def _zero(configuration: Configuration) -> Iterator[str]:
     link, joint = structure.driven_link, configuration.robot_joints[structure.driven]
     own = own_joints(structure.links, configuration.session.joint_prefix)[structure.driven]
     is_given = link.name in given and given[link.name].zero is not None
-    if configuration.drive.given is not Given.MEASUREMENT or joint.name == own.name or is_given:
+    if not configuration.drive.is_measured or joint.name == own.name or is_given:
         return
     meaning = 'a rod at 0 m' if link.slides else 'the direction of +x'
     yield (

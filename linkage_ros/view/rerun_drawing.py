@@ -16,7 +16,6 @@ import pyarrow as pa
 import rerun as rr
 import rerun.blueprint as rrb
 
-from linkage_ros.motion.drives.base import Given
 from linkage_ros.numeric import Array
 from linkage_ros.palette import GREY, SECOND, color_of
 from linkage_ros.settings.configuration import Configuration
@@ -181,7 +180,7 @@ class Picture:
         drive = 'Force, N' if self._driven.slides else 'Torque, N m'
         first = [self._plot(drive, VALUES, 0), self._plot('Rates, rad/s', RATES)]
         second = [self._plot('Angles, deg', DIRECTIONS)]
-        if self._drive.given is Given.TORQUE and not self._driven.slides:
+        if self._drive.is_integrated and not self._driven.slides:
             first.insert(0, self._plot('Crank speed, rad/s', RATES, 0))
         sliders = [self.drawing.joints[j] for j in self._sliders]
         names = [f'{name.replace("_", " ").capitalize()}, {unit}'

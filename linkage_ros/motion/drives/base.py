@@ -11,7 +11,6 @@ import time
 from abc import abstractmethod
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from enum import Enum
 from typing import Any, ClassVar, Generic, TypeVar
 
 from linkage_ros.mechanism.kinematics import Reach
@@ -26,14 +25,6 @@ from linkage_ros.quantities import Checked
 from linkage_ros.units import NS_PER_S
 
 WINDOW = 10  # s, period to which the rates and warnings of diagnostics refer
-
-
-class Given(Enum):
-    """The quantity that a drive prescribes, and from which the others are computed."""
-
-    MOTION = 'the motion of the driven joint over time'
-    MEASUREMENT = 'the measured joint'
-    TORQUE = 'the torque or force on the driven joint'
 
 
 _CRANK = RobotJoint('crank')
@@ -162,14 +153,24 @@ class Drive(Checked):
     `linkage_ros.motion.drives.DRIVES` lists the kinds in parameter files.
 
     Attributes:
-        given: The given quantity. It determines how the states of a log are recomputed.
         segment: Class of the segments of the motion.
         subject: A mechanism with this drive, in error messages, where {} is its kind.
+        is_measured: Whether each state is that of a measurement, so that nothing is simulated.
+        is_integrated: Whether the motion is integrated from state to state under a torque, so that
+            segments alone do not determine it.
+        effort_command_topic: See `FeedForward`; empty for drives without these parameters, as are
+            the next three.
+        lead_time: See `FeedForward`.
+        trajectory_command_topic: See `TrajectoryFeedForward`.
+        trajectory_horizon: See `TrajectoryFeedForward`.
     """
 
-    given: ClassVar[Given]
     segment: ClassVar[type[Segment]]
     subject: ClassVar[str] = '{}'
+    is_measured: ClassVar[bool] = False
+    is_integrated: ClassVar[bool] = False
+    effort_command_topic = trajectory_command_topic = ''
+    lead_time = trajectory_horizon = 0.0
 
     @property
     @abstractmethod
@@ -180,6 +181,11 @@ class Drive(Checked):
     def pivot(self) -> tuple[float, float]:
         """The point of base_link that is fixed in the world, m, if base_link turns."""
         return 0.0, 0.0
+
+    @property
+    def frame_joint_name(self) -> str:
+        """Name in measurements of the joint that turns base_link; empty if it is at rest."""
+        return ''
 
     @abstractmethod
     def words(self, joint: Link) -> str:

@@ -16,7 +16,7 @@ from linkage_ros.mechanism.structure import Link
 from linkage_ros.messages.cdr import JointReader
 from linkage_ros.messages.joints import RobotJoint
 from linkage_ros.messages.topics import MEASURED_JOINT_STATES, Topic
-from linkage_ros.motion.drives.base import Drive, Given, Input, Machine
+from linkage_ros.motion.drives.base import Drive, Input, Machine
 from linkage_ros.motion.drives.feed_forward import FeedForward
 from linkage_ros.motion.measured import FollowMotion, FollowSegment, extrapolated
 from linkage_ros.motion.segments import Coordinates, stacked
@@ -295,7 +295,7 @@ class FollowDrive(FeedForward, _Follow, Drive):
         frame_joint: Joint that turns base_link, which is measured in the same way.
     """
 
-    given, segment, subject = Given.MEASUREMENT, FollowSegment, 'measured {}'
+    segment, subject, is_measured = FollowSegment, 'measured {}', True
 
     @property
     def crank_angle(self) -> float:
@@ -306,6 +306,11 @@ class FollowDrive(FeedForward, _Follow, Drive):
     def pivot(self) -> tuple[float, float]:
         """The point of base_link that is fixed in the world, m."""
         return self.frame_joint.pivot
+
+    @property
+    def frame_joint_name(self) -> str:
+        """Name in measurements of the joint that turns base_link; empty if it is at rest."""
+        return self.frame_joint.name
 
     def words(self, joint: Link) -> str:
         """Describes the measured joints and the filter."""

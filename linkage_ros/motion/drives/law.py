@@ -16,7 +16,7 @@ from linkage_ros.mechanism.solver import Solver
 from linkage_ros.mechanism.structure import Link, Mechanism
 from linkage_ros.messages.topics import CRANK_TRAJECTORY, Topic
 from linkage_ros.motion.along_law import LawMotion, LawSegment, require_possible
-from linkage_ros.motion.drives.base import Drive, Given, Input, Machine
+from linkage_ros.motion.drives.base import Drive, Input, Machine
 from linkage_ros.motion.drives.crank_trajectories import CrankTrajectories
 from linkage_ros.motion.drives.feed_forward import TrajectoryFeedForward
 from linkage_ros.motion.law import Law, Sine
@@ -255,7 +255,7 @@ class LawDrive(TrajectoryFeedForward, _Law, Drive):
         motion: The law.
     """
 
-    given, segment, subject = Given.MOTION, LawSegment, '{} along a motion'
+    segment, subject = LawSegment, '{} along a motion'
 
     @property
     def crank_angle(self) -> float:

@@ -9,7 +9,7 @@ from linkage_ros.mechanism.ranges import Ranges
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.mechanism.structure import Link, Mechanism
 from linkage_ros.motion.at_speed import SpeedMotion, SpeedSegment
-from linkage_ros.motion.drives.base import Drive, Given, Machine
+from linkage_ros.motion.drives.base import Drive, Machine
 from linkage_ros.motion.drives.feed_forward import TrajectoryFeedForward
 from linkage_ros.quantities import Checked, quantity
 
@@ -55,7 +55,7 @@ class SpeedDrive(TrajectoryFeedForward, _Speed, Drive):
         crank_angle: Crank angle at t = 0, rad.
     """
 
-    given, segment = Given.MOTION, SpeedSegment
+    segment = SpeedSegment
 
     @property
     def initial_rpm(self) -> float:

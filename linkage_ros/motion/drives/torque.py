@@ -14,7 +14,7 @@ from linkage_ros.mechanism.solver import Solver
 from linkage_ros.mechanism.structure import Description, Link, Mechanism
 from linkage_ros.messages.cdr import decode_joint_state
 from linkage_ros.messages.topics import JOINT_COMMANDS, Topic
-from linkage_ros.motion.drives.base import WINDOW, Drive, Expiring, Given, Input, Machine
+from linkage_ros.motion.drives.base import WINDOW, Drive, Expiring, Input, Machine
 from linkage_ros.motion.segments import Coordinates
 from linkage_ros.motion.under_torque import Motor, TorqueMotion, TorqueSegment
 from linkage_ros.numeric import within_two_turns
@@ -38,7 +38,7 @@ class TorqueDrive(Drive):
         command_timeout: Time for which a command acts, s; in a live run, at least a tick.
     """
 
-    given, segment, subject = Given.TORQUE, TorqueSegment, 'torque-driven {}'
+    segment, subject, is_integrated = TorqueSegment, 'torque-driven {}', True
 
     motor: Motor = field(default_factory=Motor)
     start_rpm: float = quantity(
