@@ -12,7 +12,7 @@ from linkage_ros.mechanism.loads.link_load import LinkForce
 from linkage_ros.mechanism.wrenches import poses
 from linkage_ros.messages.urdf import make_urdf
 from linkage_ros.motion.along_law import LawMotion
-from linkage_ros.motion.coordinates import DrivenMechanism
+from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.measured import FollowMotion
 from linkage_ros.motion.steps import live_steps, record_steps
 from linkage_ros.motion.under_torque import Motor, published

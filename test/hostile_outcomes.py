@@ -153,7 +153,7 @@ class LiveNode:
         self._stamp += 5_000_000
 
         def go():
-            self.motion = self.motion.follow(self._stamp, self._drive)
+            self.motion = self.motion.with_drive(self._stamp, self._drive)
             messages_at(self._simulator, self.motion, self._stamp)
 
         if outcome(go):

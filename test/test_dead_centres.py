@@ -19,7 +19,7 @@ from linkage_ros.mechanism import program
 from linkage_ros.mechanism.registry import MECHANISMS as MECHANISM_KINDS
 from linkage_ros.mechanism.structure import Description
 from linkage_ros.mechanism.tracer import Tape
-from linkage_ros.motion.coordinates import DrivenMechanism
+from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.drives.torque import TorqueDrive
 from linkage_ros.motion.steps import live_steps, record_steps
 from linkage_ros.motion.under_torque import Motor, legible

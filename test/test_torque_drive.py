@@ -265,11 +265,11 @@ def test_plant_is_paused_only_while_a_tick_is_over_a_quarter_second_late(rate_hz
     simulator, drive = Simulator(changed(session={'rate_hz': rate_hz})), PUMP.drive
     motion, latest = simulator.begin(START), simulator.ticks.elapsed(1) + 250_000_000
     before, first = motion.at(START), motion.segment
-    assert motion.follow(START + latest, drive).segment is first
+    assert motion.with_drive(START + latest, drive).segment is first
     moved = motion.at(START + latest)
     assert moved.unwrapped > before.unwrapped
     late = START + 2 * latest + 1
-    assert motion.follow(late, drive).segment is not first
+    assert motion.with_drive(late, drive).segment is not first
     assert motion.at(late) == moved
 
 
@@ -278,7 +278,7 @@ def test_change_of_motor_torque_keeps_the_command_in_force():
     motion = simulator.begin(START)
     motion.command(START, 3.0)
     motor = replace(QUADRILATERAL.drive.motor, torque=5.0)
-    motion.follow(START, replace(QUADRILATERAL.drive, motor=motor))
+    motion.with_drive(START, replace(QUADRILATERAL.drive, motor=motor))
     assert simulator.state(motion.at(START)).torque == pytest.approx(8.0)
 
 

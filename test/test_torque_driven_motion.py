@@ -21,7 +21,7 @@ from linkage_ros import (
     Solver,
     UnreachableError,
 )
-from linkage_ros.motion.coordinates import DrivenMechanism
+from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.drives.base import Machine
 from linkage_ros.motion.drives.torque import TorqueDrive
 from linkage_ros.motion.steps import (

@@ -42,7 +42,7 @@ from linkage_ros import (
 from linkage_ros.errors import ConfigurationError, MechanismError
 from linkage_ros.formulas import Opaque, require, sin
 from linkage_ros.mechanism.program import Constants, Program
-from linkage_ros.motion.coordinates import DrivenMechanism
+from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.steps import AdaptiveSteps
 from linkage_ros.motion.under_torque import Motor
 from linkage_ros.settings.configuration import load

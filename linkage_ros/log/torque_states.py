@@ -24,7 +24,7 @@ from linkage_ros.mechanism.elementwise import is_noisy, noisy
 from linkage_ros.messages.joints import link_rows
 from linkage_ros.messages.templates import joint_numbers
 from linkage_ros.messages.topics import MECHANISM_STATE
-from linkage_ros.motion.coordinates import DrivenMechanism, turns_between
+from linkage_ros.motion.driven_mechanism import DrivenMechanism, turns_between
 from linkage_ros.motion.runge_kutta import Plant, leap, slope_at
 from linkage_ros.motion.segments import Coordinates
 from linkage_ros.motion.steps import live_method

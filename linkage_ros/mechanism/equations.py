@@ -457,7 +457,7 @@ def point_motion(
     point, refuse = constants
     require(is_finite(*angles, *rates, *changes), refuse, *angles, *rates, *changes)
     directions = [Vector.at(angle) for angle in angles]
-    return PointMotion(*point.follow(directions, rates, changes))
+    return PointMotion(*point.motion(directions, rates, changes))
 
 
 def energy(model: Model, q: Sequence[Real], u: Sequence[Real]) -> tuple[Real, Real]:

@@ -163,7 +163,7 @@ class _Balance:
         self._links, self._pins, self._poses = model.links, model.pins, pose.links
         self._directions = [link.direction for link in pose.links]
         self._positions = {
-            pin.name: place.follow(self._directions, rates, changes)[0]
+            pin.name: place.motion(self._directions, rates, changes)[0]
             for pin, place in zip(model.pins, model.pin_points, strict=True)
         }
         # For each body, the known forces with their points of application, and the known couple.
@@ -173,7 +173,7 @@ class _Balance:
         # For each sliding link, its pin, through which the forces along and across its guide pass.
         self._slid: dict[int, Vector] = {}
         for j, body in enumerate(model.links):
-            center, _, acceleration = body.center.follow(self._directions, rates, changes)
+            center, _, acceleration = body.center.motion(self._directions, rates, changes)
             self._known[j].append((center, (model.gravity - acceleration) * body.mass))
             spin = body.spin(j)
             change = ZERO if spin is None else changes[spin]

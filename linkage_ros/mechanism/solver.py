@@ -134,7 +134,7 @@ class Solver:
         self.structure = structure
         slides = {link.name: link.slides for link in structure.links}
         self.links = tuple(slides)
-        self.output = self.links[structure.output]
+        self.output = self.links[structure.output_index]
         self._moving = [self.links.index(name) for name in self.coordinates]
         self._count = len(self._moving)
         self.names: dict[str, Any] = {

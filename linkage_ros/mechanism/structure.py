@@ -58,7 +58,7 @@ class Point(NamedTuple):
         weights = tuple(x - y for x, y in zip(self.weights, other.weights, strict=True))
         return Point(weights, self.fixed - other.fixed)
 
-    def follow(
+    def motion(
         self, directions: Sequence[Vector], rates: Sequence[Real], changes: Sequence[Real]
     ) -> tuple[Vector, Vector, Vector]:
         """Computes the motion of the point (Mottola 2017, eq. a2, a3, 34, 35 and derivatives).
@@ -223,7 +223,7 @@ class Structure(NamedTuple):
         return self.links[self.driven]
 
     @property
-    def output(self) -> int:
+    def output_index(self) -> int:
         """Index of the output link, whose travel is shown.
 
         It is the last link; for a cylinder, the crank if the cylinder is driven, else the barrel,

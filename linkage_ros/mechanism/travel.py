@@ -82,7 +82,7 @@ def travel(solver: Solver) -> Travel:
     crank = 0.5 * (crank[1:] + crank[:-1])
     crank = np.append(crank, crank[0] + period)
     state = solver.state(crank, 1.0)
-    output = solver.structure.output
+    output = solver.structure.output_index
     position, rate = state.position[output], state.velocity[output]
     slides = solver.structure.links[output].slides
 
@@ -113,7 +113,7 @@ def travel(solver: Solver) -> Travel:
 
 def _reversal(solver: Solver, low: float, high: float) -> float:
     """Finds the crank angle at which the output's rate changes sign, by bisection."""
-    output = solver.structure.output
+    output = solver.structure.output_index
     falling = solver.state(low, 1.0).velocity[output] > 0
     while low < (middle := 0.5 * (low + high)) < high:
         if (solver.state(middle, 1.0).velocity[output] > 0) == falling:

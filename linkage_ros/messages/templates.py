@@ -152,7 +152,7 @@ class StateTemplates:
         self._program = Program(_numbers, constants, (*rows, 'torque', 'unwrapped'))
 
     def numbers(
-        self, state: State, unwrapped: Real, ahead: State | None = None, *, by_math: bool = False
+        self, state: State, unwrapped: Real, ahead: State | None = None, *, stacked: bool = False
     ) -> tuple[Real, ...]:
         """Computes the numbers in the messages of a state, except its stamp.
 
@@ -160,7 +160,7 @@ class StateTemplates:
             state: State of the mechanism, with floats or, for many states, arrays.
             unwrapped: Position of the driven link; see `joint_rows`.
             ahead: State whose torque is the feed-forward torque; None without feed-forward.
-            by_math: Whether the values are arrays.
+            stacked: Whether the values are arrays.
 
         Returns:
             The numbers, without -0.0. Results for arrays and floats are bit-identical.
@@ -168,7 +168,7 @@ class StateTemplates:
         position, velocity, acceleration, torque = state
         values = *position, *velocity, *acceleration, torque, unwrapped
         found: tuple[Real, ...] = (
-            self._program(*values, by_math=True) if by_math else self._program.floats(*values)
+            self._program(*values, by_math=True) if stacked else self._program.floats(*values)
         )
         return found if ahead is None else (*found, ahead.torque / self._ratio + 0.0)
 
@@ -190,7 +190,7 @@ def _numbers(
     state = State(position, velocity, acceleration, torque)
     rows = joint_rows(links, state, unwrapped, joints, driven)
     directions = [Vector.at(angle) for angle in position]
-    rows += [[*point.follow(directions, velocity, acceleration)[0]] for point in points]
+    rows += [[*point.motion(directions, velocity, acceleration)[0]] for point in points]
     return tuple(number + 0.0 for row in rows for number in row)
 
 

@@ -107,7 +107,7 @@ class LawMotion(Motion):
         time = self._time(old)
         return LawMotion(replace(self.segment, stamp=new, time=time, old_stamp=old))
 
-    def under(self, stamp: int, gravity: Gravity | None) -> 'LawMotion':
+    def with_gravity(self, stamp: int, gravity: Gravity | None) -> 'LawMotion':
         """Returns the motion under a gravity, m/s^2, from a stamp, ns, on."""
         if gravity == self.segment.gravity:
             return self
@@ -175,7 +175,7 @@ class LawMotion(Motion):
         if logged.old_stamp is not None:
             return self.restamp(logged.old_stamp, logged.stamp).segment
         if logged.gravity != self.segment.gravity:
-            return self.under(logged.stamp, logged.gravity).segment
+            return self.with_gravity(logged.stamp, logged.gravity).segment
         joint, law = self.join(logged.stamp, [logged.stamp + 1], [0.0]).segment, logged.law
         if isinstance(law, Spline) and isinstance(joint.law, Spline):
             (first, *others), start = law.rows, joint.law.rows[0][:3]

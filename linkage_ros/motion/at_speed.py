@@ -145,7 +145,7 @@ class SpeedMotion(Motion):
         unwrapped = np.array([_radians(phase, _TURN_SIZE) for phase in turned])
         return Coordinates((angle,), (self._settled_speed,), (0.0,), unwrapped)
 
-    def follow(self, stamp: int, drive: Any) -> 'SpeedMotion':
+    def with_drive(self, stamp: int, drive: Any) -> 'SpeedMotion':
         """Returns the motion under a drive from a stamp on.
 
         Args:
@@ -169,7 +169,7 @@ class SpeedMotion(Motion):
         """
         return self.change(old, self.segment.rpm, new)
 
-    def under(self, stamp: int, gravity: Gravity | None) -> 'SpeedMotion':
+    def with_gravity(self, stamp: int, gravity: Gravity | None) -> 'SpeedMotion':
         """Returns the motion under a gravity, m/s^2, from a stamp, ns, on."""
         if gravity == self.segment.gravity:
             return self

@@ -79,15 +79,15 @@ class Motion(ABC):
     def restamp(self, old: int, new: int) -> 'Motion':
         """Returns the motion after a step of the clock from one stamp, ns, to another."""
 
-    def follow(self, stamp: int, drive: Any) -> 'Motion':  # noqa: ARG002, for other motions
+    def with_drive(self, stamp: int, drive: Any) -> 'Motion':  # noqa: ARG002, for other motions
         """Returns the motion under changed parameters of its drive from a stamp on."""
         return self
 
-    def push(self, stamp: int, forces: Mapping[str, Sequence[float]]) -> 'Motion':  # noqa: ARG002
+    def with_forces(self, stamp: int, forces: Mapping[str, Sequence[float]]) -> 'Motion':  # noqa: ARG002
         """Returns the motion under forces of loads, N, by name, from a stamp, ns, on."""
         return self
 
-    def under(self, stamp: int, gravity: Gravity | None) -> 'Motion':  # noqa: ARG002, as above
+    def with_gravity(self, stamp: int, gravity: Gravity | None) -> 'Motion':  # noqa: ARG002, as above
         """Returns the motion under a gravity, m/s^2, from a stamp, ns, on."""
         return self
 

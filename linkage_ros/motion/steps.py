@@ -35,7 +35,7 @@ import numpy as np
 from linkage_ros.errors import LinkageError
 from linkage_ros.formulas import Opaque
 from linkage_ros.mechanism.program import Constants, Program
-from linkage_ros.motion.coordinates import DrivenMechanism
+from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.runge_kutta import Plant, leap, stiff_leap
 from linkage_ros.numeric import Array
 

@@ -14,7 +14,7 @@ from linkage_ros.mechanism.kinematics import State
 from linkage_ros.mechanism.parts import CROSSED, OPEN
 from linkage_ros.mechanism.solver import NO_FORCES, Solver
 from linkage_ros.mechanism.structure import Description
-from linkage_ros.motion.coordinates import DrivenMechanism
+from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.segments import Coordinates, Motion, Segment, stacked
 from linkage_ros.motion.steps import FixedSteps, Integrate, StiffSteps, Values, live_steps
 from linkage_ros.numeric import Real, wrap
@@ -115,8 +115,8 @@ class TorqueMotion(Motion):
             stamp: Stamp of t = 0, ns.
             period: Time between states, ns.
             integrate: Function that creates the integrator.
-            forces: Initial force [x, y], N, of each load whose force `push` changes, by name in
-                the order of the loads.
+            forces: Initial force [x, y], N, of each load whose force `with_forces` changes, by
+                name in the order of the loads.
 
         Raises:
             LinkageError: The motion cannot start from the given coordinates and rates.
@@ -190,8 +190,8 @@ class TorqueMotion(Motion):
             self._command = torque
             self._steps.changed()
 
-    def push(self, stamp: int, forces: Mapping[str, Sequence[float]]) -> 'TorqueMotion':
-        """Continues this motion under other forces; see `Motion.push`.
+    def with_forces(self, stamp: int, forces: Mapping[str, Sequence[float]]) -> 'TorqueMotion':
+        """Continues this motion under other forces; see `Motion.with_forces`.
 
         Raises:
             MotionError: The motion ends before the stamp.
@@ -202,7 +202,7 @@ class TorqueMotion(Motion):
             self._steps.changed()
         return self
 
-    def follow(self, stamp: int, drive: Any) -> 'TorqueMotion':
+    def with_drive(self, stamp: int, drive: Any) -> 'TorqueMotion':
         """Continues the motion under a drive from a stamp on.
 
         A change of the motor starts a new segment. So does a delay of more than 0.25 s, during

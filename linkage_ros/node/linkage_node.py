@@ -167,13 +167,13 @@ class LinkageNode(ParameterNode):
     def _tick(self, stamp: int) -> None:
         """Computes and publishes the state of a tick; runs in the ticker's thread."""
         motion = self._motion or self._continue(self._simulator.begin(self._ticker.t0))
-        motion = self._continue(motion.follow(stamp, self._drive))
+        motion = self._continue(motion.with_drive(stamp, self._drive))
         for subscription, source in self._inputs:
             elapsed, received = stamp - self._ticker.t0, subscription.take()
             motion = self._continue(source.applied(motion, stamp, elapsed, received))
-        motion = self._continue(motion.under(stamp, self._gravity))
+        motion = self._continue(motion.with_gravity(stamp, self._gravity))
         forces = self._forces_at(stamp - self._ticker.t0)
-        motion = self._continue(motion.push(stamp, forces))
+        motion = self._continue(motion.with_forces(stamp, forces))
         lead = self._simulator.lead
         ahead = None if lead is None else motion.at(stamp + lead)
         coordinates = motion.at(stamp)

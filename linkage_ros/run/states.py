@@ -189,7 +189,7 @@ class Simulator:
         state = self.state(coordinates, by_math=True)
         see(state)
         later = None if ahead is None else self.state(ahead, by_math=True)
-        return self.templates.numbers(state, coordinates.unwrapped, later, by_math=True)
+        return self.templates.numbers(state, coordinates.unwrapped, later, stacked=True)
 
     def ahead(self, motion: Motion, stamps: Sequence[int]) -> Coordinates | None:
         """Returns the coordinates `lead` after the stamps; None without feed-forward."""

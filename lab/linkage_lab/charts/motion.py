@@ -176,7 +176,7 @@ def _compare(periods: Mapping[str, Period], path: Path) -> list[str]:
 def _measures(period: Period) -> dict[str, float | None]:
     """Computes the measures of a design by name and unit; None if a measure does not apply."""
     solver, columns = period.solver, period.columns
-    link, found = solver.structure.links[solver.structure.output], period.travel
+    link, found = solver.structure.links[solver.structure.output_index], period.travel
     way, torque = (
         extent(period.x, columns[name].values) for name in (f'{link.name}.position', period.effort)
     )

@@ -163,7 +163,7 @@ def _constants(
         model = Model.of(mechanism, structure)
     except LinkageError:
         return reach, None
-    return reach, Constants((model, structure.points.get('C'), structure.output))
+    return reach, Constants((model, structure.points.get('C'), structure.output_index))
 
 
 def with_value(part: Any, name: str, value: Any) -> Any:
@@ -227,7 +227,7 @@ def _path_motion_of(constants: Any, angle: Real, *_: Real) -> tuple[Real, ...]:
     """Computes the coupler point's position and its derivatives with respect to the angle, m."""
     model, point, _ = constants
     links = model.loop.pose((angle,)).links
-    found = point.follow(
+    found = point.motion(
         [link.direction for link in links],
         [link.jacobian[0] for link in links],
         [link.curvature[0] for link in links],
@@ -383,7 +383,7 @@ class Measure(NamedTuple):
 def _slides(task: Task) -> bool:
     """Returns whether the output link is a slider."""
     structure = task.mechanism.structure()
-    return structure.links[structure.output].slides
+    return structure.links[structure.output_index].slides
 
 
 # For torques and forces.
