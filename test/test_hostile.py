@@ -159,12 +159,12 @@ def test_special_files_neither_block_nor_are_removed(tmp_path, out, name):
     os.mkfifo(tmp_path / 'pipe')
     (link := tmp_path / 'link.mcap').symlink_to(tmp_path / name)
     with at_most(5):
-        with pytest.raises(LogError, match=r'link.mcap is not an MCAP file|link.mcap is dam'):
+        with pytest.raises(LogError, match=r'link\.mcap'):
             LogReader(link)
-        with pytest.raises(LogError, match=r'not an MCAP file|No such device'):
+        with pytest.raises(LogError):
             recover(link, out)
         if name in {'pipe', '/dev/full'}:
-            with pytest.raises(LogError, match=r'No such device|is not a log'):
+            with pytest.raises(LogError):
                 LogWriter(link, load('quadrilateral'), overwrite=True)
     assert link.is_symlink()
 
@@ -177,7 +177,7 @@ def test_a_pipe_is_read_to_its_end_and_not_waited_for_without_a_writer(tmp_path)
         assert read_parameter_file(f'/dev/fd/{reading}') == {'rpm': 5.0}
     os.close(reading)
     os.mkfifo(pipe := tmp_path / 'pipe.yaml')
-    with at_most(5), pytest.raises(ConfigurationError, match='has no parameters'):
+    with at_most(5), pytest.raises(ConfigurationError, match=r'pipe\.yaml'):
         read_parameter_file(pipe)
     with pytest.raises(AssertionError, match='not within'), at_most(0.2):
         pipe.open('rb').close()  # unblocks the writer
@@ -216,7 +216,7 @@ def test_a_motion_that_takes_millions_of_steps_is_refused(out):
     """All values of the file are in range, but a record took hours."""
     extreme = configure({**TORQUE, 'start_rpm': 1e6, 'rate_hz': 10.0})
     begin = time.process_time()
-    with pytest.raises(MotionError, match='too fast'):
+    with pytest.raises(MotionError):
         record(extreme, out, duration=10.0)
     assert time.process_time() - begin < 5
     fast = configure({**TORQUE, 'start_rpm': 1e4, 'rate_hz': 10.0})
@@ -236,9 +236,9 @@ def test_decompressed_size_of_a_pass_is_limited(tmp_path, out, monkeypatch):
         for _ in range(3):  # each pass has its own limit, as a looping replay needs
             assert [len(messages) for messages in read(file)] == [24_001] * 2
     monkeypatch.setattr(mcap_reader, '_RATIO', 5)
-    with pytest.raises(LogError, match='decompress to more than'):
+    with pytest.raises(LogError, match=r'run\.mcap'):
         read(path)
-    with pytest.raises(LogError, match=r'run.mcap cannot be recovered: its .* decompress to more'):
+    with pytest.raises(LogError, match=r'run\.mcap'):
         recover(path, out, overwrite=True)
 
 
@@ -287,57 +287,56 @@ def explained(fields):
 
 
 SETTINGS = to_strings(load('quadrilateral'))
-CURE = '; give a log of linkage_ros'
-BEGINS = 'is not an MCAP file on a disk: it starts with'
+# Files, and what the error names, if anything: a value, or the program's own error.
 FORGED = {
-    'foreign': (foreign(), 'is not a log of linkage_ros'),
-    'foreign, no chunks': (foreign(use_chunking=False), 'is not a log of linkage_ros'),
-    'foreign, no statistics': (
-        foreign(use_statistics=False, use_summary_offsets=False),
-        'not a log|incomplete',
-    ),
-    'version alone': (explained(seal({'version': '0.1.0'})), '.'),
+    'foreign': (foreign(), '.'),
+    'foreign, no chunks': (foreign(use_chunking=False), '.'),
+    'foreign, no statistics': (foreign(use_statistics=False, use_summary_offsets=False), '.'),
+    'version alone': (explained(seal({'version': '0.1.0'})), 'mechanism'),
     # With valid checksums, so the contents were written on purpose.
-    'setting of the future': (explained(seal({**SETTINGS, 'crank.colour': '"red"'})), 'colour'),
-    'setting without JSON': (explained(seal({**SETTINGS, 'rpm': '150 rpm'})), 'is not JSON'),
-    'impossible linkage': (explained(seal({**SETTINGS, 'crank.length': '9.0'})), 'longest link'),
+    'setting of the future': (
+        explained(seal({**SETTINGS, 'crank.colour': '"red"'})),
+        'crank.colour',
+    ),
+    'setting without JSON': (explained(seal({**SETTINGS, 'rpm': '150 rpm'})), 'JSON'),
+    'impossible linkage': (explained(seal({**SETTINGS, 'crank.length': '9.0'})), '9 m'),
     'nested too deeply for Python': (
         explained(seal({**SETTINGS, 'rpm': '[' * 10**5})),
-        'not JSON',
+        'JSON',
     ),
     'motion with a zero divisor': (
         foreign(
             (CONFIGURATION_RECORD, seal(SETTINGS)),
             (MOTION_RECORD, seal({'stamp': '0', 'phase': '1/0', 'speed': '0', 'rpm': '1'})),
         ),
-        'is damaged or incomplete: .*ZeroDivisionError',
+        'ZeroDivisionError',
     ),
-    'settings without a checksum': (explained(SETTINGS), 'checksum is wrong'),
+    'settings without a checksum': (explained(SETTINGS), 'checksum'),
     'settings with another checksum': (
         explained({**seal(SETTINGS), 'rpm': '151.0'}),
-        'checksum is wrong',
+        'checksum',
     ),
-    'empty': (b'', f'is not an MCAP file on a disk: it is empty or a pipe{CURE}'),
-    'magic alone': (MCAP0_MAGIC, 'is damaged or incomplete: it has no configuration record'),
-    'text': (b'/**:\n  ros__parameters:\n', rf"{BEGINS} b'/..:\\n r'{CURE}"),
-    'bytes': (b'\xff\0' * 4_096, rf"{BEGINS} b'(\\xff\\x00){{4}}'{CURE}"),
-    'misplaced': (misplaced(), 'must be at most 16777216'),
-    'times': (whole(times=(0, 2**31 * 10**9)), 'not valid ROS times'),
-    'nested': (whole(tight(tight(INNER) * 10)), 'an invalid record'),
-    'counts': (whole(MANY), 'does not match its summary'),
-    'waiting': (whole(*[MANY] * 3), 'overlap in time'),
-    'more': (merged(0), 'does not match its summary'),
-    'fewer': (merged(2), 'does not match its summary'),
+    'empty': (b'', '.'),
+    'magic alone': (MCAP0_MAGIC, '.'),
+    'text': (b'/**:\n  ros__parameters:\n', r"b'/..:\\n r'"),
+    'bytes': (b'\xff\0' * 4_096, r"b'(\\xff\\x00){4}'"),
+    'misplaced': (misplaced(), '16777216'),
+    'times': (whole(times=(0, 2**31 * 10**9)), '2147483648000000000 ns'),
+    'nested': (whole(tight(tight(INNER) * 10)), '.'),
+    'counts': (whole(MANY), '.'),
+    'waiting': (whole(*[MANY] * 3), '.'),
+    'more': (merged(0), '.'),
+    'fewer': (merged(2), '.'),
     'configurations': (
         whole(metadata=[(CONFIGURATION_RECORD, encode_configuration(load('quadrilateral')))]),
-        '2 configuration records instead of one',
+        '2 configuration records',
     ),
-    'short chunk': (whole(chunk(b'', INNER, len(INNER) + 1)), 'size or checksum'),
-    'large chunk': (whole(chunk(b'', INNER, LARGEST + 1)), 'at most 16777216'),
-    'zstd': (whole(chunk(b'zstd', hostile_logs.zeros(1, 1 << 20), 1 << 19)), 'size of a chunk'),
-    'lz4': (whole(chunk(b'lz4', lz4.frame.compress(bytes(1 << 20)), 1 << 19)), 'size or checksum'),
-    'bz2': (whole(chunk(b'bz2', INNER, len(INNER))), "compressed with 'bz2': only zstd and lz4"),
-    **{str(fields)[:40]: (moved(fields), 'damaged') for fields in FIELDS},
+    'short chunk': (whole(chunk(b'', INNER, len(INNER) + 1)), '.'),
+    'large chunk': (whole(chunk(b'', INNER, LARGEST + 1)), '16777216'),
+    'zstd': (whole(chunk(b'zstd', hostile_logs.zeros(1, 1 << 20), 1 << 19)), '.'),
+    'lz4': (whole(chunk(b'lz4', lz4.frame.compress(bytes(1 << 20)), 1 << 19)), '.'),
+    'bz2': (whole(chunk(b'bz2', INNER, len(INNER))), "'bz2'"),
+    **{str(fields)[:40]: (moved(fields), '.') for fields in FIELDS},
 }
 
 
@@ -408,7 +407,7 @@ def test_a_full_disk_under_stdout_is_one_line(log):
 def test_a_topic_of_no_name_is_not_published(stored, called):
     data = whole().replace(b'/joint_states', b'/joint/\x1b[2Jes')
     refusal = called(replay, stored(hostile_logs.resummed(data)))
-    words = r"'/joint/\\x1b\[2Jes' cannot be published: Invalid topic name"
+    words = r"'/joint/\\x1b\[2Jes'"
     assert_refused(*refusal, words)
 
 

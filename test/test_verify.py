@@ -16,7 +16,7 @@ from mcap.records import Channel, Message, Metadata, Schema
 from mcap_records import records_of, write_records
 from ros_harness import assert_refused, command, decoded, logged, report_of, verified
 
-from linkage_ros import LogError
+from linkage_ros import LogError, __version__
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.records import (
     CONFIGURATION_RECORD,
@@ -144,10 +144,10 @@ def without(name):
 def test_a_log_without_stamps_or_motions_cannot_be_verified_and_an_empty_one_can(tmp_path):
     path, configuration = tmp_path / 'run.mcap', load('quadrilateral')
     live(path, configuration, ticks(5), topics=('driving_torque',))
-    with pytest.raises(LogError, match='or no mechanism_state or joint_states'):
+    with pytest.raises(LogError, match='mechanism_state or joint_states'):
         report_of(path)
     rewrite(live(path, configuration, ticks(5)), without(MOTION_RECORD))
-    with pytest.raises(LogError, match='cannot be verified: it has no motion record'):
+    with pytest.raises(LogError, match='motion'):
         report_of(path)
     LogWriter(path, configuration, overwrite=True).close()
     assert assert_equal(path, 0).compared == ()
@@ -287,15 +287,13 @@ def test_values_within_four_ulp_of_the_largest_are_equal_and_others_reported(pat
     code, out, _ = called(log_tool, 'verify', path)
     if ulp in {1, 4}:
         assert code == 0
-        assert f'100 states, every one equal within {ulp} ulp' in out
+        assert re.search(rf' 100 states.* {ulp} ulp', out)
         return
-    off = f'off by {abs(other - value):.3g}, {ulp} ulp'
     assert code == 1
-    assert (
-        f'DIFFERS: state 41, stamp {stamp} ns: /joint_states: velocity[coupler] = {other!r} '
-        f'logged, {value!r} recomputed: {off}\n'
-        '  equal before it: 40 states; later messages were not compared\n'
-    ) in out
+    values = f'{other!r}', f'{value!r}', f'{abs(other - value):.3g}', f'{ulp} ulp'
+    named = 'state 41', f'stamp {stamp} ns', '/joint_states', 'velocity[coupler]', *values
+    assert re.search('.*'.join(map(re.escape, named)), out)
+    assert '40 states' in out
 
 
 @pytest.mark.parametrize(('ulp', 'expected'), [(4, 0), (5, 1)])
@@ -316,27 +314,24 @@ def test_another_sign_of_zero_is_accepted_but_not_called_equal_to_the_bit(path, 
     rewrite(path, written_over('/joint_states', 0, crank, -0.0))
     code, out, _ = called(log_tool, 'verify', path)
     assert code == 0
-    assert '100 states, every one equal within 1 ulp' in out
-
-
-NOT_THE_URDF = 'is not the URDF of the configuration'
+    assert re.search(' 100 states.* 1 ulp', out)
 
 
 @of_live_run
 @pytest.mark.parametrize(
-    ('attribute', 'edit', 'expected'),
+    ('attribute', 'edit', 'equal'),
     [
-        ('xyz', lambda x: x + 3 * math.ulp(x), 'every one equal within 3 ulp'),
-        ('xyz', lambda x: x - 5 * math.ulp(x), NOT_THE_URDF),
-        ('xyz', lambda x: x * (1 + 1e-9), NOT_THE_URDF),
-        ('xyz', lambda x: f'{x}0', NOT_THE_URDF),
-        ('xyz', lambda x: f'{x} {x}', NOT_THE_URDF),
-        ('xyz', lambda _: '1e999', NOT_THE_URDF),
-        ('mass value', lambda x: x + math.ulp(x), NOT_THE_URDF),
+        ('xyz', lambda x: x + 3 * math.ulp(x), True),
+        ('xyz', lambda x: x - 5 * math.ulp(x), False),
+        ('xyz', lambda x: x * (1 + 1e-9), False),
+        ('xyz', lambda x: f'{x}0', False),
+        ('xyz', lambda x: f'{x} {x}', False),
+        ('xyz', lambda _: '1e999', False),
+        ('mass value', lambda x: x + math.ulp(x), False),
     ],
 )
 def test_positions_of_the_urdf_may_differ_by_four_ulp_and_the_rest_not_at_all(
-    path, called, attribute, edit, expected
+    path, called, attribute, edit, equal
 ):
     """The sine and cosine of frame.angle are in a position."""
 
@@ -352,7 +347,8 @@ def test_positions_of_the_urdf_may_differ_by_four_ulp_and_the_rest_not_at_all(
 
     rewrite(path, at('/robot_description', 0, change))
     code, out, _ = called(log_tool, 'verify', path)
-    assert (code, expected in out) == (int(expected == NOT_THE_URDF), True), out
+    assert code == (not equal), out
+    assert (' 3 ulp' if equal else '/robot_description: ') in out
 
 
 @of_live_run
@@ -368,7 +364,7 @@ def test_a_flipped_bit_is_found_in_every_byte(path, topic):
         rewrite(path, flip(topic, number, byte, 0x40))
         difference = report_of(path).difference
         # With another stamp, the message, or another one of its state, seems to be misplaced.
-        assert topic in difference or 'has this stamp' in difference, (byte, difference)
+        assert topic in difference or difference.startswith('state '), (byte, difference)
         assert '\n' not in difference
         assert len(difference) < 400
 
@@ -386,7 +382,7 @@ def test_lost_message_among_equal_ones_is_detected(tmp_path):
     """At rest, all torques are equal."""
     path = live(tmp_path / 'run.mcap', configure({'rpm': 0.0}), ticks(60))
     rewrite(path, at('/driving_torque', 30, drop))
-    assert 'is not the next message of state 31' in report_of(path).difference
+    assert 'state 31' in report_of(path).difference
 
 
 def edit_states(edit):
@@ -411,16 +407,16 @@ def later(states):
     return states
 
 
+COUNTED = r'\D* 12\b'  # the number of messages that the end record counts and the log lacks
 STATE_EDITS = {
-    'later': (later, 'state 8, stamp 35000000 ns: /joint_states: log time = ', '$'),
+    'later': (later, 'state 8, stamp 35000000 ns: /joint_states: log time', '$'),
     'kept': (lambda s: s, '$', '$'),
-    'doubled': (lambda s: [*s[:50], s[49], *s[50:]], 'state 51, .* has this stamp', None),
+    'doubled': (lambda s: [*s[:50], s[49], *s[50:]], 'state 51, ', None),
     'swapped': (
-        lambda s: [*s[:50], s[51], s[50], *s[52:]], 'state 51, stamp 255000000 ns: no tick',
-        'state 52, .* has this stamp',
+        lambda s: [*s[:50], s[51], s[50], *s[52:]], 'state 51, stamp 255000000 ns', 'state 52, ',
     ),
-    'lost': (lambda s: s[:50] + s[53:], 'state 51, ', 'logged messages missing: 12'),
-    'cut off': (lambda s: s[:-3], 'logged messages missing: 12', None),
+    'lost': (lambda s: s[:50] + s[53:], 'state 51, ', COUNTED),
+    'cut off': (lambda s: s[:-3], COUNTED, None),
 }  # fmt: skip
 
 
@@ -435,14 +431,14 @@ def test_whole_states_lost_doubled_or_swapped(path, good, edit, in_record, in_li
     if not report.difference:
         assert report.states + report.missed == 100
     rewrite(path, without(END_RECORD))  # as of an older version, or of a killed run
-    assert not report_of(path).difference.startswith('12')
+    assert not re.match(COUNTED, report_of(path).difference)
 
 
 def test_stamps_off_the_ticks_are_detected(tmp_path):
     """Every value is correct for its stamp, but no tick has that stamp."""
     plan = [*ticks(9), ('tick', 1), *ticks(9)]
     path = live(tmp_path / 'run.mcap', load('quadrilateral'), plan)
-    assert re.match('state 10, .*no tick .* has this stamp', report_of(path).difference)
+    assert report_of(path).difference.startswith('state 10, ')
 
 
 def forge(records):
@@ -482,18 +478,18 @@ def reconfigured(**values):
 
 
 TAMPERED = {
-    'log time': (delayed('/driving_torque', 7, log=1, publish=1), '/driving_torque: log time = '),
-    'publish time': (delayed('/driving_torque', 7, publish=-1), '/driving_torque: publish ti'),
-    'forged topic': (forge, '^/diagnostics: no run of this configuration has such a topic'),
-    'schema': (narrow, r'/\w+: no run of this configuration has such a topic or schema'),
-    'repeated role': (repeat_role, 'it is damaged: its index .* repeats a role'),
+    'log time': (delayed('/driving_torque', 7, log=1, publish=1), '/driving_torque: log time'),
+    'publish time': (delayed('/driving_torque', 7, publish=-1), '/driving_torque: publish time'),
+    'forged topic': (forge, '^/diagnostics: '),
+    'schema': (narrow, r'^/\w+: '),
+    'repeated role': (repeat_role, 'role'),
     'two configurations': (
         lambda records: records + named(records, CONFIGURATION_RECORD),
-        'it has 2 configuration records',
+        '2 configuration records',
     ),
     'impossible mechanism': (
         resealed(CONFIGURATION_RECORD, lambda fields: {**fields, 'frame.length': '0.9'}),
-        'cannot be used: .*cannot turn fully',
+        '-0.185 m',
     ),
     'a lost motion record': (
         lambda records: records.remove(named(records, MOTION_RECORD)[1]), r'velocity\[crank\]',
@@ -501,19 +497,19 @@ TAMPERED = {
     **{
         f'{name} = {value}': (reconfigured(**{name: value}), words)
         for name, value, words in (
-            ('coupler.length', 0.3150000000000001, '^/robot_description: data .* is not the URDF'),
-            ('coupler.mass', 2.0000000000000004, '^/robot_description: data'),
+            ('coupler.length', 0.3150000000000001, '^/robot_description: '),
+            ('coupler.mass', 2.0000000000000004, '^/robot_description: '),
             ('gravity', (0.0, -9.8100000001), '/driving_torque|effort'),
-            ('rpm', 150.00000000000003, 'motion record 1 has .*150.0, recomputed '),
-            ('crank_angle', 1e-9, 'motion record 1 has phase = 0, recomputed'),
-            ('crank_acceleration', 1.0, 'motion record 1'),
+            ('rpm', 150.00000000000003, 'record 1 .*rpm = 150.0, .* 150.00000000000003'),
+            ('crank_angle', 1e-9, 'record 1 .*phase = 0'),
+            ('crank_acceleration', 1.0, 'record 1 .*acceleration = 0.0'),
             ('assembly', 'crossed', '.'),
             ('frame.angle', 5.4977871437821, '.'),
             ('coupler.point', (0.16, 0.05), '/coupler_point: point.x|point.y'),
-            ('coupler.point', 'none', '/coupler_point: no run of this'),
-            ('rate_hz', 199.0, 'state 2, .* has this stamp'),
-            ('joint_prefix', 'left_', 'robot_description: data'),
-            ('frame_id', 'tool0', 'robot_description: data'),
+            ('coupler.point', 'none', '^/coupler_point: '),
+            ('rate_hz', 199.0, '^state 2, '),
+            ('joint_prefix', 'left_', '^/robot_description: '),
+            ('frame_id', 'tool0', '^/robot_description: '),
         )
     },
     **{
@@ -521,20 +517,20 @@ TAMPERED = {
             resealed(MOTION_RECORD, lambda old, new=fields: {**old, **new}, number), words,
         )
         for number, fields, words in (
-            (0, {'phase': '1/1000'}, 'motion record 1 has phase = '),
-            (0, {'rpm': '151.0'}, 'motion record 1 has '),
-            (0, {'acceleration': '1.0'}, 'motion record 1 has acceleration = 1.0'),
-            (0, {'stamp': str(START + 1)}, 'record 2 has phase'),
-            (1, {'rpm': '59.99999999'}, 'record 2 has speed = 60, recomputed 8444'),
+            (0, {'phase': '1/1000'}, 'record 1 .*phase = 1/1000'),
+            (0, {'rpm': '151.0'}, 'record 1 .*rpm = 151.0'),
+            (0, {'acceleration': '1.0'}, 'record 1 .*acceleration = 1.0'),
+            (0, {'stamp': str(START + 1)}, 'record 2 .*phase = 3/4'),
+            (1, {'rpm': '59.99999999'}, 'record 2 .*speed = 60, .* 8444'),
             (
                 1, {'rpm': '59.99999999', 'speed': str(Fraction(59.99999999))},
                 r'state 61.*velocity\[crank\] = .*',
             ),
-            (1, {'phase': '1/1024'}, 'record 2 has phase = 1/1024, recomputed 3/4'),
-            (1, {'stamp': str(START + 59 * 5_000_000)}, 'record 2 has phase'),
-            (1, {'stamp': str(START + 61 * 5_000_000)}, 'record 2 has phase'),
-            (1, {'stamp': str(START - 1)}, 'record 2 starts before'),
-            (1, {'before': str(START)}, 'record 2 has phase'),
+            (1, {'phase': '1/1024'}, 'record 2 .*phase = 1/1024, .* 3/4'),
+            (1, {'stamp': str(START + 59 * 5_000_000)}, 'record 2 .*phase = 3/4'),
+            (1, {'stamp': str(START + 61 * 5_000_000)}, 'record 2 .*phase = 3/4'),
+            (1, {'stamp': str(START - 1)}, 'record 2 '),
+            (1, {'before': str(START)}, 'record 2 .*phase = 3/4'),
         )
     },
 }  # fmt: skip
@@ -573,7 +569,7 @@ def test_old_log_is_verified_except_for_the_description(preset):
     assert (report.states, report.difference) == (STATES, '')
     assert (report.others, report.absent) == (('/robot_description',), ())
     assert {*report.compared, *report.others} == topics
-    assert '  not recomputable, so not compared: /robot_description' in words
+    assert any(line.endswith(': /robot_description') for line in words)
 
 
 @each_log
@@ -599,7 +595,8 @@ def test_old_log_is_replayed_in_a_viewer(called, tmp_path, preset):
     words = '--no-ros', '--viewer', tmp_path / 'run.rrd', '--rate', 10
     code, out, err = called(replay, LOGS[preset], *words)
     assert (code, err) == (0, '')
-    assert 'messages replayed' in out
+    assert out
+    assert (tmp_path / 'run.rrd').stat().st_size
 
 
 # ---------------------------------------------------------------- command
@@ -610,14 +607,12 @@ def test_command_reports_what_was_compared(tmp_path, called):
     rewrite(path, resealed(CONFIGURATION_RECORD, lambda old: {**old, 'version': '0.0.7'}))
     code, out, err = called(log_tool, 'verify', path)
     assert (code, err) == (0, '')
-    *lines, last = out.splitlines()
-    assert lines == [
-        f'{path}: 39 states, every one equal to the bit',
-        f'  compared: {", ".join(QUADRILATERAL)}, /robot_description',
-        '  not recomputable, so not compared: /diagnostics',
-        '  2 ticks without a state: the run was late or lost states',
-    ]
-    assert 'written by linkage_ros 0.0.7, recomputed by' in last
+    named = (
+        f'{path}: 39 states', f'{", ".join(QUADRILATERAL)}, /robot_description', '/diagnostics',
+        '2 ticks', f'0.0.7.*{re.escape(__version__)}',
+    )  # fmt: skip
+    for line, words in zip(out.splitlines(), named, strict=True):
+        assert re.search(words, line)
     for bad in (tmp_path / 'missing.mcap', __file__):
         assert_refused(*called(log_tool, 'verify', bad), '')
 
