@@ -294,6 +294,17 @@ def test_the_command_writes_records_and_a_picture(tmp_path, called):
     assert (tmp_path / picture).is_file()
 
 
+def costs_by_operations(_, models, rounds):
+    """Replaces the measured times, which a busy machine disorders, by 0.1 us an operation."""
+    return {
+        name: {
+            'operations': tape.operations, 'microseconds': 0.3 + 0.1 * tape.operations,
+            'parameters': count,
+        }
+        for name, ((_, tape), count) in models.items()
+    }  # fmt: skip
+
+
 def test_labels_of_reduced_models_are_inside_and_not_over_each_other(
     tmp_path, called, monkeypatch
 ):
@@ -301,6 +312,7 @@ def test_labels_of_reduced_models_are_inside_and_not_over_each_other(
     monkeypatch.setattr(
         Figure, 'savefig', lambda *given, **rest: figures.append(given[0]) or save(*given, **rest)
     )
+    monkeypatch.setattr(Economy, '_costs', costs_by_operations)
     words = 'economy', 'wiper', '--rpm', '45', '--quick', '--out', tmp_path
     assert called(command_line, *words)[0] == 0
     _, reduced, _ = figures[0].axes
@@ -311,8 +323,7 @@ def test_labels_of_reduced_models_are_inside_and_not_over_each_other(
     harmonics = next(line for line in reduced.lines if line.get_label() == 'harmonics')
     curve = harmonics.get_transform().transform_path(harmonics.get_path())
     own = [box for box, text in zip(boxes, texts, strict=True) if text.get_ha() == 'left']
-    is_ordered = (np.diff(harmonics.get_xdata()) > 0).all()  # but perhaps on a busy machine
-    assert not is_ordered or not any(curve.intersects_bbox(box, filled=False) for box in own)
+    assert not any(curve.intersects_bbox(box, filled=False) for box in own)
     low, high = reduced.get_xlim()
     for line in reduced.lines[:3]:
         assert (low < line.get_xdata()).all()
