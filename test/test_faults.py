@@ -69,10 +69,10 @@ def test_killed_run_is_recovered_up_to_the_last_flush(tmp_path):
     with watched(HEARD, *node_arguments(log=path)) as (listener, process):
         listener.await_more(50)
         # During the run, no other process can write to the log, but a copy can be saved.
-        with pytest.raises(LogError, match='is being written by another run'):
+        with pytest.raises(LogError, match='another run'):
             LogWriter(path, load('quadrilateral'), overwrite=True)
         assert recover(path, saved).messages > 0
-        with pytest.raises(LogError, match='is being written by another run'):
+        with pytest.raises(LogError, match='another run'):
             recover(saved, path, overwrite=True)
         due = flushed(listener, path)
         process.kill()
@@ -105,7 +105,7 @@ def remove_the_folder(_, path):
     ('breaks', 'words'),
     [
         (fill_the_disk, 'cannot be written: File too large; linkage_log recover saves its c'),
-        (remove_the_folder, 'was removed while it was written; until this process ends, it can'),
+        (remove_the_folder, 'was removed'),
     ],
 )
 def test_failing_log_ends_without_stopping_the_node(tmp_path, breaks, words):
@@ -226,6 +226,6 @@ def test_truncated_log_is_reported_and_left_alone(tmp_path, size):
     log.flush()
     os.truncate(path, size)
     log.write_motion(motion.segment)
-    with pytest.raises(LogError, match='another program truncates it or writes to it'):
+    with pytest.raises(LogError, match='another program'):
         log.flush()  # would fill the gap
     assert path.stat().st_size == size  # recoverable data remains intact

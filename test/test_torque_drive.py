@@ -128,10 +128,10 @@ def test_warning_about_command_gaps_stays_until_gaps_end(commands, clock):
 @pytest.mark.parametrize(
     ('names', 'efforts', 'words'),
     [
-        (['crank'], [math.nan], 'effort nan: must be a finite number'),
-        (['crank'], [math.inf], 'effort inf: must be a finite number'),
+        (['crank'], [math.nan], 'effort nan'),
+        (['crank'], [math.inf], 'effort inf'),
         (['crank'], [], '1 names and 0 efforts'),
-        ([], [], 'it names nothing: must name crank once'),
+        ([], [], 'must name crank'),
         (['Crank'], [1.0], 'it names Crank: must name crank once'),
         (['crank', 'crank'], [1.0, 1.0], 'must name crank once'),
         (['left_crank'], [1.0], 'it names left_crank: must name crank once'),
@@ -185,7 +185,7 @@ def test_revolutions_are_counted_from_the_start_either_way(tmp_path):
         QUADRILATERAL, drive={'motor': Motor()}, mechanism={'gravity': (0.0, 0.0)},
         session={'rate_hz': 0.05},
     )  # fmt: skip
-    with pytest.raises(ConfigurationError, match='has made only 0 of 1 revolutions within 3600 s'):
+    with pytest.raises(ConfigurationError, match=r'0 of 1 .* 3600 s'):
         record(resting, tmp_path / 'rest.mcap', revolutions=1)
 
 
@@ -383,5 +383,5 @@ def test_record_with_a_torque_that_the_motor_cannot_give_is_detected(tmp_path):
 
 def test_a_log_without_accelerations_cannot_be_verified(tmp_path):
     live(tmp_path / 'run.mcap', PUMP, ticks(1), topics=('joint_states',))
-    with pytest.raises(LogError, match='or no mechanism_state'):
+    with pytest.raises(LogError, match='mechanism_state'):
         report_of(tmp_path / 'run.mcap')

@@ -398,7 +398,7 @@ def test_processes_and_a_cluster_give_the_same_bytes_and_lose_nothing(run, tmp_p
         assert run(STUDY, '--scheduler', address)[0] == 0
         assert Path('study.csv').read_bytes() == table
         check_that_a_death_loses_nothing(partial(cluster, address), tmp_path / 'worker')
-        with pytest.raises(ConfigurationError, match='linkage_lab, and memory'), cluster(address):
+        with pytest.raises(ConfigurationError, match='linkage_lab'), cluster(address):
             raise PackageNotFoundError('linkage_lab')
         with pytest.raises(BrokenExecutor), cluster(address):
             raise TypeError('cannot unpack non-iterable int object')
@@ -478,20 +478,20 @@ def test_ctrl_c_leaves_complete_rows_of_measured_designs(run, monkeypatch):
 @pytest.mark.parametrize(
     ('old', 'new', 'found'),
     [
-        ('designs: 200', 'desings: 200', 'of a study: choose from base, designs, '),
+        ('designs: 200', 'desings: 200', 'base, designs, '),
         ('designs: 200', 'designs: 0', 'a whole number from 1'),
         ('base: quadrilateral', 'base: no_such', 'no preset'),
-        ('base: quadrilateral', 'base: wind_pump', 'must be a mechanism whose crank'),
+        ('base: quadrilateral', 'base: wind_pump', 'base = wind_pump'),
         ('base: quadrilateral', 'base: press', 'friction'),
         ('base: quadrilateral', '', 'base is missing'),
-        ('seed: 3', 'sampler: dice', 'must be one of sobol'),
-        ('designs: 200', 'designs: 7\nsampler: grid', 'needs at least 8'),
-        ('crank.length', 'crank.lenght', 'of this FourBar: choose from frame.length, '),
+        ('seed: 3', 'sampler: dice', 'sobol'),
+        ('designs: 200', 'designs: 7\nsampler: grid', 'at least 8'),
+        ('crank.length', 'crank.lenght', 'FourBar: choose from frame.length, '),
         ('crank.length', 'crank.center', 'crank.length, crank.mass, '),
         ('[0.05, 0.2]', '[0.2, 0.2]', 'empty'),
         ('[0.05, 0.2]', '[-0.1, 0.2]', 'two numbers, each from 1e-09'),
         ('[0.05, 0.2]', '0.2', 'two numbers'),
-        ('rpm: 15.0', 'crank.length: 0.01', 'a range and a tolerance'),
+        ('rpm: 15.0', 'crank.length: 0.01', 'crank.length has a range'),
         ('rpm: 15.0', 'rpm: 0.0', 'empty'),
         ('rpm: 15.0', 'rocker.mass: 4.0', 'rocker.mass = [-0.5, 7.5]: must be two'),
         ('time_ratio', 'time_rato', "measures ['time_rato', 'peak"),
@@ -505,11 +505,11 @@ def test_ctrl_c_leaves_complete_rows_of_measured_designs(run, monkeypatch):
             'crank.length: [0.6, 0.7]',
             '200 designs: 200 cannot turn; change',
         ),
-        ('swing: most', 'swing: best', 'must be one of least, most'),
+        ('swing: most', 'swing: best', 'least, most'),
         (', swing: most', '', 'must be two'),
         (STUDY, 'base: quadrilateral\ntolerances: {rpm: 1.0}', 'measures []: choose from'),
         (STUDY, 'base: quadrilateral\nmeasures: swing', 'nothing varies'),
-        (STUDY, 'base: quadrilateral\nranges: [1.0, 2.0]', 'write ranges: {NAME: VALUE}'),
+        (STUDY, 'base: quadrilateral\nranges: [1.0, 2.0]', 'ranges: {NAME: VALUE}'),
         (STUDY, '- base', 'instead of a mapping'),
     ],
 )
@@ -523,7 +523,7 @@ def test_invalid_study_gives_one_line(run, monkeypatch, old, new, found):
 def test_absent_scheduler_gives_one_line(run):
     code, _, errors = run(STUDY, '--scheduler', 'tcp://127.0.0.1:9')
     assert (code, errors.count('\n')) == (2, 1)
-    assert 'no Dask scheduler answers' in errors
+    assert 'tcp://127.0.0.1:9' in errors
 
 
 def test_designs_of_a_six_bar_match_the_solver():
