@@ -8,8 +8,6 @@ Positions, ground and colours come from the code of the Rerun view. The SVG is w
 without a library, so that the files are the same bytes on every machine.
 """
 
-from __future__ import annotations
-
 import argparse
 import cmath
 import math

@@ -8,8 +8,6 @@ A table is between comments with its name. `linkage_chart accuracy --out docs`, 
 stability --out docs` and the programs in benchmarks write the JSON files.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import re

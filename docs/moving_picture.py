@@ -9,8 +9,6 @@ graphics card, or Mesa's software driver (mesa-vulkan-drivers on Debian and Ubun
 screen, because the viewer renders without a window. This takes a quarter of a minute.
 """
 
-from __future__ import annotations
-
 import io
 import sys
 import tempfile
@@ -67,7 +65,7 @@ def _messages(configuration: Configuration) -> list[tuple[int, bytes]]:
     return samples
 
 
-def _blueprint(configuration: Configuration) -> rrb.Blueprint:
+def _blueprint(configuration: Configuration) -> 'rrb.Blueprint':
     """Reduces the usual layout to linkage and torque, without panels, with a fixed time axis."""
     import rerun as rr
     import rerun.blueprint as rrb
@@ -88,7 +86,7 @@ def _blueprint(configuration: Configuration) -> rrb.Blueprint:
     )
 
 
-def _connect(program: ViewerProcess, url: str) -> ViewerClient:
+def _connect(program: ViewerProcess, url: str) -> 'ViewerClient':
     """Connects to the viewer, and waits until it has loaded the data.
 
     Raises:

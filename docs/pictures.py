@@ -11,8 +11,6 @@ others: benchmarks/controller.py, `linkage_chart accuracy` (accuracy_follow.png)
 docs/moving_picture.py (quadrilateral.gif).
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

@@ -8,8 +8,6 @@ The tables come from the declarations in the code; the text between them is writ
 script requires the extra ros.
 """
 
-from __future__ import annotations
-
 import argparse
 import ast
 import json

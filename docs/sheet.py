@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Draws lines, arrows, angles and text as SVG."""
 
-from __future__ import annotations
-
 import cmath
 import math
 from collections.abc import Iterable

@@ -7,8 +7,6 @@ README.md and lab/README.md, which list the pages by task, become the navigation
 presets are made for the page movies.md.
 """
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Joint states of logs and of other bags as arrays, and as tables for a spreadsheet."""
 
-from __future__ import annotations
-
 import csv
 import math
 from array import array
@@ -93,7 +91,7 @@ class _Table:
 
     def _columns_of(
         self, names: Sequence[str], sizes: Iterable[tuple[str, int]]
-    ) -> Iterator[array[float]]:
+    ) -> Iterator['array[float]']:
         """Yields the column of each value; values without a unique name are omitted."""
         taken = set[str]()
         for quantity, size in sizes:

@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Program behind `make demo`: runs a four-bar on ROS 2, or records it if rclpy is missing."""
 
-from __future__ import annotations
-
 import signal
 import subprocess
 import sys

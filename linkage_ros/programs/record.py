@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """linkage_record: writes the states of a run to a log, as fast as possible."""
 
-from __future__ import annotations
-
 import argparse
 import gc
 import math
