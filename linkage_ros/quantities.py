@@ -231,7 +231,7 @@ class _Held(NamedTuple):
     @property
     def kind(self) -> Quantity:
         """The kind of a named object, as a parameter."""
-        return Quantity('choice', 'kind of load', choices=self.named.keys())
+        return Quantity('choice', 'kind', choices=self.named.keys())
 
     def members(self, prefix: str, values: Mapping[str, object]) -> dict[str, Any]:
         """Returns the classes of the named objects in parameters, by name in increasing order.

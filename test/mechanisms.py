@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 from hypothesis import strategies as st
 from mpmath import mp
-from oracle import oracle_of, wrap
+from oracle import load_fields, oracle_of, wrap
 
 from linkage_ros import (
     Barrel,
@@ -21,14 +21,15 @@ from linkage_ros import (
     Frame,
     Guide,
     InvertedSliderCrank,
-    LinkLoad,
     LoadCurve,
     Piston,
+    Rocker,
     Rod,
     Slider,
     SliderCrank,
     WindPump,
 )
+from linkage_ros.mechanism.parts import LoadedPart
 from linkage_ros.settings.configuration import read_values
 
 # Parameters of the quadrilateral whose crank is measured; a preset would also set its motion.
@@ -185,10 +186,8 @@ LIGHT_ROD = replace(
 # With springs, damping, forces and load curves.
 SPRUNG_ROCKER = replace(
     four_bar(FULL['crank_rocker'], 1.3),
-    loads=(
-        LinkLoad('rocker', 3.0, 0.7, 11.0, 3.4),
-        LoadCurve('rocker', 'position', (2.7, 3.1, 3.3), (5.0, -7.0, 30.0), (0.0, 2.0, -4.0)),
-    ),
+    rocker=Rocker(2.5, 3.0, 0.3, (1.0, -0.625), 3.0, 0.7, 11.0, 3.4),
+    loads=(LoadCurve('rocker', 'position', (2.7, 3.1, 3.3), (5.0, -7.0, 30.0), (0.0, 2.0, -4.0)),),
 )
 SPRUNG_SLIDER = replace(
     slider_crank(FULL['offset_right'], 5.5, 'crossed'),
@@ -248,11 +247,8 @@ ALL = {
 
 def with_loads(mechanism, *loads):
     """Replaces the loads of a mechanism, and removes those of its output link."""
-    (name,) = {'rocker', 'slider', 'rod'} & {
-        name for name, part in vars(mechanism).items() if hasattr(part, 'load_fields')
-    }
-    part = getattr(mechanism, name)
-    bare = replace(part, **dict.fromkeys(part.load_fields, 0.0))
+    ((name, part),) = [x for x in mechanism.parts().items() if isinstance(x[1], LoadedPart)]
+    bare = replace(part, **dict.fromkeys(load_fields(part), 0.0))
     return replace(mechanism, **{name: bare}, loads=loads)
 
 

@@ -77,6 +77,13 @@ class Rubbing(NamedTuple):
     on: dict
 
 
+def load_fields(part):
+    """Returns the parameters of a part's own load: force, damping, stiffness and rest."""
+    if hasattr(part, 'torque'):
+        return 'torque', 'damping', 'stiffness', 'rest_angle'
+    return 'force', 'damping', 'stiffness', 'rest_position'
+
+
 class Oracle:
     """Computes the states of a mechanism.
 
@@ -407,11 +414,13 @@ class Oracle:
     def loads(self, q, vectors, rates):
         """Computes the loads on each link, and the share that is external to the machine."""
         outside = [mp.mpf(0)] * len(vectors)
-        output = self.bodies[-1]
         place, rate = self.place(vectors), rates[-1]
-        given = [mp.mpf(getattr(output, name)) for name in output.load_fields]
-        outside[-1], damping, stiffness, _ = given
+        outside[-1], damping, stiffness, _ = map(mp.mpf, self.own_load)
         coupled = self.inside(vectors, rates)
+        for load in self.link_loads:
+            if load.link == 'crank':
+                outside[0] += mp.mpf(load.force)
+                coupled[0] -= mp.mpf(load.damping) * rates[0]
         for curve in self.mechanism.loads:
             if getattr(curve, 'pressure', None):  # the head of the cylinder takes the opposite
                 pressure = periodic(curve.at, curve.pressure, mp.mpf(_first(q)), curve.turns)
@@ -511,6 +520,19 @@ class Oracle:
                     found.append((k, point, sign * pull * towards, False))
         return found
 
+    @property
+    def own_load(self):
+        """Force, damping, stiffness and rest position of the load on the output link."""
+        for load in self.link_loads:
+            if load.link != 'crank':
+                return load.force, load.damping, load.stiffness, load.rest
+        output = self.bodies[-1]
+        return [getattr(output, name) for name in load_fields(output)]
+
+    @property
+    def link_loads(self):
+        return [load for load in self.mechanism.loads if hasattr(load, 'rest')]
+
     def place(self, vectors):
         """Returns the output position; a rocker's is within half a turn of its swing's middle."""
         if self.slides:
@@ -522,7 +544,7 @@ class Oracle:
     def needs_middle(self):
         """Whether any load depends on the position of the rocker."""
         curves = [x for x in self.mechanism.loads if getattr(x, 'over', '') == 'position']
-        return not self.slides and bool(self.mechanism.rocker.stiffness or curves)
+        return not self.slides and bool(self.own_load[2] or curves)
 
     @functools.cached_property
     def middle(self):
@@ -539,10 +561,10 @@ class Oracle:
     def stretch(self, vectors):
         """Computes the elongation of the spring on the output link."""
         if self.slides:
-            return vectors[-1] - mp.mpf(self.mechanism.slider.rest_position)
-        if not self.mechanism.rocker.stiffness:
+            return vectors[-1] - mp.mpf(self.own_load[3])
+        if not self.own_load[2]:
             return mp.mpf(0)
-        rest = self.middle + wrap(mp.mpf(self.mechanism.rocker.rest_angle) - self.middle)
+        rest = self.middle + wrap(mp.mpf(self.own_load[3]) - self.middle)
         return self.place(vectors) - rest
 
     def _rubbing(self, rates):
@@ -591,14 +613,13 @@ class Oracle:
             height = dot(complex_of(self.mechanism.gravity), place)
             total += mp.mpf(body.mass) * (abs(velocity) ** 2 / 2 - height)
             total += mp.mpf(getattr(body, 'inertia', 0)) * rate**2 / 2
-        output = self.bodies[-1]
-        force = mp.mpf(getattr(output, output.load_fields[0]))
+        force, _, stiffness, _ = map(mp.mpf, self.own_load)
         if force:
             place = vectors[-1] if self.slides else mp.arg(vectors[-1])
             if not self.slides:
                 place = self.middle + wrap(place - self.middle)
             total -= force * place
-        return total + mp.mpf(output.stiffness) * self.stretch(vectors) ** 2 / 2
+        return total + stiffness * self.stretch(vectors) ** 2 / 2
 
     def natural(self, speed, acceleration):
         """Estimates the size of each quantity in a mechanism of this size at this speed."""
@@ -608,8 +629,8 @@ class Oracle:
             getattr(body, 'inertia', 0) * square + body.mass * size * (size * square + gravity)
             for body in self.bodies
         )
-        unit, output = size if self.slides else 1.0, self.bodies[-1]
-        force, damping, stiffness, _ = (getattr(output, name) for name in output.load_fields)
+        unit = size if self.slides else 1.0
+        force, damping, stiffness, _ = self.own_load
         torque += unit * (abs(force) + unit * (damping * abs(speed) + stiffness))
         units = [1.0 if turns else size for turns in self.turning]
         return *units, *(abs(speed) * x for x in units), *(square * x for x in units), torque

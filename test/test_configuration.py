@@ -12,7 +12,6 @@ import pytest
 from mechanisms import FOLLOWED
 
 from linkage_ros import ConfigurationError, Solver, WindPump
-from linkage_ros.mechanism.parts import Rocker
 from linkage_ros.mechanism.registry import MECHANISMS
 from linkage_ros.motion.drives import DRIVES
 from linkage_ros.quantities import MISSING
@@ -71,7 +70,7 @@ QUADRILATERAL = {
     'rocker.mass': 3.5,
     'rocker.inertia': 0.066,
     'rocker.center': (0.25, 0.0),
-    **{f'rocker.{what}': 0.0 for what in Rocker.load_fields},
+    **{f'rocker.{what}': 0.0 for what in ('torque', 'damping', 'stiffness', 'rest_angle')},
     'log': '',
     'log_overwrite': False,
     'viewer': '',
@@ -107,7 +106,7 @@ def test_with_a_mechanism_nothing_comes_from_the_preset():
             for body in ('crank', 'coupler', 'rocker')
             for what in ('mass', 'inertia')
         },
-        **{f'rocker.{what}': 0.0 for what in Rocker.load_fields},
+        **{f'rocker.{what}': 0.0 for what in ('torque', 'damping', 'stiffness', 'rest_angle')},
         **{f'{body}.center': (0.0, 0.0) for body in ('crank', 'coupler', 'rocker')},
         'crank_acceleration': 0.0,
         'crank_angle': 0.0,

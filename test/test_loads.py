@@ -21,7 +21,7 @@ from mechanisms import (
     with_loads,
     worst_errors,
 )
-from oracle import Oracle, oracle_of
+from oracle import Oracle, load_fields, oracle_of
 from ros_harness import assert_refused
 
 from linkage_lab import command_line
@@ -31,7 +31,6 @@ from linkage_ros import (
     Friction,
     LinkLoad,
     LoadCurve,
-    Rocker,
     Solver,
     UnreachableError,
 )
@@ -92,6 +91,14 @@ WRONG = {
     ),
     'negative spring': (f'{FOUR}, rocker: {{length: 0.5, stiffness: -1.0}}',
                         r'rocker\.stiffness = -1\.0: must be a number from 0'),
+    'spring on the crank': (
+        f'{FOUR}, {ROCKER}, loads: {{a: {{kind: joint, link: crank, stiffness: 1.0}}}}',
+        r'loads\.a\.stiffness = 1: the swing of a crank',
+    ),
+    'joint of the coupler': (
+        f'{FOUR}, {ROCKER}, loads: {{a: {{kind: joint, link: coupler, force: 1.0}}}}',
+        r"loads\.a\.link = 'coupler': must be crank or rocker",
+    ),
     'nan': (f'{SLIDER}, load: {{link: slider, at: [0.0, .nan], value: [1.0, 1.0]}}',
             r'load\.at = \[0\.0, nan\]: must be a list of numbers from -1e\+09'),
     'mixed': (f'{SLIDER}, load: {{link: slider, at: [0, 1.5], value: [1.0, 1.0]}}',
@@ -214,13 +221,43 @@ def test_laws_of_every_kind_of_load(link, kind):
     assert build(type(loaded), flatten(loaded)) == loaded != bare
 
 
-def test_link_load_equals_the_load_values_of_the_part():
-    given = with_loads(ALL['crank_rocker'], LinkLoad('rocker', 1.0, 2.0, 3.0, 0.4))
-    assert given.loads == ()
-    assert isinstance(given.rocker, Rocker)
-    assert [getattr(given.rocker, name) for name in Rocker.load_fields] == [1.0, 2.0, 3.0, 0.4]
-    with pytest.raises(ConfigurationError, match='given twice'):
-        replace(given, loads=(LinkLoad('rocker', 1.0),))
+@pytest.mark.parametrize('link', ON)
+def test_a_load_of_kind_joint_equals_the_parameters_of_the_part_to_the_bit(link):
+    bare, values = with_loads(ON[link]), (1.0, 2.0, 3.0, 0.4)
+    part = getattr(bare, link)
+    part = replace(part, **dict(zip(load_fields(part), values, strict=True)))
+    given = {'kind': 'joint', 'link': link, 'force': 1.0, 'damping': 2.0, 'stiffness': 3.0,
+             'rest': 0.4}  # fmt: skip
+    named = {f'loads.brake.{name}': value for name, value in given.items()}
+    short = replace(bare, **{link: part})
+    for long in (
+        build(type(bare), flatten(bare) | named), with_loads(bare, LinkLoad(link, *values))
+    ):  # fmt: skip
+        one, other = Solver(short), Solver(long)
+        assert one.state(CRANKS, 2.0, 1.5).torque.tobytes() == (
+            other.state(CRANKS, 2.0, 1.5).torque.tobytes()
+        )
+        assert np.array_equal(one.energy(CRANKS, 2.0), other.energy(CRANKS, 2.0))
+        assert build(type(long), flatten(long)) == long
+    # Both act if both are given.
+    twice = Solver(replace(short, loads=(LinkLoad(link, *values),)))
+    state, bare_torque = twice.state(CRANKS, 2.0), Solver(bare).state(CRANKS, 2.0).torque
+    once = Solver(short).state(CRANKS, 2.0).torque - bare_torque
+    assert np.allclose(state.torque - bare_torque, 2 * once, rtol=0, atol=1e-12 * np.ptp(once))
+    assert [*twice.wrenches(state)] == [link, 'joint_1']
+
+
+def test_loads_with_one_name_are_refused():
+    bare = ALL['crank_rocker']
+    short = replace(bare, rocker=replace(bare.rocker, torque=1.0))
+    replace(bare, loads=(LinkLoad('rocker', 1.0, name='rocker'),))
+    for loads in (
+        (LinkLoad('rocker', 1.0, name='rocker'),),
+        (Friction(0.1, 0.05), LinkLoad('crank', 1.0, name='friction')),
+        (LinkLoad('crank', 1.0, name='a'), LinkLoad('crank', 2.0, name='a')),
+    ):
+        with pytest.raises(ConfigurationError, match='two loads have the name'):
+            replace(short, loads=loads)
 
 
 @pytest.mark.parametrize(
@@ -267,6 +304,7 @@ def loads_of(link, middle):
         'spring': LinkLoad(link, stiffness=11.0, rest=middle + 0.4),
         'over_position': LoadCurve(link, 'position', places, (5.0, -7.0, 30.0), (0.0, 2.0, -4.0)),
         'over_crank_angle': LoadCurve(link, at=(0.5, 2.0, 6.0), value=(4.0, -3.0, 8.0)),
+        'brake': LinkLoad('crank', -2.0, 0.3),
         'on_the_crank': LoadCurve('crank', at=(-7.0, -5.0), value=(2.0, 9.0)),
         'friction': RUBBING[link],
     }

@@ -52,8 +52,7 @@ def solver(cardan_gear):
     gear = cardan_gear.CardanGear(
         Body(0.1, inertia=0.02),
         Coupler(0.1, mass=0.5, inertia=0.001, center=(0.01, 0.02), point=(0.05, 0.0)),
-        Slider(mass=2.0, damping=30.0, force=-5.0),
-        cardan_gear.Spring(400.0, 0.05),
+        Slider(mass=2.0, damping=30.0, force=-5.0, stiffness=400.0, rest_position=0.05),
         Guide(0.7),
     )
     return Solver(gear)
@@ -189,7 +188,7 @@ def test_the_log_is_verified_and_described(folder):
     assert '200 states, every one equal to the bit' in verified
     told = run('log', 'info', 'run.mcap', cwd=folder)
     assert 'cardan_gear, open, crank-slider, stroke 0.4 m' in told
-    assert 'spring.stiffness: 400.0  # N/m' in told
+    assert 'slider.stiffness: 400.0  # N/m' in told
 
 
 def test_the_chart_of_the_motion_has_the_torque_of_the_load(folder):

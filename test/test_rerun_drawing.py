@@ -4,7 +4,7 @@
 
 import itertools
 import math
-from dataclasses import fields, replace
+from dataclasses import replace
 from types import SimpleNamespace
 from unittest.mock import ANY
 
@@ -13,7 +13,7 @@ import pytest
 import rerun as rr
 from test_rerun_connection import read, run_of, show
 
-from linkage_ros.mechanism.four_bar import FourBar
+from linkage_ros.mechanism.loads.base import AppliedLoad
 from linkage_ros.mechanism.loads.force import Force
 from linkage_ros.mechanism.loads.friction import Friction
 from linkage_ros.mechanism.loads.link_load import LinkForce
@@ -196,12 +196,11 @@ def test_arrows_are_as_long_as_the_loads_and_point_their_way(drawn):
 
 
 def test_the_arrow_of_a_load_on_the_coupler_turns_about_the_crank_pin():
-    class Loaded(FourBar):
-        def link_loads(self):
-            return (LinkForce(1, force=2.0),)
+    class Twist(AppliedLoad):
+        def on(self, _mechanism):
+            return LinkForce(1, force=2.0)
 
-    plain, mark = load('quadrilateral').mechanism, 0.01
-    mechanism = Loaded(**{field.name: getattr(plain, field.name) for field in fields(plain)})
+    mechanism, mark = replace(load('quadrilateral').mechanism, loads=(Twist(),)), 0.01
     solver = Solver(mechanism)
     states = [solver.state(crank, 1.0) for crank in (0.3, 1.2, 4.0)]
     positions, rates = (np.array([row[i] for row in states]) for i in (0, 1))

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Defines a mechanism and a load of your own: a Cardan gear with a spring on its slider.
+"""Defines a mechanism of your own: a Cardan gear.
 
 A pinion on the crank rolls inside a fixed ring of twice its diameter. It rotates backwards at the
 crank's speed, so that a pin on its rim moves along a diameter of the ring, the guide of direction
@@ -14,7 +14,6 @@ Importing this file registers `mechanism: cardan_gear` in every program of the p
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -24,11 +23,9 @@ from linkage_ros.extensions import (
     AppliedLoad,
     Link,
     LinkPose,
-    Load,
     Point,
     Pose,
     Structure,
-    Wrench,
     coupler_point,
     dyads_field,
     gravity_quantity,
@@ -36,50 +33,7 @@ from linkage_ros.extensions import (
     two_sum,
 )
 from linkage_ros.formulas import ZERO, Real, Vector, atan2, cos, sin
-from linkage_ros.quantities import Checked, quantity
-
-
-@dataclass(frozen=True)
-class Spring(Checked):
-    """A linear spring between the frame and the slider.
-
-    Attributes:
-        stiffness: Spring stiffness, N/m; 0 means no spring.
-        rest_position: Slider position at which the spring is relaxed, m.
-    """
-
-    stiffness: float = quantity(
-        'number', 'stiffness of the spring on the slider', 'N/m', span=(0.0, 1e12), default=0.0
-    )
-    rest_position: float = quantity(
-        'number', 'slider position at which the spring is relaxed', 'm',
-        span=(-1e9, 1e9), default=0.0,
-    )  # fmt: skip
-
-
-class SpringLoad(NamedTuple):
-    """The spring as a load; see `linkage_ros.mechanism.loads.base.Load`.
-
-    Attributes:
-        link: Index of the link on which it acts.
-        stiffness: Spring stiffness, N/m.
-        rest_position: Position at which the spring is relaxed, m.
-    """
-
-    link: int
-    stiffness: float
-    rest_position: float
-
-    def wrenches(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> list[Wrench]:
-        """Returns the force along the guide, N, which the frame exerts."""
-        del rates
-        force = -(self.stiffness * (links[self.link].position - self.rest_position))
-        return [Wrench(self.link, force, force)]
-
-    def potential(self, links: Sequence[LinkPose]) -> Real:
-        """Returns the energy of the spring, J."""
-        stretch = links[self.link].position - self.rest_position
-        return 0.5 * self.stiffness * (stretch * stretch)
+from linkage_ros.quantities import quantity
 
 
 class CardanLoop(NamedTuple):
@@ -123,7 +77,6 @@ class CardanGear(Mechanism):
         crank: Driven link, from the origin A0 to A.
         coupler: Link from the crank pin A to B, which includes the pinion.
         slider: Slider at B; its position is measured along the guide from A0.
-        spring: Spring between the frame and the slider.
         frame: Direction of the guide.
         assembly: Assembly; there is only one.
         gravity: Acceleration of gravity [x, y], m/s^2.
@@ -134,7 +87,6 @@ class CardanGear(Mechanism):
     crank: Body
     coupler: Coupler
     slider: Slider = field(default_factory=Slider)
-    spring: Spring = field(default_factory=Spring)
     frame: Guide = field(default_factory=Guide)
     assembly: str = quantity('choice', 'the only assembly', choices=(OPEN,), default=OPEN)
     gravity: tuple[float, float] = gravity_quantity()
@@ -158,14 +110,6 @@ class CardanGear(Mechanism):
     def reach(self) -> Reach:
         """Returns the reach: the crank turns fully, and no crank angle has a fast motion."""
         return Reach('crank-slider')
-
-    def link_loads(self) -> tuple[Load, ...]:
-        """Returns the loads of the slider, and the spring."""
-        spring = self.spring
-        springs = (
-            (SpringLoad(2, spring.stiffness, spring.rest_position),) if spring.stiffness else ()
-        )
-        return (*super().link_loads(), *springs)
 
     def loop_structure(self) -> Structure:
         """Returns the open tree of links; the loop is cut at B."""

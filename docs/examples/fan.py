@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from linkage_ros.extensions import LOADS, AppliedLoad, LinkPose, Wrench
-from linkage_ros.formulas import Real
+from linkage_ros.formulas import ZERO, Real
 from linkage_ros.quantities import quantity
 
 
@@ -54,6 +54,10 @@ class FanTorque(NamedTuple):
         """Returns the torque on the link, which the air exerts."""
         rate = rates[self.link]
         return [Wrench(self.link, -(self.coefficient * (rate * abs(rate))))]
+
+    def potential(self, _links: Sequence[LinkPose]) -> Real:
+        """Returns ZERO: a fan stores no energy."""
+        return ZERO
 
 
 LOADS['fan'] = Fan

@@ -22,7 +22,7 @@ _PARTS = 8  # least number of steps between two corners or jumps
 def samples(solver: Solver, steps_per_turn: int = 720) -> Array:
     """Returns crank angles over one period; see `Reach.samples` and `with_breaks`."""
     mechanism, crank = solver.mechanism, solver.reach.samples(steps_per_turn)
-    if not mechanism.loads:
+    if not any(load.has_corners for load in mechanism.applied_loads()):
         return crank
     # At a given speed, friction and load curves do not change the motion.
     moving = Solver(replace(cast('Any', mechanism), loads=()))
@@ -65,9 +65,10 @@ def with_breaks(crank: Array, solver: Solver, states: Callable[[Array], State]) 
 
 def _pieces(solver: Solver, states: Callable[[Array], State]) -> Callable[[Array], Array]:
     """Returns a function of crank angles that numbers the smooth pieces of each load."""
-    model = solver.model
-    loads: list[Any] = [load for load in model.loads if hasattr(load, 'piece')]
-    in_joints: list[Any] = [load for load in model.joint_loads if hasattr(load, 'piece')]
+    model, mechanism = solver.model, solver.mechanism
+    cornered = [load for load in mechanism.applied_loads() if load.has_corners]
+    loads: list[Any] = [found for load in cornered if (found := load.on(mechanism))]
+    in_joints: list[Any] = [rub for load in cornered if (rub := load.in_joints(mechanism))]
 
     def pieces(angles: Array) -> Array:
         rows = np.zeros((len(loads) + len(in_joints), len(angles)))

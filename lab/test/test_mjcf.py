@@ -9,7 +9,7 @@ tests measure it again.
 
 import math
 import re
-from dataclasses import fields, replace
+from dataclasses import replace
 from types import SimpleNamespace
 
 import mujoco  # required by these tests: without it they must fail, not be skipped
@@ -21,7 +21,8 @@ from test_mujoco import slipped
 
 from linkage_lab import command_line
 from linkage_lab.charts.mjcf import make_mjcf
-from linkage_ros import ConfigurationError, SliderCrank
+from linkage_ros import ConfigurationError
+from linkage_ros.mechanism.loads.base import AppliedLoad
 from linkage_ros.mechanism.loads.curve import CurveForce
 from linkage_ros.mechanism.loads.link_load import LinkForce
 from linkage_ros.motion.drives.base import Machine
@@ -126,13 +127,13 @@ def test_coupler_point_is_a_sensor():
 
 
 def test_friction_and_a_load_on_a_link_carried_by_another_are_refused():
-    class Loaded(SliderCrank):
-        def link_loads(self):
-            return (LinkForce(1, force=2.0),)
+    class Twist(AppliedLoad):
+        def on(self, _mechanism):
+            return LinkForce(1, force=2.0)
 
     plain = changed('slider_crank')
-    parts = {field.name: getattr(plain.mechanism, field.name) for field in fields(plain.mechanism)}
-    for name, given in (('Friction', [load('press')]), ('LinkForce', [plain, Loaded(**parts)])):
+    twisted = replace(plain.mechanism, loads=(Twist(),))
+    for name, given in (('Friction', [load('press')]), ('LinkForce', [plain, twisted])):
         with pytest.raises(
             ConfigurationError, match=f'^MJCF does not support {name}: only load curve'
         ):
@@ -174,8 +175,8 @@ def run(configuration, seconds, mechanism=None):
         rpm = drive.start_rpm if is_motor else drive.initial_rpm
     unpowered = TorqueDrive(start_rpm=rpm, crank_angle=crank)
     plant = unpowered.begin(0, Machine(solver, step))
-    named = configuration.mechanism.load_names(), configuration.mechanism.link_loads()
-    pairs = (pair for pair in zip(*named, strict=True) if isinstance(pair[1], CurveForce))
+    loads = configuration.mechanism.link_loads().items()
+    pairs = (pair for pair in loads if isinstance(pair[1], CurveForce))
     name, curve = next(pairs, ('', None))
     if name == 'load':
         name = f'{solver.links[curve.link]}_curve'

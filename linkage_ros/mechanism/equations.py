@@ -136,7 +136,7 @@ class Model(NamedTuple):
             structure.driven,
             Vector(*mechanism.gravity),
             complex(*pivot),
-            mechanism.link_loads(),
+            tuple(mechanism.link_loads().values()),
             mechanism.joint_loads(),
             **refusals,
         )
@@ -475,7 +475,7 @@ def energy(model: Model, q: Sequence[Real], u: Sequence[Real]) -> tuple[Real, Re
         -dot(link.direction, model.weight(j)) * (link.position if body.is_guided else 1.0)
         for j, (link, body) in enumerate(links)
     )
-    loads = (load.potential(pose.links) for load in model.loads if hasattr(load, 'potential'))
+    loads = (load.potential(pose.links) for load in model.loads)
     potential = total([weights, *loads])
     require(is_finite(kinetic, potential), model.refuse, *q, *u)
     return kinetic, potential

@@ -232,7 +232,7 @@ class FourBar(Mechanism):
             right. For a linkage with change points, this holds at crank angles from 0 to pi,
             measured from the frame's angle reduced by whole turns to [-pi, pi].
         gravity: Acceleration of gravity [x, y], m/s^2.
-        loads: Loads, such as `Force` and `Friction`; a `LinkLoad` is moved into the rocker.
+        loads: Loads, such as `Force` and `Friction`.
         dyads: Dyads that the linkage carries.
     """
 

@@ -220,7 +220,7 @@ class InvertedSliderCrank(Mechanism):
         offset: Distance of the rod's axis from B0, positive to the left of the barrel's direction,
             m.
         gravity: Acceleration of gravity [x, y], m/s^2.
-        loads: Loads on the links. A `LinkLoad` given here is moved into the rod.
+        loads: Loads, such as `Force` and `Friction`.
         dyads: Dyads that the linkage carries.
         input: Driven joint: 'crank', or 'cylinder', the rod in its barrel.
         assembly: Side of A from the line from A0 to B0 if the cylinder is driven: 'open' for left,

@@ -335,6 +335,10 @@ class FoundLoad(NamedTuple):
             for j, (inner, outer, couple) in enumerate(zip(*self, strict=True))
         ]
 
+    def potential(self, _links: Sequence[LinkPose]) -> Real:
+        """Returns ZERO; see `Load`."""
+        return ZERO
+
 
 class Search(NamedTuple):
     """State of the iteration for the joint forces.

@@ -7,8 +7,9 @@ Angles are in rad, counter-clockwise from the x axis of base_link.
 """
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
+from linkage_ros.mechanism.loads.link_load import PartLoad
 from linkage_ros.quantities import Checked, quantity
 
 OPEN = 'open'
@@ -19,7 +20,7 @@ CROSSED = 'crossed'
 _LENGTHS = (1e-9, 1e9)
 _MASSES = (0.0, 1e12)
 _FORCES = (-1e12, 1e12)
-_SLIDER_LOAD = 'force', 'damping', 'stiffness', 'rest_position'
+_PLACES = (-1e9, 1e9)
 
 
 def gravity_quantity() -> Any:
@@ -27,6 +28,77 @@ def gravity_quantity() -> Any:
     return quantity(
         'pair', 'acceleration of gravity [x, y]', 'm/s^2', span=(-1e6, 1e6), default=(0.0, -9.81)
     )
+
+
+def _mass() -> Any:
+    return quantity('number', 'mass', 'kg', span=_MASSES, default=0.0)
+
+
+def _inertia() -> Any:
+    return quantity(
+        'number', 'moment of inertia about the centre of mass', 'kg m^2', span=_MASSES, default=0.0
+    )
+
+
+def _center(origin: str) -> Any:
+    """Declares the centre of mass, which is measured from this point."""
+    return quantity(
+        'pair', f'centre of mass [along, across] from {origin}', 'm', span=_PLACES,
+        default=(0.0, 0.0),
+    )  # fmt: skip
+
+
+def _number(meaning: str, unit: str, span: tuple[float, float]) -> Any:
+    return quantity('number', meaning, unit, span=span, default=0.0)
+
+
+def _force(meaning: str = 'external force along the guide') -> Any:
+    return _number(meaning, 'N', _FORCES)
+
+
+def _damping() -> Any:
+    return _number('resistance per sliding speed', 'N s/m', _MASSES)
+
+
+def _stiffness(meaning: str = 'stiffness of a spring to the frame') -> Any:
+    return _number(meaning, 'N/m', _MASSES)
+
+
+def _rest_position() -> Any:
+    return _number('position at which the spring is at rest', 'm', _PLACES)
+
+
+class LoadedPart(Checked):
+    """Base class of parts with parameters of a load on their own link."""
+
+    def own_load(self, link: str) -> PartLoad | None:
+        """Returns this load, or None if it is 0.
+
+        Args:
+            link: Name of the part's link.
+        """
+        raise NotImplementedError
+
+
+class SlidingPart(LoadedPart):
+    """Base class of parts that slide.
+
+    Attributes:
+        force: External force along the guide, N.
+        damping: Damping coefficient of the guide, N s/m.
+        stiffness: Stiffness of a spring to the frame, N/m.
+        rest_position: Position at which the spring exerts no force, m.
+    """
+
+    force: float
+    damping: float
+    stiffness: float
+    rest_position: float
+
+    def own_load(self, link: str) -> PartLoad | None:
+        """See `LoadedPart.own_load`."""
+        values = self.force, self.damping, self.stiffness
+        return PartLoad(link, *values, self.rest_position) if any(values) else None
 
 
 @dataclass(frozen=True)
@@ -41,14 +113,9 @@ class Body(Checked):
     """
 
     length: float = quantity('number', 'distance between the pins', 'm', span=_LENGTHS)
-    mass: float = quantity('number', 'mass', 'kg', span=_MASSES, default=0.0)
-    inertia: float = quantity(
-        'number', 'moment of inertia about the centre of mass', 'kg m^2', span=_MASSES, default=0.0
-    )
-    center: tuple[float, float] = quantity(
-        'pair', 'centre of mass [along, across] from the first pin', 'm',
-        span=(-1e9, 1e9), default=(0.0, 0.0),
-    )  # fmt: skip
+    mass: float = _mass()
+    inertia: float = _inertia()
+    center: tuple[float, float] = _center('the first pin')
 
 
 @dataclass(frozen=True)
@@ -61,12 +128,12 @@ class Coupler(Body):
 
     point: tuple[float, float] | None = quantity(
         'pair', 'traced coupler point [along, across] from the crank pin', 'm',
-        span=(-1e9, 1e9), default=None,
+        span=_PLACES, default=None,
     )  # fmt: skip
 
 
 @dataclass(frozen=True)
-class Rocker(Body):
+class Rocker(Body, LoadedPart):
     """The output link of a four-bar, including the load on it.
 
     Attributes:
@@ -76,21 +143,15 @@ class Rocker(Body):
         rest_angle: Angle of the rocker at which the spring exerts no torque, rad.
     """
 
-    load_fields: ClassVar[tuple[str, ...]] = ('torque', 'damping', 'stiffness', 'rest_angle')
+    torque: float = _number('external torque, positive counter-clockwise', 'N m', _FORCES)
+    damping: float = _number('resistance per angular velocity', 'N m s', _MASSES)
+    stiffness: float = _number('stiffness of a torsion spring to the frame', 'N m/rad', _MASSES)
+    rest_angle: float = _number('direction in which the spring is at rest', 'rad', (-1e3, 1e3))
 
-    torque: float = quantity(
-        'number', 'external torque, positive counter-clockwise', 'N m', span=_FORCES, default=0.0
-    )
-    damping: float = quantity(
-        'number', 'resistance per angular velocity', 'N m s', span=_MASSES, default=0.0
-    )
-    stiffness: float = quantity(
-        'number', 'stiffness of a torsion spring to the frame', 'N m/rad', span=_MASSES,
-        default=0.0,
-    )  # fmt: skip
-    rest_angle: float = quantity(
-        'number', 'direction in which the spring is at rest', 'rad', span=(-1e3, 1e3), default=0.0
-    )
+    def own_load(self, link: str) -> PartLoad | None:
+        """See `LoadedPart.own_load`."""
+        values = self.torque, self.damping, self.stiffness
+        return PartLoad(link, *values, self.rest_angle) if any(values) else None
 
 
 @dataclass(frozen=True)
@@ -123,7 +184,7 @@ class Guide(Checked):
 
 
 @dataclass(frozen=True)
-class Slider(Checked):
+class Slider(SlidingPart):
     """A body that slides along a guide without turning; its pin is its centre of mass.
 
     A disc of mass m, inertia J and radius R that rolls along the guide moves like a slider of mass
@@ -139,25 +200,15 @@ class Slider(Checked):
         rest_position: Position of the slider at which the spring exerts no force, m.
     """
 
-    load_fields: ClassVar[tuple[str, ...]] = _SLIDER_LOAD
-
     offset: float = quantity(
         'number', "distance of the pin's path from the crank pivot, to the guide's left", 'm',
-        span=(-1e9, 1e9), default=0.0,
+        span=_PLACES, default=0.0,
     )  # fmt: skip
-    mass: float = quantity('number', 'mass', 'kg', span=_MASSES, default=0.0)
-    force: float = quantity(
-        'number', 'external force along the guide', 'N', span=_FORCES, default=0.0
-    )
-    damping: float = quantity(
-        'number', 'resistance per sliding speed', 'N s/m', span=_MASSES, default=0.0
-    )
-    stiffness: float = quantity(
-        'number', 'stiffness of a spring to the frame', 'N/m', span=_MASSES, default=0.0
-    )
-    rest_position: float = quantity(
-        'number', 'position at which the spring is at rest', 'm', span=(-1e9, 1e9), default=0.0
-    )
+    mass: float = _mass()
+    force: float = _force()
+    damping: float = _damping()
+    stiffness: float = _stiffness()
+    rest_position: float = _rest_position()
 
 
 @dataclass(frozen=True)
@@ -170,18 +221,13 @@ class Barrel(Checked):
         center: Centre of mass [along, across] from B0, m.
     """
 
-    mass: float = quantity('number', 'mass', 'kg', span=_MASSES, default=0.0)
-    inertia: float = quantity(
-        'number', 'moment of inertia about the centre of mass', 'kg m^2', span=_MASSES, default=0.0
-    )
-    center: tuple[float, float] = quantity(
-        'pair', 'centre of mass [along, across] from the pivot B0', 'm',
-        span=(-1e9, 1e9), default=(0.0, 0.0),
-    )  # fmt: skip
+    mass: float = _mass()
+    inertia: float = _inertia()
+    center: tuple[float, float] = _center('the pivot B0')
 
 
 @dataclass(frozen=True)
-class Rod(Checked):
+class Rod(SlidingPart):
     """The rod of a cylinder, which slides in the barrel; its loads act between the two.
 
     Attributes:
@@ -195,32 +241,17 @@ class Rod(Checked):
         rest_position: Position of the rod at which the spring exerts no force, m.
     """
 
-    load_fields: ClassVar[tuple[str, ...]] = _SLIDER_LOAD
-
-    mass: float = quantity('number', 'mass', 'kg', span=_MASSES, default=0.0)
-    inertia: float = quantity(
-        'number', 'moment of inertia about the centre of mass', 'kg m^2', span=_MASSES, default=0.0
-    )
-    center: tuple[float, float] = quantity(
-        'pair', "centre of mass [along, across] from A in the barrel's direction", 'm',
-        span=(-1e9, 1e9), default=(0.0, 0.0),
-    )  # fmt: skip
-    force: float = quantity(
-        'number', 'force that lengthens the cylinder', 'N', span=_FORCES, default=0.0
-    )
-    damping: float = quantity(
-        'number', 'resistance per sliding speed', 'N s/m', span=_MASSES, default=0.0
-    )
-    stiffness: float = quantity(
-        'number', 'stiffness of a spring between barrel and rod', 'N/m', span=_MASSES, default=0.0
-    )
-    rest_position: float = quantity(
-        'number', 'position at which the spring is at rest', 'm', span=(-1e9, 1e9), default=0.0
-    )
+    mass: float = _mass()
+    inertia: float = _inertia()
+    center: tuple[float, float] = _center("A in the barrel's direction")
+    force: float = _force('force that lengthens the cylinder')
+    damping: float = _damping()
+    stiffness: float = _stiffness('stiffness of a spring between barrel and rod')
+    rest_position: float = _rest_position()
 
 
 @dataclass(frozen=True)
-class Piston(Checked):
+class Piston(SlidingPart):
     """A slider on the x axis of base_link, whose position is an independent coordinate.
 
     Attributes:
@@ -233,20 +264,10 @@ class Piston(Checked):
         rest_position: Position of the slider at which the spring exerts no force, m.
     """
 
-    load_fields: ClassVar[tuple[str, ...]] = _SLIDER_LOAD
-
-    position: float = quantity('number', 'position at t = 0', 'm', span=(-1e9, 1e9))
+    position: float = quantity('number', 'position at t = 0', 'm', span=_PLACES)
     velocity: float = quantity('number', 'velocity at t = 0', 'm/s', span=(-1e6, 1e6), default=0.0)
-    mass: float = quantity('number', 'mass', 'kg', span=_MASSES, default=0.0)
-    damping: float = quantity(
-        'number', 'resistance per sliding speed', 'N s/m', span=_MASSES, default=0.0
-    )
-    force: float = quantity(
-        'number', 'external force along the guide', 'N', span=_FORCES, default=0.0
-    )
-    stiffness: float = quantity(
-        'number', 'stiffness of a spring to the frame', 'N/m', span=_MASSES, default=0.0
-    )
-    rest_position: float = quantity(
-        'number', 'position at which the spring is at rest', 'm', span=(-1e9, 1e9), default=0.0
-    )
+    mass: float = _mass()
+    damping: float = _damping()
+    force: float = _force()
+    stiffness: float = _stiffness()
+    rest_position: float = _rest_position()

@@ -9,13 +9,12 @@ inside it.
 
 import math
 from collections.abc import Iterable
-from typing import Any
 
 import numpy as np
 
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.mechanism.kinematics import State
-from linkage_ros.mechanism.loads.base import continuous
+from linkage_ros.mechanism.loads.base import Range, continuous
 from linkage_ros.mechanism.solver import Solver
 
 _ROUNDING = 1e-9  # relative to the span of the points
@@ -25,26 +24,20 @@ class Ranges:
     """Compares the states of a motion with load curves over position, and with valves."""
 
     def __init__(self, solver: Solver) -> None:
-        """Collects the curves.
+        """Collects the ranges of the loads.
 
         Args:
             solver: Solver of the mechanism.
         """
-        loads: tuple[Any, ...] = solver.model.loads
-        self._solver = solver
+        self._solver, mechanism = solver, solver.mechanism
         self._links = solver.structure.links
-        names = solver.mechanism.load_names()
-        labels = {load.name or load.group: load.label for load in solver.mechanism.loads}
-        self._curves = {
-            labels[name]: (load.over, load.middle, ends)
-            for name, load in zip(names, loads, strict=True)
-            if (ends := getattr(load, 'ends', None))
-        }
-        self._valves = {
-            labels[name]: load
-            for name, load in zip(names, loads, strict=True)
-            if getattr(load, 'outlet', None) is not None
-        }
+        self._valid = dict[str, Range]()
+        self._one_way = dict[str, Range]()
+        for load in mechanism.applied_loads():
+            if found := load.valid_range(mechanism):
+                self._valid[load.label] = found
+            if found := load.one_way(mechanism):
+                self._one_way[load.label] = found
         self._way = 0.0  # of the crank
         self._found: dict[str, tuple[float, float]] = {}
         self._reversed = False
@@ -59,10 +52,10 @@ class Ranges:
         Raises:
             ConfigurationError: It reverses inside the stroke.
         """
-        for angle in reversals if self._valves else ():
+        for angle in reversals if self._one_way else ():
             position = self._solver.state(angle).position
-            for label, gas in self._valves.items():
-                if gas.is_inside(position[gas.link]):
+            for label, (link, low, high, _) in self._one_way.items():
+                if low < position[link] < high:
                     raise ConfigurationError(
                         f'{label}: the crank reverses at {angle:.6g} rad = '
                         f'{math.degrees(angle):.6g} deg, inside the stroke, where the valves '
@@ -72,13 +65,13 @@ class Ranges:
 
     def see(self, state: State) -> None:
         """Compares a state, or an array of states, with the curves and valves."""
-        if self._valves:
+        if self._one_way:
             ways = np.sign(np.append(self._way, state.velocity[0]))
             ways = ways[ways != 0]
             if np.any(ways != ways[:1]):
                 self._reversed = True
             self._way = float(ways[-1]) if len(ways) else 0.0
-        for label, (link, middle, (low, high)) in self._curves.items():
+        for label, (link, low, high, middle) in self._valid.items():
             place = continuous(state.position[link], middle)
             room = _ROUNDING * (high - low)
             if np.all((low - room <= place) & (place <= high + room)):
@@ -95,14 +88,14 @@ class Ranges:
             lines += [
                 f'{label}: the crank has reversed; inside the stroke, the valves would not '
                 'switch at once, so that the pressure there is wrong; keep the crank turning'
-                for label in self._valves
+                for label in self._one_way
             ]
-            self._valves, self._reversed = {}, False
+            self._one_way, self._reversed = {}, False
         for label, (low, high) in list(self._found.items()):  # another thread may add to it
             if label in self._said:
                 continue
             self._said.add(label)
-            link, _, ends = self._curves[label]
+            link, *ends, _ = self._valid[label]
             body, room = self._links[link], _ROUNDING * (ends[1] - ends[0])
             beyond = [low] if low < ends[0] - room else []
             beyond += [high] if high > ends[1] + room else []

@@ -160,7 +160,7 @@ class SliderCrank(Mechanism):
             guide, 'crossed' if the slider is behind it. With a change point, this holds at the
             guide's angle reduced by whole turns to [-pi, pi].
         gravity: Acceleration of gravity [x, y], m/s^2.
-        loads: Loads, such as `Force` and `Friction`; a `LinkLoad` is moved into the slider.
+        loads: Loads, such as `Force` and `Friction`.
         dyads: Dyads that the linkage carries.
     """
 

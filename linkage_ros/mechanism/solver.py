@@ -217,7 +217,7 @@ class Solver:
         return found, [*frame, *(x for name in found.forces for x in forces[name])]
 
     def _new_outside(self, frame: tuple[str, ...], forces: Mapping[str, object]) -> _Outside:
-        loads = dict(zip(self.mechanism.load_names(), self.model.loads, strict=True))
+        loads = self.mechanism.link_loads()
         valid = [name for name, load in loads.items() if isinstance(load, PointForce)]
         for name in forces:
             if name not in valid:
@@ -250,7 +250,7 @@ class Solver:
             return None
         if reach.slides:
             return reach
-        turns = [load.turns for load in self.mechanism.loads]
+        turns = [load.turns for load in self.mechanism.applied_loads()]
         return reach._replace(period_turns=max([reach.period_turns, *turns]))
 
     @property
@@ -622,7 +622,7 @@ class Solver:
             ConfigurationError: The argument is not a state of this mechanism.
         """
         position, velocity, _ = self._rows(state)
-        names = self.mechanism.load_names()
+        names = self.mechanism.link_loads()
         loads: dict[str, Load] = dict(zip(names, self._constants.tree.loads, strict=True))
         if self.model.joint_loads:
             q, u, a = self._motion(state)

@@ -4,7 +4,6 @@
 
 import functools
 import itertools
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, ClassVar, NamedTuple, TypeAlias, cast
@@ -16,8 +15,7 @@ from linkage_ros.mechanism.dyads import Chain, Dyad, DyadSlider, ordered
 from linkage_ros.mechanism.kinematics import Loop, Reach, State, Stroke
 from linkage_ros.mechanism.loads import LOADS
 from linkage_ros.mechanism.loads.base import AppliedLoad, JointLoad, Load
-from linkage_ros.mechanism.loads.link_load import LinkForce, LinkLoad
-from linkage_ros.mechanism.parts import Body, Coupler
+from linkage_ros.mechanism.parts import Body, Coupler, LoadedPart
 from linkage_ros.mechanism.wrenches import FRAME
 from linkage_ros.numeric import Real
 from linkage_ros.quantities import Checked, shown
@@ -402,13 +400,9 @@ class Mechanism(Checked):
         if self.dyads:
             links = [link.name for link in self.loop_structure().links]
             object.__setattr__(self, 'dyads', ordered(self.dyads, links))
-        loads = []
-        for load in _named(self.loads):
-            if isinstance(load, LinkLoad):
-                object.__setattr__(self, load.link, load.added_to(self))
-            else:
-                loads.append(load.completed(self))
-        object.__setattr__(self, 'loads', tuple(loads))
+        own = [load.key for load in self._part_loads()]
+        loads = tuple(load.completed(self) for load in _named(self.loads, own))
+        object.__setattr__(self, 'loads', loads)
 
     @classmethod
     def drives(cls, _values: Mapping[str, object]) -> tuple[tuple[str, ...], str]:
@@ -480,41 +474,27 @@ class Mechanism(Checked):
         """Returns the kinematic constants in `other_coordinates`."""
         raise NotImplementedError
 
-    def link_loads(self) -> tuple[Load, ...]:
-        """Returns the loads on the links, except weights and loads caused by joint forces."""
-        parts = ((name, x) for name, x in vars(self).items() if hasattr(x, 'load_fields'))
-        own = (self._own_load(name, part) for name, part in parts)
-        found = (*own, *(load.on(self) for load in self.loads))
-        return tuple(load for load in found if load is not None)
+    def _part_loads(self) -> list[AppliedLoad]:
+        """Returns the loads that parts give for their own links."""
+        parts = self.parts().items()
+        found = [part.own_load(name) for name, part in parts if isinstance(part, LoadedPart)]
+        return [load for load in found if load is not None]
 
-    def _own_load(self, name: str, part: Any) -> Load | None:
-        """Returns the load that a part defines on its link; None if there is none."""
-        force, damping, stiffness, rest = (getattr(part, field) for field in part.load_fields)
-        if not (force or damping or stiffness):
-            return None
-        link = self.output(name, name)
-        middle = self.swing_side()
-        turns = middle is None and not self.structure().links[link].slides
-        if stiffness:
-            middle = self.swing_middle(f'{name}.stiffness', rest)
-        if stiffness and middle is not None:
-            rest -= round((rest - middle) / (2 * math.pi)) * 2 * math.pi
-        return LinkForce(link, force, damping, stiffness, rest, middle, turns)
+    def applied_loads(self) -> tuple[AppliedLoad, ...]:
+        """Returns all loads with their parameters: those of parts, then `loads`."""
+        return (*self._part_loads(), *self.loads)
 
-    def load_names(self) -> list[str]:
-        """Returns a name for each of `link_loads`, for columns, arrows and exports."""
-        applied = [x.name or x.group for x in self.loads if x.on(self) is not None]
-        count = len(self.link_loads()) - len(applied)
-        parts = [(name, x) for name, x in vars(self).items() if hasattr(x, 'load_fields')]
-        own = [name for name, x in parts if self._own_load(name, x) is not None]
-        names = [*own, *(f'load_{i}' for i in range(count))]
-        return [*names[:count], *applied]
+    def link_loads(self) -> dict[str, Load]:
+        """Returns the loads on links by `AppliedLoad.key`: all but weights and `joint_loads`."""
+        found = ((load.key, load.on(self)) for load in self.applied_loads())
+        return {key: load for key, load in found if load is not None}
 
     def joint_loads(self) -> tuple[JointLoad, ...]:
         """Returns the loads caused by joint forces, such as friction."""
-        return tuple(found for load in self.loads if (found := load.in_joints(self)) is not None)
+        found = (load.in_joints(self) for load in self.applied_loads())
+        return tuple(load for load in found if load is not None)
 
-    def output(self, name: str, what: str) -> int:
+    def loaded_link(self, name: str, what: str) -> int:
         """Returns the index of a link that may carry a load.
 
         These are the crank, the last link of the loop, and the sliders of dyads.
@@ -590,30 +570,34 @@ class Mechanism(Checked):
         return (), ()
 
 
-def _named(loads: Sequence[AppliedLoad]) -> list[AppliedLoad]:
+def _named(loads: Sequence[AppliedLoad], own: Sequence[str]) -> list[AppliedLoad]:
     """Gives loads their names, and sorts them, so that sums do not depend on the order given.
 
     A load without a name keeps its group, unless another load has it.
 
+    Args:
+        loads: The loads.
+        own: Names of the loads of parts.
+
     Raises:
         ConfigurationError: Two loads have the same name.
     """
-    taken, groups, named = {load.name for load in loads}, set[str](), dict[str, AppliedLoad]()
-    alone: list[AppliedLoad] = []
     kinds = {kind: name for name, kind in LOADS.items()}
+    in_short, named = list[AppliedLoad](), list[AppliedLoad]()
+    taken = {*own, *(load.name for load in loads)}
     for load in loads:
-        name = load.name
-        is_free = type(load) not in kinds or (load.group and load.group not in groups)
-        if not name and is_free:
-            groups.add(load.group)
-            alone.append(load)
-            continue
-        if not name:
-            kind = kinds[type(load)]
-            names = (f'{kind}_{n}' for n in itertools.count(1))
-            name = next(x for x in names if x not in taken)
+        if load.name:
+            named.append(load)
+        elif load.group and load.group not in (x.group for x in in_short):
+            in_short.append(load)
+        else:
+            kind = kinds.get(type(load), type(load).__name__.lower())
+            name = next(x for n in itertools.count(1) if (x := f'{kind}_{n}') not in taken)
             taken.add(name)
-        if name in named:
-            raise ConfigurationError(f'two loads have the name {shown(name)}: rename one')
-        named[name] = replace(cast('Any', load), name=name)
-    return [*alone, *(named[name] for name in sorted(named))]
+            named.append(replace(cast('Any', load), name=name))
+    found = [*in_short, *sorted(named, key=lambda load: load.name)]
+    keys = [*own, *(load.key for load in found)]
+    for i, key in enumerate(keys):
+        if key in keys[:i]:
+            raise ConfigurationError(f'two loads have the name {shown(key)}: rename one')
+    return found

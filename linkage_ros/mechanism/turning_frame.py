@@ -13,7 +13,7 @@ principle, this is a load.
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from linkage_ros.formulas import Vector
+from linkage_ros.formulas import ZERO, Vector
 from linkage_ros.mechanism.kinematics import LinkPose
 from linkage_ros.mechanism.wrenches import Wrench, place, velocity
 from linkage_ros.numeric import Real
@@ -45,3 +45,7 @@ class TurningFrame(NamedTuple):
             couple = -(body.inertia * self.change)
             found.append(Wrench(j, force=gained * -body.mass, point=body.center, couple=couple))
         return found
+
+    def potential(self, _links: Sequence[LinkPose]) -> Real:
+        """Returns ZERO; see `Load`."""
+        return ZERO

@@ -190,7 +190,7 @@ class WindPump(Mechanism):
         slider: The pump's piston, at D.
         assembly: 'open' if B lies to the left of the line from A to D, 'crossed' if to the right.
         gravity: Acceleration of gravity [x, y], m/s^2.
-        loads: Loads, such as `Force` and `Friction`; a `LinkLoad` is moved into the slider.
+        loads: Loads, such as `Force` and `Friction`.
         dyads: Dyads that the linkage carries.
     """
 

@@ -93,11 +93,11 @@ def make_mjcf(mechanism: Mechanism, start: State, joint_prefix: str = '') -> str
         (world if link.parent is None else bodies[link.parent]).append(bodies[-1])
     pairs = [_close(closure, last, names, bodies) for closure, last in structure.closures]
     passive = _Passive(structure, names, [*bodies, world])
-    added = {load.name for load in mechanism.loads if passive.add(load)}
-    others = zip(mechanism.load_names(), mechanism.link_loads(), strict=True)
-    acting: list[tuple[str, Any]] = [pair for pair in others if pair[0] not in added]
-    acting += [('', one) for one in mechanism.loads if one.in_joints(mechanism)]
-    motors = [_load(name, one, links, names, position) for name, one in acting]
+    motors = []
+    for one in mechanism.applied_loads():
+        acting = one.on(mechanism)
+        if not passive.add(one) and (acting or one.in_joints(mechanism)):
+            motors.append(_load(one.key, acting or one, links, names, position))
     loads = [*passive.forces, *motors]
     sensors = [
         _element(kind, name=f'{name}_{word}', joint=name)
@@ -278,8 +278,8 @@ def _load(
         jump = 0.0 if load.middle is None else position[link] - float(load.middle)
         force += stiffness * (float(load.rest) + math.tau * round(jump / math.tau))
     return _element(
-        'general', name=f'{name}_load', joint=name, gainprm='0', biastype='affine',
-        biasprm=_text(force, -stiffness, -float(load.damping)),
+        'general', name=f'{name}_load' if own == links[link].name else own, joint=name,
+        gainprm='0', biastype='affine', biasprm=_text(force, -stiffness, -float(load.damping)),
     )  # fmt: skip
 
 

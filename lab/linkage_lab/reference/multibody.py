@@ -79,7 +79,7 @@ class Multibody:
         added = len(links) - 2 * len(structure.added)
         self._solved = 1, 2, *range(added, len(links))
         self._links = links
-        self._loads = _constants(mechanism.link_loads(), number)
+        self._loads = _constants(tuple(mechanism.link_loads().values()), number)
 
     def gap(self, places: Sequence[Vector]) -> Row:
         """Computes the gaps of the loop and of each added dyad.

@@ -134,7 +134,7 @@ def groups(
     """
     found: dict[Any, list[tuple[int, Reach, Constants]]] = {}
     # A load curve is a function, which cannot be stacked.
-    has_curve = any(map(callable, Constants(mechanism.link_loads()).numbers))
+    has_curve = any(map(callable, Constants(tuple(mechanism.link_loads().values())).numbers))
     for row in range(count):
         with suppress(LinkageError):
             reach, constants = _constants(mechanism, columns, row)

@@ -9,6 +9,7 @@ from linkage_ros.mechanism.loads.curve import LoadCurve
 from linkage_ros.mechanism.loads.force import Force
 from linkage_ros.mechanism.loads.friction import Friction
 from linkage_ros.mechanism.loads.gas import Gas
+from linkage_ros.mechanism.loads.link_load import LinkLoad
 from linkage_ros.mechanism.loads.pins import Pins
 from linkage_ros.mechanism.loads.spring import Spring
 from linkage_ros.quantities import groups
@@ -21,6 +22,7 @@ LOADS: dict[str, type[AppliedLoad]] = {
     'pins': Pins,
     'gas': Gas,
     'curve': LoadCurve,
+    'joint': LinkLoad,
 }
 
 

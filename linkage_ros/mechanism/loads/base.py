@@ -2,8 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Interface and base class of loads.
 
-A load gives wrenches on bodies, from which torque, joint forces, arrows and exports follow; see
-`wrenches`. In formulas, loads are named tuples of floats, in which ZERO replaces absent terms.
+Every load takes the same road: an `AppliedLoad` holds its parameters, and `AppliedLoad.on` gives
+the `Load` that acts on a mechanism, which gives wrenches on bodies (`wrenches`). Torque, joint
+forces, arrows and exports follow from these. In formulas, loads are named tuples of floats, in
+which ZERO replaces absent terms.
 """
 
 import math
@@ -23,9 +25,8 @@ from linkage_ros.quantities import Checked, shown, unlisted
 class Load(Protocol):
     """Interface of a load: wrenches on bodies, computed from their motion.
 
-    Two methods are optional. `potential(links)` returns the potential energy up to a constant, J.
-    `piece(links, rates)` returns the number of the smooth piece of the force, for arrays; between
-    two pieces, the force has a corner or a jump.
+    A load with corners or jumps (`AppliedLoad.has_corners`) also has a method `piece(links,
+    rates)`. It returns the number of the smooth piece of the force, for arrays.
     """
 
     def wrenches(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> list[Wrench]:
@@ -38,6 +39,9 @@ class Load(Protocol):
         Returns:
             The wrenches, in an order independent of the motion.
         """
+
+    def potential(self, links: Sequence[LinkPose]) -> Real:
+        """Returns the potential energy up to a constant, J; ZERO if the load has none."""
 
 
 class Contact(NamedTuple):
@@ -57,8 +61,8 @@ class Contact(NamedTuple):
 class JointLoad(Protocol):
     """Interface of a load caused by joint forces, such as friction.
 
-    These loads and the joint forces depend on each other and are solved together. The method
-    `piece(pins, links, rates)` is optional; see `Load`.
+    These loads and the joint forces depend on each other and are solved together. With corners or
+    jumps, there is also a method `piece(pins, links, rates)`; see `Load`.
     """
 
     def contacts(
@@ -76,18 +80,37 @@ class JointLoad(Protocol):
         """
 
 
+class Range(NamedTuple):
+    """Positions of a link between two limits.
+
+    Attributes:
+        link: Index of the link.
+        low: Lower limit, rad or m.
+        high: Upper limit.
+        middle: Middle of the link's swing, rad; None if its position is used unchanged. See
+            `continuous`.
+    """
+
+    link: int
+    low: float
+    high: float
+    middle: Real = None
+
+
 @dataclass(frozen=True, kw_only=True)
 class AppliedLoad(Checked):
     """Base class of the loads of a mechanism: frozen dataclasses of quantities.
 
-    `linkage_ros.mechanism.loads.LOADS` lists the kinds in parameter files.
+    A parameter file gives a load under `loads`, with a name and one of the kinds in
+    `linkage_ros.mechanism.loads.LOADS`; or, in short, as a group such as `friction`, or with the
+    parameters of a part, such as `rocker.torque`.
 
     Attributes:
         group: Parameter group of a load that a mechanism has once; empty for other loads.
         has_corners: Whether the force, as a function of the motion, may have a corner or a jump.
         turns: Number of crank turns after which the load repeats.
-        name: Name under `loads` in parameter files. The mechanism gives a name to a load that has
-            neither a name nor a free group.
+        name: Name under `loads` in parameter files; empty for a load in short form. The mechanism
+            gives a name to a load that has neither a name nor a free group.
     """
 
     group: ClassVar[str] = ''
@@ -105,6 +128,11 @@ class AppliedLoad(Checked):
             )
 
     @property
+    def key(self) -> str:
+        """Name of the load among all loads of its mechanism, in columns, arrows and exports."""
+        return self.name or self.group
+
+    @property
     def label(self) -> str:
         """Start of the load's parameter names, without a dot, for error messages."""
         return f'loads.{self.name}' if self.name else self.group or type(self).__name__
@@ -118,7 +146,10 @@ class AppliedLoad(Checked):
         return self
 
     def on(self, _mechanism: Any) -> Load | None:
-        """Returns the load in the form used by formulas; None if joint forces cause all of it.
+        """Returns the load in the form used by formulas.
+
+        Returns:
+            The load; None if it is 0, or if joint forces cause all of it.
 
         Raises:
             ConfigurationError: The load does not fit the mechanism.
@@ -131,6 +162,14 @@ class AppliedLoad(Checked):
         Raises:
             ConfigurationError: The load does not fit the mechanism.
         """
+        return None
+
+    def valid_range(self, _mechanism: Any) -> Range | None:
+        """Returns the positions beyond which the load only keeps its end values, or None."""
+        return None
+
+    def one_way(self, _mechanism: Any) -> Range | None:
+        """Returns the positions between which the link must not reverse, or None."""
         return None
 
 

@@ -15,7 +15,7 @@ from linkage_ros.columns import read_columns
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.formulas import ZERO, Opaque, where
 from linkage_ros.mechanism.kinematics import LinkPose
-from linkage_ros.mechanism.loads.base import AppliedLoad, continuous
+from linkage_ros.mechanism.loads.base import AppliedLoad, Range, continuous
 from linkage_ros.mechanism.loads.gas import AMBIENT, FAR, NEAR
 from linkage_ros.mechanism.wrenches import Wrench
 from linkage_ros.numeric import Array, Real, without_turns
@@ -222,7 +222,8 @@ class LoadCurve(AppliedLoad):
                 the link turns fully, or a pressure acts on a slider without a fixed stroke.
         """
         label, at, value = self.label, self.at or (), self.value or ()
-        link, held = mechanism.output(self.link, f'{label}.link'), self.pressure is not None
+        link = mechanism.loaded_link(self.link, f'{label}.link')
+        held = self.pressure is not None
         if self.pressure is not None:
             stroke = mechanism.stroke(f'{label}.pressure', self.link)
             (top, _), (bottom, _) = stroke.ends(self.top or FAR)
@@ -244,6 +245,12 @@ class LoadCurve(AppliedLoad):
             back = Opaque(Table(at, self.return_value))
             return CurveForce(link, link, middle, Opaque(table), held, back)
         return CurveForce(link, link, middle, Opaque(table), held, None, Opaque(table.integral))
+
+    def valid_range(self, mechanism: Any) -> Range | None:
+        """See `AppliedLoad.valid_range`; a single point, and a curve over the angle, have none."""
+        load = self.on(mechanism)
+        ends = cast('Table', load.value.function).ends
+        return Range(load.link, *ends, load.middle) if ends else None
 
 
 class CurveForce(NamedTuple):
@@ -268,11 +275,6 @@ class CurveForce(NamedTuple):
     return_value: Opaque | None = None
     work: Opaque | None = None
 
-    @property
-    def ends(self) -> tuple[float, float] | None:
-        """First and last position of the points; None over the crank angle, or for one point."""
-        return cast('Table', self.value.function).ends if self.over == self.link else None
-
     def wrenches(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> list[Wrench]:
         """See `Load`."""
         position = continuous(links[self.over].position, self.middle)
@@ -282,7 +284,7 @@ class CurveForce(NamedTuple):
         return [Wrench(self.link, force, force if self.held else ZERO)]
 
     def potential(self, links: Sequence[LinkPose]) -> Real:
-        """Returns the potential energy, J, or ZERO if there is none; see `Load`."""
+        """See `Load`."""
         if self.work is None:
             return ZERO
         return -self.work(continuous(links[self.over].position, self.middle))

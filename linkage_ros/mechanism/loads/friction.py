@@ -28,6 +28,7 @@ class Friction(AppliedLoad):
     """
 
     group: ClassVar[str] = 'friction'
+    has_corners: ClassVar[bool] = True
 
     pin: float = quantity(
         'number', 'friction coefficient of the pins', span=(0.0, 100.0), default=0.0

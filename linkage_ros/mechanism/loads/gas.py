@@ -12,7 +12,7 @@ import numpy as np
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.formulas import ZERO, exp, log, number, where
 from linkage_ros.mechanism.kinematics import LinkPose
-from linkage_ros.mechanism.loads.base import AppliedLoad
+from linkage_ros.mechanism.loads.base import AppliedLoad, Range
 from linkage_ros.mechanism.wrenches import Wrench
 from linkage_ros.numeric import Real
 from linkage_ros.quantities import quantity
@@ -20,6 +20,7 @@ from linkage_ros.quantities import quantity
 AMBIENT = 1.013e5  # Pa
 FAR, NEAR = 'far', 'near'
 _LENGTHS, _PRESSURES = (1e-9, 1e9), (1e-3, 1e12)
+_AT_END = 1e-9  # share of the stroke; a slider nearer to an end is at the end
 
 
 @dataclass(frozen=True)
@@ -94,6 +95,15 @@ class Gas(AppliedLoad):
             self.clearance, largest, self.inlet, self.outlet, self.exponent, self.ambient,
         )  # fmt: skip
 
+    def one_way(self, mechanism: Any) -> Range | None:
+        """See `AppliedLoad.one_way`; inside the stroke, valves would not switch at a reversal."""
+        if self.outlet is None:
+            return None
+        load = self.on(mechanism)
+        length = load.largest - load.clearance
+        ends = (load.top - load.way * x * length for x in (_AT_END, 1 - _AT_END))
+        return Range(load.link, *sorted(ends))
+
 
 class GasForce(NamedTuple):
     """The gas in a cylinder, in the form used by formulas.
@@ -122,12 +132,6 @@ class GasForce(NamedTuple):
     exponent: Real
     ambient: Real
 
-    def is_inside(self, position: float) -> bool:
-        """Returns whether a position of the slider, m, is not at an end of its stroke."""
-        length, depth = self.largest - self.clearance, self.way * (self.top - position)
-        room = 1e-9 * length
-        return bool(room < depth < length - room)
-
     def _distance(self, links: Sequence[LinkPose]) -> Real:
         return self.clearance + self.way * (self.top - links[self.link].position)
 
@@ -152,7 +156,7 @@ class GasForce(NamedTuple):
         return [Wrench(self.link, force, force)]
 
     def potential(self, links: Sequence[LinkPose]) -> Real:
-        """Returns the energy of the gas, J, or ZERO if it has valves; see `Load`."""
+        """Returns the energy of the gas, J; ZERO with valves. See `Load`."""
         if self.outlet is not None:
             return ZERO
         distance, extra = self._distance(links), self.exponent - 1.0

@@ -1,9 +1,10 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Load on the output link: a constant force or torque, viscous damping, and a spring."""
+"""Load on one link: a constant force or torque, viscous damping, and a spring."""
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from linkage_ros.errors import ConfigurationError
@@ -19,42 +20,75 @@ _NOT_NEGATIVE = (0.0, 1e12)
 
 @dataclass(frozen=True)
 class LinkLoad(AppliedLoad):
-    """Shorthand for the load on the output link; the mechanism moves it into that link's part.
-
-    `FourBar(..., loads=(LinkLoad('rocker', -5.0),))` applies a torque of -5 N m to the rocker.
+    """A constant force or torque, viscous damping, and a spring between a link and the frame.
 
     Attributes:
-        link: Loaded link: 'rocker', 'slider', or the rod of a cylinder.
+        link: Loaded link: 'crank', 'rocker', 'slider', the rod of a cylinder, or a dyad's slider.
         force: Torque, N m, positive counter-clockwise; on a slider, force along the guide, N.
         damping: Damping coefficient, N m s or N s/m.
-        stiffness: Stiffness of a spring to the frame, N m/rad or N/m.
+        stiffness: Stiffness of the spring, N m/rad or N/m; not on a link that turns fully.
         rest: Position at which the spring exerts no force, rad or m.
     """
 
     link: str = quantity(
-        'choice', 'link that the load acts on', choices=('rocker', 'slider', 'rod')
+        'text', 'link that the load acts on: the crank, the output link, or a slider'
     )
     force: float = quantity(
         'number', 'force or torque', 'N or N m', span=(-1e12, 1e12), default=0.0
     )
-    damping: float = quantity('number', 'resistance per rate', span=_NOT_NEGATIVE, default=0.0)
-    stiffness: float = quantity('number', 'stiffness of a spring', span=_NOT_NEGATIVE, default=0.0)
-    rest: float = quantity('number', 'rest position', 'rad or m', span=(-1e9, 1e9), default=0.0)
+    damping: float = quantity(
+        'number', 'resistance per rate', 'N s/m or N m s', span=_NOT_NEGATIVE, default=0.0
+    )
+    stiffness: float = quantity(
+        'number', 'stiffness of a spring to the frame', 'N/m or N m/rad', span=_NOT_NEGATIVE,
+        default=0.0,
+    )  # fmt: skip
+    rest: float = quantity(
+        'number', 'position at which the spring is at rest', 'rad or m', span=(-1e9, 1e9),
+        default=0.0,
+    )  # fmt: skip
 
-    def added_to(self, mechanism: Any) -> Any:
-        """Returns the part of the loaded link with the values of this load.
+    def on(self, mechanism: Any) -> 'LinkForce | None':
+        """See `AppliedLoad.on`.
 
         Raises:
-            ConfigurationError: The mechanism has no such link, or the link already has a load.
+            ConfigurationError: The mechanism has no such link, or the link with the spring turns
+                fully.
         """
-        mechanism.output(self.link, 'load.link')
-        part = getattr(mechanism, self.link)
-        if any(getattr(part, name) for name in part.load_fields):
-            raise ConfigurationError(
-                f'the load on the {self.link} is given twice: in {self.link} and in loads'
-            )
-        values = self.force, self.damping, self.stiffness, self.rest
-        return replace(part, **dict(zip(part.load_fields, values, strict=True)))
+        link = mechanism.loaded_link(self.link, f'{self.label}.link')
+        if not (self.force or self.damping or self.stiffness):
+            return None
+        values = self.force, self.damping, self.stiffness
+        if mechanism.structure().links[link].slides:
+            return LinkForce(link, *values, self.rest)
+        if link == 0:
+            if self.stiffness:
+                raise ConfigurationError(
+                    f'{self.label}.stiffness = {self.stiffness:g}: the swing of a crank has no '
+                    'middle; use a load of kind spring between two points'
+                )
+            return LinkForce(link, *values, turns=True)
+        side = mechanism.swing_side()
+        if not self.stiffness:
+            return LinkForce(link, *values, self.rest, side, side is None)
+        middle = mechanism.swing_middle(f'{self.label}.stiffness', self.rest)
+        turns = round((self.rest - middle) / (2 * math.pi))
+        return LinkForce(link, *values, self.rest - turns * 2 * math.pi, middle, side is None)
+
+
+@dataclass(frozen=True)
+class PartLoad(LinkLoad):
+    """The load that a part gives for its own link, such as `rocker.torque`; named as the link."""
+
+    @property
+    def key(self) -> str:
+        """See `AppliedLoad.key`."""
+        return self.link
+
+    @property
+    def label(self) -> str:
+        """See `AppliedLoad.label`."""
+        return self.link
 
 
 class LinkForce(NamedTuple):
@@ -68,7 +102,7 @@ class LinkForce(NamedTuple):
         rest: Position at which the spring exerts no force, rad or m.
         middle: Middle of the link's swing, rad; None for a sliding link, or for a link that turns
             fully. See `continuous`.
-        turns: Whether the link turns fully, so that the constant torque has no potential.
+        turns: Whether the constant torque has no potential, because the link may turn fully.
     """
 
     link: int

@@ -74,6 +74,10 @@ class PinDamping(NamedTuple):
             found += [_couple(*second, couple), _couple(*first, -couple)]
         return found
 
+    def potential(self, _links: Sequence[LinkPose]) -> Real:
+        """Returns ZERO; see `Load`."""
+        return ZERO
+
 
 def _turning(structure: Any, j: int | None) -> tuple[int, int]:
     """Returns a body and the link with which it turns; see `PinDamping.pairs`."""
