@@ -20,12 +20,12 @@ from ros_harness import decoded, logged, node_arguments, stop, verified, wait_fo
 from test_rerun_connection import running as viewing
 
 from linkage_ros import LogError
+from linkage_ros.log.disk import DiskSync
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.recover import recover
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.messages.cdr import ERROR, OK, WARN
 from linkage_ros.messages.topics import DRIVING_TORQUE
-from linkage_ros.node.workers import DiskSync
 from linkage_ros.run.states import Simulator
 from linkage_ros.settings.configuration import configure, load
 from linkage_ros.view.viewer_process import free_address

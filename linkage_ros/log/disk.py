@@ -1,8 +1,14 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Log files: detects a full disk, a removed file, and changes by another program."""
+"""The log's file: a full or hanging disk, a power cut, a removed file, and other writers.
+
+When the file cannot be written, `LogFile` raises a `LogError` and keeps what is written, which
+`linkage_log recover` reads. linkage_record ends with this error; a node goes on without a log, and
+its diagnostics say so (`Worker` and `Outputs` in `node/`). Rerun writes an .rrd file itself.
+"""
 
 import os
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -111,3 +117,35 @@ class LogFile:
         """Closes the file."""
         with suppress(OSError):  # closing tries once more to flush unwritten data
             self.stream.close()
+
+
+class DiskSync:
+    """Consumer of a `Worker` that syncs a file to the disk, so that it survives a power cut.
+
+    It needs its own worker, because a sync may take seconds, during which the log must still be
+    flushed.
+    """
+
+    def __init__(self, path: Path | str, number: int) -> None:
+        """Duplicates a file descriptor, so that syncs work even after the file is closed.
+
+        Args:
+            path: Path of the file, for error messages.
+            number: Descriptor of the file.
+        """
+        self._path, self._number = path, os.dup(number)
+
+    def consume(self, _: Sequence[object]) -> None:
+        """Syncs all data flushed so far.
+
+        Raises:
+            LogError: The sync failed.
+        """
+        try:
+            os.fdatasync(self._number)
+        except OSError as error:
+            raise LogError(f'{self._path} cannot be synced: {error.strerror}') from error
+
+    def close(self) -> None:
+        """Closes the duplicated descriptor."""
+        os.close(self._number)

@@ -14,7 +14,7 @@ from linkage_ros.log.rows import LoggedState
 from linkage_ros.messages.topics import Topic
 from linkage_ros.motion.segments import Segment
 from linkage_ros.node.health import Health
-from linkage_ros.node.workers import DiskSync, Worker, accompany_ticker
+from linkage_ros.node.workers import Worker, accompany_ticker
 from linkage_ros.run.states import Simulator
 from linkage_ros.settings.viewer import SPAWN, WEB
 
@@ -87,6 +87,7 @@ class Outputs:
         )
 
     def _open_log(self, simulator: Simulator, others: Iterable[Topic]) -> None:
+        from linkage_ros.log.disk import DiskSync
         from linkage_ros.log.records import Gap
         from linkage_ros.log.writer import LogWriter
 

@@ -12,12 +12,9 @@ import os
 import sys
 import threading
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import suppress
-from pathlib import Path
 from typing import Any, Generic, TypeVar
-
-from linkage_ros.errors import LogError
 
 _T = TypeVar('_T')
 
@@ -207,35 +204,3 @@ class Worker(Generic[_T]):
             self._queue = deque(maxlen=0)
             self._kept.clear()
         self._on_error(error)
-
-
-class DiskSync:
-    """Consumer of a worker that syncs a file to the disk, so that it survives a power cut.
-
-    It needs its own worker, because a sync may take seconds, during which the log must still be
-    flushed.
-    """
-
-    def __init__(self, path: Path | str, number: int) -> None:
-        """Duplicates a file descriptor, so that syncs work even after the file is closed.
-
-        Args:
-            path: Path of the file, for error messages.
-            number: Descriptor of the file.
-        """
-        self._path, self._number = path, os.dup(number)
-
-    def consume(self, _: Sequence[object]) -> None:
-        """Syncs all data flushed so far.
-
-        Raises:
-            LogError: The sync failed.
-        """
-        try:
-            os.fdatasync(self._number)
-        except OSError as error:
-            raise LogError(f'{self._path} cannot be synced: {error.strerror}') from error
-
-    def close(self) -> None:
-        """Closes the duplicated descriptor."""
-        os.close(self._number)

@@ -1,10 +1,11 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Parameters of linkage_node and linkage_record, which the log stores.
+"""All ROS parameters of linkage_node and linkage_record; `parameter_leaves` lists them.
 
-This module declares those of a run. Those of a mechanism are the fields of its class and of its
-parts, and those of a drive are the fields of its class. `quantity` declares each field, and
-thereby its ROS parameter, its valid range, its --help text and its row in the documentation.
+A parameter is a field of a dataclass, declared by `quantity`, which gives the ROS parameter, its
+valid range, its --help text, its row in the documentation and its value in the log. The fields of
+a run are declared here (`Session`); those of a mechanism, a load, a drive and a robot's joint in
+the file of each. A new field needs no other change.
 """
 
 from collections.abc import Mapping, Sequence
