@@ -10,7 +10,7 @@ from linkage_ros.mechanism.loads.force import LINK, Force
 from linkage_ros.messages.cdr import decode_wrench
 from linkage_ros.messages.topics import WRENCHES
 from linkage_ros.messages.urdf import link_of
-from linkage_ros.motion.drives.base import WINDOW, Expiring, Input
+from linkage_ros.motion.inputs import WINDOW, Expiring, Input
 
 Vector: TypeAlias = tuple[float, float]
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from linkage_ros.messages.cdr import ERROR, OK, WARN, Status
-from linkage_ros.motion.drives.base import WINDOW
+from linkage_ros.motion.inputs import WINDOW
 from linkage_ros.node.ticker import TickCounts
 from linkage_ros.units import NS_PER_MS, NS_PER_S
 

@@ -24,7 +24,8 @@ from linkage_ros.messages.joints import link_rows
 from linkage_ros.messages.templates import StateTemplates
 from linkage_ros.messages.topics import Topic
 from linkage_ros.messages.urdf import make_urdf
-from linkage_ros.motion.drives.base import Input, Machine
+from linkage_ros.motion.drives.base import Machine
+from linkage_ros.motion.inputs import Input
 from linkage_ros.motion.live_force import LiveForce
 from linkage_ros.motion.segments import Coordinates, Gravity, Motion
 from linkage_ros.motion.steps import Integrate, live_steps

@@ -9,7 +9,8 @@ from collections.abc import Iterable
 
 from linkage_ros.messages.cdr import decode_trajectory
 from linkage_ros.motion.along_law import LawMotion, require_possible
-from linkage_ros.motion.drives.base import Input, Machine
+from linkage_ros.motion.drives.base import Machine
+from linkage_ros.motion.inputs import Input
 from linkage_ros.units import NS_PER_S
 
 TRAJECTORIES_TAKEN, TRAJECTORIES_REJECTED = 'trajectories taken', 'trajectories rejected'

@@ -16,8 +16,9 @@ from linkage_ros.mechanism.structure import Link
 from linkage_ros.messages.cdr import JointReader
 from linkage_ros.messages.joints import RobotJoint
 from linkage_ros.messages.topics import MEASURED_JOINT_STATES, Topic
-from linkage_ros.motion.drives.base import Drive, Input, Machine
+from linkage_ros.motion.drives.base import Drive, Machine
 from linkage_ros.motion.drives.feed_forward import FeedForward
+from linkage_ros.motion.inputs import Input
 from linkage_ros.motion.measured import FollowMotion, FollowSegment, extrapolated
 from linkage_ros.motion.segments import Coordinates, stacked
 from linkage_ros.numeric import Real

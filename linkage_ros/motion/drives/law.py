@@ -16,9 +16,10 @@ from linkage_ros.mechanism.solver import Solver
 from linkage_ros.mechanism.structure import Link, Mechanism
 from linkage_ros.messages.topics import CRANK_TRAJECTORY, Topic
 from linkage_ros.motion.along_law import LawMotion, LawSegment, require_possible
-from linkage_ros.motion.drives.base import Drive, Input, Machine
+from linkage_ros.motion.drives.base import Drive, Machine
 from linkage_ros.motion.drives.crank_trajectories import CrankTrajectories
 from linkage_ros.motion.drives.feed_forward import TrajectoryFeedForward
+from linkage_ros.motion.inputs import Input
 from linkage_ros.motion.law import Law, Sine
 from linkage_ros.motion.spline import interpolated
 from linkage_ros.quantities import Checked, quantity, shown

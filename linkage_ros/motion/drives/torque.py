@@ -14,7 +14,8 @@ from linkage_ros.mechanism.solver import Solver
 from linkage_ros.mechanism.structure import Description, Link, Mechanism
 from linkage_ros.messages.cdr import decode_joint_state
 from linkage_ros.messages.topics import JOINT_COMMANDS, Topic
-from linkage_ros.motion.drives.base import WINDOW, Drive, Expiring, Input, Machine
+from linkage_ros.motion.drives.base import Drive, Machine
+from linkage_ros.motion.inputs import WINDOW, Expiring, Input
 from linkage_ros.motion.segments import Coordinates
 from linkage_ros.motion.under_torque import Motor, TorqueMotion, TorqueSegment
 from linkage_ros.numeric import within_two_turns
