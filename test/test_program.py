@@ -412,9 +412,10 @@ def test_untraced_arrays_have_the_bits_of_traced_ones(name):
     for kind, program in programs_of(name).items():
         given = columns(mechanism, program, 20)
         plain = Program(program.formula, program.constants, program.arguments, traced=False)
-        for by_math in (False, True):
-            pair = (leaves(x(*given, by_math=by_math)) for x in (program, plain))
-            for one, other in zip(*pair, strict=True):
+        with_a_float = (given[0][0].item(), *given[1:])
+        for by_math, values in itertools.product((False, True), (given, with_a_float)):
+            pair = (leaves(x(*values, by_math=by_math)) for x in (program, plain))
+            for one, other in zip(*map(np.array, pair), strict=True):
                 assert np.array_equal(one.view(np.int64), other.view(np.int64)), kind
 
 
