@@ -15,6 +15,7 @@ from state_messages import messages_at, messages_of
 from test_playback import Clock
 
 from linkage_ros import ConfigurationError, LogError, MotionError, Solver
+from linkage_ros.log.torque_states import TorqueStates
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.mechanism import program
 from linkage_ros.mechanism.tracer import Tape
@@ -336,11 +337,11 @@ def moved(joint, row, by):
     return alter
 
 
-def elsewhere(shift, simulator, made):
+def elsewhere(shift, simulator, made, slide=0.0):
     """Returns a consistent state at another position."""
     q, u, a = ((row[0], row[3]) for row in made.state[:3])  # of crank and slider
     moved_to = made.numbers[0] + shift
-    state = Coordinates((within_two_turns(moved_to)[0], *q[1:]), u, a, moved_to)
+    state = Coordinates((within_two_turns(moved_to)[0], q[1] + slide), u, a, moved_to)
     return messages_of(simulator, made.stamp, state).messages
 
 
@@ -357,6 +358,7 @@ def elsewhere(shift, simulator, made):
             'does not follow from the previous state: crank position',
         ),
         (lambda m, s: elsewhere(1e-3, m, s), 'does not follow from the previous state'),
+        (lambda m, s: elsewhere(0.0, m, s, 5e-8), 'slider position'),  # the crank is 0.12 m long
         (moved(0, 2, np.inf), 'mechanism_state is not finite'),
     ],
 )
@@ -370,6 +372,12 @@ def test_changed_state_is_detected(tmp_path, alter, words):
     assert report.difference
     assert report.states in {28, 29, 30}
     assert any(word in report.difference for word in words.split('|'))
+
+
+def test_states_of_a_good_log_are_checked_together(tmp_path, monkeypatch):
+    """Checking a state alone takes many times as long."""
+    monkeypatch.setattr(TorqueStates, '_difference', lambda *_: 'checked alone')
+    verified(live(tmp_path / 'run.mcap', PUMP, ticks(60)))
 
 
 def test_record_with_a_torque_that_the_motor_cannot_give_is_detected(tmp_path):
