@@ -24,7 +24,7 @@ from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 from linkage_ros.formulas import ZERO, Opaque, cos, require, sin, sqrt
-from linkage_ros.mechanism.kinematics import Arc, Reach
+from linkage_ros.mechanism.kinematics import FULL_TURN, Arc, Reach
 from linkage_ros.numeric import Real, is_rounding, short_sum, two_sum, wrap
 
 
@@ -156,7 +156,7 @@ class Transmission(NamedTuple):
             Arcs (start, end) with start in [0, 2 pi), rad; one turn if the crank turns fully.
         """
         if self.turns_fully:
-            return ((0.0, 2 * math.pi),)
+            return FULL_TURN
         middle, lacks = (
             self.reference[0],
             [max(-float(x.least), 0.0) for x in (self.sin, self.cos)],
