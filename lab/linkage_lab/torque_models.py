@@ -131,8 +131,10 @@ class TorqueProgram(NamedTuple):
         return np.array([self.scalar(angle, speed)[0] for angle in angles.tolist()])
 
 
-def _program(formula: Callable[..., Any], constants: Any) -> TorqueProgram:
-    program = Program(formula, Constants(constants), ('angle', 'speed'))
+def _program(
+    formula: Callable[..., Any], constants: Any, arguments: Any = ('angle', 'speed')
+) -> TorqueProgram:
+    program = Program(formula, Constants(constants), arguments)
     return TorqueProgram(program.floats, program.tape)
 
 
@@ -153,16 +155,12 @@ def torque_program(mechanism: Mechanism, *, static: bool = False) -> TorqueProgr
         solver = Solver(build(type(mechanism), values | damped))
         return TorqueProgram(lambda q, u: (solver.state(q, pace * u).torque,), solver.tape)
     model = Model.of(mechanism, mechanism.structure())
-    return _program(_static_torque if static else _driving_torque, model)
+    return _program(_static_torque if static else torque, model, (('angle',), ('speed',)))
 
 
-def _driving_torque(model: Model, angle: Real, speed: Real) -> tuple[Real]:
-    return torque(model, (angle,), (speed,))
-
-
-def _static_torque(model: Model, angle: Real, speed: Real) -> tuple[Real]:
-    pose = model.loop.pose((angle,))
-    rates = [link.jacobian[0] * speed for link in pose.links]
+def _static_torque(model: Model, q: tuple[Real], u: tuple[Real]) -> tuple[Real]:
+    pose = model.loop.pose(q)
+    rates = [link.jacobian[0] * u[0] for link in pose.links]
     acting = acting_forces(model, pose.links, rates)
     return (-total(x * pose.links[j].jacobian[0] for j, x in acting),)
 

@@ -53,7 +53,7 @@ class InitialValueProblem:
     @cached_property
     def driven(self) -> DrivenMechanism:
         """The first-order system, with the package's own equations of motion."""
-        return DrivenMechanism(Solver(self.mechanism), lambda speed: self.motor.at(speed))
+        return DrivenMechanism(Solver(self.mechanism), self.motor.at)
 
     def energy(self, phase: Phase) -> tuple[float, float]:
         """Computes the kinetic energy, and the potential energy up to a constant, J."""
