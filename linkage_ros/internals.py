@@ -8,7 +8,6 @@ other programs: laws, drawing, URDF, notes and YAML.
 
 from linkage_ros.mechanism.equations import Model, acting_forces, torque
 from linkage_ros.mechanism.joint_forces import reactions
-from linkage_ros.mechanism.loads.link_load import LinkForce
 from linkage_ros.mechanism.wrenches import poses
 from linkage_ros.messages.urdf import make_urdf
 from linkage_ros.motion.along_law import LawMotion
@@ -26,7 +25,6 @@ __all__ = [
     'DrivenMechanism',
     'FollowMotion',
     'LawMotion',
-    'LinkForce',
     'Model',
     'Motor',
     'Simulator',

@@ -14,9 +14,9 @@ from typing import Any
 from xml.etree import ElementTree as ET
 
 from linkage_lab.output import doubts, folder
-from linkage_ros import ConfigurationError, Force, Mechanism, Pins, Spring, State, load
+from linkage_ros import ConfigurationError, Force, LinkLoad, Mechanism, Pins, Spring, State, load
 from linkage_ros.extensions import Link, Point, Structure
-from linkage_ros.internals import LinkForce, Simulator, make_urdf
+from linkage_ros.internals import Simulator, make_urdf
 
 # MuJoCo raises the time constant of a constraint, the first number of solref, to at least twice
 # the timestep, so this makes the loop as stiff as the timestep allows.
@@ -97,7 +97,7 @@ def make_mjcf(mechanism: Mechanism, start: State, joint_prefix: str = '') -> str
     for one in mechanism.applied_loads():
         acting = one.on(mechanism)
         if not passive.add(one) and (acting or one.in_joints(mechanism)):
-            motors.append(_load(one.key, acting or one, links, names, position))
+            motors.append(_load(one, acting, links, names, position))
     loads = [*passive.forces, *motors]
     sensors = [
         _element(kind, name=f'{name}_{word}', joint=name)
@@ -250,11 +250,11 @@ class _Passive:
 
 
 def _load(
-    own: str, load: Any, links: tuple[Link, ...], names: list[str], position: list[float]
+    one: Any, load: Any, links: tuple[Link, ...], names: list[str], position: list[float]
 ) -> ET.Element:
-    """Returns the actuator of a load.
+    """Returns the actuator of a load, given its parameters and its form on the mechanism.
 
-    A `LinkForce` becomes an actuator without control input that exerts force - stiffness x stretch
+    A `LinkLoad` becomes an actuator without control input that exerts force - stiffness x stretch
     - damping x rate. Another load, such as a load curve, becomes a motor whose control input the
     user must set to the value of the load, because MJCF has no tables; its name is that of the
     load, or LINK_curve for the group `load`.
@@ -266,12 +266,12 @@ def _load(
     link: int | None = getattr(load, 'link', None)
     if link is None or (links[link].parent is not None and not links[link].slides):
         raise ConfigurationError(
-            f'MJCF does not support {type(load).__name__}: only load curves, forces, damping, '
+            f'MJCF does not support {type(one).__name__}: only load curves, forces, damping, '
             'stiffness and gas of a link on the frame, forces at points, springs and viscous '
             'pins; leave the parameters of friction out'
         )
-    name = names[link]
-    if not isinstance(load, LinkForce):
+    name, own = names[link], one.key
+    if not isinstance(one, LinkLoad):
         return _element('motor', name=f'{name}_curve' if own == 'load' else own, joint=name)
     force, stiffness = float(load.force), float(load.stiffness)
     if stiffness:  # MuJoCo positions are relative to the start, without a jump from pi to -pi
