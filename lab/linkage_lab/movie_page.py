@@ -153,11 +153,7 @@ class _Linkage(NamedTuple):
 
 
 def _linkage(period: Period) -> _Linkage:
-    drawing = Drawing(period.solver.mechanism, float(period.crank[0]))
-    positions, rates = (
-        np.stack([period.columns[f'{joint}.{word}'].values for joint in drawing.joints], axis=-1)
-        for word in ('position', 'velocity')
-    )
+    drawing, positions, rates = period.drawing, period.rows('position'), period.rows('velocity')
     pins = drawing.place(positions)
     return _Linkage(drawing, pins, drawing.links(pins), drawing.loads(positions, rates))
 

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Motion, torque and forces of a mechanism over one period, as named columns."""
 
+import functools
 import math
 from collections.abc import Mapping
 from pathlib import Path
@@ -120,6 +121,16 @@ class Period:
         """The driving torque or force with its unit, for a diagram."""
         words = self.effort.replace('_', ' ').capitalize()
         return f'{words}, {self.columns[self.effort].unit}'
+
+    @functools.cached_property
+    def drawing(self) -> Drawing:
+        """Drawing of the mechanism, on the arc of the first crank angle."""
+        return Drawing(self.solver.mechanism, float(self.crank[0]))
+
+    def rows(self, quantity: str) -> Array:
+        """Returns 'position', 'velocity' or 'acceleration' of all links, shape (n, links)."""
+        columns = (self.columns[f'{link}.{quantity}'].values for link in self.solver.links)
+        return np.stack([*columns], axis=-1)
 
     @property
     def time(self) -> Array:
@@ -415,7 +426,6 @@ def stepped(period: Period, step: float, *, reactions: bool = False) -> dict[str
     degrees = first + step * np.arange(math.floor((last - first) / step + 1e-9) + 1)
     crank, solver = np.radians(degrees), period.solver
     table = _at_speed(solver, crank, speed, acceleration, reactions=reactions)
-    drawing = Drawing(solver.mechanism, float(period.crank[0]))
     columns = {'crank_angle': Column('deg', degrees)}
     for name, (unit, values) in table.columns.items():
         if name in {'crank_angle', 'crank.position'}:
@@ -424,9 +434,8 @@ def stepped(period: Period, step: float, *, reactions: bool = False) -> dict[str
             near = np.interp(crank, period.crank, period.columns[name].values)
             values = np.degrees(values + math.tau * np.round((near - values) / math.tau))
         columns[name] = Column('deg' if unit == 'rad' else unit, values)
-    positions = [table.columns[f'{joint}.position'].values for joint in drawing.joints]
-    places = drawing.place(np.stack(positions, axis=-1))
-    for pin, place in zip(drawing.pins, np.moveaxis(places, 1, 0), strict=True):
+    places = period.drawing.place(table.rows('position'))
+    for pin, place in zip(period.drawing.pins, np.moveaxis(places, 1, 0), strict=True):
         columns |= {f'{pin}.{x}': Column('m', place[:, i]) for i, x in enumerate('xy')}
     # Without the digits that hold rounding errors, such as those of 59.99999999999999 deg.
     return {

@@ -22,7 +22,6 @@ from linkage_lab.output import SMALL, STYLE, TEXT, doubts, folder, over, progres
 from linkage_lab.period import Period, period_to_show
 from linkage_ros import ConfigurationError, load
 from linkage_ros.formulas import Array
-from linkage_ros.internals import Drawing
 from linkage_ros.palette import DARK, GREY, Color, color_of, fractions
 
 _SECONDS = 3.0  # duration of a crank turn in the movie
@@ -43,16 +42,10 @@ _NAME: dict[str, Any] = {
 
 def proportion(period: Period) -> float:
     """Computes the ratio of width to height of the drawing of a mechanism."""
-    drawing = Drawing(period.solver.mechanism, float(period.crank[0]))
-    points = np.concatenate([*drawing.ground, _tracks(period, drawing).reshape(-1, 2)])
+    tracks = period.drawing.place(period.rows('position'))
+    points = np.concatenate([*period.drawing.ground, tracks.reshape(-1, 2)])
     width, height = np.ptp(points, axis=0)
     return float(width / height)
-
-
-def _tracks(period: Period, drawing: Drawing) -> Array:
-    """Returns the positions of the moving points over a period, shape (n, pins, 2), m."""
-    columns = [period.columns[f'{joint}.position'].values for joint in drawing.joints]
-    return drawing.place(np.stack(columns, axis=-1))
 
 
 class LinkagePicture:
@@ -71,8 +64,8 @@ class LinkagePicture:
             samples: Indices of the crank angles to be shown.
         """
         self.period, self._axes = period, axes
-        self._drawing = drawing = Drawing(period.solver.mechanism, float(period.crank[0]))
-        self._tracks = _tracks(period, drawing)
+        self._drawing = drawing = period.drawing
+        self._tracks = drawing.place(period.rows('position'))
         for line in drawing.ground:
             self._plot(line, GREY, linewidth=0.9)
         for pin, owner in drawing.owners.items():
