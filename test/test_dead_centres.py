@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Motions past singularities of their own coordinates: dead centres and stretched dyads."""
 
+import itertools
 import math
 from dataclasses import replace
 
@@ -198,6 +199,24 @@ def test_live_run_compiles_the_programs_of_its_dead_centres_in_advance(monkeypat
         described.add(motion.segment.description)
     assert len(described) > 2
     assert compiled == []
+
+
+@pytest.mark.parametrize(
+    'lengths',
+    [
+        (0.002, 0.50075, 0.50075, 1),  # an arc of 277 deg, with coupler and rocker almost in line
+        (0.8, 1.1374, 0.2568, 1),  # half a turn from the middle of one arc to an end of the other
+    ],
+)
+def test_crank_angle_does_not_jump_by_a_turn_past_dead_centres(lengths):
+    mechanism = free(of(lengths, 2.0))
+    for (low, high), speed in itertools.product(mechanism.reach().arcs, (4.0, -4.0)):
+        driven = DrivenMechanism(Solver(mechanism), lambda speed: 0.0 * speed)
+        steps = live_steps(driven, (low + 0.4 * (high - low), speed))
+        for tick in range(1, 301):
+            steps.advance(tick * 1e-2)
+            crank = steps.driven.position(steps.phase, steps.pairs)
+            assert low - 1e-9 < crank < high + 1e-9
 
 
 def test_change_point_of_a_limited_crank_ends_the_motion_with_an_error():
