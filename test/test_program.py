@@ -10,7 +10,7 @@ import pickle
 import struct
 import sys
 import traceback
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -35,6 +35,8 @@ from linkage_ros import (
 from linkage_ros.formulas import Opaque, cos, is_finite, require, sin, sqrt, total, where
 from linkage_ros.mechanism import equations
 from linkage_ros.mechanism.joint_forces import reactions
+from linkage_ros.mechanism.loads.base import AppliedLoad
+from linkage_ros.mechanism.loads.link_load import LinkForce
 from linkage_ros.mechanism.nested import leaves
 from linkage_ros.mechanism.numba_program import CompiledProgram
 from linkage_ros.mechanism.program import Constants, Program
@@ -213,6 +215,53 @@ def test_constant_zero_is_folded_without_changing_the_result():
     for divided in (lambda k, x: x / k, lambda k, _: k / k):
         with pytest.raises(ZeroDivisionError):
             Program(divided, Constants(0.0), ('x',)).floats(1.0)
+
+
+class Fraction(float):
+    """A subclass of float whose own arithmetic must not be used."""
+
+    def __mul__(self, other):
+        raise AssertionError
+
+    __rmul__ = __add__ = __radd__ = __mul__
+
+
+@pytest.mark.parametrize('traced', [True, False])
+@pytest.mark.parametrize(
+    'number', [np.float64(0.3), np.float32(0.3), Fraction(0.3), np.float64(0.0), 2, np.int64(2)]
+)
+def test_numbers_of_a_load_may_have_any_type_and_count_as_floats(number, traced):
+    @dataclass(frozen=True)
+    class Constant(AppliedLoad):
+        number: object
+
+        def on(self, _mechanism):
+            return LinkForce(1, self.number, self.number, rest=self.number)
+
+    found = []
+    for value in (number, float(number)):
+        solver = Solver(replace(DOCUMENT_1, loads=(Constant(value),)), traced=traced)
+        state, many = (solver.state(q, 2.0, 1.5) for q in (0.3, np.linspace(0.3, 4.0, 5)))
+        found.append((repr(state), repr(many), repr(solver.load_forces(state))))
+        assert type(state.torque) is float
+    assert found[0] == found[1]
+
+
+def test_complex_numbers_of_numpy_count_as_complex_numbers():
+    def doubled(vector, x):
+        return vector.x * x, vector.y * x
+
+    one, other = (
+        Program(doubled, Constants(kind(0.3 - 0.1j)), ('x',)) for kind in (complex, np.complex128)
+    )
+    assert repr(one(0.7)) == repr(other(0.7)) == repr(one.untraced(0.7))
+    assert repr(other.untraced(0.7)) == repr(one(0.7))
+
+
+@pytest.mark.parametrize('value', [[1.0, 2.0], np.array([1.0, 2.0]), {'k': 1.0}])
+def test_a_constant_that_may_change_is_refused_in_one_line(value):
+    with pytest.raises(ConfigurationError, match=r'a constant of a formula.*: must be a number'):
+        Constants(((1.0, value), 2.0))
 
 
 def test_absent_terms_are_removed_and_zero_values_kept():

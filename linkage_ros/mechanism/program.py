@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Binds formulas to constants, and evaluates them on floats and on arrays.
 
-Constants are floats, complex numbers and `Opaque` functions in nested tuples. None, booleans,
-integers, strings and the value 0.0 belong to the structure: a formula may branch on them, and
-terms that vanish because of a 0.0 are not computed. A structure is traced once; other numbers only
-bind its program again.
+Constants are floats, complex numbers and `Opaque` functions in nested tuples, whose numbers may
+also be NumPy's. None, booleans, integers, strings and the value 0.0 belong to the structure: a
+formula may branch on them, and terms that vanish because of a 0.0 are not computed. A structure is
+traced once; other numbers only bind its program again.
 """
 
 import copy
@@ -17,11 +17,13 @@ from typing import Any
 import numpy as np
 
 from linkage_ros import formulas
+from linkage_ros.errors import ConfigurationError
 from linkage_ros.formulas import ZERO, Opaque, Vector
 from linkage_ros.mechanism.elementwise import is_noisy
 from linkage_ros.mechanism.nested import leaves, rebuilt, transformed
 from linkage_ros.mechanism.tracer import Argument, Tape
 from linkage_ros.numeric import Array, Real, real_numbers
+from linkage_ros.quantities import shown
 
 _CHUNK = 16384  # array values per block, so that intermediate results fit the processor's cache
 
@@ -35,7 +37,11 @@ class Constants:
     """
 
     def __init__(self, tree: Any) -> None:
-        """Separates numbers and functions from the structure of the tuples."""
+        """Separates numbers and functions from the structure of the tuples.
+
+        Raises:
+            ConfigurationError: A constant is a list, an array or another mutable object.
+        """
         self._given = tree
         self.numbers: list[Any] = []
         structure: list[Any] = []
@@ -53,9 +59,16 @@ class Constants:
             elif kind is complex:
                 structure.append(complex)
                 waiting += part.imag, part.real
-            elif kind is Opaque:
-                structure.append(kind)
+            elif isinstance(part, Opaque):
+                structure.append(Opaque)
                 self.numbers.append(part.function)
+            elif type(plain := _plain(part)) is not kind:
+                waiting.append(plain)
+            elif part.__hash__ is None:
+                raise ConfigurationError(
+                    f'{shown(part)} is a constant of a formula, such as a value in a load: must '
+                    'be a number, text, None, an Opaque function, or a tuple of these'
+                )
             else:
                 structure += kind, part  # True and 1 are different
         self.tapes: dict[Any, Tape] = _known.setdefault(tuple(structure), {})
@@ -87,13 +100,27 @@ class Constants:
         return found
 
 
+_PLAIN: tuple[tuple[type, tuple[type, ...]], ...] = (
+    (float, (float, np.floating)),
+    (complex, (complex, np.complexfloating)),
+    (int, (np.integer,)),
+)
 _known: dict[tuple[Any, ...], dict[Any, Tape]] = {}
 
 
 def _prepared(leaf: Any) -> Any:
+    leaf = _plain(leaf)
     if isinstance(leaf, complex):
         return Vector(leaf.real or ZERO, leaf.imag or ZERO)
     return (leaf or ZERO) if isinstance(leaf, float) else leaf
+
+
+def _plain(leaf: Any) -> Any:
+    """Converts numbers of NumPy and of derived classes, whose arithmetic differs, to Python's."""
+    for kind, kinds in _PLAIN:
+        if isinstance(leaf, kinds):
+            return kind(leaf)
+    return leaf
 
 
 class Program:
