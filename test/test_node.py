@@ -388,7 +388,9 @@ def test_commands_expire_in_simulated_time(tmp_path):
         drive='torque', use_sim_time='true', log=path, rate_hz=1.0, command_timeout=2.0,
         gravity='[0.0, 0.0]',
     )  # fmt: skip
-    with watched([STATES], *arguments) as (listener, node):
+    with watched([STATES, DESCRIPTION], *arguments) as (listener, node):
+        # The node hears of the subscriptions in order, so that it will not lose the first state.
+        wait_for(lambda: listener.received[DESCRIPTION])
         times, commands = (
             listener.node.create_publisher(kind, topic, 10)
             for kind, topic in ((Clock, '/clock'), (JointState, 'joint_commands'))
