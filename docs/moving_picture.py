@@ -28,7 +28,7 @@ from linkage_ros.run.states import Simulator
 from linkage_ros.settings.configuration import Configuration, load
 from linkage_ros.units import NS_PER_S
 from linkage_ros.view.rerun_connection import View
-from linkage_ros.view.rerun_drawing import TIMELINE, Picture
+from linkage_ros.view.rerun_drawing import TIMELINE, RerunDrawing
 from linkage_ros.view.viewer_process import ViewerProcess, find_viewer, free_address
 
 # Imported where it is used, after linkage_ros.view has set the log level of Rerun.
@@ -70,7 +70,7 @@ def _blueprint(configuration: Configuration) -> 'rrb.Blueprint':
     import rerun as rr
     import rerun.blueprint as rrb
 
-    usual = Picture(configuration).layout()
+    usual = RerunDrawing(configuration).layout()
     linkage, plots = usual.root_container.contents
     torque = plots.contents[0].contents[0]
     start, end = (rr.TimeRangeBoundary.absolute(seconds=seconds) for seconds in _SHOWN)

@@ -92,11 +92,11 @@ WRONG = {
     'negative spring': (f'{FOUR}, rocker: {{length: 0.5, stiffness: -1.0}}',
                         r'rocker\.stiffness = -1\.0: must be a number from 0'),
     'spring on the crank': (
-        f'{FOUR}, {ROCKER}, loads: {{a: {{kind: joint, link: crank, stiffness: 1.0}}}}',
+        f'{FOUR}, {ROCKER}, loads: {{a: {{kind: link, link: crank, stiffness: 1.0}}}}',
         r'loads\.a\.stiffness = 1: the swing of a crank',
     ),
-    'joint of the coupler': (
-        f'{FOUR}, {ROCKER}, loads: {{a: {{kind: joint, link: coupler, force: 1.0}}}}',
+    'link load of the coupler': (
+        f'{FOUR}, {ROCKER}, loads: {{a: {{kind: link, link: coupler, force: 1.0}}}}',
         r"loads\.a\.link = 'coupler': must be crank or rocker",
     ),
     'nan': (f'{SLIDER}, load: {{link: slider, at: [0.0, .nan], value: [1.0, 1.0]}}',
@@ -222,11 +222,11 @@ def test_laws_of_every_kind_of_load(link, kind):
 
 
 @pytest.mark.parametrize('link', ON)
-def test_a_load_of_kind_joint_equals_the_parameters_of_the_part_to_the_bit(link):
+def test_a_load_of_kind_link_equals_the_parameters_of_the_part_to_the_bit(link):
     bare, values = with_loads(ON[link]), (1.0, 2.0, 3.0, 0.4)
     part = getattr(bare, link)
     part = replace(part, **dict(zip(load_fields(part), values, strict=True)))
-    given = {'kind': 'joint', 'link': link, 'force': 1.0, 'damping': 2.0, 'stiffness': 3.0,
+    given = {'kind': 'link', 'link': link, 'force': 1.0, 'damping': 2.0, 'stiffness': 3.0,
              'rest': 0.4}  # fmt: skip
     named = {f'loads.brake.{name}': value for name, value in given.items()}
     short = replace(bare, **{link: part})
@@ -244,7 +244,7 @@ def test_a_load_of_kind_joint_equals_the_parameters_of_the_part_to_the_bit(link)
     state, bare_torque = twice.state(CRANKS, 2.0), Solver(bare).state(CRANKS, 2.0).torque
     once = Solver(short).state(CRANKS, 2.0).torque - bare_torque
     assert np.allclose(state.torque - bare_torque, 2 * once, rtol=0, atol=1e-12 * np.ptp(once))
-    assert [*twice.wrenches(state)] == [link, 'joint_1']
+    assert [*twice.wrenches(state)] == [link, 'link_1']
 
 
 def test_loads_with_one_name_are_refused():

@@ -25,7 +25,7 @@ from linkage_ros.settings.presets import preset_names
 from linkage_ros.units import NS_PER_S
 from linkage_ros.view.drawing import Drawing
 from linkage_ros.view.load_arrows import LoadArrows
-from linkage_ros.view.rerun_drawing import Picture
+from linkage_ros.view.rerun_drawing import RerunDrawing
 
 # A crank that hangs, and swings within 157 deg about the line to the rocker's pivot.
 HANGING = {
@@ -302,7 +302,7 @@ def test_only_the_reachable_arc_is_drawn():
     mechanism, solver = configuration.mechanism, Solver(configuration.mechanism)
     first, second = solver.mobility.arcs
     # A measured crank is expected in the first arc; an angle of 0 is in the other.
-    measured = Picture(replace(configuration, drive=FollowDrive())).drawing.paths['rocker']
+    measured = RerunDrawing(replace(configuration, drive=FollowDrive())).drawing.paths['rocker']
     assert np.array_equal(measured, Drawing(mechanism, sum(first) / 2).paths['rocker'])
     for (start, end), turns in itertools.product((first, second), (-2, 0, 1)):
         drawing = Drawing(mechanism, 0.3 * start + 0.7 * end + turns * 2 * math.pi)

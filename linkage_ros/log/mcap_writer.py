@@ -2,6 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Writes MCAP files from encoded message records.
 
+`writer` decides which channels, messages and metadata a log contains; `rows` makes the records of
+the messages of a state; `disk` writes the bytes.
+
 The writer of the mcap package takes one message at a time, which is many times slower. This one
 uses only the records of that package, and lays out the file in the same way.
 """

@@ -34,7 +34,7 @@ class TickCounts:
 
     Attributes:
         kept: Number of executed ticks.
-        start: Time of the first tick on the monotonic clock, s.
+        start: Time after the first tick on the monotonic clock, s.
         missed: Number of ticks skipped because the thread was late by a period or more.
         clock_steps: Number of steps of the clock.
         last_step: Size of the last of them, ns.

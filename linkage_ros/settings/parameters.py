@@ -5,7 +5,8 @@
 A parameter is a field of a dataclass, declared by `quantity`, which gives the ROS parameter, its
 valid range, its --help text, its row in the documentation and its value in the log. The fields of
 a run are declared here (`Session`); those of a mechanism, a load, a drive and a robot's joint in
-the file of each. A new field needs no other change.
+the file of each. After adding one, run docs/reference.py. `node/parameter_node.py` declares all to
+ROS.
 """
 
 from collections.abc import Mapping, Sequence

@@ -27,7 +27,7 @@ from linkage_ros.numeric import Array
 from linkage_ros.run.states import Simulator
 from linkage_ros.settings.configuration import Configuration
 from linkage_ros.settings.viewer import SPAWN, WEB, is_recording, viewer_address, viewer_error
-from linkage_ros.view.rerun_drawing import TIMELINE, Picture, Rows
+from linkage_ros.view.rerun_drawing import TIMELINE, RerunDrawing, Rows
 from linkage_ros.view.viewer_process import ViewerProcess, connections, open_viewer
 
 _WALL_CLOCK = 10**18  # ns; smaller stamps, before September 2001, are times since a start
@@ -86,7 +86,7 @@ class View:
         rr.unregister_shutdown()
         self.page = self.trouble = ''
         self.dropped, self.period = 0, _PERIOD
-        self._picture, self._target = Picture(configuration), target
+        self._drawing, self._target = RerunDrawing(configuration), target
         self._simulator = Simulator(configuration)
         # Samples that the curves do not show yet, and the time of the next curves, s.
         self._waiting, self._due = list[Sample](), 0.0
@@ -181,8 +181,8 @@ class View:
 
     def _use(self, sink: GrpcSink | FileSink) -> None:
         self._stream.set_sinks(sink)
-        self._stream.send_blueprint(self._picture.layout())
-        for entity, components in self._picture.constants().items():
+        self._stream.send_blueprint(self._drawing.layout())
+        for entity, components in self._drawing.constants().items():
             self._stream.log(entity, *components, static=True, strict=True)
 
     def _show(self, samples: Sequence[Sample]) -> None:
@@ -192,11 +192,11 @@ class View:
             self._due = time.monotonic() + _CURVES_PERIOD
             self._send_waiting()
         elif samples:
-            self._send_rows(self._picture.frame(*self._read(samples[-1:])))
+            self._send_rows(self._drawing.frame(*self._read(samples[-1:])))
 
     def _send_waiting(self) -> None:
         if self._waiting:
-            self._send_rows(self._picture.rows(*self._read(self._waiting)))
+            self._send_rows(self._drawing.rows(*self._read(self._waiting)))
             self._waiting = []
 
     def _read(

@@ -1,6 +1,9 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Rerun data of a run: entities over time, constant parts, and layout.
+"""The drawing in Rerun: entities over time, constant parts, and layout.
+
+Lines and points come from `drawing`, arrows of loads from `load_arrows`; `rerun_connection` opens
+the viewer and sends what is drawn here.
 
 Each call of Rerun takes as much processor time as twenty states. Therefore all moving parts are
 one entity, and the curves are updated less often. Curves of one entity need different names.
@@ -50,7 +53,7 @@ _SCALARS, _POSITIONS, _LABELS, _STRIPS = (
 Rows: TypeAlias = tuple[str, npt.NDArray[np.int64], list[rr.ComponentColumn]]
 
 
-class Picture:
+class RerunDrawing:
     """Converts samples of a run to rows for Rerun, in batches of any size.
 
     Attributes:

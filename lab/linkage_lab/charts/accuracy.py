@@ -1,6 +1,9 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""linkage_chart accuracy: one chart per linkage, one for all motions, one for `drive: follow`.
+"""linkage_chart accuracy: time and error of the methods, one chart per linkage and others.
+
+`methods/registry.py` declares the methods, `methods/measure.py` measures them, and the chart
+`stability` shows where they fail. Further charts are for motions and for `drive: follow`.
 
 The last chart shows the torque error of a measured crank against the filter's bandwidth, for
 several encoder resolutions. A motor whose torque falls steeply with the speed turns the

@@ -1,6 +1,9 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""linkage_chart stability: the outcome of each method in each situation, in several grids."""
+"""linkage_chart stability: the outcome of each method in each situation, in several grids.
+
+`methods/registry.py` declares the methods, `methods/measure.py` defines the outcomes.
+"""
 
 import argparse
 import textwrap

@@ -22,7 +22,7 @@ LOADS: dict[str, type[AppliedLoad]] = {
     'pins': Pins,
     'gas': Gas,
     'curve': LoadCurve,
-    'joint': LinkLoad,
+    'link': LinkLoad,
 }
 
 
