@@ -22,7 +22,7 @@ from ros_harness import (
     watched,
 )
 from std_msgs.msg import Header
-from test_law import SERVO
+from test_motion_law import SERVO
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from linkage_ros.messages.cdr import decode_trajectory

@@ -44,8 +44,8 @@ class Expiring(Generic[T]):
             now: Time of a tick, ns. If it goes back, the value expires.
             received: The values received since the last call.
         """
-        for self.value in received:
-            self._begin, self._is_active = now, True
+        for value in received:
+            self.value, self._begin, self._is_active = value, now, True
         if self._begin is not None and not self.acts(now - self._begin):
             self.timeouts += self._is_active
             self.value, self._is_active = self.default, False

@@ -72,18 +72,18 @@ class PointForce(NamedTuple):
         link: Index of the link.
         point: The point.
         force: The force, N; a `Vector` in formulas.
-        turns: Whether the force is given in the axes of the link.
+        turns_with_link: Whether the force is given in the axes of the link.
         is_fixed: Whether its direction is constant, so that it has a potential.
     """
 
     link: int
     point: Any
     force: Any
-    turns: bool
+    turns_with_link: bool
     is_fixed: bool
 
     def _force(self, links: Sequence[LinkPose]) -> Vector:
-        if not self.turns:
+        if not self.turns_with_link:
             return self.force  # type: ignore[no-any-return]
         return turned(links[self.link].direction, self.force.x, self.force.y)
 

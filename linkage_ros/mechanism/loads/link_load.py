@@ -67,7 +67,7 @@ class LinkLoad(AppliedLoad):
                     f'{self.label}.stiffness = {self.stiffness:g}: the swing of a crank has no '
                     'middle; use a load of kind spring between two points'
                 )
-            return LinkForce(link, *values, turns=True)
+            return LinkForce(link, *values, may_turn_fully=True)
         side = mechanism.swing_side()
         if not self.stiffness:
             return LinkForce(link, *values, self.rest, side, side is None)
@@ -102,7 +102,7 @@ class LinkForce(NamedTuple):
         rest: Position at which the spring exerts no force, rad or m.
         middle: Middle of the link's swing, rad; None for a sliding link, or for a link that turns
             fully. See `continuous`.
-        turns: Whether the constant torque has no potential, because the link may turn fully.
+        may_turn_fully: Whether the constant torque has no potential, for this reason.
     """
 
     link: int
@@ -111,7 +111,7 @@ class LinkForce(NamedTuple):
     stiffness: Real = 0.0
     rest: Real = 0.0
     middle: Real = None
-    turns: bool = False
+    may_turn_fully: bool = False
 
     def wrenches(self, links: Sequence[LinkPose], rates: Sequence[Real]) -> list[Wrench]:
         """See `Load`; the frame exerts the force of damper and spring."""
@@ -122,7 +122,7 @@ class LinkForce(NamedTuple):
         """Returns the energy of the spring and of the constant force, J; see `Load`."""
         stretch = self._stretch(links)
         spring = 0.5 * (self.stiffness * (stretch * stretch))
-        if self.turns:
+        if self.may_turn_fully:
             return spring
         return spring - self.force * continuous(links[self.link].position, self.middle)
 

@@ -100,8 +100,8 @@ class CrankTrajectories(Input):
     ) -> LawMotion:  # fmt: skip
         """Returns the motion along the last accepted trajectory, or the motion so far."""
         self._motion, self._stamp = motion, stamp
-        for self._motion in received:
-            pass
+        for joined in received:  # each joins the motion along the one before
+            self._motion = joined
         return self._motion
 
     def diagnostics(self) -> dict[str, str]:
