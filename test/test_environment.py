@@ -15,7 +15,7 @@ from mechanisms import CYLINDERS, FULL, PUMPS, four_bar, rows, slider_crank, wit
 from mpmath import mp
 from oracle import Oracle
 
-from linkage_ros import ConfigurationError, Force, Friction, Solver
+from linkage_ros import ConfigurationError, Force, Friction, MechanismError, Solver
 from linkage_ros.settings.configuration import load
 
 # A hip at 5 rad/s and 40 rad/s^2.
@@ -154,6 +154,14 @@ def test_forces_as_arguments_equal_those_of_the_loads_to_the_bit(name, friction)
         law = live.driven_by(lambda _: 30.0, FORCES)
         sorted_forces = *FORCES['pull'], *FORCES['push']
         assert law(float(cranks[1]), 2.0, *sorted_forces)[0] == pytest.approx(moved[1], rel=1e-13)
+
+
+@pytest.mark.parametrize('method', ['accelerations', 'driven_state', 'driven_by'])
+def test_friction_is_refused_where_the_torque_is_given(method):
+    solver = Solver(replace(LEGS['four_bar'], loads=(Friction(pin=0.1, pin_radius=0.05),)))
+    given = (lambda _: 3.0,) if method == 'driven_by' else (1.0, 2.0, 3.0)
+    with pytest.raises(MechanismError, match='leave friction out'):
+        getattr(solver, method)(*given)
 
 
 def test_programs_and_formulas_agree_to_the_bit():

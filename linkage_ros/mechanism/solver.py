@@ -408,17 +408,13 @@ class Solver:
         Raises:
             UnreachableError: At these coordinates, the loop cannot close, or a dyad is in line.
             ConfigurationError: A value is not a finite number, or an acceleration overflows.
-            MechanismError: A moving coordinate has no mass.
+            MechanismError: A moving coordinate has no mass, or the mechanism has dry friction.
         """
         outside = frame or forces
         if not outside and (single := self._single(q, u, torque)):
             found = self._forward.floats(*single)
             return found if type(q) is tuple else found[0]
-        if self.model.joint_loads:
-            raise MechanismError(
-                'dry friction under a given torque has no unique acceleration at rest: leave '
-                'friction out where the torque is given, or give the speed'
-            )
+        self._refuse_friction()
         given = {'q': q, 'u': u, 'torque': torque}
         found = self._run(equations.forward, frame, forces, by_math=by_math, **given)
         return found if len(self.coordinates) > 1 or isinstance(q, tuple) else found[0]
@@ -449,6 +445,7 @@ class Solver:
         Raises:
             LinkageError: As for `accelerations`.
         """
+        self._refuse_friction()
         given = {'q': q, 'u': u, 'torque': torque}
         found = self._run(equations.driven_state, frame, forces, by_math=by_math, **given)
         return cast('State', found)
@@ -468,7 +465,12 @@ class Solver:
             A function whose parameters are the coordinates, their rates, and the components of the
             forces, all floats. It does not check the types of its arguments, and raises the errors
             of `accelerations`.
+
+        Raises:
+            ConfigurationError: A load is not a force, or the number of values is wrong.
+            MechanismError: The mechanism has dry friction.
         """
+        self._refuse_friction()
         outside, _ = self._outside((), forces)
         rows = [outside.names] if outside else []
         constants = Constants((outside.model if outside else self.model, Opaque(torque)))
@@ -765,6 +767,18 @@ class Solver:
     def _motion(self, state: State) -> tuple[tuple[Real, ...], ...]:
         """Returns the coordinates, rates and accelerations of a state."""
         return tuple(tuple(row[i] for i in self._moving) for row in self._rows(state))
+
+    def _refuse_friction(self) -> None:
+        """Rejects a mechanism with dry friction whose torque is given.
+
+        Raises:
+            MechanismError: The mechanism has dry friction.
+        """
+        if self.model.joint_loads:
+            raise MechanismError(
+                'dry friction under a given torque has no unique acceleration at rest: leave '
+                'friction out where the torque is given, or give the speed'
+            )
 
     def _refuse_angle(self, reason: str, crank: float, *_: float) -> NoReturn:
         """Rejects a crank angle, rad.
