@@ -8,6 +8,7 @@ The reference sees the whole machine in the world's axes: d'Alembert's principle
 
 import math
 from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 import pytest
@@ -151,9 +152,19 @@ def test_forces_as_arguments_equal_those_of_the_loads_to_the_bit(name, friction)
         assert (live.torque(cranks, *KNEE, forces=FORCES) == torque).all()
         moved = fixed.accelerations(cranks, 2.0, 30.0)
         assert (live.accelerations(cranks, 2.0, 30.0, forces=FORCES) == moved).all()
-        law = live.driven_by(lambda _: 30.0, FORCES)
-        sorted_forces = *FORCES['pull'], *FORCES['push']
-        assert law(float(cranks[1]), 2.0, *sorted_forces)[0] == pytest.approx(moved[1], rel=1e-13)
+        for names in (('push', 'pull'), ('pull', 'push')):  # in any order
+            given = {name: FORCES[name] for name in names}
+            law = live.driven_by(lambda _: 30.0, given)
+            found = law(float(cranks[1]), 2.0, *chain.from_iterable(given.values()))
+            assert found[0] == pytest.approx(moved[1], rel=1e-13)
+
+
+def test_driven_by_takes_the_motion_of_the_frame_before_the_forces():
+    solver = Solver(loaded(LEGS['four_bar']), pivot=PIVOT)
+    law = solver.driven_by(lambda _: 30.0, FORCES, frame=HIP)
+    found = law(1.0, 2.0, *HIP, *FORCES['push'], *FORCES['pull'])
+    assert found == solver.accelerations((1.0,), 2.0, 30.0, frame=HIP, forces=FORCES)
+    assert found != solver.accelerations((1.0,), 2.0, 30.0, forces=FORCES)
 
 
 @pytest.mark.parametrize('method', ['accelerations', 'driven_state', 'driven_by'])

@@ -454,28 +454,39 @@ class Solver:
         self,
         torque: Callable[[float], float],
         forces: Mapping[str, Sequence[Real]] = NO_FORCES,
+        *,
+        frame: Sequence[Real] = (),
     ) -> Callable[..., tuple[float, ...]]:
         """Returns a fast function for integrators: the accelerations under a torque law.
 
         Args:
             torque: Function that returns the torque on the crank, N m, at a crank speed, rad/s.
-            forces: Loads whose forces are given, sorted by name. Only their names are used.
+            forces: Loads whose forces are given. Only their names and their order are used.
+            frame: Motion of base_link. Its values are not used, only whether it is given.
 
         Returns:
-            A function whose parameters are the coordinates, their rates, and the components of the
-            forces, all floats. It does not check the types of its arguments, and raises the errors
-            of `accelerations`.
+            A function whose parameters are the coordinates, their rates, the angle, speed and
+            acceleration of base_link if `frame` is given, and x and y of each force in the order
+            of `forces`, all floats. It does not check the types of its arguments, and raises the
+            errors of `accelerations`.
 
         Raises:
             ConfigurationError: A load is not a force, or the number of values is wrong.
             MechanismError: The mechanism has dry friction.
         """
         self._refuse_friction()
-        outside, _ = self._outside((), forces)
+        outside, _ = self._outside(frame, forces)
         rows = [outside.names] if outside else []
         constants = Constants((outside.model if outside else self.model, Opaque(torque)))
         arguments = self.names['q'], self.names['u'], *rows
-        return self._bound(equations.driven, constants, arguments).floats
+        law = self._bound(equations.driven, constants, arguments).floats
+        if not outside or outside.forces == tuple(forces):
+            return law
+        # The program takes the forces in the order of the loads.
+        before, given = 2 * self._count + len(frame), [*forces]
+        first = [before + 2 * given.index(name) for name in outside.forces]
+        order = *range(before), *(i for at in first for i in (at, at + 1))
+        return lambda *values: law(*[values[i] for i in order])
 
     def dyad_sines(self, y: Sequence[float]) -> tuple[DyadSine, ...]:
         """Computes the sine of the angle between the two links of each dyad.

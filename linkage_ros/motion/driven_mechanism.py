@@ -46,8 +46,8 @@ class DrivenMechanism:
         middle: If a driven crank is not a coordinate, the middle of the arc on which it moves,
             rad.
         solvers: Solvers for all descriptions used so far.
-        forces: Force [x, y], N, of each load whose force is given, by name in the order of the
-            loads; may change if the names stay.
+        forces: Force [x, y], N, of each load whose force is given, by name; may change if the
+            names and their order stay.
         links: The links whose positions are the coordinates.
         units: Units of the errors in y: rad or crank lengths, then the same per second.
         driven: Index of the driven link.

@@ -116,7 +116,7 @@ class TorqueMotion(Motion):
             period: Time between states, ns.
             integrate: Function that creates the integrator.
             forces: Initial force [x, y], N, of each load whose force `with_forces` changes, by
-                name in the order of the loads.
+                name.
 
         Raises:
             LinkageError: The motion cannot start from the given coordinates and rates.
