@@ -45,6 +45,7 @@ from linkage_ros.quantities import flatten
 from linkage_ros.settings.configuration import configure, from_strings, load, to_strings
 
 EPSILON = 2.0**-52
+TURN = math.tau
 STRUCTURES = 60  # 300 were run by hand
 
 
@@ -271,6 +272,75 @@ def test_dyad_that_touches_its_limit_cannot_turn():
     assert short(4.000001).turns_fully
     assert 'in line' in short(4.0).limits[0]
     assert '0.1 m too far' in short(3.9).limits[0]
+
+
+HALF_GAP = 4e-3  # rad
+
+
+def tight(kind, turn):
+    """Makes a four-bar, turned as a whole, with a dyad that has a gap about the angle `turn`."""
+    depth = 0.5 * HALF_GAP**2  # relative to the product of two lengths
+    way, across = cmath.rect(1.0, turn), cmath.rect(1.0, turn - math.pi / 2)
+    rest = {'name': 'ram', 'from_': 'crank', 'from_at': (1.0, 0.0)}
+    if kind == 'slider':  # 2 m from the pivot; the pin of the crank is 3 m from its path at most
+        slider = DyadSlider(1.0, ((-2 * way).real, (-2 * way).imag), cmath.phase(across))
+        dyad = Dyad(first=Body(3.0 - depth), slider=slider, **rest)
+    else:  # the ends are 3 m apart at least, and the links reach no nearer than 3 m and the depth
+        at = 4 * way
+        links = {'first': Body(5.0), 'second': Body(2.0 - 4 / 3 * depth)}
+        dyad = Dyad(to='frame', to_at=(at.real, at.imag), **links, **rest)
+    return replace(four_bar(FULL['crank_rocker'], 0.3 + turn), dyads=(dyad,))
+
+
+@pytest.mark.parametrize('kind', ['links', 'slider'])
+def test_gap_turns_with_the_machine(kind):
+    """Also next to crank angle 0, where the samples of a period meet."""
+    near = np.linspace(-0.02, 0.02, 120)
+    for turn in [*near, *(near + TURN), *np.linspace(0.0, TURN, 80)]:
+        reach = Solver(tight(kind, float(turn))).reach
+        assert len(reach.limits) == 1, turn
+        ((start, end),) = reach.arcs
+        for edge, half in ((start, HALF_GAP), (end, -HALF_GAP)):
+            assert abs(math.remainder(edge - turn - half, TURN)) < 1e-5
+
+
+def test_gap_next_to_crank_angle_0_is_refused_by_programs(tmp_path):
+    for kind in ('links', 'slider'):
+        values = {'mechanism': 'four_bar', **flatten(tight(kind, 0.00436))}
+        with pytest.raises(LinkageError, match='turn fully: the dyad ram does not close'):
+            record(configure({**values, 'rpm': 60.0}), tmp_path / 'run.mcap', duration=0.1)
+        law = {'drive': 'motion', 'motion.center': 0.1, 'motion.frequency': 0.5}
+        configure({**values, **law, 'motion.amplitude': 0.05})
+        with pytest.raises(ConfigurationError, match='the dyad ram does not close'):
+            configure({**values, **law, 'motion.amplitude': 0.2})
+
+
+def test_gap_between_samples_at_both_of_which_the_margin_rises():
+    """Two dyads are almost in line at angles 0.1 deg apart, and carry a third, which has a gap."""
+
+    def almost_in_line(name, turn, near, far, side):
+        at = -far * cmath.rect(1.0, turn)
+        slider = DyadSlider(1.0, (at.real, at.imag), turn - math.pi / 2)
+        first = Body((near + far) * (1 + 1e-7))
+        return Dyad(
+            name=name, from_='crank', from_at=(near, 0.0), first=first, slider=slider,
+            assembly=side,
+        )  # fmt: skip
+
+    half = Body(0.5 * 3.625244)
+    dyads = (
+        almost_in_line('a', 1.002, 1.8, 2.6, 'open'),
+        almost_in_line('b', 1.0, 1.1, 1.0, 'crossed'),
+        Dyad(
+            name='ram', from_='a_first', from_at=(-1.2, 0.1), first=half,
+            to='b_slider', to_at=(1.8, 0.8), second=half,
+        ),
+    )  # fmt: skip
+    solver = Solver(replace(four_bar(FULL['crank_rocker']), dyads=dyads))
+    with pytest.raises(UnreachableError, match='gap 3'):
+        solver.state(0.999944)
+    ((start, end),) = solver.reach.arcs
+    assert end - TURN < 0.999944 < start
 
 
 @pytest.mark.parametrize(

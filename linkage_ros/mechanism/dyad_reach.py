@@ -3,8 +3,9 @@
 """Reach of the crank of a mechanism with dyads, found numerically.
 
 The margin of a dyad is the distance by which its ends could be farther apart, or nearer, until it
-does not close. It is sampled over the arcs on which the loop and the dyads before it close; its
-minima and its roots are then refined.
+does not close. It is sampled over the arcs on which the loop and the dyads before it close, with
+steps so small that a cubic through the samples predicts it; its minima and its roots are then
+refined. A whole turn is a ring, whose first sample follows its last.
 """
 
 import cmath
@@ -23,7 +24,8 @@ from linkage_ros.mechanism.transmission import normalized
 from linkage_ros.numeric import Array, Real
 from linkage_ros.units import rad_and_deg
 
-_STEPS = 720  # samples per turn
+_STEPS = 720  # samples per turn, at least
+_HALVINGS = 16  # of a step; the smallest is 1e-7 rad
 _INSIDE = 1e-9  # distance from the ends of an arc of the loop, relative to the arc
 _LEAST = 1e-9  # a margin below this part of the dyad's size is that of a dyad in line
 _BISECTIONS = 60
@@ -156,12 +158,11 @@ def _closed_arcs(
     seen = list[tuple[Array, Array]]()
     for low, high in arcs:
         is_whole = high - low == turn
-        crank = np.linspace(-1.0, 1.0, _STEPS * max(1, round((high - low) / math.tau)) + 1)
-        if not is_whole:  # near an end, the links move with the square root of the distance to it
-            crank = (1 - _INSIDE) * np.sin(0.5 * math.pi * crank)
-        crank = 0.5 * (low + high) + 0.5 * (high - low) * crank
-        rows = np.array(margins(crank))
-        crank = np.unique(np.concatenate([crank, *_minima(margins, crank, rows)]))
+        crank, rows = _samples(margins, (low, high), least, is_ring=is_whole)
+        minima = _minima(margins, crank, rows, is_ring=is_whole)
+        if is_whole:
+            minima = [low + (x - low) % turn for x in minima]
+        crank = np.unique(np.concatenate([crank, *minima]))
         rows = np.array(margins(crank))
         seen.append((crank, rows))
         closes = rows.min(axis=0) > least
@@ -179,8 +180,70 @@ def _closed_arcs(
     return found, (float(crank[i]), (float(smallest[i]), int(rows[:, i].argmin())))
 
 
-def _minima(margins: Callable[..., Any], crank: Array, rows: Array) -> list[Array]:
-    """Refines the minima of each margin between samples."""
+def _samples(
+    margins: Callable[..., Any], arc: Arc, error: float, *, is_ring: bool
+) -> tuple[Array, Array]:
+    """Samples margins over an arc, with steps halved where a cubic does not predict their middle.
+
+    Args:
+        margins: Function that returns margins, m, at crank angles, rad.
+        arc: The arc, rad.
+        error: Largest error of a prediction, m.
+        is_ring: Whether the arc is a period of whole turns.
+
+    Returns:
+        Crank angles in increasing order, rad, shape (samples,), and the margins there, m, shape
+        (margins, samples).
+    """
+    low, high = arc
+
+    def angles(place: Array) -> Array:
+        if not is_ring:  # near an end, the links move with the square root of the distance to it
+            place = (1 - _INSIDE) * np.sin(0.5 * math.pi * place)
+        return 0.5 * (low + high) + 0.5 * (high - low) * place
+
+    place = np.linspace(-1.0, 1.0, _STEPS * max(1, round((high - low) / math.tau)) + 1)
+    rows = np.array(margins(angles(place)))
+    steps = np.arange(len(place) - 1)  # those to test
+    for _ in range(_HALVINGS):
+        x, y = place, rows
+        if is_ring:
+            x = np.concatenate([x[-2:-1] - 2.0, x, x[1:2] + 2.0])
+            y = np.concatenate([y[:, -2:-1], y, y[:, 1:2]], axis=1)
+        middle = 0.5 * (place[steps] + place[steps + 1])
+        first = steps if is_ring else np.clip(steps - 1, 0, len(x) - 4)
+        near = first + np.arange(4)[:, None]
+        found = np.array(margins(angles(middle)))
+        is_off = (np.abs(_cubic(x[near], y[:, near], middle) - found) > error).any(axis=0)
+        # The middle of the step i of those tested becomes the sample steps[i] + 1 + i.
+        place = np.insert(place, steps + 1, middle)
+        rows = np.insert(rows, steps + 1, found, axis=1)
+        halves = (steps + np.arange(len(steps)))[is_off]
+        steps = np.stack([halves, halves + 1], axis=1).ravel()
+        if not len(steps):
+            break
+    return angles(place), rows
+
+
+def _cubic(x: Array, y: Array, at: Array) -> Array:
+    """Evaluates cubics through four points each; x of shape (4, n), y of shape (..., 4, n)."""
+    total = np.zeros(y.shape[:-2] + at.shape)
+    for i in range(4):
+        others = [j for j in range(4) if j != i]
+        total += y[..., i, :] * np.prod((at - x[others]) / (x[i] - x[others]), axis=0)
+    return total
+
+
+def _minima(
+    margins: Callable[..., Any], crank: Array, rows: Array, *, is_ring: bool
+) -> list[Array]:
+    """Refines the minima of each margin; in a ring, some may be before its first sample."""
+    if is_ring:
+        crank = np.concatenate([crank[-2:-1] - (crank[-1] - crank[0]), crank])
+        rows = np.concatenate([rows[:, -2:-1], rows], axis=1)
+    else:  # nothing is beyond the ends
+        crank = np.pad(crank, 1, mode='edge')
+        rows = np.pad(rows, ((0, 0), (1, 1)), constant_values=math.inf)
     found = []
     for i, row in enumerate(rows):
         inner = 1 + np.flatnonzero((row[1:-1] <= row[:-2]) & (row[1:-1] <= row[2:]))
