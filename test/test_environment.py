@@ -6,17 +6,31 @@ The reference sees the whole machine in the world's axes: d'Alembert's principle
 50 digits, whose derivatives it takes numerically. It knows no Coriolis terms.
 """
 
+import inspect
 import math
 from dataclasses import replace
 from itertools import chain
 
 import numpy as np
 import pytest
-from mechanisms import CYLINDERS, FULL, PUMPS, four_bar, rows, slider_crank, with_loads
+from mechanisms import (
+    CYLINDERS,
+    FULL,
+    PUMPS,
+    SPRUNG_PUMP,
+    SPRUNG_ROCKER,
+    SPRUNG_SLIDER,
+    four_bar,
+    rows,
+    slider_crank,
+    with_loads,
+)
 from mpmath import mp
 from oracle import Oracle
 
 from linkage_ros import ConfigurationError, Force, Friction, MechanismError, Solver
+from linkage_ros.formulas import dot, number
+from linkage_ros.mechanism.wrenches import FRAME, poses, velocity
 from linkage_ros.settings.configuration import load
 
 # A hip at 5 rad/s and 40 rad/s^2.
@@ -167,7 +181,94 @@ def test_driven_by_takes_the_motion_of_the_frame_before_the_forces():
     assert found != solver.accelerations((1.0,), 2.0, 30.0, forces=FORCES)
 
 
-@pytest.mark.parametrize('method', ['accelerations', 'driven_state', 'driven_by'])
+def virtual_power(solver, state, wrenches, levers):
+    """Returns the power of wrenches at the given rates of all links."""
+    bodies = solver.structure.links
+    links, found = poses(bodies, state.position), 0.0
+    for wrench in chain.from_iterable(wrenches.values()):
+        if wrench.body != FRAME:
+            found = found + number(wrench.effort) * levers[wrench.body]
+            spin = bodies[wrench.body].spin(wrench.body)
+            found = found + number(wrench.couple) * (0.0 if spin is None else levers[spin])
+            if wrench.point is not None:
+                found = found + dot(wrench.force, velocity(wrench.point, links, levers))
+    return found
+
+
+MACHINES = {
+    **LEGS,
+    'driven_cylinder': replace(CYLINDERS['swinging_barrel'], input='cylinder', assembly='crossed'),
+    'sprung_rocker': SPRUNG_ROCKER,
+    'sprung_slider': SPRUNG_SLIDER,
+    'sprung_pump': SPRUNG_PUMP,
+    **{name: load(name).mechanism for name in ('compressor', 'excavator', 'shaper', 'watt')},
+}
+WITHOUT_FRICTION = {'accelerations', 'driven_state', 'driven_by'}
+
+
+@pytest.mark.parametrize('size', [None, 3])
+@pytest.mark.parametrize('friction', [False, True])
+@pytest.mark.parametrize('name', MACHINES)
+def test_all_methods_agree_under_the_same_frame_and_forces(name, friction, size):
+    rest = {'push': (1.0, 2.0), 'pull': (0.0, -1.0)}
+    machine, used = loaded(MACHINES[name], rest), set()
+    rub = (Friction(pin=0.1, pin_radius=0.02 * machine.crank.length),) if friction else ()
+    solver = Solver(replace(machine, loads=(*machine.loads, *rub)), pivot=PIVOT)
+    bare = Solver(replace(machine, loads=()), pivot=PIVOT)
+    bare.model = bare.model._replace(loads=())  # without those of parts either
+    if len(machine.coordinates) > 1:
+        motion = PUMP
+    else:
+        low, high = solver.reach.arcs[0]
+        motion = (0.3 * low + 0.7 * high,), (2.0,), (1.5,)
+
+    def sized(row):
+        return tuple(x if size is None else x * np.linspace(1.0, 1.1, size) for x in row)
+
+    q, u, a = motion[0], *map(sized, motion[1:])
+    given = {'frame': sized(HIP), 'forces': {key: sized(x) for key, x in FORCES.items()}}
+
+    def ask(name, *args):
+        used.add(name)
+        return getattr(solver, name)(*args, **given)
+
+    def close(one, other):
+        assert one == pytest.approx(other, rel=1e-9, abs=1e-9 * scale)
+
+    state, scale = ask('state', q, u, a), 1.0
+    for other in ({}, {'frame': given['frame']}, {'forces': given['forces']}):
+        assert np.all(np.abs(solver.torque(q, u, a, **other) / state.torque - 1) > 1e-4)
+    scale = np.max(np.abs(state.torque))
+    close(ask('torque', q, u, a), state.torque)
+    close(ask('reactions', state).torque, state.torque)
+    # A virtual motion of the first coordinate: the torque carries the loads and the rest.
+    levers = solver.state(q, (1.0, *(0.0 for _ in q[1:]))).velocity
+    rest = bare.torque(q, u, a, frame=given['frame'])
+    wrenches, exerted = ask('wrenches', state), ask('load_forces', state)
+    close(rest - virtual_power(solver, state, wrenches, levers), state.torque)
+    powers = [force * levers[solver.links.index(link)] for link, force in exerted.items()]
+    close(rest - sum(powers), state.torque)
+    if not friction:
+        found = ask('accelerations', q, u, state.torque)
+        driven = ask('driven_state', q, u, state.torque)
+        close(solver.state(q, u, found, **given).torque, state.torque)
+        expected = solver.state(q, u, found, **given).acceleration
+        close(np.array(driven.acceleration), np.array(expected))
+        torque, *row = (
+            float(np.ravel(x)[0])
+            for x in (state.torque, *q, *u, *given['frame'], *chain(*given['forces'].values()))
+        )
+        law = ask('driven_by', lambda _: torque)
+        close(law(*row), [np.ravel(x)[0] for x in found])
+    takers = {
+        name
+        for name, method in inspect.getmembers(Solver, inspect.isfunction)
+        if {'frame', 'forces'} & {*inspect.signature(method).parameters} and name[0] != '_'
+    }
+    assert used == takers - (WITHOUT_FRICTION if friction else set())
+
+
+@pytest.mark.parametrize('method', sorted(WITHOUT_FRICTION))
 def test_friction_is_refused_where_the_torque_is_given(method):
     solver = Solver(replace(LEGS['four_bar'], loads=(Friction(pin=0.1, pin_radius=0.05),)))
     given = (lambda _: 3.0,) if method == 'driven_by' else (1.0, 2.0, 3.0)
@@ -228,6 +329,7 @@ def test_wrong_values_are_refused(given, words, friction):
     assert words in str(error.value)
     state = solver.state(1.0, *KNEE)
     if 'overflows' not in words:
-        with pytest.raises(ConfigurationError) as error:
-            solver.reactions(state, **given)
-        assert words in str(error.value)
+        for method in (solver.reactions, solver.wrenches, solver.load_forces):
+            with pytest.raises(ConfigurationError) as error:
+                method(state, **given)
+            assert words in str(error.value)

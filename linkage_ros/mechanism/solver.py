@@ -32,7 +32,7 @@ from linkage_ros.mechanism.joint_forces import (
 from linkage_ros.mechanism.kinematics import PointMotion, Reach, State
 from linkage_ros.mechanism.loads.base import Load
 from linkage_ros.mechanism.loads.force import PointForce
-from linkage_ros.mechanism.nested import leaves
+from linkage_ros.mechanism.nested import leaves, rebuilt
 from linkage_ros.mechanism.numba_program import CompiledProgram
 from linkage_ros.mechanism.program import Constants, Program
 from linkage_ros.mechanism.structure import Description, Mechanism
@@ -76,12 +76,15 @@ class Solver:
     only one. Arrays broadcast. For a driven cylinder, each torque is its force, N, positive if it
     lengthens the cylinder.
 
-    Methods that compute torques, accelerations or forces also accept:
+    Methods that compute torques, accelerations or forces also accept the environment of a state:
 
     - `frame`: Direction of base_link, rad, its rate, rad/s, and its acceleration, rad/s^2, if it
       turns about `pivot`; empty if it is at rest. Gravity is given in the axes of base_link at
       direction 0.
     - `forces`: Force [x, y], N, that replaces the force of a load of kind force, by name.
+
+    A `State` does not contain its environment: methods that take a state need the same `frame` and
+    `forces` as the method that computed it.
 
     Attributes:
         mechanism: The mechanism.
@@ -512,7 +515,7 @@ class Solver:
 
         Returns:
             The kinetic energy, J, and the potential energy of weights and loads, up to a constant,
-            J.
+            J. A load of kind force counts with its own force.
 
         Raises:
             LinkageError: As for `state`.
@@ -597,49 +600,76 @@ class Solver:
             dict(zip(pins, in_pins, strict=True)), dict(zip(sliding, pairs, strict=True)), *others
         )
 
-    def load_forces(self, state: State) -> dict[str, Real]:
-        """Computes the generalised forces of loads and friction, excluding weights.
+    def load_forces(
+        self,
+        state: State,
+        *,
+        frame: Sequence[Real] = (),
+        forces: Mapping[str, Sequence[Real]] = NO_FORCES,
+    ) -> dict[str, Real]:
+        """Computes the generalised forces of loads and friction; see `wrenches`.
 
         They are the power of the loads per unit of each link's rate. A force at a point of the
         coupler therefore also acts on the crank.
 
         Args:
             state: A state of floats or arrays, from `state`.
+            frame: Motion of base_link; see the class.
+            forces: Forces of loads; see the class.
 
         Returns:
             The torque on each loaded link by its name, N m, positive counter-clockwise; for a
             sliding link, the force along its guide, N.
 
         Raises:
-            ConfigurationError: The argument is not a state of this mechanism.
+            ConfigurationError: The argument is not a state of this mechanism, or as for `state`.
         """
         bodies, found = self.structure.links, dict[str, Real]()
         links = poses(bodies, self._rows(state)[0])
-        for wrenches in self.wrenches(state).values():
+        for wrenches in self.wrenches(state, frame=frame, forces=forces).values():
             for wrench in wrenches:
                 for j, force in wrench.generalised(bodies, links):
                     found[self.links[j]] = found.get(self.links[j], ZERO) + force
         return {name: number(force) for name, force in found.items()}
 
-    def wrenches(self, state: State) -> dict[str, list[Wrench]]:
-        """Computes the forces and couples of loads and friction on all bodies, excluding weights.
+    def wrenches(
+        self,
+        state: State,
+        *,
+        frame: Sequence[Real] = (),
+        forces: Mapping[str, Sequence[Real]] = NO_FORCES,
+    ) -> dict[str, list[Wrench]]:
+        """Computes the forces and couples of loads and friction on all bodies.
+
+        Weights and inertia are not among them, and neither is the inertia due to a turning frame.
+        The friction includes the effect of all of these on the joint forces.
 
         Args:
             state: A state of floats or arrays, from `state`.
+            frame: Motion of base_link; see the class. It affects only friction.
+            forces: Forces of loads; see the class.
 
         Returns:
             The wrenches of each load by its name: that under `loads` in a parameter file, 'load',
             or the name of a link; and those of friction by 'friction'.
 
         Raises:
-            ConfigurationError: The argument is not a state of this mechanism.
+            ConfigurationError: The argument is not a state of this mechanism, or as for `state`.
         """
         position, velocity, _ = self._rows(state)
+        model = self._constants.tree
+        outside, others = self._outside(frame, forces)
+        if outside:
+            words: list[str] = leaves(outside.names)
+            given, _ = real_numbers(words, others)
+            require_finite(**dict(zip(words, given, strict=True)))
+            environment = rebuilt(outside.names, iter(given))
+            model = model.within(environment._replace(frame=()))
         names = self.mechanism.link_loads()
-        loads: dict[str, Load] = dict(zip(names, self._constants.tree.loads, strict=True))
+        loads: dict[str, Load] = dict(zip(names, model.loads, strict=True))
         if self.model.joint_loads:
             q, u, a = self._motion(state)
-            loads['friction'] = self._settle(q, u, a).load
+            loads['friction'] = self._settle(q, u, a, frame, forces).load
         links = poses(self.structure.links, position)
         return {name: load.wrenches(links, velocity) for name, load in loads.items()}
 
