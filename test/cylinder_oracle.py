@@ -149,6 +149,8 @@ class CylinderOracle(Oracle):
 
     def curve(self, load, crank, s, rate):
         """Returns the force of a curve along the cylinder."""
+        if load.over == 'crank_angle_from_tdc':  # the crank points to B0 where the rod is far
+            crank -= mp.mpf(self.mechanism.frame.angle) + (mp.pi if load.top == 'near' else 0)
         if load.pressure is not None:
             return self.push(load, periodic(load.at, load.pressure, crank, load.turns))
         if load.over == 'position':

@@ -423,14 +423,14 @@ class Oracle:
                 coupled[0] -= mp.mpf(load.damping) * rates[0]
         for curve in self.mechanism.loads:
             if getattr(curve, 'pressure', None):  # the head of the cylinder takes the opposite
-                pressure = periodic(curve.at, curve.pressure, mp.mpf(_first(q)), curve.turns)
+                crank = mp.mpf(_first(q)) - self.start(curve)
+                pressure = periodic(curve.at, curve.pressure, crank, curve.turns)
                 coupled[-1] += self.push(curve, pressure)
             elif hasattr(curve, 'over'):
                 link = 0 if curve.link == 'crank' else len(vectors) - 1
-                if curve.over == 'crank_angle':
-                    outside[link] += periodic(
-                        curve.at, curve.value, mp.mpf(_first(q)), curve.turns
-                    )
+                if curve.over != 'position':
+                    crank = mp.mpf(_first(q)) - self.start(curve)
+                    outside[link] += periodic(curve.at, curve.value, crank, curve.turns)
                 else:
                     falls = rate < 0 and curve.return_value is not None
                     value = curve.return_value if falls else curve.value
@@ -476,6 +476,14 @@ class Oracle:
         side = 1 if self.mechanism.assembly == 'open' else -1
         far, near = (side * mp.sqrt(x**2 - e**2) for x in (b + r, b - r))
         return (near, far) if load.top == 'near' else (far, near)
+
+    def start(self, curve):
+        """Returns the crank angle from which a curve counts: 0, or the top of the stroke."""
+        if curve.over != 'crank_angle_from_tdc':
+            return 0
+        (top, _), (_, _, e) = self.ends(curve), map(mp.convert, self.lengths)
+        turned = mp.pi if curve.top == 'near' else 0  # the crank points away from the slider
+        return mp.atan2(e, top) + mp.mpf(self.mechanism.frame.angle) + turned
 
     def push(self, load, pressure):
         """Computes the force of a pressure on the slider along its guide."""

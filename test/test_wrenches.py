@@ -88,6 +88,11 @@ CASES = [
         LoadCurve('rod', at=(0.5, 4.0, 9.0), pressure=(1e5, 5e5, 9e4), bore=0.1),
         LoadCurve('rod', 'position', (1.5, 2.5, 3.3), (5.0, -7.0, 30.0), (0.0, 2.0, -4)))),
     ('slider_crank', LoadCurve('slider', at=(0.5, 4.0, 9.0), pressure=(1e5, 5e5, 9e4), bore=0.1)),
+    *((name, LoadCurve(link, 'crank_angle_from_tdc', at, top=top, **values))
+      for name, link in (('slider_crank', 'slider'), ('cylinder', 'rod'),
+                         ('driven_cylinder', 'rod'))
+      for at in ((-0.3, 0.0, 2.0), (-0.3, 1.4, 9.0)) for top in (None, 'near')
+      for values in ({'value': (4.0, -9.0, 3.0)}, {'pressure': (1e5, 5e5, 9e4), 'bore': 0.1})),
 ]  # fmt: skip
 
 
@@ -384,6 +389,7 @@ FILES = {
     'unit.csv': 'crank_angle_deg,pressure_psi\n0,1\n',
     'none.csv': 'crank_angle_deg\n0\n',
     'falling.csv': 'crank_angle_deg,value\n10,1\n0,1\n',
+    'degrees.csv': 'crank_angle_deg,value\n0,1\n10,1\n',
     'long.csv': 'crank_angle_deg,value\n0,1\n721,1\n',
     'open.csv': 'crank_angle_deg,value\n0,1\n720,2\n',
     'negative.csv': 'crank_angle_deg,pressure\n0,-1\n',
@@ -463,6 +469,19 @@ WRONG = [
         'negative.csv': r'pressure = \[-1\.0\]: must be a list of numbers from 0',
         'word.csv': 'one',
         'mm.csv': r"over = 'crank_angle': must be position, for the column position_mm"}.items()),
+    *((SLIDER, f'kind: curve, link: slider, over: {over}, file: {name}, bore: 0.1', words)
+      for over, name, words in (
+        ('position', 'tdc.csv', 'must be crank_angle_from_tdc, for the column crank_angle_from_'),
+        ('crank_angle_from_tdc', 'mm.csv', 'must be position, for the column position_mm'),
+        ('crank_angle_from_tdc', 'degrees.csv', 'must be crank_angle, for the column crank_an'))),
+    (SLIDER, CURVE + ', value: [1.0, 2.0], top: near', LABEL + 'top is for a pressure'),
+    (SLIDER, CURVE.replace('1.0', '1.0e-17') + ', over: crank_angle_from_tdc, top: near, value: '
+     '[1.0, 2.0]', LABEL + 'at must increase'),
+    *((given, f'kind: curve, link: {link}, over: crank_angle_from_tdc, at: [0.0], value: [1.0]',
+       words) for given, link, words in (
+        (SLIDER, 'crank', LABEL + 'over: crank of a SliderCrank is not a slider whose stroke'),
+        (FOUR, 'rocker', LABEL + 'over: rocker of a FourBar is not a slider whose stroke'),
+        (LIMITED, 'slider', LABEL + 'over: this .* linkage has no stroke with fixed ends'))),
     *((SLIDER, f'kind: curve, link: slider, file: {name}', words) for name, words in {
         'tdc.csv': LABEL + 'pressure acts on a slider with a bore: give loads.x.bore',
         'falling.csv': LABEL + 'at must increase',
@@ -515,11 +534,13 @@ def test_indicator_diagram_pushes_the_piston_from_its_top(tmp_path):
         found = configured(tmp_path, f'{SLIDER}, slider: {{offset: 0.02}}', text)
         solver = Solver(found.mechanism)
         (curve,) = found.mechanism.loads
+        assert curve.over == 'crank_angle_from_tdc'
+        (_, start), _ = found.mechanism.stroke('', 'slider').ends(top)
         extreme = travel(solver).at
-        assert min(abs(math.remainder(curve.at[1] - x, TURN)) for x in extreme) < 1e-7
+        assert min(abs(math.remainder(start - x, TURN)) for x in extreme) < 1e-7
         for angle, pressure in zip(curve.at, (1e5, 3e6), strict=True):
             force = sign * (pressure - 101300.0) * math.pi * 0.05**2
-            state = solver.state(angle, 1.0)
+            state = solver.state(start + angle, 1.0)
             assert solver.load_forces(state)['slider'] == pytest.approx(force, rel=1e-12)
 
 

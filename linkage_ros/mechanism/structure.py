@@ -401,7 +401,7 @@ class Mechanism(Checked):
             links = [link.name for link in self.loop_structure().links]
             object.__setattr__(self, 'dyads', ordered(self.dyads, links))
         own = [load.key for load in self._part_loads()]
-        loads = tuple(load.completed(self) for load in _named(self.loads, own))
+        loads = tuple(load.completed() for load in _named(self.loads, own))
         object.__setattr__(self, 'loads', loads)
 
     @classmethod
@@ -426,7 +426,7 @@ class Mechanism(Checked):
         return {}
 
     def require_closed(self) -> None:
-        """Rejects lengths with which the loop cannot close; called before loads are completed."""
+        """Rejects lengths with which the loop cannot close."""
 
     def loop_structure(self) -> Structure:
         """Returns the links, points and joints of the loop."""

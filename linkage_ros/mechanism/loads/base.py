@@ -137,11 +137,14 @@ class AppliedLoad(Checked):
         """Start of the load's parameter names, without a dot, for error messages."""
         return f'loads.{self.name}' if self.name else self.group or type(self).__name__
 
-    def completed(self, _mechanism: Any) -> 'AppliedLoad':
-        """Returns the load with values that depend on the mechanism, which is being created.
+    def completed(self) -> 'AppliedLoad':
+        """Returns the load with the contents of its files; called when a mechanism is created.
+
+        Values that depend on the mechanism belong in `on`, because copies with other lengths keep
+        their loads.
 
         Raises:
-            ConfigurationError: The load does not fit the mechanism.
+            ConfigurationError: A file is missing or invalid.
         """
         return self
 

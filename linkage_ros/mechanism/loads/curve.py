@@ -25,11 +25,12 @@ _TURN = 2 * math.pi
 _ROUNDING = 8 * math.ulp(_TURN)  # rad; tolerance for points that are one turn apart
 _POSITIONS = (-1e9, 1e9)
 _FORCES = (-1e12, 1e12)
+# Independent variables.
+_ANGLE, _FROM_TDC, _POSITION = 'crank_angle', 'crank_angle_from_tdc', 'position'
 # Columns of a file, with the factors of their units.
 _DEGREE = math.pi / 180
-_ANGLES = {
-    'crank_angle': 1.0, 'crank_angle_deg': _DEGREE, 'crank_angle_from_tdc_deg': _DEGREE,
-}  # fmt: skip
+_FROM_TDC_COLUMN = 'crank_angle_from_tdc_deg'
+_ANGLES = {'crank_angle': 1.0, 'crank_angle_deg': _DEGREE, _FROM_TDC_COLUMN: _DEGREE}
 _PLACES = {'position': 1.0, 'position_mm': 1e-3}
 _PRESSURES = {'pressure': 1.0, 'pressure_kpa': 1e3, 'pressure_bar': 1e5}
 _LISTS = 'at', 'value', 'return_value', 'pressure'
@@ -42,22 +43,25 @@ class LoadCurve(AppliedLoad):
     Attributes:
         link: Loaded link: 'crank', 'rocker', 'slider', 'rod' of a cylinder, or a dyad's slider.
         over: Independent variable. With 'crank_angle', the curve repeats every turn of the crank
-            or, if its points span more than a turn, every two turns. With 'position', it is the
-            slider's position, or the rocker's angle without a jump in its swing; outside the
-            points, the end values apply.
+            or, if its points span more than a turn, every two turns; likewise with
+            'crank_angle_from_tdc', the crank angle from the top of a slider's stroke. With
+            'position', it is the slider's position, or the rocker's angle without a jump in its
+            swing; outside the points, the end values apply.
         at: Crank angles or positions of the points, in increasing order, rad or m.
         value: Load on the link at these points: torque, N m, positive counter-clockwise; on a
             slider, force along the guide, N.
         return_value: Load on the link while its rate is negative, or None to use `value`. Only
             with `over` = 'position'.
         file: CSV file whose header names the quantity and unit of each column. It is read when the
-            mechanism is created, after which this field is empty.
+            mechanism is created, after which this field is empty. A column of angles from the top
+            sets `over`.
         pressure: Absolute pressure at the points, Pa, instead of `value`. The force on the slider
             is (pressure - ambient) x area, away from the top; the cylinder head, a part of the
             frame, takes the opposite.
         bore: Diameter of the piston, m; only with `pressure`.
         ambient: Absolute pressure on the other side of the piston, Pa; by default 1.013e5.
-        top: Top of the stroke, 'far' from the crank pivot (default) or 'near' to it.
+        top: Top of the stroke, 'far' from the crank pivot (default) or 'near' to it; only with
+            `pressure` or angles from the top.
     """
 
     group: ClassVar[str] = 'load'
@@ -67,8 +71,8 @@ class LoadCurve(AppliedLoad):
         'text', 'link that the load curve acts on: the crank, the output link, or a slider'
     )
     over: str = quantity(
-        'choice', 'variable of the load curve', choices=('crank_angle', 'position'),
-        default='crank_angle',
+        'choice', 'variable of the load curve; from_tdc: from the top of the stroke',
+        choices=(_ANGLE, _FROM_TDC, _POSITION), default=_ANGLE,
     )  # fmt: skip
     at: tuple[float, ...] | None = quantity(
         'list',
@@ -107,7 +111,7 @@ class LoadCurve(AppliedLoad):
     @property
     def turns(self) -> int:  # type: ignore[override]
         """Number of crank turns after which the curve repeats."""
-        if self.over != 'crank_angle' or self.at is None:
+        if self.over == _POSITION or self.at is None:
             return 1
         return 2 if self.at[-1] - self.at[0] > _TURN + _ROUNDING else 1
 
@@ -133,23 +137,28 @@ class LoadCurve(AppliedLoad):
                     f'{label}.{name} has {len(row)} numbers and {label}.at {len(at)}: give one '
                     'for each point'
                 )
-        for i, (x, y) in enumerate(itertools.pairwise(at), 2):
-            if not x < y:
-                raise ConfigurationError(
-                    f'{label}.at must increase: number {i}, {y:g}, is not above {x:g} before it'
-                )
+        self._require_rising(at)
         self._require_bore()
-        if self.over == 'crank_angle':
+        if self.over != _POSITION:
             self._require_turns(at, self.value or self.pressure or ())
         elif self.link == 'crank':
             raise ConfigurationError(
                 f"{label}.over = 'position': must be crank_angle if {label}.link is crank"
             )
 
+    def _require_rising(self, at: Sequence[float]) -> None:
+        for i, (x, y) in enumerate(itertools.pairwise(at), 2):
+            if not x < y:
+                raise ConfigurationError(
+                    f'{self.label}.at must increase: number {i}, {y:g}, is not above {x:g} before '
+                    'it'
+                )
+
     def _require_bore(self) -> None:
         label = self.label
         if self.pressure is None:
-            extra = [x for x in ('bore', 'ambient', 'top') if getattr(self, x) is not None]
+            names = ('bore', 'ambient') if self.over == _FROM_TDC else ('bore', 'ambient', 'top')
+            extra = [x for x in names if getattr(self, x) is not None]
             if extra:
                 raise ConfigurationError(
                     f'{label}.{extra[0]} is for a pressure: leave it out, or give {label}.pressure'
@@ -177,11 +186,11 @@ class LoadCurve(AppliedLoad):
                 f'or two whole turns, the last value must equal the first, {value[0]:g}'
             )
 
-    def completed(self, mechanism: Any) -> 'LoadCurve':
+    def completed(self) -> 'LoadCurve':
         """Reads the file; see `AppliedLoad.completed`.
 
         Raises:
-            ConfigurationError: The file cannot be read, or does not fit the mechanism.
+            ConfigurationError: The file cannot be read, or does not fit the other parameters.
         """
         if not self.file:
             return self
@@ -201,25 +210,22 @@ class LoadCurve(AppliedLoad):
                 f'positions ({", ".join(("at", *_ANGLES, *_PLACES))}) and one of values (value '
                 f'and optionally return_value, or {", ".join(_PRESSURES)})'
             ) from error
-        over = 'position' if variable in _PLACES else 'crank_angle'
-        if self.over != over and variable != 'at':
+        over = _POSITION if variable in _PLACES else _ANGLE
+        over = {'at': self.over, _FROM_TDC_COLUMN: _FROM_TDC}.get(variable, over)
+        if self.over != over and (self.over, over) != (_ANGLE, _FROM_TDC):
             raise ConfigurationError(
                 f'{label}.over = {self.over!r}: must be {over}, for the column {variable} of '
                 f'{self.file}'
             )
-        top = self.top
-        if variable == 'crank_angle_from_tdc_deg':
-            (_, start), _ = mechanism.stroke(f'{label}.file', self.link).ends(top or FAR)
-            lists['at'] = tuple(start + x for x in lists['at'])
-            top = top if 'pressure' in lists else None
-        return replace(self, file='', top=top, **lists)
+        return replace(self, file='', over=over, **lists)
 
     def on(self, mechanism: Any) -> 'CurveForce':
         """See `AppliedLoad.on`.
 
         Raises:
             ConfigurationError: The mechanism has no such link, the curve is over position and
-                the link turns fully, or a pressure acts on a slider without a fixed stroke.
+                the link turns fully, or a curve of a pressure or from the top of the stroke acts
+                on a link without a fixed stroke.
         """
         label, at, value = self.label, self.at or (), self.value or ()
         link = mechanism.loaded_link(self.link, f'{label}.link')
@@ -230,7 +236,11 @@ class LoadCurve(AppliedLoad):
             area = math.copysign(0.25 * math.pi * (self.bore or 0.0) ** 2, bottom - top)
             behind = AMBIENT if self.ambient is None else self.ambient
             value = tuple(area * (x - behind) for x in self.pressure)
-        if self.over == 'crank_angle':
+        if self.over == _FROM_TDC:
+            (_, start), _ = mechanism.stroke(f'{label}.over', self.link).ends(self.top or FAR)
+            at = tuple(start + x for x in at)
+            self._require_rising(at)  # rounding may make points equal
+        if self.over != _POSITION:
             return CurveForce(link, 0, None, Opaque(Table(at, value, turns=self.turns)), held)
         half_way = 0.5 * (at[0] + at[-1])
         slides = mechanism.structure().links[link].slides
