@@ -6,7 +6,8 @@ Most have masses on all links and no symmetry, so that no term of an equation va
 """
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from hypothesis import strategies as st
@@ -29,7 +30,10 @@ from linkage_ros import (
     SliderCrank,
     WindPump,
 )
+from linkage_ros.formulas import ZERO
+from linkage_ros.mechanism.loads.base import AppliedLoad
 from linkage_ros.mechanism.parts import LoadedPart
+from linkage_ros.mechanism.wrenches import Wrench
 from linkage_ros.settings.configuration import read_values
 
 # Parameters of the quadrilateral whose crank is measured; a preset would also set its motion.
@@ -250,6 +254,41 @@ def with_loads(mechanism, *loads):
     ((name, part),) = [x for x in mechanism.parts().items() if isinstance(x[1], LoadedPart)]
     bare = replace(part, **dict.fromkeys(load_fields(part), 0.0))
     return replace(mechanism, **{name: bare}, loads=loads)
+
+
+class Pushes(NamedTuple):
+    """Forces at points of links: (index of the link, point, force)."""
+
+    given: tuple
+
+    def wrenches(self, _links, _rates):
+        return [Wrench(link, force=force, point=point) for link, point, force in self.given]
+
+    def potential(self, _links):
+        return ZERO
+
+
+@dataclass(frozen=True)
+class SeveralForces(AppliedLoad):
+    """A load with several forces on one link: (index of the link, at, force)."""
+
+    given: tuple = ()
+
+    def on(self, mechanism):
+        point_of = mechanism.structure().point_of
+        return Pushes(tuple((j, point_of(j, at), complex(*x)) for j, at, x in self.given))
+
+
+# Two forces at one point of the coupler, one at another, and one on the rocker, opposite to it.
+SEVERAL_FORCES = SeveralForces(
+    (
+        (1, (0.1, 0.2), (5.0, 1.0)),
+        (1, (0.1, 0.2), (10.0, 2.0)),
+        (1, (0.3, 0.0), (0.0, 7.0)),
+        (2, (0.1, 0.0), (0.0, -7.0)),
+    ),
+    name='tool',
+)
 
 
 def turning_parts(mechanism):

@@ -248,6 +248,14 @@ def test_all_methods_agree_under_the_same_frame_and_forces(name, friction, size)
     close(rest - virtual_power(solver, state, wrenches, levers), state.torque)
     powers = [force * levers[solver.links.index(link)] for link, force in exerted.items()]
     close(rest - sum(powers), state.torque)
+    sums = ask('exerted', state).forces
+    for link in solver.links:
+        pushes = [x for row in wrenches.values() for x in row if solver.links[x.body] == link]
+        for i in range(2):
+            close(
+                sum(number(x.force[i]) for x in pushes if x.body != FRAME and x.point is not None),
+                sum(x.force[i] for x in sums.values() if x.link == link),
+            )
     if not friction:
         found = ask('accelerations', q, u, state.torque)
         driven = ask('driven_state', q, u, state.torque)

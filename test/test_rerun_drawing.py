@@ -11,6 +11,7 @@ from unittest.mock import ANY
 import numpy as np
 import pytest
 import rerun as rr
+from mechanisms import SEVERAL_FORCES
 from test_rerun_connection import read, run_of, show
 
 from linkage_ros.mechanism.loads.base import AppliedLoad
@@ -209,6 +210,22 @@ def test_the_arrow_of_a_load_on_the_coupler_turns_about_the_crank_pin():
     arms = drawn['coupler'][:, :-3] - pins[:, np.newaxis]
     assert abs(arms) == pytest.approx(np.full(arms.shape, abs(arms[0, 0])), rel=1e-12)
     assert np.angle(arms[:, 0] / np.exp(1j * positions[:, 1])) == pytest.approx(0, abs=1e-12)
+
+
+def test_several_forces_of_a_load_on_one_link_all_have_arrows():
+    mechanism = replace(load('quadrilateral').mechanism, loads=(SEVERAL_FORCES,))
+    state = Solver(mechanism).state(np.array([0.3, 1.2]), 1.0)
+    positions, rates = np.transpose(state.position), np.transpose(state.velocity)
+    arrows = LoadArrows(mechanism, 0.01, positions)
+    found = arrows.values(positions, rates)
+    assert found == {
+        'tool on coupler': ['15.3 N'] * 2,
+        'tool on coupler 2': ['7 N'] * 2,
+        'tool on rocker': ['7 N'] * 2,
+    }
+    assert arrows.names == tuple(found)
+    feet = [lines[:, 0] for lines in arrows.lines(positions, rates).values()]
+    assert abs(feet[0] - feet[1]) == pytest.approx(abs(0.2 - 0.2j))
 
 
 def test_links_and_loads_are_thicker_than_ground_and_paths(drawn):

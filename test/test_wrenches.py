@@ -15,6 +15,7 @@ from mechanisms import (
     CYLINDERS,
     FULL,
     PUMPS,
+    SEVERAL_FORCES,
     TURN,
     force_errors,
     four_bar,
@@ -31,6 +32,7 @@ from linkage_ros import (
     Friction,
     Gas,
     LinkageError,
+    LinkLoad,
     LoadCurve,
     Pins,
     Solver,
@@ -124,6 +126,24 @@ def test_all_loads_with_friction_give_the_forces_of_newton_and_euler(name, speed
     friction = [FRICTION[name]] if name in FRICTION else []
     mechanism = replace(MECHANISMS[name], loads=(*loads, *friction))
     assert error(mechanism, [1.3, 9.0], speed) < CLOSE
+
+
+def test_forces_of_one_load_at_one_point_add_and_others_have_names_of_their_own():
+    mechanism = replace(MECHANISMS['four_bar'], loads=(SEVERAL_FORCES, LinkLoad('crank', 3.0)))
+    solver, point = Solver(mechanism), mechanism.structure().point_of(1, (0.3, 0.0))
+    state = solver.state(np.linspace(0.5, 6.0, 4), 2.0)
+    exerted = solver.exerted(state)
+    assert exerted.efforts == {'crank': 3.0}
+    assert {name: found.force for name, found in exerted.forces.items()} == {
+        'tool on coupler': (15.0, 3.0),
+        'tool on coupler 2': (0.0, 7.0),
+        'tool on rocker': (0.0, -7.0),
+    }
+    place = point.fixed + np.array(point.weights) @ np.exp(1j * np.array(state.position))
+    x, y = exerted.forces['tool on coupler 2'].at
+    assert x + 1j * y == pytest.approx(place, rel=1e-12)
+    # The generalised forces, in contrast, include the levers of these forces.
+    assert solver.load_forces(state)['crank'] != pytest.approx(3.0)
 
 
 # ---------------------------------------------------------------- free bodies

@@ -15,7 +15,7 @@ from linkage_lab.pump.analysis import settle
 from linkage_lab.pump.shooting import PeriodicMotion
 from linkage_lab.sampling import SAME, integral, samples, with_breaks
 from linkage_ros import ConfigurationError, Mechanism, Solver, State, Travel, WindPump, travel
-from linkage_ros.formulas import ZERO, Array, number
+from linkage_ros.formulas import Array
 from linkage_ros.internals import Drawing, LawMotion
 
 # Speed of a crank that is drawn over its arc, or of a cylinder over its stroke, m/s; and the part
@@ -162,22 +162,24 @@ class Period:
         return self.across is OVER_CRANK and (reach is None or reach.turns_fully)
 
     def _add_loads(self, state: State) -> None:
-        """Adds the sum of each link's couples or guide forces, then other forces."""
-        links = self.solver.structure.links
-        solver, efforts = self.solver, dict[str, Any]()
-        for name, wrenches in solver.wrenches(state).items():
-            for wrench in wrenches:
-                if wrench.body >= 0 and wrench.effort is not ZERO:
-                    link = solver.links[wrench.body]
-                    efforts[link] = efforts.get(link, 0.0) + wrench.effort
-            # The second force of a spring is the opposite of the first.
-            force = next((x.force for x in wrenches if x.point is not None), None)
-            if force is not None:
-                self.add(f'{name}.force', 'N', (number(force.x), number(force.y)))
-        for link, effort in efforts.items():
+        """Adds the forces at points, 'LOAD.force', 'LOAD.2.force' ..., then efforts, 'LINK.load'.
+
+        They are those of `Solver.exerted`. A force that is the opposite of an earlier one on
+        another link, such as the second of a spring, is left out.
+        """
+        links, exerted = self.solver.structure.links, self.solver.exerted(state)
+        shown = dict[str, list[Any]]()
+        for new in exerted.forces.values():
+            before = shown.setdefault(new.load, [])
+            if not any(_are_opposite(new, old) for old in before):
+                before.append(new)
+                number = f'.{len(before)}' * (len(before) > 1)
+                self.add(f'{new.load}{number}.force', 'N', new.force)
+        for link, effort in exerted.efforts.items():
             self.add(
-                f'{link}.load', 'N' if links[solver.links.index(link)].slides else 'N m', effort
-            )
+                f'{link}.load', 'N' if links[self.solver.links.index(link)].slides else 'N m',
+                effort,
+            )  # fmt: skip
 
     def add(self, name: str, unit: str, values: Any) -> None:
         """Adds a column, or one for each component of a vector."""
@@ -186,6 +188,12 @@ class Period:
                 self.add(f'{name}.{axis}', unit, component)
         else:
             self.columns[name] = Column(unit, np.broadcast_to(values, self.crank.shape))
+
+
+def _are_opposite(one: Any, other: Any) -> bool:
+    """Returns whether a load pushes two links with opposite forces; see `Solver.exerted`."""
+    pairs = zip(one.force, other.force, strict=True)
+    return one.link != other.link and all(np.array_equal(x, -y) for x, y in pairs)
 
 
 def period_to_show(

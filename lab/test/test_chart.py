@@ -10,6 +10,7 @@ import math
 import re
 import sys
 from contextlib import redirect_stdout
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -18,7 +19,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from matplotlib.text import Text
-from mechanisms import FOLLOWED
+from mechanisms import FOLLOWED, SEVERAL_FORCES
 from PIL import Image, ImageSequence
 from ros_harness import assert_refused
 from scipy.integrate import cumulative_trapezoid, trapezoid
@@ -302,6 +303,17 @@ def test_mean_power_of_a_settled_pump_equals_the_loss_at_its_slider():
     time = elapsed(turn.crank, rate)
     taken = trapezoid(60.0 * slide**2, time) / time[-1]
     assert turn.mean_power == pytest.approx(taken, rel=1e-4)
+
+
+def test_all_forces_of_a_load_have_columns_except_reactions_on_other_links():
+    mechanism = replace(load('quadrilateral').mechanism, loads=(SEVERAL_FORCES,))
+    columns = speed_driven_period(mechanism, 2.0).columns
+    assert {name: {*x.values} for name, x in columns.items() if '.force' in name} == {
+        'tool.force.x': {15.0},
+        'tool.force.y': {3.0},
+        'tool.2.force.x': {0.0},
+        'tool.2.force.y': {7.0},
+    }
 
 
 def test_transmission_ratios_match_document_2_even_at_rest():

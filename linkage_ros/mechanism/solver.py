@@ -17,7 +17,7 @@ from typing import Any, NamedTuple, NoReturn, cast
 import numpy as np
 
 from linkage_ros.errors import ConfigurationError, MechanismError, UnreachableError
-from linkage_ros.formulas import ZERO, Opaque, number
+from linkage_ros.formulas import ZERO, Opaque, Vector, number
 from linkage_ros.mechanism import equations
 from linkage_ros.mechanism.dyad_reach import reach_of
 from linkage_ros.mechanism.equations import DyadSine, Environment, Model
@@ -37,7 +37,7 @@ from linkage_ros.mechanism.numba_program import CompiledProgram
 from linkage_ros.mechanism.program import Constants, Program
 from linkage_ros.mechanism.structure import Description, Mechanism
 from linkage_ros.mechanism.tracer import Tape
-from linkage_ros.mechanism.wrenches import Wrench, poses
+from linkage_ros.mechanism.wrenches import FRAME, Exerted, ExertedForce, Wrench, place, poses
 from linkage_ros.numeric import Real, real_numbers, require_finite, single_numbers
 from linkage_ros.quantities import shown
 from linkage_ros.units import rad_and_deg
@@ -673,6 +673,50 @@ class Solver:
         links = poses(self.structure.links, position)
         return {name: load.wrenches(links, velocity) for name, load in loads.items()}
 
+    def exerted(
+        self,
+        state: State,
+        *,
+        frame: Sequence[Real] = (),
+        forces: Mapping[str, Sequence[Real]] = NO_FORCES,
+    ) -> Exerted:
+        """Sums the wrenches of loads and friction on each link where they act.
+
+        Couples and forces along a guide are added for each link, over all loads. Forces at a point
+        are added for each load and point; each further point of a link has a number. Unlike
+        `load_forces`, a force at a point of the coupler does not appear on the crank. Forces on
+        the frame and couples on sliding links are left out.
+
+        Args:
+            state: A state of floats or arrays, from `state`.
+            frame: Motion of base_link; see the class.
+            forces: Forces of loads; see the class.
+
+        Returns:
+            The sums, as floats or arrays.
+
+        Raises:
+            ConfigurationError: As for `wrenches`.
+        """
+        bodies, found = self.structure.links, Exerted({}, {})
+        links = poses(bodies, self._rows(state)[0])
+        for load, wrenches in self.wrenches(state, frame=frame, forces=forces).items():
+            for wrench in wrenches:
+                if wrench.body == FRAME:
+                    continue
+                link, effort = self.links[wrench.body], wrench.effort
+                if not bodies[wrench.body].slides:
+                    effort = effort + wrench.couple
+                if effort is not ZERO:
+                    found.efforts[link] = found.efforts.get(link, 0.0) + effort
+                if wrench.point is not None:
+                    force, at = (
+                        Vector(number(x), number(y))
+                        for x, y in (wrench.force, place(wrench.point, links))
+                    )
+                    _add_force(found.forces, ExertedForce(load, link, force, at))
+        return found
+
     def alignment(self, q: Sequence[float]) -> tuple[float, str]:
         """Measures how close a dyad is to being in line, where the motion may end.
 
@@ -832,6 +876,19 @@ class Solver:
             f'at {rad_and_deg(crank)} {reason}',
             crank_angle=crank, arcs=reach.arcs if reach else (),
         )  # fmt: skip
+
+
+def _add_force(found: dict[str, ExertedForce], new: ExertedForce) -> None:
+    """Adds a force to that at the same point of the link, or under a name of its own."""
+    name, count = f'{new.load} on {new.link}', 1
+    while name in found:
+        old = found[name]
+        if all(map(np.array_equal, old.at, new.at)):  # the same point has the same bits
+            new = new._replace(force=old.force + new.force)
+            break
+        count += 1
+        name = f'{new.load} on {new.link} {count}'
+    found[name] = new
 
 
 def _refusal(*names: str) -> Opaque:

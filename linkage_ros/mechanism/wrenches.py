@@ -66,6 +66,35 @@ class Wrench(NamedTuple):
                 yield j, cross(turned(links[j].direction, weight.x, weight.y), force)
 
 
+class ExertedForce(NamedTuple):
+    """The force of a load at a point of a link.
+
+    Attributes:
+        load: Name of the load.
+        link: Name of the link.
+        force: Force (x, y) on the link in the axes of base_link, N.
+        at: The point at which it acts, m.
+    """
+
+    load: str
+    link: str
+    force: Vector
+    at: Vector
+
+
+class Exerted(NamedTuple):
+    """The loads on each link, as charts and arrows show them; see `Solver.exerted`.
+
+    Attributes:
+        efforts: Sum of all loads on a link without a point, by its name: couples, N m; on a
+            sliding link, forces along its guide, N.
+        forces: Forces at points, by 'LOAD on LINK', 'LOAD on LINK 2' and so on.
+    """
+
+    efforts: dict[str, Real]
+    forces: dict[str, ExertedForce]
+
+
 def poses(bodies: Sequence[Any], positions: Sequence[Real]) -> list[LinkPose]:
     """Returns poses for the functions below and for loads, from the positions of the links.
 

@@ -10,11 +10,9 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from linkage_ros.formulas import ZERO, number
 from linkage_ros.mechanism.kinematics import State
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.mechanism.structure import Link, Mechanism
-from linkage_ros.mechanism.wrenches import FRAME, place, poses
 from linkage_ros.numeric import Array
 
 Complex: TypeAlias = npt.NDArray[np.complexfloating[Any, Any]]
@@ -31,12 +29,14 @@ _HARDLY = 1e-300  # a rate with a sign but negligible damping force
 class LoadArrows:
     """Arrows for the loads on links, except loads that depend on joint forces.
 
+    A force that messages replace is drawn as given in the parameters.
+
     The longest arrow corresponds to the largest load so far; loads that do not depend on speed are
     known from the start. Points are x + iy, m.
 
     Attributes:
-        names: Names of the arrows: that of a link for the sum of its couples or its forces along
-            the guide, or 'LOAD on LINK' for a force at a point.
+        names: Names of the arrows: that of a link for its effort, or that of a force at a point;
+            see `wrenches.Exerted`.
         reach: Corners of the area that arrows at points may cover, shape (n,).
     """
 
@@ -136,23 +136,15 @@ class LoadArrows:
         """Returns the load and, for a force at a point, the point, by the name of the arrow."""
         positions = np.nan_to_num(positions)  # a state in a log may be impossible
         state = State(tuple(positions.T), tuple(rates.T), tuple(0.0 * rates.T), 0.0)
-        links = poses(self._solver.structure.links, state.position)
-        found = dict[str, tuple[Any, Any]]()
         with np.errstate(all='ignore'):
-            for name, wrenches in self._solver.wrenches(state).items():
-                for wrench in wrenches:
-                    if wrench.body == FRAME:
-                        continue
-                    link = self._solver.links[wrench.body]
-                    if wrench.effort is not ZERO:
-                        effort = found.get(link, (0.0, None))[0] + wrench.effort
-                        found[link] = np.broadcast_to(effort, len(positions)), None
-                    if wrench.point is not None:
-                        force, at = (
-                            np.broadcast_to(number(x) + 1j * number(y), len(positions))
-                            for x, y in (wrench.force, place(wrench.point, links))
-                        )
-                        found[f'{name} on {link}'] = force, at
+            exerted = self._solver.exerted(state)
+        size = len(positions)
+        found: dict[str, tuple[Any, Any]] = {
+            link: (np.broadcast_to(effort, size), None) for link, effort in exerted.efforts.items()
+        }
+        for name, (*_, force, at) in exerted.forces.items():
+            arrow, foot = (np.broadcast_to(x + 1j * y, size) for x, y in (force, at))
+            found[name] = arrow, foot
         return found
 
     def _share(self, name: str, force: Any) -> Any:
