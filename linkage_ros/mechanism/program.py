@@ -12,7 +12,7 @@ import copy
 import functools
 import math
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -89,13 +89,14 @@ class Constants:
         """Combines the constants of designs of one structure.
 
         Returns:
-            Constants in which each number is an array of shape (designs, 1). Functions are those
-            of the first design.
+            Constants in which each number is an array of shape (designs, 1). A function must be
+            equal in all designs: another one raises a ConfigurationError when it is called.
         """
         found = copy.copy(designs[0])
         columns = zip(*(design.numbers for design in designs), strict=True)
         found.numbers = [
-            column[0] if callable(column[0]) else np.array(column)[:, None] for column in columns
+            _common(column) if callable(column[0]) else np.array(column)[:, None]
+            for column in columns
         ]
         return found
 
@@ -106,6 +107,19 @@ _PLAIN: tuple[tuple[type, tuple[type, ...]], ...] = (
     (int, (np.integer,)),
 )
 _known: dict[tuple[Any, ...], dict[Any, Tape]] = {}
+
+
+def _common(functions: Sequence[Callable[..., Any]]) -> Callable[..., Any]:
+    """Returns the function of all designs; if they differ, one that raises an error."""
+    first, *others = functions
+    return first if all(other == first for other in others) else _refuse_stacked
+
+
+def _refuse_stacked(*_: Any) -> NoReturn:
+    raise ConfigurationError(
+        'the functions of stacked designs differ, such as load curves or the errors of guards, so '
+        'that none can be called for all: run each design alone'
+    )
 
 
 def _prepared(leaf: Any) -> Any:
