@@ -3,7 +3,7 @@
 """Names for linkage_lab alone; they may change in any release.
 
 They are the formulas, integrators and filter that it compares with others, and what it shares with
-other programs: laws, drawing, URDF, notes and YAML.
+other programs: laws, drawing, URDF, notes, YAML and signs.
 """
 
 from linkage_ros.mechanism.equations import Model, acting_forces, torque
@@ -15,6 +15,7 @@ from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.measured import FollowMotion
 from linkage_ros.motion.steps import live_steps, record_steps
 from linkage_ros.motion.under_torque import Motor, published
+from linkage_ros.numeric import signs_around
 from linkage_ros.run.states import Simulator
 from linkage_ros.settings.summary import notes
 from linkage_ros.settings.yaml_file import read_yaml
@@ -37,5 +38,6 @@ __all__ = [
     'reactions',
     'read_yaml',
     'record_steps',
+    'signs_around',
     'torque',
 ]

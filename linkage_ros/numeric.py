@@ -155,6 +155,23 @@ def rounded(length: float, *, up: bool) -> str:
     return f'{float(text) + (unit if up else -unit):.6g}'
 
 
+def signs_around(values: Array) -> Array:
+    """Returns the sign of each value around a period; that of a zero is the sign before it.
+
+    So each change of sign is between two neighbours, even if a value between them is 0.
+
+    Args:
+        values: Values over one period in the last axis; the first follows the last.
+
+    Returns:
+        The signs, 1.0 or -1.0, or 0.0 if all values of a row are 0; of the shape of the values.
+    """
+    signs, count = np.sign(values), np.shape(values)[-1]
+    twice = np.concatenate([signs, signs], axis=-1)
+    latest = np.maximum.accumulate(np.where(twice != 0, np.arange(2 * count), 0), axis=-1)
+    return np.asarray(np.take_along_axis(twice, latest[..., count:], axis=-1))
+
+
 def require_finite(**named: Real) -> None:
     """Raises unless every value is finite.
 

@@ -320,6 +320,22 @@ def test_extremes_are_reached_and_never_passed():
         assert np.abs(rates).max() < 1e-14
 
 
+def test_reversals_exactly_at_a_sample_are_found():
+    """At 60 deg from the frame, and in line with the guide, a rate may be exactly 0."""
+    lean = corner(2.0, 1.0, 2.0) - math.pi / 3
+    for make, lengths, ratio in (
+        (slider_crank, (0.1, 0.3, 0.0), 1.0),
+        (four_bar, (0.5, 1.5, 2.0, 2.0), (math.pi + lean) / (math.pi - lean)),
+    ):
+        spans = []
+        for degrees in np.arange(-359.5, 360) / 2:  # the samples are at such angles
+            found = travel(Solver(make(lengths, math.radians(degrees))))
+            assert len(found.at) == 2, degrees
+            assert found.time_ratio == pytest.approx(ratio, rel=1e-7), degrees
+            spans.append(way_of(found))
+        assert spans == pytest.approx([spans[0]] * 720, rel=1e-14)
+
+
 # Stretched at 19 deg and, a turn and a half later except for that angle, at 161 deg.
 _LEAN = 2 * math.asin(1 / 3)
 DEGENERATE = {

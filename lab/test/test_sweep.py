@@ -38,7 +38,20 @@ from linkage_lab.sweep.measures import (
 )
 from linkage_lab.sweep.spread import cluster, processes, spread
 from linkage_lab.sweep.study import Settings, _designs, _way, parameters
-from linkage_ros import Body, Force, Frame, Gas, LinkLoad, LoadCurve, Pins, Spring
+from linkage_ros import (
+    Body,
+    Coupler,
+    Force,
+    FourBar,
+    Frame,
+    Gas,
+    LinkLoad,
+    LoadCurve,
+    Pins,
+    Slider,
+    SliderCrank,
+    Spring,
+)
 from linkage_ros.errors import (
     ConfigurationError,
     LinkageError,
@@ -189,6 +202,20 @@ def test_points_on_the_path_have_no_distance_from_it(angles):
         task = Task(mechanism, None, ('frame.length',), ('point_distance',), angles, (point,))
         ((_, distance),) = measure(task, np.array([[mechanism.frame.length]]))
         assert distance < 1e-15
+
+
+def test_reversals_exactly_at_a_sample_are_found():
+    """At 60 deg from the frame, and in line with the guide, a rate may be exactly 0."""
+    slider = SliderCrank(Body(0.1), Coupler(0.3), Slider())
+    bar = FourBar(Frame(2.0), Body(0.5), Coupler(1.5), Body(2.0))
+    angles = np.radians(np.arange(-360, 360) / 2)[:, None]
+    for mechanism, name in ((slider, 'stroke'), (bar, 'swing')):
+        task = Task(mechanism, None, ('frame.angle',), (name, 'time_ratio'), 360)
+        _, way, ratio = measure(task, angles).T
+        wanted = travel(Solver(mechanism))
+        span = np.ptp(wanted.extremes)
+        assert way == pytest.approx(span if wanted.slides else math.degrees(span), rel=1e-13)
+        assert ratio == pytest.approx(wanted.time_ratio, rel=1e-7)
 
 
 def test_designs_with_change_points_have_torques_but_no_forces():

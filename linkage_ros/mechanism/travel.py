@@ -14,7 +14,7 @@ from linkage_ros.mechanism.four_bar import FourBar
 from linkage_ros.mechanism.parts import CROSSED, OPEN
 from linkage_ros.mechanism.slider_crank import SliderCrank
 from linkage_ros.mechanism.solver import Solver
-from linkage_ros.numeric import real_numbers, require_finite, within_two_turns, wrap
+from linkage_ros.numeric import real_numbers, require_finite, signs_around, within_two_turns, wrap
 from linkage_ros.quantities import shown
 
 _SAME = 16 * 2.0**-53 * math.tau  # rad; a few rounding errors of an angle of one turn
@@ -77,7 +77,6 @@ def travel(solver: Solver) -> Travel:
     if own is not None:  # loads do not change the motion
         reach = reach._replace(period_turns=own.period_turns)
     period = reach.period_turns * 2 * math.pi
-    # Midpoints, because at symmetric angles a rate may be exactly 0.
     crank = reach.samples()
     crank = 0.5 * (crank[1:] + crank[:-1])
     crank = np.append(crank, crank[0] + period)
@@ -92,8 +91,9 @@ def travel(solver: Solver) -> Travel:
     position = position if slides else np.unwrap(position)
     if not slides and np.ptp(position) <= _SAME:  # at rest: its rate is a rounding error
         position, rate = np.full_like(position, np.median(position)), np.zeros_like(rate)
-    before = np.flatnonzero(np.sign(rate[:-1]) * np.sign(rate[1:]) < 0)
-    at = [_reversal(solver, *crank[i : i + 2].tolist()) for i in before]
+    signs = signs_around(rate[:-1])
+    before = np.flatnonzero(signs * np.roll(signs, -1) < 0)
+    at = [_reversal(solver, *crank[i : i + 2].tolist(), rises=signs[i] > 0) for i in before]
     found = [solver.state(angle).position[output] for angle in at]
     # Each angle is shifted into the turn of the surrounding samples.
     reversed_at = [p + whole_turns(position[i] - p) for i, p in zip(before, found, strict=True)]
@@ -111,12 +111,11 @@ def travel(solver: Solver) -> Travel:
     return Travel(solver.links[output], slides, extremes, reversals, reach.transmission, ratio)
 
 
-def _reversal(solver: Solver, low: float, high: float) -> float:
+def _reversal(solver: Solver, low: float, high: float, *, rises: bool) -> float:
     """Finds the crank angle at which the output's rate changes sign, by bisection."""
     output = solver.structure.output_index
-    falling = solver.state(low, 1.0).velocity[output] > 0
     while low < (middle := 0.5 * (low + high)) < high:
-        if (solver.state(middle, 1.0).velocity[output] > 0) == falling:
+        if (solver.state(middle, 1.0).velocity[output] > 0) == rises:
             low = middle
         else:
             high = middle

@@ -19,7 +19,7 @@ import numpy.typing as npt
 from linkage_ros import LinkageError, Mechanism, Reach, Solver
 from linkage_ros.extensions import Constants, Program
 from linkage_ros.formulas import Array, Real
-from linkage_ros.internals import Model, reactions, torque
+from linkage_ros.internals import Model, reactions, signs_around, torque
 
 RPM = 'rpm'
 CANNOT_TURN, TURNS, REFUSED = range(3)
@@ -278,7 +278,8 @@ class Batch:
     def _reversals(self) -> Array:
         """Crank angles of the two reversals of the output, rad; NaN unless it reverses twice."""
         _, rate, _ = self._run(_output_of)
-        turned = rate * np.roll(rate, -1, axis=-1) < 0
+        signs = signs_around(rate)
+        turned = signs * np.roll(signs, -1, axis=-1) < 0
         first, last = turned.argmax(-1), turned[:, ::-1].argmax(-1)
         before = self._angles[np.stack([first, turned.shape[-1] - 1 - last], -1)]
         at = before + 0.5 * self._step
