@@ -6,6 +6,7 @@ import cmath
 import math
 import random
 import re
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -26,12 +27,17 @@ from mpmath import mp
 from oracle import Oracle
 
 from linkage_ros import (
+    Friction,
+    LoadCurve,
     MechanismError,
     Solver,
     UnreachableError,
     assemblies,
     travel,
 )
+from linkage_ros.quantities import flatten
+from linkage_ros.settings.configuration import configure
+from linkage_ros.settings.summary import summary
 
 
 def mobility(lengths, angle=0.0):
@@ -334,6 +340,20 @@ def test_reversals_exactly_at_a_sample_are_found():
             assert found.time_ratio == pytest.approx(ratio, rel=1e-7), degrees
             spans.append(way_of(found))
         assert spans == pytest.approx([spans[0]] * 720, rel=1e-14)
+
+
+def test_travel_ignores_loads():
+    """Friction locks the crank at some angles, to which a measured crank need not come."""
+    bare = slider_crank((0.1, 0.3, 0.02))
+    curve = LoadCurve('crank', 'crank_angle', (0.0, TURN, 2 * TURN), (0.0, 50.0, 0.0))
+    mechanism = replace(bare, loads=(Friction(guide=50.0), curve))
+    solver = Solver(mechanism)
+    with pytest.raises(UnreachableError, match='friction locks'):
+        solver.state(np.linspace(0.0, TURN, 100), 1.0)
+    assert solver.reach.period_turns == 2
+    assert travel(solver) == travel(Solver(bare))
+    followed = configure({'mechanism': 'slider_crank', 'drive': 'follow'} | flatten(mechanism))
+    assert 'stroke 0.2' in summary(followed, Solver(followed.mechanism))
 
 
 # Stretched at 19 deg and, a turn and a half later except for that angle, at 161 deg.

@@ -5,7 +5,7 @@
 import cmath
 import math
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -72,10 +72,10 @@ def travel(solver: Solver) -> Travel:
     """
     if not isinstance(solver, Solver):
         raise ConfigurationError(f'{shown(solver)}: must be a Solver, as in Solver(mechanism)')
-    reach, own = solver.reach, solver.mechanism.reach()
+    if solver.mechanism.loads:  # they do not change the motion, but friction may lock the crank
+        solver = Solver(replace(cast('Any', solver.mechanism), loads=()))
+    reach = solver.reach
     reach.require_full_turn()
-    if own is not None:  # loads do not change the motion
-        reach = reach._replace(period_turns=own.period_turns)
     period = reach.period_turns * 2 * math.pi
     crank = reach.samples()
     crank = 0.5 * (crank[1:] + crank[:-1])
