@@ -610,7 +610,7 @@ class Solver:
         """Computes the generalised forces of loads and friction; see `wrenches`.
 
         They are the power of the loads per unit of each link's rate. A force at a point of the
-        coupler therefore also acts on the crank.
+        coupler therefore also acts on the crank, unlike in `exerted`.
 
         Args:
             state: A state of floats or arrays, from `state`.
