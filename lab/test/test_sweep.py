@@ -21,6 +21,7 @@ from pathlib import Path
 import mortal
 import numpy as np
 import pytest
+from scipy.integrate import quad
 from test_law_chart import LIMITED
 
 from linkage_lab import command_line
@@ -275,6 +276,43 @@ goals: {peak_torque: least, swing: most}
 """
 
 
+def rms_between_ends(values):
+    """Computes the root mean square by the trapezoidal rule."""
+    return math.sqrt(np.trapezoid(values**2) / (len(values) - 1))
+
+
+LAWS = {
+    'arc at a set speed': None,
+    'sine': Prescribed(center=1.2, amplitude=0.7, frequency=1.0),
+    'repeating spline': Prescribed(times=(0.0, 0.4, 1.0), angles=(0.5, 2.0, 0.5), repeat=True),
+    'spline': Prescribed(times=(0.0, 0.4, 1.0), angles=(0.5, 2.0, 1.0)),
+}
+
+
+@pytest.mark.parametrize('name', LAWS)
+def test_rms_within_an_arc_is_the_integral_over_time(name):
+    """Both ends of the motion are samples, of which each stands for half an interval."""
+    mechanism, motion = load('quadrilateral').mechanism, LAWS[name]
+    solver, joint = Solver(mechanism), mechanism.structure().driven_link
+
+    def square(time):
+        if motion is None:
+            return solver.state(0.5 + 1.5 * time, radians_per_second(RPM), 0.0).torque ** 2
+        _, *moved = motion.law.at(round(1e9 * time))
+        return solver.state(*moved).torque ** 2
+
+    # The corner of the splines is at 0.4 s.
+    parts = [quad(square, *ends, epsabs=0, epsrel=1e-8)[0] for ends in ((0, 0.4), (0.4, 1))]
+    exact = math.sqrt(sum(parts))
+    for angles, error in ((12, 0.01), (96, 2e-4), (960, 2e-6)):
+        settings = Settings('quadrilateral', angles=angles, swing=None if motion else (0.5, 2.0))
+        way = _way(settings, LawDrive(motion) if motion else None, joint)
+        names = ('crank.mass',)
+        task = Task(mechanism, None if motion else RPM, names, ('rms_torque',), angles, (), way)
+        ((_, found),) = measure(task, np.array([[mechanism.crank.mass]]))
+        assert found == pytest.approx(exact, rel=error)
+
+
 @pytest.mark.parametrize('law', [True, False])
 def test_measures_within_an_arc_match_the_solver(law):
     mechanism, names, table = drawn('quadrilateral', 60, seed=4)
@@ -306,7 +344,7 @@ def test_measures_within_an_arc_match_the_solver(law):
         _, coupler, rocker = state.position
         acute = np.degrees(np.arcsin(np.abs(np.sin(rocker - coupler)).min()))
         expected = [
-            np.abs(state.torque).max(), np.sqrt(np.mean(state.torque**2)), force,
+            np.abs(state.torque).max(), rms_between_ends(state.torque), force,
             np.degrees(np.ptp(np.unwrap(rocker))), acute,
         ]  # fmt: skip
         assert values == pytest.approx(expected, rel=1e-9)
@@ -334,7 +372,7 @@ def test_measures_of_a_driven_cylinder_match_the_solver():
         solved += 1
         state = solver.state(way.angles, way.speeds, way.accelerations)
         expected = [
-            np.abs(state.torque).max(), np.sqrt(np.mean(state.torque**2)),
+            np.abs(state.torque).max(), rms_between_ends(state.torque),
             np.hypot(*solver.reactions(state).shaking_force).max(),
             np.degrees(np.ptp(np.unwrap(state.position[0]))),
         ]  # fmt: skip

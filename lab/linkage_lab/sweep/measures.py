@@ -268,6 +268,10 @@ class Batch:
         """Driving torque, N m."""
         return self._run(torque_of, self._loaded)[0]
 
+    def rms(self) -> Array:
+        """Computes the root mean square of the driving torque over time, N m."""
+        return np.asarray(np.sqrt(np.mean(self.torque**2, -1)))
+
     def shaking_force(self) -> Array:
         """Computes the largest force on the frame, N; infinite if there are change points."""
         if self._has_change_point:
@@ -349,6 +353,11 @@ class SwingBatch(Batch):
         if way.speeds is not None:
             self._motion = way.speeds, way.accelerations
 
+    def rms(self) -> Array:
+        """Computes it by the trapezoidal rule, because the motion includes both of its ends."""
+        square = self.torque**2
+        return np.asarray(np.sqrt(np.mean(square[:, 1:] + square[:, :-1], -1) / 2))
+
     def stroke(self) -> Array:
         """Computes the distance that the output covers, rad or m."""
         place, *_ = self._run(_output_of)
@@ -412,16 +421,12 @@ def _peak(batch: Batch) -> Array:
     return np.asarray(np.abs(batch.torque).max(-1))
 
 
-def _rms(batch: Batch) -> Array:
-    return np.asarray(np.sqrt(np.mean(batch.torque * batch.torque, -1)))
-
-
 _WHOLE: Any = ('a crank that turns fully', lambda task: task.way is None)
 MEASURES = {
     'peak_torque': Measure('N m', _peak, *_driving(slides=False)),
-    'rms_torque': Measure('N m', _rms, *_driving(slides=False)),
+    'rms_torque': Measure('N m', lambda x: x.rms(), *_driving(slides=False)),
     'peak_force': Measure('N', _peak, *_driving(slides=True)),
-    'rms_force': Measure('N', _rms, *_driving(slides=True)),
+    'rms_force': Measure('N', lambda x: x.rms(), *_driving(slides=True)),
     'shaking_force': Measure('N', lambda x: x.shaking_force(), *_SPEED),
     'swing': Measure(
         'deg', lambda x: x.swing(), 'an output link that swings', lambda task: not _slides(task)
