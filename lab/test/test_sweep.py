@@ -382,6 +382,52 @@ def test_measures_of_a_driven_cylinder_match_the_solver():
         assert not MEASURES[name].applies(Task(mechanism, None, names, (name,), 48, (), way))
 
 
+CYLINDER = """
+base: excavator
+swing: [0.82, 1.4]
+angles: 48
+designs: 8
+speed: 0.2
+ranges: {speed: [0.1, 0.6]}
+measures: [rms_force, peak_force]
+"""
+
+
+def test_a_cylinder_moves_at_its_own_speed(run):
+    """Its speed is in m/s; a speed in rpm would be taken for another one."""
+    code, words, _ = run(CYLINDER)
+    assert code == 0
+    rows = np.genfromtxt('study.csv', delimiter=',', names=True, dtype=None, encoding='utf8')
+    solver, positions = Solver(load('excavator').mechanism), np.linspace(0.82, 1.4, 48)
+    for _, speed, rms, peak, outcome in rows:
+        force = solver.state(positions, speed, 0.0).torque
+        assert outcome == 'valid'
+        assert (rms, peak) == pytest.approx((rms_between_ends(force), np.abs(force).max()), 1e-9)
+    assert np.ptp(rows['peak_force_N']) > 100
+    force = solver.state(positions, 0.2, 0.0).torque
+    assert f'base {np.abs(force).max():.5g},' in words
+
+
+@pytest.mark.parametrize(
+    ('old', 'new', 'words'),
+    [
+        ('speed: 0.2', 'rpm: 60.0', 'rpm = 60.0: the cylinder is driven, which has no rpm'),
+        ('{speed: [0.1, 0.6]}', '{rpm: [1.0, 60.0]}', "'rpm' is not a parameter"),
+        (
+            'speed: 0.2\nranges: {speed: [0.1, 0.6]}',
+            'ranges: {rod.mass: [16.0, 17.0]}',
+            'of a cylinder, speed: 0.1',
+        ),
+        ('swing: [0.82, 1.4]\n', '', 'the cylinder is driven: give swing'),
+        ('excavator', 'quadrilateral', 'speed = 0.2: the crank is driven; give rpm'),
+    ],
+)
+def test_a_speed_of_another_joint_gives_one_line(run, old, new, words):
+    code, _, errors = run(CYLINDER.replace(old, new))
+    assert (code, errors.count('\n')) == (2, 1)
+    assert words in errors
+
+
 def test_torque_over_both_turns_of_a_four_stroke_load():
     """The load acts only in the second turn, in which the motion repeats that of the first."""
     at = (0.0, *(math.tau + x for x in (0.0, 1.0, 2.0, math.tau)))

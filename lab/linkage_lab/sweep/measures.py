@@ -21,7 +21,7 @@ from linkage_ros.extensions import Constants, Program
 from linkage_ros.formulas import Array, Real
 from linkage_ros.internals import Model, reactions, signs_around, torque
 
-RPM = 'rpm'
+RPM, SPEED = 'rpm', 'speed'
 CANNOT_TURN, TURNS, REFUSED = range(3)
 
 
@@ -57,7 +57,7 @@ class Task(NamedTuple):
 
     Attributes:
         mechanism: The base mechanism of all designs.
-        rpm: Crank speed, rpm; None if the base has no speed.
+        speed: Crank speed, rpm, or speed of a driven cylinder, m/s; None if the base has none.
         names: The parameters in which designs differ.
         measures: Names of the measures.
         angles: Number of crank angles in a turn.
@@ -66,7 +66,7 @@ class Task(NamedTuple):
     """
 
     mechanism: Mechanism
-    rpm: float | None
+    speed: float | None
     names: tuple[str, ...]
     measures: tuple[str, ...]
     angles: int
@@ -89,7 +89,9 @@ def measure(task: Task, designs: Array) -> Array:
     found = np.full((len(designs), 1 + len(task.measures)), math.nan)
     found[:, 0] = CANNOT_TURN
     columns = dict(zip(task.names, designs.T, strict=True))
-    rpms = columns.pop(RPM, np.full(len(designs), task.rpm or 0.0))
+    slides = _drives_cylinder(task)
+    speeds = columns.pop(SPEED if slides else RPM, np.full(len(designs), task.speed or 0.0))
+    speeds = speeds if slides else speeds * math.pi / 30
     at_once = max(1, 16384 // task.angles)  # few enough values for the processor's cache
     # As in Program.arrays: makes glibc keep freed arrays for reuse.
     np.empty(3_000_000)
@@ -106,12 +108,17 @@ def measure(task: Task, designs: Array) -> Array:
             constants, reaches = constants.part(able), tuple(reaches[i] for i in able)
             for start in range(0, len(rows), at_once):
                 part = slice(start, start + at_once)
-                speed: Real = rpms[rows[part], None] * math.pi / 30
+                speed: Real = speeds[rows[part], None]
                 kind = SwingBatch if task.way else Batch
                 batch = kind(constants.part(part), reaches[part], speed, task)
                 for i, name in enumerate(task.measures, 1):
                     found[rows[part], i] = MEASURES[name].of(batch)
     return found
+
+
+def _drives_cylinder(task: Task) -> bool:
+    """Returns whether a cylinder is driven, not a crank."""
+    return bool(task.mechanism.structure().driven_link.slides)
 
 
 # ---------------------------------------------------------------- groups of one structure
@@ -398,9 +405,9 @@ def _slides(task: Task) -> bool:
 
 # For torques and forces.
 _SPEED: Any = (
-    'a crank speed, such as rpm: 60.0, or a law of motion, and no dry friction',
+    'a crank speed, such as rpm: 60.0 (of a cylinder, speed: 0.1), or a law, and no dry friction',
     lambda task: (
-        (task.rpm is not None or (task.way is not None and task.way.speeds is not None))
+        (task.speed is not None or (task.way is not None and task.way.speeds is not None))
         and not task.mechanism.joint_loads()
     ),
 )
@@ -411,8 +418,7 @@ def _driving(*, slides: bool) -> Any:
     needs, has_speed = _SPEED
 
     def applies(task: Task) -> bool:
-        link = task.mechanism.structure().driven_link
-        return bool(has_speed(task)) and link.slides == slides
+        return bool(has_speed(task)) and _drives_cylinder(task) == slides
 
     return f'{needs}, and a driven {"cylinder" if slides else "crank"}', applies
 

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from scipy.stats import qmc
 
-from linkage_lab.sweep.measures import MEASURES, RPM, Task, Way
+from linkage_lab.sweep.measures import MEASURES, RPM, SPEED, Task, Way
 from linkage_ros import ConfigurationError, Mechanism, load
 from linkage_ros.formulas import Array
 from linkage_ros.internals import LawMotion, read_yaml
@@ -32,6 +32,7 @@ class Settings(Checked):
         seed: Seed of the random numbers.
         angles: Number of crank angles per turn.
         rpm: Crank speed, rpm; None for the speed of the base.
+        speed: Speed of a driven cylinder, m/s, instead of `rpm`.
         swing: Crank angles between which the crank moves at this speed, rad; None for the law of
             the base or, if it has none, whole turns.
         points: Points that the coupler point should pass through, as x, y, x, y, ..., m.
@@ -46,6 +47,9 @@ class Settings(Checked):
     seed: int = quantity('whole', 'seed of the random numbers', span=(0, 2**32 - 1), default=0)
     angles: int = quantity('whole', 'crank angles in a turn', span=(12, 36000), default=360)
     rpm: float | None = quantity('number', 'crank speed', 'rpm', span=(-1e6, 1e6), default=None)
+    speed: float | None = quantity(
+        'number', 'speed of a driven cylinder', 'm/s', span=(-1e6, 1e6), default=None
+    )
     swing: tuple[float, float] | None = quantity(
         'pair', 'crank angles between which the crank moves, or positions of a driven cylinder',
         'rad or m', span=(-1e6, 1e6), default=None,
@@ -99,8 +103,9 @@ def read_study(path: str) -> Study:
         raise ConfigurationError(
             f'base = {settings.base}: must be a mechanism whose crank angle determines its motion'
         )
-    rpm = getattr(configuration.drive, RPM, None) if settings.rpm is None else settings.rpm
-    columns = _columns(groups, mechanism, rpm)
+    joint = mechanism.structure().driven_link
+    speed = _speed(settings, configuration.drive, joint)
+    columns = _columns(groups, mechanism, speed)
     constraints = {
         name: _span(f'constraints.{name}', value, _NUMBER)
         for name, value in groups['constraints'].items()
@@ -113,20 +118,38 @@ def read_study(path: str) -> Study:
         raise ConfigurationError(f'measures {shown(measures)}: choose from {", ".join(MEASURES)}')
     names, points = tuple(leaf.name for leaf in columns), settings.points or ()
     places = tuple(map(complex, points[::2], points[1::2]))
-    way = _way(settings, configuration.drive, mechanism.structure().driven_link)
+    way = _way(settings, configuration.drive, joint)
     chosen = tuple(dict.fromkeys(measures))
-    task = Task(mechanism, rpm, names, chosen, settings.angles, places, way)
+    task = Task(mechanism, speed, names, chosen, settings.angles, places, way)
     for name in measures:
         if not MEASURES[name].applies(task):
             raise ConfigurationError(f'measure {name}: needs {MEASURES[name].needs}')
     return Study(configuration, task, columns, _designs(settings, columns), constraints, goals)
 
 
+def _speed(settings: Settings, drive: Any, joint: Any) -> float | None:
+    """Returns the speed of the driven joint, rpm or m/s; None if there is none.
+
+    Raises:
+        ConfigurationError: The speed has the unit of another joint.
+    """
+    if joint.slides and settings.rpm is not None:
+        raise ConfigurationError(
+            f'rpm = {settings.rpm!r}: the cylinder is driven, which has no rpm; give speed, m/s'
+        )
+    if not joint.slides and settings.speed is not None:
+        raise ConfigurationError(
+            f'speed = {settings.speed!r}: the {joint.name} is driven; give rpm'
+        )
+    given = settings.speed if joint.slides else settings.rpm
+    return getattr(drive, RPM, None) if given is None else given
+
+
 def _way(settings: Settings, drive: Any, joint: Any) -> Way | None:
     """Returns the motion of the crank within an arc; None for whole turns.
 
     Raises:
-        ConfigurationError: The swing is empty.
+        ConfigurationError: The swing is empty, or missing for a cylinder without a law.
     """
     count = settings.angles
     if settings.swing is not None:
@@ -136,8 +159,12 @@ def _way(settings: Settings, drive: Any, joint: Any) -> Way | None:
                 f'swing = {shown(settings.swing)}: give the smaller angle first'
             )
         return Way(low, high, np.linspace(low, high, count))
-    law = drive.law(joint) if settings.rpm is None else None
+    law = drive.law(joint) if settings.rpm is None and settings.speed is None else None
     if law is None:
+        if joint.slides:
+            raise ConfigurationError(
+                'the cylinder is driven: give swing, the positions between which it moves, m'
+            )
         return None
     ends = [law.at(time).angle for time in law.extremes(math.inf, -math.inf)]
     stamps = [(law.duration - 1) * i // (count - 1) for i in range(count)]
@@ -166,7 +193,7 @@ def _read_groups(path: str) -> tuple[dict[str, dict[str, Any]], dict[str, Any]]:
 
 
 def _columns(
-    groups: Mapping[str, Mapping[str, Any]], mechanism: Mechanism, rpm: float | None
+    groups: Mapping[str, Mapping[str, Any]], mechanism: Mechanism, speed: float | None
 ) -> list[Leaf]:
     """Returns the parameters in which designs differ, with their ranges.
 
@@ -174,7 +201,7 @@ def _columns(
         ConfigurationError: No parameter is given, or a parameter is unknown, given twice or out of
             range.
     """
-    valid = {leaf.name: leaf for leaf in parameters(mechanism, rpm)}
+    valid = {leaf.name: leaf for leaf in parameters(mechanism, speed)}
     columns: dict[str, Leaf] = {}
     for group, name in [(x, name) for x in ('ranges', 'tolerances') for name in groups[x]]:
         if name not in valid:
@@ -212,7 +239,7 @@ def _span(name: str, value: object, allowed: Quantity) -> tuple[float, float]:
     return low, high
 
 
-def parameters(mechanism: Mechanism, rpm: float | None) -> Iterator[Leaf]:
+def parameters(mechanism: Mechanism, speed: float | None) -> Iterator[Leaf]:
     """Yields the parameters that can vary, with the values of the base as defaults."""
     values: dict[str, Any] = flatten(mechanism)
     for name, allowed, _ in leaves(type(mechanism), values=values):
@@ -222,8 +249,9 @@ def parameters(mechanism: Mechanism, rpm: float | None) -> Iterator[Leaf]:
                 yield Leaf(name, allowed, values[name])
             elif allowed.kind == 'pair':
                 yield from (Leaf(f'{name}.{i}', allowed, x) for i, x in enumerate(values[name]))
-    if rpm is not None:
-        yield from (leaf._replace(default=rpm) for leaf in leaves(Settings) if leaf.name == RPM)
+    if speed is not None:
+        name = SPEED if mechanism.structure().driven_link.slides else RPM
+        yield from (leaf._replace(default=speed) for leaf in leaves(Settings) if leaf.name == name)
 
 
 def _designs(settings: Settings, columns: Sequence[Leaf]) -> Array:
