@@ -236,6 +236,29 @@ def test_extreme_measurements_do_not_end_the_motion(lead):
         assert crank.rejected[NOT_FINITE] >= 2
 
 
+def test_a_rejected_measurement_leaves_no_trace_in_the_filters():
+    """Its crank is within reach, but not after the lead time; another with its stamp is taken."""
+    limited = four_bar(LIMITED['rocker_crank'])
+    inside = limited.reach().arcs[0][1] - 0.02
+    lead = {'effort_command_topic': '/torque', 'lead_time': 0.05}
+    simulator = Simulator(replace(configure({**FOLLOWED, **lead}), mechanism=limited))
+    steady = [message(n * MS, position=(0.0, inside), velocity=(0.0, 0.0)) for n in range(1, 9)]
+    spike = message(4 * MS, position=(0.0, inside), velocity=(0.0, 5.0))
+    plain, disturbed, batch = (
+        measured_crank(Simulator(simulator.configuration)) for _ in range(3)
+    )
+    due = [plain.read(data, 0) for data in steady]
+    found = [disturbed.read(data, 0) for data in steady[:3]]
+    with pytest.raises(ValueError, match=OUT_OF_REACH):
+        disturbed.read(spike, 0)
+    assert found + [disturbed.read(data, 0) for data in steady[3:]] == due
+    mixed = [(n, data) for n, data in enumerate([*steady[:3], spike, *steady[3:]])]
+    times, stamps, numbers = batch.answers(mixed, simulator.numbers)
+    assert (times, batch.rejected[OUT_OF_REACH]) == ([0, 1, 2, 4, 5, 6, 7, 8], 1)
+    assert stamps == [stamp for stamp, _ in due]
+    assert np.ptp(np.array(numbers, float), axis=1).max() == 0  # nothing moves
+
+
 # ---------------------------------------------------------------- the node
 
 MEASURED = '/joint_states'

@@ -20,6 +20,7 @@ speed may be missing from some measurements.
 import math
 from dataclasses import dataclass
 from fractions import Fraction
+from typing import NamedTuple
 
 from linkage_ros.motion.segments import Coordinates, Gravity, Segment
 from linkage_ros.numeric import with_turns, within_two_turns
@@ -48,34 +49,34 @@ class FollowSegment(Segment):
         return 'measured'
 
 
-class _Filter:
-    """The filter for one signal.
+class _Filter(NamedTuple):
+    """The filter for one signal after a measurement.
 
     Attributes:
+        w: Bandwidth, rad/s.
+        gap: Time after which the filter starts again, s.
         stamp: Stamp of the last measurement of the signal, ns; None before the first one.
         value: Last measured value of the signal, m.
         error: Last measured value minus the filter's value, m - x.
         rate: Rate of the filter, v.
     """
 
-    __slots__ = ('_gap', '_w', 'error', 'rate', 'stamp', 'value')
-
-    def __init__(self, bandwidth: float) -> None:
-        """Initializes the filter without a measurement; `bandwidth` is in Hz."""
-        self._w = 2 * math.pi * bandwidth
-        self._gap = _GAP / bandwidth if bandwidth else math.inf
-        self.stamp: int | None = None
-        self.value = self.error = self.rate = 0.0
+    w: float
+    gap: float
+    stamp: int | None = None
+    value: float = 0.0
+    error: float = 0.0
+    rate: float = 0.0
 
     def elapsed(self, stamp: int) -> float:
         """Returns the time since the last measurement, s; inf before the first and after a gap."""
         if self.stamp is None:
             return math.inf
         time = (stamp - self.stamp) / NS_PER_S
-        return math.inf if time > self._gap else time
+        return math.inf if time > self.gap else time
 
-    def advance(self, stamp: int, time: float, value: float, rate: float) -> None:
-        """Updates the filter with a new measurement.
+    def advanced(self, stamp: int, time: float, value: float, rate: float) -> '_Filter':
+        """Returns the filter after a new measurement.
 
         Args:
             stamp: Stamp of the measurement, ns.
@@ -83,20 +84,36 @@ class _Filter:
             value: The new measured value of the signal.
             rate: Rate of the filter if it starts, or restarts after a gap.
         """
-        w = self._w
+        w = self.w
         if time == math.inf:
-            self.error, self.rate = 0.0, rate if w else 0.0
-        else:
-            slope = (value - self.value) / time
-            gap = slope - self.rate
-            drift, decay = gap - w * self.error, math.exp(-w * time)
-            self.error = (self.error + drift * time) * decay
-            self.rate = slope - (gap + w * drift * time) * decay
-        self.stamp, self.value = stamp, value
+            return _Filter(w, self.gap, stamp, value, 0.0, rate if w else 0.0)
+        slope = (value - self.value) / time
+        gap = slope - self.rate
+        drift, decay = gap - w * self.error, math.exp(-w * time)
+        error = (self.error + drift * time) * decay
+        return _Filter(w, self.gap, stamp, value, error, slope - (gap + w * drift * time) * decay)
+
+
+class Tracked(NamedTuple):
+    """What a `FollowMotion` knows after a measurement.
+
+    Attributes:
+        angle: Filter of the position.
+        speed: Filter of the measured speed.
+        turns: Turns by which the crank is ahead of the sensor's angle.
+    """
+
+    angle: _Filter
+    speed: _Filter
+    turns: int = 0
 
 
 class FollowMotion:
-    """The motion of a measured crank."""
+    """The motion of a measured crank.
+
+    Attributes:
+        tracked: The filters. The value of an earlier time may be set to take measurements back.
+    """
 
     def __init__(self, bandwidth: float, period_turns: int) -> None:
         """Initializes the filter, which starts at the first measurement.
@@ -106,14 +123,11 @@ class FollowMotion:
             period_turns: Number of crank turns after which the mechanism's motion repeats; 0 for a
                 cylinder, which has no turns.
         """
-        self._bandwidth, self._period_turns = bandwidth, period_turns
+        self._period_turns = period_turns
         w = 2 * math.pi * bandwidth
         self._w2 = w * w
-        self._restart()
-
-    def _restart(self) -> None:
-        self._angle, self._speed = _Filter(self._bandwidth), _Filter(self._bandwidth)
-        self._turns = 0  # turns by which the crank is ahead of the sensor's angle
+        start = _Filter(w, _GAP / bandwidth if bandwidth else math.inf)
+        self.tracked = self._start = Tracked(start, start)
 
     def at(self, stamp: int, position: float, velocity: float | None = None) -> Coordinates:
         """Updates the motion with a measurement, in order of arrival.
@@ -134,26 +148,25 @@ class FollowMotion:
         self.check(stamp, position, velocity)
         if velocity is not None and math.isnan(velocity):
             velocity = None
-        angle = self._angle
+        angle, speed, turns = self.tracked
         if angle.stamp is not None and stamp <= angle.stamp:
-            self._restart()
-            angle = self._angle
+            angle, speed, turns = self._start
         time = angle.elapsed(stamp)
-        turns = self._turns_since(time, position) if self._period_turns else 0
-        self._turns += turns
-        angle.advance(stamp, time, position + turns * _TURN, velocity or 0.0)
-        angle.value = position
+        fallen = self._turns_since(angle, turns, time, position) if self._period_turns else 0
+        turns += fallen
+        angle = angle.advanced(stamp, time, position + fallen * _TURN, velocity or 0.0)
+        angle = angle._replace(value=position)
         rate, change = angle.rate, self._w2 * angle.error
         if velocity is not None:
-            speed = self._speed
-            speed.advance(stamp, speed.elapsed(stamp), velocity, 0.0)
+            speed = speed.advanced(stamp, speed.elapsed(stamp), velocity, 0.0)
             rate, change = velocity, speed.rate
+        self.tracked = Tracked(angle, speed, turns)
         if not self._w2:
             rate = change = 0.0
         if not self._period_turns:
             return Coordinates((position,), (rate,), (change,), position)
         reduced, _ = within_two_turns(position)
-        if self._turns % self._period_turns:
+        if turns % self._period_turns:
             reduced = with_turns(reduced, Fraction(-1 if reduced > 0 else 1, 2))
         return Coordinates((reduced,), (rate,), (change,), position)
 
@@ -166,16 +179,17 @@ class FollowMotion:
         speed = 0.0 if velocity is None or math.isnan(velocity) else velocity
         if not (abs(position) <= _LARGEST and abs(speed) <= _LARGEST):
             raise ValueError(NOT_FINITE)
-        last = self._angle.stamp
+        last = self.tracked.angle.stamp
         if last is not None and 0 <= last - stamp <= _RESTART:
             raise ValueError(NOT_NEWER)
 
-    def _turns_since(self, time: float, position: float) -> int:
+    @staticmethod
+    def _turns_since(angle: _Filter, turns: int, time: float, position: float) -> int:
         """Returns the turns by which a sensor that restarts at 0 each turn has fallen behind."""
-        ahead = self._angle.value
+        ahead = angle.value
         if time < math.inf:
-            ahead += self._angle.rate * time
-        elif not self._turns:  # a sensor that never restarted may have turned far in the gap
+            ahead += angle.rate * time
+        elif not turns:  # a sensor that never restarted may have turned far in the gap
             return 0
         return round((ahead - position) / _TURN)
 

@@ -109,18 +109,22 @@ class ParameterNode(Node):  # type: ignore[misc]  # rclpy has no types
         if any(parameter.name == 'use_sim_time' for parameter in changed):
             reason = 'use_sim_time is read when the node starts: start it again'
             return SetParametersResult(successful=False, reason=reason)
-        live = [parameter for parameter in changed if parameter.name in self._live]
-        try:  # rclpy checks numbers, but not those of an array
-            for one in live:
-                if one.type_ == Parameter.Type.DOUBLE_ARRAY:
-                    self._live[one.name].clean(one.name, list(one.value))
+        live = [x for x in changed if x.name in self._live and x.value is not None]
+        try:  # rclpy accepts numbers just beyond a range, and does not check those of an array
+            checked = {x.name: self._live[x.name].clean(x.name, _plain(x)) for x in live}
         except ConfigurationError as error:
             return SetParametersResult(successful=False, reason=str(error))
         result = super().set_parameters_atomically(changed)
         if result.successful:
-            for one in live:
-                self.set_live(one.name, self._live[one.name].clean(one.name, one.value))
+            for name, value in checked.items():
+                self.set_live(name, value)
         return result
+
+
+def _plain(parameter: Parameter) -> object:
+    """Returns the value of a parameter, with a list for an array of numbers."""
+    is_array = parameter.type_ == Parameter.Type.DOUBLE_ARRAY
+    return list(parameter.value) if is_array else parameter.value
 
 
 def _with_floats(parameter: Parameter) -> Parameter:

@@ -6,7 +6,6 @@ import math
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import NoReturn, TypeAlias
 
@@ -19,7 +18,7 @@ from linkage_ros.messages.topics import MEASURED_JOINT_STATES, Topic
 from linkage_ros.motion.drives.base import Drive, Machine
 from linkage_ros.motion.drives.feed_forward import FeedForward
 from linkage_ros.motion.inputs import Input
-from linkage_ros.motion.measured import FollowMotion, FollowSegment, extrapolated
+from linkage_ros.motion.measured import FollowMotion, FollowSegment, Tracked, extrapolated
 from linkage_ros.motion.segments import Coordinates, stacked
 from linkage_ros.numeric import Real
 from linkage_ros.quantities import Checked, quantity
@@ -112,10 +111,15 @@ class MeasuredCrank(Input):
             ValueError: The message must be rejected. The error text is the cause, which may be
                 followed by a colon and details.
         """
-        found = self._measure(data, received)
-        self._require_states(found[1])
+        before = self._tracked()
+        stamp, found = self._measure(data, received)
+        try:
+            self._require_states(found)
+        except ValueError:
+            self._take_back(before)
+            raise
         self._last = time.monotonic()
-        return found
+        return stamp, found
 
     def answers(
         self, messages: Iterable[tuple[int, bytes]], numbers: Numbers
@@ -130,32 +134,40 @@ class MeasuredCrank(Input):
             The time of receipt of each accepted message, ns, the stamp of its state, ns, and the
             numbers in the messages of the states. Rejected messages are counted.
         """
+        messages, before, rejected = [*messages], self._tracked(), self.rejected.copy()
+        try:
+            return self._answers(messages, self._measure, numbers)
+        except LinkageError:  # of at least one state
+            self._take_back(before)
+            self.rejected = rejected
+            return self._answers(messages, self.read, numbers)
+
+    def _answers(
+        self,
+        messages: Iterable[tuple[int, bytes]],
+        read: Callable[[bytes, int], tuple[int, Coordinates]],
+        numbers: Numbers,
+    ) -> tuple[list[int], list[int], Sequence[Real]]:
         heard = list[tuple[int, int, Coordinates]]()
         for received, data in messages:
             try:
-                stamp, found = self._measure(data, received)
+                stamp, found = read(data, received)
             except ValueError:  # counted; `suppress` takes a twentieth of the time of a record
                 continue
             heard.append((received, stamp, found))
-        try:
-            return self._answers(heard, numbers)
-        except LinkageError:  # of at least one state
-            return self._answers([x for x in heard if self._has_states(x[-1])], numbers)
-
-    def _answers(
-        self, heard: Sequence[tuple[int, int, Coordinates]], numbers: Numbers
-    ) -> tuple[list[int], list[int], Sequence[Real]]:
         if not heard:
             return [], [], ()
-        times, stamps, found = zip(*heard, strict=True)
-        return [*times], [*stamps], numbers(*self.stacked(found))
+        times, stamps, all_found = zip(*heard, strict=True)
+        return [*times], [*stamps], numbers(*self.stacked(all_found))
 
-    def _has_states(self, found: Coordinates) -> bool:
-        """Returns whether a measurement has states; if not, it is counted as rejected."""
-        with suppress(ValueError):
-            self._require_states(found)
-            return True
-        return False
+    def _tracked(self) -> tuple[Tracked, Tracked | None]:
+        return self._motion.tracked, self._frame.tracked if self._frame else None
+
+    def _take_back(self, before: tuple[Tracked, Tracked | None]) -> None:
+        """Sets the filters to what they were before measurements that have no state."""
+        self._motion.tracked, frame = before
+        if self._frame and frame:
+            self._frame.tracked = frame
 
     def stacked(self, found: Sequence[Coordinates]) -> tuple[Coordinates, Coordinates | None]:
         """Stacks the coordinates of accepted measurements.
