@@ -3,14 +3,15 @@
 """Names for linkage_lab alone; they may change in any release.
 
 They are the formulas, integrators and filter that it compares with others, and what it shares with
-other programs: laws, drawing, URDF, notes, YAML and signs.
+other programs: laws, ranges of loads, drawing, URDF, notes, YAML and signs.
 """
 
 from linkage_ros.mechanism.equations import Model, acting_forces, torque
 from linkage_ros.mechanism.joint_forces import reactions
+from linkage_ros.mechanism.ranges import Ranges
 from linkage_ros.mechanism.wrenches import poses
 from linkage_ros.messages.urdf import make_urdf
-from linkage_ros.motion.along_law import LawMotion
+from linkage_ros.motion.along_law import LawMotion, reversals
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.measured import FollowMotion
 from linkage_ros.motion.steps import live_steps, record_steps
@@ -28,6 +29,7 @@ __all__ = [
     'LawMotion',
     'Model',
     'Motor',
+    'Ranges',
     'Simulator',
     'acting_forces',
     'live_steps',
@@ -38,6 +40,7 @@ __all__ = [
     'reactions',
     'read_yaml',
     'record_steps',
+    'reversals',
     'signs_around',
     'torque',
 ]

@@ -93,7 +93,8 @@ def loads_of(preset, kinds):
         'curves': (
             OVER_THE_CRANK, Spring('crank', (0.02, 0.01), 'frame', (0.4, 0.3), 80.0, 0.1),
             *([LoadCurve(link, 'crank_angle_from_tdc', (0.0, 1.0, 4.0), (5.0, -9.0, 7.0))]
-              if slides else [LoadCurve(link, 'position', (0.5, 0.9), (9.0, -4.0))]),
+              if slides else
+              [LoadCurve(link, 'position', (-9.0, 0.5, 0.9, 9.0), (9.0, 9.0, -4.0, -4.0))]),
         ),
     }[kinds]  # fmt: skip
 
@@ -590,6 +591,53 @@ def test_designs_whose_spring_does_not_fit_are_counted_apart(run):
         counts[outcome] += 1
     assert len(counts) == 3
     assert all(f'{count} {outcome}' in words for outcome, count in counts.items())
+
+
+SLIDER = """
+/**:
+  ros__parameters:
+    mechanism: slider_crank
+    crank: {length: 0.05, mass: 0.5}
+    coupler: {length: 0.15, mass: 0.5}
+    slider: {mass: 0.4, offset: 0.0}
+"""
+VALVES = """
+    drive: motion
+    motion: {center: 1.5707963267948966, amplitude: 1.5707963267948966, frequency: 1.0}
+    loads: {load: {kind: gas, link: slider, bore: 0.06, clearance: 0.005, inlet: 1e5, outlet: 6e5}}
+"""
+CURVE = """
+    rpm: 60.0
+    loads:
+      load: {kind: curve, link: slider, over: position, at: [0.0999, 0.2001], value: [0.0, 50.0]}
+"""
+LIMITS = {
+    'gas': (
+        VALVES,
+        'slider.offset: [0.0, 0.03]',
+        'reverses inside a stroke with valves',
+    ),
+    'curve': (CURVE, 'crank.length: [0.05, 0.08]', 'leaves a load curve'),
+}
+
+
+@pytest.mark.parametrize('name', LIMITS)
+def test_designs_outside_the_limits_of_a_load_are_counted_apart(run, name):
+    """Their torques would be plausible, but of a wrong pressure or an end of the curve."""
+    text, varied, outcome = LIMITS[name]
+    Path('base.yaml').write_text(SLIDER + text)
+    study = 'base: base.yaml\ndesigns: 4\nsampler: grid\nranges: {%s}\nmeasures: [peak_torque]\n'
+    code, words, _ = run(study % varied)
+    rows = np.genfromtxt('study.csv', delimiter=',', names=True, dtype=None, encoding='utf8')
+    assert code == 0
+    assert f'4 designs: 3 {outcome}, 1 valid' in words
+    assert rows['outcome'].tolist() == ['valid', outcome, outcome, outcome]
+    assert np.isnan(rows['peak_torque_N_m']).tolist() == [False, True, True, True]
+    if name == 'gas':
+        configuration = load('base.yaml')
+        refused = with_value(configuration.mechanism, 'slider.offset', 0.03)
+        with pytest.raises(ConfigurationError, match='inside the stroke'):
+            configuration.drive.check(refused)
 
 
 def test_killed_process_loses_no_designs(tmp_path, monkeypatch):

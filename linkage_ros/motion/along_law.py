@@ -222,7 +222,7 @@ def require_possible(law: Law, solver: Solver) -> None:
                 f'the {name} reaches up to {value:.3g} {unit}: must be at most {_LARGEST:g} '
                 f'{unit}; check the times and angles'
             )
-    Ranges(solver).require_valves(law.at(time).angle for time in _reversals(law))
+    Ranges(solver).require_valves(reversals(law))
     reach = solver.reach
     if reach.turns_fully:
         return
@@ -244,13 +244,13 @@ def require_possible(law: Law, solver: Solver) -> None:
             raise ConfigurationError(f'at t = {time / NS_PER_S:.9g} s, {error}') from error
 
 
-def _reversals(law: Law) -> Iterator[int]:
-    """Yields times at which the crank reverses, ns, of the law and of its repetition."""
+def reversals(law: Law) -> Iterator[float]:
+    """Yields the angles at which the crank reverses, rad, in the law and in its repetition."""
     times = sorted({0, law.duration, *law.extremes(math.inf, -math.inf)})
     rounds = 2 if law.repeats else 1
     way = 0.0
     for start, end in rounds * list(pairwise(times)):
         rate = law.at((start + end) // 2).rate
         if rate * way < 0:
-            yield start
+            yield law.at(start).angle
         way = rate or way

@@ -13,7 +13,15 @@ from typing import Any
 import numpy as np
 
 from linkage_lab.output import Pictures, chart, doubts, folder, pictures, save_csv
-from linkage_lab.sweep.measures import CANNOT_TURN, MEASURES, REFUSED, TURNS, measure
+from linkage_lab.sweep.measures import (
+    CANNOT_TURN,
+    LEAVES,
+    MEASURES,
+    REFUSED,
+    REVERSES,
+    TURNS,
+    measure,
+)
 from linkage_lab.sweep.spread import cluster, processes, spread
 from linkage_lab.sweep.study import Study, read_study
 from linkage_ros import ConfigurationError
@@ -22,8 +30,9 @@ from linkage_ros.formulas import Array
 from linkage_ros.palette import BLUE, GREY, SKY, VERMILION, fractions
 from linkage_ros.quantities import counted
 
-LIMITED, STUCK, UNFIT, OUTSIDE, VALID, FRONT = OUTCOMES = (
+LIMITED, STUCK, UNFIT, REVERSING, LEAVING, OUTSIDE, VALID, FRONT = OUTCOMES = (
     'cannot turn', 'cannot move so far', 'a spring or load curve does not fit',
+    'reverses inside a stroke with valves', 'leaves a load curve',
     'outside the constraints', 'valid', 'on the Pareto front',
 )  # fmt: skip
 _BLOCK = 2048  # designs per block, independent of the number of workers
@@ -105,7 +114,8 @@ class _Results:
         self.good = np.all([self._turns == TURNS, *held], axis=0)
         self.outcomes = np.where(self.good, VALID, OUTSIDE).astype(object)
         self.outcomes[self._turns == CANNOT_TURN] = STUCK if study.task.way else LIMITED
-        self.outcomes[self._turns == REFUSED] = UNFIT
+        for code, outcome in ((REFUSED, UNFIT), (REVERSES, REVERSING), (LEAVES, LEAVING)):
+            self.outcomes[self._turns == code] = outcome
         if study.goals:
             self.outcomes[self._front()] = FRONT
         counts = [f'{(self.outcomes == x).sum()} {x}' for x in OUTCOMES if x in self.outcomes]

@@ -16,13 +16,13 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 import numpy.typing as npt
 
-from linkage_ros import LinkageError, Mechanism, Reach, Solver
+from linkage_ros import ConfigurationError, LinkageError, Mechanism, Reach, Solver
 from linkage_ros.extensions import Constants, Program
 from linkage_ros.formulas import Array, Real
-from linkage_ros.internals import Model, reactions, signs_around, torque
+from linkage_ros.internals import Model, Ranges, reactions, signs_around, torque
 
 RPM, SPEED = 'rpm', 'speed'
-CANNOT_TURN, TURNS, REFUSED = range(3)
+CANNOT_TURN, TURNS, REFUSED, REVERSES, LEAVES = range(5)
 
 
 class Way(NamedTuple):
@@ -34,6 +34,7 @@ class Way(NamedTuple):
         angles: Crank angles at equal times.
         speeds: Crank speeds there, rad/s or m/s; None for a constant speed.
         accelerations: Crank accelerations there; 0 for a constant speed.
+        reversals: Crank angles at which the crank reverses.
     """
 
     low: float
@@ -41,6 +42,7 @@ class Way(NamedTuple):
     angles: Array
     speeds: Array | None = None
     accelerations: Real = 0.0
+    reversals: tuple[float, ...] = ()
 
     def fits(self, reach: Reach) -> bool:
         """Returns whether a mechanism with this reach can make the motion."""
@@ -82,8 +84,9 @@ def measure(task: Task, designs: Array) -> Array:
         designs: Parameter values; a row for each design, a column for each name in the task.
 
     Returns:
-        A row for each design: TURNS, CANNOT_TURN, or REFUSED if it can turn, or make the motion of
-        the task, but a spring or load curve does not fit; then the measures, NaN where one does
+        A row for each design: TURNS or CANNOT_TURN; or, if it can turn, or make the motion of the
+        task, REFUSED if a spring or load curve does not fit, REVERSES if the crank reverses where
+        a gas has valves, LEAVES if it leaves a load curve; then the measures, NaN where one does
         not apply.
     """
     found = np.full((len(designs), 1 + len(task.measures)), math.nan)
@@ -95,6 +98,7 @@ def measure(task: Task, designs: Array) -> Array:
     at_once = max(1, 16384 // task.angles)  # few enough values for the processor's cache
     # As in Program.arrays: makes glibc keep freed arrays for reuse.
     np.empty(3_000_000)
+    has_limits = _has_limits(task)
     with np.errstate(all='ignore'):
         for rows, reaches, constants in groups(task.mechanism, columns, len(designs)):
             (able,) = np.nonzero(
@@ -105,6 +109,10 @@ def measure(task: Task, designs: Array) -> Array:
                 found[rows, 0] = REFUSED
                 continue
             found[rows, 0] = TURNS
+            if has_limits:
+                changed = (_design(task.mechanism, columns, row) for row in rows)
+                found[rows, 0] = [_outcome(task, mechanism) for mechanism in changed]
+                able, rows = (x[found[rows, 0] == TURNS] for x in (able, rows))
             constants, reaches = constants.part(able), tuple(reaches[i] for i in able)
             for start in range(0, len(rows), at_once):
                 part = slice(start, start + at_once)
@@ -119,6 +127,28 @@ def measure(task: Task, designs: Array) -> Array:
 def _drives_cylinder(task: Task) -> bool:
     """Returns whether a cylinder is driven, not a crank."""
     return bool(task.mechanism.structure().driven_link.slides)
+
+
+def _has_limits(task: Task) -> bool:
+    """Returns whether a load may be valid in part of the motion only."""
+    base, turned = task.mechanism, task.way is not None and bool(task.way.reversals)
+    return any(
+        load.valid_range(base) is not None or (turned and load.one_way(base) is not None)
+        for load in base.applied_loads()
+    )
+
+
+def _outcome(task: Task, mechanism: Mechanism) -> int:
+    """Returns REVERSES or LEAVES if a load is not valid for the motion of a design, or TURNS."""
+    solver, way = Solver(mechanism), task.way
+    ranges = Ranges(solver)
+    try:
+        ranges.require_valves(way.reversals if way else ())
+    except ConfigurationError:
+        return REVERSES
+    turns = (np.arange(2 * task.angles) + 0.5) * (math.tau / task.angles)
+    ranges.see(solver.state(np.append(way.angles, (way.low, way.high)) if way else turns))
+    return LEAVES if ranges.notes() else TURNS
 
 
 # ---------------------------------------------------------------- groups of one structure
@@ -162,8 +192,7 @@ def _constants(
 
     The latter are None if a load does not fit the mechanism.
     """
-    for name, column in columns.items():
-        mechanism = with_value(mechanism, name, float(column[row]))
+    mechanism = _design(mechanism, columns, row)
     structure = mechanism.structure()
     reach = cast('Reach', Solver(mechanism).mobility if mechanism.dyads else mechanism.reach())
     try:
@@ -171,6 +200,13 @@ def _constants(
     except LinkageError:
         return reach, None
     return reach, Constants((model, structure.points.get('C'), structure.output_index))
+
+
+def _design(mechanism: Mechanism, columns: Mapping[str, Array], row: int) -> Mechanism:
+    """Returns the mechanism of a design, not checked."""
+    for name, column in columns.items():
+        mechanism = with_value(mechanism, name, float(column[row]))
+    return mechanism
 
 
 def with_value(part: Any, name: str, value: Any) -> Any:

@@ -13,7 +13,7 @@ from scipy.stats import qmc
 from linkage_lab.sweep.measures import MEASURES, RPM, SPEED, Task, Way
 from linkage_ros import ConfigurationError, Mechanism, load
 from linkage_ros.formulas import Array
-from linkage_ros.internals import LawMotion, read_yaml
+from linkage_ros.internals import LawMotion, read_yaml, reversals
 from linkage_ros.quantities import Checked, Leaf, Quantity, build, flatten, leaves, quantity, shown
 
 _GROUPS = 'ranges', 'tolerances', 'constraints', 'goals'
@@ -169,7 +169,8 @@ def _way(settings: Settings, drive: Any, joint: Any) -> Way | None:
     ends = [law.at(time).angle for time in law.extremes(math.inf, -math.inf)]
     stamps = [(law.duration - 1) * i // (count - 1) for i in range(count)]
     found = LawMotion.begin(law, 0).at_all(stamps)
-    return Way(min(ends), max(ends), found.unwrapped, found.u[0], found.a[0])
+    turned = tuple(reversals(law))
+    return Way(min(ends), max(ends), found.unwrapped, found.u[0], found.a[0], turned)
 
 
 def _read_groups(path: str) -> tuple[dict[str, dict[str, Any]], dict[str, Any]]:
