@@ -15,7 +15,6 @@ import numpy as np
 from linkage_lab.output import Pictures, chart, doubts, folder, pictures, save_csv
 from linkage_lab.sweep.measures import (
     CANNOT_TURN,
-    LEAVES,
     MEASURES,
     REFUSED,
     REVERSES,
@@ -30,10 +29,10 @@ from linkage_ros.formulas import Array
 from linkage_ros.palette import BLUE, GREY, SKY, VERMILION, fractions
 from linkage_ros.quantities import counted
 
-LIMITED, STUCK, UNFIT, REVERSING, LEAVING, OUTSIDE, VALID, FRONT = OUTCOMES = (
+LIMITED, STUCK, UNFIT, REVERSING, OUTSIDE, VALID, FRONT = OUTCOMES = (
     'cannot turn', 'cannot move so far', 'a spring or load curve does not fit',
-    'reverses inside a stroke with valves', 'leaves a load curve',
-    'outside the constraints', 'valid', 'on the Pareto front',
+    'reverses inside a stroke with valves', 'outside the constraints', 'valid',
+    'on the Pareto front',
 )  # fmt: skip
 _BLOCK = 2048  # designs per block, independent of the number of workers
 _LOOKS: dict[str, dict[str, Any]] = {
@@ -114,8 +113,8 @@ class _Results:
         self.good = np.all([self._turns == TURNS, *held], axis=0)
         self.outcomes = np.where(self.good, VALID, OUTSIDE).astype(object)
         self.outcomes[self._turns == CANNOT_TURN] = STUCK if study.task.way else LIMITED
-        for code, outcome in ((REFUSED, UNFIT), (REVERSES, REVERSING), (LEAVES, LEAVING)):
-            self.outcomes[self._turns == code] = outcome
+        self.outcomes[self._turns == REFUSED] = UNFIT
+        self.outcomes[self._turns == REVERSES] = REVERSING
         if study.goals:
             self.outcomes[self._front()] = FRONT
         counts = [f'{(self.outcomes == x).sum()} {x}' for x in OUTCOMES if x in self.outcomes]

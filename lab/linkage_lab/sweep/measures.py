@@ -22,7 +22,7 @@ from linkage_ros.formulas import Array, Real
 from linkage_ros.internals import Model, Ranges, reactions, signs_around, torque
 
 RPM, SPEED = 'rpm', 'speed'
-CANNOT_TURN, TURNS, REFUSED, REVERSES, LEAVES = range(5)
+CANNOT_TURN, TURNS, REFUSED, REVERSES = range(4)
 
 
 class Way(NamedTuple):
@@ -86,8 +86,7 @@ def measure(task: Task, designs: Array) -> Array:
     Returns:
         A row for each design: TURNS or CANNOT_TURN; or, if it can turn, or make the motion of the
         task, REFUSED if a spring or load curve does not fit, REVERSES if the crank reverses where
-        a gas has valves, LEAVES if it leaves a load curve; then the measures, NaN where one does
-        not apply.
+        a gas has valves; then the measures, NaN where one does not apply.
     """
     found = np.full((len(designs), 1 + len(task.measures)), math.nan)
     found[:, 0] = CANNOT_TURN
@@ -98,7 +97,9 @@ def measure(task: Task, designs: Array) -> Array:
     at_once = max(1, 16384 // task.angles)  # few enough values for the processor's cache
     # As in Program.arrays: makes glibc keep freed arrays for reuse.
     np.empty(3_000_000)
-    has_limits = _has_limits(task)
+    has_valves = bool(task.way and task.way.reversals) and any(
+        load.one_way(task.mechanism) for load in task.mechanism.applied_loads()
+    )
     with np.errstate(all='ignore'):
         for rows, reaches, constants in groups(task.mechanism, columns, len(designs)):
             (able,) = np.nonzero(
@@ -109,7 +110,7 @@ def measure(task: Task, designs: Array) -> Array:
                 found[rows, 0] = REFUSED
                 continue
             found[rows, 0] = TURNS
-            if has_limits:
+            if has_valves:
                 changed = (_design(task.mechanism, columns, row) for row in rows)
                 found[rows, 0] = [_outcome(task, mechanism) for mechanism in changed]
                 able, rows = (x[found[rows, 0] == TURNS] for x in (able, rows))
@@ -129,26 +130,13 @@ def _drives_cylinder(task: Task) -> bool:
     return bool(task.mechanism.structure().driven_link.slides)
 
 
-def _has_limits(task: Task) -> bool:
-    """Returns whether a load may be valid in part of the motion only."""
-    base, turned = task.mechanism, task.way is not None and bool(task.way.reversals)
-    return any(
-        load.valid_range(base) is not None or (turned and load.one_way(base) is not None)
-        for load in base.applied_loads()
-    )
-
-
 def _outcome(task: Task, mechanism: Mechanism) -> int:
-    """Returns REVERSES or LEAVES if a load is not valid for the motion of a design, or TURNS."""
-    solver, way = Solver(mechanism), task.way
-    ranges = Ranges(solver)
+    """Returns REVERSES if the crank of a design reverses where a gas has valves, or TURNS."""
     try:
-        ranges.require_valves(way.reversals if way else ())
+        Ranges(Solver(mechanism)).require_valves(task.way.reversals if task.way else ())
     except ConfigurationError:
         return REVERSES
-    turns = (np.arange(2 * task.angles) + 0.5) * (math.tau / task.angles)
-    ranges.see(solver.state(np.append(way.angles, (way.low, way.high)) if way else turns))
-    return LEAVES if ranges.notes() else TURNS
+    return TURNS
 
 
 # ---------------------------------------------------------------- groups of one structure
