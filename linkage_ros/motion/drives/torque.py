@@ -1,6 +1,9 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""A torque on the crank, from a motor and from commands."""
+"""A given torque on the crank, from a motor and from commands, which moves the mechanism.
+
+The driving torque that a given motion needs is in `mechanism/equations.py`.
+"""
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
