@@ -158,7 +158,7 @@ def rounded(length: float, *, up: bool) -> str:
 def signs_around(values: Array) -> Array:
     """Returns the sign of each value around a period; that of a zero is the sign before it.
 
-    So each change of sign is between two neighbours, even if a value between them is 0.
+    Each change of sign is then between two neighbours, even if one of them is 0.
 
     Args:
         values: Values over one period in the last axis; the first follows the last.

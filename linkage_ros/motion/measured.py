@@ -95,7 +95,7 @@ class _Filter(NamedTuple):
 
 
 class Tracked(NamedTuple):
-    """What a `FollowMotion` knows after a measurement.
+    """State of a `FollowMotion` after a measurement.
 
     Attributes:
         angle: Filter of the position.

@@ -168,7 +168,7 @@ class AppliedLoad(Checked):
         return None
 
     def valid_range(self, _mechanism: Any) -> Range | None:
-        """Returns the positions beyond which the load only keeps its end values, or None."""
+        """Returns the positions beyond which the end values of the load apply, or None."""
         return None
 
     def one_way(self, _mechanism: Any) -> Range | None:

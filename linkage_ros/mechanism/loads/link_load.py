@@ -102,7 +102,8 @@ class LinkForce(NamedTuple):
         rest: Position at which the spring exerts no force, rad or m.
         middle: Middle of the link's swing, rad; None for a sliding link, or for a link that turns
             fully. See `continuous`.
-        may_turn_fully: Whether the constant torque has no potential, for this reason.
+        may_turn_fully: Whether the link may turn fully, so that a constant torque on it has no
+            potential.
     """
 
     link: int
