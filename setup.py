@@ -89,7 +89,6 @@ setup(
         ],
         'viewer': [f'rerun-sdk; {has_rerun_wheels}'],
         'record': ['scipy'],
-        'fast': ['numba'],
         'docs': ['furo', 'myst-parser', 'sphinx'],
         'package': ['twine'],
         'test': [
@@ -101,7 +100,6 @@ setup(
             'mpmath',
             'mujoco',
             'mypy',
-            'numba',
             'pandas',
             'pytest',
             'pytest-xdist',

@@ -64,7 +64,6 @@ _LIBRARIES = {
     # A new rerun-sdk installs NumPy 2, which is incompatible with Ubuntu's SciPy and Matplotlib.
     'rerun': ('the viewer needs rerun-sdk', 'rerun-sdk scipy matplotlib'),
     'scipy': ('records of a motion under a torque need scipy', 'scipy'),
-    'numba': ('compiled=True needs numba', 'numba'),
     'yaml': ('parameter files need PyYAML', 'PyYAML'),
 }
 

@@ -8,14 +8,12 @@ import itertools
 import math
 import pickle
 import struct
-import sys
 import traceback
 from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 from mechanisms import CYLINDERS, DOCUMENT_1, PUMPS, cylinder, four_bar, slider_crank
-from ros_harness import finished
 
 from linkage_ros import (
     Body,
@@ -24,9 +22,6 @@ from linkage_ros import (
     Friction,
     LinkageError,
     LinkLoad,
-    LoadCurve,
-    MechanismError,
-    SliderCrank,
     Solver,
     State,
     UnreachableError,
@@ -38,7 +33,6 @@ from linkage_ros.mechanism.joint_forces import reactions
 from linkage_ros.mechanism.loads.base import AppliedLoad
 from linkage_ros.mechanism.loads.link_load import LinkForce
 from linkage_ros.mechanism.nested import leaves
-from linkage_ros.mechanism.numba_program import CompiledProgram
 from linkage_ros.mechanism.program import Constants, Program
 from linkage_ros.mechanism.tracer import Tape
 from linkage_ros.settings.configuration import load
@@ -607,86 +601,7 @@ def test_sums_may_be_long_and_programs_may_contain_loops():
     assert np.allclose(xs, np.sqrt(targets), rtol=1e-15)
 
 
-# ------------------------------------------ 8: compilation only on request
-
-NO_COMPILER = """
-import sys
-from linkage_lab import command_line
-from linkage_ros.programs import log_tool, record, replay
-from linkage_ros import Solver
-from linkage_ros.settings.configuration import load
-Solver(load('quadrilateral').mechanism).state(0.3, 1.0)
-print(*sys.modules)
-"""
-
-
-def test_numba_is_not_imported_unless_requested():
-    loaded = finished([sys.executable, '-c', NO_COMPILER]).stdout.split()
-    assert 'numpy' in loaded
-    assert not {'numba', 'llvmlite'} & set(loaded)
-
-
-def test_compiled_programs_equal_interpreted_ones():
-    mechanism = load('wind_pump').mechanism
-    fast, plain = Solver(mechanism, compiled=True), Solver(mechanism)
-    q, u = (np.linspace(-0.3, 0.4, 5), np.full(5, 1.6)), (np.linspace(1, 2, 5), 0.2)
-    for call in (
-        lambda solver: solver.state(q, u),
-        lambda solver: solver.accelerations(q, u, 2.5),
-        lambda solver: solver.energy(q, u),
-        lambda solver: solver.point(solver.state(q, u), 'B'),
-        lambda solver: (*solver.reactions(solver.state(q, u)).pins.values(),),
-    ):
-        for found, wanted in zip(leaves(call(fast)), leaves(call(plain)), strict=True):
-            assert np.shape(found) == np.shape(wanted)
-            np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-15 * np.abs(wanted).max())
-
-
-PUMP, WHEEL = load('wind_pump').mechanism, SliderCrank(Body(0.3, 1.0, 0.1), Coupler(0.9))
-
-
-@pytest.mark.parametrize(
-    ('mechanism', 'asked', 'error', 'words'),
-    [
-        (PUMP, lambda solver: solver.state((0.0, np.array([1.5, 5.0, 1.6])), (0.0, 0.0)),
-         UnreachableError, 'slider position 5 m; at this crank angle, the slider must be'),
-        (PUMP, lambda solver: solver.state((0.0, np.array([1.5, 1.6])), (np.nan, 0.0)),
-         ConfigurationError, 'crank speed = nan'),
-        # A matrix of constants alone.
-        (replace(WHEEL, crank=Body(0.3)),
-         lambda solver: solver.accelerations(np.ones(3), 2.0, 0.5),
-         MechanismError, 'links without mass have no finite acceleration'),
-    ],
-)  # fmt: skip
-def test_compiled_programs_refuse_what_others_refuse(mechanism, asked, error, words):
-    with pytest.raises(error, match=words):
-        asked(Solver(mechanism, compiled=True))
-    wheel = Solver(WHEEL, compiled=True)
-    assert wheel.accelerations(np.ones(3), 2.0, 0.5) == pytest.approx(5.0)
-
-
-def test_pickled_solver_stays_compiled_or_untraced(monkeypatch):
-    mechanism = load('quadrilateral').mechanism
-    fast, plain = (
-        pickle.dumps(Solver(mechanism, **x)) for x in ({'compiled': True}, {'traced': False})
-    )
-    monkeypatch.setattr(CompiledProgram, 'arrays', lambda *_, by_math: 'compiled')
-    assert pickle.loads(fast).state(np.zeros(2)) == 'compiled'
+def test_untraced_solver_stays_untraced_when_pickled(monkeypatch):
+    plain = pickle.dumps(Solver(load('quadrilateral').mechanism, traced=False))
     monkeypatch.setattr(Tape, '__init__', None)
     assert pickle.loads(plain).state(0.0).position[0] == 0.0
-
-
-def test_function_that_numba_cannot_compile_runs_without_it():
-    preset = load('quadrilateral').mechanism
-    pulled = replace(preset, loads=(LoadCurve('crank', at=(0.0, 1.0), value=(5.0, 9.0)),))
-    fast, plain = (Solver(pulled, compiled=x).state(np.ones(2), 2.0).torque for x in (True, False))
-    assert np.array_equal(fast, plain)
-    assert not np.array_equal(fast, Solver(preset).state(np.ones(2), 2.0).torque)
-
-
-def test_missing_numba_is_reported(monkeypatch):
-    monkeypatch.setitem(sys.modules, 'numba', None)
-    solver = Solver(load('coupler_point').mechanism, compiled=True)
-    assert solver.state(0.5, 1.0).position[0] == 0.5  # floats do not need Numba
-    with pytest.raises(ConfigurationError, match='compiled=True needs numba'):
-        solver.matrix(np.zeros(2))

@@ -33,7 +33,6 @@ from linkage_ros.mechanism.kinematics import PointMotion, Reach, State
 from linkage_ros.mechanism.loads.base import Load
 from linkage_ros.mechanism.loads.force import PointForce
 from linkage_ros.mechanism.nested import leaves, rebuilt
-from linkage_ros.mechanism.numba_program import CompiledProgram
 from linkage_ros.mechanism.program import Constants, Program
 from linkage_ros.mechanism.structure import Description, Mechanism
 from linkage_ros.mechanism.tracer import Tape
@@ -104,7 +103,6 @@ class Solver:
         mechanism: Mechanism,
         *,
         traced: bool = True,
-        compiled: bool = False,
         description: Description | None = None,
         pivot: tuple[float, float] = (0.0, 0.0),
     ) -> None:
@@ -114,7 +112,6 @@ class Solver:
             mechanism: The mechanism to solve.
             traced: Whether to turn formulas into programs. Otherwise, the formulas themselves run,
                 with the same results, so that a debugger can stop in them.
-            compiled: Whether Numba compiles the programs for arrays to machine code.
             description: Coordinates and assembly; by default, the mechanism's own. A solver in
                 other coordinates supports only `driven_state`, `driven_by` and `dyad_sines`; the
                 torque still acts on the crank.
@@ -127,7 +124,7 @@ class Solver:
         if not isinstance(mechanism, Mechanism):
             raise MechanismError(f'{shown(mechanism)}: must be a mechanism, such as a FourBar')
         self.mechanism, structure = mechanism, mechanism.structure()
-        self._traced, self._compiled, self.pivot = traced, compiled, pivot
+        self._traced, self.pivot = traced, pivot
         self.description = description or mechanism.description
         self.coordinates = self.description.coordinates
         if self.coordinates != mechanism.coordinates:
@@ -168,7 +165,6 @@ class Solver:
         make = functools.partial(
             type(self),
             traced=self._traced,
-            compiled=self._compiled,
             description=self.description,
             pivot=self.pivot,
         )
@@ -239,8 +235,7 @@ class Solver:
         return _Outside(model, Constants(model), names, given)
 
     def _bound(self, formula: Callable[..., Any], constants: Constants, names: Any) -> Program:
-        kind = CompiledProgram if self._compiled else Program
-        return kind(formula, constants, names, traced=self._traced)
+        return Program(formula, constants, names, traced=self._traced)
 
     @functools.cached_property
     def mobility(self) -> Reach | None:
