@@ -421,12 +421,6 @@ def worst_errors(solver, angles, speed=2.0, acceleration=1.5, lengths=None, peri
                 if i < count and oracle.turning[i]:
                     error = wrap(error)
                 worst[i] = max(worst[i], float(abs(error) / scales[i]) if scales[i] else 0.0)
-    # Some mechanisms compute the torque alone by another formula.
-    if getattr(solver.model.loop, 'plain', None) and scales[-1]:
-        torques = [solver.torque(x, speed, acceleration) for x in angles]
-        torques = [*torques, *solver.torque(np.array(angles), speed, acceleration).tolist()]
-        for torque, (*_, right) in zip(torques, rows * 2, strict=True):
-            worst[-1] = max(worst[-1], float(abs(mp.mpf(torque) - right) / scales[-1]))
     square = speed**2 + abs(acceleration)
     units = [solver.mechanism.crank.length * x for x in (1, abs(speed) or 1, square)]
     traced = [oracle.trace(state) for state in states]

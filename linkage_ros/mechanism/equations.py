@@ -308,8 +308,7 @@ def torque(
     """Computes the driving torque alone; if `a` is empty, for q'' = 0."""
     outside = leaves(environment)
     require(is_finite(*q, *outside), model.refuse, *q, *u, *a, *outside)
-    loop = getattr(model.loop, 'plain', None) or model.loop
-    pose = loop.pose(tuple(q))
+    pose = model.loop.pose(tuple(q))
     rates, changes = velocities(pose, u), accelerations(pose, u, a)
     found, *_ = balance(model.within(environment), pose, rates, changes)
     require(is_finite(found, *u, *a), model.refuse, *q, *u, *a, *outside)

@@ -48,7 +48,6 @@ from linkage_ros.mechanism.parts import (
     Rocker,
     gravity_quantity,
 )
-from linkage_ros.mechanism.plain import PlainFourBar, is_far
 from linkage_ros.mechanism.structure import (
     Link,
     Mechanism,
@@ -72,9 +71,8 @@ from linkage_ros.numeric import (
 from linkage_ros.quantities import quantity
 
 # If |d - r| is below this fraction of d + r, `_mean_near_pivot` computes the rates. Above, the
-# error of the plain formula is at most about an ulp divided by the square of this fraction.
+# error of the other formula is at most about an ulp divided by the square of this fraction.
 _CLOSE = 1 / 64
-_APART = 1 / 4  # |d - r| above this fraction of d + r does not limit the plain formula
 
 
 class FourBarLoop(NamedTuple):
@@ -93,7 +91,6 @@ class FourBarLoop(NamedTuple):
         quotient: Quotient of the two brackets above, +1 or -1; used only if `length` is None.
         close: Whether the crank pin passes so close to the rocker pivot that L becomes much
             shorter than d.
-        plain: Plain formula, if it is as accurate.
     """
 
     transmission: Transmission
@@ -106,7 +103,6 @@ class FourBarLoop(NamedTuple):
     arm: tuple[float, float]
     quotient: int
     close: bool
-    plain: PlainFourBar | None
 
     def pose(self, q: tuple[Real, ...]) -> Pose:
         """Computes the pose at a crank angle.
@@ -301,7 +297,6 @@ class FourBar(Mechanism):
         transmission = self._transmission(far, near, other, sum_dr + sum_bc)
         concentric = diff_dr == 0 and diff_bc == 0
         axis = Vector.at(self.frame.angle)
-        is_apart = transmission.turns_fully and abs(diff_dr) > _APART * sum_dr
         return FourBarLoop(
             transmission,
             side,
@@ -314,9 +309,6 @@ class FourBar(Mechanism):
             quotient=1 if side * transmission.kappa > 0 else -1,
             # If the crank cannot reach theta = 0, L never becomes short.
             close=not transmission.sin.limits and abs(diff_dr) < _CLOSE * sum_dr,
-            plain=PlainFourBar(r, b, c, axis * d, float(side))
-            if is_apart and is_far(transmission.extremes())
-            else None,
         )
 
     def _pairs(self, far: float, near: float, other: float) -> tuple[tuple[float, float], ...]:

@@ -52,11 +52,7 @@ class Pose(NamedTuple):
 
 
 class Loop(Protocol):
-    """Interface of a mechanism's kinematic constants: a named tuple of floats and `Opaque`s.
-
-    An attribute `plain` is optional: a loop whose pose costs less, for a torque alone. It is None
-    where its pose would be less accurate.
-    """
+    """Interface of a mechanism's kinematic constants: a named tuple of floats and `Opaque`s."""
 
     def pose(self, q: tuple[Real, ...]) -> Pose:
         """Computes the exact pose at the coordinates `q`; rejects unreachable coordinates."""

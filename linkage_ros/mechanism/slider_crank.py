@@ -35,7 +35,6 @@ from linkage_ros.mechanism.parts import (
     Slider,
     gravity_quantity,
 )
-from linkage_ros.mechanism.plain import PlainSliderCrank, is_far
 from linkage_ros.mechanism.structure import (
     Link,
     Mechanism,
@@ -68,7 +67,6 @@ class SliderCrankLoop(NamedTuple):
         coupler: Length b of the coupler, m.
         offset: Offset e of the guide, m.
         refuse: Function that rejects a position of the slider.
-        plain: Plain formula, if it is as accurate.
     """
 
     transmission: Transmission
@@ -78,7 +76,6 @@ class SliderCrankLoop(NamedTuple):
     coupler: float
     offset: float
     refuse: Opaque
-    plain: PlainSliderCrank | None
 
     def pose(self, q: tuple[Real, ...]) -> Pose:
         """Computes the pose at a crank angle.
@@ -239,15 +236,7 @@ class SliderCrank(Mechanism):
         """Returns the kinematic constants; the coordinate is the crank angle."""
         transmission, guide = self._transmission(), Vector.at(self.frame.angle)
         lengths, side = self._lengths(), 1 if self.assembly == OPEN else -1
-        is_plain = transmission.turns_fully and is_far(transmission.extremes())
-        return SliderCrankLoop(
-            transmission,
-            side,
-            guide,
-            *lengths,
-            Opaque(self._refuse_slide),
-            PlainSliderCrank(*lengths, guide, float(side)) if is_plain else None,
-        )
+        return SliderCrankLoop(transmission, side, guide, *lengths, Opaque(self._refuse_slide))
 
     def other_loop(self) -> BySlider:
         """Returns the kinematic constants; the coordinate is the slider's position."""

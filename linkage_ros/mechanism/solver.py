@@ -345,9 +345,7 @@ class Solver:
             by_math: See `state`.
 
         Returns:
-            The torque on the crank, N m, positive counter-clockwise. Far from change points, its
-            last digits may differ from those of `state`, since the positions are computed by
-            another formula (`linkage_ros.mechanism.plain`).
+            The torque on the crank, N m, positive counter-clockwise, as in the state.
 
         Raises:
             LinkageError: As for `state`.
