@@ -48,7 +48,7 @@ from linkage_ros.mechanism.parts import (
 from linkage_ros.mechanism.slider_crank import SliderCrank
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.mechanism.structure import Mechanism
-from linkage_ros.mechanism.travel import Travel, assemblies, travel
+from linkage_ros.mechanism.travel import Travel, travel
 from linkage_ros.mechanism.wind_pump import WindPump
 from linkage_ros.settings.presets import preset_names
 
@@ -134,7 +134,6 @@ __all__ = [
     'UnreachableError',
     'ViewerError',
     'WindPump',
-    'assemblies',
     'load',
     'preset_names',
     'read_log',

@@ -33,7 +33,6 @@ from linkage_ros import (
     Solver,
     UnreachableError,
     WindPump,
-    assemblies,
     travel,
 )
 from linkage_ros.motion.drives.speed import SpeedDrive
@@ -366,13 +365,11 @@ BAD_CALLS = [
     (lambda: Solver(PUMP).accelerations((0.0, 1.5), (1e200, 0.0), 1.0),
      'crank speed = 1e+200, slider speed = 0, torque = 1'),
     (lambda: Solver(PUMP).reach, 'WindPump'),
-    (lambda: assemblies(PUMP, 0.0), 'WindPump'),
     (lambda: Solver(replace(TRACED, loads=(Friction(0.1, 0.1),))).accelerations(0.3, 1.0, 2.0),
      'friction'),
     (lambda: configure({'drive': 'follow', 'rate_hz': 3.0}), 'rate_hz'),
 ]  # fmt: skip
 BAD_ARGUMENTS = [
-    *((partial(assemblies, CENTRIC, x), 'crank angle = ') for x in (NAN, 'a', None, [1.0, 2.0])),
     (lambda: state(FOUR_BAR, TWO, [1.0, 2.0, 3.0]), 'crank angle (2,), crank speed (3,)'),
     (lambda: Solver(PUMP).matrix((TWO, THREE)), 'crank angle (2,), slider position (3,)'),
     (lambda: Solver(PUMP).accelerations((TWO, 1.5), (1.0, 0.0), THREE), 'torque (3,)'),

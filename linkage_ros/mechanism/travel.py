@@ -1,20 +1,16 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Assemblies of a linkage at a crank angle, and stroke or swing of its output link."""
+"""Stroke or swing of the output link."""
 
-import cmath
 import math
 from dataclasses import replace
 from typing import Any, NamedTuple, cast
 
 import numpy as np
 
-from linkage_ros.errors import ConfigurationError, UnreachableError
-from linkage_ros.mechanism.four_bar import FourBar
-from linkage_ros.mechanism.parts import CROSSED, OPEN
-from linkage_ros.mechanism.slider_crank import SliderCrank
+from linkage_ros.errors import ConfigurationError
 from linkage_ros.mechanism.solver import Solver
-from linkage_ros.numeric import real_numbers, require_finite, signs_around, within_two_turns, wrap
+from linkage_ros.numeric import signs_around
 from linkage_ros.quantities import shown
 
 _SAME = 16 * 2.0**-53 * math.tau  # rad; a few rounding errors of an angle of one turn
@@ -120,57 +116,3 @@ def _reversal(solver: Solver, low: float, high: float, *, rises: bool) -> float:
         else:
             high = middle
     return high
-
-
-def assemblies(mechanism: FourBar | SliderCrank, crank: float) -> tuple[tuple[float, ...], ...]:
-    """Finds the assemblies of a linkage at a crank angle.
-
-    As in Mottola 2017, there are usually two: the open and the crossed assembly. They coincide at
-    the end of a limited crank's reach or at a change point. The coupler is then in line with the
-    rocker or, in a slider-crank, with the normal of the guide. Beyond the reach, there are none.
-
-    Args:
-        mechanism: The linkage, whose own `assembly` is ignored.
-        crank: Crank angle, rad.
-
-    Returns:
-        The positions of crank, coupler and output in each assembly, as in `State.position`: the
-        open assembly, then the crossed one.
-
-    Raises:
-        ConfigurationError: The crank angle is not a single finite number.
-    """
-    (crank,), shape = real_numbers(['crank angle'], [crank])
-    if shape is not None:
-        raise ConfigurationError(f'crank angle = {shown(crank)}: give one number')
-    require_finite(crank_angle=crank)
-    solvers = [
-        Solver(replace(mechanism, assembly=name, loads=(), dyads=())) for name in (OPEN, CROSSED)
-    ]
-    reach, (within, _) = solvers[0].reach, within_two_turns(crank)
-    ends = () if reach.turns_fully else [end for arc in reach.arcs for end in arc]
-    if any(abs(math.remainder(within - end, math.tau)) <= _SAME for end in ends):
-        return (_in_line(mechanism, crank),)
-    try:
-        both = [solver.state(crank).position for solver in solvers]
-    except UnreachableError:
-        return ()
-    slides = isinstance(mechanism, SliderCrank)
-    _, *turned = [x - y for x, y in zip(*both, strict=True)]
-    slid = turned.pop() / mechanism.coupler.length if slides else 0.0
-    apart = max(abs(slid), *(abs(wrap(angle)) for angle in turned))
-    return tuple(both[:1] if apart <= _SAME else both)
-
-
-def _in_line(mechanism: FourBar | SliderCrank, crank: float) -> tuple[float, ...]:
-    """Computes the positions at the end of a crank's reach, where both assemblies coincide."""
-    angle, pin = mechanism.frame.angle, cmath.rect(mechanism.crank.length, crank)
-    b = mechanism.coupler.length
-    if isinstance(mechanism, SliderCrank):
-        along = pin * cmath.rect(1.0, -angle)
-        side = math.copysign(math.pi / 2, mechanism.slider.offset - along.imag)
-        return crank, wrap(angle + side), along.real
-    c, to_pivot = mechanism.rocker.length, cmath.rect(mechanism.frame.length, angle) - pin
-    stretched = abs(abs(to_pivot) - (b + c)) < abs(abs(to_pivot) - abs(b - c))
-    coupler = cmath.phase(to_pivot if stretched or b > c else -to_pivot)
-    return crank, coupler, wrap(coupler + math.pi) if stretched else coupler
