@@ -3,11 +3,12 @@
 """Names for linkage_lab alone; they may change in any release.
 
 They are the formulas, integrators and filter that it compares with others, and what it shares with
-other programs: laws, ranges of loads, drawing, URDF, notes, YAML and signs.
+other programs: laws, periods, ranges of loads, drawing, URDF, notes, YAML and signs.
 """
 
 from linkage_ros.mechanism.equations import Model, acting_forces, torque
 from linkage_ros.mechanism.joint_forces import reactions
+from linkage_ros.mechanism.period import period_turns
 from linkage_ros.mechanism.ranges import Ranges
 from linkage_ros.mechanism.wrenches import poses
 from linkage_ros.messages.urdf import make_urdf
@@ -35,6 +36,7 @@ __all__ = [
     'live_steps',
     'make_urdf',
     'notes',
+    'period_turns',
     'poses',
     'published',
     'reactions',

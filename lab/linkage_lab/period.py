@@ -3,6 +3,7 @@
 """Motion, torque and forces of a mechanism over one period, as named columns."""
 
 import functools
+import itertools
 import math
 from collections.abc import Mapping
 from pathlib import Path
@@ -13,8 +14,17 @@ import numpy as np
 from linkage_lab.output import progress
 from linkage_lab.pump.analysis import settle
 from linkage_lab.pump.shooting import PeriodicMotion
-from linkage_lab.sampling import SAME, integral, samples, with_breaks
-from linkage_ros import ConfigurationError, Mechanism, Solver, State, Travel, WindPump, travel
+from linkage_lab.sampling import SAME, integral, law_duration, samples, with_breaks
+from linkage_ros import (
+    ConfigurationError,
+    Mechanism,
+    Reach,
+    Solver,
+    State,
+    Travel,
+    WindPump,
+    travel,
+)
 from linkage_ros.formulas import Array
 from linkage_ros.internals import Drawing, LawMotion
 
@@ -86,9 +96,13 @@ class Period:
         speed: float,
         mean_power: float,
         time: Array | None = None,
+        turns: int | None = None,
     ) -> None:
-        """Converts the states at all crank angles, and along a law the times, to columns."""
-        self.solver = solver
+        """Converts the states at all crank angles, and along a law the times, to columns.
+
+        `turns` are the whole turns of a law that repeats.
+        """
+        self.solver, self._law_turns = solver, turns
         self.crank, self.speed, self.mean_power = crank, speed, mean_power
         self.driven, driven = solver.structure.driven_link, solver.structure.driven
         over = OVER_CYLINDER if self.driven.slides else OVER_CRANK
@@ -149,7 +163,8 @@ class Period:
     @property
     def travel(self) -> Travel | None:
         """Stroke or swing over a whole period of a turning crank; otherwise None."""
-        return travel(self.solver) if self._is_whole and self.solver.mobility else None
+        is_whole = self._is_whole or self._law_turns
+        return travel(self.solver) if is_whole and self.solver.mobility else None
 
     @property
     def turns(self) -> float:
@@ -283,8 +298,7 @@ def _over_arc(
     """
     _require_no(options, f'the crank of {source} cannot turn fully')
     rpm, solver = _SLOW_RPM if rpm is None else rpm, Solver(design.mechanism)
-    begin, arcs = design.drive.crank_angle, solver.reach.arcs
-    low, high = min(arcs, key=lambda arc: (begin - arc[0]) % math.tau - (arc[1] - arc[0]))
+    low, high = _arc_around(solver.reach, design.drive.crank_angle)
     margin = _MARGIN * (high - low)  # the rates are infinite at the ends
     crank = np.linspace(low + margin, high - margin, 721)
     speed, words = rpm * math.pi / 30, f'{rpm:g} rpm over its arc'
@@ -292,6 +306,17 @@ def _over_arc(
         speed, words = _SLOW, f'{_SLOW:g} m/s over its stroke'
     period = _at_speed(solver, crank, speed, reactions='reactions' in options)
     return period, [_group(solver), words, *_ranges(period)]
+
+
+def _arc_around(reach: Reach, crank: float) -> tuple[float, float]:
+    """Returns the arc that contains a crank angle, in the turn of the period where it is, rad.
+
+    In another turn, loads and assembly may differ. If no arc contains it, the next one is taken.
+    """
+    turns = range(max(1, reach.period_turns))
+    period = math.inf if reach.slides else math.tau * len(turns)
+    arcs = [(low + math.tau * i, high + math.tau * i) for i in turns for low, high in reach.arcs]
+    return min(arcs, key=lambda arc: max(0.0, (crank - arc[0]) % period - (arc[1] - arc[0])))
 
 
 def _group(solver: Solver) -> str:
@@ -326,10 +351,10 @@ def _ranges(period: Period) -> list[str]:
 
 
 def law_period(solver: Solver, drive: Any, *, reactions: bool = False) -> Period:
-    """Computes the motion along a law, from its start to its end or over one of its periods.
+    """Computes the motion along a law, from its start to its end or over a period of the run.
 
-    There are 720 steps of equal time, the points of the law, and both sides of each corner or jump
-    of a load.
+    Each repetition of the law has 720 steps of equal time, the points of the law, and both sides
+    of each corner or jump of a load.
 
     Args:
         solver: Solver of a mechanism with one degree of freedom.
@@ -345,10 +370,14 @@ def law_period(solver: Solver, drive: Any, *, reactions: bool = False) -> Period
     driven = solver.structure.driven
     law = drive.law(solver.structure.driven_link)
     motion = LawMotion.begin(law, 0)
-    last = law.duration
-    even = {last * n // 720 for n in range(720)} | {max(last - 1, 1)}
+    each, last = law.duration, law_duration(solver, law)
+    rounds = last // each
+    even = {last * n // (720 * rounds) for n in range(720 * rounds)} | {max(last - 1, 1)}
     # At a point, the acceleration may jump: take 1 ns before it as well.
-    points = {stamp for time in getattr(law, 'times', ())[1:-1] for stamp in (time - 1, time)}
+    inner = {
+        each * i + time for i in range(rounds) for time in getattr(law, 'times', (0, each))
+    } - {0, last}
+    points = {stamp for time in inner for stamp in (time - 1, time)}
     found = np.array(sorted(even | points))
 
     def crank(time: Array) -> Any:
@@ -363,9 +392,20 @@ def law_period(solver: Solver, drive: Any, *, reactions: bool = False) -> Period
     time = with_breaks((found + np.where(before, 0.5, 0.0)) / 1e9, solver, states)
     state, angle = states(time), crank(time).unwrapped
     power = _load_power(solver, state) if law.repeats else state.torque * state.velocity[driven]
-    speed = mean(time, np.abs(state.velocity[driven]))
-    period = Period(solver, angle, state, speed=speed, mean_power=mean(time, power), time=time)
+    speed = _mean_speed(law)
+    period = Period(
+        solver, angle, state, speed=speed, mean_power=mean(time, power), time=time,
+        turns=law.turns,
+    )  # fmt: skip
     return _completed(period, state, reactions=reactions)
+
+
+def _mean_speed(law: Any) -> float:
+    """Computes the mean magnitude of the speed of a law, rad/s or m/s, from its reversals."""
+    times = sorted({0, law.duration, *law.extremes(math.inf, -math.inf)})
+    angles = [moment.turns * math.tau + moment.angle for moment in map(law.at, times)]
+    way = math.fsum(abs(after - before) for before, after in itertools.pairwise(angles))
+    return way / float(law.duration * 1e-9)
 
 
 def speed_driven_period(

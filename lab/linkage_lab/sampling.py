@@ -12,7 +12,7 @@ from scipy.interpolate import CubicSpline
 
 from linkage_ros import Solver, State
 from linkage_ros.formulas import Array
-from linkage_ros.internals import poses
+from linkage_ros.internals import period_turns, poses
 
 _BISECTIONS = 64  # halvings of a step, after which its ends differ only by rounding
 SAME = 1e-9  # rad; closer crank angles are the two sides of a corner or jump
@@ -27,6 +27,21 @@ def samples(solver: Solver, steps_per_turn: int = 720) -> Array:
     # At a given speed, friction and load curves do not change the motion.
     moving = Solver(replace(cast('Any', mechanism), loads=()))
     return with_breaks(crank, solver, lambda angles: moving.state(angles, 1.0))
+
+
+def law_duration(solver: Solver, law: Any) -> int:
+    """Computes the duration of a law or, if it repeats, of the period of motion, loads and law.
+
+    Args:
+        solver: Solver of the mechanism.
+        law: The law of its crank or cylinder.
+
+    Returns:
+        The duration, ns.
+    """
+    turns = abs(law.turns or 0)
+    rounds = period_turns(solver.reach, law_turns=turns) // turns if turns else 1
+    return int(law.duration * rounds)
 
 
 def with_breaks(crank: Array, solver: Solver, states: Callable[[Array], State]) -> Array:

@@ -33,6 +33,7 @@ from linkage_ros.mechanism.kinematics import PointMotion, Reach, State
 from linkage_ros.mechanism.loads.base import Load
 from linkage_ros.mechanism.loads.force import PointForce
 from linkage_ros.mechanism.nested import leaves, rebuilt
+from linkage_ros.mechanism.period import period_turns
 from linkage_ros.mechanism.program import Constants, Program
 from linkage_ros.mechanism.structure import Description, Mechanism
 from linkage_ros.mechanism.tracer import Tape
@@ -241,15 +242,12 @@ class Solver:
     def mobility(self) -> Reach | None:
         """The reach of the crank; None if the crank angle alone does not determine the motion.
 
-        A load that repeats after two turns makes its `period_turns` 2.
+        Its `period_turns` are those of motion and loads together.
         """
         reach = reach_of(self.mechanism)
         if reach is None:
             return None
-        if reach.slides:
-            return reach
-        turns = [load.turns for load in self.mechanism.applied_loads()]
-        return reach._replace(period_turns=max([reach.period_turns, *turns]))
+        return reach._replace(period_turns=period_turns(reach, self.mechanism.applied_loads()))
 
     @property
     def reach(self) -> Reach:

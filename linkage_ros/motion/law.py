@@ -106,6 +106,11 @@ class Sine(NamedTuple):
         return True
 
     @property
+    def turns(self) -> int:
+        """Whole turns by which the crank advances in a period; always 0."""
+        return 0
+
+    @property
     def words(self) -> str:
         """Describes the law; angles in degrees."""
         unit, scale = ('m', 1.0) if self.slides else ('deg', math.degrees(1.0))

@@ -180,12 +180,14 @@ def _measures(period: Period) -> dict[str, float | None]:
     way, torque = (
         extent(period.x, columns[name].values) for name in (f'{link.name}.position', period.effort)
     )
+    ends = found.extremes if found else (way.low, way.high)
+    span = ends and ends[1] - ends[0]  # None for a link that turns fully
     angles = found.transmission if found else None
     word, unit = period.effort.removeprefix('driving_'), period.driven.units.effort
     force = [columns[name].values for name in columns if name.startswith('shaking_force')]
     return {
-        'swing [deg]': None if link.slides else math.degrees(way.high - way.low),
-        'stroke [m]': way.high - way.low if link.slides else None,
+        'swing [deg]': None if link.slides or span is None else math.degrees(span),
+        'stroke [m]': span if link.slides else None,
         'time ratio': found.time_ratio if found else None,
         'least transmission angle [deg]': (
             math.degrees(min(angles[0], math.pi - angles[1])) if angles else None
