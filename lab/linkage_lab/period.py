@@ -5,7 +5,7 @@
 import functools
 import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple, cast
 
@@ -14,7 +14,7 @@ import numpy as np
 from linkage_lab.output import progress
 from linkage_lab.pump.analysis import settle
 from linkage_lab.pump.shooting import PeriodicMotion
-from linkage_lab.sampling import SAME, integral, law_duration, samples, with_breaks
+from linkage_lab.sampling import integral, interpolated, law_duration, peaks, samples, with_breaks
 from linkage_ros import (
     ConfigurationError,
     Mechanism,
@@ -584,38 +584,29 @@ def mean(crank: Array, values: Array) -> float:
     return float(integral(crank, values)[-1]) / float(crank[-1] - crank[0])
 
 
-def extent(x: Array, values: Array) -> Extent:
+def extent(x: Array, values: Array, curve: Callable[[Array], Array] | None = None) -> Extent:
     """Finds the extreme values of a quantity over a period, and its root mean square.
 
     Args:
         x: Crank angles or times in increasing order, rad or s.
         values: Values at these angles or times.
+        curve: The quantity as a function of them; None to interpolate the values.
 
     Returns:
-        The extent. A peak between two samples is interpolated by a parabola through the three
-        nearest values.
+        The extent; see `peaks`.
     """
-    low, low_at = _peak(x, -values)
-    high, high_at = _peak(x, values)
-    return Extent(-low, low_at, high, high_at, math.sqrt(mean(x, values * values)))
+    return extents(x, values[None], curve and (lambda places: curve(places)[None]))[0]
 
 
-def _peak(x: Array, values: Array) -> tuple[float, float]:
-    """Finds the largest value, and where it is."""
-    top = int(np.argmax(values))
-    if top in (0, len(values) - 1):
-        # The end of a period coincides with its start.
-        top *= bool(values[-1] - values[0] > 1e-9 * np.ptp(values))
-        return float(values[top]), float(x[top])
-    slopes = np.diff(values) / np.diff(x)
-    bends = np.diff(slopes) / (x[2:] - x[:-2])  # at all samples but the first and last
-    bend, around = bends[top - 1], bends[max(0, top - 2) : top + 1]
-    # No parabola is fitted at a corner of a load.
-    steps = np.diff(x[top - 1 : top + 2])
-    if not (
-        steps.min() > SAME and bend < 0 and np.all((2 * bend < around) & (around < 0.5 * bend))
-    ):
-        return float(values[top]), float(x[top])
-    slope = slopes[top - 1] + bend * (x[top] - x[top - 1])
-    aside = -0.5 * slope / bend
-    return float(values[top] + 0.5 * slope * aside), float(x[top] + aside)
+def extents(
+    x: Array, values: Array, curves: Callable[[Array], Array] | None = None
+) -> list[Extent]:
+    """Finds the extents of m quantities, of shapes (m, n) and (m, k); see `extent`."""
+    curves = curves or interpolated(x, values)
+    count = len(values)
+    both = np.concatenate([values, -values])
+    found, at = peaks(x, both, lambda places: np.concatenate([(y := curves(places)), -y]))
+    rms = [math.sqrt(mean(x, row * row)) for row in values]
+    return [
+        Extent(-found[i + count], at[i + count], found[i], at[i], rms[i]) for i in range(count)
+    ]

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Crank angles that resolve a period, with all corners and jumps of its loads, and integrals."""
+"""Crank angles that resolve a period with all corners and jumps of its loads; integrals, peaks."""
 
 import itertools
 from collections.abc import Callable
@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any, cast
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import make_interp_spline
 
 from linkage_ros import Solver, State
 from linkage_ros.formulas import Array
@@ -17,6 +17,11 @@ from linkage_ros.internals import period_turns, poses
 _BISECTIONS = 64  # halvings of a step, after which its ends differ only by rounding
 SAME = 1e-9  # rad; closer crank angles are the two sides of a corner or jump
 _PARTS = 8  # least number of steps between two corners or jumps
+_DEGREE = 5  # of splines
+# A search for peaks: parts of an interval in each round; rounds; relative change at convergence;
+# most samples around which a function is searched.
+_CELLS, _ROUNDS, _CLOSE, _TOPS = 8, 24, 1e-14, 16
+_EVEN = 1e-13  # a function with this relative range is constant but for rounding errors
 
 
 def samples(solver: Solver, steps_per_turn: int = 720) -> Array:
@@ -98,6 +103,83 @@ def _pieces(solver: Solver, states: Callable[[Array], State]) -> Callable[[Array
     return pieces
 
 
+def peaks(x: Array, values: Array, curves: Callable[[Array], Array]) -> tuple[Array, Array]:
+    """Finds the largest values of m functions over a period, to convergence, and where they are.
+
+    Around each sample that may be next to the largest value, the interval is divided, and only the
+    parts next to its largest value are kept, until the vertex of a parabola no longer changes.
+    The two sides of a corner or jump are searched separately.
+
+    Args:
+        x: Increasing places that resolve the functions, on both sides of each corner or jump,
+            shape (n,).
+        values: The functions there, shape (m, n).
+        curves: The functions: values of shape (m, k) at places of shape (k,).
+
+    Returns:
+        The largest values, and their places, each of shape (m,).
+    """
+    row, top = _tops(x, values)
+    apart = np.concatenate([[False], np.diff(x) > SAME, [False]])
+    low = np.where(apart[top], x[top - 1], x[top])
+    high = np.where(apart[top + 1], x[np.minimum(top + 1, len(x) - 1)], x[top])
+    size, each = np.abs(values).max(axis=1)[row], np.arange(len(row))
+    best, at = values[row, top], x[top]
+    for _ in range(_ROUNDS):
+        places = np.linspace(low, high, _CELLS + 1, axis=-1)
+        found = curves(places.ravel()).reshape(len(values), *places.shape)[row, each]
+        cell = found.argmax(axis=1)
+        inner = np.clip(cell, 1, _CELLS - 1)
+        before, middle, after = (found[each, inner + i] for i in (-1, 0, 1))
+        bend, slope = before - 2 * middle + after, 0.5 * (after - before)
+        is_vertex = (cell == inner) & (bend < 0)
+        aside = np.where(is_vertex, -slope / np.where(is_vertex, bend, 1.0), 0.0)
+        last, best = best, found[each, cell] + 0.5 * slope * aside
+        at = places[each, cell] + aside * (high - low) / _CELLS
+        low, high = places[each, inner - 1], places[each, inner + 1]
+        if np.all(np.abs(best - last) <= _CLOSE * size):
+            break
+    groups = [np.flatnonzero(row == i) for i in range(len(values))]
+    first = [group[best[group] >= best[group].max() - _EVEN * size[group]][0] for group in groups]
+    return best[first], at[first]
+
+
+def _tops(x: Array, values: Array) -> tuple[Any, Any]:
+    """Finds the samples that may be next to the largest value of each function.
+
+    These are local maxima that differ from a neighbour by more than they lack.
+
+    Returns:
+        The indices of the functions, and of their samples.
+    """
+    most = values.max(axis=1, keepdims=True)
+    rise, beyond = np.where(np.diff(x) > SAME, np.diff(values), 0.0), np.zeros_like(most)
+    before, after = np.hstack([beyond, rise]), np.hstack([-rise, beyond])
+    noise = _EVEN * np.abs(values).max(axis=1, keepdims=True)
+    is_top = (before >= 0) & (after >= 0) & (before + after > noise)
+    score = np.where(is_top, values + np.maximum(before, after), -np.inf)
+    least = np.partition(score, -min(_TOPS, len(x)), axis=1)[:, [-min(_TOPS, len(x))]]
+    wanted = score >= np.maximum(most, least)
+    wanted[np.arange(len(values)), values.argmax(axis=1)] = True
+    row, top = np.nonzero(wanted)
+    return row, top
+
+
+def interpolated(x: Array, values: Array) -> Callable[[Array], Array]:
+    """Interpolates m functions between samples, separately between corners and jumps."""
+    parts = [(x[part.start], spline) for part, spline in _smooth_parts(x, values.T)]
+    starts = np.array([start for start, _ in parts])
+
+    def curves(places: Array) -> Array:
+        which = np.clip(np.searchsorted(starts, places, side='right') - 1, 0, None)
+        found = np.empty((len(values), len(places)))
+        for i in np.unique(which):
+            found[:, which == i] = parts[i][1](places[which == i]).T
+        return found
+
+    return curves
+
+
 def derivative(crank: Array, values: Array) -> Array:
     """Differentiates values by the crank angle, separately between corners and jumps."""
     found = np.zeros_like(values)
@@ -118,4 +200,12 @@ def _smooth_parts(crank: Array, values: Array) -> list[tuple[slice, Any]]:
     """Interpolates values between corners and jumps, which have a crank angle on either side."""
     cuts = [0, *(np.flatnonzero(np.diff(crank) < SAME) + 1).tolist(), len(crank)]
     parts = [slice(*pair) for pair in itertools.pairwise(cuts) if pair[1] - pair[0] > 1]
-    return [(part, CubicSpline(crank[part], values[part])) for part in parts]
+    return [
+        (
+            part,
+            make_interp_spline(
+                crank[part], values[part], min(_DEGREE, part.stop - part.start - 1)
+            ),
+        )
+        for part in parts
+    ]

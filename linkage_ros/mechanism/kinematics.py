@@ -14,7 +14,7 @@ from linkage_ros.units import SLIDING, TURNING, place_words
 
 Arc: TypeAlias = tuple[float, float]
 
-_PER_DECADE = 24  # samples per decade of the distance from a crank angle with fast motion
+_PER_DECADE = 48  # samples per decade of the distance from a crank angle with fast motion
 FULL_TURN: tuple[Arc, ...] = ((0.0, 2 * math.pi),)
 
 

@@ -195,7 +195,7 @@ def _measures(period: Period) -> dict[str, float | None]:
         f'peak {word} [{unit}]': max(-torque.low, torque.high),
         f'rms {word} [{unit}]': torque.rms,
         'mean power [W]': period.mean_power,
-        'peak shaking force [N]': float(np.hypot(*force).max()) if force else None,
+        'peak shaking force [N]': extent(period.x, np.hypot(*force)).high if force else None,
     }
 
 

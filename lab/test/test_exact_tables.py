@@ -1,0 +1,108 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Tables of charts: refined extremes, the same for a turned and for a mirrored machine."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mechanisms import ALL, TURN
+from transforms import mirrored, turned
+
+from linkage_lab.charts.motion import _measures
+from linkage_lab.period import extent, speed_driven_period
+from linkage_lab.sampling import peaks
+from linkage_ros import Solver, WindPump, load, preset_names, travel
+
+SPEED = 3.0
+
+
+def _turns(mechanism):
+    reach = None if isinstance(mechanism, WindPump) else Solver(mechanism).reach
+    return reach is not None and reach.turns_fully and not reach.slides
+
+
+MACHINES = {
+    name: mechanism for name, mechanism in
+    [*ALL.items(), *((name, load(name).mechanism) for name in preset_names())]
+    if _turns(mechanism)
+}  # fmt: skip
+
+
+def measures(mechanism, speed=SPEED):
+    solver = Solver(mechanism)
+    reactions = not solver.reach.has_change_point and bool(solver.structure.pins)
+    return _measures(speed_driven_period(mechanism, speed, reactions=reactions))
+
+
+def assert_same(found, right):
+    assert found.keys() == right.keys()
+    # The mean power of a machine without losses is a rounding error.
+    power = SPEED * right['rms torque [N m]']
+    for name, value in right.items():
+        if value is None:
+            assert found[name] is None
+        else:
+            size = power if name == 'mean power [W]' else abs(value)
+            assert found[name] == pytest.approx(value, rel=0, abs=1e-9 * size), name
+
+
+@pytest.mark.parametrize('name', [x for x in MACHINES if x != 'press'])
+def test_a_machine_turned_as_a_whole_has_the_same_table(name):
+    right = measures(MACHINES[name])
+    for angle in (0.1234, 1.7, -2.2):
+        assert_same(measures(turned(MACHINES[name], angle)), right)
+
+
+@pytest.mark.parametrize('name', MACHINES)
+def test_the_mirror_image_at_the_opposite_speed_has_the_same_table(name):
+    assert_same(measures(mirrored(MACHINES[name]), -SPEED), measures(MACHINES[name]))
+
+
+@settings(max_examples=50)
+@given(st.floats(0.0, TURN), st.floats(0.2, 3.0), st.booleans())
+def test_peaks_of_known_functions_are_exact(at, width, is_sampled):
+    """A smooth peak anywhere, also on the seam at 0, with and without the function itself."""
+    x = np.linspace(0, TURN, 721)
+
+    def curves(places):
+        wave = np.exp((np.cos(places - at) - 1) / width**2)
+        return np.stack([wave, 5.0 - wave, 0 * wave + 2.0])
+
+    found, places = peaks(x, curves(x), curves)
+    assert found == pytest.approx([1.0, 5.0 - math.exp(-2 / width**2), 2.0], abs=1e-14)
+    assert abs(math.remainder(places[0] - at, TURN)) < 1e-6 * width
+    if is_sampled:
+        assert extent(x, curves(x)[0]).high == pytest.approx(1.0, abs=1e-9)
+
+
+def test_corners_and_jumps_are_neither_smoothed_nor_crossed():
+    jump = math.nextafter(2.0, 3.0)
+    x = np.array([*np.linspace(0, 2, 200), jump, *np.linspace(2.01, 4, 200)])
+
+    def curves(places):
+        return np.where(places < jump, places, 5 - abs(places - 3.0014))[None]
+
+    found, at = peaks(x, curves(x), curves)
+    assert (found[0], at[0]) == pytest.approx((5.0, 3.0014), abs=1e-9)
+    found, at = peaks(x, -curves(x), lambda places: -curves(places))
+    assert (found[0], at[0]) == (0.0, 0.0)
+
+
+def test_strokes_and_swings_are_those_of_travel():
+    for name in ('slider_crank', 'quadrilateral', 'shaper'):
+        solver = Solver(MACHINES[name])
+        low, high = travel(solver).extremes
+        found = measures(MACHINES[name])
+        span = found['stroke [m]'] or math.radians(found['swing [deg]'])
+        assert span == pytest.approx(high - low, rel=1e-15)
+
+
+def test_peak_shaking_force_is_that_of_many_samples():
+    mechanism = MACHINES['crank_rocker']
+    solver = Solver(mechanism)
+    state = solver.state(np.linspace(0, TURN, 200_001), SPEED)
+    force = np.hypot(*solver.reactions(state).shaking_force).max()
+    assert measures(mechanism)['peak shaking force [N]'] == pytest.approx(force, rel=1e-8)
