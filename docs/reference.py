@@ -25,6 +25,7 @@ from unittest.mock import MagicMock, patch
 
 from linkage_lab import command_line
 from linkage_lab.charts.stability import GRIDS
+from linkage_lab.robots import import_tool
 from linkage_ros import executables
 from linkage_ros.mechanism.loads import LOADS
 from linkage_ros.mechanism.registry import MECHANISMS
@@ -231,7 +232,9 @@ def tables() -> dict[str, str]:
         'topics': _topics(),
         'executables': _executables(programs()),
         'launch': _launch_files(),
-        'charts': _executables({'linkage_chart': command_line._parser()}),  # noqa: SLF001
+        'charts': _executables(
+            {'linkage_chart': command_line._parser(), 'linkage_import': import_tool._parser()}  # noqa: SLF001
+        ),
         'methods': _methods(),
     }
 

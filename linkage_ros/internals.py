@@ -3,9 +3,11 @@
 """Names for linkage_lab alone; they may change in any release.
 
 They are the formulas, integrators and filter that it compares with others, and what it shares with
-other programs: laws, periods, ranges of loads, drawing, URDF, notes, YAML and signs.
+other programs: laws, periods, ranges of loads, drawing, URDF, notes, files and angles.
 """
 
+from linkage_ros.errors import printable
+from linkage_ros.files import create_file, is_same_file
 from linkage_ros.mechanism.equations import Model, acting_forces, torque
 from linkage_ros.mechanism.joint_forces import reactions
 from linkage_ros.mechanism.period import period_turns
@@ -17,11 +19,13 @@ from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.measured import FollowMotion
 from linkage_ros.motion.steps import live_steps, record_steps
 from linkage_ros.motion.under_torque import Motor, published
-from linkage_ros.numeric import signs_around
+from linkage_ros.numeric import signs_around, wrap
 from linkage_ros.run.states import Simulator
+from linkage_ros.settings.configuration import configure
 from linkage_ros.settings.summary import notes
 from linkage_ros.settings.yaml_file import read_yaml
 from linkage_ros.view.drawing import Drawing
+from linkage_ros.xml_file import read_xml
 
 __all__ = [
     'Drawing',
@@ -33,16 +37,22 @@ __all__ = [
     'Ranges',
     'Simulator',
     'acting_forces',
+    'configure',
+    'create_file',
+    'is_same_file',
     'live_steps',
     'make_urdf',
     'notes',
     'period_turns',
     'poses',
+    'printable',
     'published',
     'reactions',
+    'read_xml',
     'read_yaml',
     'record_steps',
     'reversals',
     'signs_around',
     'torque',
+    'wrap',
 ]

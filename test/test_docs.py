@@ -48,7 +48,7 @@ MODULES = {
     'linkage_log': 'linkage_ros.programs.log_tool',
     'linkage_chart': 'linkage_lab.command_line',
     'linkage_export': 'linkage_ros.programs.export_tool',
-    'linkage_import': 'linkage_ros.programs.import_tool',
+    'linkage_import': 'linkage_lab.robots.import_tool',
 }  # fmt: skip
 CHARTS = [('linkage_chart', word) for word in ('motion', 'movie', 'economy', 'sweep')]
 CHEAP = ('linkage_record', 'linkage_replay', 'linkage_log', 'linkage_export', 'linkage_import')

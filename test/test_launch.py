@@ -22,8 +22,8 @@ from sensor_msgs.msg import JointState
 from test_control_loop import PERIOD, RUNS, SOLVER, START, delays, speed_errors
 from test_import import CLOSE, LEG
 
+from linkage_lab.robots import import_tool
 from linkage_ros import ConfigurationError
-from linkage_ros.programs import import_tool
 from linkage_ros.programs.controller import SpeedController
 from linkage_ros.quantities import build
 from linkage_ros.settings.configuration import configure

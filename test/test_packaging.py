@@ -26,8 +26,9 @@ from linkage_ros.settings.presets import preset_names, preset_path
 ROOT = Path(__file__).resolve().parents[1]
 EXECUTABLES = (
     *('linkage_node', 'linkage_record', 'linkage_replay', 'linkage_log', 'linkage_export'),
-    *('linkage_import', 'linkage_controller'),
+    'linkage_controller',
 )
+LAB = 'linkage_chart', 'linkage_import'
 ROS_SHARE = Path('share', 'linkage_ros')
 SHARED = (
     'share/ament_index/resource_index/packages/linkage_ros',
@@ -159,33 +160,36 @@ def test_colcon_build_gives_a_package_that_ros2_run_finds(
 
     prefix = tmp_path / 'install' / 'linkage_ros'
     assert missing(prefix, tree) == []
-    assert executables(prefix / 'lib' / 'linkage_ros') == {*EXECUTABLES, 'linkage_chart'}
+    assert executables(prefix / 'lib' / 'linkage_ros') == {*EXECUTABLES, *LAB}
     linked = (prefix / SHARED[-1]).is_symlink()
     assert linked == bool(options)
 
     printed = run_sourced(tmp_path, sys.executable, '-c', FIND)
     code, config = tree if linked else prefix, prefix / ROS_SHARE / 'config'
     check_found(printed, module_in=code, preset_in=config)
-    told = run_sourced(
-        tmp_path, str(prefix / 'lib' / 'linkage_ros' / 'linkage_chart'), '--version'
-    )
-    assert told == f'linkage_chart {linkage_ros.__version__}\n'
+    for name in LAB:
+        program = prefix / 'lib' / 'linkage_ros' / name
+        told = run_sourced(tmp_path, str(program), '--version')
+        assert told == f'{name} {linkage_ros.__version__}\n'
     # Without sourcing, the code still finds the presets of its own installation.
     lib = tmp_path / 'build' / 'linkage_ros' if linked else site_packages(prefix)
     printed = run(sys.executable, '-c', FIND, cwd=tmp_path, PYTHONPATH=str(lib))
     check_found(printed, module_in=code, preset_in=tree / 'config' if linked else config)
 
 
-def test_linkage_chart_of_ros2_run_says_how_to_get_linkage_lab(tmp_path: Path) -> None:
+@pytest.mark.parametrize('name', LAB)
+def test_program_of_the_lab_in_ros2_run_says_how_to_get_linkage_lab(
+    name: str, tmp_path: Path
+) -> None:
     python = tmp_path / 'python3'
     python.write_text(f'#!/bin/sh\nexec "{sys.executable}" -S "$@"\n')  # sees no linkage_lab
     python.chmod(0o755)
     environment = {'PATH': f'{tmp_path}{os.pathsep}{os.defpath}'}
     done = subprocess.run(
-        [ROOT / 'scripts' / 'linkage_chart', 'motion', 'wiper'], env=environment, text=True,
+        [ROOT / 'scripts' / name, '--version'], env=environment, text=True,
         capture_output=True, check=False,
     )  # fmt: skip
-    words = 'pip install src/linkage_ros/lab'
+    words = f'{name}: .*pip install src/linkage_ros/lab'
     assert_refused(done.returncode, done.stdout, done.stderr, words)
 
 
@@ -197,7 +201,7 @@ def test_pip_install_gives_executables_and_presets(
     run(*pip, '--ignore-installed', '--no-compile', '--prefix', prefix, wheel, lab, cwd=tmp_path)
 
     assert missing(prefix, tree) == []
-    assert executables(prefix / 'bin') == {*EXECUTABLES, 'linkage_chart'}
+    assert executables(prefix / 'bin') == {*EXECUTABLES, *LAB}
     lib = site_packages(prefix)
     printed = run(sys.executable, '-c', FIND, cwd=tmp_path, PYTHONPATH=str(lib))
     check_found(printed, module_in=lib, preset_in=prefix / ROS_SHARE / 'config')
@@ -216,7 +220,7 @@ def site_packages(prefix: Path) -> Path:
 def test_each_executable_names_a_function(wheel: Path, lab: Path) -> None:
     entries = configparser.ConfigParser()
     targets = {}
-    for path, names in ((wheel, set(EXECUTABLES)), (lab, {'linkage_chart'})):
+    for path, names in ((wheel, set(EXECUTABLES)), (lab, set(LAB))):
         entries.read_string(read_from(path, 'entry_points.txt'))
         found = dict(entries['console_scripts'])
         assert set(found) - set(targets) == names

@@ -31,15 +31,15 @@ from sensor_msgs.msg import JointState
 from state_messages import messages_at, messages_of
 from trajectory_msgs.msg import JointTrajectory
 
+from linkage_lab.robots.import_tool import parameter_text, read_robot
+from linkage_lab.robots.planar_loop import find_loop
 from linkage_ros import ConfigurationError, read_log
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.verify import verify
 from linkage_ros.messages.cdr import decode_joint_state
 from linkage_ros.messages.templates import trajectory
 from linkage_ros.messages.topics import JOINT_STATE
-from linkage_ros.programs.import_tool import parameter_text, read_robot
 from linkage_ros.programs.record import record, record_measured
-from linkage_ros.robot.planar_loop import find_loop
 from linkage_ros.run.states import Simulator
 from linkage_ros.run.trajectory_ahead import TrajectoryAhead
 from linkage_ros.settings.configuration import (

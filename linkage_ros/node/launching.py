@@ -18,11 +18,11 @@ from linkage_ros.errors import ConfigurationError
 from linkage_ros.messages.templates import ROOT_FRAME
 from linkage_ros.messages.urdf import make_urdf
 from linkage_ros.quantities import Quantity, shown
-from linkage_ros.robot.xml_file import read_xml
 from linkage_ros.settings.configuration import configure, read_values
 from linkage_ros.settings.parameters import MechanismAndDrive, parameter_leaves
 from linkage_ros.settings.viewer import VIEWERS
 from linkage_ros.settings.yaml_file import read_scalar
+from linkage_ros.xml_file import read_xml
 
 Values = dict[str, object]  # parameters of a node, by dotted name
 # Default and meaning of launch arguments, by name; an argument without default must be given.

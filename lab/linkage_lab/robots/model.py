@@ -9,8 +9,8 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from linkage_ros.errors import ConfigurationError
-from linkage_ros.numeric import Array
+from linkage_ros import ConfigurationError
+from linkage_ros.formulas import Array
 from linkage_ros.quantities import shown
 
 FIXED, REVOLUTE, PRISMATIC = 'fixed', 'revolute', 'prismatic'

@@ -13,18 +13,21 @@ from pathlib import Path
 
 import numpy as np
 
-from linkage_ros import cli
-from linkage_ros.errors import ConfigurationError, printable
-from linkage_ros.files import create_file, is_same_file
+from linkage_lab.robots.mjcf import read_mjcf
+from linkage_lab.robots.model import Robot
+from linkage_lab.robots.planar_loop import PlanarLoop, find_loop
+from linkage_lab.robots.sdf import read_sdf
+from linkage_lab.robots.urdf import read_urdf
+from linkage_ros import ConfigurationError, cli
+from linkage_ros.internals import (
+    configure,
+    create_file,
+    is_same_file,
+    notes,
+    printable,
+    read_xml,
+)
 from linkage_ros.quantities import shown
-from linkage_ros.robot.mjcf import read_mjcf
-from linkage_ros.robot.model import Robot
-from linkage_ros.robot.planar_loop import PlanarLoop, find_loop
-from linkage_ros.robot.sdf import read_sdf
-from linkage_ros.robot.urdf import read_urdf
-from linkage_ros.robot.xml_file import read_xml
-from linkage_ros.settings.configuration import configure
-from linkage_ros.settings.summary import notes
 
 _NAME = 'linkage_import'
 _LAYER = 1e-9  # m, distance along the normal that is worth a line
@@ -245,10 +248,11 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def main() -> None:
-    """Runs `linkage_import`. `cli.run` reports its errors."""
-    import_robot(_parser().parse_args())
+def main() -> int:
+    """Runs `linkage_import`; returns the exit code."""
+    options = _parser().parse_args()
+    return cli.run(_NAME, lambda: import_robot(options))
 
 
 if __name__ == '__main__':
-    sys.exit(cli.run(_NAME, main))
+    sys.exit(main())

@@ -6,9 +6,7 @@ from collections.abc import Callable, Collection, Iterable
 from typing import TypeVar
 from xml.etree import ElementTree as ET
 
-from linkage_ros.errors import ConfigurationError
-from linkage_ros.quantities import shown
-from linkage_ros.robot.model import (
+from linkage_lab.robots.model import (
     INERTIA,
     KINDS,
     PRISMATIC,
@@ -22,6 +20,8 @@ from linkage_ros.robot.model import (
     symmetric,
     unit,
 )
+from linkage_ros import ConfigurationError
+from linkage_ros.quantities import shown
 
 _T = TypeVar('_T')
 

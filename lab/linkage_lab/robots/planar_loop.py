@@ -20,13 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from linkage_ros.errors import ConfigurationError, UnreachableError
-from linkage_ros.mechanism.parts import CROSSED, OPEN
-from linkage_ros.mechanism.registry import MECHANISMS
-from linkage_ros.mechanism.solver import Solver
-from linkage_ros.numeric import Array, wrap
-from linkage_ros.quantities import build, shown
-from linkage_ros.robot.model import (
+from linkage_lab.robots.model import (
     FIXED,
     IDENTITY,
     PRISMATIC,
@@ -38,6 +32,11 @@ from linkage_ros.robot.model import (
     Transform,
     lumped,
 )
+from linkage_ros import CROSSED, OPEN, ConfigurationError, Solver, UnreachableError
+from linkage_ros.extensions import MECHANISMS
+from linkage_ros.formulas import Array
+from linkage_ros.internals import wrap
+from linkage_ros.quantities import build, shown
 
 _PARALLEL = 1e-6  # rad, largest angle between axes that count as parallel
 _DIGITS = 14  # kept of the longest length, so that links of equal length stay equal

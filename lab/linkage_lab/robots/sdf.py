@@ -7,10 +7,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from linkage_ros.errors import ConfigurationError
-from linkage_ros.numeric import Array
-from linkage_ros.quantities import shown
-from linkage_ros.robot.model import (
+from linkage_lab.robots.model import (
     FIXED,
     IDENTITY,
     INERTIA,
@@ -25,6 +22,9 @@ from linkage_ros.robot.model import (
     symmetric,
     unit,
 )
+from linkage_ros import ConfigurationError
+from linkage_ros.formulas import Array
+from linkage_ros.quantities import shown
 
 
 def read_sdf(root: ET.Element) -> Robot:

@@ -13,12 +13,12 @@ import yaml
 from robots import Tree, make_robot
 from ros_harness import assert_refused
 
+from linkage_lab.robots import import_tool
+from linkage_lab.robots.import_tool import read_robot
+from linkage_lab.robots.planar_loop import find_loop
 from linkage_ros.mechanism.registry import MECHANISMS
 from linkage_ros.mechanism.solver import Solver
-from linkage_ros.programs import import_tool
-from linkage_ros.programs.import_tool import read_robot
 from linkage_ros.quantities import build
-from linkage_ros.robot.planar_loop import find_loop
 from linkage_ros.settings.yaml_file import read_parameter_file
 
 

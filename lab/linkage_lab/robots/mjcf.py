@@ -10,10 +10,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from linkage_ros.errors import ConfigurationError
-from linkage_ros.numeric import Array
-from linkage_ros.quantities import shown
-from linkage_ros.robot.model import (
+from linkage_lab.robots.model import (
     FIXED,
     IDENTITY,
     PRISMATIC,
@@ -30,6 +27,9 @@ from linkage_ros.robot.model import (
     symmetric,
     unit,
 )
+from linkage_ros import ConfigurationError
+from linkage_ros.formulas import Array
+from linkage_ros.quantities import shown
 
 _KINDS = {'hinge': REVOLUTE, 'slide': PRISMATIC}
 _SIZES = {'sphere': 1, 'capsule': 2, 'cylinder': 2, 'box': 3, 'ellipsoid': 3}

@@ -1,3 +1,0 @@
-# Copyright 2026 The linkage_ros authors
-# SPDX-License-Identifier: Apache-2.0
-"""Reads robot models (URDF, SDF, MJCF) and finds the planar linkage in a closed loop of one."""
