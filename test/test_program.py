@@ -4,11 +4,14 @@
 
 import ast
 import functools
+import gc
 import itertools
+import linecache
 import math
 import pickle
 import struct
 import traceback
+import weakref
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -503,6 +506,32 @@ def test_each_structure_is_compiled_once_and_bound_to_its_numbers():
     one, same = (Program(with_table, Constants((Opaque(f), 0.8)), ('x',)) for f in (lookup, abs))
     assert one.tape is same.tape
     assert one.floats(1.0) != same.floats(1.0)
+
+
+def test_least_recently_used_structures_leave_memory():
+    def program(number):  # zeros belong to the structure
+        numbers = [float(bit) for bit in f'{number:b}']
+        return Program(weighted, Constants((1.5, *numbers)), ('x',))
+
+    kept, used = program(1), [program(1).tape]
+    tapes = weakref.WeakSet[Tape]()
+    for number in range(1000, 1300):
+        tape = program(number).tape
+        tape.for_floats(*program(number).constants.numbers)
+        tapes.add(tape)
+        used.append(program(1).tape)
+    path = tape.for_floats.__code__.co_filename
+    assert path in linecache.cache
+    del tape
+    gc.collect()
+    assert len(tapes) < 100
+    texts = [name for name in linecache.cache if name.startswith('<weighted')]
+    assert len(texts) < 101
+    assert {*map(id, used)} == {id(kept.tape)}  # the structure in use stays
+
+
+def weighted(constants, x):
+    return sum(a * sin(x) for a in constants)
 
 
 def scaled(k, x):

@@ -26,6 +26,7 @@ from linkage_ros.numeric import Array, Real, real_numbers
 from linkage_ros.quantities import shown
 
 _CHUNK = 16384  # array values per block, so that intermediate results fit the processor's cache
+_STRUCTURES = 100  # whose tapes are kept, of 0.1 to 1 MB each; the least recently used leave
 
 
 class Constants:
@@ -71,7 +72,7 @@ class Constants:
                 )
             else:
                 structure += kind, part  # True and 1 are different
-        self.tapes: dict[Any, Tape] = _known.setdefault(tuple(structure), {})
+        self.tapes = _tapes_of(tuple(structure))
 
     @functools.cached_property
     def tree(self) -> Any:
@@ -106,7 +107,11 @@ _PLAIN: tuple[tuple[type, tuple[type, ...]], ...] = (
     (complex, (complex, np.complexfloating)),
     (int, (np.integer,)),
 )
-_known: dict[tuple[Any, ...], dict[Any, Tape]] = {}
+
+
+@functools.lru_cache(_STRUCTURES)
+def _tapes_of(structure: tuple[Any, ...]) -> dict[Any, Tape]:  # noqa: ARG001, the key
+    return {}
 
 
 def _common(functions: Sequence[Callable[..., Any]]) -> Callable[..., Any]:

@@ -14,6 +14,7 @@ import functools
 import itertools
 import linecache
 import math
+import weakref
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, NamedTuple, TypeAlias
@@ -335,6 +336,7 @@ class Tape:
         space = {'inf': math.inf, **functions, **_classes(self.result)}
         exec(compile(text, path, 'exec'), space)  # noqa: S102
         bind: Callable[..., Any] = space['bind']
+        weakref.finalize(bind, linecache.cache.pop, path, None)
         return bind
 
 
