@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from linkage_ros.files import open_file
+from linkage_ros.files import read_file
 
 
 def read_columns(
@@ -23,12 +23,11 @@ def read_columns(
         The numbers of each column, by name.
 
     Raises:
-        OSError: The file cannot be read.
+        OSError: The file cannot be read, or is too large.
         ValueError: The names are not valid, a cell is not a number, or a line has more or fewer
             cells than the first line.
     """
-    with open_file(path) as stream:
-        head, *lines = stream.read().decode('utf-8-sig').splitlines() or ['']
+    head, *lines = read_file(path).decode('utf-8-sig').splitlines() or ['']
     names = [name.strip(' \t"') for name in head.split(',')]
     check(names)
     rows = np.empty((0, 0))

@@ -14,6 +14,8 @@ from typing import BinaryIO, Literal
 from linkage_ros.errors import LinkageError
 
 _EXISTS = 'already exists: choose another name, or'
+# Largest size of a file that is read as a whole, bytes.
+LARGEST = 1 << 24
 _WRITTEN = 'is being written by another run: choose another name'
 
 
@@ -42,6 +44,30 @@ def open_file(path: Path | str, mode: Literal['rb', 'wb', 'xb'] = 'rb') -> Binar
         raise OSError(errno.EINVAL, str(error)) from error
     os.set_blocking(stream.fileno(), True)
     return stream
+
+
+def read_file(path: Path | str, largest: int = LARGEST) -> bytes:
+    """Reads a whole file. All files but logs and bags are read by this function.
+
+    Args:
+        path: Path of the file.
+        largest: Largest allowed size, bytes.
+
+    Returns:
+        The content.
+
+    Raises:
+        OSError: The file cannot be read, is not a regular file, or is too large.
+    """
+    with open_file(path) as stream:
+        if not stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
+            raise OSError(errno.EINVAL, 'is not a regular file')
+        # Some files, as in /proc, say that their size is 0.
+        data = stream.read(largest + 1)
+        size = max(os.fstat(stream.fileno()).st_size, len(data))
+    if len(data) > largest:
+        raise OSError(errno.EFBIG, f'has {size} bytes, and at most {largest} are read')
+    return data
 
 
 def create_file(

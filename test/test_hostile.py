@@ -52,14 +52,24 @@ from linkage_ros.log.records import (
 from linkage_ros.log.recover import recover
 from linkage_ros.log.scan import LARGEST
 from linkage_ros.log.writer import LogWriter
+from linkage_ros.motion.drives.law import Prescribed
 from linkage_ros.programs import log_tool, replay
 from linkage_ros.programs import record as record_module
 from linkage_ros.programs.record import record
 from linkage_ros.run.states import Simulator
 from linkage_ros.settings.configuration import configure, load, to_strings
-from linkage_ros.settings.yaml_file import read_parameter_file
+from linkage_ros.settings.yaml_file import read_parameter_file, read_yaml
+from linkage_ros.xml_file import read_xml
 
 MOTION = encode_motion(Simulator(load('quadrilateral')).begin(0).segment)
+# Everything that reads a file other than logs and bags.
+READERS = {
+    'parameters': read_parameter_file,
+    'study': lambda path: read_yaml(path, 'study'),
+    'robot': lambda path: read_xml(Path(path)),
+    'law': lambda path: Prescribed(file=path),
+    'load': lambda path: configure({**TORQUE, 'load.link': 'crank', 'load.file': path}),
+}
 STEERING = '\x1b]0;title\x07\x1b[31m\u202e'
 
 
@@ -169,16 +179,25 @@ def test_special_files_neither_block_nor_are_removed(tmp_path, out, name):
     assert link.is_symlink()
 
 
-def test_a_pipe_is_read_to_its_end_and_not_waited_for_without_a_writer(tmp_path):
-    reading, writing = os.pipe()
-    text = 'sleep 0.3; printf "linkage_node: {ros__parameters: {rpm: 5.0}}"'
-    with subprocess.Popen(['sh', '-c', text], stdout=writing):
-        os.close(writing)
-        assert read_parameter_file(f'/dev/fd/{reading}') == {'rpm': 5.0}
-    os.close(reading)
+@pytest.mark.parametrize('name', ['pipe', 'folder', '/dev/zero', '/dev/null', 'large', 'bytes'])
+@pytest.mark.parametrize('reader', READERS)
+def test_every_reader_refuses_other_files_without_blocking(tmp_path, monkeypatch, reader, name):
+    os.mkfifo(tmp_path / 'pipe')
+    (tmp_path / 'folder').mkdir()
+    (tmp_path / 'bytes').write_bytes(b'\xff\xfe\0a')
+    with (tmp_path / 'large').open('wb') as stream:
+        stream.truncate(LARGEST + 1)
+    monkeypatch.chdir(tmp_path)
+    with at_most(5), pytest.raises(ConfigurationError) as caught:
+        READERS[reader](name)
+    assert name in str(caught.value)
+    assert '\n' not in str(caught.value)
+    if name == 'large':
+        assert str(LARGEST + 1) in str(caught.value)
+
+
+def test_a_writer_of_a_pipe_would_block(tmp_path):
     os.mkfifo(pipe := tmp_path / 'pipe.yaml')
-    with at_most(5), pytest.raises(ConfigurationError, match=r'pipe\.yaml'):
-        read_parameter_file(pipe)
     with pytest.raises(AssertionError, match='not within'), at_most(0.2):
         pipe.open('rb').close()  # unblocks the writer
 

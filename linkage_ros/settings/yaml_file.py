@@ -16,7 +16,7 @@ import yaml
 from yaml import CSafeLoader
 
 from linkage_ros.errors import ConfigurationError, shortened
-from linkage_ros.files import open_file
+from linkage_ros.files import read_file
 from linkage_ros.quantities import shown
 
 _Scalar: TypeAlias = bool | int | float | str
@@ -102,14 +102,11 @@ class _Reader:
         self.file = str(path) if str(path).isprintable() else repr(str(path))
         self.layout, self.line = layout, 1
         try:
-            with open_file(path) as stream:
-                self.data = stream.read(_MAX_BYTES + 1)
+            self.data = read_file(path, _MAX_BYTES)
         except OSError as error:
             raise ConfigurationError(
                 f'{self.file}: {error.strerror or error}; give the path of a {kind} file'
             ) from error
-        if len(self.data) > _MAX_BYTES:
-            raise ConfigurationError(f'{self.file}: over {_MAX_BYTES} bytes; give a {kind} file')
         if self.data.startswith(_LOG):
             raise ConfigurationError(
                 f'{self.file} is a log, not a {kind} file: linkage_replay shows it, and '
@@ -190,7 +187,7 @@ class _Reader:
         for number, line in enumerate(text.split('\n'), 1):
             bare = re.sub(r'"[^"]*"|\'[^\']*\'|(^|\s)#.*', '', line)
             # In a list, numbers may be separated by a comma without a space.
-            single = bare if number == self.line else re.sub(r'\[[^]]*\]', '', bare)
+            single = bare if number == self.line else re.sub(r'\[[^][]*\]', '', bare)
             for pattern, mistake in _COMMON.items():
                 if match := re.search(pattern, single):
                     found.append(f'line {number}: {mistake.format(*match.groups())}')
