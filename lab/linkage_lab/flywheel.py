@@ -13,6 +13,7 @@ same energy at its start and end. Without a motor, c keeps a given mean speed. W
 0.
 """
 
+import functools
 import math
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
@@ -79,12 +80,23 @@ class Crank:
     """Computes the steady cycles of a crank, with or without a flywheel."""
 
     def __init__(self, mechanism: Mechanism) -> None:
-        """Computes the inertia at the crank over a period; the crank must turn fully."""
+        """Prepares the solver; the crank must turn fully."""
         self._solver = Solver(mechanism)
         self._solver.reach.require_full_turn()
-        self._angles = samples(self._solver, _PARTS)
-        ((self._inertia,),) = self._solver.matrix(self._angles)
-        self._growth = derivative(self._angles, self._inertia)
+
+    @functools.cache  # noqa: B019
+    def _period(self, speed: float) -> tuple[Array, Array, Array]:
+        """Computes the inertia at the crank over a period.
+
+        Args:
+            speed: Crank speed, rad/s, which determines the corners of the loads.
+
+        Returns:
+            Crank angles, rad; the inertia there, kg m^2; and its derivative, kg m^2/rad.
+        """
+        angles = samples(self._solver, speed, _PARTS)
+        ((inertia,),) = self._solver.matrix(angles)
+        return angles, inertia, derivative(angles, inertia)
 
     def energy(self, speed: float) -> float:
         """Estimates the range of the kinetic energy over a period to first order, J.
@@ -93,8 +105,9 @@ class Crank:
         the crank angle. The result is the difference between the largest and the smallest value
         of this integral.
         """
-        taken = self._solver.state(self._angles, np.full_like(self._angles, speed)).torque
-        found = extent(self._angles, integral(self._angles, mean(self._angles, taken) - taken))
+        angles, *_ = self._period(speed)
+        taken = self._solver.state(angles, np.full_like(angles, speed)).torque
+        found = extent(angles, integral(angles, mean(angles, taken) - taken))
         return found.high - found.low
 
     def inertia_for(self, fluctuation: float, speed: float) -> float:
@@ -139,15 +152,16 @@ class Crank:
             MechanismError: No steady cycle was found.
             ConfigurationError: The inertia at the crank is 0 at some angle.
         """
-        inertia = self._inertia + added
+        angles, own, _ = self._period(speed)
+        inertia = own + added
         if inertia.min() <= _MASSLESS * inertia.max():
             raise ConfigurationError('the inertia at the crank is 0 at some crank angle')
-        velocity, drive = np.full_like(self._angles, speed), motor or Motor()
+        velocity, drive = np.full_like(angles, speed), motor or Motor()
         for _ in range(_ROUNDS):
-            last, slope = velocity, derivative(self._angles, velocity)
+            last, slope = velocity, derivative(angles, velocity)
             energy, change = inertia * last * last / 2, last * slope
-            resistance = self._resistance(last, change, drive)
-            faster = self._resistance((1 + _APART) * last, change, drive)
+            resistance = self._resistance(speed, last, change, drive)
+            faster = self._resistance(speed, (1 + _APART) * last, change, drive)
             slope = (faster - resistance) / (2 * _APART * energy)
             try:
                 found, constant = self._solve(resistance, slope, energy, inertia, speed, motor)
@@ -156,14 +170,15 @@ class Crank:
             velocity = math.copysign(1.0, speed) * np.sqrt(2 * found / inertia)
             if np.abs(velocity - last).max() <= _CLOSE * abs(speed):
                 applied = constant + drive.at(velocity)
-                return Cycle(self._angles, velocity, applied, applied - added * change)
+                return Cycle(angles, velocity, applied, applied - added * change)
         words = 'no steady cycle of the crank speed was found'
         raise MechanismError('the motor cannot drive the cycle' if motor else words)
 
-    def _resistance(self, velocity: Array, change: Array, motor: Motor) -> Array:
+    def _resistance(self, speed: float, velocity: Array, change: Array, motor: Motor) -> Array:
         """Computes the torque of weights, loads and friction, minus the motor's torque, N m."""
-        taken = self._solver.state(self._angles, velocity, change).torque
-        inertia = self._inertia * change + self._growth * velocity * velocity / 2
+        angles, own, growth = self._period(speed)
+        taken = self._solver.state(angles, velocity, change).torque
+        inertia = own * change + growth * velocity * velocity / 2
         return np.asarray(taken - inertia - motor.at(velocity))
 
     def _solve(
@@ -182,7 +197,7 @@ class Crank:
             RuntimeError: The mean speed was not reached.
         """  # fmt: skip
         way = 1 if speed > 0 else -1  # disturbances decay in the direction of motion
-        crank = way * self._angles[::way]
+        crank = way * self._period(speed)[0][::way]
         slope, rest = way * slope[::way], way * (slope * last - resistance)[::way]
         growth = np.exp(integral(crank, slope))
         fixed, even = (integral(crank, growth * x) / growth for x in (rest, 1 + 0 * rest))

@@ -432,7 +432,7 @@ def speed_driven_period(
     """
     solver = Solver(mechanism)
     solver.reach.require_full_turn()
-    return _at_speed(solver, samples(solver), speed, acceleration, reactions=reactions)
+    return _at_speed(solver, samples(solver, speed), speed, acceleration, reactions=reactions)
 
 
 def _at_speed(

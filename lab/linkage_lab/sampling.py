@@ -24,14 +24,26 @@ _CELLS, _ROUNDS, _CLOSE, _TOPS = 8, 24, 1e-14, 16
 _EVEN = 1e-13  # a function with this relative range is constant but for rounding errors
 
 
-def samples(solver: Solver, steps_per_turn: int = 720) -> Array:
-    """Returns crank angles over one period; see `Reach.samples` and `with_breaks`."""
+def samples(solver: Solver, speed: float, steps_per_turn: int = 720) -> Array:
+    """Returns crank angles over one period; see `Reach.samples` and `with_breaks`.
+
+    Corners of loads, and of the friction in guides, depend on the speed of the crank, rad/s.
+    """
     mechanism, crank = solver.mechanism, solver.reach.samples(steps_per_turn)
     if not any(load.has_corners for load in mechanism.applied_loads()):
         return crank
-    # At a given speed, friction and load curves do not change the motion.
+    if _guide_forces_turn(solver):
+        return with_breaks(crank, solver, lambda angles: solver.state(angles, speed))
+    # Friction and load curves do not change the motion.
     moving = Solver(replace(cast('Any', mechanism), loads=()))
-    return with_breaks(crank, solver, lambda angles: moving.state(angles, 1.0))
+    return with_breaks(crank, solver, lambda angles: moving.state(angles, speed))
+
+
+def _guide_forces_turn(solver: Solver) -> bool:
+    """Whether friction has a corner where the force of a guide changes its sign."""
+    loads, reach = solver.mechanism.applied_loads(), solver.mobility
+    has_change_point = reach is not None and reach.has_change_point
+    return any(getattr(load, 'guide', 0.0) for load in loads) and not has_change_point
 
 
 def law_duration(solver: Solver, law: Any) -> int:
@@ -89,15 +101,20 @@ def _pieces(solver: Solver, states: Callable[[Array], State]) -> Callable[[Array
     cornered = [load for load in mechanism.applied_loads() if load.has_corners]
     loads: list[Any] = [found for load in cornered if (found := load.on(mechanism))]
     in_joints: list[Any] = [rub for load in cornered if (rub := load.in_joints(mechanism))]
+    guides = [link.name for link in solver.structure.links if link.slides]
+    guides = guides if _guide_forces_turn(solver) else []
 
     def pieces(angles: Array) -> Array:
-        rows = np.zeros((len(loads) + len(in_joints), len(angles)))
+        rows = np.zeros((len(loads) + len(in_joints) + len(guides), len(angles)))
         if len(rows):
             state = states(angles)
             links = poses(model.links, state.position)
-            rows[:] = [load.piece(links, state.velocity) for load in loads] + [
-                load.piece(model.pins, model.links, state.velocity) for load in in_joints
-            ]
+            found = solver.reactions(state).guides if guides else {}
+            rows[:] = (
+                [load.piece(links, state.velocity) for load in loads]
+                + [load.piece(model.pins, model.links, state.velocity) for load in in_joints]
+                + [found[name].force >= 0 for name in guides]
+            )
         return rows
 
     return pieces

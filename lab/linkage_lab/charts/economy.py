@@ -29,7 +29,7 @@ from linkage_lab.output import (
     progress,
     save_records,
 )
-from linkage_lab.sampling import samples
+from linkage_lab.sampling import peaks, samples
 from linkage_lab.torque_models import STATIC, TorqueProgram
 from linkage_ros import ConfigurationError, Mechanism, MechanismError, Solver, load
 from linkage_ros.formulas import Array
@@ -129,7 +129,7 @@ class Economy:
         self._mechanism, self._name = mechanism, name
         self.terms = torque_models.terms(mechanism)
         self._period = solver.reach.period_turns * 2 * math.pi
-        self._samples = samples(solver)
+        self._solver = solver
 
     def measure(self, rpms: Sequence[float], rounds: int) -> list[Saving]:
         """Measures the error and the savings of each simpler model at each speed.
@@ -219,7 +219,8 @@ class Economy:
         The programs are timed in turn, so that a busy machine slows all of them equally.
         """
         programs = {program.tape: program.scalar for program, _ in models.values()}
-        best, angles = dict.fromkeys(programs, math.inf), self._samples[::_TIMED].tolist()
+        best = dict.fromkeys(programs, math.inf)
+        angles = self._solver.reach.samples()[::_TIMED].tolist()
         for _ in rounds:
             for tape, run in programs.items():
                 start = time.perf_counter()
@@ -236,23 +237,39 @@ class Economy:
 
     def _error(self, program: TorqueProgram, rpm: float) -> float:
         """Computes a program's largest torque error, relative to the peak of the full torque."""
-        full, found = self._exact(rpm), program.torques(self._samples, rpm * math.pi / 30)
-        return float(np.abs(found - full).max() / np.abs(full).max())
+        (exact, angles, full, peak), speed = self._exact(rpm), rpm * math.pi / 30
+        sampled = np.abs(program.torques(angles, speed) - full)
+        if sampled.max() < _ROUNDING * peak:
+            return float(sampled.max() / peak)
+
+        def error(places: Array) -> Array:
+            return np.abs(program.torques(places, speed) - exact.torques(places, speed))[None]
+
+        (largest,), _ = peaks(angles, sampled[None], error)
+        return float(largest / peak)
 
     @functools.cache  # noqa: B019
-    def _exact(self, rpm: float) -> Array:
-        """Computes the torques of the full model at all angles, N m.
+    def _exact(self, rpm: float) -> tuple[TorqueProgram, Array, Array, float]:
+        """Computes the torques of the full model at crank angles, and their peak.
+
+        Returns:
+            The program; the crank angles, rad; the torques and the largest magnitude, N m.
 
         Raises:
             MechanismError: They are 0.
         """
-        found = self._without().torques(self._samples, rpm * math.pi / 30)
+        speed, program = rpm * math.pi / 30, self._without()
+        angles = samples(self._solver, speed)
+        found = program.torques(angles, speed)
         if not found.any():
             raise MechanismError(
                 f'{self._name} needs no torque at {rpm:g} rpm: give links masses or loads, or '
                 'choose other speeds (--rpm)'
             )
-        return found
+        (peak,), _ = peaks(
+            angles, np.abs(found)[None], lambda x: np.abs(program.torques(x, speed))[None]
+        )
+        return program, angles, found, float(peak)
 
 
 def handover(savings: Sequence[Saving]) -> float | None:
