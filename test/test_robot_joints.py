@@ -37,6 +37,7 @@ from linkage_ros import ConfigurationError, read_log
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.verify import verify
 from linkage_ros.messages.cdr import decode_joint_state
+from linkage_ros.messages.joints import joint_rows, link_rows
 from linkage_ros.messages.templates import trajectory
 from linkage_ros.messages.topics import JOINT_STATE
 from linkage_ros.programs.record import record, record_measured
@@ -418,6 +419,23 @@ def test_wrong_joint_is_refused(case):
 def test_parent_of_a_slider_must_be_the_frame():
     values = read_values('slider_crank')
     assert configure({**values, 'joints.coupler.parent': 'frame'})
-    for link, parent in (('slider', 'crank'), ('coupler', 'slider')):
+    for link, parent in (('slider', 'crank'), ('crank', 'slider')):
         with pytest.raises(ConfigurationError, match=f'joints.{link}.parent'):
             configure({**values, f'joints.{link}.parent': parent})
+
+
+@pytest.mark.parametrize('mapped', [{}, {'joints.d_first.parent': 'slider'}])
+def test_joint_on_a_slider_is_measured_from_its_guide(mapped):
+    values = {
+        'mechanism': 'slider_crank', 'crank.length': 0.1, 'coupler.length': 0.3,
+        'frame.angle': 0.2, 'rpm': 60.0, 'dyads.d.from': 'slider', 'dyads.d.to': 'frame',
+        'dyads.d.to_at': [0.5, 0.6], 'dyads.d.first.length': 0.4, 'dyads.d.second.length': 0.5,
+    }  # fmt: skip
+    simulator = Simulator(configure({**values, **mapped}))
+    links, joints = simulator.solver.structure.links, simulator.robot_joints
+    state = simulator.solver.state(1.0, 2.0, 0.0)
+    found = np.array(joint_rows(links, state, 1.0, joints)[:2], float)
+    assert found[:, 3] == pytest.approx((2.1709563553, -0.4382603036), abs=1e-9)
+    own = link_rows(joints, found[:, :, np.newaxis])[:, :, 0]
+    assert np.exp(1j * own[0, 3]) == pytest.approx(np.exp(1j * state.position[3]), abs=1e-14)
+    assert own[1] == pytest.approx(np.array(state.velocity, float), abs=1e-14)

@@ -129,6 +129,18 @@ class Link(NamedTuple):
         """
         return self.parent if self.slides else index
 
+    def axes(self, index: int) -> tuple[int | None, float]:
+        """Returns the direction of this link, which a link that it carries is measured from.
+
+        Args:
+            index: Index of this link.
+
+        Returns:
+            The result of `spin`, and the angle from that direction, rad: for a sliding link, that
+            of its guide.
+        """
+        return self.spin(index), self.angle if self.slides else 0.0
+
     @classmethod
     def turning(cls, name: str, body: Body, index: int, pin: Point) -> 'Link':
         """Creates a link that turns about its first pin.

@@ -4,7 +4,8 @@
 
 A robot's joint may have another name, zero, direction, gear ratio and parent link than the joint
 of the open tree. Its value is ratio * (own - zero), and its effort is the own effort / ratio.
-`own` is the direction of the link minus that of the parent link, or the position of a slider.
+`own` is the direction of the link minus that of the parent link, or the position of a slider. The
+direction of a sliding parent is that of its guide.
 """
 
 import math
@@ -24,8 +25,9 @@ class RobotJoint(NamedTuple):
 
     Attributes:
         name: Name in messages; empty if it is not published.
-        parent: Index of the link from which the joint is measured; None for the frame, and for the
-            position of a sliding link.
+        parent: Index of the turning link from which the joint is measured; None for the frame, and
+            for the position of a sliding link.
+        guide: Direction in the axes of that link from which the joint is measured, rad.
         zero: Value of `own` at which the joint is at 0, rad or m.
         ratio: Value of the joint per unit of `own`, not 0.
         is_mapped: Whether zero, ratio or parent were given.
@@ -34,6 +36,7 @@ class RobotJoint(NamedTuple):
 
     name: str
     parent: int | None = None
+    guide: float = 0.0
     zero: float = 0.0
     ratio: float = 1.0
     is_mapped: bool = False
@@ -51,9 +54,20 @@ class RobotJoint(NamedTuple):
 def own_joints(links: Sequence[Link], joint_prefix: str = '') -> tuple[RobotJoint, ...]:
     """Returns the joints of the open tree, with their own names, zeros and parents."""
     return tuple(
-        RobotJoint(f'{joint_prefix}{link.name}', None if link.slides else link.parent)
-        for link in links
+        RobotJoint(f'{joint_prefix}{link.name}', *carrier_axes(links, link)) for link in links
     )
+
+
+def carrier_axes(links: Sequence[Link], link: Link) -> tuple[int | None, float]:
+    """Returns the turning link and the angle, rad, from which the angle of a link is measured.
+
+    Args:
+        links: The links of the open tree.
+        link: One of them; a sliding link has a position, measured from no direction.
+    """
+    if link.slides or link.parent is None:
+        return None, 0.0
+    return links[link.parent].axes(link.parent)
 
 
 def joint_rows(
@@ -85,13 +99,12 @@ def joint_rows(
         if joint.parent is not None:
             for row, own in zip(rows, state[:3], strict=True):
                 row[i] = own[i] - own[joint.parent]
-            if not joint.is_mapped:
-                position[i] = wrap(position[i], rint)
-        if joint.is_mapped:
-            position[i] = position[i] - joint.zero
-            if not link.slides:
-                position[i] = wrap(position[i], rint)
+        is_shifted = joint.is_mapped or joint.guide
+        if is_shifted:
+            position[i] = position[i] - (joint.guide + joint.zero)
         if not link.slides:
+            if is_shifted or joint.parent is not None:
+                position[i] = wrap(position[i], rint)
             position[i] = where(position[i] <= -math.pi, math.pi, position[i])
         if joint.is_mapped:
             for row in rows:
@@ -119,7 +132,7 @@ def link_rows(joints: Sequence[RobotJoint], table: Array) -> Array:
         for i, joint in enumerate(joints):
             if i not in done and joint.parent in done:
                 found[:, i] = table[:, i] / joint.ratio
-                found[0, i] += joint.zero
+                found[0, i] += joint.zero + joint.guide
                 if joint.parent is not None:
                     found[:, i] += found[:, joint.parent]
                 done.add(i)

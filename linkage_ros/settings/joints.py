@@ -99,12 +99,13 @@ def robot_joints(
     Raises:
         ConfigurationError: A ratio is 0, a parent is not valid, or two joints have one name.
     """
-    numbers = {FRAME: None, **{link.name: i for i, link in enumerate(links) if not link.slides}}
+    axes: dict[str, tuple[int | None, float]] = {FRAME: (None, 0.0)}
+    axes |= {link.name: link.axes(i) for i, link in enumerate(links)}
     found = list(own_joints(links, joint_prefix))
     found[driven] = found[driven]._replace(is_measured=is_measured)
     for i, (link, joint) in enumerate(zip(links, found, strict=True)):
         given, group = settings.get(link.name, JointSettings()), f'{GROUP}.{link.name}'
-        valid = [name for name, number in numbers.items() if number != i]
+        valid = [name for name in axes if name != link.name]
         if i == driven or link.slides:
             valid = [FRAME if link.parent is None else links[link.parent].name]
         if given.parent is not None and given.parent not in valid:
@@ -117,9 +118,12 @@ def robot_joints(
             raise ConfigurationError(
                 f"{group}.name = '': must be a name, because the others follow it"
             )
+        is_own = given.parent is None or link.slides
+        parent, guide = (joint.parent, joint.guide) if is_own else axes[str(given.parent)]
         found[i] = joint._replace(
             name=joint.name if given.name is None else given.name,
-            parent=joint.parent if given.parent is None or link.slides else numbers[given.parent],
+            parent=parent,
+            guide=guide,
             zero=given.zero or 0.0,
             ratio=1.0 if given.ratio is None else given.ratio,
             is_mapped=any(x is not None for x in (given.zero, given.ratio, given.parent)),

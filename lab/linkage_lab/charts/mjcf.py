@@ -79,8 +79,12 @@ def make_mjcf(mechanism: Mechanism, start: State, joint_prefix: str = '') -> str
     position, velocity = (list(map(float, row)) for row in start[:2])
     for i, link in reversed([*enumerate(links)]):
         if link.parent is not None and not link.slides:
-            position[i] = math.remainder(position[i] - position[link.parent], math.tau)
-            velocity[i] -= velocity[link.parent]
+            carrier, guide = links[link.parent].axes(link.parent)
+            turned, rate = (
+                (0.0, 0.0) if carrier is None else (position[carrier], velocity[carrier])
+            )
+            position[i] = math.remainder(position[i] - turned - guide, math.tau)
+            velocity[i] -= rate
     parser = ET.XMLParser(target=ET.TreeBuilder(insert_comments=True))  # noqa: S314
     robot = ET.fromstring(make_urdf(mechanism, joint_prefix).encode(), parser)  # noqa: S314
     _, *described = robot.findall('link')
@@ -241,7 +245,8 @@ class _Passive:
                 j = None if link is None else links[link].spin(link)
                 while j is not None:  # the rate of a link is the sum of those of its joints
                     rates[self._names[j]] += sign
-                    j = links[j].parent
+                    above = links[j].parent
+                    j = None if above is None else links[above].spin(above)
             if one.pin in {'', pin.name}:
                 joints = [_element('joint', joint=x, coef=str(c)) for x, c in rates.items() if c]
                 self.tendons.append(_element(

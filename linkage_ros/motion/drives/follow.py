@@ -70,7 +70,7 @@ class FrameJoint(Checked):
 
     def read_by(self) -> RobotJoint:
         """Returns the joint in messages."""
-        return RobotJoint(self.name, None, self.zero, self.ratio, is_mapped=True)
+        return RobotJoint(self.name, zero=self.zero, ratio=self.ratio, is_mapped=True)
 
 
 class MeasuredCrank(Input):
