@@ -135,6 +135,11 @@ class Mistakes:
 
     def __init__(self) -> None:
         self._found: list[ConfigurationError] = []
+        self._more = 0
+
+    def count(self, number: int) -> None:
+        """Counts further errors, which are not explained; at least two others must be."""
+        self._more += number
 
     def __enter__(self) -> None:
         """Begins a block."""
@@ -158,12 +163,15 @@ class Mistakes:
         if not self._found:
             return
         found = tuple(words for error in self._found for words in error.mistakes or (str(error),))
-        text = f'{len(found)} mistakes: '
+        total = len(found) + self._more
+        text = f'{total} mistakes: '
         for number, words in enumerate(found, 1):
             if number > 1 and len(text) + len(words) > _FULL:
-                text += f'and {len(found) + 1 - number} more  '
+                text += f'and {total + 1 - number} more  '
                 break
             text += f'({number}) {words}; '
+        else:
+            text += f'and {self._more} more  ' if self._more else ''
         error = ConfigurationError(text[:-2])
         error.mistakes = found
         raise error

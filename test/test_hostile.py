@@ -8,6 +8,7 @@ benchmarks/reliability/fuzz.py runs the same cases in processes with limits of t
 
 import os
 import random
+import re
 import signal
 import struct
 import subprocess
@@ -57,6 +58,7 @@ from linkage_ros.programs import log_tool, replay
 from linkage_ros.programs import record as record_module
 from linkage_ros.programs.record import record
 from linkage_ros.run.states import Simulator
+from linkage_ros.settings import configuration
 from linkage_ros.settings.configuration import configure, load, to_strings
 from linkage_ros.settings.yaml_file import read_parameter_file, read_yaml
 from linkage_ros.xml_file import read_xml
@@ -194,6 +196,41 @@ def test_every_reader_refuses_other_files_without_blocking(tmp_path, monkeypatch
     assert '\n' not in str(caught.value)
     if name == 'large':
         assert str(LARGEST + 1) in str(caught.value)
+
+
+def test_six_unknown_names_are_explained_and_the_others_counted(monkeypatch):
+    explained = []
+    explain = configuration._not_a_parameter
+    monkeypatch.setattr(
+        configuration, '_not_a_parameter', lambda *x: explained.append(x) or explain(*x)
+    )
+    with pytest.raises(ConfigurationError, match=r'^8000 mistakes: .*more$'):
+        configure({**TORQUE, **{f'nonsense{i}': 1.0 for i in range(8000)}})
+    assert len(explained) == 6
+
+
+@pytest.mark.parametrize('count', [1, 6, 7])
+def test_few_unknown_names_are_all_counted(count):
+    with pytest.raises(ConfigurationError) as caught:
+        configure({**TORQUE, **{f'n{i}': 1.0 for i in range(count)}})
+    found = re.match(r'(\d+) mistakes', str(caught.value))
+    assert int(found[1] if found else 1) == count
+
+
+def test_recovery_reads_a_log_of_damaged_chunks_about_once(stored, out, monkeypatch):
+    """With many damaged chunks, each search for the next one must not read up to the end."""
+    size = []
+    read = mcap_reader.McapFile._read
+
+    def counted(self, at, length):
+        found = read(self, at, length)
+        size.append(len(found))
+        return found
+
+    monkeypatch.setattr(mcap_reader.McapFile, '_read', counted)
+    log = whole(*3000 * [chunk(b'zstd', b'damaged', 1)])
+    assert recover(stored(log), out).places == 3000
+    assert sum(size) < 30 * len(log)
 
 
 def test_a_writer_of_a_pipe_would_block(tmp_path):

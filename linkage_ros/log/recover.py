@@ -165,6 +165,8 @@ class _Copy:
             mcap.add_metadata(content)
 
     def _take_chunk(self, data: bytes) -> None:
+        if not data:
+            return
         new, starts = self._new.mcap, [0, *(end for _, end in self._file.records(data))]
         heads, sizes = message_heads(data, starts[:-1]), np.diff(starts)
         channels, is_message = heads['channel'], heads['opcode'] == Opcode.MESSAGE

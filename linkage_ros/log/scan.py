@@ -172,10 +172,13 @@ class McapFile:
         Returns:
             The offset of the record, or the size of the file if there is none.
         """
-        while len(data := self._read(at, LARGEST)) >= _LANDMARK_SIZE:
+        # The next record is often close, so that large reads would make the time quadratic.
+        size = 1 << 10
+        while len(data := self._read(at, size)) >= _LANDMARK_SIZE:
             if found := _LANDMARK.search(data):
                 return at + found.start()
             at += len(data) - _LANDMARK_SIZE + 1
+            size = min(2 * size, LARGEST)
         return self.size
 
     def records(self, data: bytes, at: int = 0) -> Iterator[tuple[int, int]]:

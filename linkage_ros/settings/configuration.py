@@ -33,6 +33,7 @@ from linkage_ros.settings.yaml_file import read_parameter_file
 
 DEFAULT_PRESET = 'quadrilateral'
 
+_EXPLAINED = 6  # number of unknown names that a message explains
 # Parameters that every rclpy node declares.
 _ROS_PARAMETERS = ('use_sim_time', 'start_type_description_service')
 
@@ -101,7 +102,9 @@ def configure(values: Mapping[str, object]) -> Configuration:
     names = [leaf.name for leaf in valid]
     mistakes = Mistakes()
     unused = MECHANISMS[kind.mechanism].unused(given)
-    for name in [name for name in given if name not in names]:
+    unknown = [name for name in given if name not in names]
+    mistakes.count(len(unknown[_EXPLAINED:]))
+    for name in unknown[:_EXPLAINED]:
         with mistakes:
             raise ConfigurationError(_not_a_parameter(name, kind, names, unused.get(name, '')))
     with mistakes:
