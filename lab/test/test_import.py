@@ -422,7 +422,7 @@ def without(text, *pieces):
     return text
 
 
-TILTED = LEG.replace('<axis xyz="0 1 0"/><mimic', '<axis xyz="0.001 1 0"/><mimic')
+TILTED = LEG.replace('<axis xyz="0 1 0"/><mimic', '<axis xyz="0.003 1 0"/><mimic')
 TWO_PARENTS = LEG.replace(
     '</robot>',
     """<joint name="extra" type="fixed"><parent link="base"/>
@@ -453,7 +453,46 @@ CIRCLE = LEG.replace(
     '<joint name="x" type="fixed"><parent link="foot"/><child link="base"/></joint></robot>',
 )
 TWO_NUMBERS = LEG.replace('xyz="0.06 0 0"/><axis', 'xyz="0.06 0"/><axis')
+CRANK = '--crank', 'one'
 REFUSED = {
+    'a computed inertia': (SDF.replace('<inertial>', '<inertial auto="true">'), CRANK, 'auto'),
+    'another file': (SDF.replace('<link name="b"', '<include/><link name="b"'), CRANK, 'include'),
+    'a link without gravity': (
+        SDF.replace('<link name="b">', '<link name="b"><gravity>0</gravity>'), CRANK, 'gravity',
+    ),
+    'a frame of placement': (
+        SDF.replace('name="made"', 'name="made" placement_frame="A0"'), CRANK, 'placement_frame',
+    ),
+    'axes of another frame': (
+        SDF.replace('<axis>', '<axis><use_parent_model_frame>1</use_parent_model_frame>'), CRANK,
+        'use_parent_model_frame',
+    ),
+    'a weld without links': (LEG, (*CLOSE[:2], '--weld'), '--weld needs --close'),
+    'a slanted closure': (
+        SDF.replace('0 0 1</pose><axis><xyz>0 1 0', '0 0 1</pose><axis><xyz>0 1 0.01'), CRANK,
+        'off being parallel',
+    ),
+    'a constraint that couples joints': (
+        MJCF.replace('<connect name="pin" site1="rod_tip" site2="lug"/>',
+                     '<joint name="gear" joint1="motor" joint2="knee"/>'),
+        ('--crank', 'motor'), "joint 'gear' is not a closure",
+    ),
+    'a constraint that is not active': (
+        MJCF.replace('name="pin"', 'name="pin" active="false"'), ('--crank', 'motor'),
+        "connect 'pin' is not active",
+    ),
+    'a closure of another loop': (
+        MJCF.replace('site1="rod_tip"', 'body1="shank" body2="base" anchor="0 0 0"')
+        .replace(' site2="lug"', ''), ('--crank', 'motor'), "connect 'pin' closes a loop of knee",
+    ),
+    'a file that includes itself': (
+        MJCF.replace('</worldbody>', '</worldbody><include file="leg.urdf"/>'),
+        ('--crank', 'motor'), 'MuJoCo',
+    ),
+    'bodies nested too deeply': (
+        MJCF.replace('</worldbody>', 600 * '<body>' + 600 * '</body>' + '</worldbody>'),
+        ('--crank', 'motor'), 'MuJoCo',
+    ),
     'a misspelt crank': (LEG, ('--crank', 'knee_moter', *CLOSE[2:]), 'knee_motor, rod_joint'),
     'a link as crank': (LEG, ('--crank', 'thigh', *CLOSE[2:]), 'movable joint'),
     'a fixed joint as crank': (LEG, ('--crank', 'rod_end', *CLOSE[2:]), 'movable joint'),
@@ -484,7 +523,7 @@ REFUSED = {
     'a hip that slides': (LIFTED, (*CLOSE, '--world', 'base'), 'revolute joint'),
     'two joints above the frame': (WAIST, (*CLOSE, '--world', 'torso'), 'hip, waist'),
     'up as a word': (LEG, (*CLOSE, '--up', 'z', '0', '0'), 'finite number'),
-    'a slanted axis': (TILTED, CLOSE, '0.001 rad'),
+    'a slanted axis': (TILTED, CLOSE, '0.00299999 rad'),
     'two parents': (TWO_PARENTS, CLOSE, 'two parent joints'),
     'a crank that slides': (SLIDING, CLOSE, 'slides'),
     'a cylinder': (CYLINDER, CLOSE, 'slider_crank'),
@@ -497,9 +536,9 @@ REFUSED = {
     'a word as mass': (LEG.replace('mass value="0.6"', 'mass value="much"'), CLOSE, 'much'),
     'an axis without length': (LEG.replace('"0 -1 0"', '"0 0 0"'), CLOSE, 'length 0'),
     'two numbers for three': (TWO_NUMBERS, CLOSE, "joint 'rod_joint': <origin> xyz"),
-    'a geom without size': (MJCF.replace('0.01 0.15', '0.01'), ('--crank', 'motor'), '2 posi'),
+    'a geom without size': (MJCF.replace('0.01 0.15', '0.01'), ('--crank', 'motor'), 'positive'),
     'a word as size': (MJCF.replace('0.01 0.15', '0.01 x'), ('--crank', 'motor'), 'size'),
-    'axes that do not exist': (MJCF.replace('zyx', 'zyw'), ('--crank', 'motor'), 'eulerseq'),
+    'axes that do not exist': (MJCF.replace('zyx', 'zyw'), ('--crank', 'motor'), 'euler'),
     'the mass of a mesh': (MESH, ('--crank', 'motor'), 'mesh'),
     'joints with one name': (LEG.replace('name="ankle"', 'name="knee"'), CLOSE, 'two joints'),
     'a negative mass': (LEG.replace('value="0.1"', 'value="-0.1"'), CLOSE, 'mass of rod is -0.1'),
@@ -530,3 +569,97 @@ def test_files_are_kept(called, tmp_path):
     assert_refused(*called(import_tool, path, *CLOSE, '-o', tmp_path / 'no' / 'x'), 'no/x')
     assert out.read_text() == 'mine'
     assert path.read_text() == LEG
+
+
+def test_rounded_axis_is_taken_as_parallel_with_a_note(run):
+    exact, printed = run(LEG, *CLOSE)
+    assert ' off, but is taken as exact' not in printed
+    tilted = LEG.replace('<axis xyz="0 1 0"/><mimic', '<axis xyz="3.7e-6 1 0"/><mimic')
+    values, printed = run(tilted, *CLOSE)
+    assert 'the axis of knee is 3.7e-06 rad' in printed
+    assert values['rocker.length'] == pytest.approx(exact['rocker.length'], rel=1e-10)
+    values, printed = run(tilted.replace('3.7e-6', '1.5e-3'), *CLOSE)
+    assert 'the axis of knee is 0.0015 rad' in printed
+    assert values['rocker.length'] == pytest.approx(exact['rocker.length'], rel=1e-5)
+
+
+# The leg without --close: Gazebo's joint, in the pose of LEG.
+GAZEBO = """<gazebo><joint name="pin" type="{}"><parent>rod</parent><child>shank</child>
+  <pose>0.06 0 0 0 0 0</pose><axis><xyz>0 1 0</xyz></axis></joint></gazebo></robot>"""
+
+
+@pytest.mark.parametrize('kind', ['revolute', 'ball'])
+def test_gazebo_joint_closes_the_loop_of_a_urdf(kind, run):
+    expected, _ = run(LEG, *CLOSE)
+    values, _ = run(LEG.replace('</robot>', GAZEBO.format(kind)), *CLOSE[:2])
+    for name, value in expected.items():
+        assert values[name] == pytest.approx(value, abs=1e-12)
+    prismatic = GAZEBO.format('universal')
+    assert_refused(*run(LEG.replace('</robot>', prismatic), *CLOSE[:2]), "'pin' is universal")
+
+
+# A tip with a joint of its own, which is fixed to the lug.
+JOINTED = LEG.replace(
+    '<joint name="rod_end" type="fixed">', '<joint name="rod_end" type="continuous">'
+).replace('<origin xyz="0 0 -0.3" rpy="1 2 3"/>', '<origin xyz="0 0 -0.3"/><axis xyz="0 1 0"/>')
+
+
+def test_welded_links_close_a_loop_at_the_joint_before_them(run):
+    expected, _ = run(LEG, *CLOSE)
+    values, _ = run(JOINTED, *CLOSE, '--weld')
+    for name, value in expected.items():
+        assert values[name] == pytest.approx(value, abs=1e-12)
+
+
+def test_weld_of_mjcf_closes_a_loop(run):
+    free = MJCF.replace(
+        '<site name="rod_tip" pos="0.3 0 0"/>',
+        '<body name="tip" pos="0.3 0 0"><joint name="tip_joint" axis="0 1 0" pos="0 0 0"/>'
+        '<geom size="1e-3"/><site name="rod_tip"/></body>',
+    )
+    expected, _ = run(MJCF, '--crank', 'motor')
+    values, _ = run(free.replace('<connect', '<weld'), '--crank', 'motor')
+    for name in ('crank.length', 'coupler.length', 'rocker.length', 'frame.length'):
+        assert values[name] == pytest.approx(expected[name], abs=1e-12)
+
+
+def test_properties_that_a_linkage_does_not_have_are_noted(run):
+    heavy = MJCF.replace('ref="25"', 'ref="25" armature="0.01" damping="0.2" frictionloss="0.3"')
+    _, printed = run(heavy, '--crank', 'motor')
+    assert 'motor: armature = 0.01, damping = 0.2, frictionloss = 0.3' in printed
+    damped = LEG.replace('<mimic', '<dynamics damping="0.5" friction="0"/><mimic')
+    assert 'knee: damping = 0.5' in run(damped, *CLOSE)[1]
+    _, printed = run(SDF, '--crank', 'one', name='made.sdf')
+    assert 'b: no <inertial>' in printed
+
+
+@pytest.mark.parametrize('model', ['urdf', 'sdf'])
+def test_long_chains_are_read_in_linear_time(model, run):
+    """A chain that is read in quadratic time would take minutes, or end in a recursion."""
+    size = 9000
+    if model == 'urdf':
+        links = ''.join(
+            f'<link name="n{i}"/><joint name="j{i}" type="fixed"><parent link="n{i + 1}"/>'
+            f'<child link="n{i}"/></joint>'
+            for i in range(size)
+        )
+        top = f'<joint name="x" type="fixed"><parent link="foot"/><child link="n{size}"/></joint>'
+        text = LEG.replace('</robot>', f'{links}<link name="n{size}"/>{top}</robot>')
+        assert run(text, *CLOSE)[0]['mechanism'] == 'four_bar'
+        return
+    frames = ''.join(
+        f'<frame name="f{i}" attached_to="a"><pose relative_to="f{i + 1}"/></frame>'
+        for i in range(size)
+    )
+    frames += f'<frame name="f{size}" attached_to="a"/>'
+    text = SDF.replace('</model>', f'{frames}</model>')
+    assert run(text, '--crank', 'one', name='made.sdf')[0]['mechanism'] == 'four_bar'
+
+
+def test_a_model_with_too_many_links_is_refused(run):
+    links = ''.join(
+        f'<link name="n{i}"/><joint name="j{i}" type="fixed"><parent link="foot"/>'
+        f'<child link="n{i}"/></joint>'
+        for i in range(10_001)
+    )
+    assert_refused(*run(LEG.replace('</robot>', f'{links}</robot>'), *CLOSE), 'at most 10000')

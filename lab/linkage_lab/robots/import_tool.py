@@ -13,7 +13,6 @@ from pathlib import Path
 
 import numpy as np
 
-from linkage_lab.robots.mjcf import read_mjcf
 from linkage_lab.robots.model import Robot
 from linkage_lab.robots.planar_loop import PlanarLoop, find_loop
 from linkage_lab.robots.sdf import read_sdf
@@ -52,7 +51,10 @@ def read_robot(path: Path) -> Robot:
         if root.tag == 'sdf':
             return read_sdf(root)
         if root.tag == 'mujoco':
-            return read_mjcf(root, read_xml, path)
+            # MuJoCo is needed by these models alone.
+            from linkage_lab.robots.mjcf import read_mjcf
+
+            return read_mjcf(path)
     except ConfigurationError as error:
         raise ConfigurationError(f'{path}: {error}') from error
     raise ConfigurationError(
@@ -133,7 +135,8 @@ def summary(loop: PlanarLoop) -> str:
     )
     given, closed = poses
     lines.append(f'as given, the ends of the loop are {loop.gap:.3g} m apart: {given}')
-    lines.append(f'closed, with a residual of {loop.residual:.2g} m: {closed}')
+    word = 'closed' if loop.is_closed else 'as nearly closed as its axes allow'
+    lines.append(f'{word}, with a residual of {loop.residual:.2g} m: {closed}')
     if loop.across > _LAYER:
         lines.append(f'the ends stay {loop.across:.6g} m apart along the normal')
     return '\n'.join([*lines, *(f'note: {note}' for note in loop.notes)])
@@ -156,12 +159,14 @@ def import_robot(options: argparse.Namespace) -> None:
     for name in names:
         if names.count(name) > 1:
             raise ConfigurationError(f'--at {printable(name)}: it is given twice: give one value')
+    if options.weld and not options.close:
+        raise ConfigurationError('--weld needs --close TIP_LINK PIN_LINK')
     robot = read_robot(options.robot)
     up = None if options.up is None else np.array(options.up)
     try:
         loop = find_loop(
             robot, options.crank, options.close and tuple(options.close), options.frame or '',
-            dict(options.at), up, options.world or '',
+            dict(options.at), up, options.world or '', weld=options.weld,
         )  # fmt: skip
         configuration = configure({'drive': 'follow', **loop.values})
     except ConfigurationError as error:
@@ -221,6 +226,10 @@ def _parser() -> argparse.ArgumentParser:
             'nargs': 2, 'metavar': ('TIP_LINK', 'PIN_LINK'),
             'help': 'two links whose origins coincide in the closed loop; not needed if the file '
             'closes one loop with the crank itself',
+        }),
+        (('--weld',), None, {
+            'action': 'store_true',
+            'help': 'the two links of --close are fixed to each other in the closed loop',
         }),
         (('--frame',), None, {
             **text, 'help': 'a link that carries the fixed pivots (default: the first common '

@@ -13,7 +13,7 @@ from linkage_ros import ConfigurationError
 from linkage_ros.formulas import Array
 from linkage_ros.quantities import shown
 
-FIXED, REVOLUTE, PRISMATIC = 'fixed', 'revolute', 'prismatic'
+FIXED, REVOLUTE, PRISMATIC, BALL = 'fixed', 'revolute', 'prismatic', 'ball'
 # Kinds of movable joints, and names of the components of inertia, in URDF and SDF.
 KINDS = {'revolute': REVOLUTE, 'continuous': REVOLUTE, 'prismatic': PRISMATIC}
 INERTIA = 'ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz'
@@ -66,14 +66,14 @@ class Joint(NamedTuple):
 
     Attributes:
         name: Name of the joint; empty if the file gives none.
-        kind: FIXED, REVOLUTE, PRISMATIC, or another type in the file.
+        kind: FIXED, REVOLUTE, PRISMATIC, BALL, or another type in the file.
         parent: Name of the parent link.
         child: Name of the child link, which moves along or about `axis` by the joint's value.
         in_parent: Pose of the joint's frame in the parent link.
         in_child: Pose of the joint's frame in the child link.
         axis: Axis in the joint's frame, a unit vector.
-        reference: Value at which both poses of the joint's frame coincide, rad or m.
         mimics: Name, multiplier and offset of the joint to which the file couples this one.
+        left_out: Properties in the file that a linkage does not have, such as damping.
     """
 
     name: str
@@ -83,18 +83,18 @@ class Joint(NamedTuple):
     in_parent: Transform
     in_child: Transform = IDENTITY
     axis: Array = np.array((1.0, 0.0, 0.0))
-    reference: float = 0.0
     mimics: tuple[str, float, float] | None = None
+    left_out: str = ''
 
     def moved(self, value: float) -> Transform:
         """Returns the pose of the child link in the parent link at a value, rad or m."""
-        way = value - self.reference
-        motion = IDENTITY
+        return self.in_parent.then(self.motion(value)).then(self.in_child.inverse())
+
+    def motion(self, value: float) -> Transform:
+        """Returns the pose of the joint's frame in the child in that in the parent at a value."""
         if self.kind == REVOLUTE:
-            motion = Transform(about(self.axis, way), np.zeros(3))
-        elif self.kind == PRISMATIC:
-            motion = Transform(np.eye(3), way * self.axis)
-        return self.in_parent.then(motion).then(self.in_child.inverse())
+            return Transform(about(self.axis, value), np.zeros(3))
+        return Transform(np.eye(3), value * self.axis) if self.kind == PRISMATIC else IDENTITY
 
 
 class Closure(NamedTuple):
@@ -104,11 +104,13 @@ class Closure(NamedTuple):
         name: Name of the closure in the file or the names of the links.
         links: Names of both links.
         points: Point in the frame of each link, m, shape (3,) each.
+        axis: Axis in the first link's frame, a unit vector; None for a ball joint.
     """
 
     name: str
     links: tuple[str, str]
     points: tuple[Array, Array]
+    axis: Array | None = None
 
 
 class Robot(NamedTuple):
@@ -120,6 +122,8 @@ class Robot(NamedTuple):
         closures: Closures given by the file, in addition to loops of joints.
         gravity: Acceleration of gravity in the axes of the root, m/s^2, shape (3,).
         roots: Pose of links in the root's axes; the origin for others.
+        others: Constraints in the file that close no loop, with the reason.
+        doubts: What is left out or assumed for a link, by its name.
     """
 
     links: Mapping[str, Inertial | None]
@@ -127,6 +131,8 @@ class Robot(NamedTuple):
     closures: Sequence[Closure] = ()
     gravity: Array = np.array((0.0, 0.0, -9.81))
     roots: Mapping[str, Transform] = {}
+    others: Sequence[str] = ()
+    doubts: Mapping[str, str] = {}
 
 
 def lumped(parts: Sequence[Inertial]) -> Inertial | None:

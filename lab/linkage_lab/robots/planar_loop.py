@@ -15,12 +15,14 @@ import cmath
 import itertools
 import json
 import math
+from collections import Counter, deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from linkage_lab.robots.model import (
+    BALL,
     FIXED,
     IDENTITY,
     PRISMATIC,
@@ -38,7 +40,11 @@ from linkage_ros.formulas import Array
 from linkage_ros.internals import wrap
 from linkage_ros.quantities import build, shown
 
-_PARALLEL = 1e-6  # rad, largest angle between axes that count as parallel
+_PARALLEL = 2e-3  # rad, largest angle between axes that count as parallel
+_NOTED = 1e-6  # rad, smallest such angle that is noted
+_CLOSED = 1e-6  # largest distance of the ends of a closed loop, relative to the longest link
+_MOST_LINKS = 10_000
+_LISTED = 6  # constraints that an error explains
 _DIGITS = 14  # kept of the longest length, so that links of equal length stay equal
 _SHORTEST = 1e-9  # m, as for the lengths of a mechanism
 _SLANTED = 0.6  # shortest projection of an axis of the frame that gives the plane's y axis
@@ -101,6 +107,12 @@ class PlanarLoop(NamedTuple):
     across: float
     notes: list[str]
 
+    @property
+    def is_closed(self) -> bool:
+        """Whether the residual is at most 1e-6 of the longest link."""
+        lengths = [value for name, value in self.values.items() if name.endswith('.length')]
+        return bool(self.residual <= _CLOSED * max(lengths))
+
 
 class _Body(NamedTuple):
     """Links connected by fixed joints.
@@ -135,11 +147,13 @@ class _Pin(NamedTuple):
         bodies: Numbers of both bodies, in the order of the loop.
         places: The pin in the coordinates of each body, m.
         edge: Its joint; None for the closure.
+        axis: Axis of a closure that has one, and the number of the body in whose axes it is.
     """
 
     bodies: tuple[int, int]
     places: dict[int, Array]
     edge: _Edge | None = None
+    axis: tuple[int, Array] | None = None
 
     @property
     def name(self) -> str:
@@ -190,7 +204,16 @@ class _Tree:
         """Returns the joints of a spanning tree; stores the others in `leftover`."""
         top = {link: link for link in robot.links}  # leads from each link to one of its group
         kept = list[Joint]()
-        for joint in sorted(robot.joints, key=lambda x: (x.kind != FIXED, x.name != crank)):
+        depths, kinds = _depths(robot), (FIXED, PRISMATIC, REVOLUTE)
+
+        def order(joint: Joint) -> tuple[bool, int, int]:
+            """Puts the joints last that may be cut: those of a tip, and those that do not turn."""
+            rank = kinds.index(joint.kind) if joint.kind in kinds else len(kinds)
+            is_kept = joint.kind == FIXED or joint.name == crank
+            deep = max(depths.get(link, 0) for link in (joint.parent, joint.child))
+            return not is_kept, rank, deep
+
+        for joint in sorted(robot.joints, key=order):
             first, second = joint.parent, joint.child
             while top[first] != first:
                 first = top[first]
@@ -215,7 +238,7 @@ class _Tree:
                     continue
                 waiting.append(other)
                 if joint.kind == FIXED:
-                    step = joint.moved(joint.reference)
+                    step = joint.moved(0.0)
                     place = self.bodies[own].links[link].then(step if is_down else step.inverse())
                     self.bodies[own].links[other] = place
                     self.home[other] = own
@@ -286,7 +309,28 @@ class _Tree:
             home: self.bodies[home].links[link].of(point)
             for home, link, point in zip(homes, closure.links, closure.points, strict=True)
         }
-        return [*pins, _Pin((bodies[-1], bodies[0]), places)]
+        axis = None
+        if closure.axis is not None:
+            turn = self.bodies[homes[0]].links[closure.links[0]].rotation
+            axis = homes[0], turn @ closure.axis
+        return [*pins, _Pin((bodies[-1], bodies[0]), places, axis=axis)]
+
+
+def _depths(robot: Robot) -> dict[str, int]:
+    """Returns how many joints are between each link and a root, on the shortest way."""
+    below: dict[str, list[str]] = {link: [] for link in robot.links}
+    for joint in robot.joints:
+        below[joint.parent].append(joint.child)
+    children = {joint.child for joint in robot.joints}
+    found = {link: 0 for link in robot.links if link not in children}
+    waiting = deque(found)
+    while waiting:
+        link = waiting.popleft()
+        for child in below[link]:
+            if child not in found:
+                found[child] = found[link] + 1
+                waiting.append(child)
+    return found
 
 
 def find_loop(
@@ -297,6 +341,8 @@ def find_loop(
     at: Mapping[str, float] | None = None,
     up: Array | None = None,
     world: str = '',
+    *,
+    weld: bool = False,
 ) -> PlanarLoop:
     """Finds the linkage in the loop that contains a joint.
 
@@ -310,6 +356,7 @@ def find_loop(
         up: Direction opposite to gravity in the axes of the root; None for the model's gravity.
         world: Name of a link at rest, relative to which one joint turns the frame; empty if the
             frame is at rest.
+        weld: Whether the links of `close` are fixed to each other in the closed loop.
 
     Returns:
         The mechanism, with its joints and bodies.
@@ -318,8 +365,12 @@ def find_loop(
         ConfigurationError: A name is unknown, or there is no such loop.
     """
     values = dict(at or {})
-    names = [joint.name for joint in robot.joints if joint.name]
-    if twice := next((name for name in names if names.count(name) > 1), ''):
+    if len(robot.links) > _MOST_LINKS:
+        raise ConfigurationError(
+            f'the model has {len(robot.links)} links: must be at most {_MOST_LINKS}'
+        )
+    names = Counter(joint.name for joint in robot.joints if joint.name)
+    if twice := next((name for name, times in names.items() if times > 1), ''):
         raise ConfigurationError(f'two joints are named {shown(twice)}: rename one')
     movable = {joint.name: joint for joint in robot.joints if joint.name and joint.kind != FIXED}
     _require_known('--crank', [crank], movable, 'movable joint')
@@ -327,6 +378,10 @@ def find_loop(
     _require_known('--close', close or (), robot.links, 'link')
     _require_known('--frame', [frame] if frame else [], robot.links, 'link')
     _require_known('--world', [world] if world else [], robot.links, 'link')
+    if weld and close:
+        fixed = Joint('', FIXED, *close, IDENTITY)
+        robot = robot._replace(joints=[*robot.joints, fixed], closures=())
+        close = None
     tree = _Tree(robot, crank)
     cycle = _from_frame(tree, _the_loop(robot, tree, crank, close), crank, frame)
     gravity = robot.gravity
@@ -359,10 +414,15 @@ def _the_loop(robot: Robot, tree: _Tree, crank: str, close: tuple[str, str] | No
     """
     zero = np.zeros(3)
     closures = list(robot.closures)
+    others = list(robot.others)
     for joint in tree.leftover:
-        if joint.kind == REVOLUTE:
+        if joint.kind in {REVOLUTE, BALL}:
             points = joint.in_parent.place, joint.in_child.place
-            closures.append(Closure(joint.name, (joint.parent, joint.child), points))
+            axis = joint.in_parent.rotation @ joint.axis if joint.kind == REVOLUTE else None
+            name = f'joint {shown(joint.name)}'
+            closures.append(Closure(name, (joint.parent, joint.child), points, axis))
+        else:
+            others.append(f'joint {shown(joint.name)} is {joint.kind}: must be revolute or ball')
     if close is not None:
         closures = [Closure(' and '.join(close), close, (zero, zero))]
     loops = [(closure, tree.cycle(closure)) for closure in closures]
@@ -376,9 +436,14 @@ def _the_loop(robot: Robot, tree: _Tree, crank: str, close: tuple[str, str] | No
             f'contain the crank, {crank}'
         )
     if not loops:
+        for closure in closures:
+            joined = ', '.join(pin.name for pin in tree.cycle(closure)[:-1])
+            others.append(f'{closure.name} closes a loop of {joined or "no joint"}')
+        has = '; '.join(others[:_LISTED]) or 'none'
+        more = f' and {len(others) - _LISTED} more' if others[_LISTED:] else ''
         raise ConfigurationError(
-            f'no closure in the model closes a loop with {crank}: give --close and two links '
-            'whose origins coincide in the closed loop'
+            f'no closure in the model closes a loop with {crank} (constraints: {has}{more}): give '
+            '--close and two links whose origins coincide in the closed loop'
         )
     names = '; '.join(' '.join(closure.links) for closure, _ in loops)
     raise ConfigurationError(
@@ -489,6 +554,7 @@ class _Planar:
             ConfigurationError: The loop is not planar, or has no mechanism with its joints.
         """
         self.turns, self.driven = turns, driven
+        self.tilts: list[tuple[str, float]] = []  # axes that are nearly parallel, rad
         self.slide, self.lengthens = 0.0, 1.0  # of a cylinder: rod position and ratio
         self.robot, self.tree, self.cycle, self.values = robot, tree, cycle, values
         self.bodies = [pin.bodies[0] for pin in cycle]  # frame, crank, coupler, output
@@ -563,6 +629,10 @@ class _Planar:
         for pin in self.cycle[1:]:
             if pin.edge is not None:
                 self._require_axis(pin.name, self._axis(pin), slides=pin.kind == PRISMATIC)
+            elif pin.axis is not None:
+                body, axis = pin.axis
+                # The values of the pose, because with the loop's joints at 0 it is open.
+                self._require_axis(pin.name, self.posed[body].rotation @ axis, slides=False)
         if self.turns is not None:
             self._require_axis(self.turns.joint.name, self._own_axis(self.turns), slides=False)
 
@@ -570,6 +640,8 @@ class _Planar:
         normal = self.world_normal
         along, across = abs(float(axis @ normal)), math.hypot(*np.cross(axis, normal))
         angle = math.atan2(along, across) if slides else math.atan2(across, along)
+        if angle > _NOTED:
+            self.tilts.append((name, angle))
         if angle > _PARALLEL:
             need = 'normal' if slides else 'parallel'
             raise ConfigurationError(
@@ -803,12 +875,29 @@ class _Planar:
                 f'{" or ".join(passive)} in the wanted assembly'
             )
         ends = [self.gap({**self.values, **pose}) for pose in (closed, given)]
+        self._require_closed(ends[0][0], size, closed)
         members = ([*self.tree.bodies[body].links] for body in self.bodies)
         return PlanarLoop(
             self.kind, made, joints, dict(zip(self.names, members, strict=True)),
             (self.cycle[0].places[self.bodies[0]], self.x, self.y, self.normal),
             given, closed, ends[0][0], ends[1][0], ends[0][1], [*self._notes(crank)],
         )  # fmt: skip
+
+    def _require_closed(self, residual: float, size: float, pose: Mapping[str, float]) -> None:
+        """Requires that the ends of the loop meet, as nearly as parallel axes allow.
+
+        Raises:
+            ConfigurationError: They do not.
+        """
+        # An axis that is not parallel moves what it carries, also along the normal.
+        reach = sum(math.hypot(*place) for pin in self.cycle for place in pin.places.values())
+        allowed = _CLOSED * size + sum(angle for _, angle in self.tilts) * reach
+        if residual > allowed:
+            values = ', '.join(f'{name} {value:.6g}' for name, value in pose.items())
+            raise ConfigurationError(
+                f'the ends of the loop stay {residual:.4g} m apart at {values}: must be at most '
+                f'{allowed:.4g} m; give --at and the values of another pose'
+            )
 
     def gap(self, values: Mapping[str, float]) -> tuple[float, float]:
         """Returns the distance of both ends of the loop in the plane and along its normal, m."""
@@ -856,6 +945,21 @@ class _Planar:
                 )
             yield f'{where}, but is taken there: the moment on the guide is wrong'
 
+    def _simplified(self) -> Iterator[str]:
+        """Yields what the model has and the linkage has not, and what is assumed."""
+        for name, angle in self.tilts:
+            yield (
+                f'the axis of {name} is {angle:.4g} rad ({math.degrees(angle):.3g} deg) off, but '
+                'is taken as exact'
+            )
+        for pin in self.cycle:
+            if pin.edge and pin.edge.joint.left_out:
+                yield f'{pin.name}: {pin.edge.joint.left_out}: left out'
+        for body in self.bodies[1:]:
+            for link in self.tree.bodies[body].links:
+                if link in self.robot.doubts:
+                    yield f'{link}: {self.robot.doubts[link]}'
+
     def _notes(self, crank: JointMap) -> Iterator[str]:
         """Yields sentences about probably wrong values and omitted properties of the robot."""
         for joint in self.robot.joints:
@@ -865,6 +969,7 @@ class _Planar:
                     f'{joint.name} is at {value:g} rad; did you mean {value:g} deg = '
                     f'{math.radians(value):.4g} rad?'
                 )
+        yield from self._simplified()
         yield from self._mimics(crank)
         yield from self._off_pin()
         loop = [id(pin.edge) for pin in self.cycle]

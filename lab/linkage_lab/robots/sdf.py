@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reads an SDF model: http://sdformat.org/spec."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -26,6 +26,17 @@ from linkage_ros import ConfigurationError
 from linkage_ros.formulas import Array
 from linkage_ros.quantities import shown
 
+_GIVE = 'give the values of mass, pose and inertia, as gz sdf -p prints them'
+# Elements that would change the result, and what to do instead.
+_NOT_READ = {
+    'include': 'put the contents of the file in its place',
+    "inertial[@auto='true']": _GIVE,
+    "inertial[@auto='1']": _GIVE,
+    'fluid_added_mass': 'leave it out, if the link is in air',
+    'use_parent_model_frame': 'give <xyz expressed_in="__model__">',
+    'link/gravity': 'the model must have gravity on all links or on none',
+}
+
 
 def read_sdf(root: ET.Element) -> Robot:
     """Reads the only model: links, frames as links without mass, and joints.
@@ -39,10 +50,17 @@ def read_sdf(root: ET.Element) -> Robot:
     Raises:
         ConfigurationError: There is not exactly one model, or the model has invalid values.
     """
+    for path, what in _NOT_READ.items():
+        if (found := root.find(f'.//{path}')) is not None:
+            value = (found.text or '').strip()
+            if path != 'link/gravity' or value in {'0', 'false'}:
+                raise ConfigurationError(f'<{path}> {shown(value)} is not read: {what}')
     models = [*root.iter('model')]
     if len(models) != 1:
         names = ', '.join(model.get('name', '') for model in models) or 'none'
         raise ConfigurationError(f'its models are {names}: must be one, without nested models')
+    if models[0].get('placement_frame'):
+        raise ConfigurationError('placement_frame is not read: give the <pose> of the model')
     gravity = root.find('.//world/gravity')
     return _Reader(models[0]).robot(numbers(gravity, '', 3, '0 0 -9.81'))
 
@@ -52,8 +70,15 @@ class _Reader:
 
     def __init__(self, model: ET.Element) -> None:
         self.model = model
-        parts = [*model.findall('link'), *model.findall('frame'), *model.findall('joint')]
-        self.parts = {part.get('name', ''): part for part in parts}
+        self.parts: dict[str, ET.Element] = {}
+        for part in (*model.findall('link'), *model.findall('frame'), *model.findall('joint')):
+            name = part.get('name', '')
+            if name in self.parts:
+                raise ConfigurationError(
+                    f'two links, frames or joints are named {shown(name)}: rename one'
+                )
+            self.parts[name] = part
+        self.poses = {'world': IDENTITY}  # by name, as far as they are known
 
     def robot(self, gravity: Array) -> Robot:
         """Returns the robot with a given acceleration of gravity, m/s^2."""
@@ -61,30 +86,45 @@ class _Reader:
         frames = self.model.findall('frame')
         everything = {'world': None, **links, **{x.get('name', ''): None for x in frames}}
         poses = {name: self.pose(name) for name in everything}
-        first = next(iter(links), 'world')
+        first = self.model.get('canonical_link') or next(iter(links), 'world')
         joints = [
             *(self.attached(frame, poses, first) for frame in frames),
             *(self.joint(joint, poses) for joint in self.model.findall('joint')),
         ]
-        return Robot(everything, joints, [], gravity, poses)
+        assumed = {x.get('name', ''): _assumed(x) for x in self.model.findall('link')}
+        doubts = {name: text for name, text in assumed.items() if text}
+        return Robot(everything, joints, [], gravity, poses, doubts=doubts)
 
-    def pose(self, name: str, seen: tuple[str, ...] = ()) -> Transform:
+    def pose(self, name: str) -> Transform:
         """Returns the pose of a link, frame or joint in the world.
 
         Raises:
             ConfigurationError: The frame is missing or refers to itself.
         """
-        if name in {'world', '__model__', ''}:
-            # The pose of a model is in the world.
-            return IDENTITY if name == 'world' else _pose(self.model)
-        part = self.parts.get(name)
-        if part is None or name in seen:
-            fault = 'is missing' if part is None else 'refers to itself'
-            raise ConfigurationError(f'frame {shown(name)} {fault}')
-        base = {'joint': part.findtext('child', '').strip(), 'frame': part.get('attached_to', '')}
+        way = dict[str, ET.Element]()
+        while name not in self.poses:
+            is_model = name in {'__model__', ''}  # its pose is in the world
+            part = self.model if is_model else self.parts.get(name)
+            if part is None or name in way:
+                fault = 'is missing' if part is None else 'refers to itself'
+                raise ConfigurationError(f'frame {shown(name)} {fault}')
+            way[name] = part
+            name = self._base(part)
+        found = self.poses[name]
+        for name, part in reversed(way.items()):
+            found = self.poses[name] = found.then(read_pose(part))
+        return found
+
+    def _base(self, part: ET.Element) -> str:
+        """Returns the name of the frame to which the pose of an element is relative."""
         pose = part.find('pose')
-        other = (pose.get('relative_to') if pose is not None else '') or base.get(part.tag, '')
-        return self.pose(other, (*seen, name)).then(_pose(part))
+        if pose is not None and (other := pose.get('relative_to')):
+            return other
+        if part.tag == 'model':
+            return 'world'
+        if part.tag == 'joint':
+            return part.findtext('child', '').strip()
+        return part.get('attached_to', '') if part.tag == 'frame' else ''
 
     def attached(self, frame: ET.Element, poses: Mapping[str, Transform], first: str) -> Joint:
         """Returns the fixed joint of a frame; without `attached_to`, it is on the first link."""
@@ -95,27 +135,63 @@ class _Reader:
         return Joint('', FIXED, link, name, poses[link].inverse().then(poses[name]))
 
     def joint(self, element: ET.Element, poses: Mapping[str, Transform]) -> Joint:
-        name, kind = element.get('name', ''), element.get('type', '')
-        parent, child = (element.findtext(tag, '').strip() for tag in ('parent', 'child'))
-        for link in (parent, child):
-            if link not in poses:
-                raise ConfigurationError(
-                    f'joint {shown(name)} names link {shown(link)}, which is missing'
-                )
-        at, xyz = self.pose(name), element.find('axis/xyz')
-        axis = numbers(xyz, '', 3, '0 0 1')
-        if xyz is not None and (other := xyz.get('expressed_in')):
-            axis = at.rotation.T @ self.pose(other).rotation @ axis
-        first, second = (poses[link].inverse().then(at) for link in (parent, child))
-        found = Joint(name, KINDS.get(kind, kind), parent, child, first, second)
-        return (
-            found._replace(axis=unit(axis, f'the axis of joint {shown(name)}'))
-            if kind in KINDS
-            else found
+        return read_joint(element, self.pose(element.get('name', '')), poses, self.pose)
+
+
+def read_joint(
+    element: ET.Element,
+    at: Transform,
+    poses: Mapping[str, Transform],
+    pose_of: Callable[[str], Transform],
+) -> Joint:
+    """Reads a joint.
+
+    Args:
+        element: The element <joint>.
+        at: Pose of the joint.
+        poses: Pose of each link.
+        pose_of: Function that returns the pose of a frame by name.
+
+    Returns:
+        The joint, at 0 in these poses.
+
+    Raises:
+        ConfigurationError: A link is missing, or a value is invalid.
+    """
+    name, kind = element.get('name', ''), element.get('type', '')
+    parent, child = (element.findtext(tag, '').strip() for tag in ('parent', 'child'))
+    for link in (parent, child):
+        if link not in poses:
+            raise ConfigurationError(
+                f'joint {shown(name)} names link {shown(link)}, which is missing'
+            )
+    first, second = (poses[link].inverse().then(at) for link in (parent, child))
+    found = Joint(name, KINDS.get(kind, kind), parent, child, first, second)
+    if kind not in KINDS:
+        return found
+    xyz = element.find('axis/xyz')
+    axis = numbers(xyz, '', 3, '0 0 1')
+    if xyz is not None and (other := xyz.get('expressed_in')):
+        axis = at.rotation.T @ pose_of(other).rotation @ axis
+    given = [
+        f'{part.tag} = {value:g}'
+        for tag in ('damping', 'friction', 'spring_stiffness')
+        if (part := element.find(f'axis/dynamics/{tag}')) is not None
+        if (value := numbers(part, '', 1)[0])
+    ]
+    if (mimic := element.find('axis/mimic')) is not None:
+        multiplier, offset, reference = (
+            float(numbers(mimic.find(tag), '', 1, default)[0])
+            for tag, default in (('multiplier', '1'), ('offset', '0'), ('reference', '0'))
         )
+        other = mimic.get('joint', '')
+        found = found._replace(mimics=(other, multiplier, offset - multiplier * reference))
+    axis = unit(axis, f'the axis of joint {shown(name)}')
+    return found._replace(axis=axis, left_out=', '.join(given))
 
 
-def _pose(element: ET.Element) -> Transform:
+def read_pose(element: ET.Element) -> Transform:
+    """Reads the pose of an element in the frame to which it is relative."""
     pose = element.find('pose')
     if pose is not None and pose.get('rotation_format') == 'quat_xyzw':
         x, y, z, *q = numbers(pose, '', 7)
@@ -130,7 +206,7 @@ def _inertial(link: ET.Element) -> Inertial:
     element = link.find('inertial')
     if element is None:
         return Inertial(1.0, np.zeros(3), np.eye(3))
-    pose, six = _pose(element), element.find('inertia')
+    pose, six = read_pose(element), element.find('inertia')
     parts = (
         numbers(None if six is None else six.find(name), '', 1, default)
         for name, default in zip(INERTIA, '100101', strict=True)
@@ -138,3 +214,13 @@ def _inertial(link: ET.Element) -> Inertial:
     inertia = symmetric(*(float(part[0]) for part in parts))
     (mass,) = numbers(element.find('mass'), '', 1, '1')
     return Inertial(float(mass), pose.place, pose.rotation @ inertia @ pose.rotation.T)
+
+
+def _assumed(link: ET.Element) -> str:
+    """Describes the defaults of SDF that replace missing values of a mass; empty if none is."""
+    element = link.find('inertial')
+    missing = ['inertial'] if element is None else []
+    if element is not None:
+        missing = [name for name in ('mass', 'inertia') if element.find(name) is None]
+    tags = ' and '.join(f'<{name}>' for name in missing)
+    return tags and f'no {tags} in the model; SDF then gives 1 kg and 1 kg m^2'

@@ -2,11 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reads a URDF: http://wiki.ros.org/urdf/XML."""
 
-from collections.abc import Callable, Collection, Iterable
+from collections import Counter
+from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import TypeVar
 from xml.etree import ElementTree as ET
 
 from linkage_lab.robots.model import (
+    IDENTITY,
     INERTIA,
     KINDS,
     PRISMATIC,
@@ -20,6 +22,7 @@ from linkage_lab.robots.model import (
     symmetric,
     unit,
 )
+from linkage_lab.robots.sdf import read_joint, read_pose
 from linkage_ros import ConfigurationError
 from linkage_ros.quantities import shown
 
@@ -44,20 +47,24 @@ def read_urdf(root: ET.Element) -> Robot:
         )
     links = {link.get('name', ''): _read(_inertial, link) for link in root.findall('link')}
     joints = [_read(_joint, joint) for joint in root.findall('joint')]
-    children = [joint.child for joint in joints]
+    children = Counter(joint.child for joint in joints)
     for joint in joints:
         for link in (joint.parent, joint.child):
             if link not in links:
                 raise ConfigurationError(
                     f'joint {shown(joint.name)} names link {shown(link)}, which is missing'
                 )
-        if children.count(joint.child) > 1:
+        if children[joint.child] > 1:
             raise ConfigurationError(
                 f'link {shown(joint.child)} has two parent joints, but a URDF is a tree: leave '
                 'one out, and name two links that coincide with --close'
             )
-    _require_one_root(links, joints)
-    return Robot(links, joints)
+    poses = _zero_poses(links, joints)
+    closing = [
+        _read(lambda joint: _gazebo_joint(joint, poses), element)
+        for element in root.findall('gazebo/joint')
+    ]
+    return Robot(links, [*joints, *closing])
 
 
 def _read(read: Callable[[ET.Element], _T], element: ET.Element) -> _T:
@@ -73,28 +80,47 @@ def _read(read: Callable[[ET.Element], _T], element: ET.Element) -> _T:
         raise ConfigurationError(f'{element.tag} {name}: {error}') from error
 
 
-def _require_one_root(links: Collection[str], joints: Iterable[Joint]) -> None:
-    """Requires that all links descend from one root.
+def _zero_poses(links: Collection[str], joints: Iterable[Joint]) -> dict[str, Transform]:
+    """Returns the pose of each link in the root with all joints at 0.
 
     Raises:
-        ConfigurationError: Some do not.
+        ConfigurationError: The links have several roots, or joints form a circle.
     """
-    above = {joint.child: joint.parent for joint in joints}
-    roots = [link for link in links if link not in above]
+    below: dict[str, list[Joint]] = {link: [] for link in links}
+    for joint in joints:
+        below[joint.parent].append(joint)
+    children = {joint.child for joint in joints}
+    roots = [link for link in links if link not in children]
     if len(roots) > 1:
         raise ConfigurationError(
             f'links {shown(roots[0])} and {shown(roots[1])} have no parent joint, but a URDF is '
             'one tree: connect them by a joint'
         )
-    for link in links:
-        top = link
-        for _ in links:
-            top = above.get(top, top)
-        if top in above:
-            raise ConfigurationError(
-                f'the joints above link {shown(link)} form a circle, but a URDF is a tree: leave '
-                'one out, and name two links that coincide with --close'
-            )
+    poses, waiting = dict.fromkeys(roots, IDENTITY), roots
+    while waiting:
+        link = waiting.pop()
+        for joint in below[link]:
+            poses[joint.child] = poses[link].then(joint.in_parent)
+            waiting.append(joint.child)
+    if circle := [link for link in links if link not in poses]:
+        raise ConfigurationError(
+            f'the joints above link {shown(circle[0])} form a circle, but a URDF is a tree: leave '
+            'one out, and name two links that coincide with --close'
+        )
+    return poses
+
+
+def _gazebo_joint(element: ET.Element, poses: Mapping[str, Transform]) -> Joint:
+    """Reads a joint in <gazebo>, which Gazebo adds to the tree; its format is that of SDF.
+
+    Raises:
+        ConfigurationError: A link is missing, or a value is invalid.
+    """
+    pose, child = element.find('pose'), element.findtext('child', '').strip()
+    base = (pose.get('relative_to') if pose is not None else '') or child
+    if base not in poses:
+        raise ConfigurationError(f'it is at link {shown(base)}, which is missing')
+    return read_joint(element, poses[base].then(read_pose(element)), poses, poses.__getitem__)
 
 
 def _pose(element: ET.Element) -> Transform:
@@ -127,6 +153,10 @@ def _joint(element: ET.Element) -> Joint:
             f'the joint from link {shown(parent)} to {shown(child)} has no name: give it one'
         )
     found = Joint(name, KINDS.get(kind, kind), parent, child, _pose(element))
+    if (dynamics := element.find('dynamics')) is not None:
+        values = {name: numbers(dynamics, name, 1, '0')[0] for name in ('damping', 'friction')}
+        given = (f'{name} = {value:g}' for name, value in values.items() if value)
+        found = found._replace(left_out=', '.join(given))
     if found.kind in {REVOLUTE, PRISMATIC}:  # others may have an axis of length 0
         axis = unit(numbers(element.find('axis'), 'xyz', 3, '1 0 0'), '<axis>')
         found = found._replace(axis=axis)
