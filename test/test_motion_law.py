@@ -9,6 +9,7 @@ conditions that define the spline, all coefficients unknown.
 import math
 import struct
 from bisect import bisect_right
+from contextlib import nullcontext
 from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise
@@ -26,6 +27,7 @@ from linkage_ros.log.reader import LogReader
 from linkage_ros.log.records import decode_motion, encode_motion
 from linkage_ros.log.verify import verify
 from linkage_ros.motion.along_law import LawMotion, LawSegment, require_possible
+from linkage_ros.motion.drives import law as law_drive
 from linkage_ros.motion.drives.law import LawDrive
 from linkage_ros.motion.law import Sine
 from linkage_ros.programs.record import record
@@ -425,6 +427,16 @@ def test_a_law_of_one_point_or_turn_is_described_in_the_singular():
     assert drive_of(times=(0.0,), angles=(1.0,)).motion.law.words == '1 point in 0 s'
     turning = drive_of(times=(0.0, 1.0), angles=(0.0, TURN), repeat=True).motion.law
     assert turning.words == '2 points in 1 s, repeated with 1 turn'
+
+
+def test_a_law_has_at_most_10000_points(monkeypatch):
+    splines = []
+    monkeypatch.setattr(law_drive, 'interpolated', lambda *x, **_: splines.append(len(x[0])))
+    for count in (10_000, 10_001):
+        row = tuple(map(float, range(count)))
+        with pytest.raises(ConfigurationError, match='10001') if count > 10_000 else nullcontext():
+            law_drive.Prescribed(times=row, angles=row)
+    assert splines == [10_000]
 
 
 def test_a_csv_file_gives_the_points(tmp_path):

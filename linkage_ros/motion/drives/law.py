@@ -40,6 +40,7 @@ _HEADER = (
     'acceleration [rad/s^2] or acceleration_deg; of a cylinder position [m] or position_mm, and '
     'optionally speed [m/s] and acceleration [m/s^2]'
 )
+_MOST_POINTS = 10_000  # whose spline in 50 digits takes a second or two
 _ROUNDING = 8 * math.ulp(math.tau)  # relative tolerance of whole turns
 
 
@@ -136,6 +137,10 @@ class Prescribed(Checked):
 
     def _check_points(self, lists: Sequence[str]) -> None:
         times: Any = self.times
+        if len(times) > _MOST_POINTS:
+            raise ConfigurationError(
+                f'motion.times has {len(times)} points: give at most {_MOST_POINTS}'
+            )
         for name in lists:
             row = getattr(self, name)
             if len(row) != len(times):
