@@ -20,7 +20,7 @@ from mechanisms import FOLLOWED
 from ros_harness import CODEC, assert_refused, command, decoded, logged, wait_for
 from state_messages import messages_at
 
-from linkage_ros import ConfigurationError, Solver
+from linkage_ros import ConfigurationError, LinkageError, Solver
 from linkage_ros.log.rows import RowLayout, message_record
 from linkage_ros.messages.cdr import encode_string
 from linkage_ros.messages.urdf import make_urdf
@@ -59,6 +59,17 @@ DRIVES = {
         'assembly': 'crossed', 'rate_hz': 130.7,
     },
 }  # fmt: skip
+
+
+def test_all_states_before_an_impossible_one_are_recorded(out):
+    """At 90 deg, a slider-crank of equal links has infinite joint forces, and so friction."""
+    configuration = configure({
+        'mechanism': 'slider_crank', 'rpm': 60.0, 'rate_hz': 200.0, 'crank.length': 0.1,
+        'coupler.length': 0.1, 'slider.mass': 1.0, 'friction.guide': 0.1,
+    })  # fmt: skip
+    with pytest.raises(LinkageError, match='keeps the 50 states'):
+        record(configuration, out, duration=1.0)
+    assert len(logged(out)[1][STATES]) == 50
 
 
 @pytest.mark.parametrize('changes', DRIVES.values(), ids=DRIVES)

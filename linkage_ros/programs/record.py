@@ -15,7 +15,13 @@ from typing import NamedTuple, cast
 import numpy as np
 
 from linkage_ros import cli
-from linkage_ros.errors import ConfigurationError, LogError, MotionError, in_file
+from linkage_ros.errors import (
+    ConfigurationError,
+    LogError,
+    MotionError,
+    UnreachableError,
+    in_file,
+)
 from linkage_ros.files import is_same_file
 from linkage_ros.log.bag import Bag, BagMessage, topic_of
 from linkage_ros.log.writer import LogWriter
@@ -84,6 +90,7 @@ def record(
         ConfigurationError: The duration is out of range, or the crank does not complete the
             revolutions.
         MotionError: A torque-driven motion ends earlier. The log contains the states until then.
+        UnreachableError: A state is impossible. The log contains the states before it.
         LogError: The file cannot be written.
     """
     simulator = Simulator(configuration)
@@ -111,6 +118,11 @@ def record(
             raise MotionError(
                 f'{error}; {path} keeps the {counted(written, "state")} before it',
                 time=error.time, coordinates=error.coordinates,
+            ) from error  # fmt: skip
+        except UnreachableError as error:
+            raise UnreachableError(
+                f'{error}; {path} keeps the {counted(written, "state")} before it',
+                crank_angle=error.crank_angle, arcs=error.arcs,
             ) from error  # fmt: skip
         finally:
             for line in ranges.notes():
@@ -251,18 +263,25 @@ def _states(
     Raises:
         ConfigurationError: The crank does not complete its turns within an hour.
         MotionError: The motion cannot continue.
+        UnreachableError: A state is impossible; the states before it have been yielded.
     """
-    start, tick = simulator.configuration.drive.crank_angle, 0
+    start, tick, batch = simulator.configuration.drive.crank_angle, 0, _BATCH
     while tick != count:
         # If turns are counted, compute at most one second beyond the last turn.
         most = simulator.ticks.tick_at(NS_PER_S) + 1 if count is None else count - tick
-        stamps = [simulator.ticks.elapsed(tick + i) for i in range(min(_BATCH, most))]
+        stamps = [simulator.ticks.elapsed(tick + i) for i in range(min(batch, most))]
         found = motion.at_all(stamps)
         ahead = simulator.ahead(motion, stamps[: len(found.unwrapped)])
         if ahead is not None and len(ahead.unwrapped) < len(found.unwrapped):
             found = motion.at_all(stamps[: len(ahead.unwrapped)])  # the motion ends
         stamps = stamps[: len(found.unwrapped)]
-        numbers = simulator.numbers(found, ahead, see)
+        try:
+            numbers = simulator.numbers(found, ahead, see)
+        except UnreachableError:
+            if len(stamps) == 1:
+                raise
+            batch = len(stamps) // 2  # all states before an impossible one are recorded
+            continue
         if count is None:
             turned = np.abs(found.unwrapped - start) / (2 * math.pi)
             after = int((turned < turns).argmin())
