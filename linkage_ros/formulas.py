@@ -162,7 +162,7 @@ def require(condition: Any, refuse: Callable[..., object] | None, *values: Real)
     recorded = next((x for x in (condition, refuse) if hasattr(x, 'tape')), None)
     if recorded is not None:
         recorded.tape.record('require', condition, refuse, *values)
-    elif not np.all(condition):
+    elif not (condition if type(condition) is bool else condition.all()):
         holds, *found = np.broadcast_arrays(condition, *values)
         first = np.flatnonzero(np.logical_not(holds))[0]
         refuse(*(float(value.flat[first]) for value in found))

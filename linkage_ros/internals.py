@@ -8,10 +8,12 @@ other programs: laws, periods, ranges of loads, drawing, URDF, notes, files and 
 
 from linkage_ros.errors import printable
 from linkage_ros.files import create_file, is_same_file
+from linkage_ros.mechanism.dyad_reach import reach_of
 from linkage_ros.mechanism.equations import Model, acting_forces, torque
 from linkage_ros.mechanism.joint_forces import reactions
 from linkage_ros.mechanism.period import period_turns
 from linkage_ros.mechanism.ranges import Ranges
+from linkage_ros.mechanism.travel import extremes_between
 from linkage_ros.mechanism.wrenches import poses
 from linkage_ros.messages.urdf import make_urdf
 from linkage_ros.motion.along_law import LawMotion, reversals
@@ -19,7 +21,7 @@ from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.measured import FollowMotion
 from linkage_ros.motion.steps import live_steps, record_steps
 from linkage_ros.motion.under_torque import Motor, published
-from linkage_ros.numeric import signs_around, wrap
+from linkage_ros.numeric import wrap
 from linkage_ros.run.states import Simulator
 from linkage_ros.settings.configuration import configure
 from linkage_ros.settings.summary import notes
@@ -39,6 +41,7 @@ __all__ = [
     'acting_forces',
     'configure',
     'create_file',
+    'extremes_between',
     'is_same_file',
     'live_steps',
     'make_urdf',
@@ -47,12 +50,12 @@ __all__ = [
     'poses',
     'printable',
     'published',
+    'reach_of',
     'reactions',
     'read_xml',
     'read_yaml',
     'record_steps',
     'reversals',
-    'signs_around',
     'torque',
     'wrap',
 ]

@@ -80,6 +80,8 @@ class Quantity:
         Raises:
             ConfigurationError: The value is of the wrong type or outside its range.
         """
+        if type(value) is float and self.kind == 'number' and self.low <= value <= self.high:
+            return value + 0.0  # the common case, as in `_number`
         cleaned = self._read(value)
         if cleaned is None:
             hint = _comma_hint(value) if self.kind == 'number' else ''

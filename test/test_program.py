@@ -599,25 +599,6 @@ def halved(_, x, target):
     return x - (x * x - target) / (2 * x)
 
 
-def test_stacked_designs_with_different_functions_are_refused_where_one_is_called():
-    same, apart = (
-        [Constants((Opaque(f), number)) for f, number in zip(functions, (0.8, 0.9), strict=True)]
-        for functions in ((np.sin, np.sin), (np.sin, np.cos))
-    )
-    found = Program(with_table, Constants.stacked(same), ('x',)).designs(0.3, by_math=True)
-    expected = [Program(with_table, one, ('x',)).floats(0.3) for one in same]
-    assert np.array_equal(np.hstack(found), expected)
-    stacked = Constants.stacked(apart)
-    with pytest.raises(ConfigurationError, match='functions of stacked designs differ') as caught:
-        Program(with_table, stacked, ('x',)).designs(0.3)
-    assert '\n' not in str(caught.value)
-    assert Program(second, stacked, ('x',)).designs(0.3).tolist() == [[0.3 * 0.8], [0.3 * 0.9]]
-
-
-def second(constants, x):
-    return x * constants[1]
-
-
 def test_sums_may_be_long_and_programs_may_contain_loops():
     """Python allows at most 200 nested parentheses; loops, as for friction, keep their bits."""
     program = Program(series, Constants(tuple(1.0 / n for n in range(1, 401))), ('x',))

@@ -369,10 +369,37 @@ def law_period(solver: Solver, drive: Any, *, reactions: bool = False) -> Period
     """
     driven = solver.structure.driven
     law = drive.law(solver.structure.driven_link)
+    time, crank = law_samples(solver, law)
+    moved = crank(time)
+    state, angle = solver.state(moved.q[0], moved.u[0], moved.a[0]), moved.unwrapped
+    power = _load_power(solver, state) if law.repeats else state.torque * state.velocity[driven]
+    speed = _mean_speed(law)
+    period = Period(
+        solver, angle, state, speed=speed, mean_power=mean(time, power), time=time,
+        turns=law.turns,
+    )  # fmt: skip
+    return _completed(period, state, reactions=reactions)
+
+
+def law_samples(
+    solver: Solver, law: Any, steps: int = 720
+) -> tuple[Array, Callable[[Array], Any]]:
+    """Returns times over a law or, if it repeats, over a period of the run; and the motion.
+
+    Args:
+        solver: Solver of a mechanism with one degree of freedom.
+        law: The law.
+        steps: Number of steps of equal time in each repetition of the law, to which the points of
+            the law and both sides of each corner or jump of a load are added.
+
+    Returns:
+        The times in increasing order, s; and a function that computes the motion of the driven
+        joint at times.
+    """
     motion = LawMotion.begin(law, 0)
     each, last = law.duration, law_duration(solver, law)
     rounds = last // each
-    even = {last * n // (720 * rounds) for n in range(720 * rounds)} | {max(last - 1, 1)}
+    even = {last * n // (steps * rounds) for n in range(steps * rounds)} | {max(last - 1, 1)}
     # At a point, the acceleration may jump: take 1 ns before it as well.
     inner = {
         each * i + time for i in range(rounds) for time in getattr(law, 'times', (0, each))
@@ -389,15 +416,8 @@ def law_period(solver: Solver, drive: Any, *, reactions: bool = False) -> Period
 
     # The two sides of a point are closer than `SAME`.
     before = np.isin(found, [time - 1 for time in points])
-    time = with_breaks((found + np.where(before, 0.5, 0.0)) / 1e9, solver, states)
-    state, angle = states(time), crank(time).unwrapped
-    power = _load_power(solver, state) if law.repeats else state.torque * state.velocity[driven]
-    speed = _mean_speed(law)
-    period = Period(
-        solver, angle, state, speed=speed, mean_power=mean(time, power), time=time,
-        turns=law.turns,
-    )  # fmt: skip
-    return _completed(period, state, reactions=reactions)
+    time = (found + np.where(before, 0.5, 0.0)) / 1e9
+    return with_breaks(time, solver, states), crank
 
 
 def _mean_speed(law: Any) -> float:

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Sweeps: designs in arrays equal single solvers to the bit, and no results are lost."""
+"""Sweeps: designs equal machines of their own parameter files, and no results are lost."""
 
 import collections
 import io
@@ -21,22 +21,18 @@ from pathlib import Path
 import mortal
 import numpy as np
 import pytest
+import yaml
 from scipy.integrate import quad
 from test_law_chart import LIMITED
 
 from linkage_lab import command_line
 from linkage_lab.charts import sweep as command
 from linkage_lab.charts.sweep import FRONT
+from linkage_lab.period import law_samples, mean
+from linkage_lab.sampling import peaks, samples
 from linkage_lab.sweep import spread as command_spread
-from linkage_lab.sweep.measures import (
-    MEASURES,
-    TURNS,
-    Task,
-    groups,
-    measure,
-    torque_of,
-    with_value,
-)
+from linkage_lab.sweep.designs import CANNOT_TURN, TURNS, measured, with_values
+from linkage_lab.sweep.measures import MEASURES, Task
 from linkage_lab.sweep.spread import cluster, processes, spread
 from linkage_lab.sweep.study import Settings, _designs, _way, parameters
 from linkage_ros import (
@@ -59,7 +55,6 @@ from linkage_ros.errors import (
     MechanismError,
     UnreachableError,
 )
-from linkage_ros.mechanism.program import Program
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.mechanism.travel import travel
 from linkage_ros.motion.drives.law import LawDrive, Prescribed
@@ -68,6 +63,7 @@ from linkage_ros.settings.configuration import load
 from linkage_ros.units import radians_per_second
 
 RPM = 150.0
+SPEED = radians_per_second(RPM)
 LENGTHS = {
     'quadrilateral': ('crank.length', 'coupler.length', 'rocker.length', 'frame.length',
                       'frame.angle', 'coupler.mass', 'coupler.center.0', 'gravity.1'),
@@ -107,12 +103,34 @@ def drawn(preset, count, seed=0, kinds=None):
     return mechanism, LENGTHS[preset], shares * [base[name] for name in LENGTHS[preset]]
 
 
+def peak(x, curve):
+    """Returns the largest magnitude of a function of places."""
+    found, _ = peaks(x, np.abs(curve(x))[None], lambda places: np.abs(curve(places))[None])
+    return found[0]
+
+
+def efforts(solver, x, motion):
+    """Returns peak and root mean square of the torque, and the peak shaking force."""
+
+    def torque(places):
+        return solver.state(*motion(places)).torque
+
+    def force(places):
+        return np.hypot(*solver.reactions(solver.state(*motion(places))).shaking_force)
+
+    return [peak(x, torque), math.sqrt(mean(x, torque(x) ** 2)), peak(x, force)]
+
+
+def changed(mechanism, names, row):
+    """Creates a mechanism with other values, as from a parameter file."""
+    given = dict(zip(names, map(float, row), strict=True))
+    return build(type(mechanism), with_values(flatten(mechanism), given))
+
+
 def solver_of(mechanism, names, row):
     """Creates the solver of one design; None if its crank cannot turn, or a load does not fit."""
-    for name, value in zip(names, row.tolist(), strict=True):
-        mechanism = with_value(mechanism, name, value)
     try:
-        solver = Solver(build(type(mechanism), flatten(mechanism)))
+        solver = Solver(changed(mechanism, names, row))
     except (MechanismError, ConfigurationError):
         return None
     return solver if solver.reach.turns_fully else None
@@ -121,40 +139,15 @@ def solver_of(mechanism, names, row):
 KINDS = None, 'numbers', 'curves'
 
 
-@pytest.mark.parametrize('kinds', KINDS)
-@pytest.mark.parametrize('preset', LENGTHS)
-def test_designs_equal_their_solvers_to_the_bit(preset, kinds):
-    mechanism, names, table = drawn(preset, 60, kinds=kinds)
-    names, table = names[:4] + names[5:], np.delete(table, 4, axis=1)
-    angles = np.random.default_rng(1).uniform(0, 2 * math.pi, (len(table), 1))
-    found = np.full(len(table), math.nan)
-    columns, sizes = dict(zip(names, table.T, strict=True)), []
-    for rows, (reach, *_), constants in groups(mechanism, columns, len(table)):
-        if constants and reach.turns_fully:
-            program = Program(torque_of, constants, ('angle', 'speed'))
-            (torques,) = program.designs(angles[rows], 15.0, by_math=True)
-            found[rows] = torques.ravel()
-            sizes.append(len(rows))
-    solvers = [solver_of(mechanism, names, row) for row in table]
-    expected = [
-        solver.torque(float(angle), 15.0) if solver else math.nan
-        for solver, (angle,) in zip(solvers, angles, strict=True)
-    ]
-    assert np.array_equal(found, expected, equal_nan=True)
-    assert 20 < np.isfinite(found).sum() < len(table)
-    assert (max(sizes) > 10) == (kinds != 'curves')
+# The expected root mean square is by another rule of integration.
+DIGITS = {'rms_torque': 1e-3, 'time_ratio': 1e-14, 'point_distance': 1e-8}
 
 
 def expected_measures(solver, angles, points):
     """Computes the measures of a solver, by name."""
-    turns = solver.reach.period_turns
-    crank = (np.arange(turns * angles) + 0.5) * (2 * math.pi / angles)
-    state = solver.state(crank, radians_per_second(RPM))
-    found = {
-        'peak_torque': np.abs(state.torque).max(),
-        'rms_torque': math.sqrt(np.mean(state.torque**2)),
-        'shaking_force': np.hypot(*solver.reactions(state).shaking_force).max(),
-    }
+    crank = samples(solver, SPEED, angles)
+    names = 'peak_torque', 'rms_torque', 'shaking_force'
+    found = dict(zip(names, efforts(solver, crank, lambda x: (x, SPEED)), strict=True))
     moved = travel(solver)
     way = moved.extremes[1] - moved.extremes[0] if moved.extremes else math.nan
     found |= {
@@ -178,7 +171,7 @@ def test_measures_match_the_solver(preset, kinds):
     solvers = [solver_of(mechanism, names, row) for row in table]
     expected = [expected_measures(x, 360, points) if x else None for x in solvers]
     measures = next(tuple(x) for x in expected if x)
-    found = measure(Task(mechanism, RPM, names, measures, 360, points), table)
+    found = measured(Task(mechanism, RPM, names, measures, 360, points), table)
     assert (found[:, 0] == TURNS).tolist() == [x is not None for x in solvers]
     assert 10 < sum(found[:, 0] == TURNS) < 30
     for row, wanted in zip(found[:, 1:], expected, strict=True):
@@ -186,10 +179,88 @@ def test_measures_match_the_solver(preset, kinds):
             assert np.isnan(row).all()
             continue
         for name, value in zip(measures, row, strict=True):
-            digits = {'time_ratio': 1e-14, 'point_distance': 1e-8}.get(name, 1e-15)
+            digits = DIGITS.get(name, 1e-15)
             if kinds:
                 digits = max(digits, 1e-13)
             assert value == pytest.approx(wanted[name], rel=digits, nan_ok=True), name
+
+
+ALL_LOADS = {
+    'slider_crank': {
+        'gas': {'kind': 'gas', 'link': 'slider', 'bore': 0.06, 'clearance': 0.05, 'inlet': 1e5,
+                'outlet': 3e5},
+        'rubber': {'kind': 'link', 'link': 'slider', 'damping': 3.0, 'stiffness': 9.0},
+    },
+    'quadrilateral': {
+        'spring': {'kind': 'spring', 'link': 'rocker', 'at': [0.1, 0.02], 'to': 'frame',
+                   'to_at': [0.3, 0.3], 'stiffness': 80.0, 'free_length': 0.1, 'damping': 2.0},
+        'push': {'kind': 'force', 'link': 'coupler', 'at': [0.1, 0.0], 'force': [3.0, -5.0]},
+        'oil': {'kind': 'pins', 'damping': 0.02},
+    },
+    'coupler_point': {},
+    'shaper': {},
+    'watt': {},
+}  # fmt: skip
+OWN_MEASURES = ('peak_torque', 'rms_torque', 'shaking_force', 'swing', 'stroke', 'time_ratio',
+                'transmission_angle')  # fmt: skip
+
+
+def own_file(base, names, row, path):
+    """Loads a parameter file with other values."""
+    given = dict(zip(names, map(float, row), strict=True))
+    rpm = given.pop('rpm')
+    known, own = base.parameters(), flatten(base.mechanism)
+    values = with_values({x: known[x] for x in known if x in own}, given)
+    values = {x: list(y) if isinstance(y, tuple) else y for x, y in values.items()}
+    values |= {'mechanism': base.kind.mechanism, 'drive': 'speed', 'rpm': rpm}
+    path.write_text(yaml.safe_dump({'/**': {'ros__parameters': values}}))
+    return load(str(path))
+
+
+@pytest.mark.parametrize('sign', [1.0, -1.0])
+@pytest.mark.parametrize('preset', ALL_LOADS)
+def test_designs_equal_machines_of_their_own_parameter_files(preset, sign, tmp_path):
+    """Every parameter varies, and every measure is that of a chart with as many samples."""
+    base = load(preset)
+    loads = {f'loads.{x}.{y}': v for x, of in ALL_LOADS[preset].items() for y, v in of.items()}
+    bare = {k: v for k, v in flatten(base.mechanism).items() if not k.startswith('loads.')}
+    base = replace(base, mechanism=build(type(base.mechanism), bare | loads))
+    leaves = [*parameters(base.mechanism, sign * RPM)]
+    names = tuple(leaf.name for leaf in leaves)
+    values = np.array([leaf.default for leaf in leaves])
+    shares = np.random.default_rng(7).uniform(-0.02, 0.02, (32, len(names)))
+    lows, highs = np.transpose([(leaf.quantity.low, leaf.quantity.high) for leaf in leaves])
+    table = np.clip(values + shares * np.where(values, values, 0.1), lows, highs)
+    measures = tuple(
+        x for x in OWN_MEASURES if MEASURES[x].applies(Task(base.mechanism, RPM, (), (), 720))
+    )
+    found = measured(Task(base.mechanism, sign * RPM, names, measures, 720), table)
+    compared = 0
+    for row, (outcome, *values) in zip(table, found, strict=True):
+        try:
+            machine = own_file(base, names, row, tmp_path / 'own.yaml')
+        except MechanismError:
+            assert outcome == CANNOT_TURN
+            continue
+        assert outcome == TURNS
+        solver, speed = Solver(machine.mechanism), machine.drive.rpm * math.pi / 30
+        assert np.sign(speed) == sign
+        crank = samples(solver, speed, 720)
+        torque, rms, force = efforts(solver, crank, lambda x, speed=speed: (x, speed))
+        moved = travel(solver)
+        span = np.ptp(moved.extremes)
+        angles = moved.transmission or (math.nan, math.nan)
+        expected = {
+            'peak_torque': torque, 'rms_torque': rms, 'shaking_force': force,
+            'swing': math.degrees(span), 'stroke': span,
+            'time_ratio': moved.time_ratio or math.nan,
+            'transmission_angle': math.degrees(min(angles[0], math.pi - angles[1])),
+        }  # fmt: skip
+        assert dict(zip(measures, values, strict=True)) == pytest.approx(
+            {name: expected[name] for name in measures}, rel=1e-12, nan_ok=True
+        )
+        compared += len(measures)
+    assert compared > 80
 
 
 @pytest.mark.parametrize('angles', [24, 360])
@@ -202,7 +273,7 @@ def test_points_on_the_path_have_no_distance_from_it(angles):
     ]
     for point in points:
         task = Task(mechanism, None, ('frame.length',), ('point_distance',), angles, (point,))
-        ((_, distance),) = measure(task, np.array([[mechanism.frame.length]]))
+        ((_, distance),) = measured(task, np.array([[mechanism.frame.length]]))
         assert distance < 1e-15
 
 
@@ -213,7 +284,7 @@ def test_reversals_exactly_at_a_sample_are_found():
     angles = np.radians(np.arange(-360, 360) / 2)[:, None]
     for mechanism, name in ((slider, 'stroke'), (bar, 'swing')):
         task = Task(mechanism, None, ('frame.angle',), (name, 'time_ratio'), 360)
-        _, way, ratio = measure(task, angles).T
+        _, way, ratio = measured(task, angles).T
         wanted = travel(Solver(mechanism))
         span = np.ptp(wanted.extremes)
         assert way == pytest.approx(span if wanted.slides else math.degrees(span), rel=1e-13)
@@ -225,14 +296,14 @@ def test_designs_with_change_points_have_torques_but_no_forces():
     mechanism = load('quadrilateral').mechanism
     names = ('crank.length', 'coupler.length', 'rocker.length', 'frame.length')
     table = np.array([[0.1, 0.2, 0.3, 0.4], [0.1, 0.3, 0.1, 0.3], [0.1, 0.3, 0.25, 0.3]])
-    found = measure(Task(mechanism, RPM, names, ('peak_torque', 'shaking_force'), 36), table)
+    found = measured(Task(mechanism, RPM, names, ('peak_torque', 'shaking_force'), 36), table)
     assert found[:, 0].tolist() == [1, 1, 1]
     assert np.isinf(found[:, 2]).tolist() == [True, True, False]
     for row, torque in zip(table, found[:, 1], strict=True):
         solver = solver_of(mechanism, names, row)
-        angles = (np.arange(72) + 0.5) * (math.pi / 18)
-        torques = solver.state(angles, radians_per_second(RPM)).torque
-        assert torque == pytest.approx(np.abs(torques).max(), rel=1e-13)
+        crank = samples(solver, SPEED, 36)
+        expected = peak(crank, lambda x, solver=solver: solver.torque(x, SPEED))
+        assert torque == pytest.approx(expected, rel=1e-12)
 
 
 def test_springs_on_rockers_are_computed_design_by_design():
@@ -240,7 +311,7 @@ def test_springs_on_rockers_are_computed_design_by_design():
     mechanism = load('quadrilateral').mechanism
     mechanism = replace(mechanism, rocker=replace(mechanism.rocker, rest_angle=1.0))
     names, table = ('coupler.length', 'rocker.stiffness'), np.array([[0.3, 4.0], [0.31, 5.0]])
-    found = measure(Task(mechanism, RPM, names, ('peak_torque',), 36), table)
+    found = measured(Task(mechanism, RPM, names, ('peak_torque',), 36), table)
     for row, (_, torque) in zip(table, found, strict=True):
         solver = solver_of(mechanism, names, row)
         expected = expected_measures(solver, 36, [0j])['peak_torque']
@@ -305,13 +376,33 @@ def test_rms_within_an_arc_is_the_integral_over_time(name):
     # The corner of the splines is at 0.4 s.
     parts = [quad(square, *ends, epsabs=0, epsrel=1e-8)[0] for ends in ((0, 0.4), (0.4, 1))]
     exact = math.sqrt(sum(parts))
-    for angles, error in ((12, 0.01), (96, 2e-4), (960, 2e-6)):
+    for angles, error in ((12, 0.03), (96, 2e-4), (960, 2e-6)):
         settings = Settings('quadrilateral', angles=angles, swing=None if motion else (0.5, 2.0))
         way = _way(settings, LawDrive(motion) if motion else None, joint)
         names = ('crank.mass',)
         task = Task(mechanism, None if motion else RPM, names, ('rms_torque',), angles, (), way)
-        ((_, found),) = measure(task, np.array([[mechanism.crank.mass]]))
+        ((_, found),) = measured(task, np.array([[mechanism.crank.mass]]))
         assert found == pytest.approx(exact, rel=error)
+
+
+def along(solver, way, speed, angles):
+    """Returns samples of a motion within an arc, and the motion as a function of them."""
+    if way.law is None:
+        return np.linspace(way.low, way.high, angles), lambda x: (x, speed)
+    time, motion = law_samples(solver, way.law, angles - 1)
+
+    def moved(x):
+        found = motion(x)
+        return found.q[0], found.u[0], found.a[0]
+
+    return time, moved
+
+
+def swung(solver, low, high):
+    """Returns the swing of the output within an arc, deg, from many samples."""
+    crank = np.linspace(low, high, 100001)
+    output = solver.structure.output_index
+    return math.degrees(np.ptp(np.unwrap(solver.state(crank).position[output])))
 
 
 @pytest.mark.parametrize('law', [True, False])
@@ -323,32 +414,28 @@ def test_measures_within_an_arc_match_the_solver(law):
     joint = mechanism.structure().driven_link
     way, rpm = _way(chosen, drive, joint), None if law else RPM
     measures = 'peak_torque', 'rms_torque', 'shaking_force', 'swing', 'transmission_angle'
-    found = measure(Task(mechanism, rpm, names, measures, 48, (), way), table)
+    found = measured(Task(mechanism, rpm, names, measures, 48, (), way), table)
     counts = [0, 0]
-    speed = way.speeds if law else RPM * math.pi / 30
     for row, (fits, *values) in zip(table, found, strict=True):
-        design = mechanism
-        for name, value in zip(names, row, strict=True):
-            design = with_value(design, name, float(value))
-        solver = Solver(design)
         try:
+            solver = Solver(changed(mechanism, names, row))
             for angle in (way.low, way.high, *np.linspace(way.low, way.high, 500)):
                 solver.state(float(angle))
-            state = solver.state(way.angles, speed, way.accelerations)
-        except UnreachableError:
+        except (MechanismError, UnreachableError):
             assert (fits, *np.isnan(values)) == (0, *[True] * len(values))
             counts[0] += 1
             continue
         assert fits == 1
         counts[1] += not solver.reach.turns_fully
-        force = np.hypot(*solver.reactions(state).shaking_force).max()
-        _, coupler, rocker = state.position
+        crank = np.linspace(way.low, way.high, 100001)
+        _, coupler, rocker = solver.state(crank).position
         acute = np.degrees(np.arcsin(np.abs(np.sin(rocker - coupler)).min()))
-        expected = [
-            np.abs(state.torque).max(), rms_between_ends(state.torque), force,
-            np.degrees(np.ptp(np.unwrap(rocker))), acute,
-        ]  # fmt: skip
-        assert values == pytest.approx(expected, rel=1e-9)
+        expected = efforts(solver, *along(solver, way, radians_per_second(RPM), 48))
+        expected += [swung(solver, way.low, way.high), acute]
+        for value, right, digits in zip(
+            values, expected, (1e-12, 1e-12, 1e-12, 1e-8, 1e-8), strict=True
+        ):
+            assert value == pytest.approx(right, rel=digits)
     assert min(counts) > 3
 
 
@@ -359,25 +446,18 @@ def test_measures_of_a_driven_cylinder_match_the_solver():
     names = 'frame.length', 'barrel.mass'
     table = np.random.default_rng(5).uniform((0.3, 10.0), (0.62, 40.0), (40, 2))
     measures = 'peak_force', 'rms_force', 'shaking_force', 'swing'
-    found = measure(Task(mechanism, None, names, measures, 48, (), way), table)
+    found = measured(Task(mechanism, None, names, measures, 48, (), way), table)
     solved = 0
     for row, (fits, *values) in zip(table, found, strict=True):
-        changed = mechanism
-        for name, value in zip(names, row.tolist(), strict=True):
-            changed = with_value(changed, name, value)
-        solver = Solver(changed)
+        solver = Solver(changed(mechanism, names, row))
         ((low, high),) = solver.reach.arcs
         assert fits == (low < way.low and way.high < high)
         if not fits:
             continue
         solved += 1
-        state = solver.state(way.angles, way.speeds, way.accelerations)
-        expected = [
-            np.abs(state.torque).max(), rms_between_ends(state.torque),
-            np.hypot(*solver.reactions(state).shaking_force).max(),
-            np.degrees(np.ptp(np.unwrap(state.position[0]))),
-        ]  # fmt: skip
-        assert values == pytest.approx(expected, rel=1e-9)
+        expected = efforts(solver, *along(solver, way, 0.0, 48))
+        assert values[:3] == pytest.approx(expected, rel=1e-12)
+        assert values[3] == pytest.approx(swung(solver, way.low, way.high), rel=1e-8)
     assert 5 < solved < 35
     for name in ('peak_torque', 'stroke'):
         assert not MEASURES[name].applies(Task(mechanism, None, names, (name,), 48, (), way))
@@ -400,10 +480,11 @@ def test_a_cylinder_moves_at_its_own_speed(run):
     assert code == 0
     rows = np.genfromtxt('study.csv', delimiter=',', names=True, dtype=None, encoding='utf8')
     solver, positions = Solver(load('excavator').mechanism), np.linspace(0.82, 1.4, 48)
-    for _, speed, rms, peak, outcome in rows:
+    for _, speed, rms, highest, outcome in rows:
         force = solver.state(positions, speed, 0.0).torque
         assert outcome == 'valid'
-        assert (rms, peak) == pytest.approx((rms_between_ends(force), np.abs(force).max()), 1e-9)
+        assert rms == pytest.approx(rms_between_ends(force), 1e-3)
+        assert highest == pytest.approx(np.abs(force).max(), 1e-2)
     assert np.ptp(rows['peak_force_N']) > 100
     force = solver.state(positions, 0.2, 0.0).torque
     assert f'base {np.abs(force).max():.5g},' in words
@@ -436,17 +517,17 @@ def test_torque_over_both_turns_of_a_four_stroke_load():
         link='crank', over='crank_angle', at=at, value=(0.0, 0.0, 900.0, 0.0, 0.0)
     )
     mechanism = replace(load('slider_crank').mechanism, loads=(load_curve,))
-    crank = (np.arange(720) + 0.5) * (math.tau / 360)
+    crank = samples(Solver(mechanism), SPEED, 360)
     state = Solver(mechanism).state(crank, radians_per_second(RPM))
     expected = (
-        np.abs(state.torque).max(),
-        math.sqrt(np.mean(state.torque**2)),
+        peak(crank, lambda x: Solver(mechanism).torque(x, SPEED)),
+        math.sqrt(mean(crank, state.torque**2)),
         travel(Solver(mechanism)).time_ratio,
     )
     measures = 'peak_torque', 'rms_torque', 'time_ratio'
     task = Task(mechanism, RPM, ('coupler.mass',), measures, 360)
-    found = measure(task, np.array([[mechanism.coupler.mass]]))
-    assert np.abs(state.torque[:360]).max() < 0.9 * expected[0]
+    found = measured(task, np.array([[mechanism.coupler.mass]]))
+    assert np.abs(state.torque[crank < math.tau]).max() < 0.9 * expected[0]
     assert found[0] == pytest.approx([TURNS, *expected], rel=1e-9)
 
 
@@ -593,6 +674,53 @@ def test_designs_whose_spring_does_not_fit_are_counted_apart(run):
     assert all(f'{count} {outcome}' in words for outcome, count in counts.items())
 
 
+DYAD = """
+/**:
+  ros__parameters:
+    mechanism: four_bar
+    rpm: 60.0
+    frame: {length: 0.4}
+    crank: {length: 0.1}
+    coupler: {length: 0.3}
+    rocker: {length: 0.3}
+    dyads:
+      ram: {from: rocker, from_at: [0.15, 0.0], first: {length: 0.3}, slider: {mass: 1.0}}
+    loads: {pull: {kind: link, link: ram_slider, force: -5.0}}
+"""
+
+
+def test_a_load_that_does_not_fit_a_design_with_a_dyad_is_refused(run):
+    """A rocker that turns fully has no middle of its swing, for a spring."""
+    Path('dyad.yaml').write_text(
+        DYAD.replace('rocker: {length: 0.3}', 'rocker: {length: 0.3, stiffness: 5.0}')
+    )
+    study = 'base: dyad.yaml\ndesigns: 64\nmeasures: [peak_torque, stroke]\nranges:\n'
+    run(f'{study}  frame.length: [0.02, 0.42]\n  dyads.ram.first.length: [0.3, 2.0]\n')
+    rows = np.genfromtxt('study.csv', delimiter=',', names=True, dtype=None, encoding='utf8')
+    counts = collections.Counter()
+    for row in rows:
+        text = (
+            Path('dyad.yaml')
+            .read_text()
+            .replace('frame: {length: 0.4}', f'frame: {{length: {row["framelength_m"]!r}}}')
+        )
+        text = text.replace(
+            'first: {length: 0.3}', f'first: {{length: {row["dyadsramfirstlength_m"]!r}}}'
+        )
+        Path('own.yaml').write_text(text.replace('np.float64(', '').replace(')}', '}'))
+        expected = 'valid'
+        try:
+            Solver(load('own.yaml').mechanism).reach.require_full_turn()
+        except MechanismError:
+            expected = 'cannot turn'
+        except ConfigurationError:
+            expected = 'a spring or load curve does not fit'
+        assert row['outcome'] == expected
+        counts[expected] += 1
+    assert counts['a spring or load curve does not fit'] > 2
+    assert counts['valid'] > 2
+
+
 SLIDER = """
 /**:
   ros__parameters:
@@ -623,7 +751,7 @@ def test_designs_that_reverse_against_valves_are_counted_apart(run):
     assert rows['outcome'].tolist() == ['valid', outcome, outcome, outcome]
     assert np.isnan(rows['peak_torque_N_m']).tolist() == [False, True, True, True]
     configuration = load('base.yaml')
-    refused = with_value(configuration.mechanism, 'slider.offset', 0.03)
+    refused = changed(configuration.mechanism, ['slider.offset'], [0.03])
     with pytest.raises(ConfigurationError, match='inside the stroke'):
         configuration.drive.check(refused)
 
@@ -708,19 +836,17 @@ def test_designs_of_a_six_bar_match_the_solver():
     low, high = (0.05, 0.1, 0.05), (0.6, 0.4, 0.12)
     table = rng.uniform(low, high, (30, 3))
     mechanism = replace(load('watt').mechanism, loads=())
-    found = measure(Task(mechanism, 60.0, names, ('peak_torque', 'stroke'), 90), table)
-    angles, turning = (np.arange(90) + 0.5) * math.tau / 90, 0
-    for (outcome, peak, stroke), row in zip(found, table, strict=True):
-        design = mechanism
-        for name, value in zip(names, row, strict=True):
-            design = with_value(design, name, float(value))
+    found = measured(Task(mechanism, 60.0, names, ('peak_torque', 'stroke'), 90), table)
+    turning = 0
+    for (outcome, torque, stroke), row in zip(found, table, strict=True):
         with suppress(LinkageError):
-            solver = Solver(design)
+            solver = Solver(changed(mechanism, names, row))
             low, high = travel(solver).extremes
             turning += 1
             assert outcome == TURNS
-            torque = solver.state(angles, math.tau).torque
-            assert peak == pytest.approx(abs(torque).max(), rel=1e-12)
-            assert math.isnan(stroke) or stroke == pytest.approx(high - low, rel=1e-9)
+            crank = samples(solver, SPEED, 90)
+            expected = peak(crank, lambda x, solver=solver: solver.torque(x, math.tau))
+            assert torque == pytest.approx(expected, rel=1e-12)
+            assert stroke == pytest.approx(high - low, rel=1e-9)
     assert 5 < turning < 25
     assert np.sum(found[:, 0] == TURNS) == turning

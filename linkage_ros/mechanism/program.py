@@ -8,11 +8,10 @@ formula may branch on them, and terms that vanish because of a 0.0 are not compu
 traced once; other numbers only bind its program again.
 """
 
-import copy
 import functools
 import math
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any, NoReturn
+from typing import Any, cast
 
 import numpy as np
 
@@ -54,12 +53,14 @@ class Constants:
                 structure.append(float if part else ZERO)
                 if part:
                     self.numbers.append(part)
-            elif isinstance(part, tuple):
-                structure += kind, len(part)
-                waiting += part[::-1]
             elif kind is complex:
                 structure.append(complex)
                 waiting += part.imag, part.real
+            elif kind in _BRANCHING:
+                structure += kind, part  # True and 1 are different
+            elif isinstance(part, tuple):
+                structure += kind, len(part)
+                waiting += part[::-1]
             elif isinstance(part, Opaque):
                 structure.append(Opaque)
                 self.numbers.append(part.function)
@@ -71,7 +72,7 @@ class Constants:
                     'be a number, text, None, an Opaque function, or a tuple of these'
                 )
             else:
-                structure += kind, part  # True and 1 are different
+                structure += kind, part
         self.tapes = _tapes_of(tuple(structure))
 
     @functools.cached_property
@@ -79,29 +80,8 @@ class Constants:
         """The constants, with vectors in place of complex numbers and ZERO in place of 0.0."""
         return transformed(_prepared, self._given)
 
-    def part(self, rows: Any) -> 'Constants':
-        """Selects some designs of stacked constants, by a slice or an array of indices."""
-        chosen = copy.copy(self)
-        chosen.numbers = [x[rows] if isinstance(x, np.ndarray) else x for x in self.numbers]
-        return chosen
 
-    @classmethod
-    def stacked(cls, designs: Sequence['Constants']) -> 'Constants':
-        """Combines the constants of designs of one structure.
-
-        Returns:
-            Constants in which each number is an array of shape (designs, 1). A function must be
-            equal in all designs: another one raises a ConfigurationError when it is called.
-        """
-        found = copy.copy(designs[0])
-        columns = zip(*(design.numbers for design in designs), strict=True)
-        found.numbers = [
-            _common(column) if callable(column[0]) else np.array(column)[:, None]
-            for column in columns
-        ]
-        return found
-
-
+_BRANCHING = {bool, int, str, type(None)}  # on which a formula may branch
 _PLAIN: tuple[tuple[type, tuple[type, ...]], ...] = (
     (float, (float, np.floating)),
     (complex, (complex, np.complexfloating)),
@@ -112,19 +92,6 @@ _PLAIN: tuple[tuple[type, tuple[type, ...]], ...] = (
 @functools.lru_cache(_STRUCTURES)
 def _tapes_of(structure: tuple[Any, ...]) -> dict[Any, Tape]:  # noqa: ARG001, the key
     return {}
-
-
-def _common(functions: Sequence[Callable[..., Any]]) -> Callable[..., Any]:
-    """Returns the function of all designs; if they differ, one that raises an error."""
-    first, *others = functions
-    return first if all(other == first for other in others) else _refuse_stacked
-
-
-def _refuse_stacked(*_: Any) -> NoReturn:
-    raise ConfigurationError(
-        'the functions of stacked designs differ, such as load curves or the errors of guards, so '
-        'that none can be called for all: run each design alone'
-    )
 
 
 def _prepared(leaf: Any) -> Any:
@@ -192,28 +159,13 @@ class Program:
         arguments = (transformed(lambda _: next(given), x) for x in self.arguments)
         return transformed(formulas.number, self.formula(self.constants.tree, *arguments))
 
-    def designs(self, *values: Real, by_math: bool = False) -> Any:
-        """Runs the program on floats and arrays that broadcast with those of the constants.
-
-        Args:
-            *values: Arguments of the formula.
-            by_math: Whether to apply functions of `math`, element by element, so that results are
-                bit-identical to those of floats. NumPy's functions are faster.
-
-        Returns:
-            The result of the formula, with floats for values that do not depend on an array.
-        """
-        bind = self.tape.by_math if by_math else self.tape.for_arrays
-        if by_math and is_noisy():
-            bind = self.tape.with_noise
-        return bind(*self.constants.numbers)(*values)
-
     def __call__(self, *values: Any, by_math: bool = False) -> Any:
         """Evaluates the formula.
 
         Args:
             *values: Numbers, or arrays that broadcast.
-            by_math: See `designs`.
+            by_math: Whether to apply functions of `math`, element by element, so that results are
+                bit-identical to those of floats. NumPy's functions are faster.
 
         Returns:
             The result of the formula: floats if no argument is an array, else arrays.
@@ -245,6 +197,13 @@ class Program:
         """Returns a result with the structure of a tree and other values."""
         return self.tape.shaped(*values) if self._traced else rebuilt(tree, iter(values))
 
+    def _bound(self, *, by_math: bool) -> Callable[..., Any]:
+        """Returns the program for floats and arrays, with its constants bound."""
+        bind = self.tape.by_math if by_math else self.tape.for_arrays
+        if by_math and is_noisy():
+            bind = self.tape.with_noise
+        return cast('Callable[..., Any]', bind(*self.constants.numbers))
+
     def _blocks(self, rows: Sequence[Real], size: int, *, by_math: bool) -> tuple[Any, Array]:
         """Evaluates the formula on floats and arrays of shape (size,), block by block.
 
@@ -255,7 +214,7 @@ class Program:
         # by page. Freeing this larger, untouched block raises that threshold.
         np.empty(3_000_000)
         found, tree = np.empty((0, size)), None
-        run = functools.partial(self.designs, by_math=by_math) if self._traced else self.untraced
+        run = self._bound(by_math=by_math) if self._traced else self.untraced
         for start in range(0, max(size, 1), _CHUNK):
             part = slice(start, start + _CHUNK)
             given = (x if isinstance(x, float) else x[part] for x in rows)

@@ -239,12 +239,17 @@ class Solver:
         return Program(formula, constants, names, traced=self._traced)
 
     @functools.cached_property
+    def motion_reach(self) -> Reach | None:
+        """The same as `mobility`, without regard to loads."""
+        return reach_of(self.mechanism)
+
+    @functools.cached_property
     def mobility(self) -> Reach | None:
         """The reach of the crank; None if the crank angle alone does not determine the motion.
 
         Its `period_turns` are those of motion and loads together.
         """
-        reach = reach_of(self.mechanism)
+        reach = self.motion_reach
         if reach is None:
             return None
         return reach._replace(period_turns=period_turns(reach, self.mechanism.applied_loads()))

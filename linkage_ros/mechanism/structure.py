@@ -234,16 +234,8 @@ class Structure(NamedTuple):
 
     @property
     def output_index(self) -> int:
-        """Index of the output link, whose travel is shown.
-
-        It is the last link; for a cylinder, the crank if the cylinder is driven, else the barrel,
-        whose swing is that of a slotted lever.
-        """
-        last = len(self.links) - 1
-        if last == self.driven:
-            return 0
-        parent = self.links[last].parent
-        return last if parent is None or not self.links[last].slides else parent
+        """Index of the output link; see `output_index`."""
+        return output_index(self.links, self.driven)
 
     @property
     def closures(self) -> tuple[tuple[Point, int], ...]:
@@ -354,6 +346,23 @@ class Structure(NamedTuple):
         return max(found)
 
 
+def output_index(links: Sequence[Link], driven: int) -> int:
+    """Returns the index of the output link, whose travel is shown.
+
+    It is the last link; for a cylinder, the crank if the cylinder is driven, else the barrel,
+    whose swing is that of a slotted lever.
+
+    Args:
+        links: The moving links of a mechanism.
+        driven: Index of the driven link.
+    """
+    last = len(links) - 1
+    if last == driven:
+        return 0
+    parent = links[last].parent
+    return last if parent is None or not links[last].slides else parent
+
+
 def mouth(structure: Structure) -> complex:
     """Returns the mouth of a barrel, [along, across] as x + iy, m, where its drawing ends.
 
@@ -412,7 +421,7 @@ class Mechanism(Checked):
         if self.dyads:
             links = [link.name for link in self.loop_structure().links]
             object.__setattr__(self, 'dyads', ordered(self.dyads, links))
-        own = [load.key for load in self._part_loads()]
+        own = [load.key for load in self._part_loads]
         loads = tuple(load.completed() for load in _named(self.loads, own))
         object.__setattr__(self, 'loads', loads)
 
@@ -446,11 +455,17 @@ class Mechanism(Checked):
 
     def structure(self) -> Structure:
         """Returns the links, points and joints of the mechanism."""
+        return self._structure
+
+    @functools.cached_property
+    def _structure(self) -> Structure:
         return functools.reduce(Structure.with_dyad, self.dyads, self.loop_structure())
 
     def parts(self) -> dict[str, Any]:
         """Returns the part of each link, with its mass and dimensions, by the link's name."""
-        found = {link.name: getattr(self, link.name) for link in self.loop_structure().links}
+        links = self.structure().links
+        of_loop = links[: len(links) - 2 * len(self.dyads)]
+        found = {link.name: getattr(self, link.name) for link in of_loop}
         return found | {name: part for dyad in self.dyads for name, part in dyad.parts.items()}
 
     def loop(self) -> Loop:
@@ -486,15 +501,16 @@ class Mechanism(Checked):
         """Returns the kinematic constants in `other_coordinates`."""
         raise NotImplementedError
 
+    @functools.cached_property
     def _part_loads(self) -> list[AppliedLoad]:
-        """Returns the loads that parts give for their own links."""
+        """The loads that parts give for their own links."""
         parts = self.parts().items()
         found = [part.own_load(name) for name, part in parts if isinstance(part, LoadedPart)]
         return [load for load in found if load is not None]
 
     def applied_loads(self) -> tuple[AppliedLoad, ...]:
         """Returns all loads with their parameters: those of parts, then `loads`."""
-        return (*self._part_loads(), *self.loads)
+        return (*self._part_loads, *self.loads)
 
     def link_loads(self) -> dict[str, Load]:
         """Returns the loads on links by `AppliedLoad.key`: all but weights and `joint_loads`."""

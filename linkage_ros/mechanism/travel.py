@@ -3,17 +3,20 @@
 """Stroke or swing of the output link."""
 
 import math
-from dataclasses import replace
+from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple, cast
 
 import numpy as np
 
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.mechanism.solver import Solver
-from linkage_ros.numeric import signs_around
+from linkage_ros.mechanism.structure import output_index
+from linkage_ros.numeric import Array, Real, signs_around
 from linkage_ros.quantities import shown
 
 _SAME = 16 * 2.0**-53 * math.tau  # rad; a few rounding errors of an angle of one turn
+_LAST_STEP = 2 * math.ulp(math.tau)  # rad or m; a smaller step is a rounding error
+_STEPS = 720  # samples of an arc, or of a turn
 
 
 class Travel(NamedTuple):
@@ -68,51 +71,132 @@ def travel(solver: Solver) -> Travel:
     """
     if not isinstance(solver, Solver):
         raise ConfigurationError(f'{shown(solver)}: must be a Solver, as in Solver(mechanism)')
-    if solver.mechanism.loads:  # they do not change the motion, but friction may lock the crank
-        solver = Solver(replace(cast('Any', solver.mechanism), loads=()))
-    reach = solver.reach
-    reach.require_full_turn()
-    period = reach.period_turns * 2 * math.pi
-    crank = reach.samples()
+    solver.reach.require_full_turn()
+    reach, output = cast('Any', solver.motion_reach), _Output(solver)
+    period = reach.period_turns * math.tau
+    crank = reach.samples(_STEPS)
     crank = 0.5 * (crank[1:] + crank[:-1])
     crank = np.append(crank, crank[0] + period)
-    state = solver.state(crank, 1.0)
-    output = solver.structure.output_index
-    position, rate = state.position[output], state.velocity[output]
-    slides = solver.structure.links[output].slides
-
-    def whole_turns(angle: float) -> float:
-        return 0.0 if slides else 2 * math.pi * round(float(angle) / (2 * math.pi))
-
-    position = position if slides else np.unwrap(position)
-    if not slides and np.ptp(position) <= _SAME:  # at rest: its rate is a rounding error
+    position, rate = output.path(crank)
+    if not output.slides and np.ptp(position) <= _SAME:  # at rest: its rate is a rounding error
         position, rate = np.full_like(position, np.median(position)), np.zeros_like(rate)
     signs = signs_around(rate[:-1])
-    before = np.flatnonzero(signs * np.roll(signs, -1) < 0)
-    at = [_reversal(solver, *crank[i : i + 2].tolist(), rises=signs[i] > 0) for i in before]
-    found = [solver.state(angle).position[output] for angle in at]
-    # Each angle is shifted into the turn of the surrounding samples.
-    reversed_at = [p + whole_turns(position[i] - p) for i, p in zip(before, found, strict=True)]
+    found = [*output.reversals(crank, position, signs, np.append(signs[1:], signs[0]))]
+    at = [angle for angle, _ in found]
     extremes: tuple[float, float] | None = None
-    if not whole_turns(position[-1] - position[0]):
-        # If the output nearly rests, rounding errors may hide a reversal; include the samples.
-        ends = *reversed_at, float(position.min()), float(position.max())
-        seam = whole_turns(0.5 * (min(ends) + max(ends)))
-        extremes = min(ends) - seam, max(ends) - seam
+    if not output.whole_turns(position[-1] - position[0]):
+        extremes = output.extremes(position, found)
     ratio = None
     if len(at) == 2:
         way = at[1] - at[0]
         ratio = max(way, period - way) / min(way, period - way)
     reversals = tuple(sorted(angle % period for angle in at))
-    return Travel(solver.links[output], slides, extremes, reversals, reach.transmission, ratio)
+    return Travel(solver.output, output.slides, extremes, reversals, reach.transmission, ratio)
 
 
-def _reversal(solver: Solver, low: float, high: float, *, rises: bool) -> float:
-    """Finds the crank angle at which the output's rate changes sign, by bisection."""
-    output = solver.structure.output_index
-    while low < (middle := 0.5 * (low + high)) < high:
-        if (solver.state(middle, 1.0).velocity[output] > 0) == rises:
-            low = middle
-        else:
-            high = middle
-    return high
+def extremes_between(solver: Solver, low: float, high: float) -> tuple[float, float]:
+    """Finds the extreme positions of the output link while the driven joint covers an arc.
+
+    Args:
+        solver: Solver of a mechanism with one degree of freedom.
+        low: Smallest crank angle, rad, or position of a driven cylinder, m; within its reach.
+        high: The largest one.
+
+    Returns:
+        Lowest and highest position, rad or m, as in `Travel.extremes`. They are 2 pi or more apart
+        if the link turns fully.
+    """
+    reach, output = cast('Any', solver.motion_reach), _Output(solver)
+    if reach.slides:
+        crank = np.linspace(low, high, _STEPS + 1)
+    else:
+        period = reach.period_turns * math.tau
+        shifts = period * np.arange(math.floor(low / period), math.ceil(high / period))
+        crank = np.ravel(reach.samples(_STEPS)[:-1] + shifts[:, None])
+        crank = np.array([low, *crank[(low < crank) & (crank < high)], high])
+    position, rate = output.path(crank)
+    signs = signs_around(rate)
+    return output.extremes(position, output.reversals(crank, position, signs[:-1], signs[1:]))
+
+
+class _Output:
+    """The motion of the output link, over the position of the driven joint.
+
+    Attributes:
+        slides: Whether the output link slides.
+    """
+
+    def __init__(self, solver: Solver) -> None:
+        """Prepares the programs for a mechanism with one degree of freedom."""
+        self.slides = solver.structure.links[solver.structure.output_index].slides
+        self._path = solver.program(_path, 'q')
+        self._motion = solver.program(_motion, 'q').floats
+
+    def whole_turns(self, angle: float) -> float:
+        """Returns the whole turns that are nearest to an angle, rad; 0 if the link slides."""
+        return 0.0 if self.slides else math.tau * round(float(angle) / math.tau)
+
+    def path(self, crank: Array) -> tuple[Array, Array]:
+        """Computes the positions, as a continuous function, and their derivative."""
+        position, rate = self._path(crank)
+        if not self.slides and np.ptp(position) > math.pi:
+            position = np.unwrap(position)
+        return position, rate
+
+    def reversals(
+        self, crank: Array, position: Array, signs: Array, following: Array
+    ) -> Iterator[tuple[float, float]]:
+        """Yields the crank angle and the position of each reversal between two samples.
+
+        Args:
+            crank: The samples of the driven joint, in increasing order.
+            position: Positions there, from `path`.
+            signs: Sign of the rate at each sample but the last.
+            following: Sign of the rate at the sample that follows each of them.
+        """
+        for i in np.flatnonzero(signs * following < 0):
+            at, found = self._reversal(*crank[i : i + 2].tolist(), rises=signs[i] > 0)
+            # Each angle is shifted into the turn of the surrounding samples.
+            yield at, found + self.whole_turns(position[i] - found)
+
+    def _reversal(self, low: float, high: float, *, rises: bool) -> tuple[float, float]:
+        """Finds where the rate changes its sign, by Newton's method with bisection.
+
+        Returns:
+            The crank angle, and the position there.
+        """
+        at, size = 0.5 * (low + high), math.inf
+        while True:
+            position, rate, slope = self._motion(at)
+            if (rate > 0) == rises:
+                low = at
+            else:
+                high = at
+            middle, last = 0.5 * (low + high), size
+            step = -rate / slope if slope else math.inf
+            if not (low <= at + step <= high and 2 * abs(step) < last):
+                step = middle - at
+            size = abs(step)
+            if size <= _LAST_STEP or not low < middle < high:
+                return at + step, position
+            at += step
+
+    def extremes(
+        self, position: Array, reversals: Iterable[tuple[float, float]]
+    ) -> tuple[float, float]:
+        """Returns the lowest and the highest position, given samples and reversals."""
+        # If the output nearly rests, rounding errors may hide a reversal; include the samples.
+        ends = *(place for _, place in reversals), float(position.min()), float(position.max())
+        seam = self.whole_turns(0.5 * (min(ends) + max(ends)))
+        return min(ends) - seam, max(ends) - seam
+
+
+def _motion(model: Any, q: tuple[Real]) -> tuple[Real, Real, Real]:
+    """Computes the position of the output link, and its first two derivatives."""
+    link = model.loop.pose(q).links[output_index(model.links, model.driven)]
+    return link.position, link.jacobian[0], link.curvature[0]
+
+
+def _path(model: Any, q: tuple[Real]) -> tuple[Real, Real]:
+    """Computes the position of the output link, and its first derivative."""
+    return _motion(model, q)[:2]

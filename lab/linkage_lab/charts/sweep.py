@@ -13,14 +13,8 @@ from typing import Any
 import numpy as np
 
 from linkage_lab.output import Pictures, chart, doubts, folder, pictures, save_csv
-from linkage_lab.sweep.measures import (
-    CANNOT_TURN,
-    MEASURES,
-    REFUSED,
-    REVERSES,
-    TURNS,
-    measure,
-)
+from linkage_lab.sweep.designs import CANNOT_TURN, REFUSED, REVERSES, TURNS, measured
+from linkage_lab.sweep.measures import MEASURES
 from linkage_lab.sweep.spread import cluster, processes, spread
 from linkage_lab.sweep.study import Study, read_study
 from linkage_ros import ConfigurationError
@@ -56,7 +50,7 @@ def sweep(options: argparse.Namespace) -> None:
     study = read_study(options.study)
     name, count = Path(options.study).stem, len(study.designs)
     table, drawn = options.out / f'{name}.csv', pictures(options, name, options.study)
-    work = partial(measure, study.task)
+    work = partial(measured, study.task)
     (base,) = work(np.array([[leaf.default for leaf in study.columns]]))
     blocks = np.split(study.designs, range(_BLOCK, count, _BLOCK))
     connect = partial(processes, min(options.workers or os.cpu_count() or 1, len(blocks)))
@@ -70,11 +64,11 @@ def sweep(options: argparse.Namespace) -> None:
                     found[i * _BLOCK : i * _BLOCK + len(rows)] = rows
                     bar.update(len(rows))
         finally:
-            results, measured = _Results(study, base, found), int(np.isfinite(found[:, 0]).sum())
-            if measured:
+            results, done = _Results(study, base, found), int(np.isfinite(found[:, 0]).sum())
+            if done:
                 save_csv(table, *results.table())
-            if 0 < measured < count:
-                print(f'{measured} of {count} designs are in {table}', file=sys.stderr)
+            if 0 < done < count:
+                print(f'{done} of {count} designs are in {table}', file=sys.stderr)
         if not results.good.any():
             raise ConfigurationError(
                 f'no design is left of {results.summary}; change the ranges or the constraints'
@@ -102,8 +96,8 @@ class _Results:
 
         Args:
             study: Study that contains the designs.
-            base: The result of `measure` for the base design.
-            found: The result of `measure` for each design; NaN for designs not yet measured.
+            base: The result of `measured` for the base design.
+            found: The result of `measured` for each design; NaN for designs not yet measured.
         """
         self.study, self._turns = study, found[:, 0]
         self.base = dict(zip(study.task.measures, base[1:].tolist(), strict=True))

@@ -10,10 +10,11 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from scipy.stats import qmc
 
-from linkage_lab.sweep.measures import MEASURES, RPM, SPEED, Task, Way
+from linkage_lab.sweep.designs import RPM, SPEED
+from linkage_lab.sweep.measures import MEASURES, Task, Way
 from linkage_ros import ConfigurationError, Mechanism, load
 from linkage_ros.formulas import Array
-from linkage_ros.internals import LawMotion, read_yaml, reversals
+from linkage_ros.internals import read_yaml, reversals
 from linkage_ros.quantities import Checked, Leaf, Quantity, build, flatten, leaves, quantity, shown
 
 _GROUPS = 'ranges', 'tolerances', 'constraints', 'goals'
@@ -123,7 +124,7 @@ def read_study(path: str) -> Study:
     task = Task(mechanism, speed, names, chosen, settings.angles, places, way)
     for name in measures:
         if not MEASURES[name].applies(task):
-            raise ConfigurationError(f'measure {name}: needs {MEASURES[name].needs}')
+            raise ConfigurationError(f'measure {name}: needs {MEASURES[name].words}')
     return Study(configuration, task, columns, _designs(settings, columns), constraints, goals)
 
 
@@ -151,14 +152,13 @@ def _way(settings: Settings, drive: Any, joint: Any) -> Way | None:
     Raises:
         ConfigurationError: The swing is empty, or missing for a cylinder without a law.
     """
-    count = settings.angles
     if settings.swing is not None:
         low, high = settings.swing
         if not low < high:
             raise ConfigurationError(
                 f'swing = {shown(settings.swing)}: give the smaller angle first'
             )
-        return Way(low, high, np.linspace(low, high, count))
+        return Way(low, high)
     law = drive.law(joint) if settings.rpm is None and settings.speed is None else None
     if law is None:
         if joint.slides:
@@ -166,11 +166,9 @@ def _way(settings: Settings, drive: Any, joint: Any) -> Way | None:
                 'the cylinder is driven: give swing, the positions between which it moves, m'
             )
         return None
-    ends = [law.at(time).angle for time in law.extremes(math.inf, -math.inf)]
-    stamps = [(law.duration - 1) * i // (count - 1) for i in range(count)]
-    found = LawMotion.begin(law, 0).at_all(stamps)
-    turned = tuple(reversals(law))
-    return Way(min(ends), max(ends), found.unwrapped, found.u[0], found.a[0], turned)
+    times = {0, law.duration, *law.extremes(math.inf, -math.inf)}
+    ends = [moment.turns * math.tau + moment.angle for moment in map(law.at, times)]
+    return Way(min(ends), max(ends), law, tuple(reversals(law)))
 
 
 def _read_groups(path: str) -> tuple[dict[str, dict[str, Any]], dict[str, Any]]:
@@ -245,7 +243,7 @@ def parameters(mechanism: Mechanism, speed: float | None) -> Iterator[Leaf]:
     values: dict[str, Any] = flatten(mechanism)
     for name, allowed, _ in leaves(type(mechanism), values=values):
         group = name.partition('.')[0]
-        if name in values and group != 'loads' and hasattr(mechanism, group):
+        if name in values and hasattr(mechanism, group):
             if allowed.kind == 'number':
                 yield Leaf(name, allowed, values[name])
             elif allowed.kind == 'pair':
