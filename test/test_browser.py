@@ -60,6 +60,6 @@ def test_page_opened_late_and_again_shows_the_linkage_moving(log, tmp_path, serv
             with browser.opened_page(page) as shown:
                 seen = []
                 # A browser without a graphics card is slow.
-                wait_for(lambda: moves(shown.picture(), output, seen), 110.0)  # noqa: B023
+                wait_for(lambda: moves(shown.picture(), output, seen))  # noqa: B023
                 if served is live_page:  # a replay at 20 times the speed shows few curves
-                    wait_for(lambda: places(parts(shown.picture())[1], 'crank'), 110.0)
+                    wait_for(lambda: places(parts(shown.picture())[1], 'crank'))

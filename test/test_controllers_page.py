@@ -10,7 +10,7 @@ import time
 
 import numpy as np
 from pages import ROOT, read
-from ros_harness import CODEC, environment, fresh_domain, stop, wait_for, watched
+from ros_harness import CODEC, PATIENCE, environment, fresh_domain, stop, wait_for, watched
 from sensor_msgs.msg import JointState
 
 PAGE = read('docs/controllers.md')
@@ -39,7 +39,7 @@ def test_way_1_the_subscriber_turns_the_crank():
             # The setpoint is 15.7 rad/s; under proportional control, gravity varies the speed.
             wait_for(lambda: 10.0 < speed() < 20.0)
             prototype.terminate()
-            _, errors = prototype.communicate(timeout=60)
+            _, errors = prototype.communicate(timeout=PATIENCE)
         finally:
             prototype.kill()
             prototype.wait()

@@ -14,6 +14,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.serialization import deserialize_message, serialize_message
 from ros_harness import (
     CODEC,
+    PATIENCE,
     logged,
     node_arguments,
     stop,
@@ -200,6 +201,6 @@ def test_a_law_that_ends_moving_ends_the_node():
     law = {'times': [0.0, 0.5], 'angles': [1.0, 1.2], 'speeds': [0.0, 1.0]}
     values = {**SERVO, **{f'motion.{name}': value for name, value in law.items()}}
     with watched(('/joint_states',), *node_arguments(**values)) as (_, process):
-        printed = ''.join(process.communicate(timeout=60))
+        printed = ''.join(process.communicate(timeout=PATIENCE))
     assert process.returncode == 1
     assert 'ends 0.5 s after the start of its law, where the speed is still 1 rad/s' in printed

@@ -11,7 +11,7 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
-from ros_harness import environment, fresh_domain
+from ros_harness import PATIENCE, environment, fresh_domain
 
 PROGRAM = 'python -m linkage_ros.programs.demo'
 SHORT = 'from linkage_ros.programs import demo; demo._SECONDS = 2.0; demo._main()'
@@ -20,7 +20,7 @@ SHORT = 'from linkage_ros.programs import demo; demo._SECONDS = 2.0; demo._main(
 def test_demo_refuses_arguments(tmp_path):
     done = subprocess.run(
         [sys.executable, '-m', 'linkage_ros.programs.demo', '--rate'],
-        capture_output=True, text=True, cwd=tmp_path, timeout=60,
+        capture_output=True, text=True, cwd=tmp_path, timeout=PATIENCE,
     )  # fmt: skip
     words = f'{PROGRAM}: unrecognized arguments: --rate; see {PROGRAM} --help\n'
     assert (done.returncode, done.stdout, done.stderr) == (2, '', words)

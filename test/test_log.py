@@ -262,6 +262,16 @@ def test_existing_paths_are_kept_with_one_line(tmp_path, make, overwrite, words)
     assert (after[:7], after.st_mtime_ns) == (before[:7], before.st_mtime_ns)
 
 
+def test_a_pipe_with_a_reader_is_refused_by_its_path(tmp_path):
+    os.mkfifo(pipe := tmp_path / 'run.mcap')
+    reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+    try:
+        refused(pipe, r'run\.mcap is a pipe', overwrite=True)
+        assert stat.S_ISFIFO(os.lstat(pipe).st_mode)
+    finally:
+        os.close(reader)
+
+
 def test_device_can_be_written_by_two_runs_at_once(tmp_path):
     with LogWriter('/dev/null', CONFIGURATION, overwrite=True) as one:
         LogWriter('/dev/null', CONFIGURATION, overwrite=True).close()

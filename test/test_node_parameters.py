@@ -18,7 +18,7 @@ from rcl_interfaces.srv import (
 )
 from rclpy.parameter import Parameter as LocalParameter
 from rclpy.parameter import parameter_value_to_python
-from ros_harness import decoded, node_arguments, stop, wait_for, watched
+from ros_harness import PATIENCE, decoded, node_arguments, stop, wait_for, watched
 
 from linkage_ros.node.parameter_node import _descriptor
 from linkage_ros.quantities import Quantity
@@ -35,7 +35,7 @@ def call(listener, kind, name, request, namespace=''):
     within 0.1 s, and the client waits in vain; the request is then sent again.
     """
     client = listener.node.create_client(kind, f'{namespace}/linkage_node/{name}')
-    assert client.wait_for_service(20.0)
+    assert client.wait_for_service(PATIENCE)
     futures, sent = [], 0.0
 
     def answered():
@@ -153,7 +153,7 @@ def test_node_accepts_its_own_dump_but_no_other_read_only_value(listener, kind):
 def test_a_value_of_no_type_does_not_end_the_service_of_others(listener):
     client = listener.node.create_client(SetParameters, '/linkage_node/set_parameters')
     parameter = Parameter(name='rpm', value=ParameterValue(type=200))
-    client.wait_for_service(20.0)
+    client.wait_for_service(PATIENCE)
     for _ in range(3):
         future = client.call_async(SetParameters.Request(parameters=[parameter]))
         assert set_parameter(listener, 'rpm', type=3, double_value=30.0).successful

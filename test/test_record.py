@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from joint_codec import encode_float64
 from mechanisms import FOLLOWED
-from ros_harness import CODEC, assert_refused, command, decoded, logged, wait_for
+from ros_harness import CODEC, PATIENCE, assert_refused, command, decoded, logged, wait_for
 from state_messages import messages_at
 
 from linkage_ros import ConfigurationError, LinkageError, Solver
@@ -377,7 +377,7 @@ def test_closed_output_pipe_is_not_an_error(out):
     reading, writing = os.pipe()
     os.close(reading)
     words = command('record', 'quadrilateral', out, '--duration', 0.1)
-    done = subprocess.run(words, stdout=writing, stderr=subprocess.PIPE, timeout=60)
+    done = subprocess.run(words, stdout=writing, stderr=subprocess.PIPE, timeout=PATIENCE)
     os.close(writing)
     assert (done.returncode, done.stderr) == (0, b'')
 
@@ -389,7 +389,7 @@ def test_ctrl_c_leaves_a_complete_log(out):
             # The configuration takes less than 4000 bytes, every chunk more than 80 000.
             wait_for(lambda: out.exists() and out.stat().st_size > 80_000)
             run.send_signal(signal.SIGINT)
-            said, errors = run.communicate(timeout=60)
+            said, errors = run.communicate(timeout=PATIENCE)
         finally:
             run.kill()
     assert (run.returncode, errors.strip()) == (130, '')

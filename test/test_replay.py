@@ -74,7 +74,7 @@ def played(log, *options):
             listener,
             process,
         ):
-            out, err = process.communicate(timeout=60)
+            out, err = process.communicate(timeout=PATIENCE)
             quiet(listener)
         assert process.returncode == 0, err
         assert 'messages replayed' in out

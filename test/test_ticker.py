@@ -9,6 +9,7 @@ from itertools import accumulate
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from ros_harness import PATIENCE
 
 from linkage_ros.node import ticker as ticker_module
 from linkage_ros.node.ticker import CLOCK_STEP, RealTimeTicker, SimTimeTicker
@@ -58,7 +59,7 @@ class Run:
             lambda: receive(self.ticker),
         )  # fmt: skip
         self.ticker.start()
-        self.ticker._thread.join(20)
+        self.ticker._thread.join(PATIENCE)
         assert not self.ticker._thread.is_alive()
         self.counts = self.ticker.counts
 
@@ -123,7 +124,7 @@ def test_ticker_at_a_low_rate_stops_at_once():
     rate, first = TickRate(0.01), threading.Event()
     ticker = RealTimeTicker(rate, lambda _: first.set(), lambda *_: None, lambda _: None)
     ticker.start()
-    assert first.wait(5)
+    assert first.wait(PATIENCE)
     ticker.stop()
     assert ticker.counts.kept == 1
 
@@ -173,7 +174,7 @@ def test_tick_0_is_the_first_clock_time_and_others_follow_the_clock(times, stamp
     is_back, is_jump = 300 in times, 10**6 in times
     assert run.moved == ([(1015 * MS, 300 * MS)] if is_back else [])
     assert (run.counts.kept, run.counts.clock_steps) == (len(stamps), is_back + is_jump)
-    assert run.counts.missed == (10**6 // 5 - 1 if is_jump else 0)
+    assert run.counts.missed == 0  # the clock skipped ticks, not a late thread
     assert run.counts.last_step == (10**6 * is_jump - 715 * is_back) * MS
 
 

@@ -126,6 +126,16 @@ def test_warning_about_command_gaps_stays_until_gaps_end(commands, clock):
         assert bool(commands.troubles('')) == is_reported
 
 
+@pytest.mark.parametrize('configuration', [PUMP, QUADRILATERAL])
+def test_commands_without_a_limit_are_noted(configuration):
+    limited = changed(configuration, drive={'torque_limit': 9.0})
+    for given, count in ((configuration, 1), (limited, 0)):
+        (source,) = Simulator(given).inputs().values()
+        found = source.notes('/commands')
+        assert len(found) == count
+        assert all('torque_limit' in line and '/commands' in line for line in found)
+
+
 @pytest.mark.parametrize(
     ('names', 'efforts', 'words'),
     [

@@ -14,7 +14,7 @@ import pytest
 from live_logs import START, live, ticks
 from mcap.records import Channel, Message, Metadata, Schema
 from mcap_records import records_of, write_records
-from ros_harness import assert_refused, command, decoded, logged, report_of, verified
+from ros_harness import PATIENCE, assert_refused, command, decoded, logged, report_of, verified
 
 from linkage_ros import LogError, __version__
 from linkage_ros.log.reader import LogReader
@@ -625,8 +625,8 @@ def test_exit_code_tells_the_difference_to_a_closed_pipe(tmp_path, unbuffered):
     reading, writing = os.pipe()
     os.close(reading)
     done = subprocess.run(
-        command('log_tool', 'verify', path), stdout=writing, stderr=subprocess.PIPE, timeout=60,
-        env={**os.environ, 'PYTHONUNBUFFERED': unbuffered},
+        command('log_tool', 'verify', path), stdout=writing, stderr=subprocess.PIPE,
+        timeout=PATIENCE, env={**os.environ, 'PYTHONUNBUFFERED': unbuffered},
     )  # fmt: skip
     os.close(writing)
     assert (done.returncode, done.stderr) == (1, b'')

@@ -58,8 +58,8 @@ class LogFile:
 
         Raises:
             LogError: The name does not end with .mcap, or the file exists and must not be
-                replaced, is not an MCAP file, is being written by another run, or cannot be
-                created.
+                replaced, is not an MCAP file, is a pipe, is being written by another run, or
+                cannot be created.
         """
         self.path, self.advice = path, '; linkage_log recover saves its contents'
         if overwrite:
@@ -68,6 +68,9 @@ class LogFile:
         self.stream: Any = create_file(
             path, LogError, overwrite=overwrite, cure='give --overwrite (a node: log_overwrite)'
         )
+        if not self.stream.seekable():
+            self.stream.close()
+            raise LogError(f'{path} is a pipe or a terminal: write the log to a regular file')
         self._waiting: list[bytes] = []
 
     def write(self, data: bytes) -> None:

@@ -94,6 +94,10 @@ class Input:
         """
         raise NotImplementedError
 
+    def notes(self, topic: str) -> list[str]:  # noqa: ARG002, for other inputs
+        """Returns likely mistakes to report at the start, given the name of the topic."""
+        return []
+
     def troubles(self, topic: str) -> list[str]:  # noqa: ARG002, for other inputs
         """Returns warnings, given the name of the topic."""
         return []

@@ -103,7 +103,6 @@ class HealthMonitor:
         if counts.clock_steps > first.clock_steps:
             step = counts.last_step / NS_PER_S
             troubles.append(f'the clock was stepped by {step:+.3f} s in the last {WINDOW} s')
-            missed = 0  # these ticks were skipped by the clock, not by a slow machine
         limit = _RECOVERED if self._is_overloaded else _OVERLOADED
         is_full = len(self._past) > WINDOW
         self._is_overloaded = is_full and missed > limit * max(1, kept + missed)

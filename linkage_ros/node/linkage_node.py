@@ -106,6 +106,9 @@ class LinkageNode(ParameterNode):
         self.get_logger().info(preset_note(given) + summary(configuration, simulator.solver))
         for line in notes(configuration):
             self.get_logger().warning(line)
+        for subscription, source in self._inputs:
+            for line in source.notes(subscription.name):
+                self.get_logger().warning(line)
         wait_for_subscribers([state.publisher for state, _ in self._states])
         freeze_heap()
         # Reports use real time, because simulated time may be paused.

@@ -2,9 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Declares quantities as parameters of an rclpy node: descriptors, checks, live changes."""
 
+import functools
 import itertools
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from rcl_interfaces.msg import (
@@ -17,10 +18,12 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from linkage_ros.errors import ConfigurationError
+from linkage_ros.messages.topics import SIMULATED_CLOCK
 from linkage_ros.node.process import rclpy_internals, reported_as_configuration
 from linkage_ros.quantities import Leaf, Quantity
 from linkage_ros.settings.configuration import with_files, without_ros_parameters
 from linkage_ros.settings.yaml_file import read_parameter_file
+from linkage_ros.units import NS_PER_S, TIME_END
 
 _TYPES = {
     'number': ParameterType.PARAMETER_DOUBLE,
@@ -51,6 +54,12 @@ def given_values(node: Node) -> dict[str, object]:
     return found
 
 
+def _set_clock(set_clock: Callable[[Any], None], message: Any) -> None:
+    """Sets a node's clock, unless the time is out of range, which rclpy or a stamp refuses."""
+    if 0 <= message.clock.sec * NS_PER_S + message.clock.nanosec < TIME_END:
+        set_clock(message)
+
+
 class ParameterNode(Node):  # type: ignore[misc]  # rclpy has no types
     """A node whose parameters are quantities.
 
@@ -70,6 +79,10 @@ class ParameterNode(Node):  # type: ignore[misc]  # rclpy has no types
         """
         with reported_as_configuration():
             super().__init__(name, **options)
+        clock = self.resolve_topic_name(SIMULATED_CLOCK.name)
+        for subscription in self.subscriptions:  # with use_sim_time, rclpy's own of /clock
+            if subscription.topic_name == clock:
+                subscription.callback = functools.partial(_set_clock, subscription.callback)
         self._live: dict[str, Quantity] = {}
 
     def set_live(self, name: str, value: Any) -> None:

@@ -24,7 +24,7 @@ _LATENESS_SAMPLES = 10_000  # number of ticks whose lateness is stored
 CLOCK_STEP = 50 * NS_PER_MS
 # Longest uninterrupted sleep, s, which limits the time that a stop takes.
 _MAX_SLEEP = 0.1
-# Largest number of ticks per clock message. A longer jump skips ticks and counts them as missed.
+# Largest number of ticks per clock message. A longer jump skips ticks and counts as a clock step.
 _MAX_TICKS_PER_MESSAGE = 1000
 
 
@@ -196,7 +196,6 @@ class SimTimeTicker(Ticker):
                 jump, last = 0 if last is None else now - last, now
                 due = self._ticks.tick_at(now - self.t0) if now >= self.t0 else -1
                 if due - tick >= _MAX_TICKS_PER_MESSAGE:
-                    self.counts.missed += due - tick
                     self.counts.clock_steps += 1
                     self.counts.last_step = jump
                     tick = due

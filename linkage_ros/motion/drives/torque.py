@@ -28,6 +28,7 @@ from linkage_ros.units import NS_PER_S, rad_and_deg, radians_per_second
 TAKEN, CUT, REJECTED, TIMEOUTS = (
     'commands taken', 'commands cut to torque_limit', 'commands rejected', 'command timeouts'
 )  # fmt: skip
+_NO_LIMIT = 1e12  # default of torque_limit, N m or N
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,7 @@ class TorqueDrive(Drive):
     )
     torque_limit: float = quantity(
         'number', 'largest torque of a command; larger ones are limited to it',
-        'N m or N', span=(0.0, 1e12), default=1e12,
+        'N m or N', span=(0.0, 1e12), default=_NO_LIMIT,
     )  # fmt: skip
     command_timeout: float = quantity(
         'number', 'time for which a command acts; refused if shorter than a tick',
@@ -234,6 +235,16 @@ class TorqueCommands(Input):
             The torque, N m; 0 before the first command and after a timeout.
         """
         return self._held.at(now, received)
+
+    def notes(self, topic: str) -> list[str]:
+        """Returns a note if commands are not limited."""
+        if self._limit < _NO_LIMIT:
+            return []
+        words = (
+            f'torque_limit is not set, so any command on {topic} acts in full, and one that is '
+            f'too large ends the node; set the largest effort of your machine, {self._unit}'
+        )
+        return [words]
 
     def troubles(self, topic: str) -> list[str]:  # noqa: ARG002, the signature of all
         """Returns a warning if no command was active at some tick in the last 10 s."""
