@@ -628,5 +628,6 @@ def extents(
     found, at = peaks(x, both, lambda places: np.concatenate([(y := curves(places)), -y]))
     rms = [math.sqrt(mean(x, row * row)) for row in values]
     return [
-        Extent(-found[i + count], at[i + count], found[i], at[i], rms[i]) for i in range(count)
+        Extent(0.0 - found[i + count], at[i + count], found[i], at[i], rms[i])
+        for i in range(count)
     ]

@@ -127,3 +127,8 @@ def test_flywheel_and_economy_of_the_mirror_image_are_the_same(name):
         for economy, way in ((Economy(machine, ''), 1), (Economy(image, ''), -1))
     ]  # fmt: skip
     assert errors[1] == pytest.approx(errors[0], rel=1e-9, abs=1e-12)
+
+
+def test_a_smallest_value_of_zero_has_no_minus_sign():
+    x = np.linspace(0.0, 1.0, 20)
+    assert math.copysign(1.0, extent(x, x).low) == 1.0
