@@ -186,7 +186,7 @@ def test_wrong_coordinates_in_a_segment_are_detected(forged, words, tmp_path, mo
 
 def test_live_run_compiles_the_programs_of_its_dead_centres_in_advance(monkeypatch):
     """Compiling during the run would delay hundreds of ticks."""
-    program._known.clear()  # as in a new process
+    program._tapes_of.cache_clear()  # as in a new process
     simulator = Simulator(configuration(of((2.03, 1.5, 1.2, 2.2), 0.31)))
     simulator.prepare_live()
     motion, compiled, compile_ = simulator.begin(0), [], Tape._compiled

@@ -228,7 +228,7 @@ def test_a_live_run_refuses_commands_that_expire_within_a_tick(rate, timeout):
 
 
 def test_the_first_tick_of_a_live_run_compiles_nothing(monkeypatch):
-    program._known.clear()  # as in a new process
+    program._tapes_of.cache_clear()  # as in a new process
     simulator = Simulator(STEEP)
     simulator.prepare_live()
     monkeypatch.delattr(Tape, '_compiled')
