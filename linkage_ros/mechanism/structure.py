@@ -129,17 +129,16 @@ class Link(NamedTuple):
         """
         return self.parent if self.slides else index
 
-    def axes(self, index: int) -> tuple[int | None, float]:
-        """Returns the direction of this link, which a link that it carries is measured from.
+    def axes(self, index: int) -> tuple[int | None, float | None]:
+        """Returns the direction from which the links that this one carries are measured.
 
         Args:
             index: Index of this link.
 
         Returns:
-            The result of `spin`, and the angle from that direction, rad: for a sliding link, that
-            of its guide.
+            The result of `spin`, and the direction of a guide on the frame, rad, or None.
         """
-        return self.spin(index), self.angle if self.slides else 0.0
+        return self.spin(index), self.angle if self.is_guided else None
 
     @classmethod
     def turning(cls, name: str, body: Body, index: int, pin: Point) -> 'Link':

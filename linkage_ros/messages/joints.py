@@ -27,7 +27,7 @@ class RobotJoint(NamedTuple):
         name: Name in messages; empty if it is not published.
         parent: Index of the turning link from which the joint is measured; None for the frame, and
             for the position of a sliding link.
-        guide: Direction in the axes of that link from which the joint is measured, rad.
+        guide: Direction of a fixed guide from which the joint is measured, rad; None without one.
         zero: Value of `own` at which the joint is at 0, rad or m.
         ratio: Value of the joint per unit of `own`, not 0.
         is_mapped: Whether zero, ratio or parent were given.
@@ -36,7 +36,7 @@ class RobotJoint(NamedTuple):
 
     name: str
     parent: int | None = None
-    guide: float = 0.0
+    guide: float | None = None
     zero: float = 0.0
     ratio: float = 1.0
     is_mapped: bool = False
@@ -58,15 +58,15 @@ def own_joints(links: Sequence[Link], joint_prefix: str = '') -> tuple[RobotJoin
     )
 
 
-def carrier_axes(links: Sequence[Link], link: Link) -> tuple[int | None, float]:
-    """Returns the turning link and the angle, rad, from which the angle of a link is measured.
+def carrier_axes(links: Sequence[Link], link: Link) -> tuple[int | None, float | None]:
+    """Returns the turning link, or the direction of a guide, from which a link is measured.
 
     Args:
         links: The links of the open tree.
         link: One of them; a sliding link has a position, measured from no direction.
     """
     if link.slides or link.parent is None:
-        return None, 0.0
+        return None, None
     return links[link.parent].axes(link.parent)
 
 
@@ -99,11 +99,13 @@ def joint_rows(
         if joint.parent is not None:
             for row, own in zip(rows, state[:3], strict=True):
                 row[i] = own[i] - own[joint.parent]
-        is_shifted = joint.is_mapped or joint.guide
-        if is_shifted:
-            position[i] = position[i] - (joint.guide + joint.zero)
+        is_carried = joint.parent is not None or joint.guide is not None
+        if joint.guide is not None:
+            position[i] = position[i] - joint.guide
+        if joint.is_mapped:
+            position[i] = position[i] - joint.zero
         if not link.slides:
-            if is_shifted or joint.parent is not None:
+            if joint.is_mapped or is_carried:
                 position[i] = wrap(position[i], rint)
             position[i] = where(position[i] <= -math.pi, math.pi, position[i])
         if joint.is_mapped:
@@ -132,7 +134,7 @@ def link_rows(joints: Sequence[RobotJoint], table: Array) -> Array:
         for i, joint in enumerate(joints):
             if i not in done and joint.parent in done:
                 found[:, i] = table[:, i] / joint.ratio
-                found[0, i] += joint.zero + joint.guide
+                found[0, i] += joint.zero + (joint.guide or 0.0)
                 if joint.parent is not None:
                     found[:, i] += found[:, joint.parent]
                 done.add(i)

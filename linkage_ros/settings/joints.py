@@ -99,7 +99,7 @@ def robot_joints(
     Raises:
         ConfigurationError: A ratio is 0, a parent is not valid, or two joints have one name.
     """
-    axes: dict[str, tuple[int | None, float]] = {FRAME: (None, 0.0)}
+    axes: dict[str, tuple[int | None, float | None]] = {FRAME: (None, None)}
     axes |= {link.name: link.axes(i) for i, link in enumerate(links)}
     found = list(own_joints(links, joint_prefix))
     found[driven] = found[driven]._replace(is_measured=is_measured)

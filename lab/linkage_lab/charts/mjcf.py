@@ -80,11 +80,11 @@ def make_mjcf(mechanism: Mechanism, start: State, joint_prefix: str = '') -> str
     for i, link in reversed([*enumerate(links)]):
         if link.parent is not None and not link.slides:
             carrier, guide = links[link.parent].axes(link.parent)
-            turned, rate = (
-                (0.0, 0.0) if carrier is None else (position[carrier], velocity[carrier])
-            )
-            position[i] = math.remainder(position[i] - turned - guide, math.tau)
-            velocity[i] -= rate
+            turned = guide or 0.0
+            if carrier is not None:
+                turned += position[carrier]
+                velocity[i] -= velocity[carrier]
+            position[i] = math.remainder(position[i] - turned, math.tau)
     parser = ET.XMLParser(target=ET.TreeBuilder(insert_comments=True))  # noqa: S314
     robot = ET.fromstring(make_urdf(mechanism, joint_prefix).encode(), parser)  # noqa: S314
     _, *described = robot.findall('link')
