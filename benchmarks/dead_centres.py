@@ -79,8 +79,8 @@ def run(problem, seconds, begin):
             steps.advance(tick * _LOOK)
         except LinkageError as error:
             return angles, np.ptp(totals or [0.0]) / max(kinetic, 1e-300), str(error)
-        half = len(steps.phase) // 2
-        moving, still = steps.driven.solver.energy(steps.phase[:half], steps.phase[half:])
+        half, solver = len(steps.phase) // 2, steps.driven.solver
+        moving, still = solver.energy(solver.state(steps.phase[:half], steps.phase[half:]))
         angles.append(published(steps.driven, steps.phase, steps.pairs).unwrapped)
         totals.append(moving + still)
         kinetic = max(kinetic, moving)

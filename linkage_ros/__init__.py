@@ -20,6 +20,7 @@ from linkage_ros.errors import (
     UnreachableError,
     ViewerError,
 )
+from linkage_ros.mechanism.conditions import Conditions
 from linkage_ros.mechanism.dyads import Dyad, DyadSlider
 from linkage_ros.mechanism.four_bar import FourBar
 from linkage_ros.mechanism.inverted_slider_crank import InvertedSliderCrank
@@ -100,6 +101,7 @@ __all__ = [
     'OPEN',
     'Barrel',
     'Body',
+    'Conditions',
     'ConfigurationError',
     'Coupler',
     'Dyad',

@@ -15,6 +15,7 @@ from linkage_ros import LinkageError
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.recover import recover
 from linkage_ros.log.verify import verify
+from linkage_ros.mechanism.conditions import OWN_CONDITIONS
 from linkage_ros.messages.topics import JOINT_STATES
 from linkage_ros.programs import replay
 from linkage_ros.programs.log_tool import info, saved, verdict
@@ -153,7 +154,7 @@ class LiveNode:
         self._stamp += 5_000_000
 
         def go():
-            self.motion = self.motion.with_drive(self._stamp, self._drive)
+            self.motion = self.motion.under(self._stamp, OWN_CONDITIONS, self._drive)
             messages_at(self._simulator, self.motion, self._stamp)
 
         if outcome(go):

@@ -44,7 +44,7 @@ def moments(simulator, plan):
             if kind == 'step':
                 motion, t0 = motion.restamp(stamp - value, stamp), t0 + value
                 yield motion, None, None
-            motion = motion.with_drive(stamp, drive)
+            motion = motion.under(stamp, simulator.conditions, drive)
             if command is not None:
                 motion.command(stamp, command)
             yield motion, tick, stamp

@@ -26,6 +26,7 @@ from rclpy.serialization import deserialize_message
 from ros_harness import logged, node_arguments, stop, unbroken, verified, wait_for, watched
 from trajectory_msgs.msg import JointTrajectory
 
+from linkage_ros import Conditions
 from linkage_ros.messages.cdr import stamp_of
 from linkage_ros.motion.at_speed import SpeedMotion
 from linkage_ros.numeric import wrap
@@ -144,10 +145,11 @@ def test_a_trajectory_holds_the_forces_at_its_stamp():
     ahead, motion = trajectory(pushed), pushed.begin(T0)
     for tick in range(600):
         stamp, force = T0 + tick * PERIOD, {'push': (float(tick // 100), -20.0)}
-        message = ahead.message_at(motion, stamp, force)
+        motion = motion.under(stamp, Conditions(forces=force), pushed.configuration.drive)
+        message = ahead.message_at(motion, stamp)
         assert (message is not None) == (tick % 250 == 0)
         if message is not None:
-            assert message == trajectory(pushed).message_at(motion, stamp, force)
+            assert message == trajectory(pushed).message_at(motion, stamp)
 
 
 def parameters_of_the_example():

@@ -67,8 +67,8 @@ def begun(integrate, mechanism):
 
 
 def total(steps):
-    half = len(steps.phase) // 2
-    return steps.driven.solver.energy(steps.phase[:half], steps.phase[half:])
+    half, solver = len(steps.phase) // 2, steps.driven.solver
+    return solver.energy(solver.state(steps.phase[:half], steps.phase[half:]))
 
 
 @pytest.mark.parametrize('name', MECHANISMS)

@@ -6,8 +6,9 @@ The reference sees the whole machine in the world's axes: d'Alembert's principle
 50 digits, whose derivatives it takes numerically. It knows no Coriolis terms.
 """
 
-import inspect
+import cmath
 import math
+import pickle
 from dataclasses import replace
 from itertools import chain
 
@@ -28,7 +29,7 @@ from mechanisms import (
 from mpmath import mp
 from oracle import Oracle
 
-from linkage_ros import ConfigurationError, Force, Friction, MechanismError, Solver
+from linkage_ros import Conditions, ConfigurationError, Force, Friction, MechanismError, Solver
 from linkage_ros.formulas import dot, number
 from linkage_ros.mechanism.wrenches import FRAME, poses, velocity
 from linkage_ros.settings.configuration import load
@@ -105,8 +106,8 @@ def test_turning_base_against_the_whole_machine_in_the_world(name):
     leg = LEGS[name]
     solver = Solver(leg, pivot=PIVOT)
     cranks = np.linspace(0.4, 5.9, 4)
-    state = solver.state(cranks, *KNEE, frame=HIP)
-    found = solver.reactions(state, frame=HIP)
+    state = solver.state(cranks, *KNEE, under=Conditions(frame=HIP))
+    found = solver.reactions(state)
     at_rest = solver.state(cranks, *KNEE)
     torques = []
     for i, crank in enumerate(cranks):
@@ -126,7 +127,8 @@ def test_turning_base_against_the_whole_machine_in_the_world(name):
     peak = max(map(abs, torques))
     assert state.torque == pytest.approx(torques, abs=1e-11 * peak)
     assert found.torque == pytest.approx(torques, abs=1e-11 * peak)
-    assert solver.torque(cranks, *KNEE, frame=HIP) == pytest.approx(torques, abs=1e-11 * peak)
+    alone = solver.torque(cranks, *KNEE, under=state.conditions)
+    assert alone == pytest.approx(torques, abs=1e-11 * peak)
     assert max(abs(at_rest.torque - torques)) > 0.3 * peak  # the frame matters
 
 
@@ -138,9 +140,8 @@ def test_moment_balance_of_the_driven_link_gives_the_same_torque(name):
     solver = Solver(loaded(leg), pivot=PIVOT)
     (low, high), *_ = solver.reach.arcs
     q = np.linspace(low, high, 9)[1:-1]
-    given = {'frame': HIP, 'forces': FORCES}
-    state = solver.state(q, *KNEE, **given)
-    found, peak = solver.reactions(state, **given), np.abs(state.torque).max()
+    state = solver.state(q, *KNEE, under=Conditions(frame=HIP, forces=FORCES))
+    found, peak = solver.reactions(state), np.abs(state.torque).max()
     assert found.torque == pytest.approx(state.torque, abs=1e-11 * peak)
     assert np.abs(solver.state(q, *KNEE).torque - state.torque).max() > 0.01 * peak
 
@@ -150,35 +151,46 @@ def test_moment_balance_of_the_driven_link_gives_the_same_torque(name):
 def test_forces_as_arguments_equal_those_of_the_loads_to_the_bit(name, friction):
     rub = Friction(pin=0.1, pin_radius=0.05, **{'guide': 0.1} if name == 'slider_crank' else {})
     leg = replace(LEGS[name], loads=(rub,) if friction else ())
-    fixed, live = Solver(loaded(leg)), Solver(loaded(leg, {'push': (0, 0), 'pull': (0, 0)}))
-    cranks = np.linspace(0.4, 5.9, 5)
+    fixed, live = (
+        Solver(loaded(leg, forces), by_math=True)
+        for forces in (FORCES, {'push': (0, 0), 'pull': (0, 0)})
+    )
+    cranks, under = np.linspace(0.4, 5.9, 5), Conditions(forces=FORCES)
     arrays = {key: tuple(np.full(5, x) for x in force) for key, force in FORCES.items()}
-    state = fixed.state(cranks, *KNEE, by_math=True)
-    given = live.state(cranks, *KNEE, forces=arrays, by_math=True)
+    state = fixed.state(cranks, *KNEE)
+    given = live.state(cranks, *KNEE, under=Conditions(forces=arrays))
     assert rows(given).tobytes() == rows(state).tobytes()
     for i, crank in enumerate(cranks.tolist()):
-        one = live.state(crank, *KNEE, forces=FORCES)
+        one = live.state(crank, *KNEE, under=under)
         assert rows(one).tobytes() == rows(state)[:, i].tobytes()
-    reactions = live.reactions(state, forces=FORCES), fixed.reactions(state)
-    assert str(reactions[0]) == str(reactions[1])
+    assert str(live.reactions(given)) == str(fixed.reactions(state))
     if not friction:
         torque = fixed.torque(cranks, *KNEE)
-        assert (live.torque(cranks, *KNEE, forces=FORCES) == torque).all()
+        assert (live.torque(cranks, *KNEE, under=under) == torque).all()
         moved = fixed.accelerations(cranks, 2.0, 30.0)
-        assert (live.accelerations(cranks, 2.0, 30.0, forces=FORCES) == moved).all()
-        for names in (('push', 'pull'), ('pull', 'push')):  # in any order
-            given = {name: FORCES[name] for name in names}
-            law = live.driven_by(lambda _: 30.0, given)
-            found = law(float(cranks[1]), 2.0, *chain.from_iterable(given.values()))
-            assert found[0] == pytest.approx(moved[1], rel=1e-13)
+        assert (live.accelerations(cranks, 2.0, 30.0, under=under) == moved).all()
+        found = live.driven_by(lambda _: 30.0, under)(float(cranks[1]), 2.0, *under.values)
+        assert found[0] == pytest.approx(moved[1], rel=1e-13)
 
 
-def test_driven_by_takes_the_motion_of_the_frame_before_the_forces():
+def test_conditions_are_equal_and_pickle_whatever_the_order_of_their_forces():
+    one, other = (
+        Conditions([1.0, 2.0], HIP, {name: FORCES[name] for name in names})
+        for names in (('push', 'pull'), ('pull', 'push'))
+    )
+    assert one == other == pickle.loads(pickle.dumps(one)) == replace(one)
+    assert one.values == [1.0, 2.0, *HIP, *FORCES['pull'], *FORCES['push']]
+    assert hash(one) == hash(other)
+    assert not Conditions()
+
+
+def test_driven_by_takes_the_values_of_the_conditions():
     solver = Solver(loaded(LEGS['four_bar']), pivot=PIVOT)
-    law = solver.driven_by(lambda _: 30.0, FORCES, frame=HIP)
-    found = law(1.0, 2.0, *HIP, *FORCES['push'], *FORCES['pull'])
-    assert found == solver.accelerations((1.0,), 2.0, 30.0, frame=HIP, forces=FORCES)
-    assert found != solver.accelerations((1.0,), 2.0, 30.0, forces=FORCES)
+    under = Conditions((-2.0, 5.0), HIP, FORCES)
+    found = solver.driven_by(lambda _: 30.0, under)(1.0, 2.0, *under.values)
+    assert found == solver.accelerations((1.0,), 2.0, 30.0, under=under)
+    for other in (replace(under, gravity=None), replace(under, frame=None), Conditions()):
+        assert found != solver.accelerations((1.0,), 2.0, 30.0, under=other)
 
 
 def virtual_power(solver, state, wrenches, levers):
@@ -209,9 +221,9 @@ WITHOUT_FRICTION = {'accelerations', 'driven_state', 'driven_by'}
 @pytest.mark.parametrize('size', [None, 3])
 @pytest.mark.parametrize('friction', [False, True])
 @pytest.mark.parametrize('name', MACHINES)
-def test_all_methods_agree_under_the_same_frame_and_forces(name, friction, size):
+def test_all_methods_agree_under_the_same_conditions(name, friction, size):
     rest = {'push': (1.0, 2.0), 'pull': (0.0, -1.0)}
-    machine, used = loaded(MACHINES[name], rest), set()
+    machine = loaded(MACHINES[name], rest)
     rub = (Friction(pin=0.1, pin_radius=0.02 * machine.crank.length),) if friction else ()
     solver = Solver(replace(machine, loads=(*machine.loads, *rub)), pivot=PIVOT)
     bare = Solver(replace(machine, loads=()), pivot=PIVOT)
@@ -226,29 +238,31 @@ def test_all_methods_agree_under_the_same_frame_and_forces(name, friction, size)
         return tuple(x if size is None else x * np.linspace(1.0, 1.1, size) for x in row)
 
     q, u, a = motion[0], *map(sized, motion[1:])
-    given = {'frame': sized(HIP), 'forces': {key: sized(x) for key, x in FORCES.items()}}
-
-    def ask(name, *args):
-        used.add(name)
-        return getattr(solver, name)(*args, **given)
+    under = Conditions(
+        sized((-3.0, 5.0)), sized(HIP), {key: sized(x) for key, x in FORCES.items()}
+    )
 
     def close(one, other):
         assert one == pytest.approx(other, rel=1e-9, abs=1e-9 * scale)
 
-    state, scale = ask('state', q, u, a), 1.0
-    for other in ({}, {'frame': given['frame']}, {'forces': given['forces']}):
-        assert np.all(np.abs(solver.torque(q, u, a, **other) / state.torque - 1) > 1e-4)
+    state, scale = solver.state(q, u, a, under=under), 1.0
+    for other in (
+        Conditions(), replace(under, gravity=None), replace(under, frame=None),
+        replace(under, forces=()),
+    ):  # fmt: skip
+        found = solver.torque(q, u, a, under=other)
+        assert np.all(np.abs(found / state.torque - 1) > 1e-4)
     scale = np.max(np.abs(state.torque))
-    close(ask('torque', q, u, a), state.torque)
-    close(ask('reactions', state).torque, state.torque)
+    close(solver.torque(q, u, a, under=under), state.torque)
+    close(solver.reactions(state).torque, state.torque)
     # A virtual motion of the first coordinate: the torque carries the loads and the rest.
     levers = solver.state(q, (1.0, *(0.0 for _ in q[1:]))).velocity
-    rest = bare.torque(q, u, a, frame=given['frame'])
-    wrenches, exerted = ask('wrenches', state), ask('load_forces', state)
+    rest = bare.torque(q, u, a, under=replace(under, forces=()))
+    wrenches, exerted = solver.wrenches(state), solver.load_forces(state)
     close(rest - virtual_power(solver, state, wrenches, levers), state.torque)
     powers = [force * levers[solver.links.index(link)] for link, force in exerted.items()]
     close(rest - sum(powers), state.torque)
-    sums = ask('exerted', state).forces
+    sums = solver.exerted(state).forces
     for link in solver.links:
         pushes = [x for row in wrenches.values() for x in row if solver.links[x.body] == link]
         for i in range(2):
@@ -257,23 +271,39 @@ def test_all_methods_agree_under_the_same_frame_and_forces(name, friction, size)
                 sum(x.force[i] for x in sums.values() if x.link == link),
             )
     if not friction:
-        found = ask('accelerations', q, u, state.torque)
-        driven = ask('driven_state', q, u, state.torque)
-        close(solver.state(q, u, found, **given).torque, state.torque)
-        expected = solver.state(q, u, found, **given).acceleration
-        close(np.array(driven.acceleration), np.array(expected))
-        torque, *row = (
-            float(np.ravel(x)[0])
-            for x in (state.torque, *q, *u, *given['frame'], *chain(*given['forces'].values()))
+        found = solver.accelerations(q, u, state.torque, under=under)
+        again, driven = (
+            solver.state(q, u, found, under=under),
+            solver.driven_state(q, u, state.torque, under=under),
         )
-        law = ask('driven_by', lambda _: torque)
+        close(again.torque, state.torque)
+        close(np.array(driven.acceleration), np.array(again.acceleration))
+        assert driven.conditions == again.conditions == under
+        torque, *row = (float(np.ravel(x)[0]) for x in (state.torque, *q, *u, *under.values))
+        law = solver.driven_by(lambda _: torque, under)
         close(law(*row), [np.ravel(x)[0] for x in found])
-    takers = {
-        name
-        for name, method in inspect.getmembers(Solver, inspect.isfunction)
-        if {'frame', 'forces'} & {*inspect.signature(method).parameters} and name[0] != '_'
-    }
-    assert used == takers - (WITHOUT_FRICTION if friction else set())
+
+
+@pytest.mark.parametrize('name', MACHINES)
+def test_energy_is_that_of_a_machine_under_its_own_conditions(name):
+    """A tilted base_link only turns gravity; a given force counts as constant."""
+    gravity, tilt = (-3.0, 5.0), 0.7
+    turned = complex(*gravity) * cmath.exp(-1j * tilt)
+    rest = {'push': (1.0, 2.0), 'pull': (0.0, -1.0)}
+    given, own = (Solver(loaded(MACHINES[name], forces)) for forces in (rest, FORCES))
+    own = Solver(replace(own.mechanism, gravity=(turned.real, turned.imag)))
+    under = Conditions(gravity, (tilt, 0.0, 0.0), FORCES)
+    levels = []
+    for share in (0.3, 0.5):
+        q, u = PUMP[:2]
+        if len(given.coordinates) == 1:
+            low, high = given.reach.arcs[0]
+            q, u = ((1 - share) * low + share * high,), (2.0,)
+        pair = [x.energy(x.state(q, u, under=y)) for x, y in ((given, under), (own, Conditions()))]
+        assert pair[0] == pytest.approx(pair[1], rel=1e-12, abs=1e-12)
+        levels.append(pair[0])
+    with pytest.raises(ConfigurationError, match='frame'):
+        given.energy(given.state(q, u, under=replace(under, frame=HIP)))
 
 
 @pytest.mark.parametrize('method', sorted(WITHOUT_FRICTION))
@@ -287,10 +317,9 @@ def test_friction_is_refused_where_the_torque_is_given(method):
 def test_programs_and_formulas_agree_to_the_bit():
     for leg in (loaded(LEGS['slider_crank']), PUMPS['pump']):
         q, u, a = ((1.1,), (2.0,), (1.5,)) if leg.coordinates == ('crank',) else PUMP
-        forces = FORCES if leg.loads else {}
-        given = {'frame': HIP, 'forces': forces}
+        under = Conditions((1.0, -2.0), HIP, FORCES if leg.loads else {})
         one, other = (
-            Solver(leg, pivot=PIVOT, traced=traced).state(q, u, a, **given)
+            Solver(leg, pivot=PIVOT, traced=traced).state(q, u, a, under=under)
             for traced in (True, False)
         )
         assert rows(one).tobytes() == rows(other).tobytes()
@@ -303,7 +332,7 @@ def test_at_rest_a_turned_base_only_turns_gravity():
     leg = LEGS['four_bar']
     gravity = complex(*leg.gravity) * np.exp(-1j * HIP[0])
     tilted = Solver(replace(leg, gravity=(gravity.real, gravity.imag)))
-    found = Solver(leg).state(1.0, *KNEE, frame=(HIP[0], 0.0, 0.0))
+    found = Solver(leg).state(1.0, *KNEE, under=Conditions(frame=(HIP[0], 0.0, 0.0)))
     assert found.torque == pytest.approx(tilted.state(1.0, *KNEE).torque, rel=1e-13)
 
 
@@ -311,7 +340,7 @@ def test_a_mechanism_without_them_keeps_its_program():
     for leg in LEGS.values():
         solver = Solver(leg)
         before = solver.source
-        solver.state(1.0, *KNEE, frame=HIP)
+        solver.state(1.0, *KNEE, under=Conditions(frame=HIP))
         assert solver.source == before == Solver(leg).source
         assert 'frame' not in before
 
@@ -321,7 +350,9 @@ def test_a_mechanism_without_them_keeps_its_program():
     ({'frame': (0.0, math.inf, 0.0)}, 'frame speed = inf'),
     ({'frame': (0.0, 0.0, -math.inf)}, 'frame acceleration = -inf'),
     ({'frame': (0.0, 1e200, 0.0)}, 'overflows'),
-    ({'frame': (0.0, 1.0)}, 'must be a tuple (angle, speed, acceleration)'),
+    ({'frame': (0.0, 1.0)}, 'must be (angle, speed, acceleration)'),
+    ({'gravity': (0.0, math.nan)}, 'gravity y = nan'),
+    ({'gravity': 9.81}, 'must be (x, y), m/s^2'),
     ({'forces': {'push': (math.nan, 0.0)}}, 'push x = nan'),
     ({'forces': {'push': (0.0,)}}, 'must be [x, y], N'),
     ({'forces': {'shove': (0.0, 1.0)}}, 'the mechanism has pull, push'),
@@ -333,11 +364,11 @@ def test_wrong_values_are_refused(given, words, friction):
         leg = replace(leg, loads=(*leg.loads, Friction(pin=0.1, pin_radius=0.05)))
     solver = Solver(leg)
     with pytest.raises(ConfigurationError) as error:
-        solver.state(1.0, *KNEE, **given)
+        solver.state(1.0, *KNEE, under=Conditions(**given))
     assert words in str(error.value)
-    state = solver.state(1.0, *KNEE)
-    if 'overflows' not in words:
+    if 'must be' not in words and 'overflows' not in words:
+        state = solver.state(1.0, *KNEE)._replace(conditions=Conditions(**given))
         for method in (solver.reactions, solver.wrenches, solver.load_forces):
             with pytest.raises(ConfigurationError) as error:
-                method(state, **given)
+                method(state)
             assert words in str(error.value)

@@ -106,7 +106,7 @@ def test_torque_is_linear_in_accelerations_and_inverted_by_them(name):
         matrix, rest = np.array(solver.matrix(q)), (0.0,) * len(u)
         assert np.all(np.linalg.eigvalsh(matrix) > 0)
         assert np.array_equal(matrix, matrix.T)
-        kinetic, _ = solver.energy(q, u)
+        kinetic, _ = solver.energy(solver.state(q, u))
         assert kinetic == pytest.approx(u @ matrix @ u / 2, rel=1e-12)
         torque, held = (solver.state(q, u, x).torque for x in (a, rest))
         size = abs(torque) + abs(held) + np.max(np.abs(matrix)) * max(map(abs, a))
@@ -123,7 +123,7 @@ def test_energy_equals_the_reference_except_for_a_constant(name):
     solver, oracle, levels = Solver(mechanism), Oracle(mechanism), []
     for crank in (0.5, 1.7, 3.1, -2.0):
         q, u, _ = motion(mechanism, crank)
-        kinetic, potential = solver.energy(q, u)
+        kinetic, potential = solver.energy(solver.state(q, u))
         with mp.workdps(40):
             at = (q, u) if oracle.is_free else (q[0], u[0])
             levels.append(kinetic + potential - float(oracle.energy(*at)))
@@ -206,7 +206,7 @@ def every_answer(solver, q, u):
         lambda: solver.accelerations(q, u, 6.0),
         lambda: solver.state(q, u, (0.0, 0.0)),
         lambda: solver.matrix(q),
-        lambda: solver.energy(q, u),
+        lambda: solver.energy(solver.state(q, u)),
     )
 
 

@@ -11,7 +11,7 @@ from rclpy.serialization import serialize_message
 from ros_harness import node_arguments, stop, verified, wait_for, watched
 from sensor_msgs.msg import JointState
 
-from linkage_ros import ConfigurationError, Solver, read_log
+from linkage_ros import Conditions, ConfigurationError, Solver, read_log
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.verify import verify
 from linkage_ros.messages.cdr import decode_trajectory
@@ -71,7 +71,7 @@ def test_each_drive_takes_forces_and_its_log_verifies(drive, tmp_path):
             for push in (THEIRS, tuple(values['loads.push.force']))
             for pull in (ALONG, (0.0, 0.0))
             if math.isclose(
-                solver.state(q, u, a, forces={'push': push, 'pull': pull}).torque,
+                solver.torque(q, u, a, under=Conditions(forces={'push': push, 'pull': pull})),
                 point.efforts[0], rel_tol=1e-9, abs_tol=1e-9,
             )
         ]  # fmt: skip

@@ -19,7 +19,6 @@ from linkage_ros.log.reader import LogReader
 from linkage_ros.log.verify import verify
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.programs.log_tool import info
-from linkage_ros.run.states import Simulator
 from linkage_ros.settings.configuration import load
 from linkage_ros.units import NS_PER_S
 
@@ -67,7 +66,7 @@ def test_each_change_is_logged_and_verified(drive, tmp_path):
             assert 'array' not in refused.reason
         assert set_parameter(listener, 'gravity', type=8, double_array_value=TURNED).successful
         await_states(10)
-        # Whole numbers are accepted, and a component of 0 changes the program.
+        # Whole numbers are accepted.
         assert set_parameter(listener, 'gravity', type=7, integer_array_value=[7, 0]).successful
         await_states(10)
         stop(process)
@@ -95,15 +94,6 @@ def test_each_change_is_logged_and_verified(drive, tmp_path):
         forged = LogReader(log)
         forged.motions = wrong
         assert verify(forged).difference
-
-
-def test_a_state_under_the_old_gravity_keeps_what_is_compiled_for_the_next():
-    """A tick may still be under the old gravity when the programs for the next are compiled."""
-    simulator = Simulator(load('quadrilateral'))
-    old, new = simulator.under(TURNED), simulator.under((7.0, 0.0))
-    assert simulator.under(TURNED) is old
-    assert simulator.under((7.0, 0.0)) is new
-    assert new.solver is not old.solver
 
 
 def other(segment):

@@ -90,7 +90,7 @@ def test_the_states_are_the_solvers_to_the_bit(out, changes):
         crank = motion.at(stamp)
         assert SpeedMotion(segment).at(stamp) == crank
         (q,), (u,), (a,), *_ = crank
-        angle, spin, _, drive = solver.state(q, u, a)
+        angle, spin, _, drive, *_ = solver.state(q, u, a)
         alpha, beta, gamma, *rates = numbers[:6]
         assert (alpha, gamma) == (crank.unwrapped, angle[2])
         assert -math.pi < beta <= math.pi

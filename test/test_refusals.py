@@ -374,9 +374,9 @@ BAD_ARGUMENTS = [
     (lambda: Solver(PUMP).matrix((TWO, THREE)), 'crank angle (2,), slider position (3,)'),
     (lambda: Solver(PUMP).accelerations((TWO, 1.5), (1.0, 0.0), THREE), 'torque (3,)'),
     (lambda: travel(FOUR_BAR), 'Solver'),
-    *((partial(Solver(x).energy, 0.3, 1e160), 'crank speed = 1e+160')
+    *((partial(Solver(x).state, 0.3, 1e160), 'crank speed = 1e+160')
       for x in (FOUR_BAR, SLIDER_CRANK)),
-    (lambda: Solver(PUMP).energy((0.3, 1.5), (1e160, 0.0)), 'crank speed = 1e+160'),
+    (lambda: Solver(PUMP).state((0.3, 1.5), (1e160, 0.0)), 'crank speed = 1e+160'),
 ]  # fmt: skip
 
 
@@ -410,7 +410,7 @@ def test_non_real_arguments_are_refused(bad):
     calls = [
         ('crank angle', lambda: pump.matrix((bad, 1.5))),
         ('slider position', lambda: pump.accelerations((0.3, bad), u, 6.0)),
-        ('slider speed', lambda: pump.energy(q, (2.0, bad))),
+        ('slider speed', lambda: pump.state(q, (2.0, bad))),
         ('slider acceleration', lambda: pump.state(q, u, (0.0, bad))),
         ('torque', lambda: pump.accelerations(q, u, bad)),
     ]
@@ -420,7 +420,7 @@ def test_non_real_arguments_are_refused(bad):
             ('crank speed', lambda solver=solver: solver.state(0.1, bad)),
             ('crank acceleration', lambda solver=solver: solver.state(0.1, 1, bad)),
             ('crank angle', lambda solver=solver: solver.matrix(bad)),
-            ('crank speed', lambda solver=solver: solver.energy((0.1,), (bad,))),
+            ('crank speed', lambda solver=solver: solver.state((0.1,), (bad,))),
             ('torque', lambda solver=solver: solver.accelerations((0.1,), (1.0,), bad)),
         ]
     for name, call in calls:
@@ -448,7 +448,7 @@ def test_wrong_numbers_of_coordinates_are_refused(bad):
     for name, expected, call in (
         ('q', 'crank angle, slider position', lambda: solver.matrix(bad)),
         ('q', 'crank angle, slider position', lambda: solver.accelerations(bad, q, 1.0)),
-        ('u', 'crank speed, slider speed', lambda: solver.energy(q, bad)),
+        ('u', 'crank speed, slider speed', lambda: solver.state(q, bad)),
         ('u', 'crank speed, slider speed', lambda: solver.accelerations(q, bad, 1.0)),
         ('a', 'crank acceleration, slider acceleration', lambda: solver.state(q, q, bad)),
     ):
@@ -479,8 +479,8 @@ def test_nested_sequences_are_arrays():
         (solver.matrix(angles), solver.matrix(np.array(angles))),
         (solver.state(angles).torque, solver.state(np.array(angles)).torque),
         (
-            pump.energy((angles, 1.5), ((2, 3), 0)),
-            pump.energy((np.array(angles), 1.5), (np.array([2.0, 3.0]), 0.0)),
+            pump.energy(pump.state((angles, 1.5), ((2, 3), 0))),
+            pump.energy(pump.state((np.array(angles), 1.5), (np.array([2.0, 3.0]), 0.0))),
         ),
         (
             pump.accelerations(rows, (2.0, 0.1), 6.0),

@@ -18,6 +18,7 @@ from linkage_ros import ConfigurationError, LogError, MotionError, Solver
 from linkage_ros.log.torque_states import TorqueStates
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.mechanism import program
+from linkage_ros.mechanism.conditions import OWN_CONDITIONS
 from linkage_ros.mechanism.tracer import Tape
 from linkage_ros.messages.templates import trajectory
 from linkage_ros.motion.drives import torque as commands_module
@@ -276,11 +277,11 @@ def test_plant_is_paused_only_while_a_tick_is_over_a_quarter_second_late(rate_hz
     simulator, drive = Simulator(changed(session={'rate_hz': rate_hz})), PUMP.drive
     motion, latest = simulator.begin(START), simulator.ticks.elapsed(1) + 250_000_000
     before, first = motion.at(START), motion.segment
-    assert motion.with_drive(START + latest, drive).segment is first
+    assert motion.under(START + latest, OWN_CONDITIONS, drive).segment is first
     moved = motion.at(START + latest)
     assert moved.unwrapped > before.unwrapped
     late = START + 2 * latest + 1
-    assert motion.with_drive(late, drive).segment is not first
+    assert motion.under(late, OWN_CONDITIONS, drive).segment is not first
     assert motion.at(late) == moved
 
 
@@ -289,7 +290,7 @@ def test_change_of_motor_torque_keeps_the_command_in_force():
     motion = simulator.begin(START)
     motion.command(START, 3.0)
     motor = replace(QUADRILATERAL.drive.motor, torque=5.0)
-    motion.with_drive(START, replace(QUADRILATERAL.drive, motor=motor))
+    motion.under(START, OWN_CONDITIONS, replace(QUADRILATERAL.drive, motor=motor))
     assert simulator.state(motion.at(START)).torque == pytest.approx(8.0)
 
 

@@ -53,7 +53,7 @@ def begun(integrate, mechanism, phase, law=lambda _: 0.0, **options):
 def energy(steps):
     count = len(steps.phase) // 2
     solver = steps.driven.solver
-    return sum(solver.energy(steps.phase[:count], steps.phase[count:]))
+    return sum(solver.energy(solver.state(steps.phase[:count], steps.phase[count:])))
 
 
 # ---------------------------------------------------------------- accuracy

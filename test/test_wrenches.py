@@ -382,7 +382,7 @@ def test_energy_of_torque_driven_runs_balances(name, gain):
     energies = []
     for y in (rows[0], rows[len(rows) // 2], rows[-1]):
         q, u = tuple(y[:count].tolist()), tuple(y[count:-1].tolist())
-        energies.append(sum(map(float, bare.energy(q, u))) - y[-1])
+        energies.append(sum(map(float, bare.energy(bare.state(q, u)))) - y[-1])
     assert np.ptp(energies) < 1e-9 * max(1.0, np.abs(energies).max(), np.abs(rows[:, -1]).max())
     assert bool(gain) == (abs(rows[-1, -1]) > 1e-3)
 

@@ -16,6 +16,7 @@ from ros_harness import assert_refused
 from linkage_lab.robots import import_tool
 from linkage_lab.robots.import_tool import read_robot
 from linkage_lab.robots.planar_loop import find_loop
+from linkage_ros import Conditions
 from linkage_ros.mechanism.registry import MECHANISMS
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.quantities import build
@@ -94,7 +95,7 @@ def test_swinging_frame_has_the_torque_of_the_whole_robot(seed, tmp_path):
     solver = Solver(mechanism, pivot=found.values['frame_joint.pivot'])
     crank, hip, knee = found.joints['crank'], (0.7, 5.0, 40.0), (3.0, 7.0)
     frame = tuple(turn * x for x in hip)
-    state = solver.state(crank.zero + pose[crank.name], *knee, frame=frame)
+    state = solver.state(crank.zero + pose[crank.name], *knee, under=Conditions(frame=frame))
     moved = [{'hip': x} for x in hip]
     for link, joint in found.joints.items():
         i = solver.links.index(link)

@@ -18,6 +18,7 @@ from linkage_ros.errors import MotionError
 from linkage_ros.log.logged_forces import Forces
 from linkage_ros.log.reader import LoggedMessage, LogReader
 from linkage_ros.log.rows import RowLayout
+from linkage_ros.mechanism.conditions import Conditions
 from linkage_ros.messages.topics import (
     COUPLER_POINT,
     DIAGNOSTICS,
@@ -105,10 +106,6 @@ class ExpectedStates(ABC):
         """
 
     @abstractmethod
-    def simulator(self, number: int) -> Simulator:
-        """Returns the simulator of a segment, given its index."""
-
-    @abstractmethod
     def coordinates(
         self, number: int, stamps: list[int], rows: bytes, forces: Forces
     ) -> tuple[Coordinates, Coordinates | None]:
@@ -118,7 +115,7 @@ class ExpectedStates(ABC):
             number: Index of the states' segment.
             stamps: Stamps of the states, ns.
             rows: Logged rows of the states.
-            forces: Forces of live loads, by name; empty without messages.
+            forces: Forces of live loads, by name.
 
         Returns:
             The coordinates, and those for the feed-forward torque or None.
@@ -190,19 +187,16 @@ class TickStates(ExpectedStates):
             if count := np.append(fits, False).argmin():
                 yield number, ticks[:count].tolist()
 
-    def simulator(self, number: int) -> Simulator:
-        """Returns the simulator under the gravity of a segment; see `ExpectedStates`."""
-        return self._simulator.under(self._motions[number].gravity)
-
     def coordinates(
         self,
         number: int,
         stamps: list[int],
         rows: bytes,  # noqa: ARG002, others read them
-        forces: Forces,  # noqa: ARG002, as above
+        forces: Forces,
     ) -> tuple[Coordinates, Coordinates | None]:
         """Follows the motion of a segment; see `ExpectedStates`."""
         motion = self._motions[number].motion()
+        motion.conditions = Conditions(motion.conditions.gravity, forces=forces)
         return motion.at_all(stamps), self._simulator.ahead(motion, stamps)
 
     def elapsed(self, number: int, stamps: list[int]) -> list[int]:
@@ -247,15 +241,16 @@ class MeasuredStates(ExpectedStates):
         if before := [*fit[:1], *takewhile(lambda x: x not in ends[:1], fit[1:])]:
             yield self._number, before
 
-    def simulator(self, number: int) -> Simulator:
-        """Returns the simulator of a segment; see `ExpectedStates`."""
-        return self._simulator.under(self._motions[number - 1].gravity if number else None)
-
     def coordinates(
-        self, _: int, stamps: list[int], __: bytes, ___: Forces
+        self, number: int, stamps: list[int], _: bytes, forces: Forces
     ) -> tuple[Coordinates, Coordinates | None]:
         """Returns the coordinates of the next measurements; see `ExpectedStates`."""
-        return self._crank.stacked([one for _, one in self._next[: len(stamps)]])
+        gravity = self._motions[number - 1].gravity if number else None
+        now, ahead = (
+            x and x._replace(conditions=Conditions(gravity, x.conditions.frame, forces))
+            for x in self._crank.stacked([one for _, one in self._next[: len(stamps)]])
+        )
+        return cast('Coordinates', now), ahead
 
     def cross_gap(self) -> bool:
         """Returns False, because later states depend on all measurements; see `ExpectedStates`."""

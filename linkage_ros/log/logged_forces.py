@@ -11,11 +11,11 @@ import numpy as np
 
 from linkage_ros.log.reader import LoggedMessage, LogReader
 from linkage_ros.motion.live_force import LiveForce, Vector
-from linkage_ros.numeric import Array
+from linkage_ros.numeric import Array, Real
 from linkage_ros.run.states import Simulator
 
-# Forces of states, x and y, N, by name of the load; empty without messages.
-Forces: TypeAlias = Mapping[str, tuple[Array, Array]]
+# Forces of states, x and y, N, by name of the load: numbers, or an array each.
+Forces: TypeAlias = Mapping[str, tuple[Real, Real]]
 
 
 class LoggedForces:
@@ -39,6 +39,7 @@ class LoggedForces:
             channel.number: _Heard(source) for channel, source in channels if channel is not None
         }
         self.is_live = bool(self._loads)
+        self._default: dict[str, tuple[Real, Real]] = dict(simulator.conditions.forces)
 
     def handle(self, message: LoggedMessage, state: int) -> None:
         """Handles a message that is not part of a state; called in the order of writing.
@@ -52,13 +53,14 @@ class LoggedForces:
                 load.add(state, load.source.read(message.data, message.time))
 
     def at(self, first: int, elapsed: Sequence[int]) -> Forces:
-        """Returns the forces in adjacent states.
+        """Returns the forces of all live loads in adjacent states.
 
         Args:
             first: Number of the states before them, not less than in earlier calls.
             elapsed: Time of each state, ns.
         """
-        return {load.source.name: load.at(first, elapsed) for load in self._loads.values()}
+        heard = {load.source.name: load.at(first, elapsed) for load in self._loads.values()}
+        return {**self._default, **heard}
 
 
 class _Heard:

@@ -20,7 +20,9 @@ from linkage_ros.log.expected_states import TickStates
 from linkage_ros.log.logged_forces import Forces
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.rows import RowLayout
+from linkage_ros.mechanism.conditions import Conditions
 from linkage_ros.mechanism.elementwise import is_noisy, noisy
+from linkage_ros.mechanism.solver import Solver
 from linkage_ros.messages.joints import link_rows
 from linkage_ros.messages.templates import joint_numbers
 from linkage_ros.messages.topics import MECHANISM_STATE
@@ -67,7 +69,11 @@ class TorqueStates(TickStates):
         self._links = solver.structure.links
         # If fields have the same name, `fields` holds the last, which is that of mechanism_state.
         self._places = [layout.fields[name] for name in joint_numbers(simulator.joints)]
-        self._own = self._last = DrivenMechanism(solver, drive.motor.at)
+        self._own = self._last = DrivenMechanism(
+            solver, drive.motor.at, conditions=simulator.conditions
+        )
+        # NumPy's functions: many states are predicted, to a tolerance, not to the bit.
+        self._fast = DrivenMechanism(Solver(solver.mechanism), drive.motor.at)
         length = solver.mechanism.crank.length
         self._units = np.array([length if link.slides else 1.0 for link in self._links] * 2)
         # The previous state, initially that at t = 0.
@@ -76,7 +82,7 @@ class TorqueStates(TickStates):
         positions = self._with_driven(state.position, begin.unwrapped)
         self._before = np.array([[*positions, *state.velocity, 0.0]]).T
         # The components of the forces of live loads in that state.
-        self._push = np.array([[x] for force in simulator.forces.values() for x in force])
+        self._push = np.array([[x] for x in simulator.conditions.values])
 
     def _with_driven(self, positions: Sequence[Any], driven: Any) -> list[Any]:
         """Returns positions of the links, with the position of the driven link replaced."""
@@ -99,16 +105,15 @@ class TorqueStates(TickStates):
         driven, solver = self._driven, self._driven.solver
         moving = self._rows(driven)[: len(driven.links)]
         q, u, a = (tuple(row[moving]) for row in table[:3])
-        given: dict[str, Any] = {'forces': forces or self._simulator.forces, 'by_math': True}
-        pushes = [x for force in given['forces'].values() for x in force]
-        self._pushes = np.array([np.broadcast_to(x, len(crank)) for x in pushes])
+        under = Conditions(forces=forces)
+        self._pushes = np.array([np.broadcast_to(x, len(crank)) for x in under.values])
         # Use the logged torque of live runs, because it includes commands.
         torque = self._motor.at(table[1, link]) if self.is_record else table[3, link]
         if solver.coordinates == self._own.solver.coordinates:
             if self.is_record:
-                a = solver.accelerations(q, u, torque, **given)
-            return Coordinates(q, u, a, crank, solver.state(q, u, a, **given)), None
-        state = solver.driven_state(q, u, torque, **given)
+                a = solver.accelerations(q, u, torque, under=under)
+            return Coordinates(q, u, a, crank, solver.state(q, u, a, under=under)), None
+        state = solver.driven_state(q, u, torque, under=under)
         if driven.turns and not driven.has_driven:
             pairs = zip(state.position[link].tolist(), crank.tolist(), strict=True)
             crank = np.array([with_turns(x, turns_between(x, y)) for x, y in pairs])
@@ -175,22 +180,23 @@ class TorqueStates(TickStates):
         if not self.is_record:  # the plant is paused in longer gaps
             late[late > self._simulator.ticks.elapsed(1) + CATCH_UP] = 0
         spans = late / NS_PER_S
-        every = self._forces([row[: len(ticks)] for row in pushes])
+        every = self._conditions([row[: len(ticks)] for row in pushes])
         follows = self._many_follow(driven, origin, found, spans, every) | (spans > _LONGEST)
         follows[0] |= self._is_after_gap
         for i in map(int, np.flatnonzero(~follows)):
-            forces = self._forces([float(row[i]) for row in pushes])
-            before = replace(driven if i else self._last, forces=forces)
+            one = self._conditions([float(row[i]) for row in pushes])
+            before = replace(driven if i else self._last, conditions=one)
             if wrong := self._difference(before, origin[:, i], found[:, i], float(spans[i])):
                 return i, f'it does not follow from the previous state: {wrong}'
         self._before, self._last = found[:, -1:], driven
         self._push = self._pushes[:, len(ticks) - 1 : len(ticks)] if len(pushes) else self._push
         return super().take(number, ticks)
 
-    def _forces(self, components: Sequence[Real]) -> dict[str, tuple[Real, Real]]:
-        """Returns forces by name of the load, from their components."""
+    def _conditions(self, components: Sequence[Real]) -> Conditions:
+        """Returns conditions from the components of their forces."""
         pairs = zip(components[::2], components[1::2], strict=True)
-        return dict(zip(self._simulator.forces, pairs, strict=True))
+        names = (name for name, _ in self._simulator.conditions.forces)
+        return Conditions(forces=dict(zip(names, pairs, strict=True)))
 
     def _many_follow(
         self,
@@ -198,19 +204,20 @@ class TorqueStates(TickStates):
         origin: Array,
         found: Array,
         spans: Array,
-        forces: dict[str, tuple[Real, Real]],
+        under: Conditions,
     ) -> npt.NDArray[np.bool_]:
         """Returns which states follow from their predecessors, integrating all at once."""
         nothing, half = np.zeros(len(spans), bool), len(driven.links)
         if driven.solver.coordinates != self._own.solver.coordinates:
             return nothing
+        solver = self._fast.described(driven.solver.description).solver
         rows, units = self._rows(driven), np.array(driven.units)[:, None]
         usual = np.median(np.max(abs(origin[rows[half:]]) / units[half:], axis=0) * spans)
         steps = int(np.clip(np.ceil(usual / _STEP), *_STEPS))
 
         def accelerations(*y: Array) -> Any:
             torque = self._motor.at(y[half]) + origin[-1]
-            return driven.solver.accelerations(y[:half], y[half:], torque, forces=forces)
+            return solver.accelerations(y[:half], y[half:], torque, under=under)
 
         plant, phase = Plant(driven.units, accelerations), tuple(origin[rows])
         error = np.zeros(len(spans))

@@ -28,7 +28,7 @@ from linkage_ros.log.expected_states import (
     TickStates,
     check_motions,
 )
-from linkage_ros.log.logged_forces import Forces, LoggedForces
+from linkage_ros.log.logged_forces import LoggedForces
 from linkage_ros.log.reader import LoggedMessage, LogReader
 from linkage_ros.log.rows import MESSAGE_HEAD, RowLayout
 from linkage_ros.log.torque_states import TorqueStates
@@ -261,16 +261,9 @@ class Verification:
         Raises:
             LinkageError: A logged row does not describe a valid state.
         """
-        forces: Forces = {}
-        if self._forces.is_live:
-            forces = self._forces.at(self.states, self._expected.elapsed(number, stamps))
-        coordinates, ahead = self._expected.coordinates(number, stamps, rows, forces)
-        coordinates = coordinates._replace(forces=forces)
-        ahead = ahead and ahead._replace(forces=forces)
-        numbers, layout = (
-            self._expected.simulator(number).numbers(coordinates, ahead),
-            self._layout,
-        )
+        forces = self._forces.at(self.states, self._expected.elapsed(number, stamps))
+        moments = self._expected.coordinates(number, stamps, rows, forces)
+        numbers, layout = self._simulator.numbers(*moments), self._layout
         times = stamps if self._expected.is_record else layout.column(rows, layout.times)
         return layout.rows(times, stamps, numbers)
 

@@ -37,7 +37,7 @@ from linkage_ros.formulas import (
     turned,
     where,
 )
-from linkage_ros.mechanism.kinematics import LinkPose, Loop, PointMotion, Pose, State
+from linkage_ros.mechanism.kinematics import LinkPose, Loop, PointMotion, Pose, Rows
 from linkage_ros.mechanism.loads.base import JointLoad, Load
 from linkage_ros.mechanism.nested import leaves
 from linkage_ros.mechanism.structure import DyadLinks, Link, Mechanism, Pin, Point, Structure
@@ -46,15 +46,16 @@ from linkage_ros.numeric import Real
 
 
 class Environment(NamedTuple):
-    """External influences on a mechanism: unlike constants, they are given for each state.
+    """The numbers of `Conditions`: unlike constants, they are given for each state.
 
     Attributes:
+        gravity: Acceleration of gravity, m/s^2; empty for that of the model.
         frame: Direction of base_link, rad, its rate, rad/s, and its acceleration, rad/s^2; empty
             if base_link is at rest.
-        forces: For each of the model's loads, its force (x, y), N; empty to keep the force of the
-            load. If no force is given, the whole tuple is empty.
+        forces: Force (x, y), N, of each load in `Model.given`.
     """
 
+    gravity: tuple[Real, ...] = ()
     frame: tuple[Real, ...] = ()
     forces: tuple[tuple[Real, ...], ...] = ()
 
@@ -77,6 +78,7 @@ class Model(NamedTuple):
         pivot: The point of base_link that is fixed in the world if it turns, m.
         loads: Loads on the links, except weights and `joint_loads`.
         joint_loads: Loads caused by joint forces, such as friction.
+        given: Indices of the loads whose forces are in the environment, in the order there.
         refuse: Function that rejects q, u and a if a value or a result is not finite. None, here
             and in the next three attributes, accepts everything.
         refuse_torque: Function that rejects q, u and a torque if a value or a result is not
@@ -96,6 +98,7 @@ class Model(NamedTuple):
     pivot: Any
     loads: tuple[Load, ...]
     joint_loads: tuple[JointLoad, ...]
+    given: tuple[int, ...] = ()
     refuse: Opaque | None = None
     refuse_torque: Opaque | None = None
     refuse_forces: Opaque | None = None
@@ -108,7 +111,7 @@ class Model(NamedTuple):
         structure: Structure,
         loop: Loop | None = None,
         pivot: tuple[float, float] = (0.0, 0.0),
-        **refusals: Opaque,
+        **refusals: Any,
     ) -> 'Model':
         """Collects the constants of a mechanism.
 
@@ -142,14 +145,13 @@ class Model(NamedTuple):
         )
 
     def within(self, environment: Environment) -> 'Model':
-        """Returns the model with the given forces, and with the loads of a turning base_link."""
+        """Returns the model with the given gravity and forces, and loads of a turning frame."""
         if not any(environment):
             return self
+        gravity = Vector(*environment.gravity) if environment.gravity else self.gravity
         loads: list[Any] = list(self.loads)
-        for j, force in enumerate(environment.forces):
-            if force:
-                loads[j] = loads[j]._replace(force=Vector(*force))
-        gravity = self.gravity
+        for j, force in zip(self.given, environment.forces, strict=True):
+            loads[j] = loads[j]._replace(force=Vector(*force))
         if environment.frame:
             angle, rate, change = environment.frame
             gravity = turned(gravity, cos(angle), -sin(angle))
@@ -286,8 +288,8 @@ def state(
     u: Sequence[Real],
     a: Sequence[Real] = (),
     environment: Environment = AT_REST,
-) -> State:
-    """Computes the motion of all links and the driving torque; if `a` is empty, for q'' = 0."""
+) -> Rows:
+    """Computes the rows of a `State`; if `a` is empty, for q'' = 0."""
     outside = leaves(environment)
     require(is_finite(*q, *outside), model.refuse, *q, *u, *a, *outside)
     pose = model.loop.pose(tuple(q))
@@ -295,7 +297,7 @@ def state(
     torque, *_ = balance(model.within(environment), pose, rates, changes)
     require(is_finite(torque, *changes, *u, *a), model.refuse, *q, *u, *a, *outside)
     positions = tuple(link.position for link in pose.links)
-    return State(positions, tuple(rates), tuple(changes), torque)
+    return positions, tuple(rates), tuple(changes), torque
 
 
 def torque(
@@ -357,10 +359,11 @@ def driven_state(
     u: Sequence[Real],
     torque: Real,
     environment: Environment = AT_REST,
-) -> State:
-    """Computes the motion of all links under a torque or force on the driven link."""
+) -> Rows:
+    """Computes the rows of a `State` under a torque or force on the driven link."""
     a = forward(model, q, u, torque, environment)
-    return state(model, q, u, a, environment)._replace(torque=torque)
+    *rows, _ = state(model, q, u, a, environment)
+    return *rows, torque
 
 
 def solved(
@@ -459,9 +462,13 @@ def point_motion(
     return PointMotion(*point.motion(directions, rates, changes))
 
 
-def energy(model: Model, q: Sequence[Real], u: Sequence[Real]) -> tuple[Real, Real]:
+def energy(
+    model: Model, q: Sequence[Real], u: Sequence[Real], environment: Environment = AT_REST
+) -> tuple[Real, Real]:
     """Computes the kinetic energy and the potential energy of weights and loads, J."""
-    require(is_finite(*q, *u), model.refuse, *q, *u)
+    outside = leaves(environment)
+    require(is_finite(*q, *u, *outside), model.refuse, *q, *u, *outside)
+    model = model.within(environment)
     pose = model.loop.pose(tuple(q))
     matrix = mass_matrix(model, pose)
     kinetic = total(
@@ -476,7 +483,7 @@ def energy(model: Model, q: Sequence[Real], u: Sequence[Real]) -> tuple[Real, Re
     )
     loads = (load.potential(pose.links) for load in model.loads)
     potential = total([weights, *loads])
-    require(is_finite(kinetic, potential), model.refuse, *q, *u)
+    require(is_finite(kinetic, potential), model.refuse, *q, *u, *outside)
     return kinetic, potential
 
 

@@ -46,7 +46,7 @@ from linkage_ros.mechanism.equations import (
     state,
     velocities,
 )
-from linkage_ros.mechanism.kinematics import LinkPose, Pose, State
+from linkage_ros.mechanism.kinematics import LinkPose, Pose, Rows
 from linkage_ros.mechanism.loads.base import Contact
 from linkage_ros.mechanism.nested import leaves
 from linkage_ros.mechanism.structure import Link, Pin
@@ -362,7 +362,7 @@ class Round(NamedTuple):
     """The result of one round, that is, one step of Newton's method.
 
     Attributes:
-        state: The state under the loads caused by the previous forces.
+        rows: The rows of the state under the loads caused by the previous forces.
         reactions: Forces under these loads, in the order of the fields of `Reactions`.
         load: The loads caused by the previous forces.
         search: Input of the next round; unchanged if the forces have converged.
@@ -370,7 +370,7 @@ class Round(NamedTuple):
             the mechanism.
     """
 
-    state: State
+    rows: Rows
     reactions: tuple[Any, ...]
     load: FoundLoad
     search: Search

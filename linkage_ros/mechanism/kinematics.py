@@ -3,13 +3,15 @@
 """Kinematic results: pose at given coordinates, state, and reach of the crank."""
 
 import math
-from typing import NamedTuple, NoReturn, Protocol, TypeAlias
+from typing import Any, NamedTuple, NoReturn, Protocol, TypeAlias
 
 import numpy as np
 
-from linkage_ros.errors import MechanismError, UnreachableError
+from linkage_ros.errors import ConfigurationError, MechanismError, UnreachableError
 from linkage_ros.formulas import ZERO, Vector, turned
+from linkage_ros.mechanism.conditions import OWN_CONDITIONS, Conditions
 from linkage_ros.numeric import Array, Real
+from linkage_ros.quantities import shown
 from linkage_ros.units import SLIDING, TURNING, place_words
 
 Arc: TypeAlias = tuple[float, float]
@@ -233,11 +235,30 @@ class Reach(NamedTuple):
         return np.asarray(np.unique(angles[(angles >= 0) & (angles <= even[-1])]))
 
 
+# The first four fields of a `State`.
+Rows: TypeAlias = tuple[tuple[Real, ...], tuple[Real, ...], tuple[Real, ...], Real]
+
+
+class LinkMotion(NamedTuple):
+    """The motion of one link, as in `State`.
+
+    Attributes:
+        position: Direction, rad, or position along the guide, m.
+        velocity: Angular velocity, rad/s, or velocity, m/s.
+        acceleration: Angular acceleration, rad/s^2, or acceleration, m/s^2.
+    """
+
+    position: Real
+    velocity: Real
+    acceleration: Real
+
+
 class State(NamedTuple):
     """The motion of a mechanism at one crank angle or at an array of crank angles.
 
-    The order of the links is that of `Solver.links`: crank, coupler, and rocker or slider; crank,
-    barrel and rod of a cylinder; crank, coupler, rod and slider of a wind pump; then dyads.
+    The order of the links is that of `links`: crank, coupler, and rocker or slider; crank, barrel
+    and rod of a cylinder; crank, coupler, rod and slider of a wind pump; then dyads. The motion of
+    one link is `state['rocker']`. States are equal if motion and torque are.
 
     Attributes:
         position: Directions of the links from first to second pin, rad, in [-pi, pi] except for
@@ -247,12 +268,38 @@ class State(NamedTuple):
             acceleration, m/s^2.
         torque: Driving torque on the crank, N m, positive counter-clockwise; force of a driven
             cylinder, N, positive if it lengthens the cylinder.
+        conditions: The conditions under which the state was computed.
+        links: Names of the links.
     """
 
     position: tuple[Real, ...]
     velocity: tuple[Real, ...]
     acceleration: tuple[Real, ...]
     torque: Real
+    conditions: Conditions = OWN_CONDITIONS
+    links: tuple[str, ...] = ()
+
+    def __getitem__(self, key: Any) -> Any:
+        """Returns the motion of a link by its name, or fields by index.
+
+        Raises:
+            ConfigurationError: The mechanism has no such link.
+        """
+        if not isinstance(key, str):
+            return tuple.__getitem__(self, key)
+        if key not in self.links:
+            raise ConfigurationError(f'link {shown(key)}: must be one of {", ".join(self.links)}')
+        i = self.links.index(key)
+        return LinkMotion(self.position[i], self.velocity[i], self.acceleration[i])
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, State) and self[:4] == other[:4]
+
+    def __ne__(self, other: object) -> bool:
+        return not self == other
+
+    def __hash__(self) -> int:
+        return hash(self[:4])
 
 
 class PointMotion(NamedTuple):

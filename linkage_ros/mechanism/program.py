@@ -126,6 +126,7 @@ class Program:
         arguments: tuple[Argument, ...],
         *,
         traced: bool = True,
+        by_math: bool = False,
     ) -> None:
         """Binds a formula to constants; the formula is traced on first use.
 
@@ -135,10 +136,12 @@ class Program:
             arguments: The names of the scalars in each argument.
             traced: Whether to compile the formula; otherwise, it is called itself, on floats and
                 on arrays, so that a debugger can stop in it.
+            by_math: Whether to apply functions of `math` to arrays, element by element, so that
+                results are bit-identical to those of floats. NumPy's functions are faster.
         """
         self.formula, self.constants, self.arguments = formula, constants, arguments
         self.names: list[str] = leaves(arguments)
-        self._traced = traced
+        self._traced, self._by_math = traced, by_math
 
     @functools.cached_property
     def tape(self) -> Tape:
@@ -159,13 +162,11 @@ class Program:
         arguments = (transformed(lambda _: next(given), x) for x in self.arguments)
         return transformed(formulas.number, self.formula(self.constants.tree, *arguments))
 
-    def __call__(self, *values: Any, by_math: bool = False) -> Any:
+    def __call__(self, *values: Any) -> Any:
         """Evaluates the formula.
 
         Args:
             *values: Numbers, or arrays that broadcast.
-            by_math: Whether to apply functions of `math`, element by element, so that results are
-                bit-identical to those of floats. NumPy's functions are faster.
 
         Returns:
             The result of the formula: floats if no argument is an array, else arrays.
@@ -173,11 +174,9 @@ class Program:
         if {*map(type, values)} == {float}:
             return self.floats(*values)
         rows, shape = real_numbers(self.names, values)
-        return self.floats(*rows) if shape is None else self.arrays(rows, shape, by_math=by_math)
+        return self.floats(*rows) if shape is None else self.arrays(rows, shape)
 
-    def arrays(
-        self, rows: Iterable[Real], shape: tuple[int, ...], *, by_math: bool = False
-    ) -> Any:
+    def arrays(self, rows: Iterable[Real], shape: tuple[int, ...]) -> Any:
         """Evaluates the formula on floats and arrays that broadcast to a shape; see `__call__`."""
         size = math.prod(shape)
         if size == 1 and not is_noisy():
@@ -185,26 +184,26 @@ class Program:
             values = self.tape.flat(tree) if self._traced else leaves(tree)
             return self._shaped(tree, [np.array(x, ndmin=len(shape)) for x in values])
         rows = [x if isinstance(x, float) else np.broadcast_to(x, shape).ravel() for x in rows]
-        if by_math and not self._traced and size:
+        if self._by_math and not self._traced and size:
             columns = ([x] * size if isinstance(x, float) else x.tolist() for x in rows)
             trees = [self.floats(*row) for row in zip(*columns, strict=True)]
             tree, found = trees[0], np.array([leaves(each) for each in trees]).T
         else:
-            tree, found = self._blocks(rows, size, by_math=by_math)
+            tree, found = self._blocks(rows, size)
         return self._shaped(tree, found.reshape(len(found), *shape))
 
     def _shaped(self, tree: Any, values: Iterable[Array]) -> Any:
         """Returns a result with the structure of a tree and other values."""
         return self.tape.shaped(*values) if self._traced else rebuilt(tree, iter(values))
 
-    def _bound(self, *, by_math: bool) -> Callable[..., Any]:
+    def _bound(self) -> Callable[..., Any]:
         """Returns the program for floats and arrays, with its constants bound."""
-        bind = self.tape.by_math if by_math else self.tape.for_arrays
-        if by_math and is_noisy():
+        bind = self.tape.by_math if self._by_math else self.tape.for_arrays
+        if self._by_math and is_noisy():
             bind = self.tape.with_noise
         return cast('Callable[..., Any]', bind(*self.constants.numbers))
 
-    def _blocks(self, rows: Sequence[Real], size: int, *, by_math: bool) -> tuple[Any, Array]:
+    def _blocks(self, rows: Sequence[Real], size: int) -> tuple[Any, Array]:
         """Evaluates the formula on floats and arrays of shape (size,), block by block.
 
         Returns:
@@ -214,7 +213,7 @@ class Program:
         # by page. Freeing this larger, untouched block raises that threshold.
         np.empty(3_000_000)
         found, tree = np.empty((0, size)), None
-        run = self._bound(by_math=by_math) if self._traced else self.untraced
+        run = self._bound() if self._traced else self.untraced
         for start in range(0, max(size, 1), _CHUNK):
             part = slice(start, start + _CHUNK)
             given = (x if isinstance(x, float) else x[part] for x in rows)

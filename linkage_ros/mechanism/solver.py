@@ -10,8 +10,7 @@ binds it to the numbers of its mechanism.
 
 import functools
 import math
-from collections.abc import Callable, Mapping, Sequence
-from types import MappingProxyType
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, NoReturn, cast
 
 import numpy as np
@@ -19,6 +18,7 @@ import numpy as np
 from linkage_ros.errors import ConfigurationError, MechanismError, UnreachableError
 from linkage_ros.formulas import ZERO, Opaque, Vector, number
 from linkage_ros.mechanism import equations
+from linkage_ros.mechanism.conditions import OWN_CONDITIONS, Conditions
 from linkage_ros.mechanism.dyad_reach import reach_of
 from linkage_ros.mechanism.equations import DyadSine, Environment, Model
 from linkage_ros.mechanism.joint_forces import (
@@ -43,8 +43,6 @@ from linkage_ros.quantities import shown
 from linkage_ros.units import rad_and_deg
 
 _ROUND = 'q', 'u', 'a', 'search'  # arguments of `joint_load_round`
-_FRAME = 'frame_angle', 'frame_speed', 'frame_acceleration'
-NO_FORCES: Mapping[str, Sequence[Real]] = MappingProxyType({})
 _ROUNDS = 10_000
 _IN_LINE = (
     'all links are in line: the joint forces are infinite at a change point; choose another angle'
@@ -52,19 +50,17 @@ _IN_LINE = (
 
 
 class _Outside(NamedTuple):
-    """Programs whose last argument is an environment.
+    """What programs need whose last argument is an environment.
 
     Attributes:
         model: Their model, which names the scalars in errors.
         constants: The prepared constants of the model.
         names: Names of the scalars in the environment.
-        forces: Names of the loads whose forces are given, in the order of the scalars.
     """
 
     model: Model
     constants: Constants
     names: Environment
-    forces: tuple[str, ...]
 
 
 class Solver:
@@ -76,15 +72,8 @@ class Solver:
     only one. Arrays broadcast. For a driven cylinder, each torque is its force, N, positive if it
     lengthens the cylinder.
 
-    Methods that compute torques, accelerations or forces also accept the environment of a state:
-
-    - `frame`: Direction of base_link, rad, its rate, rad/s, and its acceleration, rad/s^2, if it
-      turns about `pivot`; empty if it is at rest. Gravity is given in the axes of base_link at
-      direction 0.
-    - `forces`: Force [x, y], N, that replaces the force of a load of kind force, by name.
-
-    A `State` does not contain its environment: methods that take a state need the same `frame` and
-    `forces` as the method that computed it.
+    A state holds the `Conditions` under which it was computed, so that methods that take a state
+    need nothing else.
 
     Attributes:
         mechanism: The mechanism.
@@ -104,6 +93,7 @@ class Solver:
         mechanism: Mechanism,
         *,
         traced: bool = True,
+        by_math: bool = False,
         description: Description | None = None,
         pivot: tuple[float, float] = (0.0, 0.0),
     ) -> None:
@@ -113,6 +103,8 @@ class Solver:
             mechanism: The mechanism to solve.
             traced: Whether to turn formulas into programs. Otherwise, the formulas themselves run,
                 with the same results, so that a debugger can stop in them.
+            by_math: Whether array results must be bit-identical to scalar results, which NumPy's
+                faster functions do not give.
             description: Coordinates and assembly; by default, the mechanism's own. A solver in
                 other coordinates supports only `driven_state`, `driven_by` and `dyad_sines`; the
                 torque still acts on the crank.
@@ -125,7 +117,7 @@ class Solver:
         if not isinstance(mechanism, Mechanism):
             raise MechanismError(f'{shown(mechanism)}: must be a mechanism, such as a FourBar')
         self.mechanism, structure = mechanism, mechanism.structure()
-        self._traced, self.pivot = traced, pivot
+        self._traced, self._by_math, self.pivot = traced, by_math, pivot
         self.description = description or mechanism.description
         self.coordinates = self.description.coordinates
         if self.coordinates != mechanism.coordinates:
@@ -166,6 +158,7 @@ class Solver:
         make = functools.partial(
             type(self),
             traced=self._traced,
+            by_math=self._by_math,
             description=self.description,
             pivot=self.pivot,
         )
@@ -175,68 +168,68 @@ class Solver:
     def _constants(self) -> Constants:
         return Constants(self.model)
 
+    def described(self, description: Description) -> 'Solver':
+        """Returns a solver of the same mechanism in another description."""
+        return Solver(
+            self.mechanism,
+            traced=self._traced,
+            by_math=self._by_math,
+            description=description,
+            pivot=self.pivot,
+        )
+
     def program(
-        self, formula: Callable[..., Any], *letters: str, outside: _Outside | None = None
+        self, formula: Callable[..., Any], *letters: str, under: Conditions = OWN_CONDITIONS
     ) -> Program:
         """Returns the program of a formula.
 
         Args:
             formula: The formula.
             *letters: Keys of its arguments in `names`.
-            outside: Result of `_outside`, for a formula with an environment; otherwise None.
-        """
-        key = formula, letters, outside and outside.names
-        if key not in self._programs:
-            constants = outside.constants if outside else self._constants
-            rows = [outside.names] if outside else []
-            arguments = (*(self.names[letter] for letter in letters), *rows)
-            self._programs[key] = self._bound(formula, constants, arguments)
-        return self._programs[key]
-
-    def _outside(
-        self, frame: Sequence[Real], forces: Mapping[str, Sequence[Real]]
-    ) -> tuple[_Outside | None, list[Real]]:
-        """Returns the environment of programs, if any, and its values.
+            under: Conditions whose numbers are its last argument; by default, it has none.
 
         Raises:
-            ConfigurationError: A load is not a force, or the number of values is wrong.
+            ConfigurationError: A force is given for a load that is not a force.
         """
-        if not frame and not forces:
-            return None, []
-        if frame and len(frame) != len(_FRAME):
-            raise ConfigurationError(
-                f'frame = {shown(frame)}: must be a tuple (angle, speed, acceleration)'
-            )
-        for name, force in forces.items():
-            if len(force) != 2:
-                raise ConfigurationError(f'forces: {name} = {shown(force)}: must be [x, y], N')
-        key = bool(frame), *forces
-        if key not in self._outsides:
-            self._outsides[key] = self._new_outside(_FRAME if frame else (), forces)
-        found = self._outsides[key]
-        return found, [*frame, *(x for name in found.forces for x in forces[name])]
+        key = formula, letters, under.names
+        if key not in self._programs:
+            arguments = [self.names[letter] for letter in letters]
+            constants = self._constants
+            if under:
+                outside = self._outside(under)
+                constants = outside.constants
+                arguments.append(outside.names)
+            self._programs[key] = self._bound(formula, constants, tuple(arguments))
+        return self._programs[key]
 
-    def _new_outside(self, frame: tuple[str, ...], forces: Mapping[str, object]) -> _Outside:
-        loads = self.mechanism.link_loads()
-        valid = [name for name, load in loads.items() if isinstance(load, PointForce)]
-        for name in forces:
-            if name not in valid:
-                raise ConfigurationError(
-                    f'forces: {shown(name)} is not a load of kind force; the mechanism has '
-                    f'{", ".join(valid) or "none"}'
-                )
-        rows = tuple((f'{name}_x', f'{name}_y') if name in forces else () for name in loads)
-        names = Environment(frame, rows if forces else ())
-        q, u, a, torque, *_ = self.names.values()
-        model = self.model._replace(
-            refuse=_refusal(*q, *u, *a, *leaves(names)),
-            refuse_torque=_refusal(*q, *u, torque, *leaves(names)),
-        )
-        given = tuple(name for name in loads if name in forces)
-        return _Outside(model, Constants(model), names, given)
+    def _outside(self, under: Conditions) -> _Outside:
+        """Returns what programs need under conditions.
+
+        Raises:
+            ConfigurationError: A force is given for a load that is not a force.
+        """
+        if under.names not in self._outsides:
+            loads = self.mechanism.link_loads()
+            valid = [name for name, load in loads.items() if isinstance(load, PointForce)]
+            for name, _ in under.forces:
+                if name not in valid:
+                    raise ConfigurationError(
+                        f'forces: {shown(name)} is not a load of kind force; the mechanism has '
+                        f'{", ".join(valid) or "none"}'
+                    )
+            names = Environment(*under.names)
+            q, u, a, torque, *_ = self.names.values()
+            places = [*loads]
+            model = self.model._replace(
+                given=tuple(places.index(name) for name, _ in under.forces),
+                refuse=_refusal(*q, *u, *a, *leaves(names)),
+                refuse_torque=_refusal(*q, *u, torque, *leaves(names)),
+            )
+            self._outsides[under.names] = _Outside(model, Constants(model), names)
+        return self._outsides[under.names]
 
     def _bound(self, formula: Callable[..., Any], constants: Constants, names: Any) -> Program:
-        return Program(formula, constants, names, traced=self._traced)
+        return Program(formula, constants, names, traced=self._traced, by_math=self._by_math)
 
     @functools.cached_property
     def motion_reach(self) -> Reach | None:
@@ -286,9 +279,7 @@ class Solver:
         u: Any = 0.0,
         a: Any = 0.0,
         *,
-        frame: Sequence[Real] = (),
-        forces: Mapping[str, Sequence[Real]] = NO_FORCES,
-        by_math: bool = False,
+        under: Conditions = OWN_CONDITIONS,
     ) -> State:
         """Computes positions, rates and accelerations of all links, and the driving torque.
 
@@ -298,9 +289,7 @@ class Solver:
             u: Rates of the coordinates, rad/s and m/s.
             a: Accelerations of the coordinates, rad/s^2 and m/s^2. `accelerations` computes the
                 acceleration of a wind pump's slider.
-            frame: Motion of base_link; see the class.
-            forces: Forces of loads; see the class.
-            by_math: Whether array results must be bit-identical to scalar results.
+            under: Conditions that differ from the mechanism's own.
 
         Returns:
             The state. Its values are floats if all arguments are floats, otherwise arrays of the
@@ -311,21 +300,20 @@ class Solver:
                 that the rates are infinite.
             ConfigurationError: A value is not a finite number, or the torque overflows.
         """
-        outside = frame or forces
-        if self._takes_floats and not outside and type(q) is type(u) is type(a) is float:
-            found = self._accelerated.floats(q, u, a) if a else self._steady.floats(q, u)
+        if (
+            under is OWN_CONDITIONS
+            and self._takes_floats
+            and type(q) is type(u) is type(a) is float
+        ):
+            rows = self._accelerated.floats(q, u, a) if a else self._steady.floats(q, u)
         elif self.model.joint_loads:
-            found = self._settle(q, u, a, frame, forces, by_math=by_math).state
-        elif outside:
-            given = {'q': q, 'u': u, 'a': a}
-            found = self._run(equations.state, frame, forces, by_math=by_math, **given)
+            rows = self._settle(q, u, a, under).rows
+        elif type(a) is float and not a and not under:
+            rows = self._steady(*self._row('q', q), *self._row('u', u))
         else:
-            motion = *self._row('q', q), *self._row('u', u)
-            if type(a) is float and not a:
-                found = self._steady(*motion, by_math=by_math)
-            else:
-                found = self._accelerated(*motion, *self._row('a', a), by_math=by_math)
-        return cast('State', found)
+            rows = self._run(equations.state, under, q=q, u=u, a=a)
+        positions, velocities, accelerations, torque = rows
+        return State(positions, velocities, accelerations, torque, under, self.links)
 
     def torque(
         self,
@@ -333,9 +321,7 @@ class Solver:
         u: Any = 0.0,
         a: Any = 0.0,
         *,
-        frame: Sequence[Real] = (),
-        forces: Mapping[str, Sequence[Real]] = NO_FORCES,
-        by_math: bool = False,
+        under: Conditions = OWN_CONDITIONS,
     ) -> Real:
         """Computes the driving torque alone, which costs less than the state.
 
@@ -343,9 +329,7 @@ class Solver:
             q: Coordinates, rad and m, as for `state`.
             u: Rates of the coordinates, rad/s and m/s.
             a: Accelerations of the coordinates, rad/s^2 and m/s^2.
-            frame: Motion of base_link; see the class.
-            forces: Forces of loads; see the class.
-            by_math: See `state`.
+            under: Conditions that differ from the mechanism's own.
 
         Returns:
             The torque on the crank, N m, positive counter-clockwise, as in the state.
@@ -354,14 +338,11 @@ class Solver:
             LinkageError: As for `state`.
         """
         if self.model.joint_loads:
-            return self._settle(q, u, a, frame, forces, by_math=by_math).state.torque
-        if frame or forces:
-            given = {'q': q, 'u': u, 'a': a}
-            return self._run(equations.torque, frame, forces, by_math=by_math, **given)[0]
-        if single := self._single(q, u, a):
+            *_, torque = self._settle(q, u, a, under).rows
+            return torque
+        if not under and (single := self._single(q, u, a)):
             return self._torque.floats(*single)[0]
-        motion = *self._row('q', q), *self._row('u', u), *self._row('a', a)
-        return self._torque(*motion, by_math=by_math)[0]
+        return self._run(equations.torque, under, q=q, u=u, a=a)[0]
 
     @functools.cached_property
     def _torque(self) -> Program:
@@ -385,9 +366,7 @@ class Solver:
         u: Any,
         torque: Any,
         *,
-        frame: Sequence[Real] = (),
-        forces: Mapping[str, Sequence[Real]] = NO_FORCES,
-        by_math: bool = False,
+        under: Conditions = OWN_CONDITIONS,
     ) -> Any:
         """Solves M q'' + h - Q = torque for the accelerations q'' under a given torque.
 
@@ -395,9 +374,7 @@ class Solver:
             q: Coordinates, rad and m, as for `state`.
             u: Rates of the coordinates, rad/s and m/s.
             torque: Torque on the crank, N m, positive counter-clockwise.
-            frame: Motion of base_link; see the class.
-            forces: Forces of loads; see the class.
-            by_math: See `state`.
+            under: Conditions that differ from the mechanism's own.
 
         Returns:
             Accelerations of the coordinates, rad/s^2 and, for a wind pump's slider, m/s^2. They
@@ -409,13 +386,11 @@ class Solver:
             ConfigurationError: A value is not a finite number, or an acceleration overflows.
             MechanismError: A moving coordinate has no mass, or the mechanism has dry friction.
         """
-        outside = frame or forces
-        if not outside and (single := self._single(q, u, torque)):
+        if not under and (single := self._single(q, u, torque)):
             found = self._forward.floats(*single)
             return found if type(q) is tuple else found[0]
         self._refuse_friction()
-        given = {'q': q, 'u': u, 'torque': torque}
-        found = self._run(equations.forward, frame, forces, by_math=by_math, **given)
+        found = self._run(equations.forward, under, q=q, u=u, torque=torque)
         return found if len(self.coordinates) > 1 or isinstance(q, tuple) else found[0]
 
     def driven_state(
@@ -424,9 +399,7 @@ class Solver:
         u: Any,
         torque: Any,
         *,
-        frame: Sequence[Real] = (),
-        forces: Mapping[str, Sequence[Real]] = NO_FORCES,
-        by_math: bool = False,
+        under: Conditions = OWN_CONDITIONS,
     ) -> State:
         """Computes positions, rates and accelerations of all links under a given torque.
 
@@ -434,9 +407,7 @@ class Solver:
             q: Coordinates, rad and m, as for `state`.
             u: Rates of the coordinates, rad/s and m/s.
             torque: Torque on the crank, N m, positive counter-clockwise.
-            frame: Motion of base_link; see the class.
-            forces: Forces of loads; see the class.
-            by_math: See `state`.
+            under: Conditions that differ from the mechanism's own.
 
         Returns:
             The state, whose `torque` is the given torque.
@@ -445,47 +416,37 @@ class Solver:
             LinkageError: As for `accelerations`.
         """
         self._refuse_friction()
-        given = {'q': q, 'u': u, 'torque': torque}
-        found = self._run(equations.driven_state, frame, forces, by_math=by_math, **given)
-        return cast('State', found)
+        rows = self._run(equations.driven_state, under, q=q, u=u, torque=torque)
+        positions, velocities, accelerations, torque = rows
+        return State(positions, velocities, accelerations, torque, under, self.links)
 
     def driven_by(
-        self,
-        torque: Callable[[float], float],
-        forces: Mapping[str, Sequence[Real]] = NO_FORCES,
-        *,
-        frame: Sequence[Real] = (),
+        self, torque: Callable[[float], float], under: Conditions = OWN_CONDITIONS
     ) -> Callable[..., tuple[float, ...]]:
         """Returns a fast function for integrators: the accelerations under a torque law.
 
         Args:
             torque: Function that returns the torque on the crank, N m, at a crank speed, rad/s.
-            forces: Loads whose forces are given. Only their names and their order are used.
-            frame: Motion of base_link. Its values are not used, only whether it is given.
+            under: Conditions that differ from the mechanism's own. Their values are not used, only
+                which are given.
 
         Returns:
-            A function whose parameters are the coordinates, their rates, the angle, speed and
-            acceleration of base_link if `frame` is given, and x and y of each force in the order
-            of `forces`, all floats. It does not check the types of its arguments, and raises the
-            errors of `accelerations`.
+            A function whose parameters are the coordinates, their rates and `under.values`, all
+            floats. It does not check the types of its arguments, and raises the errors of
+            `accelerations`.
 
         Raises:
-            ConfigurationError: A load is not a force, or the number of values is wrong.
+            ConfigurationError: A force is given for a load that is not a force.
             MechanismError: The mechanism has dry friction.
         """
         self._refuse_friction()
-        outside, _ = self._outside(frame, forces)
-        rows = [outside.names] if outside else []
-        constants = Constants((outside.model if outside else self.model, Opaque(torque)))
-        arguments = self.names['q'], self.names['u'], *rows
-        law = self._bound(equations.driven, constants, arguments).floats
-        if not outside or outside.forces == tuple(forces):
-            return law
-        # The program takes the forces in the order of the loads.
-        before, given = 2 * self._count + len(frame), [*forces]
-        first = [before + 2 * given.index(name) for name in outside.forces]
-        order = *range(before), *(i for at in first for i in (at, at + 1))
-        return lambda *values: law(*[values[i] for i in order])
+        model, arguments = self.model, [self.names['q'], self.names['u']]
+        if under:
+            outside = self._outside(under)
+            model = outside.model
+            arguments.append(outside.names)
+        constants = Constants((model, Opaque(torque)))
+        return self._bound(equations.driven, constants, tuple(arguments)).floats
 
     def dyad_sines(self, y: Sequence[float]) -> tuple[DyadSine, ...]:
         """Computes the sine of the angle between the two links of each dyad.
@@ -502,21 +463,27 @@ class Solver:
         program = self.program(equations.dyad_sines, 'q', 'u')
         return cast('tuple[DyadSine, ...]', program.floats(*y))
 
-    def energy(self, q: Any, u: Any) -> tuple[Real, Real]:
-        """Computes the mechanical energy of the mechanism.
+    def energy(self, state: State) -> tuple[Real, Real]:
+        """Computes the mechanical energy of a state.
 
         Args:
-            q: Coordinates, rad and m, as for `state`.
-            u: Rates of the coordinates, rad/s and m/s.
+            state: A state of floats or arrays, from `state`.
 
         Returns:
             The kinetic energy, J, and the potential energy of weights and loads, up to a constant,
-            J. A load of kind force counts with its own force.
+            J. Forces among the conditions count as constant.
 
         Raises:
-            LinkageError: As for `state`.
+            ConfigurationError: The argument is not a state of this mechanism, or base_link turns.
         """
-        return cast('tuple[Real, Real]', self._run(equations.energy, q=q, u=u))
+        q, u, _ = self._motion(state)
+        frame = state.conditions.frame
+        if frame and any(np.any(rate) for rate in frame[1:]):
+            raise ConfigurationError(
+                f'frame = {shown(frame)}: energy needs a base_link at rest; its rate and its '
+                'acceleration must be 0'
+            )
+        return cast('tuple[Real, Real]', self._run(equations.energy, state.conditions, q=q, u=u))
 
     def matrix(self, q: Any) -> tuple[tuple[Real, ...], ...]:
         """Computes the mass matrix M.
@@ -533,14 +500,13 @@ class Solver:
         """
         return cast('tuple[tuple[Real, ...], ...]', self._run(equations.matrix, q=q))
 
-    def point(self, state: State, name: str, *, by_math: bool = False) -> PointMotion:
+    def point(self, state: State, name: str) -> PointMotion:
         """Computes the motion of a point of the mechanism.
 
         Args:
             state: A state of floats or arrays, from `state`.
             name: A pin, such as 'B', the coupler point 'C', the mouth 'E' of a barrel, or a joint
                 of a dyad, such as 'ram_joint'.
-            by_math: See `state`.
 
         Returns:
             Position, velocity and acceleration of the point, in the axes of base_link.
@@ -556,21 +522,13 @@ class Solver:
         row = [value for values in self._rows(state) for value in values]
         constants = points[name], _refusal(*sum(names, ()))
         program = self._bound(equations.point_motion, Constants(constants), names)
-        return cast('PointMotion', program(*row, by_math=by_math))
+        return cast('PointMotion', program(*row))
 
-    def reactions(
-        self,
-        state: State,
-        *,
-        frame: Sequence[Real] = (),
-        forces: Mapping[str, Sequence[Real]] = NO_FORCES,
-    ) -> Reactions:
+    def reactions(self, state: State) -> Reactions:
         """Computes the forces in the joints, the shaking force and the shaking moment.
 
         Args:
             state: A state of floats or arrays, from `state`.
-            frame: Motion of base_link; see the class.
-            forces: Forces of loads; see the class.
 
         Returns:
             The joint forces, the shaking force and the shaking moment.
@@ -586,9 +544,9 @@ class Solver:
             )
         q, u, a = self._motion(state)
         if self.model.joint_loads:
-            values = self._settle(q, u, a, frame, forces).reactions
+            values = self._settle(q, u, a, state.conditions).reactions
         else:
-            values = self._run(reactions, frame, forces, q=q, u=u, a=a)
+            values = self._run(reactions, state.conditions, q=q, u=u, a=a)
         in_pins, guides, *others, moments = values
         sliding = [link.name for link in self.structure.links if link.slides]
         pairs = map(GuideForce, guides, moments)
@@ -596,13 +554,7 @@ class Solver:
             dict(zip(pins, in_pins, strict=True)), dict(zip(sliding, pairs, strict=True)), *others
         )
 
-    def load_forces(
-        self,
-        state: State,
-        *,
-        frame: Sequence[Real] = (),
-        forces: Mapping[str, Sequence[Real]] = NO_FORCES,
-    ) -> dict[str, Real]:
+    def load_forces(self, state: State) -> dict[str, Real]:
         """Computes the generalised forces of loads and friction; see `wrenches`.
 
         They are the power of the loads per unit of each link's rate. A force at a point of the
@@ -610,8 +562,6 @@ class Solver:
 
         Args:
             state: A state of floats or arrays, from `state`.
-            frame: Motion of base_link; see the class.
-            forces: Forces of loads; see the class.
 
         Returns:
             The torque on each loaded link by its name, N m, positive counter-clockwise; for a
@@ -622,19 +572,13 @@ class Solver:
         """
         bodies, found = self.structure.links, dict[str, Real]()
         links = poses(bodies, self._rows(state)[0])
-        for wrenches in self.wrenches(state, frame=frame, forces=forces).values():
+        for wrenches in self.wrenches(state).values():
             for wrench in wrenches:
                 for j, force in wrench.generalised(bodies, links):
                     found[self.links[j]] = found.get(self.links[j], ZERO) + force
         return {name: number(force) for name, force in found.items()}
 
-    def wrenches(
-        self,
-        state: State,
-        *,
-        frame: Sequence[Real] = (),
-        forces: Mapping[str, Sequence[Real]] = NO_FORCES,
-    ) -> dict[str, list[Wrench]]:
+    def wrenches(self, state: State) -> dict[str, list[Wrench]]:
         """Computes the forces and couples of loads and friction on all bodies.
 
         Weights and inertia are not among them, and neither is the inertia due to a turning frame.
@@ -642,8 +586,6 @@ class Solver:
 
         Args:
             state: A state of floats or arrays, from `state`.
-            frame: Motion of base_link; see the class. It affects only friction.
-            forces: Forces of loads; see the class.
 
         Returns:
             The wrenches of each load by its name: that under `loads` in a parameter file, 'load',
@@ -653,29 +595,23 @@ class Solver:
             ConfigurationError: The argument is not a state of this mechanism, or as for `state`.
         """
         position, velocity, _ = self._rows(state)
-        model = self._constants.tree
-        outside, others = self._outside(frame, forces)
-        if outside:
+        under, model = state.conditions, self._constants.tree
+        if under:
+            outside = self._outside(under)
             words: list[str] = leaves(outside.names)
-            given, _ = real_numbers(words, others)
+            given, _ = real_numbers(words, under.values)
             require_finite(**dict(zip(words, given, strict=True)))
             environment = rebuilt(outside.names, iter(given))
-            model = model.within(environment._replace(frame=()))
+            model = outside.constants.tree.within(environment._replace(frame=()))
         names = self.mechanism.link_loads()
         loads: dict[str, Load] = dict(zip(names, model.loads, strict=True))
         if self.model.joint_loads:
             q, u, a = self._motion(state)
-            loads['friction'] = self._settle(q, u, a, frame, forces).load
+            loads['friction'] = self._settle(q, u, a, under).load
         links = poses(self.structure.links, position)
         return {name: load.wrenches(links, velocity) for name, load in loads.items()}
 
-    def exerted(
-        self,
-        state: State,
-        *,
-        frame: Sequence[Real] = (),
-        forces: Mapping[str, Sequence[Real]] = NO_FORCES,
-    ) -> Exerted:
+    def exerted(self, state: State) -> Exerted:
         """Sums the wrenches of loads and friction on each link where they act.
 
         Couples and forces along a guide are added for each link, over all loads. Forces at a point
@@ -685,8 +621,6 @@ class Solver:
 
         Args:
             state: A state of floats or arrays, from `state`.
-            frame: Motion of base_link; see the class.
-            forces: Forces of loads; see the class.
 
         Returns:
             The sums, as floats or arrays.
@@ -696,7 +630,7 @@ class Solver:
         """
         bodies, found = self.structure.links, Exerted({}, {})
         links = poses(bodies, self._rows(state)[0])
-        for load, wrenches in self.wrenches(state, frame=frame, forces=forces).items():
+        for load, wrenches in self.wrenches(state).items():
             for wrench in wrenches:
                 if wrench.body == FRAME:
                     continue
@@ -738,40 +672,22 @@ class Solver:
         return sine, f'{first.name} and {second.name} are in line'
 
     def _run(
-        self,
-        formula: Callable[..., Any],
-        frame: Sequence[Real] = (),
-        forces: Mapping[str, Sequence[Real]] = NO_FORCES,
-        *,
-        by_math: bool = False,
-        **given: Any,
+        self, formula: Callable[..., Any], under: Conditions = OWN_CONDITIONS, **given: Any
     ) -> Any:
         """Evaluates a formula of the model.
 
         Args:
             formula: Function of the model, the arguments, and the environment if there is one.
-            frame: Motion of base_link.
-            forces: Forces of loads.
-            by_math: Whether array results must be bit-identical to scalar results.
+            under: Conditions that differ from the mechanism's own.
             **given: Arguments of the formula, by their keys in `names`.
 
         Returns:
             The result of the formula, with arrays if an argument is an array.
         """
         values = [x for letter, row in given.items() for x in self._row(letter, row)]
-        outside, others = self._outside(frame, forces)
-        return self.program(formula, *given, outside=outside)(*values, *others, by_math=by_math)
+        return self.program(formula, *given, under=under)(*values, *under.values)
 
-    def _settle(
-        self,
-        q: Any,
-        u: Any,
-        a: Any,
-        frame: Sequence[Real] = (),
-        forces: Mapping[str, Sequence[Real]] = NO_FORCES,
-        *,
-        by_math: bool = False,
-    ) -> Round:
+    def _settle(self, q: Any, u: Any, a: Any, under: Conditions) -> Round:
         """Iterates until the joint forces and the loads caused by them are consistent.
 
         Returns:
@@ -781,18 +697,16 @@ class Solver:
         Raises:
             UnreachableError: Friction locks the mechanism.
         """
-        outside, others = self._outside(frame, forces)
-        program = self.program(joint_load_round, *_ROUND, outside=outside)
+        program = self.program(joint_load_round, *_ROUND, under=under)
         motion = (*self._row('q', q), *self._row('u', u), *self._row('a', a))
-        start, end = len(motion), len(program.names) - len(others)
+        start, end = len(motion), len(program.names) - len(under.values)
         names = program.names[:start] + program.names[end:]
-        given, shape = real_numbers(names, [*motion, *others])
+        given, shape = real_numbers(names, [*motion, *under.values])
         search: list[Real] = [1.0, 0.0, math.inf, *[0.0] * (end - start - 3)]
         if shape is not None:  # arrays from the start, so that all rounds use one program
             search = [np.full(shape, value) for value in search]
         for _ in range(_ROUNDS):
-            values = *given[:start], *search, *given[start:]
-            found = cast('Round', program(*values, by_math=by_math))
+            found = cast('Round', program(*given[:start], *search, *given[start:]))
             if not np.any(found.left) or np.any(np.less(found.left, 0)):
                 break
             search = leaves(found.search)

@@ -149,7 +149,7 @@ class StateTemplates:
         rows = (tuple(f'{word}_{link.name}' for link in structure.links) for word in words)
         constants = Constants((structure.links, tuple(joints), structure.driven, tuple(shown)))
         self._ratio = driven.ratio
-        self._program = Program(_numbers, constants, (*rows, 'torque', 'unwrapped'))
+        self._program = Program(_numbers, constants, (*rows, 'torque', 'unwrapped'), by_math=True)
 
     def numbers(
         self, state: State, unwrapped: Real, ahead: State | None = None, *, stacked: bool = False
@@ -165,11 +165,10 @@ class StateTemplates:
         Returns:
             The numbers, without -0.0. Results for arrays and floats are bit-identical.
         """
-        position, velocity, acceleration, torque = state
+        position, velocity, acceleration, torque, _, _ = state
         values = *position, *velocity, *acceleration, torque, unwrapped
-        found: tuple[Real, ...] = (
-            self._program(*values, by_math=True) if stacked else self._program.floats(*values)
-        )
+        program = self._program if stacked else self._program.floats
+        found: tuple[Real, ...] = program(*values)
         return found if ahead is None else (*found, ahead.torque / self._ratio + 0.0)
 
     def pack(self, stamp: int, numbers: Sequence[Real]) -> bytes:

@@ -6,8 +6,10 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any
 
 from linkage_ros.errors import ConfigurationError, MotionError, UnreachableError
+from linkage_ros.mechanism.conditions import Conditions
 from linkage_ros.mechanism.ranges import Ranges
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.motion.law import Law, Moment, Spline
@@ -59,8 +61,9 @@ class LawMotion(Motion):
 
     segment: LawSegment
 
-    def __init__(self, segment: LawSegment) -> None:
+    def __init__(self, segment: LawSegment, conditions: Conditions | None = None) -> None:
         self.segment = segment
+        self.conditions = segment.conditions if conditions is None else conditions
 
     @classmethod
     def begin(cls, law: Law, stamp: int) -> 'LawMotion':
@@ -81,10 +84,14 @@ class LawMotion(Motion):
         """
         turns, angle, rate, acceleration = self._moment(stamp)
         if self.segment.law.slides:
-            return Coordinates((angle,), (rate,), (acceleration,), angle)
+            return Coordinates(
+                (angle,), (rate,), (acceleration,), angle, conditions=self.conditions
+            )
         unwrapped = with_turns(angle, turns / 2)
         reduced = with_turns(angle, turns / 2 - int((turns + angle / math.tau) / 2))
-        return Coordinates((reduced,), (rate,), (acceleration,), unwrapped)
+        return Coordinates(
+            (reduced,), (rate,), (acceleration,), unwrapped, conditions=self.conditions
+        )
 
     def at_all(self, stamps: Sequence[int]) -> Coordinates:
         """Computes the coordinates at many stamps, bit-identical to those of `at`.
@@ -105,16 +112,18 @@ class LawMotion(Motion):
     def restamp(self, old: int, new: int) -> 'LawMotion':
         """Returns the motion after a step of the clock; see `SpeedMotion.restamp`."""
         time = self._time(old)
-        return LawMotion(replace(self.segment, stamp=new, time=time, old_stamp=old))
+        segment = replace(self.segment, stamp=new, time=time, old_stamp=old)
+        return LawMotion(segment, self.conditions)
 
-    def with_gravity(self, stamp: int, gravity: Gravity | None) -> 'LawMotion':
-        """Returns the motion under a gravity, m/s^2, from a stamp, ns, on."""
-        if gravity == self.segment.gravity:
+    def under(self, stamp: int, conditions: Conditions, drive: Any) -> 'LawMotion':  # noqa: ARG002
+        """Returns the motion under conditions; see `Motion.under`. A law has no live parameter."""
+        if conditions == self.conditions:
             return self
-        time = self._time(stamp)
-        return LawMotion(
-            replace(self.segment, stamp=stamp, time=time, old_stamp=None, gravity=gravity)
-        )
+        segment, gravity = self.segment, conditions.gravity
+        if gravity != segment.gravity:
+            time = self._time(stamp)
+            segment = replace(segment, stamp=stamp, time=time, old_stamp=None, gravity=gravity)
+        return LawMotion(segment, conditions)
 
     def join(
         self,
@@ -145,7 +154,8 @@ class LawMotion(Motion):
         near = [with_turns(angle, -turns / 2) for angle in angles]
         law = joined(start, [time - stamp for time in stamps], near, slopes)
         law = law._replace(slides=slides)
-        return LawMotion(LawSegment(stamp, law, 0, turns, gravity=self.segment.gravity))
+        segment = LawSegment(stamp, law, 0, turns, gravity=self.segment.gravity)
+        return LawMotion(segment, self.conditions)
 
     def time_to_turn(self, turns: int) -> None:
         """Checks that the crank turns by a number of turns; see `Motion`.
@@ -174,13 +184,13 @@ class LawMotion(Motion):
         """
         if logged.old_stamp is not None:
             return self.restamp(logged.old_stamp, logged.stamp).segment
-        if logged.gravity != self.segment.gravity:
-            return self.with_gravity(logged.stamp, logged.gravity).segment
+        if logged.gravity != self.segment.gravity and logged.law == self.segment.law:
+            return self.under(logged.stamp, logged.conditions, None).segment
         joint, law = self.join(logged.stamp, [logged.stamp + 1], [0.0]).segment, logged.law
         if isinstance(law, Spline) and isinstance(joint.law, Spline):
             (first, *others), start = law.rows, joint.law.rows[0][:3]
             joint = replace(joint, law=law._replace(rows=((*start, *first[3:]), *others)))
-        return joint
+        return replace(joint, gravity=logged.gravity)
 
     def _time(self, stamp: int) -> int:
         return stamp - self.segment.stamp + self.segment.time

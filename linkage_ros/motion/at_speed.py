@@ -7,6 +7,7 @@ at its start, and a set speed. The phase at a later stamp is a closed expression
 nanoseconds. It is reduced by whole turns and then rounded once to a float.
 """
 
+import copy
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -15,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from linkage_ros.mechanism.conditions import Conditions
 from linkage_ros.motion.segments import Coordinates, Gravity, Motion, Segment, stacked
 from linkage_ros.units import NS_PER_S, TIME_END, JointUnits
 
@@ -74,8 +76,9 @@ class SpeedMotion(Motion):
 
     segment: SpeedSegment
 
-    def __init__(self, segment: SpeedSegment) -> None:
+    def __init__(self, segment: SpeedSegment, conditions: Conditions | None = None) -> None:
         self.segment = segment
+        self.conditions = segment.conditions if conditions is None else conditions
         self._phase = round(segment.phase * _GRID)
         self._target = round(Fraction(segment.rpm) * _GRID)
         self._speed = round(segment.speed * _GRID)
@@ -124,7 +127,10 @@ class SpeedMotion(Motion):
         if elapsed < self._ramp_ns:
             speed = _radians(self._speed_after(elapsed), _SPEED_SIZE)
             acceleration = math.copysign(self.segment.acceleration, self._rate)
-        return Coordinates((angle,), (speed,), (acceleration,), _radians(turned, _TURN_SIZE))
+        unwrapped = _radians(turned, _TURN_SIZE)
+        return Coordinates(
+            (angle,), (speed,), (acceleration,), unwrapped, conditions=self.conditions
+        )
 
     def at_all(self, stamps: Sequence[int]) -> Coordinates:
         """Computes the coordinates at many stamps, bit-identical to those of `at`.
@@ -143,19 +149,21 @@ class SpeedMotion(Motion):
         turned = [self._settled_phase + rate * time for time in elapsed]
         angle = np.array([_radians(phase % (2 * _TURN), _TURN_SIZE) for phase in turned])
         unwrapped = np.array([_radians(phase, _TURN_SIZE) for phase in turned])
-        return Coordinates((angle,), (self._settled_speed,), (0.0,), unwrapped)
+        return Coordinates(
+            (angle,), (self._settled_speed,), (0.0,), unwrapped, conditions=self.conditions
+        )
 
-    def with_drive(self, stamp: int, drive: Any) -> 'SpeedMotion':
-        """Returns the motion under a drive from a stamp on.
-
-        Args:
-            stamp: Stamp from which the drive applies, ns.
-            drive: The current `SpeedDrive`.
-
-        Returns:
-            This motion, or a new one if the set speed has changed.
-        """
-        return self if drive.rpm == self.segment.rpm else self.change(stamp, drive.rpm)
+    def under(self, stamp: int, conditions: Conditions, drive: Any) -> 'SpeedMotion':
+        """Returns the motion under conditions and a `SpeedDrive`; see `Motion.under`."""
+        gravity, segment = conditions.gravity, self.segment
+        if drive.rpm == segment.rpm and gravity == segment.gravity:
+            if conditions == self.conditions:
+                return self
+            found = copy.copy(self)
+            found.conditions = conditions
+            return found
+        segment = self.change(stamp, drive.rpm).segment
+        return SpeedMotion(replace(segment, gravity=gravity), conditions)
 
     def restamp(self, old: int, new: int) -> 'SpeedMotion':
         """Returns the motion after a step of the clock, with continuous phase and speed.
@@ -168,12 +176,6 @@ class SpeedMotion(Motion):
             The motion in the next segment.
         """
         return self.change(old, self.segment.rpm, new)
-
-    def with_gravity(self, stamp: int, gravity: Gravity | None) -> 'SpeedMotion':
-        """Returns the motion under a gravity, m/s^2, from a stamp, ns, on."""
-        if gravity == self.segment.gravity:
-            return self
-        return SpeedMotion(replace(self.change(stamp, self.segment.rpm).segment, gravity=gravity))
 
     def change(self, stamp: int, rpm: float, restamp: int | None = None) -> 'SpeedMotion':
         """Returns the motion after a change of speed or clock, with continuous phase and speed.
@@ -189,7 +191,7 @@ class SpeedMotion(Motion):
         start, old = (stamp, None) if restamp is None else (restamp, stamp)
         continued = self.phase(stamp), self.speed(stamp)
         segment = _segment(start, *continued, rpm, self.segment.acceleration, old)
-        return SpeedMotion(replace(segment, gravity=self.segment.gravity))
+        return SpeedMotion(replace(segment, gravity=self.segment.gravity), self.conditions)
 
     def next_segment(self, logged: SpeedSegment) -> SpeedSegment:
         """Recomputes the next segment; only set speed and gravity are those of the logged one."""

@@ -9,17 +9,17 @@ used again, possibly in the other assembly.
 
 import functools
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
-from itertools import chain
 from statistics import median
 from typing import Any, NoReturn
 
 import numpy as np
 
 from linkage_ros.errors import LinkageError, MotionError
+from linkage_ros.mechanism.conditions import OWN_CONDITIONS, Conditions
 from linkage_ros.mechanism.kinematics import FULL_TURN, State
 from linkage_ros.mechanism.parts import CROSSED, OPEN
 from linkage_ros.mechanism.solver import Solver
@@ -46,8 +46,7 @@ class DrivenMechanism:
         middle: If a driven crank is not a coordinate, the middle of the arc on which it moves,
             rad.
         solvers: Solvers for all descriptions used so far.
-        forces: Force [x, y], N, of each load whose force is given, by name; may change if the
-            names and their order stay.
+        conditions: Conditions of the motion; the values of its forces may change.
         links: The links whose positions are the coordinates.
         units: Units of the errors in y: rad or crank lengths, then the same per second.
         driven: Index of the driven link.
@@ -62,7 +61,7 @@ class DrivenMechanism:
     torque: Callable[[Any], Real]
     middle: float = 0.0
     solvers: dict[Description, Solver] = field(default_factory=dict)
-    forces: Mapping[str, Sequence[float]] = field(default_factory=dict)
+    conditions: Conditions = OWN_CONDITIONS
 
     def __post_init__(self) -> None:
         solver, mechanism = self.solver, self.solver.mechanism
@@ -106,7 +105,7 @@ class DrivenMechanism:
         """Returns this driven mechanism in another description."""
         self.solvers.setdefault(self.solver.description, self.solver)
         if description not in self.solvers:
-            self.solvers[description] = Solver(self.solver.mechanism, description=description)
+            self.solvers[description] = self.solver.described(description)
         return replace(self, solver=self.solvers[description])
 
     def ready(self, y: tuple[float, ...]) -> tuple['DrivenMechanism', tuple[float, ...], float]:
@@ -213,10 +212,10 @@ class DrivenMechanism:
 
         It raises the errors of `Solver.accelerations`.
         """
-        found, forces = self.solver.driven_by(self.torque, self.forces), self.forces
-        if not forces:
+        found = self.solver.driven_by(self.torque, self.conditions)
+        if not self.conditions:
             return found
-        return lambda *y: found(*y, *chain.from_iterable(forces.values()))
+        return lambda *y: found(*y, *self.conditions.values)
 
     def slope(self, y: tuple[float, ...]) -> tuple[float, ...]:
         """Computes y', the rates followed by the accelerations.
@@ -238,8 +237,9 @@ class DrivenMechanism:
         imaginary part of the eigenvalues. The torque at rest is subtracted. The median ignores
         the dead centre of a massless crank, where an eigenvalue is infinite.
         """
+        torque, conditions = self.torque, self.conditions
         free = DrivenMechanism(
-            self.solver, lambda speed: self.torque(speed) - self.torque(0.0), forces=self.forces
+            self.solver, lambda speed: torque(speed) - torque(0.0), conditions=conditions
         )
         arcs = self.solver.mobility.arcs if self.solver.mobility else FULL_TURN
         others, _ = self.solver.mechanism.start()

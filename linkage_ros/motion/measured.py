@@ -18,7 +18,7 @@ speed may be missing from some measurements.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import NamedTuple
 
@@ -205,12 +205,12 @@ def extrapolated(coordinates: Coordinates, seconds: float) -> Coordinates:
         The coordinates after that time.
     """
     (q,), (u,), (a,), unwrapped, *_ = coordinates
-    frame = coordinates.frame
+    conditions = coordinates.conditions
     moved = (u + 0.5 * a * seconds) * seconds
-    if frame:
-        angle, rate, change = frame
+    if conditions.frame:
+        angle, rate, change = conditions.frame
         turned = angle + (rate + 0.5 * change * seconds) * seconds
-        frame = turned, rate + change * seconds, change
+        conditions = replace(conditions, frame=(turned, rate + change * seconds, change))
     return coordinates._replace(
-        q=(q + moved,), u=(u + a * seconds,), unwrapped=unwrapped + moved, frame=frame
+        q=(q + moved,), u=(u + a * seconds,), unwrapped=unwrapped + moved, conditions=conditions
     )

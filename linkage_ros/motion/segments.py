@@ -7,14 +7,14 @@ stores.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, TypeAlias, cast
 
 import numpy as np
 
+from linkage_ros.mechanism.conditions import OWN_CONDITIONS, Conditions
 from linkage_ros.mechanism.kinematics import State
-from linkage_ros.mechanism.solver import NO_FORCES
 from linkage_ros.numeric import Array, Real
 from linkage_ros.units import JointUnits
 
@@ -38,6 +38,11 @@ class Segment(ABC):
     old_stamp = cast('int | None', None)
     gravity = cast('Gravity | None', None)
 
+    @property
+    def conditions(self) -> Conditions:
+        """The conditions in this segment, without forces of loads."""
+        return OWN_CONDITIONS if self.gravity is None else Conditions(gravity=self.gravity)
+
     def motion(self) -> 'Motion | None':
         """Returns the motion in this segment; None if the segment alone does not determine it."""
         return None
@@ -52,9 +57,11 @@ class Motion(ABC):
 
     Attributes:
         segment: The current segment.
+        conditions: The current conditions, which its coordinates hold.
     """
 
     segment: Segment
+    conditions: Conditions = OWN_CONDITIONS
 
     @abstractmethod
     def at(self, stamp: int) -> 'Coordinates':
@@ -79,17 +86,19 @@ class Motion(ABC):
     def restamp(self, old: int, new: int) -> 'Motion':
         """Returns the motion after a step of the clock from one stamp, ns, to another."""
 
-    def with_drive(self, stamp: int, drive: Any) -> 'Motion':  # noqa: ARG002, for other motions
-        """Returns the motion under changed parameters of its drive from a stamp on."""
-        return self
+    @abstractmethod
+    def under(self, stamp: int, conditions: Conditions, drive: Any) -> 'Motion':
+        """Returns the motion under conditions and a drive from a stamp on.
 
-    def with_forces(self, stamp: int, forces: Mapping[str, Sequence[float]]) -> 'Motion':  # noqa: ARG002
-        """Returns the motion under forces of loads, N, by name, from a stamp, ns, on."""
-        return self
+        Args:
+            stamp: Stamp, ns; must not be earlier than in the last call of `at`.
+            conditions: Gravity and forces of loads. A change of gravity starts a new segment.
+            drive: The drive. A change of a parameter that may be set while running starts a new
+                segment.
 
-    def with_gravity(self, stamp: int, gravity: Gravity | None) -> 'Motion':  # noqa: ARG002, as above
-        """Returns the motion under a gravity, m/s^2, from a stamp, ns, on."""
-        return self
+        Raises:
+            MotionError: The motion ends before the stamp.
+        """
 
     def next_segment(self, logged: Any) -> Segment:
         """Recomputes the segment that follows this motion, given a logged one.
@@ -132,9 +141,7 @@ class Coordinates(NamedTuple):
             turns, rad, or position of a cylinder, m.
         state: The state, if the motion may be in another assembly so that the coordinates do not
             determine the state; otherwise None.
-        frame: Direction of base_link, rad, its rate, rad/s, and its acceleration, rad/s^2; empty
-            if it is at rest.
-        forces: Force [x, y], N, of each load whose force is given, by name.
+        conditions: Conditions of the state.
     """
 
     q: tuple[Real, ...]
@@ -142,19 +149,26 @@ class Coordinates(NamedTuple):
     a: tuple[Real, ...]
     unwrapped: Real
     state: State | None = None
-    frame: tuple[Real, ...] = ()
-    forces: Mapping[str, Sequence[Real]] = NO_FORCES
+    conditions: Conditions = OWN_CONDITIONS
 
 
 def stacked(moments: Sequence[Coordinates]) -> Coordinates:
-    """Stacks the coordinates of many times, without forces; either all or none have a state."""
-    q, u, a, unwrapped, states, frame, _ = zip(*moments, strict=True)
-    state = None
+    """Stacks the coordinates of many times.
+
+    Either all or none have a state or a turning frame; gravity and forces are those of the first.
+    """
+    q, u, a, unwrapped, states, every = zip(*moments, strict=True)
+    conditions, state = every[0], None
+    if conditions.frame is not None:
+        frames = _columns([one.frame for one in every])
+        conditions = replace(conditions, frame=frames)
     if states[0] is not None:
-        *rows, torques = zip(*states, strict=True)
-        state = State._make((*map(_columns, rows), np.array(torques)))
-    motion = _columns(q), _columns(u), _columns(a)
-    return Coordinates(*motion, np.array(unwrapped), state, _columns(frame))
+        positions, velocities, accelerations, torques, _, _ = zip(*states, strict=True)
+        rows = _columns(positions), _columns(velocities), _columns(accelerations)
+        state = State(*rows, np.array(torques), conditions, states[0].links)
+    return Coordinates(
+        _columns(q), _columns(u), _columns(a), np.array(unwrapped), state, conditions
+    )
 
 
 def _columns(rows: Sequence[Any]) -> tuple[Array, ...]:

@@ -3,16 +3,17 @@
 """Motion of a mechanism under a motor and torque commands, integrated from stamp to stamp."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, cast
 
 import numpy as np
 
 from linkage_ros.errors import ConfigurationError, LinkageError
+from linkage_ros.mechanism.conditions import OWN_CONDITIONS, Conditions
 from linkage_ros.mechanism.kinematics import State
 from linkage_ros.mechanism.parts import CROSSED, OPEN
-from linkage_ros.mechanism.solver import NO_FORCES, Solver
+from linkage_ros.mechanism.solver import Solver
 from linkage_ros.mechanism.structure import Description
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.segments import Coordinates, Motion, Segment, stacked
@@ -104,7 +105,7 @@ class TorqueMotion(Motion):
         stamp: int,
         period: int,
         integrate: Integrate = live_steps,
-        forces: Mapping[str, Sequence[float]] = NO_FORCES,
+        conditions: Conditions = OWN_CONDITIONS,
     ) -> None:
         """Starts a motion.
 
@@ -115,8 +116,7 @@ class TorqueMotion(Motion):
             stamp: Stamp of t = 0, ns.
             period: Time between states, ns.
             integrate: Function that creates the integrator.
-            forces: Initial force [x, y], N, of each load whose force `with_forces` changes, by
-                name.
+            conditions: Conditions at the start; `under` may change the values of its forces.
 
         Raises:
             LinkageError: The motion cannot start from the given coordinates and rates.
@@ -125,8 +125,8 @@ class TorqueMotion(Motion):
         self._period = period
         self._end: LinkageError | None = None
         y = start.unwrapped, *start.q[1:], *start.u
-        self._forces = {**forces}
-        self._steps = integrate(DrivenMechanism(solver, self._torque, forces=self._forces), y)
+        self.conditions = conditions
+        self._steps = integrate(DrivenMechanism(solver, self._torque, conditions=conditions), y)
         self._begin(TorqueSegment(stamp, motor.torque))
 
     def at(self, stamp: int) -> Coordinates:
@@ -190,34 +190,20 @@ class TorqueMotion(Motion):
             self._command = torque
             self._steps.changed()
 
-    def with_forces(self, stamp: int, forces: Mapping[str, Sequence[float]]) -> 'TorqueMotion':
-        """Continues this motion under other forces; see `Motion.with_forces`.
+    def under(self, stamp: int, conditions: Conditions, drive: Any) -> 'TorqueMotion':
+        """Continues this motion under conditions and a `TorqueDrive`; see `Motion.under`.
 
-        Raises:
-            MotionError: The motion ends before the stamp.
+        A change of the motor starts a new segment. So does a delay of more than 0.25 s, during
+        which the motion is paused. Only the forces of the conditions may change.
         """
-        if forces != self._forces:
+        self._drive(stamp, drive)
+        if conditions != self.conditions:
             self._advance(stamp)
-            self._forces.update(forces)
+            self.conditions = self._steps.driven.conditions = conditions
             self._steps.changed()
         return self
 
-    def with_drive(self, stamp: int, drive: Any) -> 'TorqueMotion':
-        """Continues the motion under a drive from a stamp on.
-
-        A change of the motor starts a new segment. So does a delay of more than 0.25 s, during
-        which the motion is paused.
-
-        Args:
-            stamp: Stamp, ns; must not be earlier than in the last call.
-            drive: The current `TorqueDrive`.
-
-        Returns:
-            This motion.
-
-        Raises:
-            MotionError: The motion ends before the stamp.
-        """
+    def _drive(self, stamp: int, drive: Any) -> None:
         is_late = stamp - self._last > self._period + CATCH_UP
         if is_late or drive.motor != self._motor:
             if not is_late:
@@ -227,7 +213,6 @@ class TorqueMotion(Motion):
             )
             self._motor = drive.motor
             self._steps.changed()
-        return self
 
     def restamp(self, old: int, new: int) -> 'TorqueMotion':
         """Continues the motion after a step of the clock.
@@ -335,13 +320,13 @@ def published(driven: DrivenMechanism, y: Values, pairs: int) -> Coordinates:
         y = driven.wound((unwrapped, *y[1:]))[0]
     if driven.is_own:
         q, u, a = y[:half], y[half:], driven.accelerations(*y)
-        state = None if driven.is_usual else solver.state(q, u, a, forces=driven.forces)
-        return Coordinates(q, u, a, unwrapped, state)
+        state = None if driven.is_usual else solver.state(q, u, a, under=driven.conditions)
+        return Coordinates(q, u, a, unwrapped, state, driven.conditions)
     y = legible(driven, y)
     if not driven.has_driven:
         unwrapped = driven.position(y, pairs)
     torque = driven.torque(driven.speed(y))
-    state = solver.driven_state(y[:half], y[half:], torque, forces=driven.forces)
+    state = solver.driven_state(y[:half], y[half:], torque, under=driven.conditions)
     return own_coordinates(solver, state, unwrapped)
 
 
@@ -354,10 +339,10 @@ def all_published(driven: DrivenMechanism, moments: list[tuple[Values, int]]) ->
     angles = [driven.wound((place,))[0][0] for place in unwrapped]
     (_, *y), count = np.array([y for y, _ in moments]).T, len(solver.coordinates)
     q, u = (np.array(angles), *y[: count - 1]), tuple(y[count - 1 :])
-    given: dict[str, Any] = {'forces': driven.forces, 'by_math': True}
-    a = solver.accelerations(q, u, driven.torque(u[0]), **given)
-    state = None if driven.is_usual else solver.state(q, u, a, **given)
-    return Coordinates(q, u, a, np.array(unwrapped), state)
+    under = driven.conditions
+    a = solver.accelerations(q, u, driven.torque(u[0]), under=under)
+    state = None if driven.is_usual else solver.state(q, u, a, under=under)
+    return Coordinates(q, u, a, np.array(unwrapped), state, under)
 
 
 def legible(driven: DrivenMechanism, y: Values) -> Values:
@@ -392,4 +377,4 @@ def own_coordinates(solver: Solver, state: State, unwrapped: Real) -> Coordinate
     """
     own = [solver.links.index(name) for name in solver.mechanism.coordinates]
     q, u, a = (tuple(row[i] for i in own) for row in state[:3])
-    return Coordinates(q, u, a, unwrapped, state)
+    return Coordinates(q, u, a, unwrapped, state, state.conditions)

@@ -7,6 +7,7 @@ import sys
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from typing import Any
 
 from rclpy.clock import Clock, ClockType
@@ -14,6 +15,7 @@ from rclpy.clock import Clock, ClockType
 from linkage_ros import cli
 from linkage_ros.errors import LinkageError
 from linkage_ros.log.rows import LoggedState
+from linkage_ros.mechanism.conditions import OWN_CONDITIONS, Conditions
 from linkage_ros.mechanism.kinematics import State
 from linkage_ros.mechanism.ranges import Ranges
 from linkage_ros.messages.cdr import WARN, encode_diagnostics
@@ -169,63 +171,57 @@ class LinkageNode(ParameterNode):
 
     def _tick(self, stamp: int) -> None:
         """Computes and publishes the state of a tick; runs in the ticker's thread."""
+        elapsed = stamp - self._ticker.t0
         motion = self._motion or self._continue(self._simulator.begin(self._ticker.t0))
-        motion = self._continue(motion.with_drive(stamp, self._drive))
+        motion = motion.under(stamp, self._conditions(elapsed), self._drive)
         for subscription, source in self._inputs:
-            elapsed, received = stamp - self._ticker.t0, subscription.take()
-            motion = self._continue(source.applied(motion, stamp, elapsed, received))
-        motion = self._continue(motion.with_gravity(stamp, self._gravity))
-        forces = self._forces_at(stamp - self._ticker.t0)
-        motion = self._continue(motion.with_forces(stamp, forces))
-        lead = self._simulator.lead
-        ahead = None if lead is None else motion.at(stamp + lead)
+            motion = source.applied(motion, stamp, elapsed, subscription.take())
+        ahead = self._simulator.ahead_of(motion, stamp)
         coordinates = motion.at(stamp)
-        self._continue(motion)  # the description may change here
-        self._publish_state(stamp, coordinates, ahead, forces)
-        if self._trajectory:
-            message = self._trajectory.message_at(motion, stamp, forces)
-            if message is not None:
-                self._publish(self._trajectory.topic, message)
+        self._continue(motion)
+        self._publish_state(stamp, coordinates, ahead)
+        self._publish_trajectory(stamp, motion)
 
     def _answer(self, crank: MeasuredCrank, stamp: int, coordinates: Coordinates) -> None:
         """Publishes the state of a measurement; runs in the ticker's thread."""
-        ahead, gravity = crank.later(coordinates), self._gravity
+        under, gravity = self._conditions(stamp), self._gravity
+        if under:
+            under = replace(under, frame=coordinates.conditions.frame)
+            coordinates = coordinates._replace(conditions=under)
         if gravity is not None and not (self._segment and self._segment.gravity == gravity):
-            self._segment = FollowSegment(stamp, gravity)
-            self._outputs.log_segment(self._segment)
-        self._publish_state(stamp, coordinates, ahead, self._forces_at(stamp))
+            self._log_segment(FollowSegment(stamp, gravity))
+        self._publish_state(stamp, coordinates, crank.later(coordinates))
 
-    def _forces_at(self, now: int) -> dict[str, Any]:
-        """Returns the forces that act from now, ns, on, by name of the load."""
-        return {
+    def _conditions(self, now: int) -> Conditions:
+        """Returns gravity and forces of loads that act from now, ns, on."""
+        forces = {
             source.name: source.force(now, subscription.take())
             for subscription, source in self._forces
         }
+        if self._gravity is None and not forces:
+            return OWN_CONDITIONS
+        return Conditions(gravity=self._gravity, forces=forces)
 
     def _continue(self, motion: Motion) -> Motion:
         """Sets the current motion, and logs its segment if it is new."""
         if motion.segment is not self._segment:
-            self._segment = motion.segment
-            self._outputs.log_segment(self._segment)
+            self._log_segment(motion.segment)
         self._motion = motion
         return motion
+
+    def _log_segment(self, segment: Segment) -> None:
+        self._segment = segment
+        self._outputs.log_segment(segment)
 
     def _restamp(self, old: int, new: int) -> None:
         if self._motion is not None:
             self._continue(self._motion.restamp(old, new))
 
     def _publish_state(
-        self,
-        stamp: int,
-        coordinates: Coordinates,
-        ahead: Coordinates | None,
-        forces: dict[str, Any],
+        self, stamp: int, coordinates: Coordinates, ahead: Coordinates | None
     ) -> None:
         """Computes, publishes, logs and shows the state at a stamp, ns."""
-        simulator = self._simulator.under(self._segment.gravity if self._segment else None)
-        if forces:
-            coordinates = coordinates._replace(forces=forces)
-            ahead = ahead and ahead._replace(forces=forces)
+        simulator = self._simulator
         self._state = state = simulator.state(coordinates)
         self._ranges.see(state)
         later = None if ahead is None else simulator.state(ahead)
@@ -241,6 +237,12 @@ class LinkageNode(ParameterNode):
         self._outputs.log_state(LoggedState(now, stamp, numbers))
         self._outputs.show(messages[self._joint_states])
 
+    def _publish_trajectory(self, stamp: int, motion: Motion) -> None:
+        """Publishes the trajectory ahead of a stamp, if one is due."""
+        ahead = self._trajectory
+        if ahead and (message := ahead.message_at(motion, stamp)) is not None:
+            self._publish(ahead.topic, message)
+
     def _publish(self, topic: Topic, message: bytes) -> None:
         """Publishes and logs a message that is not part of a state."""
         self._others[topic.name].publish(message)
@@ -249,12 +251,12 @@ class LinkageNode(ParameterNode):
     def set_live(self, name: str, value: Any) -> None:
         """Sets rpm, motor.torque or gravity, with effect from the next tick on."""
         if name == 'gravity':
-            solver, last = self._simulator.under(value).solver, self._coordinates
-            angle, frame = (last.q[0], last.frame) if last else (0.0, ())
-            for acceleration in (0.0, 1.0):  # compile the programs before the tick needs them
-                with suppress(LinkageError):
-                    forces = self._simulator.forces
-                    solver.state(angle, 1.0, acceleration, frame=frame, forces=forces)
+            # Compile the program before the tick needs it.
+            last, under = self._coordinates, self._simulator.conditions
+            angle = last.q[0] if last else 0.0
+            under = replace(last.conditions if last else under, gravity=value)
+            with suppress(LinkageError):
+                self._simulator.solver.state(angle, 1.0, 1.0, under=under)
             self._gravity = value
             return
         self._drive = build(type(self._drive), {**flatten(self._drive), name: value})

@@ -6,16 +6,14 @@ The node, the recorder and the verification share this code, so equal configurat
 times give bit-identical states.
 """
 
-import copy
-import functools
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from typing import Any, cast
 
 import numpy as np
 
 from linkage_ros.errors import ConfigurationError, LinkageError
+from linkage_ros.mechanism.conditions import OWN_CONDITIONS, Conditions
 from linkage_ros.mechanism.kinematics import State
 from linkage_ros.mechanism.loads.force import Force
 from linkage_ros.mechanism.solver import Solver
@@ -27,15 +25,13 @@ from linkage_ros.messages.urdf import make_urdf
 from linkage_ros.motion.drives.base import Machine
 from linkage_ros.motion.inputs import Input
 from linkage_ros.motion.live_force import LiveForce
-from linkage_ros.motion.segments import Coordinates, Gravity, Motion
+from linkage_ros.motion.segments import Coordinates, Motion
 from linkage_ros.motion.steps import Integrate, live_steps
 from linkage_ros.numeric import Array, Real
 from linkage_ros.quantities import shown
 from linkage_ros.run.ticks import TickRate
 from linkage_ros.settings.configuration import Configuration
 from linkage_ros.units import NS_PER_S
-
-_GRAVITIES = 4  # number whose solvers are kept
 
 
 class Simulator:
@@ -50,8 +46,8 @@ class Simulator:
         crank_joint: Name of the driven joint in measurements, commands and trajectories.
         templates: Templates of the messages of a state.
         ticks: Times of the ticks.
-        forces: Force [x, y], N, of each load whose force is set by messages, by name, without a
-            message.
+        conditions: Conditions before the first message: they hold the force of each load whose
+            force is set by messages.
         machine: The mechanism with its crank's joint, for the drive.
         lead: Time by which the feed-forward torque is ahead of the stamp, ns; None without
             feed-forward.
@@ -63,7 +59,7 @@ class Simulator:
         mechanism, session = configuration.mechanism, configuration.session
         drive = configuration.drive
         effort_topic = drive.effort_command_topic
-        self.solver = Solver(mechanism, pivot=drive.pivot)
+        self.solver = Solver(mechanism, by_math=True, pivot=drive.pivot)
         prefix, frame_id = session.joint_prefix, session.frame_id
         self.robot_joints = joints = configuration.robot_joints
         self.joints = tuple(joint.name for joint in joints if joint.name)
@@ -77,27 +73,12 @@ class Simulator:
         self.lead = round(drive.lead_time * NS_PER_S) if effort_topic else None
         self.templates = StateTemplates(self.solver.structure, joints, frame_id, effort_topic)
         self.ticks = TickRate(session.rate_hz)
-        self.forces = {force.name: force.held.value for force in self.live_forces().values()}
+        forces = {force.name: force.held.value for force in self.live_forces().values()}
+        self.conditions = Conditions(forces=forces) if forces else OWN_CONDITIONS
         self.machine = Machine(
             self.solver, self.ticks.elapsed(1), self.crank_joint, joints[driven], self.lead,
-            forces=self.forces,
+            conditions=self.conditions,
         )  # fmt: skip
-        # A tick may still be under the old gravity when `under` prepares the next one.
-        self._under = functools.lru_cache(_GRAVITIES)(self._copy_under)
-
-    def under(self, gravity: Gravity | None) -> 'Simulator':
-        """Returns the simulator under another gravity, m/s^2; None for that of the configuration.
-
-        Raises:
-            ConfigurationError: The gravity is not valid.
-        """
-        return self if gravity is None else self._under(gravity)
-
-    def _copy_under(self, gravity: Gravity) -> 'Simulator':
-        mechanism = replace(cast('Any', self.configuration.mechanism), gravity=gravity)
-        found = copy.copy(self)
-        found.solver = Solver(mechanism, pivot=self.solver.pivot)
-        return found
 
     def begin(self, stamp: int, integrate: Integrate = live_steps) -> Motion:
         """Starts a motion.
@@ -112,8 +93,8 @@ class Simulator:
         Raises:
             ConfigurationError: The crank is measured, not simulated.
         """
-        machine = replace(self.machine, integrate=integrate)
-        return self.configuration.drive.begin(stamp, machine)
+        drive, machine = self.configuration.drive, replace(self.machine, integrate=integrate)
+        return drive.begin(stamp, machine).under(stamp, self.conditions, drive)
 
     def inputs(self) -> dict[Topic, Input]:
         """Returns the topics that a run receives, with new readers of their messages."""
@@ -148,24 +129,22 @@ class Simulator:
             with suppress(LinkageError):  # the run will report this error
                 self.templates.numbers(self.state(found), found.unwrapped)
 
-    def state(self, coordinates: Coordinates, *, by_math: bool = False) -> State:
+    def state(self, coordinates: Coordinates) -> State:
         """Computes the state at given coordinates.
 
         Args:
             coordinates: Coordinates of one state, or arrays for many states.
-            by_math: Whether array results must be bit-identical to scalar results.
 
         Returns:
-            The state.
+            The state; those in arrays are bit-identical to single states.
 
         Raises:
             LinkageError: As for `Solver.state`.
         """
-        q, u, a, _, state, frame, given = coordinates
+        q, u, a, _, state, conditions = coordinates
         if state is None:
             row = (q[0], u[0], a[0]) if len(q) == 1 else (q, u, a)
-            forces = given or self.forces
-            return self.solver.state(*row, frame=frame, forces=forces, by_math=by_math)
+            return self.solver.state(*row, under=conditions)
         return state
 
     def numbers(
@@ -187,15 +166,19 @@ class Simulator:
         Raises:
             LinkageError: As for `Solver.state`.
         """
-        state = self.state(coordinates, by_math=True)
+        state = self.state(coordinates)
         see(state)
-        later = None if ahead is None else self.state(ahead, by_math=True)
+        later = None if ahead is None else self.state(ahead)
         return self.templates.numbers(state, coordinates.unwrapped, later, stacked=True)
 
     def ahead(self, motion: Motion, stamps: Sequence[int]) -> Coordinates | None:
         """Returns the coordinates `lead` after the stamps; None without feed-forward."""
         lead = self.lead
         return None if lead is None else motion.at_all([stamp + lead for stamp in stamps])
+
+    def ahead_of(self, motion: Motion, stamp: int) -> Coordinates | None:
+        """Returns the coordinates `lead` after a stamp; None without feed-forward."""
+        return None if self.lead is None else motion.at(stamp + self.lead)
 
     def joint_words(self, numbers: Sequence[float]) -> str:
         """Describes the positions of the published joints, given the numbers of a state."""

@@ -3,14 +3,13 @@
 """Trajectories of the crank with its torque, ahead of time, for a controller."""
 
 from collections import deque
-from collections.abc import Mapping, Sequence
 from contextlib import suppress
 
 from linkage_ros.errors import MotionError
-from linkage_ros.mechanism.solver import NO_FORCES
+from linkage_ros.mechanism.conditions import OWN_CONDITIONS
 from linkage_ros.messages.templates import crank_trajectory
 from linkage_ros.messages.topics import TRAJECTORY_COMMANDS
-from linkage_ros.motion.segments import Motion
+from linkage_ros.motion.segments import Motion, Segment
 from linkage_ros.run.states import Simulator
 from linkage_ros.units import NS_PER_MS, NS_PER_S
 
@@ -40,38 +39,35 @@ class TrajectoryAhead:
         self.topic = TRAJECTORY_COMMANDS._replace(name=drive.trajectory_command_topic)
         self._names = simulator.crank_joint, simulator.configuration.session.frame_id
         self._joint = simulator.machine.joint
-        self._simulator, self._solver = simulator, simulator.solver
+        self._solver = simulator.solver
         self._horizon = round(drive.trajectory_horizon * NS_PER_S)
-        self._motion: Motion | None = None
-        self._forces = NO_FORCES  # those of the points
+        self._segment: Segment | None = None
+        self._under = OWN_CONDITIONS  # those of the points
         self._points: deque[tuple[int, tuple[float, ...]]] = deque()
         self._next = self._due = 0
 
-    def message_at(
-        self, motion: Motion, stamp: int, forces: Mapping[str, Sequence[float]] = NO_FORCES
-    ) -> bytes | None:
+    def message_at(self, motion: Motion, stamp: int) -> bytes | None:
         """Returns the trajectory to send at a stamp, if one is due.
 
         Args:
-            motion: Motion in the segment that contains the stamp. If it differs from the motion in
-                the last call, the previous trajectory is invalid, and a new one is due.
+            motion: Motion in the segment that contains the stamp. If it is another segment than in
+                the last call, the previous trajectory is invalid, and a new one is due. Each
+                trajectory holds the conditions at its stamp.
             stamp: Stamp of the current tick, ns.
-            forces: Force [x, y], N, of each load whose force is set by messages, by name. Each
-                trajectory holds the forces at its stamp.
 
         Returns:
             The CDR bytes of the message; None if no message is due.
         """
-        has_other_forces = stamp >= self._due and forces != self._forces
-        if motion is not self._motion or has_other_forces or stamp >= self._next:
+        is_new = motion.segment is not self._segment
+        has_others = stamp >= self._due and motion.conditions != self._under
+        if is_new or has_others or stamp >= self._next:
             self._points.clear()
-            self._forces = forces
-            self._motion, self._next, self._due = motion, stamp, stamp
-            self._solver = self._simulator.under(motion.segment.gravity).solver
+            self._segment, self._under = motion.segment, motion.conditions
+            self._next = self._due = stamp
         with suppress(MotionError):  # a law may end within the horizon
             while self._next < stamp + self._horizon + _STEP:
                 (q,), (u,), (a,), unwrapped, *_ = motion.at(self._next)
-                torque = float(self._solver.state(q, u, a, forces=self._forces).torque)
+                torque = float(self._solver.state(q, u, a, under=self._under).torque)
                 joint = self._joint
                 position, effort = joint.value(unwrapped), torque / joint.ratio
                 values = position, joint.ratio * u, joint.ratio * a, effort

@@ -57,7 +57,8 @@ class InitialValueProblem:
 
     def energy(self, phase: Phase) -> tuple[float, float]:
         """Computes the kinetic energy, and the potential energy up to a constant, J."""
-        return self.driven.solver.energy(*halves(phase))
+        solver = self.driven.solver
+        return solver.energy(solver.state(*halves(phase)))
 
 
 def halves(phase: Phase) -> tuple[Phase, Phase]:

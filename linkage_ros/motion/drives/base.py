@@ -7,10 +7,11 @@ to run it by `is_measured` and `is_integrated`.
 """
 
 from abc import abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import ClassVar
 
+from linkage_ros.mechanism.conditions import OWN_CONDITIONS, Conditions
 from linkage_ros.mechanism.kinematics import Reach
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.mechanism.structure import Link, Mechanism
@@ -37,8 +38,8 @@ class Machine:
         lead: Time by which the feed-forward torque is ahead of the stamp, ns; None without
             feed-forward.
         integrate: Creates the integrator of a motion under a torque.
-        forces: Force [x, y], N, of each load whose force is set by messages, by name, before the
-            first message.
+        conditions: Conditions before the first message: they hold the force of each load whose
+            force is set by messages.
     """
 
     solver: Solver
@@ -47,7 +48,7 @@ class Machine:
     joint: RobotJoint = _CRANK
     lead: int | None = None
     integrate: Integrate = live_steps
-    forces: Mapping[str, Sequence[float]] = field(default_factory=dict)
+    conditions: Conditions = OWN_CONDITIONS
 
 
 @dataclass(frozen=True)

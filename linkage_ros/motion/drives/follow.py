@@ -6,10 +6,11 @@ import math
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NoReturn, TypeAlias
 
 from linkage_ros.errors import ConfigurationError, LinkageError, UnreachableError
+from linkage_ros.mechanism.conditions import OWN_CONDITIONS, Conditions
 from linkage_ros.mechanism.kinematics import Reach
 from linkage_ros.mechanism.structure import Link
 from linkage_ros.messages.cdr import JointReader
@@ -204,9 +205,11 @@ class MeasuredCrank(Input):
             if self._is_limited and math.isfinite(position):
                 self._require_state(position)
             found = self._motion.at(stamp, position, velocity)
+            found = found._replace(conditions=self._machine.conditions)
             if frame:
                 (q,), (u,), (a,), *_ = frame.at(stamp, direction, rate)
-                found = found._replace(frame=(q, u, a))
+                conditions = replace(found.conditions, frame=(q, u, a))
+                found = found._replace(conditions=conditions)
             return stamp, found._replace(unwrapped=value) if joint.is_mapped else found
         except ValueError as error:
             self._reject(error)
@@ -244,14 +247,14 @@ class MeasuredCrank(Input):
         """
         try:
             for one in filter(None, (found, self.later(found))):
-                self._require_state(one.q[0], one.u[0], one.a[0], frame=one.frame)
+                self._require_state(one.q[0], one.u[0], one.a[0], under=one.conditions)
         except ValueError as error:
             self._reject(error)
             raise
 
-    def _require_state(self, *motion: Real, frame: tuple[Real, ...] = ()) -> None:
+    def _require_state(self, *motion: Real, under: Conditions = OWN_CONDITIONS) -> None:
         try:
-            self._machine.solver.state(*motion, frame=frame)
+            self._machine.solver.state(*motion, under=under)
         except LinkageError as error:
             raise ValueError(f'{OUT_OF_REACH}: {self._in_joint(error)}{error}') from error
 

@@ -113,10 +113,10 @@ class TorqueDrive(Drive):
     def begin(self, stamp: int, machine: Machine) -> TorqueMotion:
         """Starts the motion; see `Drive.begin`."""
         start = self.start(machine.solver.mechanism)
-        integrate, forces = machine.integrate, machine.forces
         return TorqueMotion(
-            machine.solver, self.motor, start, stamp, machine.period, integrate, forces
-        )
+            machine.solver, self.motor, start, stamp, machine.period, machine.integrate,
+            machine.conditions,
+        )  # fmt: skip
 
     def inputs(self, machine: Machine) -> dict[Topic, Input]:
         """Receives commanded torques; see `Drive.inputs`."""
