@@ -13,7 +13,7 @@ import yaml
 from robots import Tree, make_robot
 from ros_harness import assert_refused
 
-from linkage_lab.robots import import_tool
+from linkage_lab.robots import import_tool, planar_loop
 from linkage_lab.robots.import_tool import read_robot
 from linkage_lab.robots.planar_loop import find_loop
 from linkage_ros import Conditions
@@ -468,6 +468,26 @@ REFUSED = {
         SDF.replace('<axis>', '<axis><use_parent_model_frame>1</use_parent_model_frame>'), CRANK,
         'use_parent_model_frame',
     ),
+    'an old version': (SDF.replace('"1.7"', '"1.4"'), CRANK, 'at least 1.5'),
+    'a frame of an old pose': (
+        SDF.replace('<pose degrees', '<pose frame="a" degrees'), CRANK, 'frame of <pose>',
+    ),
+    'global coordinates': (
+        MJCF.replace('angle="degree"', 'angle="degree" coordinate="global"'), ('--crank', 'motor'),
+        'global',
+    ),
+    'too many bodies': (
+        MJCF.replace('</worldbody>', '<replicate count="1000"><body/></replicate></worldbody>'),
+        ('--crank', 'motor'), 'at most 1000',
+    ),
+    'a mesh that is a device': (
+        MJCF.replace('<worldbody>', '<asset><mesh file="/dev/null"/></asset><worldbody>'),
+        ('--crank', 'motor'), 'regular file',
+    ),
+    'an include that is a device': (
+        MJCF.replace('</worldbody>', '</worldbody><include file="/dev/null"/>'),
+        ('--crank', 'motor'), 'regular file',
+    ),
     'a weld without links': (LEG, (*CLOSE[:2], '--weld'), '--weld needs --close'),
     'a slanted closure': (
         SDF.replace('0 0 1</pose><axis><xyz>0 1 0', '0 0 1</pose><axis><xyz>0 1 0.01'), CRANK,
@@ -578,10 +598,28 @@ def test_rounded_axis_is_taken_as_parallel_with_a_note(run):
     tilted = LEG.replace('<axis xyz="0 1 0"/><mimic', '<axis xyz="3.7e-6 1 0"/><mimic')
     values, printed = run(tilted, *CLOSE)
     assert 'the axis of knee is 3.7e-06 rad' in printed
+    assert '\nclosed, with a residual' in printed
     assert values['rocker.length'] == pytest.approx(exact['rocker.length'], rel=1e-10)
-    values, printed = run(tilted.replace('3.7e-6', '1.5e-3'), *CLOSE)
+    worse = tilted.replace('3.7e-6', '1.5e-3').replace(
+        '<origin xyz="0.06 0 0"/></joint>', '<origin xyz="0.06 0.2 0"/></joint>'
+    )
+    assert worse.count('0.06 0.2 0') == 1
+    values, printed = run(worse, *CLOSE, '--at', 'knee_motor=0.5')
     assert 'the axis of knee is 0.0015 rad' in printed
+    assert 'as nearly closed as' in printed
     assert values['rocker.length'] == pytest.approx(exact['rocker.length'], rel=1e-5)
+
+
+@pytest.mark.parametrize(('error', 'is_refused'), [(1e-5, True), (1e-8, False)])
+def test_loop_that_stays_open_is_refused(error, is_refused, run, monkeypatch):
+    """As it would if a joint were read wrongly."""
+    monkeypatch.setattr(planar_loop, '_tidy', lambda number, _: number + error)
+    longer = LEG.replace('xyz="0 0 -0.3" rpy', 'xyz="0 0 -0.31" rpy')  # no parallelogram
+    told = run(longer, *CLOSE, '--at', 'knee_motor=0.7')
+    if is_refused:
+        assert_refused(*told, 'm apart at')
+    else:
+        assert len(told) == 2
 
 
 # The leg without --close: Gazebo's joint, in the pose of LEG.

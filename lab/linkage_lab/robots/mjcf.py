@@ -2,8 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reads MJCF as MuJoCo compiles it."""
 
+import re
+from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree as ET
 
 import mujoco
 import numpy as np
@@ -22,10 +26,14 @@ from linkage_lab.robots.model import (
     from_quaternion,
 )
 from linkage_ros import ConfigurationError
+from linkage_ros.internals import read_xml
 from linkage_ros.quantities import shown
 
 _KINDS = {0: 'free', 1: BALL, 2: PRISMATIC, 3: REVOLUTE}  # by mjtJoint
 _CONNECT, _WELD = 0, 1  # mjtEq
+# MuJoCo's compiler takes quadratic time.
+_MOST = {'bodies': 1000, 'elements': 100_000}
+_FOLDERS = 'assetdir', 'meshdir', 'texturedir'
 _LEFT_OUT = 'armature', 'damping', 'frictionloss'
 
 
@@ -39,13 +47,53 @@ def read_mjcf(path: Path) -> Robot:
         The robot, whose root is the world.
 
     Raises:
-        ConfigurationError: MuJoCo cannot compile the file, or two parts have one name.
+        ConfigurationError: MuJoCo cannot compile the file, it is too large, or two parts have one
+            name.
     """
+    _require_limits(path)
     try:
         model = mujoco.MjModel.from_xml_path(str(path))
     except ValueError as error:
         raise ConfigurationError(f'MuJoCo: {" ".join(str(error).split())}') from error
     return _Reader(model).robot()
+
+
+def _require_limits(path: Path) -> None:
+    """Requires regular files, and counts that MuJoCo compiles in seconds.
+
+    Raises:
+        ConfigurationError: A file cannot be read, or there are too many bodies or elements.
+    """
+    waiting, seen, folders = [path], {path}, {path.parent}
+    counts = Counter[str]()
+    while waiting:
+        for element, times in _weighted(read_xml(waiting.pop())):
+            counts[element.tag] += times
+            if element.tag == 'compiler':
+                folders |= {path.parent / element.get(name, '') for name in _FOLDERS}
+            name = element.get('file', '')
+            for file in (folder / name for folder in sorted(folders)):
+                if name and file.exists() and not file.is_file():
+                    raise ConfigurationError(f'{file} is not a regular file')
+            included = path.parent / name
+            if element.tag == 'include' and included not in seen and included.is_file():
+                seen.add(included)
+                waiting.append(included)
+    for name, most in _MOST.items():
+        number = counts['body'] if name == 'bodies' else counts.total()
+        if number > most:
+            raise ConfigurationError(f'the model has {number} {name}: must be at most {most}')
+
+
+def _weighted(root: ET.Element) -> Iterator[tuple[ET.Element, int]]:
+    """Yields each element of a file, and how often <replicate> and others repeat it."""
+    waiting = [(root, 1)]
+    while waiting:
+        element, times = waiting.pop()
+        for number in element.get('count', '').split():
+            times *= int(number) if re.fullmatch('[0-9]{1,9}', number) else 1
+        yield element, times
+        waiting += [(child, times) for child in element]
 
 
 class _Reader:

@@ -105,12 +105,14 @@ class Closure(NamedTuple):
         links: Names of both links.
         points: Point in the frame of each link, m, shape (3,) each.
         axis: Axis in the first link's frame, a unit vector; None for a ball joint.
+        joint: Name of the joint that it is; empty if it is a constraint.
     """
 
     name: str
     links: tuple[str, str]
     points: tuple[Array, Array]
     axis: Array | None = None
+    joint: str = ''
 
 
 class Robot(NamedTuple):

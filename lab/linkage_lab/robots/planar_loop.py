@@ -147,13 +147,13 @@ class _Pin(NamedTuple):
         bodies: Numbers of both bodies, in the order of the loop.
         places: The pin in the coordinates of each body, m.
         edge: Its joint; None for the closure.
-        axis: Axis of a closure that has one, and the number of the body in whose axes it is.
+        closure: Its closure; None for a joint of the tree.
     """
 
     bodies: tuple[int, int]
     places: dict[int, Array]
     edge: _Edge | None = None
-    axis: tuple[int, Array] | None = None
+    closure: Closure | None = None
 
     @property
     def name(self) -> str:
@@ -309,11 +309,7 @@ class _Tree:
             home: self.bodies[home].links[link].of(point)
             for home, link, point in zip(homes, closure.links, closure.points, strict=True)
         }
-        axis = None
-        if closure.axis is not None:
-            turn = self.bodies[homes[0]].links[closure.links[0]].rotation
-            axis = homes[0], turn @ closure.axis
-        return [*pins, _Pin((bodies[-1], bodies[0]), places, axis=axis)]
+        return [*pins, _Pin((bodies[-1], bodies[0]), places, closure=closure)]
 
 
 def _depths(robot: Robot) -> dict[str, int]:
@@ -420,7 +416,8 @@ def _the_loop(robot: Robot, tree: _Tree, crank: str, close: tuple[str, str] | No
             points = joint.in_parent.place, joint.in_child.place
             axis = joint.in_parent.rotation @ joint.axis if joint.kind == REVOLUTE else None
             name = f'joint {shown(joint.name)}'
-            closures.append(Closure(name, (joint.parent, joint.child), points, axis))
+            ends = joint.parent, joint.child
+            closures.append(Closure(name, ends, points, axis, joint.name))
         else:
             others.append(f'joint {shown(joint.name)} is {joint.kind}: must be revolute or ball')
     if close is not None:
@@ -629,10 +626,11 @@ class _Planar:
         for pin in self.cycle[1:]:
             if pin.edge is not None:
                 self._require_axis(pin.name, self._axis(pin), slides=pin.kind == PRISMATIC)
-            elif pin.axis is not None:
-                body, axis = pin.axis
-                # The values of the pose, because with the loop's joints at 0 it is open.
-                self._require_axis(pin.name, self.posed[body].rotation @ axis, slides=False)
+            elif pin.closure and pin.closure.axis is not None:
+                link = pin.closure.links[0]
+                body = self.tree.home[link]
+                turn = self.zero[body].rotation @ self.tree.bodies[body].links[link].rotation
+                self._require_axis(pin.closure.joint, turn @ pin.closure.axis, slides=False)
         if self.turns is not None:
             self._require_axis(self.turns.joint.name, self._own_axis(self.turns), slides=False)
 
@@ -955,6 +953,8 @@ class _Planar:
         for pin in self.cycle:
             if pin.edge and pin.edge.joint.left_out:
                 yield f'{pin.name}: {pin.edge.joint.left_out}: left out'
+            if pin.closure and pin.closure.joint:
+                yield f'{pin.closure.joint} closes the loop: its value is not published'
         for body in self.bodies[1:]:
             for link in self.tree.bodies[body].links:
                 if link in self.robot.doubts:

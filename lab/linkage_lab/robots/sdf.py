@@ -26,16 +26,20 @@ from linkage_ros import ConfigurationError
 from linkage_ros.formulas import Array
 from linkage_ros.quantities import shown
 
-_GIVE = 'give the values of mass, pose and inertia, as gz sdf -p prints them'
-# Elements that would change the result, and what to do instead.
-_NOT_READ = {
-    'include': 'put the contents of the file in its place',
-    "inertial[@auto='true']": _GIVE,
-    "inertial[@auto='1']": _GIVE,
-    'fluid_added_mass': 'leave it out, if the link is in air',
-    'use_parent_model_frame': 'give <xyz expressed_in="__model__">',
-    'link/gravity': 'the model must have gravity on all links or on none',
-}
+_EXPAND = 'print the file with gz sdf -p, and import that'
+# What would change the result: path, attribute or '' for the text, harmless values, and a cure.
+_NOT_READ: tuple[tuple[str, str, tuple[str, ...], str], ...] = (
+    ('.//model//include', '', (), 'put the contents of the file in its place'),
+    ('.//inertial', 'auto', ('', 'false', '0'), 'give mass, pose and inertia as numbers'),
+    ('.//inertial/pose', 'relative_to', ('',), 'give the pose in the link'),
+    ('.//fluid_added_mass', '', (), 'leave it out, if the link is in air'),
+    ('.//model', 'placement_frame', ('',), 'give the pose of the model'),
+    ('.//model/pose', 'relative_to', ('', 'world'), 'give the pose in the world'),
+    ('.//pose', 'frame', ('',), _EXPAND),
+    ('.//use_parent_model_frame', '', ('0', 'false'), _EXPAND),
+    ('.//link/gravity', '', ('1', 'true'), 'gravity must act on all links'),
+)
+_OLDEST = 1.5  # before, axes are those of the model
 
 
 def read_sdf(root: ET.Element) -> Robot:
@@ -50,17 +54,20 @@ def read_sdf(root: ET.Element) -> Robot:
     Raises:
         ConfigurationError: There is not exactly one model, or the model has invalid values.
     """
-    for path, what in _NOT_READ.items():
-        if (found := root.find(f'.//{path}')) is not None:
-            value = (found.text or '').strip()
-            if path != 'link/gravity' or value in {'0', 'false'}:
-                raise ConfigurationError(f'<{path}> {shown(value)} is not read: {what}')
+    for path, name, harmless, cure in _NOT_READ:
+        for element in root.iterfind(path):
+            value = (element.get(name, '') if name else element.text or '').strip()
+            if value not in harmless:
+                what = f'{name} of <{element.tag}>' if name else f'<{element.tag}>'
+                raise ConfigurationError(f'{what} {shown(value)} is not read: {cure}')
+    if numbers(root, 'version', 1, '1.5')[0] < _OLDEST:
+        raise ConfigurationError(
+            f'version {root.get("version")} of SDF is not read: must be at least {_OLDEST}'
+        )
     models = [*root.iter('model')]
     if len(models) != 1:
         names = ', '.join(model.get('name', '') for model in models) or 'none'
         raise ConfigurationError(f'its models are {names}: must be one, without nested models')
-    if models[0].get('placement_frame'):
-        raise ConfigurationError('placement_frame is not read: give the <pose> of the model')
     gravity = root.find('.//world/gravity')
     return _Reader(models[0]).robot(numbers(gravity, '', 3, '0 0 -9.81'))
 
