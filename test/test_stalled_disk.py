@@ -34,10 +34,14 @@ PROGRAM = """
 from linkage_ros import cli
 from linkage_ros.node import linkage_node as node
 from linkage_ros.node import outputs
+from linkage_ros.motion.segments import Segment
 outputs._LOG_CAPACITY = 200
+Segment.size = {size}
 cli.leave(cli.run('linkage_node', node.main))
 """
-NODE = [sys.executable, '-c', PROGRAM]
+NODE = [sys.executable, '-c', PROGRAM.format(size=1000)]
+# The seventh change of speed while the disk hangs ends the log.
+LARGE_SEGMENTS = [sys.executable, '-c', PROGRAM.format(size=10_000_000)]
 
 
 @pytest.fixture
@@ -117,3 +121,27 @@ def test_log_of_a_stalled_disk_verifies(disk, tmp_path, called, drive):
             assert len(log.motions) == 7
         code, out, _ = called(log_tool, 'verify', found)
         assert (code, f'because the disk was too slow: {lost}' in out) == (0, True)
+
+
+def test_log_ends_when_too_much_waits_for_a_hanging_disk(disk, called):
+    path = disk / 'run.mcap'
+    with watched([STATES], *node_arguments(log=path), module=LARGE_SEGMENTS) as (listener, node):
+        received = listener.received[STATES]
+        wait_for(lambda: len(received) > 50)
+        size = path.stat().st_size
+        wait_for(lambda: path.stat().st_size > size)
+        with frozen(disk):
+            for rpm in (300.0 + step for step in range(8)):
+                assert set_parameter(listener, 'rpm', type=3, double_value=rpm).successful
+                speed = rpm * math.pi / 30
+                wait_for(lambda speed=speed: abs(CODEC.decode(received[-1])[1][3] - speed) < 1e-9)
+        due = len(received) + 50
+        wait_for(lambda: len(received) > due)  # the node goes on
+        output = stop(node, code=1)
+    assert output.count('continues without a log') == 1
+    assert 'Traceback' not in output
+    report, log = report_of(path), LogReader(path)
+    assert (report.difference, report.ulp, log.lost) == ('', 0.0, None)
+    assert report.states > 10
+    code, out, _ = called(log_tool, 'verify', path)
+    assert (code, 'no end record' in out) == (0, True)

@@ -16,7 +16,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
-from ros_harness import finished
+from ros_harness import finished, wait_for
 
 from linkage_ros.node import workers
 from linkage_ros.node.workers import Worker
@@ -115,6 +115,50 @@ def test_items_to_keep_are_never_dropped_and_stay_in_order():
     assert worker.close(PATIENCE)
     assert consumer.items == [0, 'gap 5', 2, 7, 8, 9, 10]
     assert (worker.dropped, errors) == (5, [])
+
+
+def test_waiting_items_are_limited_by_their_bytes():
+    consumer = Gated(is_open=False)
+    worker, errors = start(consumer)
+    worker.offer(0)
+    assert consumer.entered.wait(PATIENCE)
+    for count in range(1, 11):
+        worker.offer(count, 10_000_000, keep=count in {2, 9})
+        assert worker.dropped == max(0, count - 6)
+    worker.offer(11, 70_000_000)  # alone too large
+    assert worker.dropped == 9
+    consumer.gate.set()
+    assert worker.close(PATIENCE)
+    assert (consumer.items, errors) == ([0, 2, 9], [])
+
+
+def test_too_many_bytes_to_keep_end_a_hanging_consumer():
+    consumer = Gated(is_open=False)
+    worker, errors = start(consumer)
+    worker.offer('written', 1, keep=True)
+    assert consumer.entered.wait(PATIENCE)
+    for _ in range(4):
+        worker.offer('kept', 16_000_000, keep=True)
+    assert (worker.error, worker.dropped) == (None, 0)
+    for count in range(100):
+        worker.offer('later', 16_000_000, keep=True)
+        assert worker.dropped == 5 + count
+        assert not worker._kept
+    assert [worker.error] == errors
+    assert '64 MB' in str(worker.error)
+    consumer.gate.set()
+    worker._thread.join(PATIENCE)  # ends without further calls
+    assert (consumer.items, consumer.closed, len(errors)) == (['written'], 1, 1)
+
+
+def test_bytes_count_until_they_are_consumed():
+    consumer = Gated()
+    worker, errors = start(consumer)
+    for number in range(20):
+        worker.offer(number, 16_000_000, keep=number % 2 > 0)
+        wait_for(lambda number=number: number in consumer.items)
+    assert worker.close(PATIENCE)
+    assert (consumer.items, errors) == ([*range(20)], [])
 
 
 def test_concurrent_offers_keep_their_order_and_count_every_loss():

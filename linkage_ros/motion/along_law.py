@@ -12,7 +12,7 @@ from linkage_ros.errors import ConfigurationError, MotionError, UnreachableError
 from linkage_ros.mechanism.conditions import Conditions
 from linkage_ros.mechanism.ranges import Ranges
 from linkage_ros.mechanism.solver import Solver
-from linkage_ros.motion.law import Law, Moment, Spline
+from linkage_ros.motion.law import Law, Moment, Sine, Spline
 from linkage_ros.motion.segments import Coordinates, Gravity, Motion, Segment, stacked
 from linkage_ros.motion.spline import joined
 from linkage_ros.numeric import nearest_turns, with_turns
@@ -42,6 +42,12 @@ class LawSegment(Segment):
     def motion(self) -> 'LawMotion':
         """Returns the motion in this segment."""
         return LawMotion(self)
+
+    @property
+    def size(self) -> int:
+        """About the memory that the segment takes, bytes."""
+        points = 0 if isinstance(self.law, Sine) else len(self.law.times)
+        return super().size + 400 * points
 
     def words(self, units: JointUnits) -> str:
         """Describes position and rate at the start, and the law."""

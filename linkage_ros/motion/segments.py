@@ -47,6 +47,11 @@ class Segment(ABC):
         """Returns the motion in this segment; None if the segment alone does not determine it."""
         return None
 
+    @property
+    def size(self) -> int:
+        """About the memory that the segment takes, bytes."""
+        return 1000
+
     @abstractmethod
     def words(self, units: JointUnits) -> str:
         """Describes the segment, without its start and gravity; units of the driven joint."""

@@ -18,7 +18,7 @@ from linkage_ros.node.workers import Worker, accompany_ticker
 from linkage_ros.run.states import Simulator
 from linkage_ros.settings.viewer import SPAWN, WEB
 
-# Queue lengths: for a stalled disk, enough for half a minute at 1 kHz; for a slow viewer.
+# Queue lengths: for a stalled disk, half a minute at 1 kHz, within 64 MB; for a slow viewer.
 _LOG_CAPACITY, _VIEW_CAPACITY = 30_000, 4_000
 # s between batches, each of which is a chunk. A killed run loses at most this time plus delays of
 # a busy machine; the documentation promises 0.3 s. Between batches, the thread's code and data
@@ -112,9 +112,15 @@ class Outputs:
     ) -> None:
         """Starts the thread of a consumer; `consequence` describes the effect of a failure."""
         logger = self._node.get_logger()
+
+        def report(error: Exception) -> None:
+            if name == 'log':
+                consumer.has_end = False  # it ends before the run
+            logger.error(f'{consequence}: {error}')
+
         self._workers[name] = Worker(
             name, consumer, capacity=capacity, period=period, on_start=accompany_ticker,
-            on_error=lambda error: logger.error(f'{consequence}: {error}'), gap=gap,
+            on_error=report, gap=gap,
         )  # fmt: skip
 
     def log_state(self, state: LoggedState) -> None:
@@ -123,12 +129,12 @@ class Outputs:
             self._workers['log'].offer(state)
 
     def log_segment(self, segment: Segment) -> None:
-        """Logs a segment of motion, which is never dropped."""
+        """Logs a segment of motion, which is not dropped; see `Worker`."""
         if self._session.log:
-            self._workers['log'].offer(segment, keep=True)
+            self._workers['log'].offer(segment, segment.size, keep=True)
 
     def log_message(self, stamp: int, topic: Topic, message: bytes) -> None:
-        """Logs a message; a latched message, which is not repeated, is never dropped.
+        """Logs a message; a latched message, which is not repeated, is not dropped.
 
         Args:
             stamp: Time of publishing or receipt, ns.
@@ -137,7 +143,7 @@ class Outputs:
         """
         if self._session.log:
             item = self._channels[topic.name], stamp, message
-            self._workers['log'].offer(item, keep=topic.latched)
+            self._workers['log'].offer(item, len(message), keep=topic.latched)
 
     def show(self, joint_states: bytes) -> None:
         """Shows the state in a message on joint_states, given as CDR bytes."""

@@ -16,6 +16,8 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any, Generic, TypeVar
 
+from linkage_ros.errors import LogError
+
 _T = TypeVar('_T')
 
 _PR_SET_NAME, _PR_SET_TIMERSLACK = 15, 29  # options of prctl
@@ -25,6 +27,7 @@ _PRIORITY, _COMPANION_PRIORITY = 50, 40
 # interval. At 10 us, two waiting real-time threads kept both processors busy for a second, which
 # blocked the thread that held the interpreter.
 _SWITCH_INTERVAL = 1e-4
+_MOST_BYTES = 64_000_000  # largest size of the items that wait for a consumer
 
 
 def freeze_heap() -> None:
@@ -90,9 +93,10 @@ def accompany_ticker() -> None:
 class Worker(Generic[_T]):
     """Passes batches of items from a bounded queue to a consumer, in a separate thread.
 
-    `offer` never waits for the consumer and never fails. If the queue is full, the oldest item is
-    dropped and counted, unless it must be kept. If the consumer fails, the error is reported once,
-    the consumer is closed, and the items of that batch and all later ones are counted as dropped.
+    `offer` never waits for the consumer and never fails. If too many items or more than 64 MB
+    wait, the oldest are dropped and counted, except those that must be kept. If the consumer
+    fails, the error is reported once, the consumer is closed, and the items of that batch and all
+    later ones are counted as dropped. More than 64 MB that must be kept count as a failure.
 
     Attributes:
         error: The error raised by the consumer, or None.
@@ -116,9 +120,9 @@ class Worker(Generic[_T]):
             name: Name of the thread.
             consumer: Object that only this thread uses from now on. Its method `consume` is called
                 with the items offered since the last call, possibly none; `close` is called last.
-            capacity: Largest number of items in the queue.
+            capacity: Largest number of waiting items that may be dropped.
             period: Time between batches, s.
-            on_error: Called from the thread, once, if the consumer fails.
+            on_error: Called once if the consumer fails, before it is closed.
             on_start: Called from the thread when it starts.
             gap: Creates an item that the consumer gets in place of dropped items, given their
                 number; None for no such item.
@@ -126,31 +130,38 @@ class Worker(Generic[_T]):
         self.error: Exception | None = None
         self.dropped = 0
         self._consumer, self._on_error, self._on_start = consumer, on_error, on_start
-        self._period, self._gap = period, gap
-        # Items with their numbers in order; those to keep are few, and not limited.
-        self._queue: deque[tuple[int, _T]] = deque(maxlen=capacity)
-        self._kept = list[tuple[int, _T]]()
-        self._offered = 0
+        self._period, self._gap, self._capacity = period, gap, capacity
+        # Waiting items with their numbers in order and their sizes.
+        self._queue, self._kept = deque[tuple[int, int, _T]](), list[tuple[int, int, _T]]()
+        self._offered = self._bytes = 0
         self._lock = threading.Lock()
         self._stop = threading.Event()
         # A daemon thread, because a hanging disk must not keep the process alive.
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
         self._thread.start()
 
-    def offer(self, item: _T, *, keep: bool = False) -> None:
+    def offer(self, item: _T, size: int = 0, *, keep: bool = False) -> None:
         """Adds an item; thread-safe.
 
         Args:
             item: Item for the consumer.
+            size: About the memory that the item takes, bytes; 0 if the capacity limits it enough.
             keep: Whether the item must not be dropped while the consumer works.
         """
         with self._lock:
-            self._offered += 1
-            if keep and self.error is None:
-                self._kept.append((self._offered, item))
+            if self.error is not None:
+                self.dropped += 1
                 return
-            self.dropped += len(self._queue) == self._queue.maxlen
-            self._queue.append((self._offered, item))
+            self._offered += 1
+            (self._kept if keep else self._queue).append((self._offered, size, item))
+            self._bytes += size
+            while self._queue and (len(self._queue) > self._capacity or self._bytes > _MOST_BYTES):
+                self._bytes -= self._queue.popleft()[1]
+                self.dropped += 1
+            is_full = self._bytes > _MOST_BYTES
+        if is_full:
+            size = _MOST_BYTES // 1_000_000
+            self._fail(LogError(f'the disk hangs, and more than {size} MB wait for it'))
 
     def close(self, timeout: float, join: Callable[..., object] = threading.Thread.join) -> bool:
         """Passes the remaining items to the consumer, and ends the thread.
@@ -177,14 +188,15 @@ class Worker(Generic[_T]):
 
     def _feed(self) -> None:
         is_last, reported = False, 0
-        while not is_last:
+        while not is_last and self.error is None:
             is_last = self._stop.wait(self._period)
             with self._lock:
-                numbered = [*self._kept, *self._queue]
-                self._kept.clear()
-                self._queue.clear()
+                waiting = [*self._queue]
+                if self._kept:
+                    waiting = sorted([*self._kept, *waiting], key=operator.itemgetter(0))
+                self._clear()
                 dropped = self.dropped
-            items: list[Any] = [x for _, x in sorted(numbered, key=operator.itemgetter(0))]
+            items: list[Any] = [item for *_, item in waiting]
             if self._gap and dropped > reported:  # the oldest were dropped: the gap comes first
                 items.insert(0, self._gap(dropped - reported))
             reported = dropped
@@ -192,15 +204,18 @@ class Worker(Generic[_T]):
                 self._consumer.consume(items)
             except Exception:
                 with self._lock:
-                    self.dropped += len(numbered)
+                    self.dropped += len(waiting)
                 raise
 
+    def _clear(self) -> None:
+        self._queue.clear()
+        self._kept.clear()
+        self._bytes = 0
+
     def _fail(self, error: Exception) -> None:
-        if self.error is not None:
-            return
         with self._lock:
-            self.error = error
-            self.dropped += len(self._queue) + len(self._kept)
-            self._queue = deque(maxlen=0)
-            self._kept.clear()
-        self._on_error(error)
+            if self.error is None:
+                self._on_error(error)
+                self.error = error
+                self.dropped += len(self._queue) + len(self._kept)
+                self._clear()
