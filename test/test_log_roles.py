@@ -88,7 +88,7 @@ def write(path, configuration, names):
                     source.read(message, stamp)
                     motion.command(stamp, 0.1 * tick)
             made = made or messages_at(simulator, motion, stamp)
-            log.consume([LoggedState(stamp + 1000, stamp, made.numbers)])
+            log.consume([LoggedState(stamp + 1000, b''.join(made.messages))])
             if crank and (data := crank.message_at(motion, stamp)):
                 log.write(channels[crank.topic.role], stamp, data)
         log.write(channels['diagnostics'], stamp, encode_diagnostics(stamp, '', STATUSES))

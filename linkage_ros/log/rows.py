@@ -9,6 +9,7 @@ one block of bytes.
 import re
 import struct
 from collections.abc import Iterable, Sequence
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -29,6 +30,7 @@ _HEAD_FIELDS = np.dtype({
 _OPCODE = 5
 _CONSTANT = 15  # number of bytes in the head before the times
 _TIMES = Field('log time', 'Q'), Field('publish time', 'Q')
+_TIME_NAMES = [field.name for field in _TIMES]
 
 
 def message_record(channel: int, times: tuple[int, int], data: bytes) -> bytes:
@@ -68,13 +70,11 @@ class LoggedState(NamedTuple):
 
     Attributes:
         time: Log and publish time, ns.
-        stamp: Stamp, ns.
-        numbers: Numbers in the messages, as computed by the templates.
+        messages: CDR bytes of its messages; see `StateTemplates.pack`.
     """
 
     time: int
-    stamp: int
-    numbers: Sequence[float]
+    messages: bytes
 
 
 class RowLayout(Template):
@@ -102,7 +102,7 @@ class RowLayout(Template):
             head = message_record(channel, (0, 0), bytes(size))[:_CONSTANT]
             parts += [head, *_TIMES, *templates.parts[topic]]
             patterns.append(re.escape(head) + b'.{%d}' % (MESSAGE_HEAD.size - _CONSTANT + size))
-        super().__init__(parts, [*(field.name for field in _TIMES), *templates.names])
+        super().__init__(parts, [*_TIME_NAMES, *templates.names])
         self.starts, self.times = self._ends[:-1], self.places[0]
         self._whole = re.compile(b'(?:%b)*' % b''.join(patterns), re.DOTALL)
 
@@ -121,6 +121,29 @@ class RowLayout(Template):
         """
         logged, stamped = np.asarray(times), np.divmod(stamps, NS_PER_S)
         return self.fill(len(logged), (logged, logged, *stamped, *numbers))
+
+    def rows_of(self, times: npt.ArrayLike, messages: Sequence[bytes]) -> bytearray:
+        """Encodes states whose messages are encoded; all topics of the state must have channels.
+
+        Args:
+            times: Log and publish time of each state, ns.
+            messages: CDR bytes of each state's messages; see `StateTemplates.pack`.
+
+        Returns:
+            The bytes of the rows.
+        """
+        rows = bytearray(self._blank * len(messages))
+        into = np.frombuffer(rows, np.uint8).reshape(len(messages), self.size)
+        data = np.frombuffer(b''.join(messages), np.uint8).reshape(len(messages), -1)
+        end = 0
+        for start, after in pairwise(self._ends):
+            body = start + MESSAGE_HEAD.size
+            begin, end = end, end + after - body
+            into[:, body:after] = data[:, begin:end]
+        for place in self.places:
+            if place.name in _TIME_NAMES:
+                self.column(rows, place)[:] = times
+        return rows
 
     def fitting(self, records: bytes | bytearray) -> int:
         """Returns the length of the leading messages that match the start of a row, in bytes."""

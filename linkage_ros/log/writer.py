@@ -175,8 +175,10 @@ class LogWriter(AbstractContextManager['LogWriter']):
         Raises:
             LogError: The file cannot be written.
         """
+        self._add_rows(times, self._layout.rows(times, stamps, numbers))
+
+    def _add_rows(self, times: Sequence[int], rows: bytearray) -> None:
         layout, logged = self._layout, np.asarray(times, np.uint64)
-        rows = layout.rows(logged, stamps, numbers)
         while rows:
             start = self.mcap.position
             room = max(0, CHUNK_SIZE - start) // layout.size + 1
@@ -217,8 +219,8 @@ class LogWriter(AbstractContextManager['LogWriter']):
         # Write adjacent states or messages together, which is much faster.
         for kind, group in groupby(items, type):
             if kind is LoggedState:
-                times, stamps, numbers = zip(*group, strict=True)
-                self.write_states(times, stamps, np.array(numbers).T)
+                times, messages = zip(*group, strict=True)
+                self._add_rows(times, self._layout.rows_of(times, messages))
                 continue
             if kind is tuple:
                 self.write_messages(group)

@@ -234,7 +234,7 @@ class LinkageNode(ParameterNode):
         for topic, place in self._states:
             if topic.is_heard:
                 topic.publisher.publish(messages[place])
-        self._outputs.log_state(LoggedState(now, stamp, numbers))
+        self._outputs.log_state(LoggedState(now, messages))
         self._outputs.show(messages[self._joint_states])
 
     def _publish_trajectory(self, stamp: int, motion: Motion) -> None:

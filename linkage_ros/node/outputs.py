@@ -126,7 +126,7 @@ class Outputs:
     def log_state(self, state: LoggedState) -> None:
         """Logs a state."""
         if self._session.log:
-            self._workers['log'].offer(state)
+            self._workers['log'].offer(state, len(state.messages))
 
     def log_segment(self, segment: Segment) -> None:
         """Logs a segment of motion, which is not dropped; see `Worker`."""
