@@ -3,11 +3,13 @@
 """Crank angles that resolve a period with all corners and jumps of its loads; integrals, peaks."""
 
 import itertools
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, cast
 
 import numpy as np
+from numpy.polynomial.chebyshev import chebvander
 from scipy.interpolate import make_interp_spline
 
 from linkage_ros import Solver, State
@@ -18,9 +20,12 @@ _BISECTIONS = 64  # halvings of a step, after which its ends differ only by roun
 SAME = 1e-9  # rad; closer crank angles are the two sides of a corner or jump
 _PARTS = 8  # least number of steps between two corners or jumps
 _DEGREE = 5  # of splines
-# A search for peaks: parts of an interval in each round; rounds; relative change at convergence;
-# most samples around which a function is searched.
-_CELLS, _ROUNDS, _CLOSE, _TOPS = 8, 24, 1e-14, 16
+# A search for peaks: order of the Chebyshev polynomials, parts of an interval, rounds, relative
+# change at convergence, and most samples around which a function is searched.
+_ORDER, _CELLS, _ROUNDS, _CLOSE, _TOPS = 10, 64, 24, 4e-15, 16
+_NODES = -np.cos(math.pi / _ORDER * np.arange(_ORDER + 1))
+_TERMS = np.linalg.inv(chebvander(_NODES, _ORDER)).T  # values at the nodes @ this: coefficients
+_FINE = chebvander(np.linspace(-1, 1, _CELLS + 1), _ORDER).T  # coefficients @ this: values
 _EVEN = 1e-13  # a function with this relative range is constant but for rounding errors
 
 
@@ -123,9 +128,9 @@ def _pieces(solver: Solver, states: Callable[[Array], State]) -> Callable[[Array
 def peaks(x: Array, values: Array, curves: Callable[[Array], Array]) -> tuple[Array, Array]:
     """Finds the largest values of m functions over a period, to convergence, and where they are.
 
-    Around each sample that may be next to the largest value, the interval is divided, and only the
-    parts next to its largest value are kept, until the vertex of a parabola no longer changes.
-    The two sides of a corner or jump are searched separately.
+    Around each sample that may be next to the largest value, a function is expanded in Chebyshev
+    polynomials. Until their last terms vanish, or the maximum no longer changes, only the interval
+    next to the largest value is kept. The two sides of a corner or jump are searched separately.
 
     Args:
         x: Increasing places that resolve the functions, on both sides of each corner or jump,
@@ -136,26 +141,35 @@ def peaks(x: Array, values: Array, curves: Callable[[Array], Array]) -> tuple[Ar
     Returns:
         The largest values, and their places, each of shape (m,).
     """
-    row, top = _tops(x, values)
+    row, near = _tops(x, values)
     apart = np.concatenate([[False], np.diff(x) > SAME, [False]])
-    low = np.where(apart[top], x[top - 1], x[top])
-    high = np.where(apart[top + 1], x[np.minimum(top + 1, len(x) - 1)], x[top])
+    low = np.where(apart[near], x[near - 1], x[near])
+    high = np.where(apart[near + 1], x[np.minimum(near + 1, len(x) - 1)], x[near])
     size, each = np.abs(values).max(axis=1)[row], np.arange(len(row))
-    best, at = values[row, top], x[top]
+    best, at = values[row, near], x[near]
     for _ in range(_ROUNDS):
-        places = np.linspace(low, high, _CELLS + 1, axis=-1)
+        middle, half = 0.5 * (low + high), 0.5 * (high - low)
+        places = middle[:, None] + half[:, None] * _NODES
+        places[:, 0], places[:, -1] = low, high  # beyond them, there may be a corner
         found = curves(places.ravel()).reshape(len(values), *places.shape)[row, each]
-        cell = found.argmax(axis=1)
-        inner = np.clip(cell, 1, _CELLS - 1)
-        before, middle, after = (found[each, inner + i] for i in (-1, 0, 1))
-        bend, slope = before - 2 * middle + after, 0.5 * (after - before)
+        terms = found @ _TERMS
+        fine = terms @ _FINE
+        inner = np.clip(cell := fine.argmax(axis=1), 1, _CELLS - 1)
+        before, now, after = (fine[each, inner + i] for i in (-1, 0, 1))
+        bend, slope = before - 2 * now + after, 0.5 * (after - before)
         is_vertex = (cell == inner) & (bend < 0)
         aside = np.where(is_vertex, -slope / np.where(is_vertex, bend, 1.0), 0.0)
-        last, best = best, found[each, cell] + 0.5 * slope * aside
-        at = places[each, cell] + aside * (high - low) / _CELLS
-        low, high = places[each, inner - 1], places[each, inner + 1]
-        if np.all(np.abs(best - last) <= _CLOSE * size):
+        node, last = found.argmax(axis=1), best
+        best, at = found[each, node], places[each, node]
+        vertex = (cell + aside) * (2 / _CELLS) - 1
+        top = (terms * np.cos(np.arccos(vertex)[:, None] * np.arange(_ORDER + 1))).sum(axis=1)
+        best = np.where(is_vertex, np.maximum(top, best), best)
+        at = np.where(is_vertex, middle + half * vertex, at)
+        error = np.minimum(8 * np.abs(terms[:, -2:]).max(axis=1), np.abs(best - last))
+        if (error <= _CLOSE * size).all():
             break
+        node = np.clip(node, 1, _ORDER - 1)
+        low, high = places[each, node - 1], places[each, node + 1]
     groups = [np.flatnonzero(row == i) for i in range(len(values))]
     first = [group[best[group] >= best[group].max() - _EVEN * size[group]][0] for group in groups]
     return best[first], at[first]

@@ -127,24 +127,33 @@ class Run:
 
         return Samples(time, moved)
 
-    def effort(self, places: Array) -> Array:
-        """Computes the driving torque, N m, or force, N, at places of the motion."""
-        return np.asarray(self._evaluated(torque, places)[0])
+    def efforts(self, places: Array) -> Array:
+        """Computes the driving torque, N m, or force, N; and the force on the frame, N, if needed.
 
-    def force_on_frame(self, places: Array) -> Array:
-        """Computes the magnitude of the force on the frame, N."""
-        return np.asarray(np.hypot(*self._evaluated(_force_on_frame, places)))
+        Returns:
+            A row of the torque and, unless it is infinite or no measure, one of the force.
+        """
+        motion, formula = self.samples.motion(places), torque
+        if 'shaking_force' in self.task.measures and not self.is_in_line:
+            formula = _torque_and_force
+        own, *force = self.solver.program(formula, *'qua'[: len(motion)])(*motion)
+        return np.array([own, np.hypot(*force)] if force else [own])
 
-    def _evaluated(self, formula: Callable[..., Any], places: Array) -> Any:
-        """Evaluates a formula of the model and the motion."""
-        motion = self.samples.motion(places)
-        return self.solver.program(formula, *'qua'[: len(motion)])(*motion)
+    @cached_property
+    def sampled(self) -> Array:
+        """Result of `efforts` at the samples."""
+        return self.efforts(self.samples.x)
 
-    def peak(self, curve: Callable[[Array], Array]) -> float:
-        """Finds the largest magnitude of a function of places, as charts do."""
-        x = self.samples.x
-        found, _ = peaks(x, np.abs(curve(x))[None], lambda places: np.abs(curve(places))[None])
-        return float(found[0])
+    @cached_property
+    def peaks(self) -> Array:
+        """Largest magnitudes of the rows of `efforts`, as charts find them."""
+        magnitudes = np.abs(self.sampled)
+        return peaks(self.samples.x, magnitudes, lambda places: np.abs(self.efforts(places)))[0]
+
+    @cached_property
+    def is_in_line(self) -> bool:
+        """Whether the motion passes a change point."""
+        return self.solver.reach.has_change_point and self.transmission < _IN_LINE
 
     @cached_property
     def travel(self) -> Travel:
@@ -252,23 +261,20 @@ def measure(
 @measure('N m', _SPEED, _DRIVEN_CRANK)
 def peak_torque(run: Run) -> float:
     """Computes the largest driving torque or force."""
-    return run.peak(run.effort)
+    return float(run.peaks[0])
 
 
 @measure('N', _SPEED, _DRIVEN_CYLINDER, name='rms_force')
 @measure('N m', _SPEED, _DRIVEN_CRANK)
 def rms_torque(run: Run) -> float:
     """Computes the root mean square over time of the driving torque or force."""
-    x = run.samples.x
-    return math.sqrt(mean(x, run.effort(x) ** 2))
+    return math.sqrt(mean(run.samples.x, run.sampled[0] ** 2))
 
 
 @measure('N', _SPEED)
 def shaking_force(run: Run) -> float:
     """Computes the largest force on the frame; infinite if there are change points."""
-    if run.solver.reach.has_change_point and run.transmission < _IN_LINE:
-        return math.inf
-    return run.peak(run.force_on_frame)
+    return math.inf if run.is_in_line else float(run.peaks[1])
 
 
 @measure('deg', _SWINGS)
@@ -324,9 +330,9 @@ def point_distance(run: Run) -> float:
     return float(found.max())
 
 
-def _force_on_frame(model: Any, q: Any, u: Any, a: Any = ()) -> tuple[Real, ...]:
-    """Computes the components of the force on the frame, N."""
-    return reactions(model, q, u, a)[2]
+def _torque_and_force(model: Any, q: Any, u: Any, a: Any = ()) -> tuple[Real, ...]:
+    """Computes the driving torque, and the components of the force on the frame, N."""
+    return *torque(model, q, u, a), *reactions(model, q, u, a)[2]
 
 
 def _path_motion(constants: Any, angle: Real) -> tuple[Real, ...]:
