@@ -179,9 +179,7 @@ def test_measures_match_the_solver(preset, kinds):
             assert np.isnan(row).all()
             continue
         for name, value in zip(measures, row, strict=True):
-            digits = DIGITS.get(name, 1e-15)
-            if kinds:
-                digits = max(digits, 1e-13)
+            digits = DIGITS.get(name, 1e-12)
             assert value == pytest.approx(wanted[name], rel=digits, nan_ok=True), name
 
 

@@ -133,9 +133,9 @@ class Run:
         Returns:
             A row of the torque and, unless it is infinite or no measure, one of the force.
         """
-        motion, formula = self.samples.motion(places), torque
-        if 'shaking_force' in self.task.measures and not self.is_in_line:
-            formula = _torque_and_force
+        motion = self.samples.motion(places)
+        has_force = 'shaking_force' in self.task.measures and not self.is_in_line
+        formula: Callable[..., Any] = _torque_and_force if has_force else torque
         own, *force = self.solver.program(formula, *'qua'[: len(motion)])(*motion)
         return np.array([own, np.hypot(*force)] if force else [own])
 
