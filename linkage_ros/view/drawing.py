@@ -16,7 +16,7 @@ from linkage_ros.errors import UnreachableError
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.mechanism.structure import Mechanism, Point, Structure
 from linkage_ros.numeric import Array
-from linkage_ros.view.load_arrows import Complex, LoadArrows
+from linkage_ros.view.load_arrows import Complex, LoadArrows, placed
 
 # Fractions of the size of the picture: a mark, the unit of the lengths below, which is the size of
 # a pivot's triangle; and the maximum length of the scale bar.
@@ -180,9 +180,7 @@ class Drawing:
         Returns:
             The points, in the order of `pins`; shape (n, pins, 2), m.
         """
-        # A slider's position is not an angle, but no point depends on it: its weights are 0.
-        turned = np.exp(1j * np.where([link.slides for link in self._links], 0.0, position))
-        return plane(turned @ self._weights.T + self._fixed)
+        return plane(placed(self._links, self._weights, self._fixed, position))
 
     def links(self, points: Array) -> dict[str, Array]:
         """Draws the moving links.

@@ -4,6 +4,7 @@
 
 import cmath
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, TypeAlias
 
@@ -24,6 +25,23 @@ _SWEEP = np.linspace(0.0, 1.5 * math.pi, 25)  # angle of the longest curved arro
 # The head of an arrow along the x axis, from its tip.
 _SIDES = np.array([cmath.rect(1.0, math.pi - 0.45), 0.0, cmath.rect(1.0, math.pi + 0.45)])
 _HARDLY = 1e-300  # a rate with a sign but negligible damping force
+
+
+def placed(links: Sequence[Link], weights: Array, fixed: Array, positions: Array) -> Complex:
+    """Computes the positions of points; see `structure.Point`.
+
+    Args:
+        links: The moving links.
+        weights: Weights of the points, shape (points, links), m.
+        fixed: Constant terms, shape (points,), m.
+        positions: Positions of the links, shape (n, links), rad and m.
+
+    Returns:
+        The points, shape (n, points), m.
+    """
+    # A slider's position is not an angle, but no point depends on it: its weights are 0.
+    turned = np.exp(1j * np.where([link.slides for link in links], 0.0, positions))
+    return np.asarray(turned @ weights.T + fixed)
 
 
 class LoadArrows:
@@ -74,19 +92,18 @@ class LoadArrows:
         angle = link.angle if link.parent is None else positions[:, link.parent]
         return np.asarray(self._sides[j] * np.exp(1j * np.asarray(angle)))
 
-    def _slider_pin(self, j: int, positions: Array) -> Complex:
-        """Returns the positions of a slider's pin, shape (n,)."""
+    def _first_pin(self, j: int, positions: Array) -> Complex:
+        """Returns the positions of a link's first pin, or of a slider's, shape (n,)."""
         structure = self._solver.structure
         point = structure.point_of(j, (0.0, 0.0))
-        slides = [link.slides for link in structure.links]
-        turned = np.exp(1j * np.where(slides, 0.0, positions))
-        return np.asarray(turned @ np.array(point.weights) + point.fixed)
+        weights, fixed = np.array([point.weights]), np.array([point.fixed])
+        return placed(structure.links, weights, fixed, positions)[:, 0]
 
     def farthest(self, positions: Array) -> Complex:
         """Returns the far ends of the longest straight arrows of loaded sliders, shape (n,)."""
         room = (_BESIDE_PIN + _LONGEST) * self._mark
         ends = [
-            self._slider_pin(j, positions) + room * self._outwards(j, positions)
+            self._first_pin(j, positions) + room * self._outwards(j, positions)
             for j, link in enumerate(self._solver.structure.links)
             if link.slides and link.name in self.names
         ]
@@ -115,7 +132,7 @@ class LoadArrows:
             found[name] = (
                 self._straight(j, positions, share)
                 if link.slides
-                else self._curved(self._pivot(link, positions), positions[:, j], share)
+                else self._curved(self._first_pin(j, positions), positions[:, j], share)
             )
         return found
 
@@ -155,7 +172,7 @@ class LoadArrows:
 
     def _straight(self, j: int, positions: Array, share: Array) -> Complex:
         """Draws arrows that push or pull a slider."""
-        pin, outwards = self._slider_pin(j, positions), self._outwards(j, positions)
+        pin, outwards = self._first_pin(j, positions), self._outwards(j, positions)
         near = pin + np.where(share, _BESIDE_PIN * self._mark, 0.0) * outwards
         far = near + abs(share) * _LONGEST * self._mark * outwards
         pulls = share * self._sides[j] > 0
@@ -163,19 +180,11 @@ class LoadArrows:
         forward = np.where(pulls, 1.0, -1.0) * outwards
         return self._with_head(body, forward, abs(share) * _LONGEST)
 
-    def _pivot(self, link: Link, positions: Array) -> Complex:
-        """Returns the positions of a turning link's first pin, shape (n,) or ()."""
-        if link.parent is None:
-            return np.asarray(link.origin)
-        axis = np.exp(1j * positions[:, link.parent])
-        parent = self._solver.structure.links[link.parent]
-        return self._pivot(parent, positions) + link.origin * axis
-
     def _curved(self, pivot: Complex, angle: Array, share: Array) -> Complex:
         """Draws arrows about a pivot, from the link in the direction of the torque."""
         turned = np.exp(1j * (angle[:, np.newaxis] + share[:, np.newaxis] * _SWEEP))
         forward = 1j * np.sign(share) * turned[:, -1]
-        body = pivot[..., np.newaxis] + _RADIUS * self._mark * turned
+        body = pivot[:, np.newaxis] + _RADIUS * self._mark * turned
         return self._with_head(body, forward, abs(share) * _RADIUS * _SWEEP[-1])
 
     def _with_head(self, body: Complex, forward: Complex, length: Array) -> Complex:
