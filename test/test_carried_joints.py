@@ -1,13 +1,15 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Dyads on every possible carrier: recorded joints close every loop of the URDF and the MJCF.
+"""Dyads on every possible carrier: joints of messages close every loop of the URDF and the MJCF.
 
-The reader of URDF follows its specification alone; MuJoCo reads the MJCF, mcap the log.
+The reader of URDF follows its specification alone; MuJoCo reads the MJCF, mcap the log. Labels of
+tables and arrows of loads follow the same carriers.
 """
 
 import cmath
 import re
 from dataclasses import replace
+from typing import NamedTuple
 from xml.etree import ElementTree as ET
 
 import mujoco
@@ -19,14 +21,18 @@ from mechanisms import FULL, PUMPS, cylinder, four_bar, slider_crank
 
 from linkage_lab.charts.mjcf import make_mjcf
 from linkage_ros import Body
+from linkage_ros.log.tables import write_csv
 from linkage_ros.mechanism.dyads import Dyad, DyadSlider
+from linkage_ros.mechanism.loads.pins import Pins
+from linkage_ros.messages.joints import joint_rows
 from linkage_ros.messages.urdf import link_of, make_urdf
 from linkage_ros.programs.record import record
 from linkage_ros.quantities import flatten
 from linkage_ros.run.states import Simulator
 from linkage_ros.settings.configuration import configure
+from linkage_ros.view.load_arrows import LoadArrows
 
-LARGEST = 150.0  # m, of the links
+LARGEST = 4.5  # m, of the links
 BASES = {
     'four_bar': four_bar(FULL['crank_rocker']),
     'slider_crank': slider_crank(FULL['offset_right'], 0.4),
@@ -38,21 +44,29 @@ BASES = {
 
 def with_dyads(base, carrier):
     """Adds dyads a and b, which carry others, and dyads c and d on a carrier and e towards it."""
-    body, at = Body(45.0, 1.0, 0.1), (0.2, -0.3)
-    far, slider = (40.0, 30.0), DyadSlider(1.0, (3.0, 8.0), 0.7)
+    body, at, end = Body(3.5, 1.0, 0.1), (0.2, -0.3), (3.5, -2.5)
+    slider = DyadSlider(1.0, (1.0, 2.5), 0.7)
     dyads = [
-        Dyad(name='a', from_='crank', first=body, second=body, to='frame', to_at=far),
-        Dyad(name='b', from_='crank', first=Body(60.0), slider=slider),
         Dyad(
-            name='c', from_=carrier, from_at=at, first=Body(60.0), second=Body(60.0), to='frame',
-            to_at=(70.0, -50.0),
+            name='a',
+            from_='crank',
+            from_at=(0.4, 0.2),
+            first=body,
+            second=body,
+            to='frame',
+            to_at=(3.0, 3.5),
         ),
-        Dyad(name='d', from_=carrier, from_at=at, first=Body(150.0), slider=slider),
+        Dyad(name='b', from_='crank', from_at=(0.4, 0.2), first=body, slider=slider),
+        Dyad(name='c', from_=carrier, from_at=at, first=body, second=body, to='frame', to_at=end),
         Dyad(
-            name='e', from_='frame', from_at=(70.0, -50.0), first=Body(60.0), second=Body(60.0),
-            to=carrier, to_at=at,
+            name='d',
+            from_=carrier,
+            from_at=at,
+            first=Body(LARGEST),
+            slider=replace(slider, angle=1.2),
         ),
-    ]  # fmt: skip
+        Dyad(name='e', from_='frame', from_at=end, first=body, second=body, to=carrier, to_at=at),
+    ]
     return replace(base, dyads=tuple(dyads))
 
 
@@ -65,31 +79,53 @@ def numbers(element, key):
     return [float(word) for word in element.get(key).split()]
 
 
-def frames(urdf, joints, values, rates):
-    """Places the links of a URDF.
+class Frame(NamedTuple):
+    """A link's origin with velocity and acceleration, and its direction, spin and the spin's rate.
 
-    `joints` gives zero, ratio and parent of mapped joints. Returns the origin, the direction, the
-    origin's velocity and the spin of each link.
+    Vectors are x + iy.
     """
-    robot, placed = ET.fromstring(urdf), {'base_link': (0j, 1 + 0j, 0j, 0.0)}
+
+    place: complex = 0j
+    velocity: complex = 0j
+    acceleration: complex = 0j
+    axes: complex = 1 + 0j
+    spin: float = 0.0
+    gain: float = 0.0
+
+    def point(self, at):
+        """Returns position, velocity and acceleration of a point in the axes of the link."""
+        arm = at * self.axes
+        return (
+            self.place + arm,
+            self.velocity + 1j * self.spin * arm,
+            self.acceleration + (1j * self.gain - self.spin**2) * arm,
+        )
+
+
+def frames(urdf, joints, values, rates, changes):
+    """Places the links of a URDF; `joints` gives zero, ratio and parent of mapped joints."""
+    robot, placed = ET.fromstring(urdf), {'base_link': Frame()}
     for joint in robot.findall('joint'):
         name, kind = joint.get('name'), joint.get('type')
-        place, axes, velocity, spin = placed[joint.find('parent').get('link')]
+        above = placed[joint.find('parent').get('link')]
         x, y, _ = numbers(joint.find('origin'), 'xyz')
         yaw = numbers(joint.find('origin'), 'rpy')[2]
+        here = Frame(*above.point(complex(x, y)), above.axes * cmath.rect(1.0, yaw), *above[4:])
         zero, ratio, parent = joints.get(name, (0.0, 1.0, None))
-        value, rate = values[name] / ratio + zero, rates[name] / ratio
-        arm = complex(x, y) * axes
-        place, velocity = place + arm, velocity + 1j * spin * arm
-        axes *= cmath.rect(1.0, yaw)
+        value, rate, change = (row[name] / ratio for row in (values, rates, changes))
+        value += zero
         if kind == 'prismatic':
-            slid = value * axes
-            place, velocity = place + slid, velocity + rate * axes + 1j * spin * slid
+            place, velocity, acceleration = here.point(value)
+            velocity += rate * here.axes
+            acceleration += (change + 2j * here.spin * rate) * here.axes
+            here = Frame(place, velocity, acceleration, *here[3:])
         else:
+            base = here
             if parent:
-                _, axes, _, spin = placed['base_link' if parent == 'frame' else link_of(parent)]
-            axes, spin = axes * cmath.rect(1.0, value), spin + rate
-        placed[joint.find('child').get('link')] = place, axes, velocity, spin
+                base = placed['base_link' if parent == 'frame' else link_of(parent)]
+            turned = base.axes * cmath.rect(1.0, value)
+            here = Frame(*here[:3], turned, base.spin + rate, base.gain + change)
+        placed[joint.find('child').get('link')] = here
     return placed
 
 
@@ -105,16 +141,20 @@ def ends(mechanism):
 
 
 def recorded(configuration, path):
-    """Returns positions and velocities by joint of each joint state."""
+    """Returns positions, velocities and accelerations by joint of each state."""
     record(configuration, path, duration=0.6)
+    joints, states = [], []
     with path.open('rb') as file:
         reader = make_reader(file, decoder_factories=[DecoderFactory()])
-        return [
-            (dict(zip(one.name, one.position, strict=True)),
-             dict(zip(one.name, one.velocity, strict=True)))
-            for _, channel, _, one in reader.iter_decoded_messages()
-            if channel.topic.endswith('joint_states')
-        ]  # fmt: skip
+        for _, channel, _, one in reader.iter_decoded_messages():
+            if channel.topic == '/joint_states':
+                joints.append([one.name, [*one.position], [*one.velocity]])
+            if channel.topic == '/mechanism_state':
+                (at,) = one.points
+                rows = [[*x] for x in (at.positions, at.velocities, at.accelerations)]
+                states.append([one.joint_names, *rows])
+    assert joints == [one[:3] for one in states]
+    return [[dict(zip(names, row, strict=True)) for row in rows] for names, *rows in states]
 
 
 def configured(mechanism, joints):
@@ -152,16 +192,14 @@ def test_recorded_joints_close_every_loop(name, is_mapped, tmp_path):
         if not is_mapped:
             text = make_mjcf(mechanism, start.state(start.begin(0).at(0)))
             model = mujoco.MjModel.from_xml_string(text)
-        for values, rates in states:
-            placed = frames(make_urdf(mechanism), joints, values, rates)
+        for values, rates, changes in states:
+            placed = frames(make_urdf(mechanism), joints, values, rates, changes)
+            fastest, most = (max(map(abs, row.values())) for row in (rates, changes))
+            scales = 1.0, fastest, fastest**2 + most
             for pair in ends(mechanism):
-                (one, speed), (other, its) = (
-                    (place + length * axes, velocity + 1j * spin * length * axes)
-                    for x, length in pair
-                    for place, axes, velocity, spin in [placed[link_of(x)]]
-                )
-                assert abs(one - other) <= 1e-12 * LARGEST, (carrier, pair)
-                assert abs(speed - its) <= 1e-12 * LARGEST * max(map(abs, rates.values())), pair
+                one, other = (placed[link_of(x)].point(length) for x, length in pair)
+                for scale, x, y in zip(scales, one, other, strict=True):
+                    assert abs(x - y) <= 1e-12 * LARGEST * scale, (carrier, pair)
             if model is not None:
                 assert_closed_in_mujoco(model, values, rates, carrier)
 
@@ -180,3 +218,45 @@ def assert_closed_in_mujoco(model, values, rates, carrier):
             mujoco.mj_jacSite(model, data, rows, None, site)
         apart = (jacobian[0] - jacobian[1])[:2] @ data.qvel
         assert np.hypot(*apart) <= 1e-12 * LARGEST * max(map(abs, rates.values())), carrier
+
+
+@pytest.mark.parametrize('name', BASES)
+def test_arrows_of_torques_turn_about_the_first_pin_of_their_link(name):
+    for carrier in carriers(BASES[name]):
+        mechanism = replace(with_dyads(BASES[name], carrier), loads=(Pins(name='a', damping=0.3),))
+        simulator, mark = Simulator(configured(mechanism, {})), 0.01
+        state = simulator.state(simulator.begin(0).at(300_000_000))
+        links = mechanism.structure().links
+        names = [link.name for link in links]
+        rows = joint_rows(links, state, state.position[0])
+        moved = (dict(zip(names, map(float, row), strict=True)) for row in rows[:3])
+        placed = frames(make_urdf(mechanism), {}, *moved)
+        positions, rates = (np.array([row], float) for row in state[:2])
+        drawn = LoadArrows(mechanism, mark, positions).lines(positions, rates)
+        turning = [link.name for link in links if not link.slides]
+        assert drawn.keys() >= set(turning)
+        for link in turning:
+            arms = drawn[link][0, :-3] - placed[link_of(link)].place
+            assert arms[0] != arms[-1]
+            assert abs(arms) == pytest.approx(abs(arms[0]), rel=1e-9), (carrier, link)
+
+
+@pytest.mark.parametrize('name', BASES)
+def test_columns_of_a_table_name_the_link_that_carries_the_joint(name, tmp_path):
+    for number, carrier in enumerate(carriers(BASES[name])):
+        mechanism = with_dyads(BASES[name], carrier)
+        joints = {'d_first': (0.0, 1.0, 'crank'), 'e_first': (0.0, 1.0, carrier),
+                  'e_second': (0.0, 1.0, 'frame')}  # fmt: skip
+        for given, due in (
+            ({}, {'c_first': carrier, 'd_first': carrier, 'e_first': '', 'e_second': carrier}),
+            (joints, {'c_first': carrier, 'd_first': 'crank', 'e_first': carrier, 'e_second': ''}),
+        ):
+            log = tmp_path / f'{number}_{len(given)}.mcap'
+            record(configured(mechanism, given), log, duration=1e-9)
+            write_csv(log, log.with_suffix('.csv'))
+            head = log.with_suffix('.csv').read_text().splitlines()[0].split(',')
+            for joint, above in due.items():
+                origin = f' relative to {above}' if above else ''
+                assert f'{joint}.position{origin} [rad]' in head, (carrier, joint)
+                assert f'{joint}.velocity{origin} [rad/s]' in head
+            assert 'd_slider.position [m]' in head

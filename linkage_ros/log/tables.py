@@ -27,7 +27,7 @@ from linkage_ros.messages.topics import (
     MECHANISM_STATE,
 )
 from linkage_ros.numeric import Array
-from linkage_ros.run.states import Simulator
+from linkage_ros.settings.joints import FRAME, measured_from
 from linkage_ros.units import NS_PER_S
 
 _TYPES = JOINT_STATE.name, JOINT_TRAJECTORY.name
@@ -204,15 +204,17 @@ def _labels(path: Path | str) -> dict[str, str]:
     """Returns columns with units and references if this package wrote the log; otherwise none."""
     labels = dict[str, str]()
     try:
-        simulator = Simulator(LogReader(path).configuration)
+        configuration = LogReader(path).configuration
     except LogError:
         return labels
-    joints, links = simulator.robot_joints, simulator.solver.structure.links
+    links, joints = configuration.mechanism.structure().links, configuration.robot_joints
+    names = {link.name: joint.name for link, joint in zip(links, joints, strict=True)}
     for joint, link in zip(joints, links, strict=True):
+        carrier = measured_from(links, link, configuration.joints.get(link.name))
         for quantity, unit in zip(QUANTITIES, link.units, strict=False):
             name, origin = f'{joint.name}.{quantity}', ''
-            if joint.parent is not None and quantity != 'effort':
-                origin = f' relative to {joints[joint.parent].name or links[joint.parent].name}'
+            if carrier != FRAME and quantity != 'effort':
+                origin = f' relative to {names[carrier] or carrier}'
             labels[name] = f'{name}{origin} [{unit}]'
     return labels
 

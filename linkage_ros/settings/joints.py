@@ -76,6 +76,20 @@ def joint_values(joints: Mapping[str, JointSettings]) -> dict[str, object]:
     }
 
 
+def measured_from(links: Sequence[Link], link: Link, given: JointSettings | None) -> str:
+    """Returns the link, or frame, from whose direction a joint is measured.
+
+    Args:
+        links: The links of the mechanism.
+        link: The link of the joint; the position of a sliding link is measured from no direction.
+        given: The settings of the joint.
+    """
+    if link.slides:
+        return FRAME
+    of_tree = FRAME if link.parent is None else links[link.parent].name
+    return (given and given.parent) or of_tree
+
+
 def robot_joints(
     links: Sequence[Link],
     settings: Mapping[str, JointSettings],
@@ -118,8 +132,7 @@ def robot_joints(
             raise ConfigurationError(
                 f"{group}.name = '': must be a name, because the others follow it"
             )
-        is_own = given.parent is None or link.slides
-        parent, guide = (joint.parent, joint.guide) if is_own else axes[str(given.parent)]
+        parent, guide = axes[measured_from(links, link, given)]
         found[i] = joint._replace(
             name=joint.name if given.name is None else given.name,
             parent=parent,
