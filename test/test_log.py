@@ -12,6 +12,7 @@ import random
 import re
 import stat
 import struct
+import tracemalloc
 import zlib
 from pathlib import Path
 
@@ -101,6 +102,24 @@ def written(log):
     layout = RowLayout(simulator.templates, enumerate(simulator.templates.topics, 200))
     assert not list(log.rows(layout, found.append))
     return found
+
+
+def test_a_long_log_takes_only_the_memory_of_its_index(tmp_path):
+    with LogWriter(tmp_path / 'run.mcap', CONFIGURATION, overwrite=False) as log:
+        channel, batches = log.add_topic(DRIVING_TORQUE, TORQUE), 3000
+        batch = MOTIONS[0], (channel, START, encode_float64(1.0))
+        log.consume(batch)
+        tracemalloc.start()
+        try:
+            before, _ = tracemalloc.get_traced_memory()
+            for _ in range(batches):
+                log.consume(batch)
+            after, _ = tracemalloc.get_traced_memory()
+        finally:
+            tracemalloc.stop()
+    # The index of a segment has 47 bytes, and that of a chunk with one channel 87.
+    assert after - before < 1.25 * (47 + 87) * batches
+    assert len(LogReader(tmp_path / 'run.mcap').motions) == batches + 1
 
 
 # ---------------------------------------------------------------- other readers

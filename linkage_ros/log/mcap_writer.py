@@ -74,8 +74,8 @@ class McapWriter:
             chunk_count=0, message_count=0, message_end_time=0, message_start_time=0,
             metadata_count=0, schema_count=0,
         )  # fmt: skip
-        self._chunks, self._metadata = list[ChunkIndex](), list[MetadataIndex]()
-        self._attachments = list[AttachmentIndex]()
+        # Encoded, because objects take three times the memory, which a run of days fills.
+        self._chunks, self._metadata, self._attachments = bytearray(), bytearray(), bytearray()
         self._begin_chunk()
         self._write(MCAP0_MAGIC + _encoded(Header(profile, library)))
 
@@ -84,7 +84,7 @@ class McapWriter:
         self._index = defaultdict[int, list[bytes]](list)
         self._times = list[int]()  # log times that include the first and the last, ns
 
-    def _write(self, data: bytes) -> None:
+    def _write(self, data: bytes | bytearray) -> None:
         """Writes bytes outside of chunks."""
         self._checksum = zlib.crc32(data, self._checksum)
         self._offset += len(data)
@@ -138,14 +138,17 @@ class McapWriter:
     def add_metadata(self, record: Metadata) -> None:
         """Writes a metadata record before the current chunk."""
         data = _encoded(record)
-        self._metadata.append(MetadataIndex(self._offset, len(data), record.name))
+        self._metadata += _encoded(MetadataIndex(self._offset, len(data), record.name))
+        self.statistics.metadata_count += 1
         self._write(data)
 
     def add_attachment(self, record: Attachment) -> None:
         """Writes an attachment before the current chunk."""
         data, about = _encoded(record), {**vars(record), 'data_size': len(record.data)}
         del about['data']
-        self._attachments.append(AttachmentIndex(offset=self._offset, length=len(data), **about))
+        index = AttachmentIndex(offset=self._offset, length=len(data), **about)
+        self._attachments += _encoded(index)
+        self.statistics.attachment_count += 1
         self._write(data)
 
     def flush(self) -> None:
@@ -161,11 +164,12 @@ class McapWriter:
     def _end_chunk(self) -> None:
         data, statistics = b''.join(self._parts), self.statistics
         start, end = min(self._times), max(self._times)
-        if self._chunks:
+        if statistics.chunk_count:
             statistics.message_start_time = min(start, statistics.message_start_time)
             statistics.message_end_time = max(end, statistics.message_end_time)
         else:
             statistics.message_start_time, statistics.message_end_time = start, end
+        statistics.chunk_count += 1
         chunk = Chunk(
             compression='zstd', data=zstandard.compress(data), message_start_time=start,
             message_end_time=end, uncompressed_crc=zlib.crc32(data), uncompressed_size=len(data),
@@ -177,7 +181,7 @@ class McapWriter:
             places[channel], size = self._offset, sum(map(len, entries))
             head = _INDEX_HEAD.pack(Opcode.MESSAGE_INDEX, 6 + size, channel, size)
             self._write(b''.join((head, *entries)))
-        self._chunks.append(
+        self._chunks += _encoded(
             ChunkIndex(
                 chunk_length=index_at - at, chunk_start_offset=at, compression='zstd',
                 compressed_size=len(chunk.data), message_end_time=end, message_start_time=start,
@@ -195,23 +199,21 @@ class McapWriter:
         """
         self.flush()
         self._write(_encoded(DataEnd(self._checksum)))
-        start, statistics = self._offset, self.statistics
+        start, statistics, checksum = self._offset, self.statistics, 0
         statistics.schema_count, statistics.channel_count = len(self.schemas), len(self.channels)
-        statistics.chunk_count, statistics.metadata_count = len(self._chunks), len(self._metadata)
-        statistics.attachment_count = len(self._attachments)
-        groups = {
-            Opcode.SCHEMA: self.schemas.values(), Opcode.CHANNEL: self.channels.values(),
-            Opcode.STATISTICS: [statistics], Opcode.CHUNK_INDEX: self._chunks,
+        groups: dict[int, bytes | bytearray] = {
+            Opcode.SCHEMA: _encoded(*self.schemas.values()),
+            Opcode.CHANNEL: _encoded(*self.channels.values()),
+            Opcode.STATISTICS: _encoded(statistics), Opcode.CHUNK_INDEX: self._chunks,
             Opcode.ATTACHMENT_INDEX: self._attachments, Opcode.METADATA_INDEX: self._metadata,
         }  # fmt: skip
-        summary, offsets = bytearray(), list[SummaryOffset]()
-        for opcode, records in groups.items():
-            data = _encoded(*records)
-            offsets.append(SummaryOffset(opcode, start + len(summary), len(data)))
-            summary += data
-        footer = Footer(start, start + len(summary), 0)
-        summary += _encoded(*offsets)
+        offsets = list[SummaryOffset]()
+        for opcode, data in groups.items():
+            offsets.append(SummaryOffset(opcode, self._offset, len(data)))
+            self._write(data)
+            checksum = zlib.crc32(data, checksum)
+        footer, data = Footer(start, self._offset, 0), _encoded(*offsets)
         # The checksum covers the summary and the footer up to the checksum.
-        footer.summary_crc = zlib.crc32(summary + _encoded(footer)[:-4])
-        self._write(bytes(summary) + _encoded(footer) + MCAP0_MAGIC)
+        footer.summary_crc = zlib.crc32(data + _encoded(footer)[:-4], checksum)
+        self._write(data + _encoded(footer) + MCAP0_MAGIC)
         self._file.flush()
