@@ -59,7 +59,10 @@ setup(
         shared('launch', '*.launch.py'),
         shared('rviz', '*.rviz'),
         # Where `ros2 run` looks for executables.
-        (f'lib/{package_name}', ['scripts/linkage_chart', 'scripts/linkage_import']),
+        (
+            f'lib/{package_name}',
+            ['scripts/linkage_chart', 'scripts/linkage_export', 'scripts/linkage_import'],
+        ),
     ],
     entry_points={
         'console_scripts': [
@@ -67,7 +70,6 @@ setup(
             'linkage_record = linkage_ros.executables:record',
             'linkage_replay = linkage_ros.executables:replay',
             'linkage_log = linkage_ros.executables:log',
-            'linkage_export = linkage_ros.executables:export',
             'linkage_controller = linkage_ros.executables:controller',
         ],
     },

@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import cast
 from unittest.mock import MagicMock, patch
 
-from linkage_lab import command_line
+from linkage_lab import command_line, export
 from linkage_lab.charts.stability import GRIDS
 from linkage_lab.robots import import_tool
 from linkage_ros import executables
@@ -233,7 +233,11 @@ def tables() -> dict[str, str]:
         'executables': _executables(programs()),
         'launch': _launch_files(),
         'charts': _executables(
-            {'linkage_chart': command_line._parser(), 'linkage_import': import_tool._parser()}  # noqa: SLF001
+            {
+                'linkage_chart': command_line._parser(),  # noqa: SLF001
+                'linkage_export': export._parser(),  # noqa: SLF001
+                'linkage_import': import_tool._parser(),  # noqa: SLF001
+            }
         ),
         'methods': _methods(),
     }

@@ -26,7 +26,7 @@ TRIED = (
     'linkage_chart motion quadrilateral --reactions',
     'linkage_chart movie wiper wiper.gif',
     'linkage_chart movie wiper wiper.html',
-    'linkage_chart mjcf compressor compressor.xml',
+    'linkage_export mjcf compressor compressor.xml',
     'linkage_record --help',
 )
 

@@ -19,7 +19,7 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from mechanisms import FULL, PUMPS, cylinder, four_bar, slider_crank
 
-from linkage_lab.charts.mjcf import make_mjcf
+from linkage_lab.mjcf import make_mjcf
 from linkage_ros import Body
 from linkage_ros.log.tables import write_csv
 from linkage_ros.mechanism.dyads import Dyad, DyadSlider

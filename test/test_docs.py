@@ -47,7 +47,7 @@ MODULES = {
     'linkage_node': 'linkage_ros.node.linkage_node',
     'linkage_log': 'linkage_ros.programs.log_tool',
     'linkage_chart': 'linkage_lab.command_line',
-    'linkage_export': 'linkage_ros.programs.export_tool',
+    'linkage_export': 'linkage_lab.export',
     'linkage_import': 'linkage_lab.robots.import_tool',
 }  # fmt: skip
 CHARTS = [('linkage_chart', word) for word in ('motion', 'movie', 'economy', 'sweep')]

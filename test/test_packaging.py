@@ -25,10 +25,10 @@ from linkage_ros.settings.presets import preset_names, preset_path
 
 ROOT = Path(__file__).resolve().parents[1]
 EXECUTABLES = (
-    *('linkage_node', 'linkage_record', 'linkage_replay', 'linkage_log', 'linkage_export'),
+    *('linkage_node', 'linkage_record', 'linkage_replay', 'linkage_log'),
     'linkage_controller',
 )
-LAB = 'linkage_chart', 'linkage_import'
+LAB = 'linkage_chart', 'linkage_export', 'linkage_import'
 ROS_SHARE = Path('share', 'linkage_ros')
 SHARED = (
     'share/ament_index/resource_index/packages/linkage_ros',

@@ -131,22 +131,6 @@ def _parser() -> argparse.ArgumentParser:
                 _OUT, _FORMAT,
             ),
         ),
-        'mjcf': cli.Command(
-            _run, "MuJoCo's format, with the loop closed, a motor on the crank and sensors",
-            ('quadrilateral linkage.xml',
-             'my_linkage.yaml linkage.xml --joint-prefix left_ --overwrite'),
-            (
-                (('params',), None, params),
-                (('out',), None,
-                 {'type': Path, 'metavar': 'OUT.xml', 'help': 'the file to write'}),
-                (('--joint-prefix',), None,
-                 {'metavar': 'TEXT',
-                  'help': 'prefix of every joint and link name (default: joint_prefix of the '
-                          'file)'}),
-                (('--overwrite',), None,
-                 {'action': 'store_true', 'help': 'replace an existing file'}),
-            ),
-        ),
         'pump': cli.Command(
             _run, 'steady states of a wind pump by start speed and motor torque: picture and JSON',
             ('', 'my_pump.yaml --speeds 1 4 --quick --out charts'),

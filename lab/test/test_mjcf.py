@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""linkage_chart mjcf: a model that moves in MuJoCo like our plant.
+"""linkage_export mjcf: a model that moves in MuJoCo like our plant.
 
 MuJoCo closes the loop with a soft constraint and its own integration steps. The table in
 lab/docs/mjcf.md shows the error of the crank angle after seconds under the same torque; these
@@ -19,8 +19,8 @@ from pages import block, read, run_python
 from ros_harness import assert_refused
 from test_mujoco import slipped
 
-from linkage_lab import command_line
-from linkage_lab.charts.mjcf import make_mjcf
+from linkage_lab import export
+from linkage_lab.mjcf import make_mjcf
 from linkage_ros import ConfigurationError
 from linkage_ros.mechanism.loads.base import AppliedLoad
 from linkage_ros.mechanism.loads.curve import CurveForce
@@ -282,14 +282,14 @@ def test_error_of_one_percent_in_any_number_is_detected(name):
 def test_failed_export_gives_one_line(tmp_path, monkeypatch, called, words, said):
     monkeypatch.chdir(tmp_path)
     (tmp_path / 'linkage.xml').write_text('mine')
-    assert_refused(*called(command_line, 'mjcf', *words), re.escape(said))
+    assert_refused(*called(export, 'mjcf', *words), re.escape(said))
     assert [path.name for path in tmp_path.iterdir()] == ['linkage.xml']
     assert (tmp_path / 'linkage.xml').read_text() == 'mine'
 
 
 def test_the_program_of_the_page_turns_the_crank(tmp_path, monkeypatch, called, capfd):
     monkeypatch.chdir(tmp_path)
-    assert called(command_line, 'mjcf', 'quadrilateral', 'linkage.xml')[0] == 0
+    assert called(export, 'mjcf', 'quadrilateral', 'linkage.xml')[0] == 0
     run_python(block(PAGE, 'import mujoco'), 'lab/docs/mjcf.md')
     (words,) = capfd.readouterr().out.splitlines()
     assert abs(float(words.split()[0])) < 1e-5

@@ -1,22 +1,19 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""linkage_chart mjcf: a mechanism for MuJoCo, with its loop closed.
+"""MJCF of a mechanism for MuJoCo, with its loop closed.
 
 Masses, shapes and colours are those of the URDF.
 """
 
-import argparse
 import cmath
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 from xml.etree import ElementTree as ET
 
-from linkage_lab.output import doubts, folder
-from linkage_ros import ConfigurationError, Force, LinkLoad, Mechanism, Pins, Spring, State, load
+from linkage_ros import ConfigurationError, Force, LinkLoad, Mechanism, Pins, Spring, State
 from linkage_ros.extensions import Link, Point, Structure
-from linkage_ros.internals import Simulator, make_urdf
+from linkage_ros.internals import make_urdf
 
 # MuJoCo raises the time constant of a constraint, the first number of solref, to at least twice
 # the timestep, so this makes the loop as stiff as the timestep allows.
@@ -27,32 +24,6 @@ _ABOUT = """
   {effort}: effort[{name}] of joint_states. The keyframe
   "start" is the state at t = 0.
 """
-
-
-def mjcf(options: argparse.Namespace) -> None:
-    """Writes a mechanism as MJCF, and prints the path of the file.
-
-    Args:
-        options: Parsed command-line options.
-
-    Raises:
-        ConfigurationError: The parameters are invalid, a load has no equivalent in MJCF, or the
-            file exists without --overwrite or cannot be written.
-    """
-    configuration, out = load(options.params), options.out
-    session = configuration.session
-    if options.joint_prefix is not None:
-        session = replace(session, joint_prefix=options.joint_prefix)
-    if out.suffix != '.xml':
-        raise ConfigurationError(f'{out}: must end with .xml')
-    simulator = Simulator(configuration)
-    start = simulator.state(simulator.begin(0).at(0))
-    text = make_mjcf(configuration.mechanism, start, session.joint_prefix)
-    if out.exists() and not options.overwrite:
-        raise ConfigurationError(f'{out} already exists: choose another name, or give --overwrite')
-    with folder(out.parent):
-        out.write_text(text)
-    print(*doubts(configuration), out, sep='\n')
 
 
 def make_mjcf(mechanism: Mechanism, start: State, joint_prefix: str = '') -> str:

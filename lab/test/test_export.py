@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""linkage_export: the node's URDF as a file."""
+"""linkage_export urdf: the node's URDF as a file."""
 
 import re
 from xml.etree import ElementTree as ET
@@ -9,18 +9,17 @@ import mujoco  # required by this test: without it it must fail, not be skipped
 import pytest
 from ros_harness import assert_refused
 
+from linkage_lab import export
 from linkage_ros.messages.urdf import make_urdf
-from linkage_ros.programs import export_tool
 from linkage_ros.settings.configuration import load
-from linkage_ros.settings.presets import preset_path
 
 
 def test_urdf_equals_that_of_the_node_beside_the_tag_of_ros2_control(tmp_path, called):
     out, configuration = tmp_path / 'linkage.urdf', load('slider_crank')
-    assert called(export_tool, 'urdf', 'slider_crank', out)[0] == 0
+    assert called(export, 'urdf', 'slider_crank', out)[0] == 0
     assert out.read_text() == make_urdf(configuration.mechanism)
     words = ('--joint-prefix', 'left_', '--ros2-control', '--overwrite')
-    assert called(export_tool, 'urdf', 'slider_crank', out, *words)[0] == 0
+    assert called(export, 'urdf', 'slider_crank', out, *words)[0] == 0
     robot = ET.fromstring(out.read_bytes())
     tag = robot.find('ros2_control')
     robot.remove(tag)
@@ -45,27 +44,16 @@ def canonical(element):
     ('words', 'said'),
     [
         (('urdf', 'quadrilateral', 'linkage.urdf'), 'linkage.urdf already exists: '),
-        (
-            ('urdf', 'quadrilateral', 'no/a.urdf'),
-            'no/a.urdf cannot be written: there is no folder no',
-        ),
+        (('urdf', 'quadrilateral', 'linkage.yaml', '--overwrite'), 'must end with .urdf'),
         (('urdf', 'quadrilateral', 'a.urdf', '--joint-prefix', 'a b'), "joint_prefix = 'a b'"),
         (('urdf', 'triangle', 'a.urdf'), "no preset 'triangle': choose one of"),
         (('sdf', 'quadrilateral', 'a.sdf'), "invalid choice: 'sdf'"),
-        (('mjcf', 'quadrilateral', 'a.xml', '--overwrite'), 'linkage_chart mjcf PARAMS OUT.xml'),
+        (('mjcf', 'quadrilateral', 'a.urdf'), 'must end with .xml'),
     ],
 )
 def test_failed_export_gives_one_line(tmp_path, monkeypatch, called, words, said):
     monkeypatch.chdir(tmp_path)
     (tmp_path / 'linkage.urdf').write_text('mine')
-    assert_refused(*called(export_tool, *words), re.escape(said))
+    assert_refused(*called(export, *words), re.escape(said))
     assert [path.name for path in tmp_path.iterdir()] == ['linkage.urdf']
     assert (tmp_path / 'linkage.urdf').read_text() == 'mine'
-
-
-def test_parameter_file_is_not_overwritten(tmp_path, called):
-    path = tmp_path / 'mine.yaml'
-    path.write_text(text := preset_path('quadrilateral').read_text())
-    refused = called(export_tool, 'urdf', path, path, '--overwrite')
-    assert_refused(*refused, 'mine.yaml holds the parameters and is kept')
-    assert path.read_text() == text

@@ -1,0 +1,127 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""linkage_export: writes a mechanism as URDF or MJCF, for other tools."""
+
+import argparse
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from linkage_lab.mjcf import make_mjcf
+from linkage_lab.output import doubts, folder
+from linkage_ros import ConfigurationError, cli, load, preset_names
+from linkage_ros.internals import Simulator, make_urdf
+
+_NAME = 'linkage_export'
+
+
+def urdf(options: argparse.Namespace) -> None:
+    """Writes the mechanism as URDF, a tree of links with the loop cut open.
+
+    Raises:
+        ConfigurationError: As for `_write`.
+    """
+
+    def text(configuration: Any) -> str:
+        session = configuration.session
+        return make_urdf(
+            configuration.mechanism, session.joint_prefix, session.frame_id,
+            ros2_control=options.ros2_control,
+        )  # fmt: skip
+
+    _write(options, '.urdf', text)
+
+
+def mjcf(options: argparse.Namespace) -> None:
+    """Writes the mechanism as MJCF, with its loop closed.
+
+    Raises:
+        ConfigurationError: As for `_write`, or a load has no equivalent in MJCF.
+    """
+
+    def text(configuration: Any) -> str:
+        simulator = Simulator(configuration)
+        start = simulator.state(simulator.begin(0).at(0))
+        return make_mjcf(configuration.mechanism, start, configuration.session.joint_prefix)
+
+    _write(options, '.xml', text)
+
+
+def _write(options: argparse.Namespace, suffix: str, text: Callable[[Any], str]) -> None:
+    """Writes a file, and prints its path and what is doubtful in the parameters.
+
+    Args:
+        options: Parsed options of the command.
+        suffix: Suffix that the file's name must have.
+        text: Function of the configuration that returns the content.
+
+    Raises:
+        ConfigurationError: The parameters are invalid, or the file has another suffix, exists
+            without --overwrite, or cannot be written.
+    """
+    configuration, out = load(options.params), options.out
+    if options.joint_prefix is not None:
+        session = replace(configuration.session, joint_prefix=options.joint_prefix)
+        configuration = replace(configuration, session=session)
+    if out.suffix != suffix:
+        raise ConfigurationError(f'{out}: must end with {suffix}')
+    found = text(configuration)
+    if out.exists() and not options.overwrite:
+        raise ConfigurationError(f'{out} already exists: choose another name, or give --overwrite')
+    with folder(out.parent):
+        out.write_text(found)
+    print(*doubts(configuration), out, sep='\n')
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = cli.make_parser(
+        _NAME,
+        'Write a mechanism as a file for other tools; needs no ROS.',
+        ('urdf quadrilateral linkage.urdf', 'mjcf quadrilateral linkage.xml'),
+    )
+
+    def arguments(suffix: str) -> tuple[cli.Option, ...]:
+        presets = f'parameter file, or a preset: {", ".join(preset_names())}'
+        return (
+            (('params',), None, {'metavar': 'PARAMS', 'help': presets}),
+            (('out',), None,
+             {'metavar': f'OUT{suffix}', 'type': Path, 'help': 'the file to write'}),
+            (('--joint-prefix',), None,
+             {'metavar': 'TEXT',
+              'help': 'prefix of every joint and link name (default: joint_prefix of the file)'}),
+            (('--overwrite',), None,
+             {'action': 'store_true', 'help': 'replace an existing file'}),
+        )  # fmt: skip
+
+    cli.add_commands(parser, {
+        'urdf': cli.Command(
+            urdf, 'the URDF of the open tree, as published on robot_description',
+            ('quadrilateral linkage.urdf',
+             'my_linkage.yaml linkage.urdf --joint-prefix left_ --ros2-control'),
+            (
+                *arguments('.urdf'),
+                (('--ros2-control',), None,
+                 {'action': 'store_true',
+                  'help': 'add the tag with which ros2_control drives the crank of a node'}),
+            ),
+        ),
+        'mjcf': cli.Command(
+            mjcf, "MuJoCo's format, with the loop closed, a motor on the crank and sensors",
+            ('quadrilateral linkage.xml',
+             'my_linkage.yaml linkage.xml --joint-prefix left_ --overwrite'),
+            arguments('.xml'),
+        ),
+    })  # fmt: skip
+    return parser
+
+
+def main() -> int:
+    """Runs `linkage_export`; returns the exit code."""
+    options = _parser().parse_args()
+    return cli.run(_NAME, lambda: options.run(options))
+
+
+if __name__ == '__main__':
+    sys.exit(main())
