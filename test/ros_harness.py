@@ -21,11 +21,14 @@ from rclpy.exceptions import InvalidHandle
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from rosgraph_msgs.msg import Clock
 
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.verify import verify
+from linkage_ros.messages.cdr import stamp_of
 from linkage_ros.messages.topics import JOINT_COMMANDS, SIMULATED_CLOCK, TOPICS
 from linkage_ros.node.endpoints import message_class
+from linkage_ros.units import NS_PER_S
 
 # Time, s, after which a wait counts as a hang; no load of a machine reaches it.
 PATIENCE = 300.0
@@ -263,3 +266,46 @@ def wait_for(condition, seconds=PATIENCE, pause=0.01):
     while not condition():
         assert time.monotonic() < end, f'not within {seconds} s'
         time.sleep(pause)
+
+
+class SteppedClock:
+    """Simulated time of a node, which passes one tick after the other.
+
+    A step waits for the state and, with a controller, for its answer, so that the motion does not
+    depend on the speed of the machine.
+    """
+
+    def __init__(self, listener, period, start=100 * NS_PER_S):
+        self._listener, self._period, self._now = listener, period, start
+        self._times = listener.node.create_publisher(Clock, '/clock', 10)
+
+    def _tell(self):
+        message = Clock()
+        message.clock.sec, message.clock.nanosec = divmod(self._now, NS_PER_S)
+        self._times.publish(message)
+
+    def step(self, is_answered=lambda _: True):
+        """Steps by a period, and waits until the state of a time, ns, is there and answered."""
+        self._now += self._period
+        states = self._listener.received['/joint_states']
+        wait_for(
+            lambda: any(stamp_of(data) == self._now for data in states[-9:]) or self._tell(),
+            pause=0.001,
+        )
+        wait_for(lambda: is_answered(self._now), pause=0.0005)
+
+    def pass_until(self, condition, is_answered=lambda _: True):
+        """Steps until a condition holds, for 20 s at most."""
+        steps = range(20 * NS_PER_S // self._period)
+        assert any(condition() or self.step(is_answered) for _ in steps)
+
+    def await_controller(self):
+        """Steps until a new controller answers; either direction may be connected late."""
+        commands = self._listener.received['/joint_commands']
+        before = len(commands)
+
+        def has_answered():
+            time.sleep(0.01)
+            return len(commands) > before
+
+        wait_for(lambda: has_answered() or self.step())

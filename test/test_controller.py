@@ -3,7 +3,6 @@
 """The controller prototype: benefit of feed-forward, and a plant that survives its controller."""
 
 import math
-import time
 from collections import deque
 from dataclasses import replace
 
@@ -11,6 +10,7 @@ import pytest
 from joint_codec import JointStateCodec
 from rclpy.serialization import deserialize_message
 from ros_harness import (
+    SteppedClock,
     assert_refused,
     fresh_domain,
     logged,
@@ -21,7 +21,6 @@ from ros_harness import (
     wait_for,
     watched,
 )
-from rosgraph_msgs.msg import Clock as ClockMessage
 from sensor_msgs.msg import JointState
 
 from linkage_ros import Solver
@@ -31,7 +30,6 @@ from linkage_ros.programs import controller
 from linkage_ros.programs.controller import SpeedController
 from linkage_ros.settings.configuration import configure, load
 from linkage_ros.settings.presets import preset_path
-from linkage_ros.units import NS_PER_S
 
 MECHANISM = load('quadrilateral').mechanism
 STATES, COMMANDS = '/joint_states', '/joint_commands'
@@ -88,54 +86,6 @@ def has_speed(listener, low, high):
     return len(last) == 100 and low < sum(last) / 100 < high
 
 
-class SteppedClock:
-    """Simulated time of a plant, which passes one tick after the other.
-
-    A step waits for the state and, with a controller, for its answer, so that the motion does not
-    depend on the speed of the machine.
-    """
-
-    def __init__(self, listener, period):
-        self._listener, self._period, self._now = listener, period, 100 * NS_PER_S
-        self._times = listener.node.create_publisher(ClockMessage, '/clock', 10)
-
-    def _tell(self):
-        message = ClockMessage()
-        message.clock.sec, message.clock.nanosec = divmod(self._now, NS_PER_S)
-        self._times.publish(message)
-
-    def step(self, answered):
-        """Steps by a period; `answered` says whether a controller must answer the state."""
-        self._now += self._period
-        states, commands = (self._listener.received[topic] for topic in (STATES, COMMANDS))
-        wait_for(
-            lambda: (states and PREFIXED.decode(states[-1])[0] == self._now) or self._tell(),
-            pause=0.001,
-        )
-        if answered:
-            due = self._now
-            wait_for(lambda: any(stamp_of(data) == due for data in commands[-3:]), pause=0.0005)
-
-    def pass_until(self, condition, answered=False):
-        """Steps until a condition holds, for 20 s at most."""
-        for _ in range(20 * NS_PER_S // self._period):
-            if condition():
-                return
-            self.step(answered)
-        pytest.fail('the condition did not hold in 20 s of simulated time')
-
-    def await_controller(self):
-        """Steps until a new controller answers; either direction may be connected late."""
-        commands = self._listener.received[COMMANDS]
-        before = len(commands)
-
-        def has_answered():
-            time.sleep(0.01)
-            return len(commands) > before
-
-        wait_for(lambda: has_answered() or self.step(answered=False))
-
-
 def test_killed_controller_is_reported_and_a_new_one_takes_over(tmp_path, monkeypatch):
     """Names and frame come from the plant's parameter file, which the controller also reads."""
     # A process killed while it writes to shared memory may leave the memory locked for others.
@@ -153,20 +103,22 @@ def test_killed_controller_is_reported_and_a_new_one_takes_over(tmp_path, monkey
     heard = [STATES, COMMANDS, '/diagnostics']
     with watched(heard, *arguments, domain=domain) as (listener, node):
         clock = SteppedClock(listener, 2 * 10**6)
+
+        def is_answered(stamp):
+            return any(stamp_of(data) == stamp for data in listener.received[COMMANDS][-3:])
+
         with running('controller', *follow, domain=domain) as first:
             clock.await_controller()
-            clock.pass_until(lambda: has_speed(listener, 14.0, 17.5), answered=True)
+            clock.pass_until(lambda: has_speed(listener, 14.0, 17.5), is_answered)
             first.kill()
             # Without commands, the motor's damping stops the crank, which may swing back.
             clock.pass_until(lambda: has_speed(listener, -12.0, 12.0))
             reported = b'no command within command_timeout'
             told = listener.received['/diagnostics']
-            wait_for(
-                lambda: any(reported in data for data in told[-1:]) or clock.step(answered=False)
-            )
+            wait_for(lambda: any(reported in data for data in told[-1:]) or clock.step())
         with running('controller', *follow, domain=domain) as second:
             clock.await_controller()
-            clock.pass_until(lambda: has_speed(listener, 14.0, 17.5), answered=True)
+            clock.pass_until(lambda: has_speed(listener, 14.0, 17.5), is_answered)
             stop(second)
         output = stop(node)
     assert 'are rejected' not in output

@@ -10,11 +10,20 @@ import time
 
 import numpy as np
 from pages import ROOT, read
-from ros_harness import CODEC, PATIENCE, environment, fresh_domain, stop, wait_for, watched
+from ros_harness import (
+    CODEC,
+    PATIENCE,
+    SteppedClock,
+    environment,
+    fresh_domain,
+    stop,
+    wait_for,
+    watched,
+)
 from sensor_msgs.msg import JointState
 
 PAGE = read('docs/controllers.md')
-STATES, PLANT_STATES = '/joint_states', '/plant/joint_states'
+STATES, PLANT_STATES, COMMANDS = '/joint_states', '/plant/joint_states', '/joint_commands'
 # The plant, and the plant next to ros2_control.
 PLANT, BESIDE = map(shlex.split, re.findall(r'`linkage_node (--ros-args [^`]+)`', PAGE))
 
@@ -22,22 +31,27 @@ PLANT, BESIDE = map(shlex.split, re.findall(r'`linkage_node (--ros-args [^`]+)`'
 def test_way_1_the_subscriber_turns_the_crank():
     script = ROOT / 'docs' / 'examples' / 'prototype.py'
     domain = fresh_domain()
-    with watched([STATES], *PLANT, domain=domain) as (listener, node):
+    simulated = '-p', 'use_sim_time:=true'
+    with watched([STATES, COMMANDS], *PLANT, *simulated, domain=domain) as (listener, node):
         prototype = subprocess.Popen(
             [sys.executable, script], env=environment(domain), stderr=subprocess.PIPE, text=True
         )
         others = listener.node.create_publisher(JointState, STATES, 10)
+        clock, (states, commands) = SteppedClock(listener, 10**6), listener.received.values()
 
-        def speed():
+        def has_speed():
             others.publish(JointState(name=['wheel'], position=[1.0], velocity=[99.0]))
             others.publish(JointState(name=['crank'], position=[1.0]))
-            last = [data for data in listener.received[STATES] if b'rocker' in data]
-            speeds = [CODEC.decode(data)[1][3] for data in last[-500:]]
-            return np.mean(speeds) if speeds else 0.0
+            answered = len(commands)
+            clock.step(lambda _: len(commands) > answered)
+            last = [data for data in states[-900:] if b'rocker' in data][-200:]
+            speeds = [CODEC.decode(data)[1][3] for data in last]
+            return len(speeds) == 200 and 10.0 < np.mean(speeds) < 20.0
 
         try:
+            clock.await_controller()
             # The setpoint is 15.7 rad/s; under proportional control, gravity varies the speed.
-            wait_for(lambda: 10.0 < speed() < 20.0)
+            assert any(has_speed() for _ in range(5000))
             prototype.terminate()
             _, errors = prototype.communicate(timeout=PATIENCE)
         finally:

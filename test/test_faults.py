@@ -11,6 +11,7 @@ import re
 import resource
 import shutil
 import signal
+from itertools import pairwise
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
@@ -68,6 +69,7 @@ def test_killed_run_is_recovered_up_to_the_last_flush(tmp_path):
     path, saved = tmp_path / 'run.mcap', tmp_path / 'saved.mcap'
     with watched(HEARD, *node_arguments(log=path)) as (listener, process):
         listener.await_more(50)
+        flushed(listener, path)
         # During the run, no other process can write to the log, but a copy can be saved.
         with pytest.raises(LogError, match='another run'):
             LogWriter(path, load('quadrilateral'), overwrite=True)
@@ -202,9 +204,11 @@ def test_each_viewer_change_is_reported_once():
             wait_for(lambda: health(listener, 2) == (WARN, absent))
         listener.await_more(100)
         output = stop(process)
-    said = re.findall(r'\[WARN\].*\]: (.*viewer.*)', output)
-    assert said == [absent, stopped, absent]
-    assert len(re.findall(r'\[INFO\].*ok, but items were lost: \d+', output)) == 2
+    said = re.findall(r'\]: (ok, but|no viewer .*|the viewer .*)', output)
+    assert all(now != before for before, now in pairwise(said))
+    # On a busy machine, the viewer may be slow in between.
+    left = iter(said)
+    assert all(one in left for one in (absent, 'ok, but', stopped, 'ok, but', absent))
     assert re.search(r' states.*, \d+ lost to the viewer$', output, re.MULTILINE)
     # Only the node reports it: the SDK is silenced.
     assert all(re.match(r'\[(INFO|WARN)\] \[', line) for line in output.splitlines())

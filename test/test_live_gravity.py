@@ -18,6 +18,7 @@ from trajectory_msgs.msg import JointTrajectory
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.verify import verify
 from linkage_ros.mechanism.solver import Solver
+from linkage_ros.messages.cdr import stamp_of
 from linkage_ros.programs.log_tool import info
 from linkage_ros.settings.configuration import load
 from linkage_ros.units import NS_PER_S
@@ -53,8 +54,14 @@ def test_each_change_is_logged_and_verified(drive, tmp_path):
             robot.publish(message)
 
         def await_states(count):
-            goal = len(heard) + count
-            wait_for(lambda: (drive == 'follow' and measure()) or len(heard) > goal)
+            """Waits for states whose stamps are later than now."""
+            now = time.time_ns()
+            wait_for(
+                lambda: (
+                    (drive == 'follow' and measure())
+                    or (len(heard) >= count and stamp_of(heard[-count]) > now)
+                )
+            )
 
         await_states(10)
         for values, words in (

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from live_logs import live, ticks
-from ros_harness import CODEC, PACKAGE_PATH, logged, report_of
+from ros_harness import CODEC, PACKAGE_PATH, PATIENCE, logged, report_of
 from test_verify import rewrite, written_over
 
 from linkage_ros.mechanism.elementwise import noise
@@ -66,7 +66,8 @@ def test_logs_of_processors_with_and_without_fma_are_equal(tmp_path):
     )
     paths = os.pathsep.join((str(Path(__file__).parent), PACKAGE_PATH))
     done = subprocess.run(
-        [sys.executable, '-c', program, own, other], capture_output=True, check=True, timeout=120,
+        [sys.executable, '-c', program, own, other], capture_output=True, check=True,
+        timeout=PATIENCE,
         env={**os.environ, 'GLIBC_TUNABLES': TUNABLES, 'PYTHONPATH': paths},
     )  # fmt: skip
     sines, there = json.loads(done.stdout)

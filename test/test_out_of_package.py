@@ -76,7 +76,7 @@ def textbook(crank, speed, change, stiffness=400):
 
 
 def run(*words, cwd, program=RUN):
-    done = finished(program, *words, cwd=cwd, timeout=240)
+    done = finished(program, *words, cwd=cwd)
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
 

@@ -13,6 +13,7 @@ import time
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from ros_harness import PATIENCE
 
 from linkage_ros import ConfigurationError, load
 from linkage_ros.settings.yaml_file import read_parameter_file
@@ -258,8 +259,9 @@ def answers(files, tmp_path_factory):
         pairs = [(files[case], case[1] if isinstance(case, tuple) else '') for case in todo]
         command = [sys.executable, script, folder / 'answers', *itertools.chain(*pairs)]
         run = subprocess.run(
-            command, env={**os.environ, **variables}, capture_output=True, text=True, timeout=60
-        )
+            command, env={**os.environ, **variables}, capture_output=True, text=True,
+            timeout=PATIENCE,
+        )  # fmt: skip
         lines = (folder / 'answers').read_text().splitlines()
         answers.update(zip(todo, map(json.loads, lines), strict=False))
         if len(lines) < len(todo):

@@ -6,7 +6,6 @@ import os
 import re
 import shlex
 import signal
-import statistics
 import struct
 import time
 from bisect import bisect
@@ -45,6 +44,7 @@ from linkage_ros.view.viewer_process import free_address
 
 STATES, TORQUE, DESCRIPTION = '/joint_states', '/driving_torque', '/robot_description'
 COMMANDS = '/effort_controller/commands'
+MS = 10**6
 TYPES = {
     STATES: 'sensor_msgs/msg/JointState',
     TORQUE: 'std_msgs/msg/Float64',
@@ -75,7 +75,7 @@ def played(log, *options):
             process,
         ):
             out, err = process.communicate(timeout=PATIENCE)
-            quiet(listener)
+            quiet(listener)  # to hear what was sent too much
         assert process.returncode == 0, err
         assert 'messages replayed' in out
         if 'no subscribers yet' not in err:
@@ -84,11 +84,17 @@ def played(log, *options):
     return listener
 
 
+def await_all(received, due):
+    """Asserts that exactly the messages that are due arrive."""
+    wait_for(lambda: len(received) >= len(due))
+    assert received == due
+
+
 def assert_pace(times, period):
     """Asserts that messages were sent a period, s, apart, except where the replay was late."""
     # It catches up with at most 0.1 s.
     assert times[-1] - times[0] > (len(times) - 1) * period - 0.1
-    assert min(late - early for early, late in zip(times, times[5:], strict=False)) < 6 * period
+    assert min(late - early for early, late in zip(times, times[5:], strict=False)) < 9 * period
 
 
 def clock_times(listener):
@@ -103,31 +109,31 @@ def clock_times(listener):
 def test_messages_are_replayed_byte_for_byte_at_their_times_with_a_clock(log):
     listener = played(log, '--rate', 0.5, '--playback-duration', 0.6, '--clock', 50)
     for topic in (STATES, TORQUE, DESCRIPTION, COMMANDS):
-        assert listener.received[topic] == stored(log, topic, end=600_000_000), topic
+        await_all(listener.received[topic], stored(log, topic, end=600 * MS))
+    wait_for(lambda: clock_times(listener)[-1] == 595 * MS)  # the end of the log
     times = listener.sent[STATES]
     assert_pace(times, 0.005 / 0.5)
     clock = clock_times(listener)
     assert clock == sorted(clock)
     assert clock[0] == 0  # published before the start
-    assert clock[-1] == 595_000_000  # the end of the log
-    steps = [later - earlier for earlier, later in pairwise(clock) if earlier > 0]
-    assert statistics.median(steps) == pytest.approx(10_000_000, rel=0.5)
-    # The clock has the time of the preceding messages.
-    heard = [bisect(times, moment) for moment in listener.sent['/clock']]
-    ahead = [stamp - 5_000_000 * count for stamp, count in zip(clock, heard, strict=True)]
-    assert abs(statistics.median(ahead)) < 20_000_000
+    assert_pace(listener.sent['/clock'], 1 / 50)
+    # The time is read between two messages of the clock: it is not before the last state sent
+    # until then, and not after the next one.
+    counts = [bisect(times, moment) for moment in listener.sent['/clock']]
+    for (before, after), stamp in zip(pairwise(counts), clock[1:], strict=True):
+        assert 5 * MS * (before - 1) <= stamp <= 5 * MS * after
 
 
 def test_excerpt_of_one_topic_at_a_higher_rate_ends_on_the_clock(log):
     options = '--topics', TORQUE, '--rate', 2, '--start-offset', 1.0, '--playback-duration', 0.75
     listener = played(log, *options, '--clock', 0.1)
     piece = stored(log, TORQUE, 1_000_000_000, 1_750_000_000)
-    assert listener.received[TORQUE] == piece
+    await_all(listener.received[TORQUE], piece)
     assert len(piece) == 150
     assert not any(listener.received[topic] for topic in (STATES, DESCRIPTION, COMMANDS))
     assert_pace(listener.sent[TORQUE], 0.005 / 2)
     # Every 10 s, and once more at the end.
-    assert clock_times(listener)[-1] == 1_745_000_000
+    wait_for(lambda: clock_times(listener)[-1] == 1_745 * MS)
 
 
 def test_loop_repeats_the_bytes_and_its_clock_never_goes_back(log):
@@ -143,10 +149,10 @@ def test_loop_repeats_the_bytes_and_its_clock_never_goes_back(log):
     assert len(listener.received[DESCRIPTION]) == 1
     count = int(re.search(r'(\d+) messages replayed', out)[1])
     assert count >= len(heard) + len(listener.received[TORQUE])
+    wait_for(lambda: clock_times(listener)[-1] >= 10**9 + 5 * MS * (len(heard) - 1))
     clock = clock_times(listener)
     assert clock == sorted(clock)
     assert clock[0] >= 10**9
-    assert clock[-1] >= 10**9 + 5_000_000 * (len(heard) - 1)
 
 
 # ---------------------------------------------------------------- keys

@@ -13,7 +13,7 @@ import signal
 import socket
 import subprocess
 import sys
-import time
+import threading
 import urllib.parse
 import urllib.request
 import warnings
@@ -361,7 +361,7 @@ def test_page_ends_with_a_killed_run():
     code = """
 view = View(load('quadrilateral'), 'web')
 print(view._process.process.pid, view.page, flush=True)
-time.sleep(60)
+time.sleep(600)
 """
     with subprocess.Popen(
         [sys.executable, '-c', PROLOGUE + code], stdout=subprocess.PIPE, text=True
@@ -451,9 +451,10 @@ def test_viewer_may_start_late_end_and_restart(tmp_path, monkeypatch):
         assert read(saved)['/linkage/moving']['Points2D:labels'] == [['A', 'B', 'C']]
         assert stamps_in(saved) == [STAMPS[0], *STAMPS[100:]]
         wait_for(lambda: not is_taken() and 'no viewer answers' in view.trouble)
-    start = time.monotonic()
-    view.close()
-    assert time.monotonic() - start < 6
+    closing = threading.Thread(target=view.close, daemon=True)
+    closing.start()
+    closing.join(PATIENCE)
+    assert not closing.is_alive()
 
 
 def test_process_ends_even_if_its_viewer_never_reads():
@@ -468,18 +469,9 @@ rerun_connection._SEND_SECONDS = 0.5
 view = View(load('quadrilateral'), f'rerun+http://127.0.0.1:{server.getsockname()[1]}/proxy')
 errors = []
 worker = Worker('view', view, capacity=100, period=0.005, on_error=errors.append)
-longest, end = 0.0, time.monotonic() + 1.0
-while time.monotonic() < end:
-    start = time.monotonic()
+while not view.dropped:
     worker.offer((0, messages[0]))
-    longest = max(longest, time.monotonic() - start)
     time.sleep(0.0005)
-start = time.monotonic()
-worker.close(10.0)
-print(longest, time.monotonic() - start, view.dropped, errors)
+print(worker.close(1e6), errors)  # False if closing hangs
 """
-    longest, closing, dropped, errors = run_program(code).stdout.split(maxsplit=3)
-    assert errors == '[]\n'
-    assert float(longest) < 6
-    assert float(closing) < 6
-    assert int(dropped) > 0
+    assert run_program(code).stdout == 'True []\n'

@@ -16,12 +16,11 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
-from ros_harness import finished, wait_for
+from ros_harness import PATIENCE, finished, wait_for
 
 from linkage_ros.node import workers
 from linkage_ros.node.workers import Worker
 
-PATIENCE = 20.0  # s, time after which a wait counts as a hang
 QUICK = 0.001
 
 
@@ -247,7 +246,7 @@ sys.exit(7)
 
 
 def test_the_process_ends_although_a_consumer_hangs():
-    done = finished([sys.executable, '-c', HANGING], timeout=PATIENCE)
+    done = finished([sys.executable, '-c', HANGING])
     assert (done.returncode, done.stdout) == (7, 'False\n')
 
 

@@ -599,7 +599,7 @@ def dask(folder):
     scheduler = begin([path, 'scheduler', '--port', '0', *at])
     workers = [begin([path, 'worker', *at, *own]) for _ in range(2)]
     try:
-        deadline = time.monotonic() + 60
+        deadline = time.monotonic() + 300  # reached only by a hang
         while not (file.exists() and file.read_text()) and time.monotonic() < deadline:
             time.sleep(0.05)
         yield json.loads(file.read_text())['address']

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Publishes the messages of a log on its topics, and the log's time on /clock."""
 
+import threading
 import time
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -66,11 +67,13 @@ def republishing(
         publishers = _publishers(node, log, set(topics))
         stack.callback(_await_receipt, publishers.values())
         if clock_hz is not None:
-            clock = create_publisher(node, SIMULATED_CLOCK)
+            clock, one_at_a_time = create_publisher(node, SIMULATED_CLOCK), threading.Lock()
             stack.callback(_await_receipt, [clock])
 
             def publish_position() -> None:
-                clock.publish(encode_clock(pace.position()))
+                # At the end, the timer may publish too, and the clock must not go back.
+                with one_at_a_time:
+                    clock.publish(encode_clock(pace.position()))
 
             # The node's own clock may be /clock. The position is published while paused as well,
             # and once more at the end.
