@@ -167,6 +167,8 @@ def signs_around(values: Array) -> Array:
         The signs, 1.0 or -1.0, or 0.0 if all values of a row are 0; of the shape of the values.
     """
     signs, count = np.sign(values), np.shape(values)[-1]
+    if signs.all():
+        return np.asarray(signs)
     twice = np.concatenate([signs, signs], axis=-1)
     latest = np.maximum.accumulate(np.where(twice != 0, np.arange(2 * count), 0), axis=-1)
     return np.asarray(np.take_along_axis(twice, latest[..., count:], axis=-1))

@@ -42,6 +42,7 @@ from linkage_ros import (
     FourBar,
     Frame,
     Gas,
+    InvertedSliderCrank,
     LinkLoad,
     LoadCurve,
     Pins,
@@ -527,6 +528,51 @@ def test_torque_over_both_turns_of_a_four_stroke_load():
     found = measured(task, np.array([[mechanism.coupler.mass]]))
     assert np.abs(state.torque[crank < math.tau]).max() < 0.9 * expected[0]
     assert found[0] == pytest.approx([TURNS, *expected], rel=1e-9)
+
+
+TWO_TURNS = (0.0, *(math.tau + x for x in (0.0, 1.0, 2.0, math.tau)))
+SECOND_TURN = LoadCurve('crank', 'crank_angle', at=TWO_TURNS, value=(0.0, 0.0, 900.0, 0.0, 0.0))
+
+
+def test_a_load_of_two_turns_leaves_the_motion_of_a_six_bar_as_it_is():
+    mechanism = replace(load('watt').mechanism, loads=(SECOND_TURN,))
+    measures = 'shaking_force', 'stroke', 'time_ratio', 'peak_torque'
+    task = Task(mechanism, 60.0, ('crank.mass',), measures, 90)
+    ((outcome, force, stroke, ratio, torque),) = measured(task, np.array([[1.0]]))
+    bare = replace(mechanism, loads=())
+    ((_, _, *expected, least),) = measured(task._replace(mechanism=bare), np.array([[1.0]]))
+    assert outcome == TURNS
+    assert [stroke, ratio] == pytest.approx(expected, rel=1e-12, nan_ok=True)
+    assert math.isfinite(force)
+    assert torque > 1.5 * least
+
+
+@pytest.mark.parametrize('loads', [(), (SECOND_TURN,)])
+def test_an_output_that_turns_fully_along_a_law_has_no_swing(loads):
+    """The barrel turns with a crank that is longer than the frame."""
+    mechanism = InvertedSliderCrank(Frame(0.1), Body(0.3, 1.0), loads=loads)
+    points = {'times': (0.0, 1.0), 'angles': (0.0, math.tau), 'repeat': True}
+    joint = mechanism.structure().driven_link
+    way = _way(Settings('shaper', angles=90), LawDrive(Prescribed(**points)), joint)
+    names, measures = ('crank.mass',), ('swing', 'peak_torque')
+    for motion in (way, None):
+        task = Task(mechanism, 60.0, names, measures, 90, (), motion)
+        ((outcome, swing, torque),) = measured(task, np.array([[1.0]]))
+        assert outcome == TURNS
+        assert math.isnan(swing)
+        assert (torque > 400) == bool(loads)
+
+
+def test_peaks_against_valves_do_not_depend_on_the_sense_of_rotation():
+    """Without offset and gravity, the machine is its own mirror image."""
+    gas = Gas('slider', 0.06, 0.005, 1e5, outlet=6e5)
+    mechanism = SliderCrank(
+        Body(0.05, 0.5), Coupler(0.15, 0.5), Slider(mass=0.4), gravity=(0.0, 0.0), loads=(gas,)
+    )
+    table = np.array([[200.0], [-200.0]])
+    measures = 'peak_torque', 'rms_torque', 'shaking_force'
+    found = measured(Task(mechanism, 200.0, ('rpm',), measures, 360), table)
+    assert found[0] == pytest.approx(found[1], rel=1e-12)
 
 
 def test_a_study_of_a_limited_crank_has_a_swing(run):

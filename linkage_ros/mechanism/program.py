@@ -183,7 +183,8 @@ class Program:
             tree = self.floats(*[x if type(x) is float else x.item() for x in rows])
             values = self.tape.flat(tree) if self._traced else leaves(tree)
             return self._shaped(tree, [np.array(x, ndmin=len(shape)) for x in values])
-        rows = [x if isinstance(x, float) else np.broadcast_to(x, shape).ravel() for x in rows]
+        if len(shape) != 1 or any(type(x) is not float and x.shape != shape for x in rows):
+            rows = [x if type(x) is float else np.broadcast_to(x, shape).ravel() for x in rows]
         if self._by_math and not self._traced and size:
             columns = ([x] * size if isinstance(x, float) else x.tolist() for x in rows)
             trees = [self.floats(*row) for row in zip(*columns, strict=True)]
