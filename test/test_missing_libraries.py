@@ -43,7 +43,10 @@ def hide(tmp_path, monkeypatch):
 
 def run(entry, *arguments):
     """Runs an entry point as its console script does."""
-    place = {'chart': 'linkage_lab.command_line import main'}
+    place = {
+        'chart': 'linkage_lab.command_line import main',
+        'import': 'linkage_lab.robots.import_tool import main',
+    }
     found = place.get(entry, f'linkage_ros.executables import {entry}')
     code = f'import sys; from {found} as run; sys.exit(run())'
     return finished([sys.executable, '-c', code], *arguments)
@@ -97,12 +100,15 @@ NODE = 'node', '--ros-args', '-p', 'log:=run.mcap', '-p'
          'records of a motion under a torque need'),
         (['matplotlib'], ('chart', 'motion', 'quadrilateral'),
          'linkage_chart: this program needs matplotlib, '),
+        (['mujoco'], ('import', 'site/leg.xml', '--crank', 'motor', '-o', 'leg.yaml'),
+         'linkage_import: this program needs mujoco, '),
     ],
 )  # fmt: skip
 def test_a_tool_names_the_library_that_it_lacks(hide, tmp_path, monkeypatch, hidden, words, said):
     """And leaves no file behind."""
     monkeypatch.chdir(tmp_path)
     hide(*hidden)
+    (tmp_path / 'site' / 'leg.xml').write_text('<mujoco/>')
     done = run(*words)
     assert_refused(done.returncode, done.stdout, done.stderr, said)
     assert [path.name for path in tmp_path.iterdir()] == ['site']

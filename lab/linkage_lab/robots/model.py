@@ -3,7 +3,7 @@
 """A robot model in three dimensions: links, joints and closures of loops, as read from a file."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 from xml.etree import ElementTree as ET
 
@@ -44,6 +44,7 @@ class Transform(NamedTuple):
         return found
 
 
+_LISTED = 12
 IDENTITY = Transform(np.eye(3), np.zeros(3))
 
 
@@ -135,6 +136,14 @@ class Robot(NamedTuple):
     roots: Mapping[str, Transform] = {}
     others: Sequence[str] = ()
     doubts: Mapping[str, str] = {}
+
+
+def listed(words: Iterable[str], separator: str = ', ') -> str:
+    """Joins words for a message: at most twelve, and the number of further ones."""
+    given = [word for word in words if word]
+    if more := len(given[_LISTED:]):
+        given[_LISTED:] = [f'and {more} more']
+    return separator.join(given)
 
 
 def lumped(parts: Sequence[Inertial]) -> Inertial | None:

@@ -32,6 +32,7 @@ from linkage_lab.robots.model import (
     Joint,
     Robot,
     Transform,
+    listed,
     lumped,
 )
 from linkage_ros import CROSSED, OPEN, ConfigurationError, Solver, UnreachableError
@@ -43,8 +44,7 @@ from linkage_ros.quantities import build, shown
 _PARALLEL = 2e-3  # rad, largest angle between axes that count as parallel
 _NOTED = 1e-6  # rad, smallest such angle that is noted
 _CLOSED = 1e-6  # largest distance of the ends of a closed loop, relative to the longest link
-_MOST_LINKS = 10_000
-_LISTED = 6  # constraints that an error explains
+_MOST = 5000  # links, and joints
 _DIGITS = 14  # kept of the longest length, so that links of equal length stay equal
 _SHORTEST = 1e-9  # m, as for the lengths of a mechanism
 _SLANTED = 0.6  # shortest projection of an axis of the frame that gives the plane's y axis
@@ -361,10 +361,9 @@ def find_loop(
         ConfigurationError: A name is unknown, or there is no such loop.
     """
     values = dict(at or {})
-    if len(robot.links) > _MOST_LINKS:
-        raise ConfigurationError(
-            f'the model has {len(robot.links)} links: must be at most {_MOST_LINKS}'
-        )
+    for number, noun in ((len(robot.links), 'links'), (len(robot.joints), 'joints')):
+        if number > _MOST:
+            raise ConfigurationError(f'the model has {number} {noun}: must be at most {_MOST}')
     names = Counter(joint.name for joint in robot.joints if joint.name)
     if twice := next((name for name, times in names.items() if times > 1), ''):
         raise ConfigurationError(f'two joints are named {shown(twice)}: rename one')
@@ -396,7 +395,7 @@ def _require_known(
 ) -> None:
     for name in names:
         if name not in known:
-            has = ', '.join(filter(None, known)) or 'none'
+            has = listed(known) or 'none'
             raise ConfigurationError(
                 f'{option} {shown(name)}: there is no such {noun}; the model has {has}'
             )
@@ -427,22 +426,21 @@ def _the_loop(robot: Robot, tree: _Tree, crank: str, close: tuple[str, str] | No
     if len(loops) == 1:
         return loops[0][1]
     if close is not None:
-        joined = ', '.join(pin.name for pin in tree.cycle(closures[0])[:-1]) or 'no joint'
+        joined = listed(pin.name for pin in tree.cycle(closures[0])[:-1]) or 'no joint'
         raise ConfigurationError(
             f'--close {" ".join(close)}: the loop between them consists of {joined}: it must '
             f'contain the crank, {crank}'
         )
     if not loops:
         for closure in closures:
-            joined = ', '.join(pin.name for pin in tree.cycle(closure)[:-1])
+            joined = listed(pin.name for pin in tree.cycle(closure)[:-1])
             others.append(f'{closure.name} closes a loop of {joined or "no joint"}')
-        has = '; '.join(others[:_LISTED]) or 'none'
-        more = f' and {len(others) - _LISTED} more' if others[_LISTED:] else ''
+        has = listed(others, '; ') or 'none'
         raise ConfigurationError(
-            f'no closure in the model closes a loop with {crank} (constraints: {has}{more}): give '
+            f'no closure in the model closes a loop with {crank} (constraints: {has}): give '
             '--close and two links whose origins coincide in the closed loop'
         )
-    names = '; '.join(' '.join(closure.links) for closure, _ in loops)
+    names = listed((' '.join(closure.links) for closure, _ in loops), '; ')
     raise ConfigurationError(
         f'{len(loops)} loops of the model contain {crank}: choose one with --close, of {names}'
     )
@@ -456,7 +454,7 @@ def _from_frame(tree: _Tree, cycle: list[_Pin], crank: str, frame: str) -> list[
     Raises:
         ConfigurationError: The loop is too long, or the crank is not on the frame.
     """
-    names = ', '.join(pin.name for pin in cycle[:-1])
+    names = listed(pin.name for pin in cycle[:-1])
     if len(cycle) != len(('A0', 'A', 'B', 'B0')):
         raise ConfigurationError(
             f'the loop has {len(cycle) - 1} joints and the closure, {names}: a four-bar, a '
@@ -506,7 +504,7 @@ def _frame_joint(tree: _Tree, cycle: Sequence[_Pin], world: str) -> _Edge:
         next(edge for edge in tree.edges_of(near) if {*edge.ends} == {near, far})
         for near, far in itertools.pairwise(way)
     ]
-    names = ', '.join(edge.joint.name or 'a joint without a name' for edge in edges)
+    names = listed(edge.joint.name or 'a joint without a name' for edge in edges)
     if {*way[1:]} & {*loop}:
         problem = 'the loop itself is between them'
     elif not edges:

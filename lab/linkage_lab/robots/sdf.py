@@ -18,6 +18,7 @@ from linkage_lab.robots.model import (
     Transform,
     from_quaternion,
     from_rpy,
+    listed,
     numbers,
     symmetric,
     unit,
@@ -66,7 +67,7 @@ def read_sdf(root: ET.Element) -> Robot:
         )
     models = [*root.iter('model')]
     if len(models) != 1:
-        names = ', '.join(model.get('name', '') for model in models) or 'none'
+        names = listed(model.get('name', '') for model in models) or 'none'
         raise ConfigurationError(f'its models are {names}: must be one, without nested models')
     gravity = root.find('.//world/gravity')
     return _Reader(models[0]).robot(numbers(gravity, '', 3, '0 0 -9.81'))
