@@ -378,8 +378,7 @@ def test_mjcf_is_read_like_mujoco(text, tmp_path):
     mujoco.mj_rne(model, data, 1, efforts)
     gap = data.site('rod_tip').xpos - data.site('lug').xpos
     assert math.hypot(gap[0], gap[2]) < 1e-12
-    # MuJoCo's principal axes of inertia are a few 1e-9 off.
-    assert state.torque == pytest.approx(float(efforts @ data.qvel) / 2.0, rel=1e-8)
+    assert state.torque == pytest.approx(float(efforts @ data.qvel) / 2.0, rel=1e-12)
 
 
 SDF = """<sdf version="1.7"><model name="made"><pose>1 2 3 0 0.3 0</pose>
@@ -660,6 +659,50 @@ def test_weld_of_mjcf_closes_a_loop(run):
     values, _ = run(free.replace('<connect', '<weld'), '--crank', 'motor')
     for name in ('crank.length', 'coupler.length', 'rocker.length', 'frame.length'):
         assert values[name] == pytest.approx(expected[name], abs=1e-12)
+
+
+BODIES = {
+    'connect': '<connect body1="rod" body2="shank" anchor="0.3 0.01 0.02"/>',
+    'weld': '<weld body1="tip" body2="shank" anchor="0.01 0.02 0.03" '
+    'relpose="-0.15 -0.01 -0.05 0.9 0 0.3 0"/>',
+}
+
+
+@pytest.mark.parametrize('kind', BODIES)
+def test_constraint_of_bodies_is_that_of_mujoco(kind, tmp_path):
+    text = MJCF.replace(
+        '<site name="rod_tip" pos="0.3 0 0"/>',
+        '<body name="tip" pos="0.3 0 0"><joint name="tip_joint" axis="0 1 0" pos="0 0 0"/>'
+        '<geom size="1e-3"/></body>',
+    ).replace('<connect name="pin" site1="rod_tip" site2="lug"/>', BODIES[kind])
+    path = tmp_path / 'leg.xml'
+    path.write_text(text)
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    found = find_loop(read_robot(path), 'motor')
+    for name, value in found.closed.items():
+        data.joint(name).qpos = value
+    mujoco.mj_forward(model, data)
+    if kind == 'weld':  # the joint at the tip, whose value follows from the orientation
+        assert 'tip_joint closes the loop: its value is not published' in found.notes
+        within = np.zeros(9)
+        mujoco.mju_quat2Mat(within, model.eq_data[0][6:10])
+        tip, shank = (data.body(name).xmat.reshape(3, 3) for name in ('tip', 'shank'))
+        turn = tip.T @ shank @ within.reshape(3, 3).T
+        data.joint('tip_joint').qpos = math.atan2(turn[0, 2], turn[0, 0])
+    mujoco.mj_forward(model, data)
+    x, y, *others = data.efc_pos[: 3 if kind == 'connect' else 6]
+    assert abs(y) == pytest.approx(found.across, abs=1e-12)  # along the normal
+    assert np.abs([x, *others]).max() < 1e-12
+
+
+def test_masses_are_those_that_mujoco_compiles(run, tmp_path):
+    heavy = MJCF.replace('angle="degree"', 'angle="degree" settotalmass="5"')
+    values, _ = run(heavy, '--crank', 'motor')
+    model = mujoco.MjModel.from_xml_string(heavy)
+    assert model.body_mass.sum() == pytest.approx(5)
+    for link, body in (('crank', 'motor_arm'), ('coupler', 'rod'), ('rocker', 'shank')):
+        assert values[f'{link}.mass'] == pytest.approx(model.body(body).mass[0], rel=1e-15)
 
 
 def test_properties_that_a_linkage_does_not_have_are_noted(run):
