@@ -13,6 +13,7 @@ from linkage_ros.mechanism.equations import Model, acting_forces, torque
 from linkage_ros.mechanism.joint_forces import reactions
 from linkage_ros.mechanism.period import period_turns
 from linkage_ros.mechanism.ranges import Ranges
+from linkage_ros.mechanism.rigid_links import rigid_links
 from linkage_ros.mechanism.travel import extremes_between
 from linkage_ros.mechanism.wrenches import poses
 from linkage_ros.messages.urdf import make_urdf
@@ -56,6 +57,7 @@ __all__ = [
     'read_yaml',
     'record_steps',
     'reversals',
+    'rigid_links',
     'torque',
     'wrap',
 ]

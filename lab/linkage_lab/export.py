@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from linkage_lab.mjcf import make_mjcf
+from linkage_lab.mjcf import about_zeros, make_mjcf
 from linkage_lab.output import doubts, folder
 from linkage_ros import ConfigurationError, cli, load, preset_names
 from linkage_ros.internals import Simulator, make_urdf
@@ -24,14 +24,15 @@ def urdf(options: argparse.Namespace) -> None:
         ConfigurationError: As for `_write`.
     """
 
-    def text(configuration: Any) -> str:
+    def made(configuration: Any) -> tuple[str, list[str]]:
         session = configuration.session
-        return make_urdf(
+        text = make_urdf(
             configuration.mechanism, session.joint_prefix, session.frame_id,
             ros2_control=options.ros2_control,
         )  # fmt: skip
+        return text, []
 
-    _write(options, '.urdf', text)
+    _write(options, '.urdf', made)
 
 
 def mjcf(options: argparse.Namespace) -> None:
@@ -41,21 +42,24 @@ def mjcf(options: argparse.Namespace) -> None:
         ConfigurationError: As for `_write`, or a load has no equivalent in MJCF.
     """
 
-    def text(configuration: Any) -> str:
-        simulator = Simulator(configuration)
+    def made(configuration: Any) -> tuple[str, list[str]]:
+        simulator, mechanism = Simulator(configuration), configuration.mechanism
         start = simulator.state(simulator.begin(0).at(0))
-        return make_mjcf(configuration.mechanism, start, configuration.session.joint_prefix)
+        text = make_mjcf(mechanism, start, configuration.session.joint_prefix)
+        return text, about_zeros(mechanism, start)
 
-    _write(options, '.xml', text)
+    _write(options, '.xml', made)
 
 
-def _write(options: argparse.Namespace, suffix: str, text: Callable[[Any], str]) -> None:
+def _write(
+    options: argparse.Namespace, suffix: str, made: Callable[[Any], tuple[str, list[str]]]
+) -> None:
     """Writes a file, and prints its path and what is doubtful in the parameters.
 
     Args:
         options: Parsed options of the command.
         suffix: Suffix that the file's name must have.
-        text: Function of the configuration that returns the content.
+        made: Function of the configuration that returns the content, and notes to print.
 
     Raises:
         ConfigurationError: The parameters are invalid, or the file has another suffix, exists
@@ -67,12 +71,12 @@ def _write(options: argparse.Namespace, suffix: str, text: Callable[[Any], str])
         configuration = replace(configuration, session=session)
     if out.suffix != suffix:
         raise ConfigurationError(f'{out}: must end with {suffix}')
-    found = text(configuration)
+    text, notes = made(configuration)
     if out.exists() and not options.overwrite:
         raise ConfigurationError(f'{out} already exists: choose another name, or give --overwrite')
     with folder(out.parent):
-        out.write_text(found)
-    print(*doubts(configuration), out, sep='\n')
+        out.write_text(text)
+    print(*doubts(configuration), *notes, out, sep='\n')
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -8,22 +8,71 @@ Masses, shapes and colours are those of the URDF.
 import cmath
 import math
 from collections.abc import Callable
-from typing import Any
+from dataclasses import replace
+from typing import Any, cast
 from xml.etree import ElementTree as ET
 
-from linkage_ros import ConfigurationError, Force, LinkLoad, Mechanism, Pins, Spring, State
+import numpy as np
+
+from linkage_ros import ConfigurationError, Force, LinkLoad, Mechanism, Pins, Solver, Spring, State
 from linkage_ros.extensions import Link, Point, Structure
-from linkage_ros.internals import make_urdf
+from linkage_ros.internals import make_urdf, rigid_links
+from linkage_ros.quantities import build, flatten
 
 # MuJoCo raises the time constant of a constraint, the first number of solref, to at least twice
 # the timestep, so this makes the loop as stiff as the timestep allows.
 _SOLREF, _SOLIMP = (1e-6, 1.0), (0.9999, 0.9999, 0.001)
 _TIMESTEP = 2e-4  # s
+# For changes of the driving torque: places on an arc; the part of it left out at each end, where
+# rates are infinite; and the largest change without a note, relative to the peak.
+_PLACES, _MARGIN, _NEGLIGIBLE = 361, 0.01, 1e-9
 _ABOUT = """
   Written by linkage_lab. Joint positions are those of joint_states. The control "{name}" is the
   {effort}: effort[{name}] of joint_states. The keyframe
   "start" is the state at t = 0.
 """
+
+
+def about_zeros(mechanism: Mechanism, start: State) -> list[str]:
+    """Returns a note on small masses and inertias in place of 0, which MuJoCo refuses.
+
+    Smaller ones would alter the torque less, but make the constraint of the loop softer.
+
+    Args:
+        mechanism: Mechanism to export.
+        start: State of the mechanism at t = 0.
+
+    Returns:
+        The note, with the links, and the change of the driving torque without `loads`. It is that
+        at the speed u of the start, or 1 rad/s or 1 m/s at rest, with an acceleration of u^2.
+        Empty if the change is negligible.
+    """
+    values = flatten(replace(cast('Any', mechanism), loads=()))
+    bodies = {link.joint.name: link for link in rigid_links(mechanism)}
+    small, links = dict[str, object](), dict[str, None]()
+    for name, value in values.items():
+        link, _, what = name.removeprefix('dyads.').replace('.', '_').rpartition('_')
+        if what in {'mass', 'inertia'} and value == 0.0:
+            small[name], links[link] = getattr(bodies[link], what), None
+    if not small:
+        return []
+    note = f'note: {", ".join(links)}: MuJoCo refuses a mass or inertia of 0, so it is small here'
+    if mechanism.reach() is None:
+        return [note]
+    driven, units = mechanism.structure().driven, mechanism.structure().driven_link.units
+    speed, reach = float(start.velocity[driven]) or 1.0, Solver(mechanism).reach
+    (low, high), *_ = reach.arcs
+    room = 0.0 if reach.turns_fully else _MARGIN * (high - low)
+    places = np.linspace(low + room, high - room, _PLACES)
+    right, found = (
+        Solver(build(type(mechanism), given)).state(places, speed, speed**2).torque
+        for given in (values, values | small)
+    )
+    change, peak = (float(np.abs(x).max()) for x in (found - right, right))
+    if change <= _NEGLIGIBLE * peak:
+        return []
+    size = f'{change:.2g} {units.effort} of {peak:.3g} {units.effort}'
+    return [f'{note}; this changes the drive by up to {size} at {speed:.4g} {units.velocity}']
 
 
 def make_mjcf(mechanism: Mechanism, start: State, joint_prefix: str = '') -> str:

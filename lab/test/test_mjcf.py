@@ -20,11 +20,12 @@ from ros_harness import assert_refused
 from test_mujoco import slipped
 
 from linkage_lab import export
-from linkage_lab.mjcf import make_mjcf
-from linkage_ros import ConfigurationError
+from linkage_lab.mjcf import about_zeros, make_mjcf
+from linkage_ros import ConfigurationError, Solver
 from linkage_ros.mechanism.loads.base import AppliedLoad
 from linkage_ros.mechanism.loads.curve import CurveForce
 from linkage_ros.mechanism.loads.link_load import LinkForce
+from linkage_ros.messages.joints import joint_rows
 from linkage_ros.motion.drives.base import Machine
 from linkage_ros.motion.drives.torque import TorqueDrive
 from linkage_ros.run.states import Simulator
@@ -136,6 +137,52 @@ def test_friction_and_a_load_on_a_link_carried_by_another_are_refused():
     for name, given in (('Friction', [load('press')]), ('Twist', [plain, twisted])):
         with pytest.raises(ConfigurationError, match=name):
             exported(*given)
+
+
+@pytest.mark.parametrize(
+    ('preset', 'values', 'links'),
+    [
+        ('quadrilateral', {}, ''),  # its massless crank has no effect
+        ('quadrilateral', {'coupler.mass': 0.0, 'rocker.inertia': 0.0}, 'crank, coupler, rocker'),
+        ('slider_crank', {}, 'crank, coupler'),
+        ('wiper', {'rocker.damping': 0.0}, 'crank'),
+        ('shaper', {}, ''),
+        ('shaper', {'barrel.mass': 0.0, 'barrel.inertia': 0.0}, 'barrel'),
+        ('excavator', {'rod.mass': 0.0, 'rod.damping': 0.0}, 'rod'),
+        ('watt', {'dyads.ram.first.mass': 0.0, 'dyads.ram.slider.mass': 0.0},
+         'ram_first, ram_slider'),
+    ],
+)  # fmt: skip
+def test_effect_of_masses_in_place_of_0_is_noted(preset, values, links):
+    configuration = changed(preset, **values)
+    mechanism = replace(configuration.mechanism, loads=())
+    start, solver = start_of(configuration), Solver(mechanism)
+    notes = about_zeros(mechanism, start)
+    model, data = exported(configuration, mechanism)
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+    structure = mechanism.structure()
+    (low, high), *_ = solver.reach.arcs
+    room = 0.0 if solver.reach.turns_fully else 0.01 * (high - low)
+    speed = float(start.velocity[structure.driven]) or 1.0
+    apart, torques = [], []
+    for place in np.linspace(low + room, high - room, 361).tolist():
+        state, unit = solver.state(place, speed, speed**2), solver.state(place, 1.0)
+        (data.qpos[:], data.qvel[:], data.qacc[:]), (_, rates) = (
+            joint_rows(structure.links, one, place, driven=structure.driven)[:rows]
+            for one, rows in ((state, 3), (unit, 2))
+        )
+        mujoco.mj_inverse(model, data)
+        torques.append(state.torque)
+        apart.append(data.qfrc_inverse @ rates - state.torque)
+    change, peak = abs(np.array(apart)).max(), abs(np.array(torques)).max()
+    if links:
+        (note,) = notes
+        assert f' {links}:' in note
+        found, of = map(float, re.findall(r'(\S+) N\b', note))
+        assert (found, of) == pytest.approx((change, peak), rel=0.05)
+    else:
+        assert not notes
+        assert change < 1e-9 * peak
 
 
 # --------------------------------------------------- comparison of MuJoCo with our plant
