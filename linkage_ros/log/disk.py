@@ -71,10 +71,10 @@ class LogFile:
         if not self.stream.seekable():
             self.stream.close()
             raise LogError(f'{path} is a pipe or a terminal: write the log to a regular file')
-        self._waiting: list[bytes | bytearray] = []
+        self._waiting: list[bytes] = []
 
-    def write(self, data: bytes | bytearray) -> None:
-        """Buffers bytes, which must not be changed, until the next `flush`."""
+    def write(self, data: bytes) -> None:
+        """Buffers bytes until the next `flush`."""
         self._waiting.append(data)
 
     def flush(self) -> None:

@@ -12,6 +12,7 @@ uses only the records of that package, and lays out the file in the same way.
 import struct
 import zlib
 from collections import defaultdict
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 import numpy.typing as npt
@@ -39,6 +40,7 @@ from mcap.writer import MCAP0_MAGIC
 from linkage_ros.log.disk import LogFile
 
 CHUNK_SIZE = 1 << 20
+_BLOCK_SIZE = 1 << 16  # of records of the summary
 _INDEX_HEAD = struct.Struct('<BQHI')  # opcode and length of the record, channel, size of entries
 
 
@@ -47,6 +49,25 @@ def _encoded(*records: McapRecord) -> bytes:
     for record in records:
         record.write(builder)
     return bytes(builder.end())
+
+
+class _Packed:
+    """Records of the summary, encoded and compressed, because a run of days makes millions."""
+
+    def __init__(self) -> None:
+        self._blocks, self._last = list[bytes](), bytearray()
+
+    def add(self, record: McapRecord) -> None:
+        """Adds a record."""
+        self._last += _encoded(record)
+        if len(self._last) > _BLOCK_SIZE:
+            self._blocks.append(zlib.compress(self._last))
+            self._last.clear()
+
+    def __iter__(self) -> Iterator[bytes]:
+        """Yields the encoded records in parts."""
+        yield from map(zlib.decompress, self._blocks)
+        yield bytes(self._last)
 
 
 class McapWriter:
@@ -74,8 +95,7 @@ class McapWriter:
             chunk_count=0, message_count=0, message_end_time=0, message_start_time=0,
             metadata_count=0, schema_count=0,
         )  # fmt: skip
-        # Encoded, because objects take three times the memory, which a run of days fills.
-        self._chunks, self._metadata, self._attachments = bytearray(), bytearray(), bytearray()
+        self._chunks, self._metadata, self._attachments = (_Packed() for _ in range(3))
         self._begin_chunk()
         self._write(MCAP0_MAGIC + _encoded(Header(profile, library)))
 
@@ -84,7 +104,7 @@ class McapWriter:
         self._index = defaultdict[int, list[bytes]](list)
         self._times = list[int]()  # log times that include the first and the last, ns
 
-    def _write(self, data: bytes | bytearray) -> None:
+    def _write(self, data: bytes) -> None:
         """Writes bytes outside of chunks."""
         self._checksum = zlib.crc32(data, self._checksum)
         self._offset += len(data)
@@ -138,7 +158,7 @@ class McapWriter:
     def add_metadata(self, record: Metadata) -> None:
         """Writes a metadata record before the current chunk."""
         data = _encoded(record)
-        self._metadata += _encoded(MetadataIndex(self._offset, len(data), record.name))
+        self._metadata.add(MetadataIndex(self._offset, len(data), record.name))
         self.statistics.metadata_count += 1
         self._write(data)
 
@@ -146,8 +166,7 @@ class McapWriter:
         """Writes an attachment before the current chunk."""
         data, about = _encoded(record), {**vars(record), 'data_size': len(record.data)}
         del about['data']
-        index = AttachmentIndex(offset=self._offset, length=len(data), **about)
-        self._attachments += _encoded(index)
+        self._attachments.add(AttachmentIndex(offset=self._offset, length=len(data), **about))
         self.statistics.attachment_count += 1
         self._write(data)
 
@@ -181,7 +200,7 @@ class McapWriter:
             places[channel], size = self._offset, sum(map(len, entries))
             head = _INDEX_HEAD.pack(Opcode.MESSAGE_INDEX, 6 + size, channel, size)
             self._write(b''.join((head, *entries)))
-        self._chunks += _encoded(
+        self._chunks.add(
             ChunkIndex(
                 chunk_length=index_at - at, chunk_start_offset=at, compression='zstd',
                 compressed_size=len(chunk.data), message_end_time=end, message_start_time=start,
@@ -201,17 +220,20 @@ class McapWriter:
         self._write(_encoded(DataEnd(self._checksum)))
         start, statistics, checksum = self._offset, self.statistics, 0
         statistics.schema_count, statistics.channel_count = len(self.schemas), len(self.channels)
-        groups: dict[int, bytes | bytearray] = {
-            Opcode.SCHEMA: _encoded(*self.schemas.values()),
-            Opcode.CHANNEL: _encoded(*self.channels.values()),
-            Opcode.STATISTICS: _encoded(statistics), Opcode.CHUNK_INDEX: self._chunks,
+        groups: dict[int, Iterable[bytes]] = {
+            Opcode.SCHEMA: map(_encoded, self.schemas.values()),
+            Opcode.CHANNEL: map(_encoded, self.channels.values()),
+            Opcode.STATISTICS: [_encoded(statistics)], Opcode.CHUNK_INDEX: self._chunks,
             Opcode.ATTACHMENT_INDEX: self._attachments, Opcode.METADATA_INDEX: self._metadata,
         }  # fmt: skip
         offsets = list[SummaryOffset]()
-        for opcode, data in groups.items():
-            offsets.append(SummaryOffset(opcode, self._offset, len(data)))
-            self._write(data)
-            checksum = zlib.crc32(data, checksum)
+        for opcode, parts in groups.items():
+            at = self._offset
+            for data in parts:
+                self._write(data)
+                self._file.flush()
+                checksum = zlib.crc32(data, checksum)
+            offsets.append(SummaryOffset(opcode, at, self._offset - at))
         footer, data = Footer(start, self._offset, 0), _encoded(*offsets)
         # The checksum covers the summary and the footer up to the checksum.
         footer.summary_crc = zlib.crc32(data + _encoded(footer)[:-4], checksum)

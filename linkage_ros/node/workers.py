@@ -196,7 +196,7 @@ class Worker(Generic[_T]):
                     waiting = sorted([*self._kept, *waiting], key=operator.itemgetter(0))
                 self._clear()
                 dropped = self.dropped
-            items: list[Any] = [item for *_, item in waiting]
+            items: list[Any] = [item for _, _, item in waiting]
             if self._gap and dropped > reported:  # the oldest were dropped: the gap comes first
                 items.insert(0, self._gap(dropped - reported))
             reported = dropped
