@@ -28,7 +28,7 @@ from mcap.records import (
 from mcap.writer import CompressionType, IndexType
 from mcap_records import packed_records, records_of
 
-from linkage_ros.log.records import encode_configuration, encode_motion, seal
+from linkage_ros.log.records import ROLE, encode_configuration, encode_motion, seal
 from linkage_ros.messages.topics import JOINT_STATES
 from linkage_ros.programs.record import record
 from linkage_ros.run.states import Simulator
@@ -96,7 +96,10 @@ def whole(*data, behind=b'', times=(0, 1), metadata=(), again=0, channels=1):
     fields += [settings for _, settings in metadata]
     interface = JOINT_STATES.interface
     told = [Schema(1, interface.definition.encode(), 'ros2msg', interface.name)]
-    told += [Channel(n, f'/joint_states{n or ""}', 'cdr', {}, 1) for n in range(channels)]
+    role = {ROLE: JOINT_STATES.role}
+    told += [
+        Channel(n, f'/joint_states{n or ""}', 'cdr', {} if n else role, 1) for n in range(channels)
+    ]
     file, places, chunks = MAGIC + packed(Header('ros2', 'bomb'), *told), [], []
     for name, settings in zip(names, fields, strict=True):
         stored = packed(Metadata(name, settings))

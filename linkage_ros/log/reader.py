@@ -3,7 +3,7 @@
 """Reads MCAP logs of this package; rejects other files with a one-line error."""
 
 import heapq
-from collections.abc import Callable, Container, Iterator, Sequence
+from collections.abc import Callable, Container, Iterator
 from contextlib import contextmanager, suppress
 from itertools import pairwise
 from pathlib import Path
@@ -26,7 +26,7 @@ from linkage_ros.log.records import (
 )
 from linkage_ros.log.rows import MESSAGE_HEAD, RowLayout, message_record
 from linkage_ros.log.scan import MAGIC_SIZE, McapFile, open_mcap
-from linkage_ros.messages.topics import EFFORT_COMMANDS, MEASURED_JOINT_STATES, TOPICS, Topic
+from linkage_ros.messages.topics import Topic
 from linkage_ros.units import TIME_END
 
 # Largest size of messages buffered because chunks overlap in time, and overhead of a message in
@@ -147,8 +147,10 @@ class LogReader:
         schemas = {schema.id: schema for schema in summary[Schema]}
         channels = {channel.id: channel for channel in summary[Channel]}.values()
         topics = [_topic(channel, schemas, statistics) for channel in channels]
-        if not any(topic.role for topic in topics):
-            topics = _with_guessed_roles(topics, follows=drive.is_measured)
+        if topics and not any(topic.role for topic in topics):
+            raise LogError(
+                f'its topics have no roles: version {self.version} wrote it; read it with that one'
+            )
         self.topics = tuple(topics)
         self._roles = {topic.role: topic for topic in topics if topic.role}
         self._names = {topic.number: topic.name for topic in self.topics}
@@ -324,27 +326,3 @@ def _topic(channel: Channel, schemas: dict[int, Schema], statistics: Statistics)
         (channel.message_encoding, schema.encoding, schema.data.decode(errors='replace')),
         channel.metadata.get(ROLE, ''),
     )
-
-
-def _with_guessed_roles(topics: Sequence[LoggedTopic], *, follows: bool) -> list[LoggedTopic]:
-    """Guesses the roles in a log of a version that did not write them, by type, name and order.
-
-    Args:
-        topics: Channels without roles, in the order of their declaration.
-        follows: Whether the crank was measured. The measurements have the same type as
-            `joint_states`, and were declared last.
-
-    Returns:
-        The channels. If several have the type of a role, the first one whose name ends in the
-        name of that role has it, or else the first one.
-    """
-    roles = dict[int, str]()
-    measured = [t.number for t in topics if t.type == MEASURED_JOINT_STATES.interface.name]
-    if follows and len(measured) > 1:
-        roles[max(measured)] = MEASURED_JOINT_STATES.role
-    # Not that of robot_description, in which version 0.1.0 named the links in another way.
-    for role in (*(topic for topic in TOPICS if not topic.latched), EFFORT_COMMANDS):
-        fitting = [t for t in topics if t.type == role.interface.name and t.number not in roles]
-        for topic in sorted(fitting, key=lambda t: t.name.rpartition('/')[2] != role.name)[:1]:
-            roles[topic.number] = role.role
-    return [topic._replace(role=roles.get(topic.number, '')) for topic in topics]
