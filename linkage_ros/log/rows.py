@@ -30,7 +30,6 @@ _HEAD_FIELDS = np.dtype({
 _OPCODE = 5
 _CONSTANT = 15  # number of bytes in the head before the times
 _TIMES = Field('log time', 'Q'), Field('publish time', 'Q')
-_TIME_NAMES = [field.name for field in _TIMES]
 
 
 def message_record(channel: int, times: tuple[int, int], data: bytes) -> bytes:
@@ -102,7 +101,7 @@ class RowLayout(Template):
             head = message_record(channel, (0, 0), bytes(size))[:_CONSTANT]
             parts += [head, *_TIMES, *templates.parts[topic]]
             patterns.append(re.escape(head) + b'.{%d}' % (MESSAGE_HEAD.size - _CONSTANT + size))
-        super().__init__(parts, [*_TIME_NAMES, *templates.names])
+        super().__init__(parts, [*(field.name for field in _TIMES), *templates.names])
         self.starts, self.times = self._ends[:-1], self.places[0]
         self._whole = re.compile(b'(?:%b)*' % b''.join(patterns), re.DOTALL)
 
@@ -132,17 +131,16 @@ class RowLayout(Template):
         Returns:
             The bytes of the rows.
         """
-        rows = bytearray(self._blank * len(messages))
-        into = np.frombuffer(rows, np.uint8).reshape(len(messages), self.size)
-        data = np.frombuffer(b''.join(messages), np.uint8).reshape(len(messages), -1)
-        end = 0
+        count, size, end = len(messages), self.size, 0
+        rows = bytearray(self._blank * count)
+        into = np.frombuffer(rows, np.uint8).reshape(count, size)
+        data = np.frombuffer(b''.join(messages), np.uint8).reshape(count, -1)
+        both = np.array(times, np.uint64).reshape(count, 1)
         for start, after in pairwise(self._ends):
             body = start + MESSAGE_HEAD.size
             begin, end = end, end + after - body
             into[:, body:after] = data[:, begin:end]
-        for place in self.places:
-            if place.name in _TIME_NAMES:
-                self.column(rows, place)[:] = times
+            np.ndarray((count, 2), '<u8', rows, start + _CONSTANT, (size, 8))[:] = both
         return rows
 
     def fitting(self, records: bytes | bytearray) -> int:
