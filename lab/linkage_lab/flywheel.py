@@ -23,6 +23,7 @@ from matplotlib.axes import Axes
 from scipy.integrate import trapezoid
 from scipy.optimize import brentq
 
+from linkage_lab.gaps import require_finite_torque
 from linkage_lab.output import NUMBERS, Pictures, chart, over, rounded
 from linkage_lab.period import Extent, Period, extent, mean
 from linkage_lab.sampling import derivative, integral, samples
@@ -80,9 +81,14 @@ class Crank:
     """Computes the steady cycles of a crank, with or without a flywheel."""
 
     def __init__(self, mechanism: Mechanism) -> None:
-        """Prepares the solver; the crank must turn fully."""
+        """Prepares the solver.
+
+        Raises:
+            MechanismError: The crank does not turn fully, or its torque is infinite.
+        """
         self._solver = Solver(mechanism)
         self._solver.reach.require_full_turn()
+        require_finite_torque(self._solver)
 
     @functools.cache  # noqa: B019
     def _period(self, speed: float) -> tuple[Array, Array, Array]:

@@ -14,7 +14,9 @@ from typing import NamedTuple
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
-from linkage_lab.period import OVER_TIME, Column, Period
+from linkage_lab.gaps import Column
+from linkage_lab.output import shown_range
+from linkage_lab.period import OVER_TIME, Period
 from linkage_ros.formulas import Array
 from linkage_ros.internals import Drawing
 from linkage_ros.palette import GREY, SECOND, Color, color_of
@@ -258,7 +260,8 @@ def _curves(
         if not quantity.is_drawn:
             scales.append(None)
             continue
-        ticks = MaxNLocator(4, steps=[1, 2, 5, 10]).tick_values(*_range(quantity.values))
+        limits = shown_range([quantity.values], _range(quantity.values))
+        ticks = MaxNLocator(4, steps=[1, 2, 5, 10]).tick_values(*limits)
         low, bottom = float(ticks[0]), top + _ROW
         scale = _ROW / (float(ticks[-1]) - low)
         scales.append((low, scale, bottom))
@@ -273,10 +276,17 @@ def _curves(
                 f'<text class="tick" x="{_LEFT - 6}" y="{y + 4:.1f}" text-anchor="end">'
                 f'{tick + 0.0:.6g}</text>'
             )
-        points = np.stack([across, bottom - scale * (quantity.values - low)], axis=-1)[shown]
-        parts.append(
-            f'<polyline points="{_spaced(points)}" stroke="rgb{quantity.color}" stroke-width="2"/>'
-        )
+        # No part of the curve outside the diagram, nor where the values are infinite.
+        height = bottom - scale * (quantity.values[shown] - low)
+        is_inside = (height >= top - 1) & (height <= bottom + 1)
+        cuts = np.flatnonzero(np.diff(is_inside)) + 1
+        for part in np.split(np.arange(len(shown)), cuts):
+            if is_inside[part[0]]:
+                points = np.stack([across[shown][part], height[part]], axis=-1)
+                parts.append(
+                    f'<polyline points="{_spaced(points)}" stroke="rgb{quantity.color}" '
+                    'stroke-width="2"/>'
+                )
         above.append(f'<circle id="dot{i}" r="5" fill="rgb{quantity.color}"/>')
         top = bottom + _GAP
     foot = top - _GAP
@@ -301,6 +311,7 @@ def _curves(
 
 def _range(values: Array) -> tuple[float, float]:
     """Returns a range to draw; a constant value, even with rounding errors, lies in its middle."""
+    values = values[np.isfinite(values)]
     low, high = float(values.min()), float(values.max())
     size = max(abs(low), abs(high))
     if high - low > 1e-9 * size:
@@ -312,7 +323,12 @@ def _spaced(points: Array) -> str:
     return ' '.join(f'{x:.1f}' for x in points.ravel())
 
 
-def _rounded(values: Array) -> list[float]:
-    """Rounds to seven digits, finer than the page shows; hides rounding errors next to 0."""
-    least = 1e-12 * np.abs(values).max()
-    return [float(f'{x:.7g}') if abs(x) > least else 0.0 for x in values]
+def _rounded(values: Array) -> list[float | None]:
+    """Rounds to seven digits, finer than the page shows; hides rounding errors next to 0.
+
+    An infinite value becomes None.
+    """
+    is_finite = np.isfinite(values)
+    least = 1e-12 * np.abs(values[is_finite]).max(initial=0.0)
+    numbers = [float(f'{x:.7g}') if abs(x) > least else 0.0 for x in values]
+    return [x if known else None for x, known in zip(numbers, is_finite, strict=True)]

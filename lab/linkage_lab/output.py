@@ -8,6 +8,7 @@ import json
 import os
 import platform
 import re
+import sys
 import time
 import urllib.parse
 from collections.abc import Iterable, Iterator, Sequence
@@ -32,6 +33,7 @@ STYLE: dict[Any, Any] = {
     'legend.frameon': False, 'axes.formatter.useoffset': False,
 }  # fmt: skip
 _UNDISTURBED = 0.95  # share of a processor above which times are trusted
+_AROUND = 16  # steps beside an infinite value, beyond whose values a diagram need not reach
 FORMATS = 'png', 'svg', 'pdf'
 # Diagrams of `linkage_chart motion`.
 QUANTITIES = 'position', 'velocity', 'acceleration', 'torque', 'load', 'point'
@@ -104,6 +106,12 @@ def folder(path: Path) -> Iterator[None]:
 def doubts(*configurations: Any) -> list[str]:
     """Returns a line for each parameter that was probably given in another unit."""
     return [f'note: {line}' for one in configurations for line in notes(one)]
+
+
+def print_notes(notes: Iterable[str]) -> None:
+    """Prints each note on stderr, once."""
+    for line in dict.fromkeys(filter(None, notes)):
+        print(line, file=sys.stderr)
 
 
 def progress(items: Iterable[Any], words: str) -> Iterable[Any]:
@@ -189,6 +197,21 @@ def chart(
         for path in pictures.paths:
             source = f'linkage_ros:{urllib.parse.quote(pictures.source)};'
             figure.savefig(path, metadata={_METADATA[path.suffix]: source})
+
+
+def shown_range(rows: Sequence[Array], limits: tuple[float, float]) -> tuple[float, float]:
+    """Returns the limits of a diagram, without the surroundings of infinite values if any."""
+    finite = list[Array]()
+    for row in rows:
+        (infinite,) = np.nonzero(~np.isfinite(row))
+        around = (infinite[:, None] + np.arange(-_AROUND, _AROUND + 1)).ravel()
+        finite.append(np.delete(row, np.unique(np.clip(around, 0, len(row) - 1))))
+    values = np.concatenate(finite)
+    if values.size == sum(map(len, rows)) or not values.size:
+        return limits
+    low, high = min(0.0, values.min()), max(0.0, values.max())
+    margin = 0.05 * (high - low) or 1.0
+    return low - margin, high + margin
 
 
 def over(axes: Any, marks: Array, label: str, parts: int = 8) -> None:

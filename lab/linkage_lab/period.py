@@ -11,10 +11,19 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 
+from linkage_lab.gaps import Column, around_gaps, at_change_points
 from linkage_lab.output import progress
 from linkage_lab.pump.analysis import settle
 from linkage_lab.pump.shooting import PeriodicMotion
-from linkage_lab.sampling import integral, interpolated, law_duration, peaks, samples, with_breaks
+from linkage_lab.sampling import (
+    integral,
+    interpolated,
+    law_duration,
+    peaks,
+    samples,
+    with_breaks,
+    without_loads,
+)
 from linkage_ros import (
     ConfigurationError,
     Mechanism,
@@ -32,13 +41,6 @@ from linkage_ros.internals import Drawing, LawMotion
 # of the arc or stroke left out at each end.
 _SLOW_RPM, _SLOW, _MARGIN = 1.0, 0.01, 0.01
 _MOTION = ('position', ''), ('velocity', '/s'), ('acceleration', '/s^2')
-
-
-class Column(NamedTuple):
-    """A quantity over the period: its SI unit, and its values at the crank angles."""
-
-    unit: str
-    values: Array
 
 
 class Extent(NamedTuple):
@@ -85,6 +87,8 @@ class Period:
         speed: Mean speed of the driven joint, rad/s or m/s; along a law, its mean magnitude.
         mean_power: Mean driving power over time, W.
         columns: Quantities by name, such as 'coupler.position'; angles are unwrapped.
+        gaps: Whether a column of forces has no value at each crank angle, by name; see
+            `around_gaps`.
     """
 
     def __init__(
@@ -92,22 +96,24 @@ class Period:
         solver: Solver,
         crank: Array,
         state: State,
+        efforts: Mapping[str, Column],
         *,
         speed: float,
         mean_power: float,
         time: Array | None = None,
         turns: int | None = None,
     ) -> None:
-        """Converts the states at all crank angles, and along a law the times, to columns.
+        """Converts the motion at all crank angles, and along a law the times, to columns.
 
-        `turns` are the whole turns of a law that repeats.
+        `efforts` are the columns of `_efforts`; `turns` the whole turns of a law that repeats.
         """
         self.solver, self._law_turns = solver, turns
         self.crank, self.speed, self.mean_power = crank, speed, mean_power
-        self.driven, driven = solver.structure.driven_link, solver.structure.driven
+        self.driven = solver.structure.driven_link
         over = OVER_CYLINDER if self.driven.slides else OVER_CRANK
         self.x, self.across = (crank, over) if time is None else (time, OVER_TIME)
         self.columns: dict[str, Column] = {}
+        self.gaps: dict[str, Array] = {}
         links = dict(zip(solver.links, solver.structure.links, strict=True))
         if time is not None:
             self.add('time', 's', time)
@@ -118,9 +124,7 @@ class Period:
                 is_angle = name == 'position' and not link.slides
                 values = np.unwrap(rows[i]) if is_angle else rows[i]
                 self.add(f'{link.name}.{name}', ('m' if link.slides else 'rad') + per, values)
-        self.add(self.effort, self.driven.units.effort, state.torque)
-        self.add('driving_power', 'W', state.torque * state.velocity[driven])
-        self._add_loads(state)
+        self.columns |= efforts
         if 'C' in solver.structure.points:
             for (name, per), vector in zip(_MOTION, solver.point(state, 'C'), strict=True):
                 self.add(f'coupler_point.{name}', 'm' + per, vector)
@@ -128,7 +132,7 @@ class Period:
     @property
     def effort(self) -> str:
         """Name of the column of the driving torque or force."""
-        return 'driving_force' if self.driven.slides else 'driving_torque'
+        return _effort(self.driven)
 
     @property
     def effort_title(self) -> str:
@@ -140,6 +144,14 @@ class Period:
     def drawing(self) -> Drawing:
         """Drawing of the mechanism, on the arc of the first crank angle."""
         return Drawing(self.solver.mechanism, float(self.crank[0]))
+
+    def with_gaps(self) -> dict[str, Column]:
+        """Returns the columns, with NaN where they have no value."""
+        return {
+            name: Column(unit, np.where(self.gaps[name], np.nan, values))
+            if name in self.gaps else Column(unit, values)
+            for name, (unit, values) in self.columns.items()
+        }  # fmt: skip
 
     def rows(self, quantity: str) -> Array:
         """Returns 'position', 'velocity' or 'acceleration' of all links, shape (n, links)."""
@@ -154,6 +166,18 @@ class Period:
         speed = np.abs(self.columns[f'{self.driven.name}.velocity'].values)
         steps = 2 * np.diff(self.crank) / (speed[1:] + speed[:-1])
         return np.concatenate([[0.0], np.cumsum(steps)])
+
+    @property
+    def gap_note(self) -> str:
+        """Names the crank angles without forces in one line; empty if there are none."""
+        is_gap = np.any([*self.gaps.values()], axis=0) if self.gaps else np.zeros(1, dtype=bool)
+        (at,) = np.nonzero(is_gap)
+        if not at.size:
+            return ''
+        runs = np.split(at, np.flatnonzero(np.diff(at) > 1) + 1)
+        ends = [[f'{math.degrees(x):.6g}' for x in self.crank[run[[0, -1]]]] for run in runs]
+        places = ', '.join(dict.fromkeys(' to '.join(dict.fromkeys(pair)) for pair in ends))
+        return f'note: no forces at {places} deg, where links are in line or friction locks them'
 
     @property
     def marks(self) -> Array:
@@ -176,33 +200,44 @@ class Period:
         reach = self.solver.mobility
         return self.across is OVER_CRANK and (reach is None or reach.turns_fully)
 
-    def _add_loads(self, state: State) -> None:
-        """Adds the forces at points, 'LOAD.force', 'LOAD.2.force' ..., then efforts, 'LINK.load'.
-
-        They are those of `Solver.exerted`. A force that is the opposite of an earlier one on
-        another link, such as the second of a spring, is left out.
-        """
-        links, exerted = self.solver.structure.links, self.solver.exerted(state)
-        shown = dict[str, list[Any]]()
-        for new in exerted.forces.values():
-            before = shown.setdefault(new.load, [])
-            if not any(_are_opposite(new, old) for old in before):
-                before.append(new)
-                number = f'.{len(before)}' * (len(before) > 1)
-                self.add(f'{new.load}{number}.force', 'N', new.force)
-        for link, effort in exerted.efforts.items():
-            self.add(
-                f'{link}.load', 'N' if links[self.solver.links.index(link)].slides else 'N m',
-                effort,
-            )  # fmt: skip
-
     def add(self, name: str, unit: str, values: Any) -> None:
         """Adds a column, or one for each component of a vector."""
-        if isinstance(values, tuple):
-            for axis, component in zip('xy', values, strict=True):
-                self.add(f'{name}.{axis}', unit, component)
-        else:
-            self.columns[name] = Column(unit, np.broadcast_to(values, self.crank.shape))
+        self.columns |= _columns(name, unit, values, len(self.crank))
+
+
+def _effort(driven: Any) -> str:
+    return 'driving_force' if driven.slides else 'driving_torque'
+
+
+def _columns(name: str, unit: str, values: Any, count: int) -> dict[str, Column]:
+    """Returns a column of a number of values, or one for each component of a vector."""
+    if not isinstance(values, tuple):
+        return {name: Column(unit, np.broadcast_to(values, count))}
+    parts = zip('xy', values, strict=True)
+    return {f'{name}.{axis}': Column(unit, np.broadcast_to(x, count)) for axis, x in parts}
+
+
+def _efforts(solver: Solver, state: State) -> dict[str, Column]:
+    """Computes driving torque and power, forces 'LOAD.force', 'LOAD.2.force' ..., 'LINK.load'.
+
+    The forces of loads are those of `Solver.exerted`. A force that is the opposite of an earlier
+    one on another link, such as the second of a spring, is left out.
+    """
+    exerted, driven = solver.exerted(state), solver.structure.driven
+    links = dict(zip(solver.links, solver.structure.links, strict=True))
+    link, count = solver.structure.driven_link, len(state.position[driven])
+    found = _columns(_effort(link), link.units.effort, state.torque, count)
+    found |= _columns('driving_power', 'W', state.torque * state.velocity[driven], count)
+    shown = dict[str, list[Any]]()
+    for new in exerted.forces.values():
+        before = shown.setdefault(new.load, [])
+        if not any(_are_opposite(new, old) for old in before):
+            before.append(new)
+            number = f'.{len(before)}' * (len(before) > 1)
+            found |= _columns(f'{new.load}{number}.force', 'N', new.force, count)
+    for name, effort in exerted.efforts.items():
+        found |= _columns(f'{name}.load', 'N' if links[name].slides else 'N m', effort, count)
+    return found
 
 
 def _are_opposite(one: Any, other: Any) -> bool:
@@ -363,22 +398,18 @@ def law_period(solver: Solver, drive: Any, *, reactions: bool = False) -> Period
 
     Returns:
         The motion over time.
-
-    Raises:
-        ConfigurationError: The requested reactions are infinite at a change point.
     """
-    driven = solver.structure.driven
     law = drive.law(solver.structure.driven_link)
     time, crank = law_samples(solver, law)
-    moved = crank(time)
-    state, angle = solver.state(moved.q[0], moved.u[0], moved.a[0]), moved.unwrapped
-    power = _load_power(solver, state) if law.repeats else state.torque * state.velocity[driven]
-    speed = _mean_speed(law)
-    period = Period(
-        solver, angle, state, speed=speed, mean_power=mean(time, power), time=time,
-        turns=law.turns,
+
+    def motion(places: Array) -> _Motion:
+        moved = crank(places)
+        return _Motion(moved.q[0], moved.u[0], moved.a[0], moved.unwrapped)
+
+    return _period(
+        solver, motion, time, speed=_mean_speed(law), is_periodic=law.repeats, reactions=reactions,
+        time=time, turns=law.turns,
     )  # fmt: skip
-    return _completed(period, state, reactions=reactions)
 
 
 def law_samples(
@@ -447,8 +478,7 @@ def speed_driven_period(
 
     Raises:
         MechanismError: The crank does not turn fully.
-        ConfigurationError: The speed or acceleration is not finite, or the requested reactions
-            are infinite at a change point.
+        ConfigurationError: The speed or acceleration is not finite.
     """
     solver = Solver(mechanism)
     solver.reach.require_full_turn()
@@ -459,14 +489,105 @@ def _at_speed(
     solver: Solver, crank: Array, speed: float, acceleration: float = 0.0, *, reactions: bool
 ) -> Period:
     """Computes the motion at crank angles, rad; see `speed_driven_period`."""
-    state = solver.state(crank, speed, acceleration)
-    power = state.torque * state.velocity[solver.structure.driven]
-    if solver.reach.turns_fully:
-        # Summing only the power of the loads and of the crank's acceleration avoids cancellation.
-        ((inertia,),) = solver.matrix(crank)
-        power = _load_power(solver, state) + state.velocity[0] * acceleration * inertia
-    period = Period(solver, crank, state, speed=speed, mean_power=mean(crank, power))
-    return _completed(period, state, reactions=reactions)
+
+    def motion(places: Array) -> _Motion:
+        return _Motion(places, speed, acceleration, places)
+
+    return _period(
+        solver, motion, crank, speed=speed, is_periodic=solver.reach.turns_fully,
+        acceleration=acceleration, reactions=reactions,
+    )  # fmt: skip
+
+
+class _Motion(NamedTuple):
+    """Position, rate and acceleration of the driven joint; its position without jumps."""
+
+    q: Array
+    u: Any
+    a: Any
+    unwrapped: Array
+
+
+def _period(
+    solver: Solver,
+    motion: Callable[[Array], _Motion],
+    x: Array,
+    *,
+    speed: float,
+    is_periodic: bool,
+    reactions: bool,
+    acceleration: float = 0.0,
+    **options: Any,
+) -> Period:
+    """Computes a period.
+
+    Args:
+        solver: Solver of a mechanism with one degree of freedom.
+        motion: Function that computes the motion of the driven joint at places.
+        x: Increasing places: crank angles, positions or times, rad, m or s.
+        speed: Mean speed of the driven joint; see `Period`.
+        is_periodic: Whether weights and inertia have zero mean power.
+        reactions: Whether to add pin forces, shaking force and shaking moment.
+        acceleration: Acceleration of the crank if it is constant, rad/s^2.
+        **options: Options of `Period`.
+
+    Returns:
+        The period. Forces are infinite at change points and where friction locks.
+    """
+    q, u, a, crank = motion(x)
+    has_friction = bool(solver.model.joint_loads)
+    moving = without_loads(solver) if has_friction else solver
+    state = moving.state(q, u, a)
+    rates = np.broadcast_to(u, len(x))
+    in_line = at_change_points(solver, q, rates)
+    fastest = float(np.abs(rates).max()) if 'time' in options else 1.0
+
+    def efforts(places: Array) -> dict[str, Column]:
+        now = motion(places)
+        found = solver.state(*now[:3])
+        columns = _efforts(solver, found)
+        if is_periodic:
+            # Summing only the power of the loads and of the crank's acceleration avoids
+            # cancellation.
+            power = _load_power(solver, found)
+            if acceleration:
+                ((inertia,),) = solver.matrix(now.q)
+                power = power + found.velocity[0] * acceleration * inertia
+            columns['power'] = Column('W', power)
+        return columns
+
+    needed, is_gap = around_gaps(efforts, x, in_line & has_friction, fastest)
+    power = needed.pop('power', needed['driving_power']).values
+    period = Period(
+        solver, crank, state, needed, speed=speed, mean_power=mean(x, power), **options
+    )
+    ratios = moving.state(period.crank, 1.0).velocity  # Mottola 2017, after eq. 33
+    for link, ratio in zip(solver.structure.links, ratios, strict=True):
+        if link != period.driven:
+            units = link.units.position, period.driven.units.position
+            unit = '1' if units[0] == units[1] else '/'.join(units)
+            period.add(f'{link.name}.transmission_ratio', unit, ratio)
+    period.gaps |= dict.fromkeys(needed, is_gap)
+    if reactions:
+        found, is_gap = around_gaps(
+            lambda places: _reactions(solver, motion(places)), x, in_line | is_gap, fastest
+        )
+        period.columns |= found
+        period.gaps |= dict.fromkeys(found, is_gap)
+    return period
+
+
+def _reactions(solver: Solver, motion: _Motion) -> dict[str, Column]:
+    """Computes pin forces, guide forces, shaking force and shaking moment."""
+    q, u, a, _ = motion
+    found, columns = solver.reactions(solver.state(q, u, a)), dict[str, Column]()
+    for pin, force in found.pins.items():
+        columns |= _columns(f'pin_{pin}', 'N', force, len(q))
+    for slider, (across, moment) in found.guides.items():
+        columns |= _columns(f'{slider}.guide_force', 'N', across, len(q))
+        columns |= _columns(f'{slider}.guide_moment', 'N m', moment, len(q))
+    columns |= _columns('shaking_force', 'N', found.shaking_force, len(q))
+    return columns | _columns('shaking_moment', 'N m', found.shaking_moment, len(q))
 
 
 def stepped(period: Period, step: float, *, reactions: bool = False) -> dict[str, Column]:
@@ -495,7 +616,7 @@ def stepped(period: Period, step: float, *, reactions: bool = False) -> dict[str
     crank, solver = np.radians(degrees), period.solver
     table = _at_speed(solver, crank, speed, acceleration, reactions=reactions)
     columns = {'crank_angle': Column('deg', degrees)}
-    for name, (unit, values) in table.columns.items():
+    for name, (unit, values) in table.with_gaps().items():
         if name in {'crank_angle', 'crank.position'}:
             continue
         if unit == 'rad':  # continuous, although the steps may be large
@@ -521,41 +642,6 @@ def _load_power(solver: Solver, state: State) -> Array:
     for name, force in solver.load_forces(state).items():
         power = power - force * state.velocity[solver.links.index(name)]
     return power
-
-
-def _completed(period: Period, state: State, *, reactions: bool) -> Period:
-    """Adds transmission ratios and, on request, reactions to a period."""
-    solver = period.solver
-    ratios = solver.state(period.crank, 1.0).velocity  # Mottola 2017, after eq. 33
-    for link, ratio in zip(solver.structure.links, ratios, strict=True):
-        if link != period.driven:
-            units = link.units.position, period.driven.units.position
-            unit = '1' if units[0] == units[1] else '/'.join(units)
-            period.add(f'{link.name}.transmission_ratio', unit, ratio)
-    if reactions:
-        _add_reactions(period, state)
-    return period
-
-
-def _add_reactions(period: Period, state: State) -> None:
-    """Adds pin forces, shaking force and shaking moment to a period.
-
-    Raises:
-        ConfigurationError: They are infinite at a change point.
-    """
-    if period.solver.reach.has_change_point:
-        raise ConfigurationError(
-            'this mechanism passes a change point, where the forces in its joints are '
-            'infinite: leave --reactions out'
-        )
-    found = period.solver.reactions(state)
-    for pin, force in found.pins.items():
-        period.add(f'pin_{pin}', 'N', force)
-    for slider, (force, moment) in found.guides.items():
-        period.add(f'{slider}.guide_force', 'N', force)
-        period.add(f'{slider}.guide_moment', 'N m', moment)
-    period.add('shaking_force', 'N', found.shaking_force)
-    period.add('shaking_moment', 'N m', found.shaking_moment)
 
 
 def _settled(
@@ -596,11 +682,18 @@ def settled_period(motion: PeriodicMotion) -> Period:
     crank = with_breaks(crank, motion.shooting.solver, motion.states)
     state = motion.states(crank)
     power = mean(crank, state.torque) * motion.speed
-    return Period(motion.shooting.solver, crank, state, speed=motion.speed, mean_power=power)
+    solver = motion.shooting.solver
+    efforts = _efforts(solver, state)
+    return Period(solver, crank, state, efforts, speed=motion.speed, mean_power=power)
 
 
 def mean(crank: Array, values: Array) -> float:
-    """Computes the mean of values over a period, given their crank angles in increasing order."""
+    """Computes the mean of values over a period, given their crank angles in increasing order.
+
+    It is infinite if values are.
+    """
+    if not np.isfinite(values).all():
+        return math.inf
     return float(integral(crank, values)[-1]) / float(crank[-1] - crank[0])
 
 
@@ -621,13 +714,33 @@ def extent(x: Array, values: Array, curve: Callable[[Array], Array] | None = Non
 def extents(
     x: Array, values: Array, curves: Callable[[Array], Array] | None = None
 ) -> list[Extent]:
-    """Finds the extents of m quantities, of shapes (m, n) and (m, k); see `extent`."""
-    curves = curves or interpolated(x, values)
-    count = len(values)
-    both = np.concatenate([values, -values])
+    """Finds the extents of m quantities, of shapes (m, n) and (m, k); see `extent`.
+
+    Those of a quantity that is infinite somewhere are not searched in `curves`.
+    """
+    count, finite = len(values), _without_infinite(values)
+    if finite is not values or not curves:
+        curves = interpolated(x, finite)
+    both = np.concatenate([finite, -finite])
     found, at = peaks(x, both, lambda places: np.concatenate([(y := curves(places)), -y]))
+    for i, sign in itertools.product(range(count), (1, -1)):
+        (infinite,) = np.nonzero(values[i] == sign * np.inf)
+        if infinite.size:
+            row = i if sign > 0 else i + count
+            found[row], at[row] = np.inf, x[infinite[0]]
     rms = [math.sqrt(mean(x, row * row)) for row in values]
     return [
         Extent(0.0 - found[i + count], at[i + count], found[i], at[i], rms[i])
         for i in range(count)
     ]
+
+
+def _without_infinite(values: Array) -> Array:
+    """Replaces infinite values in rows by values between those at their sides."""
+    if np.isfinite(values).all():
+        return values
+    at, rows = np.arange(values.shape[1]), np.isfinite(values)
+    return np.array([
+        np.interp(at, at[is_finite], row[is_finite])
+        for row, is_finite in zip(values, rows, strict=True)
+    ])  # fmt: skip

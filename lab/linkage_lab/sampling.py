@@ -12,12 +12,12 @@ import numpy as np
 from numpy.polynomial.chebyshev import chebvander
 from scipy.interpolate import make_interp_spline
 
+from linkage_lab.gaps import SAME
 from linkage_ros import Solver, State
 from linkage_ros.formulas import Array
 from linkage_ros.internals import period_turns, poses
 
 _BISECTIONS = 64  # halvings of a step, after which its ends differ only by rounding
-SAME = 1e-9  # rad; closer crank angles are the two sides of a corner or jump
 _PARTS = 8  # least number of steps between two corners or jumps
 _DEGREE = 5  # of splines
 # A search for peaks: order of the Chebyshev polynomials, parts of an interval, rounds, relative
@@ -34,14 +34,13 @@ def samples(solver: Solver, speed: float, steps_per_turn: int = 720) -> Array:
 
     Corners of loads, and of the friction in guides, depend on the speed of the crank, rad/s.
     """
-    mechanism, crank = solver.mechanism, solver.reach.samples(steps_per_turn)
-    if not any(load.has_corners for load in mechanism.applied_loads()):
-        return crank
-    if _guide_forces_turn(solver):
-        return with_breaks(crank, solver, lambda angles: solver.state(angles, speed))
-    # Friction and load curves do not change the motion.
-    moving = Solver(replace(cast('Any', mechanism), loads=()))
+    crank, moving = solver.reach.samples(steps_per_turn), without_loads(solver)
     return with_breaks(crank, solver, lambda angles: moving.state(angles, speed))
+
+
+def without_loads(solver: Solver) -> Solver:
+    """Returns a solver of the same motion, which loads and friction do not change."""
+    return Solver(replace(cast('Any', solver.mechanism), loads=()))
 
 
 def _guide_forces_turn(solver: Solver) -> bool:
@@ -67,7 +66,7 @@ def law_duration(solver: Solver, law: Any) -> int:
 
 
 def with_breaks(crank: Array, solver: Solver, states: Callable[[Array], State]) -> Array:
-    """Adds crank angles on both sides of each corner or jump of a load, and some in between.
+    """Adds crank angles on both sides of each corner, jump or change point, and some in between.
 
     Args:
         crank: Crank angles in increasing order, rad.
@@ -101,17 +100,20 @@ def with_breaks(crank: Array, solver: Solver, states: Callable[[Array], State]) 
 
 
 def _pieces(solver: Solver, states: Callable[[Array], State]) -> Callable[[Array], Array]:
-    """Returns a function of crank angles that numbers the smooth pieces of each load."""
+    """Returns a function of crank angles that numbers the smooth pieces of loads and forces."""
     model, mechanism = solver.model, solver.mechanism
     cornered = [load for load in mechanism.applied_loads() if load.has_corners]
     loads: list[Any] = [found for load in cornered if (found := load.on(mechanism))]
     in_joints: list[Any] = [rub for load in cornered if (rub := load.in_joints(mechanism))]
     guides = [link.name for link in solver.structure.links if link.slides]
     guides = guides if _guide_forces_turn(solver) else []
+    reach, driven = solver.mobility, solver.structure.driven
+    in_line = [reach.fast] if reach is not None and reach.has_change_point else []
 
     def pieces(angles: Array) -> Array:
-        rows = np.zeros((len(loads) + len(in_joints) + len(guides), len(angles)))
-        if len(rows):
+        count = len(loads) + len(in_joints) + len(guides) + len(in_line)
+        rows = np.zeros((count, len(angles)))
+        if count:
             state = states(angles)
             links = poses(model.links, state.position)
             found = solver.reactions(state).guides if guides else {}
@@ -119,6 +121,7 @@ def _pieces(solver: Solver, states: Callable[[Array], State]) -> Callable[[Array
                 [load.piece(links, state.velocity) for load in loads]
                 + [load.piece(model.pins, model.links, state.velocity) for load in in_joints]
                 + [found[name].force >= 0 for name in guides]
+                + [np.sin(state.position[driven] - fast) >= 0 for fast in in_line]
             )
         return rows
 

@@ -8,7 +8,9 @@ All coordinates are m in base_link, x to the right and y up.
 import cmath
 import math
 from contextlib import suppress
+from dataclasses import replace
 from itertools import pairwise
+from typing import Any, cast
 
 import numpy as np
 
@@ -285,7 +287,9 @@ def _reach(mechanism: Mechanism, crank_angle: float) -> Array:
         even = np.linspace(-1, 1, _STEPS_PER_TURN + 1)
         way = (1 - _BEFORE_END) * np.sin(0.5 * math.pi * even)
         crank = 0.5 * (start + end) + 0.5 * (end - start) * way
-    return np.stack(solver.state(crank).position, axis=-1)
+    # Loads do not change the positions, but with friction, not all of them have forces.
+    moving = Solver(replace(cast('Any', mechanism), loads=()))
+    return np.stack(moving.state(crank).position, axis=-1)
 
 
 def _area(solver: Solver, start: float) -> Array:

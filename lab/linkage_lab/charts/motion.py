@@ -29,8 +29,10 @@ from linkage_lab.output import (
     folder,
     over,
     pictures,
+    print_notes,
     rounded,
     save_csv,
+    shown_range,
 )
 from linkage_lab.period import OVER_TIME, Period, extent, period_to_show, stepped
 from linkage_ros import ConfigurationError, load, palette
@@ -117,16 +119,17 @@ def motion(options: argparse.Namespace) -> None:
         )
     stem = 'comparison' if len(names) > 1 else f'{names[0]}_motion'
     drawn, table = pictures(options, stem, *options.params), options.out / f'{stem}.csv'
+    print_notes(period.gap_note for period in periods.values())
     with folder(options.out):
         if len(names) > 1:
             lines, remarks = _compare(periods, table), []
         else:
-            columns = period.columns
+            columns = period.with_gaps()
             if options.csv is not None:
                 columns = stepped(period, options.csv, reactions=options.reactions)
             head = [f'{name} [{unit}]' for name, (unit, _) in columns.items()]
             rows = zip(*(values.tolist() for _, values in columns.values()), strict=True)
-            save_csv(table, head, rows)
+            save_csv(table, head, ([None if x != x else x for x in row] for row in rows))
             lines = [', '.join(title)]
             angle = math.degrees(period.columns['crank.position'].values[_drawn(period)])
             remarks = [*title[1:], f'mean power {rounded(period.mean_power)} W',
@@ -373,6 +376,7 @@ def _draw(axes: Axes, panel: _Panel) -> list[Line2D]:
     for curve, dash in zip(panel.curves, dashes, strict=False):
         marks, color = curve.period.marks, fractions(curve.color)
         lines += axes.plot(marks, curve.values, linestyle=dash, color=color, linewidth=1.6)
+    axes.set_ylim(shown_range([curve.values for curve in panel.curves], axes.get_ylim()))
     label = textwrap.fill(panel.title, 14)  # not higher than a low diagram
     over(axes, max((curve.period.marks for curve in panel.curves), key=np.max), label, 4)
     return lines

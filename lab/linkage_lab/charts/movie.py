@@ -18,7 +18,17 @@ from matplotlib.patheffects import withStroke
 from matplotlib.transforms import Bbox
 
 from linkage_lab.movie_page import movie_page
-from linkage_lab.output import SMALL, STYLE, TEXT, doubts, folder, over, progress
+from linkage_lab.output import (
+    SMALL,
+    STYLE,
+    TEXT,
+    doubts,
+    folder,
+    over,
+    print_notes,
+    progress,
+    shown_range,
+)
 from linkage_lab.period import Period, period_to_show
 from linkage_ros import ConfigurationError, load
 from linkage_ros.formulas import Array
@@ -170,6 +180,7 @@ def movie(options: argparse.Namespace) -> None:
         )
     if not period.speed:
         raise ConfigurationError('the crank is at rest: a movie needs a speed, such as --rpm 30')
+    print_notes([period.gap_note])
     pace = float(period.time[-1]) / (_SECONDS * period.turns)
     words = f'{about}, {speed}'
     with folder(path.parent):
@@ -209,6 +220,7 @@ def _film(period: Period, name: str, words: str, writer: Any, path: Path) -> Non
         linkage, axes = map(figure.add_axes, places)
         picture = LinkagePicture(linkage, period, samples)
         axes.plot(marks, torque, color='0.8', linewidth=1.2)
+        axes.set_ylim(shown_range([torque], axes.get_ylim()))
         (drawn,) = axes.plot([], [], color=fractions(color_of(period.driven.name)), linewidth=1.8)
         (dot,) = axes.plot([], [], 'o', color=fractions(DARK), markersize=5)
         over(axes, marks, period.effort_title, 4)

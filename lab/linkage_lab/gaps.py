@@ -1,0 +1,146 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Columns of forces that are infinite at change points, or missing where friction locks."""
+
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from linkage_ros import MechanismError, Solver, UnreachableError
+from linkage_ros.formulas import Array
+
+SAME = 1e-9  # rad; closer crank angles are the two sides of a corner, jump or change point
+_IN_LINE = 1e-6  # sine of an angle between links that are in line, within 1 ns of a law
+# Distance from a gap, rad, at which a column is compared with itself at twice the distance; ratio
+# from which it is infinite; smaller values than this share are rounding errors.
+_CLOSE, _GROWS, _ROUNDING = 1e-5, 1.5, 1e-8
+_STEP, _LIMIT = 1e-4, (3.0, -3.0, 1.0)  # steps away from a gap, rad, and extrapolation from them
+
+
+class Column(NamedTuple):
+    """A quantity over the period: its SI unit, and its values at the crank angles."""
+
+    unit: str
+    values: Array
+
+
+def require_finite_torque(solver: Solver) -> None:
+    """Rejects a mechanism with friction that passes a change point.
+
+    Raises:
+        MechanismError: It does.
+    """
+    if solver.model.joint_loads and solver.reach.has_change_point:
+        raise MechanismError(
+            'this mechanism passes a change point, where friction can make the driving torque '
+            'infinite: leave friction out, or change a length'
+        )
+
+
+def at_change_points(solver: Solver, crank: Array, speed: Array) -> Any:
+    """Returns whether each crank angle, rad, is that of a change point.
+
+    Along a law, a time has a resolution of 1 ns, hence the crank's speed, rad/s.
+    """
+    reach, found = solver.mobility, np.zeros(len(crank), dtype=bool)
+    if reach is not None and reach.has_change_point:
+        close = SAME * np.maximum(1.0, np.abs(speed))
+        for i in np.flatnonzero(np.abs(np.sin(crank - reach.fast)) <= close):
+            found[i] = abs(solver.dyad_sines((float(crank[i]), 0.0))[0].sine) < _IN_LINE
+    return found
+
+
+def around_gaps(
+    columns: Callable[[Array], Mapping[str, Column]], x: Array, is_in_line: Any, speed: float
+) -> tuple[dict[str, Column], Any]:
+    """Computes columns that may have no value at some places.
+
+    Args:
+        columns: Function that computes the columns at places of shape (k,). It raises
+            `UnreachableError` if one of the places has none.
+        x: Increasing places, rad or s, shape (n,).
+        is_in_line: Whether each place is at a change point, shape (n,). Otherwise, all places
+            must have values.
+        speed: Largest crank speed if the places are times, rad/s; otherwise 1.
+
+    Returns:
+        The columns at all places, and whether each place is a gap, where they have no value. At a
+        gap, a column has its limit, which is infinite if it grows without bound.
+
+    Raises:
+        UnreachableError: The columns have no value at a place without change points.
+    """
+    if not is_in_line.any():
+        return dict(columns(x)), is_in_line
+    good, found = _possible(columns, x, np.flatnonzero(~is_in_line))
+    is_gap = ~np.isin(np.arange(len(x)), good)
+    (gaps,) = np.nonzero(is_gap)
+    # A change point has two places. Its limits are computed, but not where friction locks.
+    before, after = (np.diff(x, **end) < SAME for end in ({'prepend': x[0]}, {'append': x[-1]}))
+    starts = np.append(False, ~is_gap[:-1])[gaps]
+    ends = np.append(~is_gap[1:], False)[gaps]
+    is_right = before[gaps] | (ends & ~starts)
+    is_known = (before | after)[gaps]
+    way = np.where(is_right, 1.0, -1.0) / max(1.0, speed)
+
+    def beside(distance: float) -> dict[str, Array]:
+        return _where_possible(columns, x[gaps] + distance * way, np.flatnonzero(is_known))
+
+    near, far = beside(_CLOSE), beside(2 * _CLOSE)
+    steps = [beside(_STEP * (i + 1)) for i in range(len(_LIMIT))]
+    least = _ROUNDING * max(
+        (np.nan_to_num(np.abs(row)).max() for row in near.values()), default=0.0
+    )
+    neighbor = np.clip(np.searchsorted(good, gaps) - np.where(is_right, 0, 1), 0, len(good) - 1)
+    nowhere, filled = np.full(len(gaps), np.nan), dict[str, Column]()
+    for name, (unit, values) in found.items():
+        own, other = near.get(name, nowhere), far.get(name, nowhere)
+        is_finite = np.abs(own) <= np.maximum(_GROWS * np.abs(other), least)
+        sign = np.where(np.isnan(own), values[neighbor], own)
+        limit = sum(part * row.get(name, nowhere) for part, row in zip(_LIMIT, steps, strict=True))
+        full = np.empty(len(x))
+        full[good] = values
+        full[gaps] = np.where(is_finite & np.isfinite(limit), limit, np.copysign(np.inf, sign))
+        filled[name] = Column(unit, full)
+    return filled, is_gap
+
+
+def _possible(
+    columns: Callable[[Array], Mapping[str, Column]], x: Array, wanted: Any
+) -> tuple[Any, Mapping[str, Column]]:
+    """Returns the indices of the wanted places that have values, and the columns there.
+
+    Raises:
+        UnreachableError: No place has values.
+    """
+    try:
+        return wanted, columns(x[wanted])
+    except UnreachableError:
+        good, parts = list[int](), [wanted]
+        while parts:
+            part = parts.pop()
+            try:
+                columns(x[part])
+            except UnreachableError:
+                parts += np.array_split(part, 2) if len(part) > 1 else []
+            else:
+                good += part.tolist()
+        if not good:
+            raise
+        return np.sort(good), columns(x[np.sort(good)])
+
+
+def _where_possible(
+    columns: Callable[[Array], Mapping[str, Column]], x: Array, wanted: Any
+) -> dict[str, Array]:
+    """Computes the values of columns at the wanted places; NaN at others and where none exist."""
+    try:
+        good, found = _possible(columns, x, wanted)
+    except UnreachableError:
+        return {}
+    rows = dict[str, Array]()
+    for name, (_, values) in found.items():
+        rows[name] = np.full(len(x), np.nan)
+        rows[name][good] = values
+    return rows
