@@ -5,7 +5,7 @@ help:
 	@echo 'make demo         set up a virtual environment and show a linkage move'
 	@echo 'make controller   let a controller keep the speed of a torque-driven linkage, and compare'
 	@echo 'make check        set up a virtual environment and run every check, as CI does'
-	@echo 'make reliability  kill, fill, cut, soak and fuzz: two hours and a quarter, as root'
+	@echo 'make reliability  kill, fill, cut, soak and fuzz: nearly three hours, as root'
 	@echo 'make docs         build the documentation site, with the API and movies, in the folder site'
 	@echo 'make package      build sdist and wheel into dist, and try them in a fresh environment'
 	@echo 'make clean        remove what these made'

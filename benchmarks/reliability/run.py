@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Runs all reliability benchmarks, one after another.
 
-    python benchmarks/reliability/run.py --out DIR          all: 2.25 hours, as root
+    python benchmarks/reliability/run.py --out DIR          all: 2.75 hours, as root
     python benchmarks/reliability/run.py soak many          only these two
 
 Each benchmark writes DIR/NAME.json; DIR/reliability.json contains the figures of all. The exit
@@ -23,7 +23,7 @@ HERE = Path(__file__).parent
 # Benchmarks that need an idle machine come first.
 SCRIPTS = {
     name: HERE / f'{name}.py'
-    for name in ('many', 'killed', 'power', 'disk', 'hosts', 'soak', 'fuzz')
+    for name in ('many', 'killed', 'power', 'disk', 'hosts', 'soak', 'trajectories', 'fuzz')
 }
 
 
