@@ -238,5 +238,6 @@ def _frames(period: Period) -> list[int]:
     """Selects samples of the period at equal time intervals."""
     time, frames = period.time, round(period.turns * _SECONDS * _RATE)
     even = np.linspace(0, time[-1], frames, endpoint=False)
-    samples: list[int] = np.searchsorted(time, even).tolist()
-    return samples if period.speed > 0 else samples[::-1]
+    if period.speed < 0:
+        even = time[-1] - even
+    return [int(np.abs(time - moment).argmin()) for moment in even]
