@@ -176,7 +176,7 @@ class Program:
         rows, shape = real_numbers(self.names, values)
         return self.floats(*rows) if shape is None else self.arrays(rows, shape)
 
-    def arrays(self, rows: Iterable[Real], shape: tuple[int, ...]) -> Any:
+    def arrays(self, rows: Sequence[Real], shape: tuple[int, ...]) -> Any:
         """Evaluates the formula on floats and arrays that broadcast to a shape; see `__call__`."""
         size = math.prod(shape)
         if size == 1 and not is_noisy():
