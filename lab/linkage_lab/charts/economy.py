@@ -261,7 +261,9 @@ class Economy:
             MechanismError: They are 0.
         """
         speed, program = rpm * math.pi / 30, self._without()
-        angles = samples(self._solver, speed)
+        # Several angles between two nodes of the largest table; with friction, each takes long.
+        steps = 720 if self._solver.model.joint_loads else 4 * _NODES[-1]
+        angles = samples(self._solver, speed, steps)
         found = program.torques(angles, speed)
         if not found.any():
             raise MechanismError(
