@@ -102,9 +102,19 @@ def exp(value: Real) -> Real:
     return _apply('exp', math.exp, np.exp, value)
 
 
+def expm1(value: Real) -> Real:
+    """Returns the exponential function minus 1, with all digits also near 0."""
+    return _apply('expm1', math.expm1, np.expm1, value)
+
+
 def log(value: Real) -> Real:
     """Returns the natural logarithm; the caller must ensure that the argument is positive."""
     return _apply('log', math.log, np.log, value)
+
+
+def log1p(value: Real) -> Real:
+    """Returns the natural logarithm of 1 + value, with all digits also near 0."""
+    return _apply('log1p', math.log1p, np.log1p, value)
 
 
 def atan2(y: Real, x: Real) -> Real:

@@ -21,6 +21,7 @@ from mechanisms import (
     with_loads,
     worst_errors,
 )
+from mpmath import mp
 from oracle import Oracle, load_fields, oracle_of
 from ros_harness import assert_refused
 
@@ -34,6 +35,8 @@ from linkage_ros import (
     Solver,
     UnreachableError,
 )
+from linkage_ros.mechanism.kinematics import LinkPose
+from linkage_ros.mechanism.loads.gas import GasForce
 from linkage_ros.programs import record as record_module
 from linkage_ros.quantities import build, flatten
 
@@ -420,6 +423,27 @@ def test_energy_of_loads_with_a_potential_closes_the_power_balance(name, loads):
         power = (energy(step) - energy(-step)) / (2 * step)
         size = abs(torque * u[0]) + abs(energy(0.0))
         assert power == pytest.approx(torque * u[0], abs=1e-6 * size)
+
+
+@pytest.mark.parametrize('clearance', [1e-7, 1e-3, 10.0])
+@pytest.mark.parametrize(
+    'exponent', [1.0, *(1.0 + sign * 10.0**-k for k in range(1, 17) for sign in (-1, 1))]
+)
+def test_energy_of_a_closed_gas_has_all_digits_near_an_isothermal_one(exponent, clearance):
+    """At 1 + 1e-16, the exponent is 1."""
+    area, inlet, largest = 0.03, 1e5, clearance + 0.2
+    gas = GasForce(0, area, 1.0, 0.0, clearance, largest, inlet, None, exponent, 0.0)
+    for share in (0.0, 1e-6, 0.3, 0.9):
+        place = -share * 0.2
+        (found, *_) = gas.potential([LinkPose(np.array([place]), None, None, None)])
+        assert gas.potential([LinkPose(place, None, None, None)]) == pytest.approx(
+            found, rel=2e-15
+        )
+        with mp.workdps(50):
+            volumes = [mp.mpf(area) * mp.mpf(x) for x in (largest, clearance - place)]
+            ratio, extra = volumes[0] / volumes[1], mp.mpf(exponent) - 1
+            work = (ratio**extra - 1) / extra if extra else mp.log(ratio)
+            assert abs(found / (inlet * volumes[0] * work) - 1) < 2e-15
 
 
 def test_torque_on_a_rocker_that_turns_fully_has_no_potential():

@@ -18,6 +18,7 @@ from linkage_ros.numeric import Real
 
 SCALAR: dict[str, Callable[..., float]] = {
     'sin': math.sin, 'cos': math.cos, 'atan2': math.atan2, 'exp': math.exp, 'log': math.log,
+    'expm1': math.expm1, 'log1p': math.log1p,
 }  # fmt: skip
 # Factors of the noise, if any, for the calls of this thread.
 _factors: ContextVar[Iterator[float] | None] = ContextVar('factors', default=None)

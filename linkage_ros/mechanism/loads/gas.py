@@ -10,7 +10,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from linkage_ros.errors import ConfigurationError
-from linkage_ros.formulas import ZERO, exp, log, number, where
+from linkage_ros.formulas import ZERO, exp, expm1, log, log1p, number, where
 from linkage_ros.mechanism.kinematics import LinkPose
 from linkage_ros.mechanism.loads.base import AppliedLoad, Range
 from linkage_ros.mechanism.wrenches import Wrench
@@ -160,12 +160,10 @@ class GasForce(NamedTuple):
         if self.outlet is not None:
             return ZERO
         distance, extra = self._distance(links), self.exponent - 1.0
-        ratio = log(self.largest / distance)
-        near = abs(extra) < 1e-3  # then the two quotients below lose digits
-        power = where(near, 1.0, extra)
-        x = extra * ratio
-        series = ratio * (1.0 + x * (0.5 + x * (1 / 6 + x / 24)))
-        work = where(near, series, (exp(x) - 1.0) / power)
+        ratio = log1p((self.largest - distance) / distance)  # logarithm of that of the volumes
+        differs = abs(extra) > 0.0  # from an isothermal gas
+        power = where(differs, extra, 1.0)
+        work = where(differs, expm1(extra * ratio) / power, ratio)
         volume = self.area * self.largest
         return self.inlet * (volume * work) + self.ambient * (self.area * distance)
 
