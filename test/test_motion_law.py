@@ -423,6 +423,22 @@ def test_bad_laws_are_refused_in_one_line(values, words):
         configured(values)
 
 
+@pytest.mark.parametrize('turns', [-2, 1, 300])
+@pytest.mark.parametrize('first', [0.3, -77.7, 1234.5, -98765.4, 900000.1])
+def test_a_law_from_a_large_angle_advances_by_exact_turns(first, turns):
+    """The sum of the angle and the turns is rounded, but the motion repeats exactly."""
+    values = {'times': (0.0, 1.0), 'repeat': True}
+    law = drive_of(**values, angles=(first, first + turns * TURN)).motion.law
+    assert law.turns == turns
+    assert law.at(7 * 10**9)[:2] == (7 * turns, first)
+    before, after = law.at(10**9 - 1), law.at(10**9)
+    assert before.angle + before.rate * 1e-9 - turns * TURN == pytest.approx(
+        after.angle, abs=4 * math.ulp(first + turns * TURN)
+    )
+    with pytest.raises(ConfigurationError, match=r'motion\.angles'):
+        drive_of(**values, angles=(first, first + turns * TURN + 1e-8))
+
+
 def test_a_law_of_one_point_or_turn_is_described_in_the_singular():
     assert drive_of(times=(0.0,), angles=(1.0,)).motion.law.words == '1 point in 0 s'
     turning = drive_of(times=(0.0, 1.0), angles=(0.0, TURN), repeat=True).motion.law

@@ -177,7 +177,8 @@ class Prescribed(Checked):
                 'without a jump'
             )
         gap = math.remainder(way, math.tau)
-        if abs(gap) > _ROUNDING * max(1.0, abs(way)):
+        ulp = math.ulp(max(abs(places[0]), abs(places[-1])))  # each angle was rounded
+        if abs(gap) > _ROUNDING * max(1.0, abs(way)) + 4 * ulp:
             raise ConfigurationError(
                 f'motion.angles ends {way!r} rad after its start: must be 0, or whole turns of '
                 f'{math.tau!r}, to repeat without a jump'
