@@ -15,6 +15,7 @@ import sys
 import textwrap
 import threading
 import time
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import partial
@@ -23,7 +24,13 @@ from typing import Any, NamedTuple, NoReturn, TypeAlias
 from tqdm import tqdm
 
 from linkage_ros import __version__
-from linkage_ros.errors import ConfigurationError, LinkageError, import_failure, one_line
+from linkage_ros.errors import (
+    ConfigurationError,
+    LinkageError,
+    ParameterWarning,
+    import_failure,
+    one_line,
+)
 from linkage_ros.quantities import Quantity, shown
 
 # Option names, `Quantity` of a numeric option, and keyword arguments for argparse.
@@ -217,7 +224,8 @@ def run(name: str, command: Callable[[], int | None]) -> int:
         sys.stdout.reconfigure(errors='backslashreplace')
     code = 0
     try:
-        code = command() or 0
+        with _warnings_as_notes():
+            code = command() or 0
         if sys.stdout is not None:  # None if the process was started with stdout closed
             sys.stdout.flush()
     except KeyboardInterrupt:
@@ -232,6 +240,25 @@ def run(name: str, command: Callable[[], int | None]) -> int:
             _discard_stdout()
         return 2
     return code
+
+
+@contextmanager
+def _warnings_as_notes() -> Iterator[None]:
+    """Prints each warning about a parameter file once, as a note on stderr."""
+    with warnings.catch_warnings():
+        warnings.simplefilter('default', ParameterWarning)
+        show = warnings.showwarning
+
+        def show_note(
+            message: Warning | str, category: type[Warning], *where: Any, **more: Any
+        ) -> None:
+            if issubclass(category, ParameterWarning):
+                print_error('note', message)
+            else:
+                show(message, category, *where, **more)
+
+        warnings.showwarning = show_note
+        yield
 
 
 def leave(code: int) -> int:

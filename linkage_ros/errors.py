@@ -110,6 +110,10 @@ def import_failure(error: ImportError) -> str:
     return missing_library(name, '' if is_absent else reason)
 
 
+class ParameterWarning(UserWarning):
+    """A parameter file that can be used, but probably contains a mistake."""
+
+
 class LinkageError(Exception):
     """Base class of all exceptions of this package; the message is always one line."""
 

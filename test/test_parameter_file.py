@@ -18,6 +18,9 @@ from ros_harness import PATIENCE
 from linkage_ros import ConfigurationError, load
 from linkage_ros.settings.yaml_file import read_parameter_file
 
+# Some files give a name twice.
+pytestmark = pytest.mark.filterwarnings('ignore::linkage_ros.errors.ParameterWarning')
+
 # Reads every file as a node does. Each result is a line of JSON, so that a crash shows its case;
 # the lines go to a file, because the middleware may write to stdout.
 RCL = """

@@ -8,6 +8,7 @@ are text.
 """
 
 import re
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TypeAlias, cast
@@ -15,7 +16,7 @@ from typing import TypeAlias, cast
 import yaml
 from yaml import CSafeLoader
 
-from linkage_ros.errors import ConfigurationError, shortened
+from linkage_ros.errors import ConfigurationError, ParameterWarning, shortened
 from linkage_ros.files import read_file
 from linkage_ros.quantities import shown
 
@@ -56,6 +57,9 @@ def read_parameter_file(path: Path | str, node_name: str = 'linkage_node') -> Pa
     Returns:
         The values by dotted name. If two sections set the same name, the later one wins.
 
+    Warns:
+        ParameterWarning: A section sets a name twice; as in rcl, the last value applies.
+
     Raises:
         ConfigurationError: The file cannot be read or is not a parameter file, or none of its
             sections applies to the node, which would then run with defaults.
@@ -88,6 +92,9 @@ def read_yaml(path: Path | str, kind: str) -> Parameters:
     Returns:
         The values by dotted name.
 
+    Warns:
+        ParameterWarning: A name is given twice; the last value applies.
+
     Raises:
         ConfigurationError: The file cannot be read, or has another syntax.
     """
@@ -116,11 +123,26 @@ class _Reader:
 
     def values(self) -> Iterator[tuple[tuple[str, ...], ParameterValue]]:
         """Yields the names of each value, from the outermost, and the value."""
+        lines = dict[str, int]()
         while not isinstance(event := self.next(), yaml.StreamEndEvent):
             if isinstance(event, yaml.MappingStartEvent):
-                yield from self.mapping(())
+                for names, value in self.mapping(()):
+                    self.note_repetition('.'.join(names), lines)
+                    yield names, value
             elif isinstance(event, yaml.NodeEvent):
                 raise self.syntax_error(f'{_show(event)} instead of a mapping; {self.layout}')
+
+    def note_repetition(self, name: str, lines: dict[str, int]) -> None:
+        """Warns if a name was given before, and stores its line in `lines`."""
+        if name in lines:
+            own = name.rpartition(f'{_SECTION}.')[2]
+            warnings.warn(
+                f'{self.file}: {shown(own)} is given in line {lines[name]} and again in line '
+                f'{self.line}, which applies; did you mean to remove one?',
+                ParameterWarning,
+                stacklevel=2,
+            )
+        lines[name] = self.line
 
     def mapping(self, names: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], ParameterValue]]:
         """Yields the names and values in a mapping with given names."""
