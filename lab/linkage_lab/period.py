@@ -39,6 +39,8 @@ from linkage_ros.internals import Drawing, LawMotion
 
 # Speed of a crank that is drawn over its arc, or of a cylinder over its stroke, m/s; and the part
 # of the arc or stroke left out at each end.
+# Mean power, relative to its rms, beyond the errors of a mean of 0.
+_NET = 0.01
 _SLOW_RPM, _SLOW, _MARGIN = 1.0, 0.01, 0.01
 _MOTION = ('position', ''), ('velocity', '/s'), ('acceleration', '/s^2')
 
@@ -194,6 +196,16 @@ class Period:
     def turns(self) -> float:
         """Number of crank turns of a whole period; otherwise 1."""
         return float(self.crank[-1]) / (2 * math.pi) if self._is_whole else 1.0
+
+    @property
+    def is_driven_by_loads(self) -> bool:
+        """Whether the loads of a motion that repeats drive the crank on average.
+
+        Errors of the mean, of loads that give back their work, do not count.
+        """
+        repeats = self._is_whole or self._law_turns is not None
+        power = self.columns['driving_power'].values
+        return repeats and self.mean_power < -_NET * math.sqrt(mean(self.x, power**2))
 
     @property
     def _is_whole(self) -> bool:

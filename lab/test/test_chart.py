@@ -532,6 +532,35 @@ def test_file_without_crank_speed_needs_rpm_option(tmp_path, called, kind, rest,
     assert_refused(*called(command_line, kind, path, *rest), words)
 
 
+@pytest.mark.parametrize('rpm', [60.0, -60.0])
+@pytest.mark.parametrize(
+    ('load', 'is_noted'),
+    [
+        # A resistance against the motion, and the same with the wrong sign.
+        ('{x: {kind: curve, link: crank, at: [0.0], value: [VALUE]}}', None),
+        (
+            '{x: {kind: spring, link: rocker, at: [0.1, 0.0], to_at: [0.3, 0.1], stiffness: 5e2}}',
+            False,
+        ),
+        ('{x: {kind: pins, damping: 0.1}}', False),
+    ],
+)
+def test_loads_that_drive_the_crank_are_noted(tmp_path, monkeypatch, called, rpm, load, is_noted):
+    monkeypatch.chdir(tmp_path)
+    for value in (5.0, -5.0):
+        own = f'rpm: {rpm}\n    loads: {load.replace("VALUE", str(value))}'
+        Path('own.yaml').write_text(CHANGE_POINT.replace('rpm: 60.0', own))
+        code, out, _ = called(command_line, 'motion', 'own.yaml')
+        expected = value * rpm > 0 if is_noted is None else is_noted
+        assert (code, 'loads drive the crank' in out) == (0, expected)
+
+
+@pytest.mark.parametrize('preset', preset_names())
+def test_loads_of_a_preset_do_not_drive_it(tmp_path, called, preset):
+    _, out, _ = called(command_line, 'motion', preset, '--out', tmp_path)
+    assert 'loads drive the crank' not in out
+
+
 @pytest.mark.parametrize(
     'words',
     [

@@ -8,9 +8,9 @@ import itertools
 import math
 import re
 import textwrap
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -140,7 +140,19 @@ def motion(options: argparse.Namespace) -> None:
             lines += size_flywheel(period, motor, options.fluctuation, names[0], flywheel)
             lines += map(str, flywheel.paths)
         _draw_motion(periods, remarks, options.show, drawn)
-    print(*doubts(*designs), *lines, *drawn.paths, table, sep='\n')
+    driven = [] if options.acceleration else _driven_by_loads(designs, periods)
+    print(*doubts(*designs), *driven, *lines, *drawn.paths, table, sep='\n')
+
+
+def _driven_by_loads(designs: Iterable[Any], periods: Mapping[str, Period]) -> list[str]:
+    """Notes designs whose loads drive the crank on average, unless a gas does, as in an engine."""
+    return [
+        f'note: {name}: the loads drive the crank: mean power {rounded(period.mean_power)} W; did '
+        'you mean loads of the other sign?'
+        for design, (name, period) in zip(designs, periods.items(), strict=True)
+        if period.is_driven_by_loads
+        and not any(getattr(load, 'bore', None) for load in design.mechanism.loads)
+    ]
 
 
 def _names(options: argparse.Namespace) -> list[str]:
