@@ -25,7 +25,7 @@ from linkage_ros.motion.under_torque import Motor, published
 from linkage_ros.numeric import wrap
 from linkage_ros.run.states import Simulator
 from linkage_ros.settings.configuration import configure
-from linkage_ros.settings.summary import notes
+from linkage_ros.settings.notes import notes
 from linkage_ros.settings.yaml_file import read_yaml
 from linkage_ros.view.drawing import Drawing
 from linkage_ros.xml_file import read_xml

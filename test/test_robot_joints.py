@@ -50,7 +50,7 @@ from linkage_ros.settings.configuration import (
     read_values,
     to_strings,
 )
-from linkage_ros.settings.summary import notes
+from linkage_ros.settings.notes import notes
 
 X_Z = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 ROBOTS = {

@@ -42,7 +42,7 @@ from linkage_ros import (
 from linkage_ros.programs import record as record_module
 from linkage_ros.quantities import build, flatten
 from linkage_ros.settings import configuration
-from linkage_ros.settings.summary import notes
+from linkage_ros.settings.notes import notes
 from linkage_ros.view.drawing import Drawing
 
 CLOSE = 1e-11

@@ -48,8 +48,9 @@ from linkage_ros.run.states import Simulator
 from linkage_ros.run.trajectory_ahead import TrajectoryAhead
 from linkage_ros.settings.command_lines import node_parser
 from linkage_ros.settings.configuration import configure, preset_note
+from linkage_ros.settings.notes import notes
 from linkage_ros.settings.parameters import parameter_leaves
-from linkage_ros.settings.summary import notes, summary
+from linkage_ros.settings.summary import summary
 from linkage_ros.units import NS_PER_MS
 
 _NAME = 'linkage_node'

@@ -19,8 +19,9 @@ from linkage_ros.log.verify import Verification, verify
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.motion.segments import Segment
 from linkage_ros.quantities import counted
+from linkage_ros.settings.notes import notes
 from linkage_ros.settings.parameters import parameter_leaves
-from linkage_ros.settings.summary import notes, summary
+from linkage_ros.settings.summary import summary
 from linkage_ros.units import NS_PER_S, JointUnits
 
 _NAME = 'linkage_log'

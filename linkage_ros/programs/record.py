@@ -42,9 +42,10 @@ from linkage_ros.settings.configuration import (
     read_values,
 )
 from linkage_ros.settings.help import help_on_every_kind
+from linkage_ros.settings.notes import notes
 from linkage_ros.settings.parameters import Session
 from linkage_ros.settings.presets import preset_names
-from linkage_ros.settings.summary import notes, summary
+from linkage_ros.settings.summary import summary
 from linkage_ros.units import NS_PER_S
 
 _NAME = 'linkage_record'

@@ -1,0 +1,187 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Notes values of a configuration that are possible, but probably a mistake."""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from linkage_ros.mechanism.registry import MECHANISMS
+from linkage_ros.messages.joints import own_joints
+from linkage_ros.motion.drives.law import LawDrive, Prescribed
+from linkage_ros.quantities import leaves
+from linkage_ros.settings.configuration import Configuration
+from linkage_ros.settings.parameters import parameter_leaves
+
+_LONG, _SHORT = 10.0, 1e-4  # m
+_FAR = 20.0  # distance relative to the longest link, beyond that of any usual point
+# A steel cube whose edge is 1.5 times the link, kg/m^3. Usual links are a hundredth of it.
+_DENSEST = 27e3
+_FEW = 10.0  # states per turn, whose values between the states cannot be guessed
+_POINTS = 20  # the fewest points of a law whose rounding is judged
+# Accelerations at all points, relative to those at every second and fourth point, rms. Rounding
+# errors give up to 4 and 16, a sine with six points per period gives 1.3 and 5.3.
+_ROUGH = {2: 2.5, 4: 6.0}
+_NEGLIGIBLE = 1e-3  # change of speed from point to point, relative to the speed, rms
+
+
+def notes(configuration: Configuration) -> list[str]:
+    """Returns a line for each value that is probably a mistake.
+
+    Most were probably given in another unit, and the line also states the value in that unit.
+    """
+    return [
+        *_zero(configuration),
+        *_angles(configuration),
+        *_lengths(configuration),
+        *_places(configuration),
+        *_masses(configuration),
+        *_rate(configuration),
+        *_rounding(configuration),
+        *_nothing(configuration),
+    ]
+
+
+def _zero(configuration: Configuration) -> Iterator[str]:
+    structure, given = configuration.mechanism.structure(), configuration.joints
+    link, joint = structure.driven_link, configuration.robot_joints[structure.driven]
+    own = own_joints(structure.links, configuration.session.joint_prefix)[structure.driven]
+    is_given = link.name in given and given[link.name].zero is not None
+    if not configuration.drive.is_measured or joint.name == own.name or is_given:
+        return
+    meaning = 'a rod at 0 m' if link.slides else 'the direction of +x'
+    yield (
+        f"joints.{link.name}.zero is not given, so zero 0: {joint.name}'s 0 is taken as {meaning}"
+    )
+
+
+def _angles(configuration: Configuration) -> Iterator[str]:
+    values = configuration.parameters()
+    links = configuration.mechanism.structure().links
+    turning = [f'joints.{link.name}.zero' for link in links if not link.slides]
+    for name, quantity, _ in parameter_leaves(configuration.kind, values):
+        value = values.get(name)
+        is_angle = quantity.unit == 'rad' or name in turning
+        if is_angle and isinstance(value, float) and abs(value) > 2 * math.pi:
+            yield (
+                f'{name} = {value:g} rad = {math.degrees(value) % 360:.4g} deg after whole turns; '
+                f'did you mean {value:g} deg = {math.radians(value):.4g} rad?'
+            )
+
+
+def _lengths(configuration: Configuration) -> Iterator[str]:
+    for name, value in configuration.parameters().items():
+        if not name.endswith('.length') or not isinstance(value, float):
+            continue
+        if value > _LONG:
+            yield f'{name} = {value:g} m; did you mean {value:g} mm = {value * 1e-3:g} m?'
+        elif value < _SHORT:
+            yield f'{name} = {value:g} m = {value * 1e3:g} mm; did you mean {value * 1e3:g} m?'
+
+
+def _longest(configuration: Configuration) -> float:
+    """Returns the length of the longest link, m; 0 if no link has a length."""
+    values = configuration.parameters().items()
+    return max((x for n, x in values if n.endswith('.length') and isinstance(x, float)), default=0)
+
+
+def _places(configuration: Configuration) -> Iterator[str]:
+    """Notes points in mm: centres of mass, and points of loads and dyads."""
+    values, longest = configuration.parameters(), _longest(configuration)
+    for name, quantity, _ in leaves(MECHANISMS[configuration.kind.mechanism], values=values):
+        place = values.get(name)
+        if quantity.kind != 'pair' or quantity.unit != 'm' or not isinstance(place, tuple):
+            continue
+        if 0 < _FAR * longest < math.hypot(*place):
+            x, y = (f'{value * 1e-3:g}' for value in place)
+            yield (
+                f'{name} = [{place[0]:g}, {place[1]:g}] m, where the longest link has '
+                f'{longest:g} m; did you mean mm = [{x}, {y}] m?'
+            )
+
+
+def _masses(configuration: Configuration) -> Iterator[str]:
+    """Notes masses in g, which are far above those of steel links of the same size."""
+    values, longest = configuration.parameters(), _longest(configuration)
+    for name, mass in values.items():
+        part, _, field = name.rpartition('.')
+        if field != 'mass' or not isinstance(mass, float) or not mass:
+            continue
+        # A crank may be a disc, larger than the distance of its pins.
+        own = None if part == 'crank' else values.get(f'{part}.length')
+        inertia = values.get(f'{part}.inertia')
+        gyration = math.sqrt(inertia / mass) if isinstance(inertia, float) else 0.0
+        size = max(own if isinstance(own, float) else longest, gyration)
+        if 0 < _DENSEST * size**3 < mass:
+            yield (
+                f'{name} = {mass:g} kg, more than a cube of steel with an edge of '
+                f'{1.5 * size:.3g} m; did you mean {mass:g} g = {mass * 1e-3:g} kg?'
+            )
+
+
+def _rate(configuration: Configuration) -> Iterator[str]:
+    """Notes a rate with too few states per turn, or per period of a law."""
+    drive, rate = configuration.drive, configuration.session.rate_hz
+    turns, word = 0.0, 'turn'  # per second
+    if isinstance(drive, LawDrive):
+        law = drive.motion.law
+        if law.repeats:
+            turns = max(1, abs(law.turns or 0)) * 1e9 / law.duration
+            word = 'turn' if law.turns else 'period of the motion'
+    else:
+        turns = abs(getattr(drive, 'rpm', None) or 0.0) / 60
+    if turns and rate < _FEW * turns:
+        yield (
+            f'rate_hz = {rate:g} gives {rate / turns:.3g} states per {word}, and the peaks are '
+            f'between them; did you mean {60 * turns:.4g} Hz, 60 states per {word}?'
+        )
+
+
+def _rounding(configuration: Configuration) -> Iterator[str]:
+    """Notes points of a law whose rounding errors dominate its accelerations."""
+    drive = configuration.drive
+    if not isinstance(drive, LawDrive) or drive.motion.speeds is not None:
+        return
+    excess = _roughness(drive.motion)
+    if excess:
+        yield (
+            f'the points of motion are rounded or noisy: they give accelerations {excess:.2g} '
+            'times those through every fourth point; did you mean fewer points, or points with '
+            'more digits?'
+        )
+
+
+def _roughness(motion: Prescribed) -> float:
+    """Compares second differences of all points with those of every fourth point.
+
+    Returns:
+        Their quotient, rms, if it is due to errors of many points; otherwise 0. It is 0, too, for
+        few points and for times that are not evenly spaced.
+    """
+    times, places = np.array(motion.times or ()), np.array(motion.places or ())
+    if len(times) < _POINTS:
+        return 0.0
+    steps = np.diff(times)
+    if steps.max() > 1.01 * steps.min():
+        return 0.0
+
+    bends = {
+        n: (places[2 * n :] - 2 * places[n:-n] + places[: -2 * n]) / n**2 for n in (1, *_ROUGH)
+    }
+    size = {n: math.sqrt(np.mean(bend**2)) for n, bend in bends.items()}
+    travel = math.sqrt(np.mean(np.diff(places) ** 2))
+    if size[1] <= _NEGLIGIBLE * travel or not size[4]:
+        return 0.0
+    if any(size[1] <= factor * size[n] for n, factor in _ROUGH.items()):
+        return 0.0
+    bend = abs(bends[1])
+    is_everywhere = np.mean(bend > 0.4 * bend.max()) > 0.05  # not a single jump
+    return size[1] / size[4] if is_everywhere else 0.0
+
+
+def _nothing(configuration: Configuration) -> Iterator[str]:
+    mechanism = configuration.mechanism
+    bodies = [(link.mass, link.inertia) for link in mechanism.structure().links]
+    if not any(map(any, bodies)) and not mechanism.link_loads() and not mechanism.joint_loads():
+        yield 'no link has a mass or an inertia, and there is no load or friction: the torque is 0'

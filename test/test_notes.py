@@ -1,0 +1,224 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Notes on values that are probably mistakes, and their absence for plausible mechanisms."""
+
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mechanisms import ALL
+from pages import PAGES, blocks, read
+
+from linkage_ros.errors import ConfigurationError, ParameterWarning
+from linkage_ros.mechanism.registry import MECHANISMS
+from linkage_ros.programs import log_tool
+from linkage_ros.programs import record as record_module
+from linkage_ros.quantities import flatten
+from linkage_ros.settings.configuration import configure, load
+from linkage_ros.settings.notes import notes
+from linkage_ros.settings.presets import preset_names
+from linkage_ros.settings.yaml_file import read_parameter_file
+
+KINDS = {kind: name for name, kind in MECHANISMS.items()}
+GOOD = {
+    'mechanism': 'slider_crank', 'rpm': 60.0, 'crank.length': 0.06, 'coupler.length': 0.18,
+    'coupler.mass': 0.6, 'coupler.center': [0.06, 0.0], 'coupler.inertia': 0.002,
+    'slider.mass': 0.4,
+}  # fmt: skip
+FORCE = {'loads.x.kind': 'force', 'loads.x.link': 'coupler', 'loads.x.force': [1.0, 0.0]}
+
+
+def law(times, angles, **more):
+    return {
+        **{name: value for name, value in GOOD.items() if name != 'rpm'}, 'drive': 'motion',
+        'motion.times': list(map(float, times)), 'motion.angles': list(map(float, angles)),
+        'rate_hz': 1000.0, **{f'motion.{name}': value for name, value in more.items()},
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ('changed', 'name'),
+    [
+        ({'coupler.mass': 600.0}, 'coupler.mass'),
+        ({'slider.mass': 400.0}, 'slider.mass'),
+        ({'crank.mass': 300.0}, 'crank.mass'),
+        ({'coupler.center': [60.0, 0.0]}, 'coupler.center'),
+        ({'coupler.point': [-10.0, 60.0]}, 'coupler.point'),
+        ({**FORCE, 'loads.x.at': [50.0, 0.0]}, 'loads.x.at'),
+        ({'rpm': 3000.0}, 'rate_hz'),
+        ({'rpm': -3000.0}, 'rate_hz'),
+        ({'rpm': 300.0, 'rate_hz': 20.0}, 'rate_hz'),
+    ],
+)
+def test_probable_mistake_in_one_parameter_is_noted_by_its_name(changed, name):
+    assert notes(configure(GOOD)) == []
+    (line,) = notes(configure({**GOOD, **changed}))
+    assert line.startswith(f'{name} = ')
+
+
+def test_mass_of_a_disc_is_plausible_by_its_inertia():
+    """A flywheel of 600 kg and 0.5 m radius on a short coupler."""
+    heavy = {**GOOD, 'coupler.mass': 600.0, 'coupler.inertia': 75.0}
+    assert notes(configure(heavy)) == []
+
+
+def test_mass_of_a_crank_may_be_that_of_a_disc_larger_than_its_pin_distance():
+    assert notes(configure({**GOOD, 'crank.length': 0.01, 'crank.mass': 2.0})) == []
+
+
+@pytest.mark.parametrize(
+    ('given', 'is_noted'),
+    [
+        ({'amplitude': 1.0, 'frequency': 50.0}, False),
+        ({'amplitude': 1.0, 'frequency': 200.0}, True),
+        ({'times': [0.0, 0.02], 'angles': [0.0, math.tau], 'repeat': True}, False),
+        ({'times': [0.0, 0.02], 'angles': [0.0, 20 * math.tau], 'repeat': True}, True),
+        ({'times': [0.0, 0.005], 'angles': [0.0, 1.0]}, False),
+    ],
+)
+def test_few_states_in_a_period_of_a_law_are_noted(given, is_noted):
+    values = {f'motion.{name}': value for name, value in given.items()}
+    rest = {name: value for name, value in GOOD.items() if name != 'rpm'}
+    own = notes(configure({**rest, 'drive': 'motion', 'rate_hz': 1000.0, **values}))
+    assert [line.startswith('rate_hz = ') for line in own] == [True] * is_noted
+
+
+def smooth(name, times):
+    """Returns smooth angles that are plausible for a law."""
+    end = times[-1]
+    x = times / end
+    return {
+        'sine': 0.5 * np.sin(math.tau * x),
+        'seventh harmonic': np.sin(math.tau * x) + 0.05 * np.sin(7 * math.tau * x),
+        'quintic rise': 10 * x**3 - 15 * x**4 + 6 * x**5,
+        'cubic': 3 * x**2 - 2 * x**3,
+        'ramp': np.interp(x, (0.0, 0.25, 0.75, 1.0), (0.0, 0.0, 1.0, 1.0)),
+        'triangle': abs((4 * x) % 2 - 1),
+        'jump': np.where(x < 0.5, 0.0, 1e-3),
+        'rest': np.full_like(x, 0.3),
+        'steady': x * math.tau,
+    }[name]
+
+
+SMOOTH = (
+    'sine', 'seventh harmonic', 'quintic rise', 'cubic', 'ramp', 'triangle', 'jump', 'rest',
+    'steady',
+)  # fmt: skip
+
+
+@pytest.mark.parametrize('name', SMOOTH)
+@pytest.mark.parametrize('count', [5, 50, 400])
+def test_smooth_points_are_not_noted(name, count):
+    times = np.linspace(0.0, 10.0, count)
+    assert notes(configure(law(times, smooth(name, times)))) == []
+
+
+@pytest.mark.parametrize(
+    ('step', 'count', 'is_noted'),
+    [
+        (math.radians(0.1), 400, True),  # one digit of degrees
+        (math.tau / 4096, 400, True),  # counts of an encoder
+        (0.01, 400, True),
+        (1e-9, 400, False),
+        (1e-6, 4000, False),
+        (0.01, 15, False),  # too few points to tell
+    ],
+)
+@pytest.mark.parametrize('name', ['sine', 'quintic rise'])
+def test_rounded_points_are_noted(name, step, count, is_noted):
+    times = np.linspace(0.0, 10.0, count)
+    angles = step * np.round(smooth(name, times) / step)
+    own = notes(configure(law(times, angles)))
+    assert len(own) == is_noted
+    # With speeds, the points are not differentiated twice.
+    if is_noted:
+        slopes = np.gradient(smooth(name, times), times).tolist()
+        assert notes(configure(law(times, angles, speeds=slopes))) == []
+
+
+@pytest.mark.parametrize('name', ALL)
+def test_plausible_mechanisms_are_not_noted(name):
+    mechanism = ALL[name]
+    kind = KINDS[type(mechanism)]
+    values = {
+        field: list(value) if isinstance(value, tuple) else value
+        for field, value in flatten(mechanism).items()
+        if value is not None and not (field == 'assembly' and kind == 'inverted_slider_crank')
+    }
+    drive = {} if kind == 'wind_pump' else {'drive': 'follow'}
+    if values.get('input') == 'cylinder':
+        values['assembly'] = mechanism.assembly
+    own = notes(configure({'mechanism': kind, **drive, **values}))
+    # 40 turns of the frame are intended.
+    assert [line for line in own if not line.startswith('frame.angle')] == []
+
+
+@pytest.mark.parametrize('name', preset_names())
+def test_presets_are_not_noted(name):
+    assert notes(load(name)) == []
+
+
+def test_parameter_files_of_the_pages_are_not_noted(tmp_path):
+    count = 0
+    for text in [block for page in PAGES for block in blocks(read(page))]:
+        path = tmp_path / 'page.yaml'
+        path.write_text(text)
+        try:
+            configuration = load(str(path))
+        except ConfigurationError:  # of another node, or with a file
+            continue
+        assert notes(configuration) == [], text
+        count += 1
+    assert count >= 5
+
+
+HEAD = '/**:\n  ros__parameters:\n'
+
+
+@pytest.mark.parametrize(
+    ('text', 'name', 'lines'),
+    [
+        (f'{HEAD}    rpm: 60.0\n    rate_hz: 9.0\n    rpm: 90.0\n', 'rpm', (3, 5)),
+        (f'{HEAD}    crank: {{mass: 1.0, mass: 2.0}}\n', 'crank.mass', (3, 3)),
+        (f'{HEAD}    crank.mass: 1.0\n    crank: {{mass: 2.0}}\n', 'crank.mass', (3, 4)),
+        (f'{HEAD}    rpm: 1.0\n{HEAD}    rpm: 2.0\n', 'rpm', (3, 6)),
+    ],
+)
+def test_name_given_twice_in_a_section_is_a_warning(tmp_path, text, name, lines):
+    path = tmp_path / 'twice.yaml'
+    path.write_text(text)
+    with pytest.warns(ParameterWarning) as found:
+        values = read_parameter_file(path)
+    (words,) = [str(warning.message) for warning in found]
+    assert repr(name) in words
+    assert re.findall(r'line (\d+)', words) == list(map(str, lines))
+    assert values[name] in {90.0, 2.0}  # the last one
+
+
+@pytest.mark.parametrize(
+    'text',
+    [
+        f'{HEAD}    rpm: 60.0\nlinkage_node:\n  ros__parameters:\n    rpm: 90.0\n',
+        f'{HEAD}    crank: {{mass: 1.0}}\n    crank: {{length: 2.0}}\n',
+        f'{HEAD}    crank: {{mass: 1.0}}\n    slider: {{mass: 2.0}}\n',
+    ],
+)
+def test_names_of_different_sections_or_groups_are_no_warning(tmp_path, text):
+    path = tmp_path / 'once.yaml'
+    path.write_text(text)
+    read_parameter_file(path)
+
+
+def test_programs_print_a_name_given_twice_once(tmp_path, called):
+    text = Path('config/quadrilateral.yaml').read_text()
+    path = tmp_path / 'twice.yaml'
+    path.write_text(text.replace('rpm: 150.0', 'rpm: 150.0\n    rpm: 60.0'))
+    code, _, error = called(record_module, path, tmp_path / 'o.mcap', '--duration', '0.01')
+    assert code == 0
+    assert len(re.findall("^note: .*'rpm'", error, re.MULTILINE)) == 1
+    # The log contains one value.
+    code, out, error = called(log_tool, 'info', tmp_path / 'o.mcap')
+    assert (code, error) == (0, '')
+    assert 'note' not in out
