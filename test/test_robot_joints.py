@@ -195,7 +195,8 @@ def test_torque_of_a_linkage_on_a_swinging_hip(name, tmp_path):
         answer = messages_of(simulator, stamp, coordinates)
         *motion, efforts = mechanism_state(answer, simulator)
         moved = [
-            {**row, 'hip': turn * x} for row, x in zip(motion, coordinates.frame, strict=True)
+            {**row, 'hip': turn * x}
+            for row, x in zip(motion, coordinates.conditions.frame, strict=True)
         ]
         torques.append(
             tree.power(*moved, along={**moved[1], 'hip': 0.0}) / moved[1]['crank_motor']
@@ -233,8 +234,8 @@ def test_measurements_without_the_frame_joint_are_rejected():
     assert set(crank.rejected.values()) == {1}
     # The filters did not see them.
     last = answer(3_000_000, crank=0.2, hip=0.1)
-    assert (last.u, last.a) == (last.frame[1:2], last.frame[2:])
-    assert first.frame == (0.0, 0.0, 0.0)
+    assert (last.u, last.a) == (last.conditions.frame[1:2], last.conditions.frame[2:])
+    assert first.conditions.frame == (0.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize(('given', 'words'), [
