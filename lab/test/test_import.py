@@ -558,6 +558,14 @@ REFUSED = {
     'two numbers for three': (TWO_NUMBERS, CLOSE, "joint 'rod_joint': <origin> xyz"),
     'a geom without size': (MJCF.replace('0.01 0.15', '0.01'), ('--crank', 'motor'), 'positive'),
     'a word as size': (MJCF.replace('0.01 0.15', '0.01 x'), ('--crank', 'motor'), 'size'),
+    'no gravity': (
+        MJCF.replace('<worldbody>', '<option gravity="0 0 nan"/><worldbody>'),
+        ('--crank', 'motor'), 'gravity',
+    ),
+    'no place': (
+        MJCF.replace('<worldbody>', '<worldbody><body pos="0 -Inf 0"/>'),
+        ('--crank', 'motor'), 'pos',
+    ),
     'axes that do not exist': (MJCF.replace('zyx', 'zyw'), ('--crank', 'motor'), 'euler'),
     'the mass of a mesh': (MESH, ('--crank', 'motor'), 'mesh'),
     'joints with one name': (LEG.replace('name="ankle"', 'name="knee"'), CLOSE, 'two joints'),

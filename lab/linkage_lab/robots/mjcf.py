@@ -32,8 +32,9 @@ from linkage_ros.quantities import shown
 _KINDS = {0: 'free', 1: BALL, 2: PRISMATIC, 3: REVOLUTE}  # by mjtJoint
 _CONNECT, _WELD = 0, 1  # mjtEq
 # MuJoCo's compiler takes quadratic time.
-_MOST = {'bodies': 1000, 'elements': 100_000}
+_MOST = {'bodies': 1000, 'elements': 5_000}
 _FOLDERS = 'assetdir', 'meshdir', 'texturedir'
+_NOT_FINITE = re.compile(r'(?i)(?<!\S)[-+]?(nan|inf|infinity)(?!\S)')
 _LEFT_OUT = 'armature', 'damping', 'frictionloss'
 
 
@@ -59,16 +60,18 @@ def read_mjcf(path: Path) -> Robot:
 
 
 def _require_limits(path: Path) -> None:
-    """Requires regular files, and counts that MuJoCo compiles in seconds.
+    """Requires regular files, finite numbers, and counts that MuJoCo compiles in seconds.
 
     Raises:
-        ConfigurationError: A file cannot be read, or there are too many bodies or elements.
+        ConfigurationError: A file cannot be read, a number is not finite, or there are too many
+            bodies or elements.
     """
     waiting, seen, folders = [path], {path}, {path.parent}
     counts = Counter[str]()
     while waiting:
         for element, times in _weighted(read_xml(waiting.pop())):
             counts[element.tag] += times
+            _require_finite(element)
             if element.tag == 'compiler':
                 folders |= {path.parent / element.get(name, '') for name in _FOLDERS}
             name = element.get('file', '')
@@ -83,6 +86,17 @@ def _require_limits(path: Path) -> None:
         number = counts['body'] if name == 'bodies' else counts.total()
         if number > most:
             raise ConfigurationError(f'the model has {number} {name}: must be at most {most}')
+
+
+def _require_finite(element: ET.Element) -> None:
+    """Requires finite numbers, which MuJoCo does not.
+
+    Raises:
+        ConfigurationError: A number is not finite.
+    """
+    for name, text in element.items():
+        if name not in {'name', 'class'} and _NOT_FINITE.search(text):
+            raise ConfigurationError(f'<{element.tag}> {name} = {shown(text)}: must be finite')
 
 
 def _weighted(root: ET.Element) -> Iterator[tuple[ET.Element, int]]:
