@@ -9,6 +9,8 @@ import numpy as np
 
 from linkage_ros.files import read_file
 
+_MOST_ROWS = 100_000  # millions would take gigabytes
+
 
 def read_columns(
     path: Path | str, check: Callable[[Sequence[str]], object]
@@ -24,12 +26,14 @@ def read_columns(
 
     Raises:
         OSError: The file cannot be read, or is too large.
-        ValueError: The names are not valid, a cell is not a number, or a line has more or fewer
-            cells than the first line.
+        ValueError: The names are not valid, there are too many rows, a cell is not a number, or a
+            line has more or fewer cells than the first line.
     """
     head, *lines = read_file(path).decode('utf-8-sig').splitlines() or ['']
     names = [name.strip(' \t"') for name in head.split(',')]
     check(names)
+    if len(lines) > _MOST_ROWS:
+        raise ValueError(f'has {len(lines)} rows, and at most {_MOST_ROWS} are read')
     rows = np.empty((0, 0))
     if any(lines):
         try:

@@ -123,6 +123,7 @@ def yaml_bombs():
         lambda: b'? ' * 100_000,
         lambda: b'- ' * 100_000,
         lambda: b'a: b: ' * 10_000,
+        lambda: b'a: b' + b'[' * 300_000,
         lambda: b'x' * (1 << 21),
     )
 

@@ -13,6 +13,7 @@ import signal
 import struct
 import subprocess
 import sys
+import time
 import tracemalloc
 from contextlib import contextmanager
 from pathlib import Path
@@ -38,6 +39,7 @@ from linkage_ros import (
     LinkageError,
     LogError,
     MotionError,
+    columns,
 )
 from linkage_ros.errors import one_line, printable
 from linkage_ros.log import scan as mcap_reader
@@ -218,6 +220,27 @@ def test_few_unknown_names_are_all_counted(count):
         configure({**TORQUE, **{f'n{i}': 1.0 for i in range(count)}})
     found = re.match(r'(\d+) mistakes', str(caught.value))
     assert int(found[1] if found else 1) == count
+
+
+@pytest.mark.parametrize('reader', ['law', 'load'])
+def test_numbers_of_a_csv_file_with_too_many_rows_are_not_read(put, monkeypatch, reader):
+    monkeypatch.setattr(columns, '_MOST_ROWS', 3)
+    head = {'law': 'time,angle', 'load': 'at,value'}[reader]
+    READERS[reader](str(put('three.csv', f'{head}\n0,1\n1,2\n2,1\n'.encode())))
+    monkeypatch.setattr(columns.np, 'loadtxt', None)
+    path = put('four.csv', f'{head}\n0,1\n1,2\n2,2\n3,1\n'.encode())
+    with pytest.raises(ConfigurationError, match='4 rows') as caught:
+        READERS[reader](str(path))
+    assert str(path) in str(caught.value)
+
+
+@pytest.mark.parametrize('text', [b'<!--', b'<!-->', b'-->', b'<!-- -->x', b'<a:b '])
+def test_a_robot_model_of_unfinished_parts_is_searched_once(put, text):
+    path = put('robot.urdf', text * 50_000)
+    begin = time.process_time()
+    with pytest.raises(ConfigurationError):
+        read_xml(path)
+    assert time.process_time() - begin < 5  # 1 ms, or minutes for a search in quadratic time
 
 
 def test_recovery_reads_a_log_of_damaged_chunks_about_once(stored, out, monkeypatch):
