@@ -3,20 +3,24 @@
 """Tests many random cases of hostile input, in processes with limits and in executables.
 
 Each case must end with success or one line of error, within 5 s and 1 GB in addition to the memory
-of the imports. The cases come from test/hostile.py; failing ones are saved in DIR/fuzz.
-Run: python benchmarks/reliability/fuzz.py [--out DIR] [--cases N]
+of the imports. The cases come from test/hostile.py, and long, deep and damaged files of every kind
+from test/hostile_files.py; failing ones are saved in DIR/fuzz.
+Run: python benchmarks/reliability/fuzz.py [--out DIR] [--cases N] [--files N] [--seed N]
 """
 
 import multiprocessing
 import os
 import random
 import resource
+import shutil
 import signal
 import subprocess
 import sys
 import tempfile
 import traceback
 from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from importlib import import_module
 from pathlib import Path
 
 import harness
@@ -26,12 +30,19 @@ sys.path.append(str(Path(__file__).resolve().parents[2] / 'test'))
 
 SHARES = {'parameter file': 0.4, 'log': 0.35, 'replay options': 0.15, 'live parameters': 0.1}
 BATCH = 500  # cases per process
+FORKED = {'file', 'crash'}  # kinds whose cases may end the process, as code in C does
+# Modules that the cases of files use, imported once.
+IMPORTED = (
+    'hostile_files', 'linkage_lab.robots.import_tool', 'linkage_lab.robots.mjcf',
+    'linkage_lab.sweep.study', 'linkage_ros.programs.record',
+)  # fmt: skip
 LONGEST, MEMORY = 5.0, 1 << 30  # limits of a case: processor time, s, and memory, bytes
 LIMIT = 30.0  # s, for an executable, including its imports on a busy machine
 IMPORTS = 3 << 30  # bytes of address space that the imports of an executable may reserve
 # Negative controls: faults that must be detected.
 CONTROLS = {
     'hang': 'while True: pass', 'memory': 'bytearray(2**31)', 'error': '1 / 0',
+    'crash': 'import os; os.abort()',
     'two lines': 'hostile_outcomes.one_line("two\\nlines of words")',
 }  # fmt: skip
 
@@ -46,7 +57,9 @@ def cases_of(kind, folder):
     np.seterr(all='raise')  # a warning would be a second line of output
     yaml, mcap = folder / 'case.yaml', folder / 'case.mcap'
     logs = (
-        hostile_logs.good_logs(folder) if kind in ('log', 'replay options', 'executable') else []
+        hostile_logs.good_logs(folder)
+        if kind in {'log', 'replay options', 'file', 'executable'}
+        else []
     )
 
     def parameter_file(rng):
@@ -62,6 +75,11 @@ def cases_of(kind, folder):
 
     def live_parameters(rng):
         return rng.choice(nodes).request(hostile.live_parameters(rng))
+
+    def file(rng):
+        shutil.rmtree(folder / 'files', ignore_errors=True)
+        (folder / 'files').mkdir()
+        return read_file(rng, folder / 'files', logs)
 
     def executable(rng):
         yaml.write_bytes(hostile.parameter_file(rng))
@@ -80,8 +98,58 @@ def cases_of(kind, folder):
         return lambda _: exec(CONTROLS[kind], {'hostile_outcomes': hostile_outcomes})
     return {
         'parameter file': parameter_file, 'log': log, 'replay options': replay_options,
-        'live parameters': live_parameters, 'executable': executable,
+        'live parameters': live_parameters, 'file': file, 'executable': executable,
     }[kind]  # fmt: skip
+
+
+def read_file(rng, folder, logs):
+    """Reads a long, deep or damaged file with a program; checks exit code and stderr."""
+    import hostile_files
+    import hostile_outcomes
+
+    from linkage_lab.robots import import_tool
+    from linkage_lab.sweep.study import read_study
+    from linkage_ros import cli, load
+    from linkage_ros.programs import log_tool, record
+
+    kind = rng.choice([*hostile_files.KINDS])
+    path = folder / ('case.mcap' if kind in {'log', 'bag'} else 'case')
+    path.write_bytes(hostile_files.KINDS[kind](rng, logs))
+    yaml, out = folder / 'settings.yaml', folder / 'out.mcap'
+    yaml.write_text(hostile_files.SETTINGS.get(kind, ''))
+    if kind == 'bag':
+        (folder / 'bag').mkdir()
+        path.rename(folder / 'bag/run_0.mcap')
+        (folder / 'bag/metadata.yaml').write_bytes(hostile_files.parameter_file(rng))
+        path = folder / 'bag'
+    joints = ('knee_motor', '--close', 'rod_tip', 'shank_pin') if kind == 'URDF' else ('crank',)
+    program, *words = rng.choice({
+        'parameters': ((lambda: load(str(path)),),),
+        'study': ((lambda: read_study(str(path)),),),
+        'law': ((lambda: load(str(yaml)),),), 'load': ((lambda: load(str(yaml)),),),
+        'log': (
+            (log_tool.main, 'info', path), (log_tool.main, 'verify', path),
+            (log_tool.main, 'recover', path, out), (log_tool.main, 'csv', path, out),
+            (lambda: hostile_outcomes.play(path),),
+        ),
+        'bag': (
+            (log_tool.main, 'csv', path, out),
+            (record.main, yaml, out, '--measured', path),
+        ),
+    }.get(kind, ((import_tool.main, path, '--crank', *joints, '-o', out),)))  # fmt: skip
+    errors = folder / 'errors'
+    for number, target in ((1, os.devnull), (2, errors)):
+        os.dup2(os.open(target, os.O_WRONLY | os.O_CREAT), number)
+    sys.argv = ['program', *map(str, words)]
+    try:
+        code = cli.run('program', lambda: program() and 1)
+    except SystemExit as ended:  # argparse
+        code = ended.code
+    sys.stderr.flush()
+    said = errors.read_text(errors='replace')
+    assert code in {0, 1, 2}, f'{kind}: exit code {code}: {said}'
+    assert said.count('\n') <= 1, f'{kind}: {said}'
+    return [hostile_outcomes.one_line(said.removesuffix('\n'))] if code == 2 else [said]
 
 
 def run_executable(rng, yaml, mcap):
@@ -135,34 +203,58 @@ def work(kind, seeds, out):
         failure.
     """
     signal.signal(signal.SIGPROF, out_of_time)
-    rows = []
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
+        for module in IMPORTED if kind == 'file' else ():
+            import_module(module)
         draw = cases_of(kind, folder)
         taken = int(Path('/proc/self/statm').read_text().split()[0]) * resource.getpagesize()
         limit_memory(taken + MEMORY)
-        for seed in seeds:
-            Path('/proc/self/clear_refs').write_text('5')  # resets the peak memory
-            begin, failure, answers = sum(os.times()[:4]), '', []
-            signal.setitimer(signal.ITIMER_PROF, LONGEST)
-            try:
-                answers = draw(random.Random(f'{kind} {seed}'))
-            except BaseException:  # noqa: BLE001, any exception is a failure
-                failure = traceback.format_exc()
-                keep(folder, out / f'{kind.replace(" ", "_")}_{seed}')
-            signal.setitimer(signal.ITIMER_PROF, 0.0)
-            seconds = sum(os.times()[:4]) - begin  # includes child processes
-            peak = Path('/proc/self/status').read_text().partition('VmHWM:')[2].split()[0]
-            accepted = not failure and not any(answers)
-            rows.append((seed, seconds, int(peak) / 1024, accepted, failure))
-    return rows
+        run_case = partial(case, kind, draw, folder, out)
+        return [forked(run_case, seed) if kind in FORKED else run_case(seed) for seed in seeds]
+
+
+def case(kind, draw, folder, out, seed):
+    """Runs a case; returns its row, see `work`."""
+    Path('/proc/self/clear_refs').write_text('5')  # resets the peak memory
+    begin, failure, answers = sum(os.times()[:4]), '', []
+    signal.setitimer(signal.ITIMER_PROF, LONGEST)
+    try:
+        answers = draw(random.Random(f'{kind} {seed}'))
+    except BaseException:  # noqa: BLE001, any exception is a failure
+        failure = traceback.format_exc()
+        keep(folder, out / f'{kind.replace(" ", "_")}_{seed}')
+    signal.setitimer(signal.ITIMER_PROF, 0.0)
+    seconds = sum(os.times()[:4]) - begin  # includes child processes
+    peak = Path('/proc/self/status').read_text().partition('VmHWM:')[2].split()[0]
+    return seed, seconds, int(peak) / 1024, not failure and not any(answers), failure
+
+
+def forked(run_case, seed):
+    """Runs a case in a forked process, so that a crash, or a hang in C, is its failure alone."""
+    receiver, sender = (context := multiprocessing.get_context('fork')).Pipe(duplex=False)
+
+    def work_in_child():
+        resource.setrlimit(resource.RLIMIT_CPU, (2 * int(LONGEST),) * 2)  # for code in C
+        sender.send(run_case(seed))
+
+    process = context.Process(target=work_in_child)
+    process.start()
+    sender.close()
+    try:
+        return receiver.recv() if receiver.poll(4 * LIMIT) else (seed, 0.0, 0, False, 'hangs')
+    except EOFError:
+        process.join()
+        return seed, 0.0, 0, False, f'crashed: exit code {process.exitcode}'
+    finally:
+        process.kill()
+        process.join()
 
 
 def keep(folder, target):
     """Copies the files of a failing case."""
-    for path in (folder / 'case.yaml', folder / 'case.mcap'):
-        if path.exists():
-            target.with_suffix(path.suffix).write_bytes(path.read_bytes())
+    for path in folder.glob('**/case*'):
+        target.with_name(f'{target.name}_{path.name}').write_bytes(path.read_bytes())
 
 
 def run(kind, seeds, out):
@@ -195,7 +287,7 @@ def main():
     options = harness.options(
         __doc__,
         cases=(10_000, 'random cases'), processes=(120, 'runs of executables'),
-        seed=(0, 'seed of the first case'),
+        files=(2_000, 'long, deep and damaged files'), seed=(0, 'seed of the first case'),
     )  # fmt: skip
     out = options.out / 'fuzz'
     out.mkdir(parents=True, exist_ok=True)
@@ -204,7 +296,10 @@ def main():
     print('every control was found', flush=True)
     counts = {kind: round(share * options.cases) for kind, share in SHARES.items()}
     figures = {}
-    for kind, count in {**counts, 'executable': options.processes}.items():
+    counts |= {'file': options.files, 'executable': options.processes}
+    for kind, count in counts.items():
+        if not count:
+            continue
         figures[kind] = run(kind, range(options.seed, options.seed + count), out)
         for failure in figures[kind]['failures']:
             print(f'{kind}, seed {failure["seed"]}: {failure["words"].splitlines()[-1]}')
