@@ -75,7 +75,8 @@ def speed_errors(law, delays, limit, angle, speed):
         speed: Crank speeds at the start, rad/s.
     """
     q, u, torque = angle, speed, np.zeros(len(angle))
-    seen = np.empty((2, *delays.measured.shape))
+    # A controller that is active before the first state reads the end, which is not yet written.
+    seen = np.zeros((2, *delays.measured.shape))
 
     def accelerations(q, u):
         return SOLVER.accelerations((q,), (u,), torque)

@@ -7,12 +7,11 @@ at its start, and a set speed. The phase at a later stamp is a closed expression
 nanoseconds. It is reduced by whole turns and then rounded once to a float.
 """
 
-import copy
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -157,11 +156,7 @@ class SpeedMotion(Motion):
         """Returns the motion under conditions and a `SpeedDrive`; see `Motion.under`."""
         gravity, segment = conditions.gravity, self.segment
         if drive.rpm == segment.rpm and gravity == segment.gravity:
-            if conditions == self.conditions:
-                return self
-            found = copy.copy(self)
-            found.conditions = conditions
-            return found
+            return cast('SpeedMotion', super().under(stamp, conditions, drive))
         segment = self.change(stamp, drive.rpm).segment
         return SpeedMotion(replace(segment, gravity=gravity), conditions)
 

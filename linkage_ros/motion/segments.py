@@ -6,6 +6,7 @@ Each kind of motion derives both; a segment lasts until the next one starts, and
 stores.
 """
 
+import copy
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -91,19 +92,24 @@ class Motion(ABC):
     def restamp(self, old: int, new: int) -> 'Motion':
         """Returns the motion after a step of the clock from one stamp, ns, to another."""
 
-    @abstractmethod
-    def under(self, stamp: int, conditions: Conditions, drive: Any) -> 'Motion':
+    def under(self, stamp: int, conditions: Conditions, drive: Any) -> 'Motion':  # noqa: ARG002
         """Returns the motion under conditions and a drive from a stamp on.
 
         Args:
             stamp: Stamp, ns; must not be earlier than in the last call of `at`.
-            conditions: Gravity and forces of loads. A change of gravity starts a new segment.
+            conditions: Gravity and forces of loads. In a motion whose segments hold a gravity, a
+                change of gravity starts a new segment.
             drive: The drive. A change of a parameter that may be set while running starts a new
                 segment.
 
         Raises:
             MotionError: The motion ends before the stamp.
         """
+        if conditions == self.conditions:
+            return self
+        found = copy.copy(self)
+        found.conditions = conditions
+        return found
 
     def next_segment(self, logged: Any) -> Segment:
         """Recomputes the segment that follows this motion, given a logged one.
