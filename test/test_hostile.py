@@ -231,7 +231,7 @@ def test_numbers_of_a_csv_file_with_too_many_rows_are_not_read(put, monkeypatch,
     path = put('four.csv', f'{head}\n0,1\n1,2\n2,2\n3,1\n'.encode())
     with pytest.raises(ConfigurationError, match='4 rows') as caught:
         READERS[reader](str(path))
-    assert str(path) in str(caught.value)
+    assert 'four.csv' in str(caught.value)
 
 
 @pytest.mark.parametrize('text', [b'<!--', b'<!-->', b'-->', b'<!-- -->x', b'<a:b '])
@@ -425,7 +425,7 @@ def test_a_foreign_or_forged_file_is_refused_in_one_line(stored, monkeypatch, da
     path = stored(data)
     with at_most(5), pytest.raises(LogError, match=words) as caught:
         read(path)
-    assert str(path) in str(caught.value)
+    assert 'four.csv' in str(caught.value)
     hostile_outcomes.log_file(path)
 
 
