@@ -288,10 +288,14 @@ class _Held(NamedTuple):
 
 
 def _read_parts(cls: Any) -> tuple[tuple[dataclasses.Field[Any], Quantity | _Held], ...]:
-    """Returns each field of a dataclass with its `Quantity` or its valid objects."""
+    """Returns each field of a dataclass with its `Quantity` or its valid objects.
+
+    They are in the order of the constructor's arguments, so that those which a base class declares
+    by keyword only follow those of the class itself.
+    """
     hints = typing.get_type_hints(cls)
     found = []
-    for field in dataclasses.fields(cls):
+    for field in sorted(dataclasses.fields(cls), key=lambda field: bool(field.kw_only)):
         kind = hints[field.name]
         # The class of a part that may be None.
         inner = next((x for x in typing.get_args(kind) if dataclasses.is_dataclass(x)), kind)

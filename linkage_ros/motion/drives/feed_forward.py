@@ -1,15 +1,16 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Parameters of the torque for a controller."""
+"""Parameters of the torque for a controller, which follow those of the drive itself."""
 
 from dataclasses import dataclass
 
-from linkage_ros.quantities import TOPIC_NAME, Checked, quantity
+from linkage_ros.motion.drives.base import Drive
+from linkage_ros.quantities import TOPIC_NAME, quantity
 
 
-@dataclass(frozen=True)
-class FeedForward(Checked):
-    """Settings of the feed-forward torque for a controller.
+@dataclass(frozen=True, kw_only=True)
+class FeedForward(Drive):
+    """A drive with a feed-forward torque for a controller.
 
     Attributes:
         effort_command_topic: Topic of the driving torque for a controller; empty for none.
@@ -26,9 +27,9 @@ class FeedForward(Checked):
     )  # fmt: skip
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class TrajectoryFeedForward(FeedForward):
-    """Settings of the crank's trajectory for a controller, if its motion is known in advance.
+    """A drive that knows its motion in advance, with a trajectory for a controller.
 
     Attributes:
         trajectory_command_topic: Topic of the crank's trajectory for a controller; empty for none.

@@ -16,7 +16,7 @@ from linkage_ros.mechanism.structure import Link
 from linkage_ros.messages.cdr import JointReader
 from linkage_ros.messages.joints import RobotJoint
 from linkage_ros.messages.topics import MEASURED_JOINT_STATES, Topic
-from linkage_ros.motion.drives.base import Drive, Machine
+from linkage_ros.motion.drives.base import Machine
 from linkage_ros.motion.drives.feed_forward import FeedForward
 from linkage_ros.motion.inputs import Input
 from linkage_ros.motion.measured import FollowMotion, FollowSegment, Tracked, extrapolated
@@ -291,18 +291,7 @@ class MeasuredCrank(Input):
 
 
 @dataclass(frozen=True)
-class _Follow(Checked):
-    """Parameters of a measured crank; see `FollowDrive`."""
-
-    follow_bandwidth: float = quantity(
-        'number', 'bandwidth of the filter for rates and accelerations; 0 sets them to 0',
-        'Hz', span=(0.0, 1e4), default=20.0,
-    )  # fmt: skip
-    frame_joint: FrameJoint = field(default_factory=FrameJoint)
-
-
-@dataclass(frozen=True)
-class FollowDrive(FeedForward, _Follow, Drive):
+class FollowDrive(FeedForward):
     """A measured crank that the other links follow.
 
     Attributes:
@@ -312,6 +301,12 @@ class FollowDrive(FeedForward, _Follow, Drive):
     """
 
     segment, subject, is_measured = FollowSegment, 'measured {}', True
+
+    follow_bandwidth: float = quantity(
+        'number', 'bandwidth of the filter for rates and accelerations; 0 sets them to 0',
+        'Hz', span=(0.0, 1e4), default=20.0,
+    )  # fmt: skip
+    frame_joint: FrameJoint = field(default_factory=FrameJoint)
 
     @property
     def crank_angle(self) -> float:

@@ -16,7 +16,7 @@ from linkage_ros.mechanism.solver import Solver
 from linkage_ros.mechanism.structure import Link, Mechanism
 from linkage_ros.messages.topics import CRANK_TRAJECTORY, Topic
 from linkage_ros.motion.along_law import LawMotion, LawSegment, require_possible
-from linkage_ros.motion.drives.base import Drive, Machine
+from linkage_ros.motion.drives.base import Machine
 from linkage_ros.motion.drives.crank_trajectories import CrankTrajectories
 from linkage_ros.motion.drives.feed_forward import TrajectoryFeedForward
 from linkage_ros.motion.inputs import Input
@@ -248,14 +248,7 @@ def _check_columns(names: Sequence[str]) -> None:
 
 
 @dataclass(frozen=True)
-class _Law(Checked):
-    """Parameters of a joint that follows a law; see `LawDrive`."""
-
-    motion: Prescribed
-
-
-@dataclass(frozen=True)
-class LawDrive(TrajectoryFeedForward, _Law, Drive):
+class LawDrive(TrajectoryFeedForward):
     """A crank or a cylinder that follows a law of motion.
 
     Attributes:
@@ -263,6 +256,8 @@ class LawDrive(TrajectoryFeedForward, _Law, Drive):
     """
 
     segment, subject = LawSegment, '{} along a motion'
+
+    motion: Prescribed
 
     @property
     def crank_angle(self) -> float:

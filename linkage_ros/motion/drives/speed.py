@@ -9,9 +9,9 @@ from linkage_ros.mechanism.ranges import Ranges
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.mechanism.structure import Link, Mechanism
 from linkage_ros.motion.at_speed import SpeedMotion, SpeedSegment
-from linkage_ros.motion.drives.base import Drive, Machine
+from linkage_ros.motion.drives.base import Machine
 from linkage_ros.motion.drives.feed_forward import TrajectoryFeedForward
-from linkage_ros.quantities import Checked, quantity
+from linkage_ros.quantities import quantity
 
 # Plotted: turns, and shortest and longest duration, s. Rerun draws a curve where the time axis was
 # in the previous frame, so that a slow computer would show no curve of a time shorter than that
@@ -21,8 +21,18 @@ _STANDING_SECONDS = 10.0  # plotted at standstill
 
 
 @dataclass(frozen=True)
-class _Speed(Checked):
-    """Parameters of a crank at a set speed; see `SpeedDrive`."""
+class SpeedDrive(TrajectoryFeedForward):
+    """A drive that turns the crank at a set speed.
+
+    Attributes:
+        rpm: Set crank speed, turns per minute, positive counter-clockwise.
+        start_rpm: Speed at t = 0, turns per minute; None to start at `rpm`.
+        crank_acceleration: Acceleration at which the speed approaches `rpm`, rad/s^2; 0 for an
+            immediate change.
+        crank_angle: Crank angle at t = 0, rad.
+    """
+
+    segment = SpeedSegment
 
     rpm: float = quantity(
         'number', 'crank speed, counter-clockwise positive', 'rpm', span=(-1e6, 1e6), live=True
@@ -41,21 +51,6 @@ class _Speed(Checked):
     crank_angle: float = quantity(
         'number', 'crank angle at t = 0', 'rad', span=(-1e6, 1e6), default=0.0
     )
-
-
-@dataclass(frozen=True)
-class SpeedDrive(TrajectoryFeedForward, _Speed, Drive):
-    """A drive that turns the crank at a set speed.
-
-    Attributes:
-        rpm: Set crank speed, turns per minute, positive counter-clockwise.
-        start_rpm: Speed at t = 0, turns per minute; None to start at `rpm`.
-        crank_acceleration: Acceleration at which the speed approaches `rpm`, rad/s^2; 0 for an
-            immediate change.
-        crank_angle: Crank angle at t = 0, rad.
-    """
-
-    segment = SpeedSegment
 
     @property
     def initial_rpm(self) -> float:
