@@ -10,6 +10,8 @@ from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
 
+from ros_harness import PATIENCE
+
 from linkage_ros import cli
 
 _PROCESSES = multiprocessing.get_context('forkserver')
@@ -62,8 +64,8 @@ def _run(words, folder, variables):
         sys.exit(cli.run(program, import_module(program).main))
 
 
-def run_forked(program, *arguments, folder, variables=None, seconds=60):
-    """Runs a program; returns its exit code, None if it does not end in time, and its output."""
+def run_forked(program, *arguments, folder, variables=None):
+    """Runs a program; returns its exit code, None if it hangs, and its output."""
     with forked(program, *arguments, folder=folder, variables=variables) as process:
-        process.join(seconds)
+        process.join(PATIENCE)
         return process.exitcode, Path(folder, 'printed').read_text()

@@ -32,7 +32,7 @@ from pages import (
     read,
     run_python,
 )
-from ros_harness import Listener, environment, fresh_domain, wait_for
+from ros_harness import PATIENCE, Listener, environment, fresh_domain, wait_for
 from sensor_msgs.msg import JointState
 
 from linkage_ros import cli
@@ -266,7 +266,7 @@ def run_node(words, folder):
 
         wait_for(has_answered)
         os.kill(process.pid, signal.SIGINT)
-        process.join(60)
+        process.join(PATIENCE)
         return process.exitcode, (folder / 'printed').read_text()
 
 
