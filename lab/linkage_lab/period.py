@@ -347,10 +347,11 @@ def _over_arc(
     rpm, solver = _SLOW_RPM if rpm is None else rpm, Solver(design.mechanism)
     low, high = _arc_around(solver.reach, design.drive.crank_angle)
     margin = _MARGIN * (high - low)  # the rates are infinite at the ends
-    crank = np.linspace(low + margin, high - margin, 721)
     speed, words = rpm * math.pi / 30, f'{rpm:g} rpm over its arc'
     if solver.reach.slides:
         speed, words = _SLOW, f'{_SLOW:g} m/s over its stroke'
+    crank, moving = np.linspace(low + margin, high - margin, 721), without_loads(solver)
+    crank = with_breaks(crank, solver, lambda angles: moving.state(angles, speed))
     period = _at_speed(solver, crank, speed, reactions='reactions' in options)
     return period, [_group(solver), words, *_ranges(period)]
 
@@ -494,7 +495,8 @@ def speed_driven_period(
     """
     solver = Solver(mechanism)
     solver.reach.require_full_turn()
-    return _at_speed(solver, samples(solver, speed), speed, acceleration, reactions=reactions)
+    crank = samples(solver, speed, acceleration=acceleration)
+    return _at_speed(solver, crank, speed, acceleration, reactions=reactions)
 
 
 def _at_speed(

@@ -26,28 +26,27 @@ _ORDER, _CELLS, _ROUNDS, _CLOSE, _TOPS = 10, 64, 24, 4e-15, 16
 _NODES = -np.cos(math.pi / _ORDER * np.arange(_ORDER + 1))
 _TERMS = np.linalg.inv(chebvander(_NODES, _ORDER)).T  # values at the nodes @ this: coefficients
 _FINE = chebvander(np.linspace(-1, 1, _CELLS + 1), _ORDER).T  # coefficients @ this: values
+# Largest change of the force in a joint with friction from a sample to the next, relative to the
+# smaller of both; and relative to the largest force, below which it has no effect.
+_CHANGE, _SMALL = 0.25, 1e-9
 _EVEN = 1e-13  # a function with this relative range is constant but for rounding errors
 
 
-def samples(solver: Solver, speed: float, steps_per_turn: int = 720) -> Array:
+def samples(
+    solver: Solver, speed: float, steps_per_turn: int = 720, acceleration: float = 0.0
+) -> Array:
     """Returns crank angles over one period; see `Reach.samples` and `with_breaks`.
 
-    Corners of loads, and of the friction in guides, depend on the speed of the crank, rad/s.
+    Corners of loads, and bends of friction, depend on the speed of the crank, rad/s, and on its
+    acceleration, rad/s^2.
     """
     crank, moving = solver.reach.samples(steps_per_turn), without_loads(solver)
-    return with_breaks(crank, solver, lambda angles: moving.state(angles, speed))
+    return with_breaks(crank, solver, lambda angles: moving.state(angles, speed, acceleration))
 
 
 def without_loads(solver: Solver) -> Solver:
     """Returns a solver of the same motion, which loads and friction do not change."""
     return Solver(replace(cast('Any', solver.mechanism), loads=()))
-
-
-def _guide_forces_turn(solver: Solver) -> bool:
-    """Whether friction has a corner where the force of a guide changes its sign."""
-    loads, reach = solver.mechanism.applied_loads(), solver.mobility
-    has_change_point = reach is not None and reach.has_change_point
-    return any(getattr(load, 'guide', 0.0) for load in loads) and not has_change_point
 
 
 def law_duration(solver: Solver, law: Any) -> int:
@@ -90,37 +89,67 @@ def with_breaks(crank: Array, solver: Solver, states: Callable[[Array], State]) 
             low, high = np.where(is_low, middle, low), np.where(is_low, high, middle)
         breaks = np.unique([*breaks, *low, *high])
         found = np.unique([*found, *breaks])
-    if not breaks.size:
+    if breaks.size:
+        is_near = np.abs(crank[:, None] - breaks).min(axis=1) < SAME
+        is_near[[0, -1]] = False
+        ends = itertools.pairwise([crank[0], *breaks, crank[-1]])
+        between = [np.linspace(*pair, _PARTS + 1) for pair in ends if pair[1] - pair[0] > SAME]
+        crank = np.unique(np.concatenate([crank[~is_near], breaks, *between]))
+    return _with_bends(crank, solver, states)
+
+
+def _with_bends(crank: Array, solver: Solver, states: Callable[[Array], State]) -> Array:
+    """Adds crank angles where the force in a joint with friction almost vanishes.
+
+    There its magnitude, and thus the friction, bends within an angle as small as the least force.
+    """
+    model, reach = solver.model, solver.mobility
+    still = [0.0] * len(model.links)
+    rubbing = {
+        contact.joint for load in model.joint_loads
+        for contact in load.contacts(model.pins, model.links, still)
+    }  # fmt: skip
+    if not rubbing or (reach is not None and reach.has_change_point):
         return crank
-    is_near = np.abs(crank[:, None] - breaks).min(axis=1) < SAME
-    is_near[[0, -1]] = False
-    ends = itertools.pairwise([crank[0], *breaks, crank[-1]])
-    between = [np.linspace(*pair, _PARTS + 1) for pair in ends if pair[1] - pair[0] > SAME]
-    return np.unique(np.concatenate([crank[~is_near], breaks, *between]))
+
+    def forces(angles: Array) -> Array:
+        found = solver.reactions(states(angles))
+        return np.array(
+            [x + 1j * y for name, (x, y) in found.pins.items() if name in rubbing]
+            + [x.force + 0j for name, x in found.guides.items() if name in rubbing]
+        )
+
+    now = forces(crank)
+    least = _SMALL * np.abs(now).max()
+    while True:
+        size, change = np.abs(now), np.abs(np.diff(now))
+        bends = change > np.maximum(_CHANGE * np.minimum(size[:, 1:], size[:, :-1]), least)
+        (at,) = np.nonzero(bends.any(axis=0) & (np.diff(crank) > SAME))
+        if not 0 < at.size < len(crank) / 2:  # more are rounding errors
+            return crank
+        middle = 0.5 * (crank[at] + crank[at + 1])
+        now = np.insert(now, at + 1, forces(middle), axis=1)
+        crank = np.insert(crank, at + 1, middle)
 
 
 def _pieces(solver: Solver, states: Callable[[Array], State]) -> Callable[[Array], Array]:
-    """Returns a function of crank angles that numbers the smooth pieces of loads and forces."""
+    """Returns a function of crank angles that numbers the smooth pieces of loads."""
     model, mechanism = solver.model, solver.mechanism
     cornered = [load for load in mechanism.applied_loads() if load.has_corners]
     loads: list[Any] = [found for load in cornered if (found := load.on(mechanism))]
     in_joints: list[Any] = [rub for load in cornered if (rub := load.in_joints(mechanism))]
-    guides = [link.name for link in solver.structure.links if link.slides]
-    guides = guides if _guide_forces_turn(solver) else []
     reach, driven = solver.mobility, solver.structure.driven
     in_line = [reach.fast] if reach is not None and reach.has_change_point else []
 
     def pieces(angles: Array) -> Array:
-        count = len(loads) + len(in_joints) + len(guides) + len(in_line)
+        count = len(loads) + len(in_joints) + len(in_line)
         rows = np.zeros((count, len(angles)))
         if count:
             state = states(angles)
             links = poses(model.links, state.position)
-            found = solver.reactions(state).guides if guides else {}
             rows[:] = (
                 [load.piece(links, state.velocity) for load in loads]
                 + [load.piece(model.pins, model.links, state.velocity) for load in in_joints]
-                + [found[name].force >= 0 for name in guides]
                 + [np.sin(state.position[driven] - fast) >= 0 for fast in in_line]
             )
         return rows

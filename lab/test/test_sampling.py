@@ -83,9 +83,11 @@ def test_friction_changes_at_both_sides_of_a_reversal():
     linkage = SliderCrank(
         Body(0.04), Coupler(0.2), Slider(mass=3.0), Guide(0.7), loads=(Friction(guide=0.3),)
     )
-    crank = samples(Solver(linkage), 1.0)
+    solver = Solver(linkage)
+    crank = samples(solver, 1.0)
     for reversal in (0.7, 0.7 + math.pi):
-        assert np.sum(np.abs(crank - reversal) < 1e-15) == 2
+        rates = solver.state(crank[np.abs(crank - reversal) < 1e-15], 1.0).velocity[2]
+        assert rates.min() < 0 < rates.max()
 
 
 def test_parts_between_jumps_are_integrated_and_differentiated_to_full_precision():

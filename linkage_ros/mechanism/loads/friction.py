@@ -83,9 +83,12 @@ class DryFriction(NamedTuple):
         return contacts
 
     def piece(self, pins: Sequence[Any], links: Sequence[Any], rates: Sequence[Real]) -> Real:
-        """Returns a number for each combination of directions in the joints; see `Load`."""
+        """Returns a number for each combination of directions in the joints; see `Load`.
+
+        A joint at rest has a number of its own, because it has no friction.
+        """
         joints = self._rubbing(pins, links, rates)
-        return sum((rate >= 0) * 2**i for i, (*_, rate) in enumerate(joints))
+        return sum((_sign(rate) + 1.0) * 3**i for i, (*_, rate) in enumerate(joints))
 
     def _rubbing(
         self, pins: Sequence[Any], links: Sequence[Any], rates: Sequence[Real]
