@@ -22,7 +22,7 @@ from PIL import Image
 
 from linkage_ros import cli
 from linkage_ros.errors import ViewerError
-from linkage_ros.messages.topics import JOINT_STATES
+from linkage_ros.mechanism.kinematics import State
 from linkage_ros.motion.drives.speed import SpeedDrive
 from linkage_ros.run.states import Simulator
 from linkage_ros.settings.configuration import Configuration, load
@@ -49,20 +49,14 @@ _COLORS = 64
 _PATIENCE = 30.0  # s, time limit for the viewer to start
 
 
-def _messages(configuration: Configuration) -> list[tuple[int, bytes]]:
-    """Computes the messages of one turn, including the state at its end."""
+def _states(configuration: Configuration) -> list[tuple[int, State]]:
+    """Computes the states of one turn, including the one at its end, with their stamps, ns."""
     simulator = Simulator(configuration)
     motion = simulator.begin(0)
     stamps = map(
         simulator.ticks.elapsed, range(simulator.ticks.tick_at(round(_TURN * NS_PER_S)) + 1)
     )
-    templates, samples = simulator.templates, []
-    for stamp in stamps:
-        found = motion.at(stamp)
-        numbers = templates.numbers(simulator.state(found), found.unwrapped)
-        messages = templates.pack(stamp, numbers)
-        samples.append((0, messages[templates.slices[JOINT_STATES]]))
-    return samples
+    return [(stamp, simulator.state(motion.at(stamp))) for stamp in stamps]
 
 
 def _blueprint(configuration: Configuration) -> 'rrb.Blueprint':
@@ -130,7 +124,7 @@ def _make(out: Path) -> None:
     with tempfile.TemporaryDirectory() as folder:
         recording, blueprint = Path(folder, 'turn.rrd'), Path(folder, 'turn.rbl')
         view = View(configuration, str(recording))
-        view.consume(_messages(configuration))
+        view.consume(_states(configuration))
         view.close()
         _blueprint(configuration).save('linkage_ros', blueprint)
         frames = list(_frames([recording, blueprint]))[-_FRAMES:]

@@ -256,7 +256,7 @@ class View:
 @pytest.fixture
 def view(monkeypatch):
     view = View()
-    monkeypatch.setattr(rerun_connection, 'View', lambda *_: view)
+    monkeypatch.setattr(rerun_connection, 'View', lambda *_, read: view)
     return view
 
 

@@ -23,7 +23,6 @@ from pathlib import Path
 import pytest
 from ros_harness import PATIENCE, stop, wait_for
 from ros_harness import running as running_program
-from state_messages import messages_at
 
 from linkage_ros import ViewerError
 from linkage_ros.programs.record import record
@@ -42,21 +41,16 @@ CONFIGURATION = load('quadrilateral')
 
 
 def run_of(configuration, count, rate=200, start=0):
-    """Returns stamps, messages of joint states and solved states of a run from its start."""
+    """Returns the stamps and states of a run from its start."""
     simulator = Simulator(configuration)
     motion, stamps = simulator.begin(start), [start + n * 10**9 // rate for n in range(count)]
-    made = [messages_at(simulator, motion, stamp) for stamp in stamps]
-    return stamps, [one.messages[0] for one in made], [one.state for one in made]
+    return [(stamp, simulator.state(motion.at(stamp))) for stamp in stamps]
 
 
-def feed(view, messages, shift=0):
-    view.consume([(shift, message) for message in messages])
-
-
-def show(path, messages, configuration=CONFIGURATION, batch=37, **options):
+def show(path, samples, configuration=CONFIGURATION, batch=37, **options):
     view = View(configuration, str(path), **options)
-    for start in range(0, len(messages), batch):
-        feed(view, messages[start : start + batch])
+    for start in range(0, len(samples), batch):
+        view.consume(samples[start : start + batch])
     view.close()
     return view
 
@@ -86,8 +80,8 @@ def stamps_in(path):
         return ()
 
 
-MESSAGES = run_of(CONFIGURATION, 300)[1]
-STAMPS = [n * 5_000_000 for n in range(300)]
+SAMPLES = run_of(CONFIGURATION, 300)
+STAMPS = [stamp for stamp, _ in SAMPLES]
 
 
 # ---------------------------------------------------------------- contents of a file
@@ -95,8 +89,9 @@ STAMPS = [n * 5_000_000 for n in range(300)]
 
 @pytest.mark.parametrize(('start', 'kind'), [(0, 'duration[ns]'), (WALL, 'timestamp[ns]')])
 def test_file_holds_every_sample(tmp_path, start, kind):
-    stamps, messages, states = run_of(CONFIGURATION, 500, start=start)
-    view = show(tmp_path / 'run.rrd', messages)
+    samples = run_of(CONFIGURATION, 500, start=start)
+    view = show(tmp_path / 'run.rrd', samples)
+    stamps, states = map(list, zip(*samples, strict=True))
     curves = read(tmp_path / 'run.rrd')['/values']
     assert (curves['ros2_timestamp type'], curves['ros2_timestamp']) == (kind, stamps)
     assert [row[0] for row in curves['Scalars:scalars']] == [state.torque for state in states]
@@ -107,8 +102,7 @@ def test_file_holds_every_sample(tmp_path, start, kind):
 
 @pytest.mark.parametrize(('rate', 'drawings'), [(400, 100), (10, 20)])
 def test_at_most_50_drawings_per_second_of_stamps(tmp_path, rate, drawings):
-    _, messages, _ = run_of(CONFIGURATION, 2 * rate, rate)
-    show(tmp_path / 'run.rrd', messages, batch=7)
+    show(tmp_path / 'run.rrd', run_of(CONFIGURATION, 2 * rate, rate), batch=7)
     found = read(tmp_path / 'run.rrd')
     assert len(found['/linkage/moving']['ros2_timestamp']) == drawings
     assert len(found['/values']['ros2_timestamp']) == 2 * rate
@@ -118,7 +112,7 @@ def test_large_batches_and_later_rounds_are_all_shown(tmp_path, monkeypatch):
     monkeypatch.setattr(rerun_connection, '_BATCH', 100)
     view = View(CONFIGURATION, str(tmp_path / 'run.rrd'))
     for shift in (0, 10**10):
-        feed(view, MESSAGES, shift)
+        view.consume([(shift + stamp, state) for stamp, state in SAMPLES])
     view.close()
     assert stamps_in(tmp_path / 'run.rrd') == STAMPS + [stamp + 10**10 for stamp in STAMPS]
 
@@ -132,10 +126,9 @@ from linkage_ros.programs.record import record
 from linkage_ros.node.workers import Worker
 from linkage_ros.view import rerun_connection
 from linkage_ros.view.rerun_connection import View
-from linkage_ros.run.states import Simulator
-template = Simulator(load('quadrilateral')).templates.joint_states
-messages = [template.pack(*divmod(k * 10**7, 10**9), k / 7, 1.0, 2.0, *[0.0] * 6)
-            for k in range(1000)]
+from linkage_ros.mechanism.kinematics import State
+samples = [(k * 10**7, State((k / 7, 1.0, 2.0), (0.0,) * 3, (0.0,) * 3, 0.0))
+           for k in range(1000)]
 """
 
 
@@ -149,8 +142,8 @@ def run_program(code, *arguments, check=True):
 def test_file_of_a_killed_run_is_readable(tmp_path):
     code = """
 view = View(load('quadrilateral'), sys.argv[1])
-for message in messages:
-    view.consume([(0, message)])
+for sample in samples:
+    view.consume([sample])
 os.kill(os.getpid(), signal.SIGKILL)
 """
     run_program(code, tmp_path / 'run.rrd', check=False)
@@ -163,8 +156,8 @@ rerun_connection._WRITE_SECONDS, rerun_connection._CLOSE_SECONDS = 0.5, 0.6
 resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
 view = View(load('quadrilateral'), sys.argv[1])
 try:
-    for message in messages:
-        view.consume([(0, message)] * 10)
+    for sample in samples:
+        view.consume([sample] * 10)
 except ViewerError as error:
     print(error)
 view.close()
@@ -200,10 +193,10 @@ def test_wrong_target_is_refused_and_left_alone(tmp_path, monkeypatch, target, o
     with pytest.raises(ViewerError, match=words):
         View(CONFIGURATION, target, overwrite=overwrite)
     assert Path('old.rrd').read_text() == 'precious'
-    feed(busy, MESSAGES)
+    busy.consume(SAMPLES)
     busy.close()
     assert stamps_in('busy.rrd') == STAMPS
-    show('busy.rrd', MESSAGES[:5], overwrite=True)
+    show('busy.rrd', SAMPLES[:5], overwrite=True)
     assert stamps_in('busy.rrd') == STAMPS[:5]
 
 
@@ -247,7 +240,7 @@ def test_window_gets_everything_and_outlives_the_run(tmp_path, window):
     with opened('spawn') as (view, process):
         assert os.getpgid(process.pid) != os.getpgrp()  # not in the process group that gets Ctrl-C
         for start in range(0, 300, 10):
-            feed(view, MESSAGES[start : start + 10])
+            view.consume(SAMPLES[start : start + 10])
         assert view.dropped == 0
         view.close()
         wait_for(lambda: len(stamps_in(saved)) == len(STAMPS))
@@ -263,7 +256,7 @@ def test_closing_the_window_does_not_disturb_the_run(window, end):
     window(end)
     with opened('spawn') as (view, process):
         process.wait(PATIENCE)
-        feed(view, MESSAGES)
+        view.consume(SAMPLES)
         assert view.dropped == 0
 
 
@@ -338,7 +331,7 @@ def test_page_is_served_on_viewer_bind_alone_and_ends_with_the_run(
         assert re.fullmatch(rf'rerun\+http://{re.escape(host)}:\d+/proxy', data)
         assert (served(page), served(data)) == ([address], [address])
         assert not view.is_watched()
-        feed(view, MESSAGES)
+        view.consume(SAMPLES)
         with socket.create_connection((host.strip('[]'), urllib.parse.urlsplit(data).port)):
             wait_for(view.is_watched)
         wait_for(lambda: not view.is_watched())
@@ -435,7 +428,7 @@ def test_viewer_may_start_late_end_and_restart(tmp_path, monkeypatch):
 
     def is_taken():
         before = view.dropped
-        feed(view, MESSAGES[:1])
+        view.consume(SAMPLES[:1])
         return view.dropped == before
 
     for n in range(2):
@@ -445,8 +438,8 @@ def test_viewer_may_start_late_end_and_restart(tmp_path, monkeypatch):
         with running(port, '--save', saved):
             wait_for(is_taken)
             assert view.trouble == ''
-            feed(view, MESSAGES[100:])
-            wait_for(lambda saved=saved: feed(view, []) or len(stamps_in(saved)) == 201)
+            view.consume(SAMPLES[100:])
+            wait_for(lambda saved=saved: view.consume([]) or len(stamps_in(saved)) == 201)
         # The constant components were sent again.
         assert read(saved)['/linkage/moving']['Points2D:labels'] == [['A', 'B', 'C']]
         assert stamps_in(saved) == [STAMPS[0], *STAMPS[100:]]
@@ -470,7 +463,7 @@ view = View(load('quadrilateral'), f'rerun+http://127.0.0.1:{server.getsockname(
 errors = []
 worker = Worker('view', view, capacity=100, period=0.005, on_error=errors.append)
 while not view.dropped:
-    worker.offer((0, messages[0]))
+    worker.offer(samples[0])
     time.sleep(0.0005)
 print(worker.close(1e6), errors)  # False if closing hangs
 """

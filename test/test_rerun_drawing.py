@@ -85,9 +85,10 @@ def drawn(request, tmp_path_factory):
     links and `arrows` of the loads by link.
     """
     configuration = MECHANISMS[request.param]
-    stamps, messages, states = run_of(configuration, 400)
+    samples = run_of(configuration, 400)
+    stamps, states = map(list, zip(*samples, strict=True))
     path = tmp_path_factory.mktemp('drawn') / 'run.rrd'
-    assert show(path, messages, configuration).dropped == 0
+    assert show(path, samples, configuration).dropped == 0
     found, mechanism = read(path), configuration.mechanism
     moving = found[MOVING]
     # 200 states and 50 drawings per second.
@@ -338,8 +339,9 @@ def test_only_the_reachable_arc_is_drawn():
     ids=['pump', 'hanging', 'drag_link', 'backwards'],
 )  # fmt: skip
 def test_curves_are_those_of_the_states_without_jumps(configuration, tmp_path):
-    stamps, messages, states = run_of(configuration, 500, rate=500)
-    show(tmp_path / 'run.rrd', messages, configuration, batch=7)
+    samples = run_of(configuration, 500, rate=500)
+    stamps, states = map(list, zip(*samples, strict=True))
+    show(tmp_path / 'run.rrd', samples, configuration, batch=7)
     found, curves = read(tmp_path / 'run.rrd'), []
     for entity in ('/values', '/rates', '/directions'):
         assert found[entity]['ros2_timestamp'] == stamps

@@ -41,6 +41,7 @@ from linkage_ros.messages.joints import joint_rows, link_rows
 from linkage_ros.messages.templates import trajectory
 from linkage_ros.messages.topics import JOINT_STATE
 from linkage_ros.programs.record import record, record_measured
+from linkage_ros.programs.replay import motion_in
 from linkage_ros.run.states import Simulator
 from linkage_ros.run.trajectory_ahead import TrajectoryAhead
 from linkage_ros.settings.configuration import (
@@ -300,11 +301,10 @@ def test_every_drive_maps_its_messages(drive, tmp_path):
             assert off == pytest.approx(0.0, abs=1e-12 * (1 + abs(value)))
     assert abs(found[0]['rod']) <= math.pi
     assert found[3] == {'hip_motor': due[3]['crank'] / -5.0, 'rod': 0.0, 'left_rocker': 0.0}
-    # The view sees the linkage itself.
-    for simulator, rows in ((mapped, found), (plain, due)):
-        numbers = np.array([[x for row in (*rows[:2], rows[3]) for x in row.values()]])
-        places, rates, torque = simulator.links_of(numbers)
-        state = simulator.state(simulator.begin(0).at(700_000_000))
+    # A view of a log shows the linkage itself.
+    for simulator in (mapped, plain):
+        _, state, _, messages = messages_at(simulator, simulator.begin(0), 700_000_000)
+        _, places, rates, torque = motion_in(simulator, [(0, messages[0])])
         assert np.remainder(places[0] - state.position + 1, math.tau) == pytest.approx(
             1, abs=1e-12
         )
@@ -347,9 +347,7 @@ def test_unpublished_joint(tmp_path):
         named = zip(state.names, state.positions, strict=True)
         numbers = simulator.templates.numbers(one.state, state.positions[0])
         assert simulator.joint_words(numbers) == ', '.join(f'{x} {y:.6g} rad' for x, y in named)
-        places, *_ = simulator.links_of(
-            np.array([[*state.positions, *state.velocities, *state.efforts]])
-        )
+        _, places, *_ = motion_in(simulator, [(0, one.messages[0])])
         assert places[0, 1:] == pytest.approx(one.state.position[1:], abs=1e-12)
 
 

@@ -21,7 +21,6 @@ from linkage_ros.mechanism.ranges import Ranges
 from linkage_ros.messages.cdr import WARN, encode_diagnostics
 from linkage_ros.messages.topics import (
     DIAGNOSTICS,
-    JOINT_STATES,
     ROBOT_DESCRIPTION,
     SIMULATED_CLOCK,
     Topic,
@@ -100,7 +99,6 @@ class LinkageNode(ParameterNode):
                 for topic, place in simulator.templates.slices.items()
             ]
             self._others = {topic.name: create_publisher(self, topic) for topic in others}
-        self._joint_states = simulator.templates.slices[JOINT_STATES]
         self._outputs = Outputs(self, simulator, [*others, *heard])
         self._inputs, self._forces = self._subscribed(inputs), self._subscribed(forces)
         self._ticker = self._make_ticker()
@@ -236,7 +234,7 @@ class LinkageNode(ParameterNode):
             if topic.is_heard:
                 topic.publisher.publish(messages[place])
         self._outputs.log_state(LoggedState(now, messages))
-        self._outputs.show(messages[self._joint_states])
+        self._outputs.show(stamp, state)
 
     def _publish_trajectory(self, stamp: int, motion: Motion) -> None:
         """Publishes the trajectory ahead of a stamp, if one is due."""

@@ -1,6 +1,6 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Log and live view of a node: the messages that it publishes and receives."""
+"""Log and live view of a node: its states, and the messages that it publishes and receives."""
 
 from collections.abc import Callable, Iterable
 from ipaddress import ip_address
@@ -11,6 +11,7 @@ from rclpy.node import Node
 from linkage_ros import cli
 from linkage_ros.errors import LogError
 from linkage_ros.log.rows import LoggedState
+from linkage_ros.mechanism.kinematics import State
 from linkage_ros.messages.topics import Topic
 from linkage_ros.motion.segments import Segment
 from linkage_ros.node.health import Health
@@ -145,10 +146,10 @@ class Outputs:
             item = self._channels[topic.name], stamp, message
             self._workers['log'].offer(item, len(message), keep=topic.latched)
 
-    def show(self, joint_states: bytes) -> None:
-        """Shows the state in a message on joint_states, given as CDR bytes."""
+    def show(self, stamp: int, state: State) -> None:
+        """Shows the state at a stamp, ns."""
         if self._view:
-            self._workers['viewer'].offer((0, joint_states))
+            self._workers['viewer'].offer((stamp, state))
 
     def health(self) -> dict[str, Health]:
         """Returns the health of log and viewer, by name."""

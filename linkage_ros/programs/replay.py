@@ -3,17 +3,21 @@
 """linkage_replay: publishes the messages of a log at the logged times, or shows them."""
 
 import argparse
+import functools
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from linkage_ros import cli
 from linkage_ros.errors import ConfigurationError, ViewerError
 from linkage_ros.log.reader import LogReader
+from linkage_ros.messages.joints import link_rows
 from linkage_ros.messages.topics import JOINT_STATES
 from linkage_ros.node.workers import Worker, freeze_heap, wake_on_time
 from linkage_ros.programs.keyboard import Keyboard
@@ -31,8 +35,12 @@ from linkage_ros.programs.player import (
     play,
 )
 from linkage_ros.quantities import Quantity, counted
+from linkage_ros.run.states import Simulator
 from linkage_ros.settings.viewer import VIEWERS, WEB
 from linkage_ros.units import NS_PER_S
+
+if TYPE_CHECKING:
+    from linkage_ros.view.rerun_connection import LinkMotion
 
 _NAME = 'linkage_replay'
 _CLOCK_HZ, _POLL_SECONDS = 40.0, 0.2
@@ -133,6 +141,29 @@ def _split(arguments: list[str]) -> tuple[list[str], list[str]]:
     return arguments[1:start] + arguments[end + 1 :], [arguments[0], *arguments[start:end]]
 
 
+def motion_in(simulator: Simulator, samples: Sequence[tuple[int, bytes]]) -> 'LinkMotion':
+    """Reads the motion of the links from messages on joint_states, for a `View`.
+
+    Args:
+        simulator: Simulator of the log's configuration.
+        samples: Shift of each stamp, ns, and CDR bytes of each message.
+    """
+    joints, driven = simulator.robot_joints, simulator.driven
+    joint, place = joints[driven], simulator.joints.index(joints[driven].name)
+    shifts, messages = zip(*samples, strict=True)
+    stamps, numbers = simulator.templates.joint_states.read(b''.join(messages))
+    table = np.reshape(numbers.T, (3, len(simulator.joints), -1))
+    positions, rates, efforts = table
+    if len(simulator.joints) < len(joints):  # the others follow from the driven joint
+        angle, rate = joint.own(positions[place]), rates[place] / joint.ratio
+        state = simulator.solver.state(angle, rate, 0.0 * rate)
+        positions, rates = np.array([state.position, state.velocity])
+    else:
+        positions, rates = link_rows(joints, table[:2])
+    torque = efforts[place, :, np.newaxis] * joint.ratio
+    return stamps + np.array(shifts), positions.T, rates.T, torque
+
+
 @contextmanager
 def showing(
     log: LogReader, target: str, stop: cli.Stop, *, loop: bool = False, browser: bool = False
@@ -165,7 +196,8 @@ def showing(
             worker.offer((item.time - item.message.time, item.message.data))
 
     states = log.channel(JOINT_STATES)
-    view = View(log.configuration, target)
+    read = functools.partial(motion_in, Simulator(log.configuration))
+    view = View(log.configuration, target, read=read)
     if view.trouble:
         raise ViewerError(f'no viewer answers at {target}: start one there first with `rerun`')
     if view.page:

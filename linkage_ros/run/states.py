@@ -10,15 +10,12 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 
-import numpy as np
-
 from linkage_ros.errors import ConfigurationError, LinkageError
 from linkage_ros.mechanism.conditions import OWN_CONDITIONS, Conditions
 from linkage_ros.mechanism.kinematics import State
 from linkage_ros.mechanism.loads.force import Force
 from linkage_ros.mechanism.solver import Solver
 from linkage_ros.messages.cdr import encode_string
-from linkage_ros.messages.joints import link_rows
 from linkage_ros.messages.templates import StateTemplates
 from linkage_ros.messages.topics import Topic
 from linkage_ros.messages.urdf import make_urdf
@@ -27,7 +24,7 @@ from linkage_ros.motion.inputs import Input
 from linkage_ros.motion.live_force import LiveForce
 from linkage_ros.motion.segments import Coordinates, Motion
 from linkage_ros.motion.steps import Integrate, live_steps
-from linkage_ros.numeric import Array, Real
+from linkage_ros.numeric import Real
 from linkage_ros.quantities import shown
 from linkage_ros.run.ticks import TickRate
 from linkage_ros.settings.configuration import Configuration
@@ -190,26 +187,3 @@ class Simulator:
             if joint.name
         ]
         return ', '.join(words)
-
-    def links_of(self, numbers: Array) -> tuple[Array, Array, Array]:
-        """Converts the numbers in messages on joint_states to the motion of the links.
-
-        Args:
-            numbers: Positions, velocities and efforts of the published joints, shape (n, numbers).
-
-        Returns:
-            Positions, rad and m, and rates of the links, shape (n, links), and the driving torque,
-            N m, or force, N, shape (n, 1).
-        """
-        joints, count, link = self.robot_joints, len(self.joints), self.driven
-        joint, place = joints[link], self.joints.index(joints[link].name)
-        torque = numbers[:, 2 * count :][:, place, np.newaxis] * joint.ratio
-        table = np.reshape(numbers[:, : 2 * count].T, (2, count, -1))
-        if count < len(joints):  # the others follow from the driven joint
-            driven, rate = joint.own(table[0, place]), table[1, place] / joint.ratio
-            state = self.solver.state(driven, rate, 0.0 * rate)
-            table = np.array([state.position, state.velocity])
-            table[0, link] = driven
-        else:
-            table = link_rows(joints, table)
-        return table[0].T, table[1].T, torque

@@ -12,9 +12,9 @@ import contextlib
 import socket
 import threading
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import BinaryIO, TypeAlias
+from typing import Any, BinaryIO, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -23,8 +23,8 @@ from rerun import FileSink, GrpcSink  # missing in old versions
 
 from linkage_ros.errors import ViewerError
 from linkage_ros.files import create_file
+from linkage_ros.mechanism.kinematics import State
 from linkage_ros.numeric import Array
-from linkage_ros.run.states import Simulator
 from linkage_ros.settings.configuration import Configuration
 from linkage_ros.settings.viewer import SPAWN, WEB, is_recording, viewer_address, viewer_error
 from linkage_ros.view.rerun_drawing import TIMELINE, RerunDrawing, Rows
@@ -41,8 +41,17 @@ _CLOSE_SECONDS, _LAST_SECONDS = 2.5, 0.5  # time limit of closing; if the viewer
 _ANSWER_SECONDS = 3.0  # a viewer that has just been started needs about 1 s
 
 
-# Shift of the stamp of a message on joint_states, ns, and the message's CDR bytes.
-Sample: TypeAlias = tuple[int, bytes]
+# The motion of the links at n stamps: stamps, ns; positions, rad and m, and rates, of shape
+# (n, links); and driving torques, N m, or forces, N, of shape (n, 1).
+LinkMotion: TypeAlias = tuple[npt.NDArray[np.int64], Array, Array, Array]
+
+
+def motion_of(samples: Sequence[tuple[int, State]]) -> LinkMotion:
+    """Returns the motion of the links in states, given with their stamps, ns."""
+    stamps, states = zip(*samples, strict=True)
+    positions, rates, _, torques, *_ = zip(*states, strict=True)
+    column = np.array(torques)[:, np.newaxis]
+    return np.array(stamps), np.array(positions), np.array(rates), column
 
 
 class View:
@@ -71,6 +80,7 @@ class View:
         bind: str = '127.0.0.1',
         *,
         overwrite: bool = False,
+        read: Callable[[Sequence[Any]], LinkMotion] = motion_of,
     ) -> None:
         """Opens the view.
 
@@ -79,6 +89,7 @@ class View:
             target: One of VIEWERS.
             bind: Address on which the data and the page are served, for a window or a page.
             overwrite: Whether to replace an existing file.
+            read: Reads samples; by default, states with their stamps.
 
         Raises:
             ViewerError: The target is invalid or cannot be opened, or Rerun is missing.
@@ -87,9 +98,8 @@ class View:
         self.page = self.trouble = ''
         self.dropped, self.period = 0, _PERIOD
         self._drawing, self._target = RerunDrawing(configuration), target
-        self._simulator = Simulator(configuration)
         # Samples that the curves do not show yet, and the time of the next curves, s.
-        self._waiting, self._due = list[Sample](), 0.0
+        self._read, self._waiting, self._due = read, list[Any](), 0.0
         self._process: ViewerProcess | None = None
         self._file: BinaryIO | None = None  # locked, so that other runs cannot replace it
         self._stream = rr.RecordingStream('linkage_ros')
@@ -106,7 +116,7 @@ class View:
             self._connected, self.period = True, _FILE_PERIOD
             self._use(FileSink(target, write_footer=False))
 
-    def consume(self, samples: Sequence[Sample]) -> None:
+    def consume(self, samples: Sequence[Any]) -> None:
         """Shows the samples since the last call, and updates the curves when they are due.
 
         Args:
@@ -185,7 +195,7 @@ class View:
         for entity, components in self._drawing.constants().items():
             self._stream.log(entity, *components, static=True, strict=True)
 
-    def _show(self, samples: Sequence[Sample]) -> None:
+    def _show(self, samples: Sequence[Any]) -> None:
         """Sends all drawings and curves if they are due, otherwise only the last drawing."""
         self._waiting += samples
         if self._file or time.monotonic() > self._due:
@@ -198,15 +208,6 @@ class View:
         if self._waiting:
             self._send_rows(self._drawing.rows(*self._read(self._waiting)))
             self._waiting = []
-
-    def _read(
-        self, samples: Sequence[Sample]
-    ) -> tuple[npt.NDArray[np.int64], Array, Array, Array]:
-        """Decodes samples: shifted stamps, ns; positions and rates of the links; torques."""
-        data = b''.join([data for _, data in samples])
-        stamps, numbers = self._simulator.templates.joint_states.read(data)
-        shifts = np.array([shift for shift, _ in samples])
-        return stamps + shifts, *self._simulator.links_of(numbers)
 
     def _send_rows(self, rows: Iterable[Rows]) -> None:
         for entity, stamps, columns in rows:
