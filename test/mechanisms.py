@@ -470,27 +470,25 @@ def force_errors(solver, angles, speed=2.0, acceleration=1.5):
     expected = [oracle.state(*motion) for motion in asked]
     most = max(abs(x) for right in expected for x in right.exerted) or 1
     for i, (crank, right) in enumerate(zip(angles, expected, strict=True)):
-        with mp.workdps(100):
-            shaking = oracle.shaking(right)
         alone = moving(solver, crank, speed, acceleration)
         row = {link: float(np.broadcast_to(x, len(angles))[i]) for link, x in loads.items()}
+        pressing = {name: force for name, (force, _) in right.guides.items()}
+        force = max(map(abs, (*right.pins.values(), *pressing.values())))
+        moment = force * longest(mechanism)
         for got, exerted in (
             (solver.reactions(alone), solver.load_forces(alone)), (at(forces, i), row),
         ):  # fmt: skip
-            pins = [abs(mp.mpc(*force) - right.joints[pin]) for pin, force in got.pins.items()]
-            ((across, moment),) = got.guides.values() or [(0.0, 0.0)]
-            guide = mp.mpf(across) - right.joints.get('guide', 0)
-            if hasattr(mechanism, 'barrel'):
-                lever = mp.mpf(moment) - right.moment
-                guide = max(abs(guide), abs(lever) / longest(mechanism))
+            pins = [abs(mp.mpc(*got.pins[name]) - right.pins[name]) for name in right.pins]
+            guides = []
+            for name, (across, turning) in right.guides.items():
+                push, couple = got.guides[name]
+                guides.append(max(abs(push - across), abs(couple - turning) / longest(mechanism)))
             pushes = zip(solver.links, right.exerted, strict=True)
             pushed = max(abs(exerted.get(link, 0.0) - x) for link, x in pushes)
-            force = max(map(abs, right.joints.values()))
-            moment = force * longest(mechanism)
             errors = (
-                max(pins) / force, abs(guide) / force,
-                abs(mp.mpc(*got.shaking_force) - shaking[0]) / force,
-                abs(mp.mpf(got.shaking_moment) - shaking[1]) / moment,
+                max(pins) / force, max(guides, default=0) / force,
+                abs(mp.mpc(*got.shaking_force) - right.shaking[0]) / force,
+                abs(mp.mpf(got.shaking_moment) - right.shaking[1]) / moment,
                 abs(mp.mpf(got.torque) - right.torque) / moment,
                 pushed / most,
             )  # fmt: skip

@@ -2,11 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reference for all mechanisms in 50 digits, by methods other than the package's.
 
-Positions are intersections of circles, or of a circle and the guide; enough digits compensate the
-cancellation of this textbook method. Rates solve the 2x2 system of the differentiated loop. The
-Newton-Euler equations of all bodies about their centres of mass, together with the second
-derivative of the loop, form one linear system for accelerations, joint forces and torque. Friction
-adds an unknown moment for each pin and a force for the guide, which Newton's method determines.
+Each body has three absolute coordinates: the place of its centre of mass, and its angle. Places
+are intersections of circles, or of a circle and a guide; enough digits compensate the cancellation
+of this textbook method. Pins, guides and drives are constraints. Their first derivatives give the
+rates; their second derivatives, together with the Newton-Euler equations of all bodies, form one
+linear system for accelerations, joint forces and drive. Friction adds an unknown moment for each
+pin and a force for each guide, which Newton's method determines.
 
 These systems are singular at a change point, but the motion is analytic there: the state is the
 mean of the states 1e-60 rad on either side.
@@ -15,8 +16,9 @@ mean of the states 1e-60 rad on either side.
 import functools
 import math
 from contextlib import suppress
+from dataclasses import dataclass, field
 from fractions import Fraction
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import mpmath
 from mpmath import mp
@@ -31,206 +33,293 @@ class Reference(NamedTuple):
         position: Positions of the links; angles are in (-pi, pi], except the crank's.
         velocity: Velocities of the links.
         acceleration: Accelerations of the links.
-        torque: Torque on the crank.
-        joints: Forces in the pins by name, and the guide force, positive to the left; empty at a
-            change point, where they are infinite.
+        torque: Torque on the crank; of a driven cylinder, the force along it.
+        pins: Forces in the pins by name; empty at a change point, where they are infinite.
+        guides: Forces in the guides, positive to the left, and moments, by name of the slider.
         exerted: Torque, or force along the guide, of loads and friction on each link.
-        outside: Share of `exerted` that is external to the machine and its frame.
-        pushes: External forces at points, as pairs of a place and a force.
-        moment: Moment of a barrel on its rod, about the rod's pin.
+        shaking: Force on the frame, and its moment about A0 with the drive's reaction.
+        bodies: Motion of each body, by name.
     """
 
     position: tuple
     velocity: tuple
     acceleration: tuple
     torque: mpmath.mpf
-    joints: dict
-    exerted: tuple = ()
-    outside: tuple = ()
-    pushes: tuple = ()
-    moment: mpmath.mpf = 0
+    pins: dict
+    guides: dict
+    exerted: tuple
+    shaking: tuple
+    bodies: dict
 
 
-class Point(NamedTuple):
-    """A point of the mechanism: a constant plus one vector for each link that carries the point.
+class Body(NamedTuple):
+    """The motion of a body's origin, which is its first pin; `way` is its direction."""
+
+    place: Any
+    way: Any
+    velocity: Any = 0
+    spin: Any = 0
+    acceleration: Any = 0
+    change: Any = 0
+
+    def point(self, at):
+        """Returns position, velocity and acceleration of a point, [along, across] as mpc."""
+        arm = at * self.way
+        return (
+            self.place + arm,
+            self.velocity + 1j * self.spin * arm,
+            self.acceleration + mp.mpc(-(self.spin**2), self.change) * arm,
+        )
+
+
+class Joint(NamedTuple):
+    """A point `at` of a body, held by a point `on` of a carrier.
 
     Attributes:
-        fixed: The constant, m.
-        carried: Vectors by index of the link; for a slider, the unit vector of its guide.
+        name: Name of the pin; of a guide, that of the slider.
+        guide: Direction in the carrier's axes in which the body may slide; None for a pin.
     """
 
-    fixed: mpmath.mpc
-    carried: dict
+    name: str
+    body: str
+    at: Any
+    carrier: str
+    on: Any
+    guide: Any = None
 
 
-class Rubbing(NamedTuple):
-    """A joint with dry friction, and the effect of a unit of its friction.
+@dataclass
+class Row:
+    """A constraint on velocities: derivatives by body and axis, and the bias of the second one."""
 
-    Attributes:
-        joint: Name of the pin, or 'guide'.
-        factor: Friction per unit of joint force: m for a pin, a number for the guide.
-        on: Torque on the links by index; for the guide, the force on the slider.
-    """
-
-    joint: str
-    factor: mpmath.mpf
-    on: dict
+    slopes: dict = field(default_factory=dict)
+    bias: Any = 0
 
 
-def load_fields(part):
-    """Returns the parameters of a part's own load: force, damping, stiffness and rest."""
-    if hasattr(part, 'torque'):
-        return 'torque', 'damping', 'stiffness', 'rest_angle'
-    return 'force', 'damping', 'stiffness', 'rest_position'
+class Push(NamedTuple):
+    """A force at a point of a body, and a couple."""
+
+    body: str
+    at: Any
+    force: Any
+    couple: Any = 0
+    is_external: bool = False
+
+    def times(self, size):
+        return self._replace(force=self.force * size, couple=self.couple * size)
+
+
+class Effort(NamedTuple):
+    """A couple on a link; on a sliding link, a force along its guide."""
+
+    link: str
+    size: Any
+    is_external: bool = False
+
+    def times(self, size):
+        return self._replace(size=self.size * size)
 
 
 class Oracle:
     """Computes the states of a mechanism.
 
-    `lengths` (crank, coupler, then rocker and frame, offset, or rod), as fractions or decimal
-    text, replace the mechanism's lengths if these are only rounded decimals.
+    `lengths` (crank, coupler, then rocker and frame, offset, or rod; of a cylinder crank, frame
+    and offset), as fractions or decimal text, replace the mechanism's lengths if these are only
+    rounded decimals.
     """
 
-    def __new__(cls, mechanism, lengths=None):
-        from cylinder_oracle import CylinderOracle  # which imports this module
-
-        return object.__new__(CylinderOracle if hasattr(mechanism, 'barrel') else cls)
-
     def __init__(self, mechanism, lengths=None):
-        self.mechanism = mechanism
-        names = 'crank', 'coupler', 'rod', 'rocker', 'slider'
-        self.bodies = [getattr(mechanism, name) for name in names if hasattr(mechanism, name)]
-        self.slides, self.is_free = hasattr(mechanism, 'slider'), hasattr(mechanism, 'rod')
-        self.turning = [hasattr(body, 'length') for body in self.bodies]
-        doubles = [body.length for body in self.bodies if hasattr(body, 'length')]
-        if not self.is_free:
-            doubles.append(mechanism.slider.offset if self.slides else mechanism.frame.length)
-        r, b, *others = self.lengths = tuple(map(Fraction, lengths or doubles))
+        self.mechanism, self.kind = mechanism, type(mechanism).__name__
+        names = 'crank', 'coupler', 'barrel', 'rod', 'rocker', 'slider'
+        self.parts = {x: getattr(mechanism, x) for x in names if hasattr(mechanism, x)}
+        sliding = 'rod' if self.kind == 'InvertedSliderCrank' else 'slider'
+        for dyad in mechanism.dyads:
+            self.parts[f'{dyad.name}_first'] = dyad.first
+            name, last = 'second', dyad.second
+            if last is None:
+                name, last = 'slider', dyad.slider
+            self.parts[f'{dyad.name}_{name}'] = last
+        self.turning = [
+            name != sliding and not hasattr(part, 'angle') for name, part in self.parts.items()
+        ]
+        self.is_free = self.kind == 'WindPump'
+        self.by_rod = mechanism.coordinates == ('rod',)
+        self.lengths = tuple(map(Fraction, lengths or self._doubles()))
         # Change points at even and at odd multiples of pi of theta.
         self.folded = self.stretched = False
-        if self.slides and not self.is_free:
-            (e,) = others
+        if self.kind == 'SliderCrank':
+            r, b, e = self.lengths
             self.folded, self.stretched = r - e == b, r + e == b
-        elif not self.slides:
-            c, d = others
+        elif self.kind == 'FourBar':
+            r, b, c, d = self.lengths
             self.folded, self.stretched = abs(d - r) == abs(b - c), b + c == d + r
         self.passes_change_point = self.stretched or self.folded
+        self.loads = mechanism.applied_loads()
         self.state = functools.cache(self._state)
+        self._joints_in = functools.cache(self._joints)
+
+    def _doubles(self):
+        m = self.mechanism
+        if self.kind == 'InvertedSliderCrank':
+            return m.crank.length, m.frame.length, m.offset
+        links = [part.length for part in list(self.parts.values())[:3] if hasattr(part, 'length')]
+        if self.kind == 'FourBar':
+            return *links, m.frame.length
+        return (*links, m.slider.offset) if self.kind == 'SliderCrank' else links
 
     def angle(self, crank):
         """Returns theta, the crank's angle from the frame, or from the normal of the guide.
 
         The angle of frame or guide is reduced to its value nearest to zero.
         """
-        quarter = mp.pi / 2 if self.slides else 0
+        if self.is_free:
+            return mp.mpf(crank)
+        quarter = mp.pi / 2 if self.kind == 'SliderCrank' else 0
         return mp.mpf(crank) - wrap(mp.mpf(self.mechanism.frame.angle)) - quarter
 
     def closes(self, crank):
         """Returns whether the circles, or circle and guide, intersect."""
-        with mp.workdps(100):
-            if self.slides:
-                r, b, e = map(mp.convert, self.lengths)
-                return bool(abs(e - r * mp.cos(self.angle(crank))) <= b)
-            r, b, c, d = map(mp.convert, self.lengths)
-            distance = abs(d - r * mp.expj(self.angle(crank)))
-            return bool(abs(b - c) <= distance <= b + c)
+        with mp.workdps(100), suppress(ArithmeticError):
+            return bool(self._placed_base(crank))
+        return False
 
     def _state(self, q, u=0.0, a=0.0):
         """Computes the state at exactly these doubles, to 50 digits or more.
 
         Args:
-            q: Crank angle, or both coordinates of a wind pump.
+            q: Crank angle or length of a cylinder; both coordinates of a wind pump.
             u: Rates of the coordinates.
-            a: Acceleration of the crank; for a wind pump, the torque on it.
+            a: Acceleration of the coordinate; for a wind pump, the torque on the crank.
         """
-        if self.is_free:
-            with mp.workdps(100):
-                return self.solve(q, u, a)
-        with mp.workdps(400):
-            theta = self.angle(q) / mp.pi
-            nearest = abs(theta - mp.nint(theta))
-            # Nearer than any difference of doubles: only rounding in these 400 digits remains.
-            hit = nearest < mp.mpf('1e-350')
-            passes = self.stretched if int(mp.nint(theta)) % 2 else self.folded
-        nearness = 60 if hit else int(-mp.log10(nearest))
+        hit, nearness = False, 0
+        if self.passes_change_point:
+            with mp.workdps(400):
+                theta = self.angle(_first(q)) / mp.pi
+                nearest = abs(theta - mp.nint(theta))
+                # Nearer than any difference of doubles: only rounding remains.
+                at_once = nearest < mp.mpf('1e-350')
+                hit = at_once and (self.stretched if int(mp.nint(theta)) % 2 else self.folded)
+            nearness = 60 if at_once else int(-mp.log10(nearest))
         # The triangle's height loses twice the digits of this distance, and the system as many.
         with mp.workdps(60 + 6 * max(nearness, 16)):
-            if not (hit and passes):
+            if not hit:
                 return self.solve(q, u, a)
             before, after = (
-                self.solve(mp.mpf(q) + x, u, a) for x in (-mp.mpf(ASIDE), mp.mpf(ASIDE))
+                self.solve(mp.mpf(_first(q)) + x, u, a) for x in (-mp.mpf(ASIDE), mp.mpf(ASIDE))
             )
             links = zip(before.position, after.position, self.turning, strict=True)
             position = [x + (wrap(y - x) if turns else y - x) / 2 for x, y, turns in links]
             return Reference(
-                tuple(position),
-                means(before.velocity, after.velocity),
+                tuple(position), means(before.velocity, after.velocity),
                 means(before.acceleration, after.acceleration),
-                (before.torque + after.torque) / 2,
-                {},
-                means(before.exerted, after.exerted),
-            )
+                (before.torque + after.torque) / 2, {}, {}, means(before.exerted, after.exerted),
+                means(before.shaking, after.shaking),
+                {k: Body(*means(x, after.bodies[k])) for k, x in before.bodies.items()},
+            )  # fmt: skip
 
     def solve(self, q, u, a):
         """Computes the state in the caller's precision, except at change points."""
-        vectors, rates = self.motion(q, u)
-        exerted, outside = self.loads(q, vectors, rates)
-        forces = self.forces_at_points(vectors, rates)
-        acceleration, torque, joints, exerted = self._cut_free(vectors, rates, a, exerted, forces)
-        for k, point, force, _ in forces:
-            for j, x in point.carried.items() if k is not None else ():
-                if k == j or self.turning[k]:
-                    exerted[j] += dot(x * (1j if self.turning[j] else 1), force)
-        found = acceleration, torque, joints, tuple(exerted)
-        pushes = tuple(
-            (self.follow(point, vectors, rates, rates)[0], force)
-            for _, point, force, external in forces
-            if external
+        bodies = self.moving(q, u)
+        pushes = self.pushes(_first(q), bodies)
+        bodies, torque, joints, rubbed = self._balanced(bodies, a, pushes)
+        frame, pushes = bodies.pop('frame'), pushes + rubbed
+        position, velocity, acceleration = zip(
+            *(self.of_link(name, {**bodies, 'frame': frame}) for name in bodies), strict=True
         )
-        links = zip(vectors, self.turning, strict=True)
-        position = [mp.arg(x) if turns else x for x, turns in links]
-        position[0] = mp.mpf(_first(q))
-        return Reference(tuple(position), tuple(rates), *found, outside, pushes)
+        crank = () if self.by_rod else (mp.mpf(_first(q)),)
+        every = {**bodies, 'frame': frame}
+        return Reference(
+            (*crank, *position[len(crank) :]), velocity, acceleration, torque,
+            {k: x for k, x in joints.items() if not isinstance(x, tuple)},
+            {k: x for k, x in joints.items() if isinstance(x, tuple)},
+            tuple(self._generalised(name, every, pushes) for name in bodies),
+            self._shaking(every, pushes), bodies,
+        )  # fmt: skip
 
-    # Kinematics.
-
-    def guide(self):
-        """Returns the direction of the guide; for a wind pump, the x axis."""
-        return mp.mpc(1) if self.is_free else mp.expj(mp.mpf(self.mechanism.frame.angle))
+    # The machine in the caller's precision.
 
     def pivot(self):
-        """Returns the position of the rocker's pivot."""
-        return mp.convert(self.lengths[3]) * mp.expj(mp.mpf(self.mechanism.frame.angle))
+        """Returns the position of the pivot B0."""
+        length = self.lengths[1 if self.kind == 'InvertedSliderCrank' else 3]
+        return mp.convert(length) * mp.expj(mp.mpf(self.mechanism.frame.angle))
 
-    def motion(self, q, u):
-        """Returns the link vectors between pins, a slider's as its position, and their rates."""
-        A = mp.convert(self.lengths[0]) * mp.expj(mp.mpf(_first(q)))
-        b, c = mp.convert(self.lengths[1]), mp.convert(self.lengths[2])
+    def guide(self):
+        """Returns a point of the guide and its direction."""
         if self.is_free:
-            side = 1 if self.mechanism.assembly == 'open' else -1
-            end = mp.mpf(q[1])
-            B = self._meet(A, b, end, c, side)
-            vectors = [A, B - A, end - B, end]
-        elif self.slides:
-            along = mp.conj(self.guide()) * A
-            half_chord = mp.sqrt(b**2 - (c - along.imag) ** 2)
-            place = along.real + self._side(q) * half_chord
-            vectors = [A, self.guide() * mp.mpc(place, c) - A, place]
-        else:
-            B = self._meet(A, b, self.pivot(), c, self._side(q))
-            vectors = [A, B - A, B - self.pivot()]
-        slopes = self.loop_slopes(vectors)
-        given = [mp.mpf(x) for x in (u if self.is_free else (u,))]
-        known = [0, 3][: len(given)]
-        moved = sum(slopes[j] * x for j, x in zip(known, given, strict=True))
-        first, second = solve(slopes[1], slopes[2], -moved)
-        return vectors, [given[0], first, second, *given[1:]]
+            return mp.mpc(0), mp.mpc(1)
+        way = mp.expj(mp.mpf(self.mechanism.frame.angle))
+        return 1j * mp.convert(self.lengths[2]) * way, way
 
-    def _meet(self, A, b, end, c, side):
-        """Intersects the circles about A and `end`; side 1 is to the left of the line from A."""
-        distance = abs(end - A)
-        along = (b**2 - c**2 + distance**2) / (2 * distance)
-        return A + (end - A) / distance * mp.mpc(along, side * mp.sqrt(b**2 - along**2))
+    def joints(self):
+        """Returns the joints; the carrier's force acts on the body."""
+        return self._joints_in(mp.prec)
+
+    def _joints(self, _):
+        lengths = [mp.convert(x) for x in self.lengths]
+        found = [Joint('A0', 'crank', 0, 'frame', 0)]
+        if self.kind == 'InvertedSliderCrank':
+            r, _, e = lengths
+            found += [
+                Joint('A', 'rod', 0, 'crank', r), Joint('B0', 'barrel', 0, 'frame', self.pivot()),
+                Joint('rod', 'rod', 0, 'barrel', mp.mpc(0, e), mp.mpc(1)),
+            ]  # fmt: skip
+        else:
+            r, b, c, *_ = lengths
+            found.append(Joint('A', 'coupler', 0, 'crank', r))
+        if self.kind == 'FourBar':
+            found.append(Joint('B', 'rocker', c, 'coupler', b))
+            found.append(Joint('B0', 'rocker', 0, 'frame', self.pivot()))
+        elif self.kind == 'SliderCrank':
+            found.append(Joint('B', 'slider', 0, 'coupler', b))
+        elif self.kind == 'WindPump':
+            found.append(Joint('B', 'rod', 0, 'coupler', b))
+            found.append(Joint('D', 'slider', 0, 'rod', c))
+        if self.kind in {'SliderCrank', 'WindPump'}:
+            found.append(Joint('slider', 'slider', 0, 'frame', *self.guide()))
+        for dyad in self.mechanism.dyads:
+            found += _joints_of_dyad(dyad)
+        return found
+
+    def placed(self, q):
+        """Returns the places and directions of all bodies, and of the frame."""
+        bodies = {'frame': Body(mp.mpc(0), mp.mpc(1)), **self._placed_base(q)}
+        waiting = list(self.mechanism.dyads)
+        while waiting:
+            ready = [x for x in waiting if {x.from_, x.to or 'frame'} <= {*bodies}]
+            waiting = [x for x in waiting if x not in ready]
+            for dyad in ready:
+                bodies |= _placed_dyad(dyad, bodies)
+        return {'frame': bodies['frame'], **{name: bodies[name] for name in self.parts}}
+
+    def _placed_base(self, q):
+        lengths = [mp.convert(x) for x in self.lengths]
+        side = 1 if self.mechanism.assembly == 'open' else -1
+        if self.kind == 'InvertedSliderCrank':
+            (r, _, e), pivot = lengths, self.pivot()
+            if self.by_rod:
+                s = mp.mpf(_first(q))
+                A = meet(mp.mpc(0), r, pivot, mp.hypot(s, e), side)
+            else:
+                A = r * mp.expj(mp.mpf(_first(q)))
+                s = root(abs(A - pivot) ** 2 - e**2)
+            way = (A - pivot) / mp.mpc(s, e)
+            return {
+                'crank': Body(mp.mpc(0), A / r), 'barrel': Body(pivot, way), 'rod': Body(A, way),
+            }  # fmt: skip
+        r, b, c, *_ = lengths
+        way = mp.expj(mp.mpf(_first(q)))
+        A = r * way
+        if self.kind == 'FourBar':
+            B = meet(A, b, self.pivot(), c, self._side(q))
+            last = {'rocker': Body(self.pivot(), unit(B - self.pivot()))}
+        elif self.is_free:
+            end = mp.mpf(q[1])
+            B = meet(A, b, end, c, side)
+            last = {'rod': Body(B, unit(end - B)), 'slider': Body(mp.mpc(end), mp.mpc(1))}
+        else:
+            B = met_on_guide(A, b, *self.guide(), self._side(q))
+            last = {'slider': Body(B, self.guide()[1])}
+        return {'crank': Body(mp.mpc(0), way), 'coupler': Body(A, unit(B - A)), **last}
 
     def _side(self, crank):
         """Returns +1 for the open assembly, -1 for the crossed one.
@@ -238,226 +327,312 @@ class Oracle:
         The assembly is defined for theta in (0, pi), on a guide for (-pi, 0). The side changes at
         each change point from there to theta.
         """
-        home, interval = -int(self.slides), int(mp.floor(self.angle(crank) / mp.pi))
+        home = -int(self.kind == 'SliderCrank')
+        interval = int(mp.floor(self.angle(_first(crank)) / mp.pi))
         passed = range(min(home, interval) + 1, max(home, interval) + 1)
         changes = sum(self.stretched if j % 2 else self.folded for j in passed)
         return (1 if self.mechanism.assembly == 'open' else -1) * (-1) ** changes
 
-    def loop_slopes(self, vectors):
-        """Returns the derivatives of the loop's gap with respect to the positions of the links."""
-        slopes = [1j * x for x in vectors]
-        if self.slides:
-            slopes[-1] = -self.guide()
-        else:
-            slopes[2] = -slopes[2]
-        return slopes
-
     def gap(self, position):
-        """Returns the closure error of the loop, m, at positions of the links."""
-        rest = [0.0] * len(position)
-        state = Reference(position, rest, rest, 0, {})
-        vectors = self.vectors(state)
-        end, *_ = self.follow(
-            self.points(vectors)['D' if self.is_free else 'B'], vectors, rest, rest
-        )
-        return abs(sum(vectors[: 2 + self.is_free]) - end)
-
-    def points(self, vectors):
-        """Returns the pins and, if there is one, the coupler point."""
-        carried = {j: x for j, x in enumerate(vectors) if self.turning[j]}
-        if self.slides:
-            carried[len(vectors) - 1] = self.guide()
-        found = {'A0': Point(0, {}), 'A': Point(0, {0: carried[0]})}
-        if self.mechanism.coupler.point is not None:
-            lever = complex_of(self.mechanism.coupler.point) * unit(carried[1])
-            found['C'] = Point(0, {0: carried[0], 1: lever})
-        if self.is_free:
-            found['B'] = Point(0, {0: carried[0], 1: carried[1]})
-            found['D'] = Point(0, {3: carried[3]})
-        elif self.slides:
-            found['B'] = Point(1j * mp.convert(self.lengths[2]) * self.guide(), {2: carried[2]})
-        else:
-            found['B'] = Point(self.pivot(), {2: carried[2]})
-            found['B0'] = Point(self.pivot(), {})
-        return found
-
-    def centers(self, vectors):
-        """Returns the centres of mass."""
-        points = self.points(vectors)
-        firsts = [points[name] for name in ('A0', 'A', 'B' if self.is_free else 'B0', 'D')
-                  if name in points]  # fmt: skip
-        found = []
-        for j, body in enumerate(self.bodies):
-            if self.turning[j]:
-                lever = complex_of(body.center) * unit(vectors[j])
-                found.append(Point(firsts[j].fixed, {**firsts[j].carried, j: lever}))
+        """Returns the largest closure error of the joints, m, at positions of the links."""
+        links = dict(zip(self.parts, map(mp.mpf, position), strict=True))
+        joints, bodies = self.joints(), {'frame': Body(mp.mpc(0), mp.mpc(1))}
+        for name in self.parts:
+            slide = next((x for x in joints if x.name == name), None)
+            hung = next(x for x in joints if x.body == name and not x.at)
+            if slide and slide.carrier == 'frame':
+                bodies[name] = Body(slide.on + links[name] * slide.guide, slide.guide)
             else:
-                found.append(points['D' if self.is_free else 'B'])
-        return found
+                place, *_ = bodies[hung.carrier].point(hung.on)
+                bodies[name] = Body(place, mp.expj(links[slide.carrier if slide else name]))
+        gaps = []
+        for joint in joints:
+            (place, *_), carrier = bodies[joint.body].point(joint.at), bodies[joint.carrier]
+            gap = place - carrier.point(joint.on)[0]
+            if joint.guide is not None:
+                gap -= links[joint.name] * joint.guide * carrier.way
+            gaps.append(abs(gap))
+        return max(gaps)
 
-    def follow(self, point, vectors, rates, accelerations):
-        """Computes position, velocity and acceleration of a point."""
-        place, velocity, acceleration = point.fixed, mp.mpc(0), mp.mpc(0)
-        for j, x in point.carried.items():
-            if self.turning[j]:
-                place, velocity = place + x, velocity + 1j * rates[j] * x
-                acceleration += mp.mpc(-(rates[j] ** 2), accelerations[j]) * x
-            else:
-                place, velocity = place + vectors[j] * x, velocity + rates[j] * x
-                acceleration += accelerations[j] * x
-        return place, velocity, acceleration
+    # Motion.
 
-    def vectors(self, state):
-        """Returns the link vectors between pins, a slider's as its position."""
-        vectors = list(state.position)
-        for j, turns in enumerate(self.turning):
-            if turns:
-                vectors[j] = mp.convert(self.lengths[j]) * mp.expj(state.position[j])
-        return vectors
+    def moving(self, q, u):
+        """Returns the bodies with their rates."""
+        bodies = self.placed(q)
+        rows = [row for joint in self.joints() for row in self._rows(joint, bodies)]
+        drives = self._drives(bodies)
+        given = [mp.mpf(x) for x in (u if isinstance(u, tuple) else (u,))]
+        table = [{**row.slopes, 0: mp.mpf(0)} for row in rows]
+        table += [{**row.slopes, 0: x} for row, x in zip(drives, given, strict=True)]
+        found = solved(table)
+        for name, body in bodies.items():
+            if name != 'frame':
+                x, y, spin = (found[name, axis][0] for axis in ('x', 'y', 'spin'))
+                arm = self.center(name) * body.way
+                bodies[name] = body._replace(velocity=mp.mpc(x, y) - 1j * spin * arm, spin=spin)
+        return bodies
+
+    def center(self, name):
+        """Returns the centre of mass of a body."""
+        return complex_of(getattr(self.parts[name], 'center', (0, 0)))
+
+    def _rows(self, joint, bodies):
+        """Returns the two constraints of a joint."""
+        if joint.guide is None:
+            return [self._row(x, joint, bodies) for x in (mp.mpc(1), mp.mpc(0, 1))]
+        way = joint.guide * bodies[joint.carrier].way
+        turns = {(joint.body, 'spin'): mp.mpf(1), (joint.carrier, 'spin'): -mp.mpf(1)}
+        turns.pop(('frame', 'spin'), None)
+        return [self._row(1j * way, joint, bodies), Row(turns)]
+
+    def _row(self, axis, joint, bodies):
+        """Returns the constraint of the relative velocity in a joint along an axis."""
+        body, carrier = bodies[joint.body], bodies[joint.carrier]
+        place, velocity, _ = body.point(joint.at)
+        held = place - carrier.place  # the carrier's point at the joint
+        slip = velocity - (carrier.velocity + 1j * carrier.spin * held)
+        row = Row(bias=-2 * carrier.spin * dot(axis, 1j * slip))
+        for name, sign in ((joint.body, 1), (joint.carrier, -1)):
+            if name != 'frame':
+                arm = place - bodies[name].point(self.center(name))[0]
+                row.slopes |= {
+                    (name, 'x'): sign * axis.real, (name, 'y'): sign * axis.imag,
+                    (name, 'spin'): sign * dot(axis, 1j * arm),
+                }  # fmt: skip
+                row.bias -= sign * dot(axis, arm) * bodies[name].spin ** 2
+        return row
+
+    def _drives(self, bodies):
+        """Returns the constraints of the coordinates."""
+        slides = {joint.name: joint for joint in self.joints() if joint.guide is not None}
+
+        def along(name):
+            way = slides[name].guide * bodies[slides[name].carrier].way
+            return self._row(way, slides[name], bodies)
+
+        if self.by_rod:
+            return [along('rod')]
+        crank = Row({('crank', 'spin'): mp.mpf(1)})
+        return [crank, along('slider')] if self.is_free else [crank]
+
+    def slide(self, joint, bodies):
+        """Returns position, velocity and acceleration of a sliding link on its guide."""
+        carrier, body = bodies[joint.carrier], bodies[joint.body]
+        way, spin = joint.guide * carrier.way, carrier.spin
+        on, velocity, acceleration = carrier.point(joint.on)
+        apart, speed = body.place - on, body.velocity - velocity
+        rate = dot(way, speed) + spin * dot(1j * way, apart)
+        second = dot(way, body.acceleration - acceleration) + 2 * spin * dot(1j * way, speed)
+        second += carrier.change * dot(1j * way, apart) - spin**2 * dot(way, apart)
+        return dot(way, apart), rate, second
+
+    def of_link(self, name, bodies):
+        """Returns position, velocity and acceleration of a link."""
+        slide = self.slide_of(name)
+        if slide is not None:
+            return self.slide(slide, bodies)
+        return mp.arg(bodies[name].way), bodies[name].spin, bodies[name].change
+
+    def slide_of(self, name):
+        """Returns the joint in which a link slides; None for a link that turns."""
+        return next((x for x in self.joints() if x.name == name and x.guide is not None), None)
 
     def trace(self, state):
-        """Computes position, velocity and acceleration of all points, also at change points."""
+        """Returns position, velocity and acceleration of all points, also at change points."""
         with mp.workdps(150):
-            vectors = self.vectors(state)
-            points = self.points(vectors)
-            motion = vectors, state.velocity, state.acceleration
-            return {name: self.follow(point, *motion) for name, point in points.items()}
+            bodies = {'frame': Body(mp.mpc(0), mp.mpc(1)), **state.bodies}
+            found = {
+                x.name: bodies[x.carrier].point(x.on) for x in self.joints() if x.guide is None
+            }
+            if self.kind == 'InvertedSliderCrank':
+                r, d, e = map(mp.convert, self.lengths)
+                short, long = (d - r) ** 2 - e**2, (d + r) ** 2 - e**2
+                mouth = mp.mpc(mp.sqrt(short if short > 0 else long), e)
+                found['E'] = bodies['barrel'].point(mouth)
+            elif self.mechanism.coupler.point is not None:
+                found['C'] = bodies['coupler'].point(complex_of(self.mechanism.coupler.point))
+            return found
 
     # Dynamics.
 
-    def pins(self):
-        """Returns for each pin its name, the body on which its force acts, and the other body."""
-        pins = [('A0', 0, None), ('A', 1, 0), ('B', 2, 1)]
-        if self.is_free:
-            pins.append(('D', 3, 2))
-        elif not self.slides:
-            pins.append(('B0', 2, None))
-        return pins
-
-    def _cut_free(self, vectors, rates, driven, exerted, pushes):
+    def _balanced(self, bodies, driven, pushes):
         """Solves the Newton-Euler equations of all bodies at once.
 
         Args:
-            vectors: From `motion`.
-            rates: From `motion`.
-            driven: Acceleration of the crank; for a wind pump, the torque on it.
-            exerted: Loads on each link.
-            pushes: From `forces_at_points`.
+            bodies: From `moving`.
+            driven: Acceleration of the coordinate; for a wind pump, the torque on the crank.
+            pushes: From `pushes`.
 
         Returns:
-            The fields of `Reference` from `acceleration` to `exerted`, the last one as a list.
+            The bodies with their accelerations, the drive, the forces of the joints, and the
+            pushes of friction.
         """
-        points, rest = self.points(vectors), [mp.mpf(0)] * len(vectors)
-        place = {x: self.follow(p, vectors, rates, rest)[0] for x, p in points.items()}
-        centers = self.centers(vectors)
-        # Unknown forces: name, direction, body on which they act, body that exerts them.
-        unknown = [(*pin, axis) for pin in self.pins() for axis in (mp.mpc(1), mp.mpc(0, 1))]
-        if self.slides:
-            unknown.append(('guide', len(self.bodies) - 1, None, 1j * self.guide()))
-            place['guide'] = place['D' if self.is_free else 'B']
-        rubbing = self._rubbing(rates)
-        zeros = [0] * len(rubbing)
-        # Columns: accelerations of the links, forces, torque; then the right-hand side, and the
+        joints, drives = self.joints(), self._drives(bodies)
+        rubbing = self._rubbing(bodies)
+        rows = {(x.name, k): row for x in joints for k, row in enumerate(self._rows(x, bodies))}
+        if self.is_free:
+            pushes = [*pushes, Push('crank', 0, 0, mp.mpf(driven))]
+        else:
+            rows['drive', 0] = drives[0]
+        # Columns: accelerations of the bodies, joint forces; then the right-hand side, and the
         # contribution of a unit of each friction.
-        count = len(vectors)
-        rows = []
-        for k, body in enumerate(self.bodies):
-            at, _, bias = self.follow(centers[k], vectors, rates, rest)
-            mass = mp.mpf(body.mass)
-            rubbed = [x.on.get(k, mp.mpf(0)) for x in rubbing]
-            needed = [mass * (complex_of(self.mechanism.gravity) - bias), *map(mp.mpc, zeros)]
-            moment = mp.mpf(0)
-            for body_index, point, force, _ in pushes:
-                if body_index == k:
-                    needed[0] += force
-                    moment += cross(self.follow(point, vectors, rates, rest)[0] - at, force)
-            if not self.turning[k]:
-                needed[0] += exerted[k] * self.guide()
-                needed[1:] = [x * self.guide() for x in rubbed]
-            inertial = [mass * self._slope(centers[k], j) for j in range(count)]
-            acts = [((k == on) - (k == of), x, name) for name, on, of, x in unknown]
-            for part in ('real', 'imag'):
-                forces = [-sign * getattr(x, part) for sign, x, _ in acts]
-                rows.append([*(getattr(x, part) for x in inertial), *forces, 0,
-                             *(getattr(x, part) for x in needed)])  # fmt: skip
-            if self.turning[k]:
-                moments = [-sign * cross(place[name] - at, x) for sign, x, name in acts]
-                spins = [mp.mpf(body.inertia) * (j == k) for j in range(count)]
-                rows.append([*spins, *moments, -(k == 0), exerted[k] + moment, *rubbed])
-        slopes, none = self.loop_slopes(vectors), [0] * (len(unknown) + 1)
-        turned = zip(slopes, rates, self.turning, strict=True)
-        bias = sum(1j * slope * rate**2 for slope, rate, turns in turned if turns)
-        rows += [[*(getattr(x, part) for x in slopes), *none, -getattr(bias, part), *zeros]
-                 for part in ('real', 'imag')]  # fmt: skip
-        # Given is the torque for a wind pump, otherwise the acceleration of the crank.
-        last = [0] * (count + len(unknown) + 1)
-        last[-1 if self.is_free else 0] = 1
-        found = solutions([*rows, [*last, mp.mpf(driven), *zeros]])
-        sizes = settle(rubbing, [_joints(unknown, x[count:-1]) for x in zip(*found, strict=True)])
-        values = tuple(
-            first + sum(x * size for x, size in zip(added, sizes, strict=True))
-            for first, *added in found
-        )
-        exerted = list(exerted)
-        for size, rub in zip(sizes, rubbing, strict=True):
-            for k, x in rub.on.items():
-                exerted[k] += size * x
-        joints = _joints(unknown, values[count:-1])
-        return values[:count], values[-1], joints, exerted
+        table = []
+        for name, part in self.parts.items():
+            mass, inertia = mp.mpf(part.mass), mp.mpf(getattr(part, 'inertia', 0))
+            weight = mass * complex_of(self.mechanism.gravity)
+            loads = [
+                self._on(name, bodies, each) for each in (pushes, *(x for _, _, x in rubbing))
+            ]
+            loads[0] = loads[0][0] + weight, loads[0][1]
+            for axis, own in (('x', mass), ('y', mass), ('spin', inertia)):
+                row = {(name, axis): own}
+                row |= {
+                    k: -x.slopes[name, axis] for k, x in rows.items() if (name, axis) in x.slopes
+                }
+                row |= {i: {'x': force.real, 'y': force.imag, 'spin': moment}[axis]
+                        for i, (force, moment) in enumerate(loads)}  # fmt: skip
+                table.append(row)
+        zeros = {i: mp.mpf(0) for i in range(1, len(rubbing) + 1)}
+        for key, row in rows.items():
+            given = mp.mpf(driven) if key[0] == 'drive' else 0
+            table.append({**row.slopes, **zeros, 0: given - row.bias})
+        found = solved(table)
+        forces = [{x.name: _force(x, found, i) for x in joints} for i in range(len(rubbing) + 1)]
+        sizes = settle([(name, factor) for name, factor, _ in rubbing], forces)
+        weights = [mp.mpf(1), *sizes]
+        total = {k: sum(map(mp.fmul, row, weights)) for k, row in found.items()}
+        for name, body in bodies.items():
+            if name != 'frame':
+                change, center = total[name, 'spin'], mp.mpc(total[name, 'x'], total[name, 'y'])
+                arm = self.center(name) * body.way
+                bodies[name] = body._replace(
+                    acceleration=center - mp.mpc(-(body.spin**2), change) * arm, change=change
+                )
+        rubbed = [
+            x.times(size)
+            for size, (_, _, each) in zip(sizes, rubbing, strict=True) for x in each
+        ]  # fmt: skip
+        torque = mp.mpf(driven) if self.is_free else total['drive', 0]
+        last = {k: [x] for k, x in total.items()}
+        return bodies, torque, {x.name: _force(x, last, 0) for x in joints}, rubbed
 
-    def _slope(self, point, j):
-        """Computes the derivative of a point's position with respect to the position of a link."""
-        return point.carried.get(j, 0) * (1j if self.turning[j] else 1)
+    def _on(self, name, bodies, pushes):
+        """Returns the force of pushes on a body, and their moment about its centre of mass."""
+        center, force, moment = bodies[name].point(self.center(name))[0], mp.mpc(0), mp.mpf(0)
+        for push in self._spread(pushes, bodies):
+            if push.body == name:
+                force += push.force
+                moment += push.couple + cross(bodies[name].point(push.at)[0] - center, push.force)
+        return force, moment
+
+    def _spread(self, pushes, bodies):
+        """Yields forces and couples on bodies; what slides on a body pushes it back."""
+        for push in pushes:
+            if isinstance(push, Push):
+                yield push
+            elif (slide := self.slide_of(push.link)) is None:
+                yield Push(push.link, 0, 0, push.size, push.is_external)
+            else:
+                carrier = bodies[slide.carrier]
+                force = push.size * slide.guide * carrier.way
+                held = (bodies[push.link].place - carrier.place) / carrier.way
+                yield Push(push.link, 0, force, 0, push.is_external)
+                yield Push(slide.carrier, held, -force)
+
+    def _generalised(self, link, bodies, pushes):
+        """Returns the power of pushes per rate of one link of the open tree."""
+        total = mp.mpf(0)
+        for push in pushes:
+            if isinstance(push, Effort):
+                total += push.size if push.link == link else 0
+            elif push.body != 'frame':
+                slide = self.slide_of(push.body)
+                if link == (slide.carrier if slide else push.body):
+                    total += push.couple
+                total += dot(self._lever(link, push.body, push.at, bodies), push.force)
+        return total
+
+    def _lever(self, link, body, at, bodies):
+        """Returns the velocity of a point per rate of one link of the open tree."""
+        if body == 'frame':
+            return mp.mpc(0)
+        slide = self.slide_of(body)
+        if slide is not None and slide.carrier == 'frame':
+            return slide.guide if body == link else mp.mpc(0)
+        hung = next(x for x in self.joints() if x.body == body and not x.at and x.guide is None)
+        own = 1j * at * bodies[body].way if link == (slide.carrier if slide else body) else 0
+        return own + self._lever(link, hung.carrier, hung.on, bodies)
+
+    def _shaking(self, bodies, pushes):
+        """Computes the force on the frame, and its moment about A0 with the drive's reaction.
+
+        They are the external forces on the machine, minus the rate of change of its momentum.
+        """
+        force, moment = mp.mpc(0), mp.mpf(0)
+        for name, part in self.parts.items():
+            place, _, change = bodies[name].point(self.center(name))
+            push = mp.mpf(part.mass) * (complex_of(self.mechanism.gravity) - change)
+            force += push
+            moment += cross(place, push)
+            moment -= mp.mpf(getattr(part, 'inertia', 0)) * bodies[name].change
+        for push in self._spread(pushes, bodies):
+            if push.is_external:
+                force += push.force
+                moment += push.couple + cross(bodies[push.body].point(push.at)[0], push.force)
+        return force, moment
 
     # Loads and friction.
 
-    def loads(self, q, vectors, rates):
-        """Computes the loads on each link, and the share that is external to the machine."""
-        outside = [mp.mpf(0)] * len(vectors)
-        place, rate = self.place(vectors), rates[-1]
-        outside[-1], damping, stiffness, _ = map(mp.mpf, self.own_load)
-        coupled = self.inside(vectors, rates)
-        for load in self.link_loads:
-            if load.link == 'crank':
-                outside[0] += mp.mpf(load.force)
-                coupled[0] -= mp.mpf(load.damping) * rates[0]
-        for curve in self.mechanism.loads:
-            if getattr(curve, 'pressure', None):  # the head of the cylinder takes the opposite
-                crank = mp.mpf(_first(q)) - self.start(curve)
-                pressure = periodic(curve.at, curve.pressure, crank, curve.turns)
-                coupled[-1] += self.push(curve, pressure)
-            elif hasattr(curve, 'over'):
-                link = 0 if curve.link == 'crank' else len(vectors) - 1
-                if curve.over != 'position':
-                    crank = mp.mpf(_first(q)) - self.start(curve)
-                    outside[link] += periodic(curve.at, curve.value, crank, curve.turns)
-                else:
-                    falls = rate < 0 and curve.return_value is not None
-                    value = curve.return_value if falls else curve.value
-                    outside[link] += between(self.reduced(curve.at), value, place)
-        held = -damping * rate - stiffness * self.stretch(vectors)
-        exerted = [*outside[:-1], outside[-1] + held]
-        return [x + y for x, y in zip(exerted, coupled, strict=True)], tuple(outside)
+    def pushes(self, q, bodies):
+        """Returns the efforts on links, and the forces at points, of all loads but friction."""
+        crank = mp.arg(bodies['crank'].way) if self.by_rod else mp.mpf(q)
+        found = []
+        for load in self.loads:
+            kind = type(load).__name__.replace('PartLoad', 'LinkLoad')
+            if kind == 'Force':
+                force = complex_of(load.force)
+                if load.axes == 'link':
+                    force *= bodies[load.link].way
+                found.append(Push(load.link, complex_of(load.at), force, 0, True))
+            elif kind == 'Spring':
+                found += _spring(load, bodies)
+            elif kind == 'Pins':
+                for joint in self.joints():
+                    if joint.guide is None and load.pin in {'', joint.name}:
+                        body, carrier = bodies[joint.body], bodies[joint.carrier]
+                        couple = mp.mpf(load.damping) * (carrier.spin - body.spin)
+                        found.append(Push(joint.body, 0, 0, couple))
+                        found.append(Push(joint.carrier, 0, 0, -couple))
+            elif kind in {'LinkLoad', 'LoadCurve', 'Gas'}:
+                found += getattr(self, f'_of_{kind}')(load, crank, bodies)
+        return found
 
-    def inside(self, vectors, rates):
-        """Computes the loads of viscous pins and gas on each link."""
-        coupled = [mp.mpf(0)] * len(vectors)
-        for load in self.mechanism.loads:
-            if type(load).__name__ == 'Pins':
-                for name, on, of in self.pins():
-                    spins = [
-                        rates[j] if j is not None and self.turning[j] else 0 for j in (on, of)
-                    ]
-                    for j, sign in ((on, -1), (of, 1)):
-                        if load.pin in ('', name) and j is not None and self.turning[j]:
-                            coupled[j] += sign * mp.mpf(load.damping) * (spins[0] - spins[1])
-            elif type(load).__name__ == 'Gas':
-                coupled[-1] += self.gas(load, vectors[-1], rates[-1])
-        return coupled
+    def _of_LinkLoad(self, load, _, bodies):
+        place, rate, _ = self.of_link(load.link, bodies)
+        held = -mp.mpf(load.damping) * rate
+        if load.stiffness:
+            held -= mp.mpf(load.stiffness) * self._stretch(load, place)
+        return [
+            Effort(load.link, mp.mpf(load.force), load.link != 'rod'), Effort(load.link, held)
+        ]  # fmt: skip
 
-    def gas(self, load, place, rate):
-        """Computes the force of a gas on the slider along its guide."""
-        top, bottom = self.ends(load)
+    def _of_LoadCurve(self, load, crank, bodies):
+        if load.over == 'position':
+            place, rate, _ = self.of_link(load.link, bodies)
+            falls = rate < 0 and load.return_value is not None
+            value = load.return_value if falls else load.value
+            size = between(self._reduced(load), value, self._continuous(load.link, place))
+            return [Effort(load.link, size, load.link != 'rod')]
+        crank -= self._start(load)
+        if load.pressure is not None:  # the head of the cylinder takes the opposite
+            pressure = periodic(load.at, load.pressure, crank, load.turns)
+            return [Effort(load.link, self._pressed(load, pressure))]
+        size = periodic(load.at, load.value, crank, load.turns)
+        return [Effort(load.link, size, load.link != 'rod')]
+
+    def _of_Gas(self, load, _, bodies):
+        place, rate, _ = self.of_link(load.link, bodies)
+        top, bottom = self._ends(load)
         clearance, exponent = mp.mpf(load.clearance), mp.mpf(load.exponent)
         largest, distance = clearance + abs(top - bottom), clearance + abs(top - place)
         pressure = load.inlet * (largest / distance) ** exponent
@@ -468,178 +643,106 @@ class Oracle:
                 pressure = max(
                     load.outlet * (clearance / distance) ** exponent, mp.mpf(load.inlet)
                 )
-        return self.push(load, pressure)
+        return [Effort(load.link, self._pressed(load, pressure))]
 
-    def ends(self, load):
-        """Returns the slider's position at the top of a cylinder and at the bottom."""
-        r, b, e = map(mp.convert, self.lengths)
+    def _ends(self, load):
+        """Returns the position at the top of a cylinder and at the bottom."""
+        lengths = [mp.convert(x) for x in self.lengths]
+        if self.kind == 'InvertedSliderCrank':
+            r, d, e = lengths
+            short, long = (mp.sqrt(x**2 - e**2) for x in (d - r, d + r))
+            return (long, short) if load.top == 'near' else (short, long)
+        r, b, e = lengths
         side = 1 if self.mechanism.assembly == 'open' else -1
         far, near = (side * mp.sqrt(x**2 - e**2) for x in (b + r, b - r))
         return (near, far) if load.top == 'near' else (far, near)
 
-    def start(self, curve):
+    def _start(self, curve):
         """Returns the crank angle from which a curve counts: 0, or the top of the stroke."""
         if curve.over != 'crank_angle_from_tdc':
             return 0
-        (top, _), (_, _, e) = self.ends(curve), map(mp.convert, self.lengths)
-        turned = mp.pi if curve.top == 'near' else 0  # the crank points away from the slider
-        return mp.atan2(e, top) + mp.mpf(self.mechanism.frame.angle) + turned
+        turned = mp.pi if curve.top == 'near' else 0  # the crank points away from there
+        turned += mp.mpf(self.mechanism.frame.angle)
+        if self.kind == 'InvertedSliderCrank':
+            return turned
+        top, _ = self._ends(curve)
+        return mp.atan2(mp.convert(self.lengths[2]), top) + turned
 
-    def push(self, load, pressure):
-        """Computes the force of a pressure on the slider along its guide."""
-        top, bottom = self.ends(load)
+    def _pressed(self, load, pressure):
+        """Returns the force of a pressure along the guide."""
+        top, bottom = self._ends(load)
         behind = mp.mpf(101300.0 if load.ambient is None else load.ambient)
         return (pressure - behind) * mp.pi * mp.mpf(load.bore) ** 2 / 4 * mp.sign(bottom - top)
-
-    def on_body(self, name, at, vectors):
-        """Returns the index of a link, None for the frame, and a point of it."""
-        if name == 'frame':
-            return None, Point(complex_of(at), {})
-        names = [x for x in ('crank', 'coupler', 'rod', 'rocker', 'slider')
-                 if hasattr(self.mechanism, x)]  # fmt: skip
-        k, points = names.index(name), self.points(vectors)
-        if not self.turning[k]:
-            pin = points['D' if self.is_free else 'B']
-            return k, Point(pin.fixed + complex_of(at) * self.guide(), pin.carried)
-        pin = points[['A0', 'A', 'B' if self.is_free else 'B0'][k]]
-        return k, Point(pin.fixed, {**pin.carried, k: complex_of(at) * unit(vectors[k])})
-
-    def forces_at_points(self, vectors, rates):
-        """Returns forces at points: link or None, point, force, and whether it is external."""
-        found = []
-        for load in self.mechanism.loads:
-            if type(load).__name__ == 'Force':
-                k, point = self.on_body(load.link, load.at, vectors)
-                force = complex_of(load.force)
-                if load.axes == 'link':
-                    force *= unit(vectors[k]) if self.turning[k] else self.guide()
-                found.append((k, point, force, True))
-            elif type(load).__name__ == 'Spring':
-                ends = [self.on_body(load.link, load.at, vectors),
-                        self.on_body(load.to, load.to_at, vectors)]  # fmt: skip
-                (here, speed), (there, other) = (
-                    self.follow(point, vectors, rates, rates)[:2] for _, point in ends
-                )
-                length = abs(there - here)
-                towards = (there - here) / length
-                pull = load.stiffness * (length - mp.mpf(load.free_length))
-                pull += load.damping * dot(towards, other - speed)
-                for (k, point), sign in zip(ends, (1, -1), strict=True):
-                    found.append((k, point, sign * pull * towards, False))
-        return found
-
-    @property
-    def own_load(self):
-        """Force, damping, stiffness and rest position of the load on the output link."""
-        for load in self.link_loads:
-            if load.link != 'crank':
-                return load.force, load.damping, load.stiffness, load.rest
-        output = self.bodies[-1]
-        return [getattr(output, name) for name in load_fields(output)]
-
-    @property
-    def link_loads(self):
-        return [load for load in self.mechanism.loads if hasattr(load, 'rest')]
-
-    def place(self, vectors):
-        """Returns the output position; a rocker's is within half a turn of its swing's middle."""
-        if self.slides:
-            return vectors[-1]
-        middle = self.middle if self.needs_middle else 0
-        return middle + wrap(mp.arg(vectors[-1]) - middle)
-
-    @property
-    def needs_middle(self):
-        """Whether any load depends on the position of the rocker."""
-        curves = [x for x in self.mechanism.loads if getattr(x, 'over', '') == 'position']
-        return not self.slides and bool(self.own_load[2] or curves)
 
     @functools.cached_property
     def middle(self):
         """Middle of the rocker's swing, from the package; test_loads.py checks it."""
         return mp.mpf(self.mechanism.swing_middle('', 0.0))
 
-    def reduced(self, at):
+    def _continuous(self, link, place):
+        """Returns the position of a link; a rocker's is within half a turn of its middle."""
+        return self.middle + wrap(place - self.middle) if link == 'rocker' else place
+
+    def _stretch(self, load, place):
+        rest = self._continuous(load.link, mp.mpf(load.rest))
+        return self._continuous(load.link, place) - rest
+
+    def _reduced(self, curve):
         """Returns the points of a curve; angles of a rocker are shifted by whole turns."""
-        if self.slides:
-            return at
-        turns = mp.nint((mp.mpf(at[0] + at[-1]) / 2 - self.middle) / (2 * mp.pi))
-        return [mp.mpf(x) - 2 * mp.pi * turns for x in at]
+        if curve.link != 'rocker':
+            return curve.at
+        turns = mp.nint((mp.mpf(curve.at[0] + curve.at[-1]) / 2 - self.middle) / (2 * mp.pi))
+        return [mp.mpf(x) - 2 * mp.pi * turns for x in curve.at]
 
-    def stretch(self, vectors):
-        """Computes the elongation of the spring on the output link."""
-        if self.slides:
-            return vectors[-1] - mp.mpf(self.own_load[3])
-        if not self.own_load[2]:
-            return mp.mpf(0)
-        rest = self.middle + wrap(mp.mpf(self.own_load[3]) - self.middle)
-        return self.place(vectors) - rest
-
-    def _rubbing(self, rates):
-        """Returns the joints with friction."""
-        friction = next((x for x in self.mechanism.loads if hasattr(x, 'pin_radius')), None)
-        if friction is None:
-            return []
+    def _rubbing(self, bodies):
+        """Returns the joints with friction: name, factor, and the pushes of a unit of it."""
+        friction = next((x for x in self.loads if hasattr(x, 'pin_radius')), None)
         found = []
-        spins = [rate if turns else 0 for rate, turns in zip(rates, self.turning, strict=True)]
-        factor = mp.mpf(friction.pin) * mp.mpf(friction.pin_radius)
-        for name, on, of in self.pins():
-            x = -mp.sign(spins[on] - (0 if of is None else spins[of]))
-            turned = {k: y for k, y in ((on, x), (of, -x)) if k is not None and self.turning[k]}
-            found.append(Rubbing(name, factor, turned))
-        if self.slides:
-            x = -mp.sign(rates[-1])
-            found.append(Rubbing('guide', mp.mpf(friction.guide), {len(rates) - 1: x}))
-        return [x for x in found if x.factor and any(x.on.values())]
-
-    def shaking(self, state):
-        """Computes the force on the frame, and its moment about A0 with the drive's reaction.
-
-        They are the external forces on the machine, minus the rate of change of its momentum.
-        """
-        force, moment, vectors = mp.mpc(0), mp.mpf(0), self.vectors(state)
-        for k, (body, center) in enumerate(zip(self.bodies, self.centers(vectors), strict=True)):
-            place, _, change = self.follow(center, vectors, state.velocity, state.acceleration)
-            push = mp.mpf(body.mass) * (complex_of(self.mechanism.gravity) - change)
-            if self.turning[k]:
-                moment += state.outside[k] - mp.mpf(body.inertia) * state.acceleration[k]
+        for joint in self.joints() if friction else ():
+            body, carrier = bodies[joint.body], bodies[joint.carrier]
+            if joint.guide is None:
+                factor = mp.mpf(friction.pin) * mp.mpf(friction.pin_radius)
+                sign = _sign(body.spin - carrier.spin, abs(body.spin) + abs(carrier.spin))
+                pushes = Push(joint.body, 0, 0, -sign), Push(joint.carrier, 0, 0, sign)
             else:
-                push += state.outside[k] * self.guide()
-            force += push
-            moment += cross(place, push)
-        for place, push in state.pushes:
-            force += push
-            moment += cross(place, push)
-        return force, moment
+                factor, (_, rate, _) = mp.mpf(friction.guide), self.slide(joint, bodies)
+                sign = _sign(rate, abs(body.velocity) + abs(carrier.velocity))
+                pushes = (Effort(joint.name, -sign),)
+            if factor and sign:
+                found.append((joint.name, factor, pushes))
+        return found
 
     def energy(self, q, u):
-        """Computes the kinetic plus potential energy, J, except at change points."""
-        total = mp.mpf(0)
-        vectors, rates = self.motion(q, u)
-        for body, center, rate in zip(self.bodies, self.centers(vectors), rates, strict=True):
-            place, velocity, _ = self.follow(center, vectors, rates, rates)
-            height = dot(complex_of(self.mechanism.gravity), place)
-            total += mp.mpf(body.mass) * (abs(velocity) ** 2 / 2 - height)
-            total += mp.mpf(getattr(body, 'inertia', 0)) * rate**2 / 2
-        force, _, stiffness, _ = map(mp.mpf, self.own_load)
-        if force:
-            place = vectors[-1] if self.slides else mp.arg(vectors[-1])
-            if not self.slides:
-                place = self.middle + wrap(place - self.middle)
-            total -= force * place
-        return total + stiffness * self.stretch(vectors) ** 2 / 2
+        """Computes the kinetic and potential energy of masses and loads on links, J."""
+        bodies, total = self.moving(q, u), mp.mpf(0)
+        for name, part in self.parts.items():
+            place, velocity, _ = bodies[name].point(self.center(name))
+            mass, inertia = mp.mpf(part.mass), mp.mpf(getattr(part, 'inertia', 0))
+            total += mass * (
+                abs(velocity) ** 2 / 2 - dot(complex_of(self.mechanism.gravity), place)
+            )
+            total += inertia * bodies[name].spin ** 2 / 2
+        for load in self.loads:
+            if hasattr(load, 'rest'):
+                place = self.of_link(load.link, bodies)[0]
+                total -= mp.mpf(load.force) * self._continuous(load.link, place)
+                if load.stiffness:
+                    total += mp.mpf(load.stiffness) * self._stretch(load, place) ** 2 / 2
+        return total
 
     def natural(self, speed, acceleration):
         """Estimates the size of each quantity in a mechanism of this size at this speed."""
         size, square = float(max(map(abs, self.lengths))), speed**2 + abs(acceleration)
         gravity = math.hypot(*self.mechanism.gravity)
         torque = sum(
-            getattr(body, 'inertia', 0) * square + body.mass * size * (size * square + gravity)
-            for body in self.bodies
+            getattr(part, 'inertia', 0) * square + part.mass * size * (size * square + gravity)
+            for part in self.parts.values()
         )
-        unit = size if self.slides else 1.0
-        force, damping, stiffness, _ = self.own_load
-        torque += unit * (abs(force) + unit * (damping * abs(speed) + stiffness))
+        for load in self.loads:
+            if hasattr(load, 'rest'):
+                arm = 1.0 if self.slide_of(load.link) is None else size
+                held = load.damping * abs(speed) + load.stiffness
+                torque += arm * (abs(load.force) + arm * held)
         units = [1.0 if turns else size for turns in self.turning]
         return *units, *(abs(speed) * x for x in units), *(square * x for x in units), torque
 
@@ -652,45 +755,128 @@ def _first(q):
     return q[0] if isinstance(q, tuple) else q
 
 
+def _sign(x, size):
+    """Returns the sign of a difference, 0 where only rounding errors are left of it."""
+    return mp.sign(x) if abs(x) > size * mp.mpf('1e-50') else 0
+
+
+def _joints_of_dyad(dyad):
+    first, name = f'{dyad.name}_first', dyad.name
+    found = [Joint(f'{name}_from', first, 0, dyad.from_, complex_of(dyad.from_at))]
+    length = mp.mpf(dyad.first.length)
+    if dyad.second is None:
+        slider = f'{name}_slider'
+        way = mp.expj(mp.mpf(dyad.slider.angle))
+        found.append(Joint(f'{name}_joint', slider, 0, first, length))
+        found.append(Joint(slider, slider, 0, 'frame', complex_of(dyad.slider.at), way))
+    else:
+        second, along = f'{name}_second', mp.mpf(dyad.second.length)
+        found.append(Joint(f'{name}_joint', second, along, first, length))
+        to_at = complex_of(dyad.to_at or (0, 0))
+        found.append(Joint(f'{name}_to', second, 0, dyad.to, to_at))
+    return found
+
+
+def _placed_dyad(dyad, bodies):
+    start, *_ = bodies[dyad.from_].point(complex_of(dyad.from_at))
+    side, length = (1 if dyad.assembly == 'open' else -1), mp.mpf(dyad.first.length)
+    if dyad.second is None:
+        way = mp.expj(mp.mpf(dyad.slider.angle))
+        joint = met_on_guide(start, length, complex_of(dyad.slider.at), way, side)
+        last = {f'{dyad.name}_slider': Body(joint, way)}
+    else:
+        stop, *_ = bodies[dyad.to].point(complex_of(dyad.to_at or (0, 0)))
+        joint = meet(start, length, stop, mp.mpf(dyad.second.length), side)
+        last = {f'{dyad.name}_second': Body(stop, unit(joint - stop))}
+    return {f'{dyad.name}_first': Body(start, unit(joint - start)), **last}
+
+
+def _spring(load, bodies):
+    ends = (load.link, complex_of(load.at)), (load.to, complex_of(load.to_at))
+    (here, speed, _), (there, other, _) = (bodies[name].point(at) for name, at in ends)
+    length = abs(there - here)
+    towards = (there - here) / length
+    pull = load.stiffness * (length - mp.mpf(load.free_length))
+    pull += load.damping * dot(towards, other - speed)
+    return [Push(*end, sign * pull * towards) for end, sign in zip(ends, (1, -1), strict=True)]
+
+
+def _force(joint, found, i):
+    """Returns the force of a joint; of a guide, its force to the left and its moment."""
+    one, other = (found[joint.name, k][i] for k in (0, 1))
+    return mp.mpc(one, other) if joint.guide is None else (one, other)
+
+
+# Geometry and equations.
+
+
+def root(x):
+    """Returns a square root.
+
+    Raises:
+        ArithmeticError: The number is negative: circles do not intersect.
+    """
+    if x < 0:
+        raise ArithmeticError('the links do not reach')
+    return mp.sqrt(x)
+
+
+def meet(center, radius, other, its_radius, side):
+    """Intersects two circles; side 1 is to the left of the line from the first centre."""
+    distance = abs(other - center)
+    along = (radius**2 - its_radius**2 + distance**2) / (2 * distance)
+    across = side * root(radius**2 - along**2)
+    return center + (other - center) / distance * mp.mpc(along, across)
+
+
+def met_on_guide(center, radius, at, way, side):
+    """Intersects a circle and a guide; side 1 is ahead of the centre."""
+    foot = mp.conj(way) * (center - at)
+    return at + way * (foot.real + side * root(radius**2 - foot.imag**2))
+
+
 def means(one, other):
     return tuple((x + y) / 2 for x, y in zip(one, other, strict=True))
 
 
-def _joints(unknown, values):
-    """Returns the joint forces by name; the guide force is positive to the left."""
-    joints = {}
-    for value, (name, _, _, axis) in zip(values, unknown, strict=True):
-        joints[name] = joints.get(name, 0) + (value if name == 'guide' else value * axis)
-    return joints
+def solved(rows):
+    """Solves sparse linear equations with one or more right-hand sides.
 
-
-def solutions(rows):
-    """Solves linear equations with one or more right-hand sides, which are the last columns.
+    Args:
+        rows: Coefficients by unknown, and right-hand sides by number from 0, of each equation.
 
     Returns:
-        A row for each unknown, with a value for each right-hand side.
+        For each unknown, a value for each right-hand side.
     """
-    rows, count = [list(row) for row in rows], len(rows)
-    for i in range(count):
-        largest = max(range(i, count), key=lambda k: abs(rows[k][i]))
-        rows[i], rows[largest] = rows[largest], rows[i]
-        rows[i][i:] = pivot = [x / rows[i][i] for x in rows[i][i:]]
-        for row in rows[i + 1 :]:
-            if row[i]:
-                row[i:] = [x - row[i] * y for x, y in zip(row[i:], pivot, strict=True)]
-    for i in reversed(range(count)):
-        for row in rows[:i]:
-            row[count:] = [
-                x - row[i] * y for x, y in zip(row[count:], rows[i][count:], strict=True)
-            ]
-    return [row[count:] for row in rows]
+    rows, order = [dict(row) for row in rows], []
+    for _ in range(len(rows)):
+        # The row with the fewest entries, and its largest entry.
+        row = min(rows, key=len)
+        rows = [other for other in rows if other is not row]
+        pivot = max((k for k in row if not isinstance(k, int)), key=lambda k: abs(row[k]))
+        order.append((pivot, row))
+        for other in rows:
+            if (factor := other.pop(pivot, 0)) != 0:
+                factor /= row[pivot]
+                for k, x in row.items():
+                    if k != pivot:
+                        other[k] = other.get(k, 0) - factor * x
+    found = {}
+    for pivot, row in reversed(order):
+        known = [(x, found[k]) for k, x in row.items() if k in found]
+        count = sum(isinstance(k, int) for k in row)
+        found[pivot] = [
+            (row[i] - sum((x * values[i] for x, values in known), mp.mpf(0))) / row[pivot]
+            for i in range(count)
+        ]
+    return found
 
 
 def settle(rubbing, joints):
     """Solves for friction equal to its factor times the joint force, in every joint.
 
     Args:
-        rubbing: The joints.
+        rubbing: Names of the joints and factors.
         joints: Joint forces without friction, and their change per unit of each friction.
 
     Returns:
@@ -700,12 +886,12 @@ def settle(rubbing, joints):
     Raises:
         ArithmeticError: There is no solution.
     """
-    first, *added = joints
+    first, *added = ({k: _pressing(x) for k, x in row.items()} for row in joints)
 
     def lacks(share, sizes):
-        for rub, size in zip(rubbing, sizes, strict=True):
-            forces = (joint[rub.joint] * x for joint, x in zip(added, sizes, strict=True))
-            yield share * rub.factor * abs(first[rub.joint] + sum(forces)) - size
+        for (name, factor), size in zip(rubbing, sizes, strict=True):
+            forces = (joint[name] * x for joint, x in zip(added, sizes, strict=True))
+            yield share * factor * abs(first[name] + sum(forces)) - size
 
     for shares in ([1], [1 - (1 - mp.mpf(k) / 24) ** 4 for k in range(1, 25)]):
         sizes = [mp.mpf(0)] * len(rubbing)
@@ -715,6 +901,10 @@ def settle(rubbing, joints):
             if min(sizes, default=0) >= 0:
                 return sizes
     raise ArithmeticError('no friction goes with these forces')
+
+
+def _pressing(force):
+    return force[0] if isinstance(force, tuple) else force
 
 
 def between(at, value, place):
@@ -757,7 +947,8 @@ def cross(u, v):
     return (mp.conj(u) * v).imag
 
 
-def solve(u, v, w):
-    """Solves x u + y v = w for real x and y; u, v, w are complex."""
-    determinant = cross(u, v)
-    return cross(w, v) / determinant, cross(u, w) / determinant
+def load_fields(part):
+    """Returns the parameters of a part's own load: force, damping, stiffness and rest."""
+    if hasattr(part, 'torque'):
+        return 'torque', 'damping', 'stiffness', 'rest_angle'
+    return 'force', 'damping', 'stiffness', 'rest_position'

@@ -9,7 +9,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from dyad_oracle import Oracle
 from mechanisms import (
     FULL,
     LIMITED,
@@ -21,6 +20,7 @@ from mechanisms import (
     with_loads,
 )
 from mpmath import mp
+from oracle import Oracle, wrap
 from ros_harness import verified
 
 from linkage_ros import (
@@ -141,25 +141,24 @@ def random_structure(rng, nearest=0.0):
 def compared(mechanism, q, u, a):
     """Returns errors of motion and of forces, relative to the largest, and the least sines."""
     solver, oracle = Solver(mechanism), Oracle(mechanism)
-    state = solver.state(q, u, a)
-    forces = solver.reactions(state)
-    estimate = {
-        name: (place.real, place.imag, cmath.phase(way))
-        for name, (way, place) in pose(mechanism, q).items()
-    }
-    x, v, changes, (joints, torque, *_) = oracle.solve(estimate, q, u, a)
-    errors, right = [], (oracle.positions(x), *oracle.rates(x, v, changes))
-    for i, (row, found) in enumerate(zip(right, state[:3], strict=True)):
-        bodies = zip(solver.structure.links, found, strict=True)
-        gaps = [(row[link.name] - mp.mpf(y), link.slides) for link, y in bodies]
-        gaps = [y if i or slides else mp.sin(y / 2) * 2 for y, slides in gaps]
-        errors.append(max(map(abs, gaps)) / max(1, *(abs(y) for y in row.values())))
-    peak = max(abs(y) for y in joints.values() if not isinstance(y, tuple))
-    reach = peak * max(1, *(abs(place) for _, place in pose(mechanism, q).values()))
-    wrong = [abs(mp.mpc(*force) - joints[pin]) / peak for pin, force in forces.pins.items()]
+    given, torque = a, 5.0
+    if oracle.is_free:
+        given = solver.accelerations(q, u, torque)
+    state = solver.state(q, u, given)
+    forces, right = solver.reactions(state), oracle.solve(q, u, torque if oracle.is_free else a[0])
+    errors, slides = [], {link.name: link.slides for link in solver.structure.links}
+    for i, (row, found) in enumerate(zip(right[:3], state[:3], strict=True)):
+        row = dict(zip(oracle.parts, row, strict=True))
+        gaps = {name: row[name] - mp.mpf(x) for name, x in zip(slides, found, strict=True)}
+        size = max(1, *map(abs, row.values()))
+        errors += [abs(x if i or slides[name] else wrap(x)) / size for name, x in gaps.items()]
+    peak = max(map(abs, right.pins.values()))
+    reach = peak * max(1, *(abs(body.place) for body in right.bodies.values()))
+    wrong = [abs(mp.mpc(*force) - right.pins[pin]) / peak for pin, force in forces.pins.items()]
     for name, (force, moment) in forces.guides.items():
-        wrong += [abs(force - joints[name][0]) / peak, abs(moment - joints[name][1]) / reach]
-    wrong += [abs(y - torque) / reach for y in (state.torque, forces.torque)]
+        across, turning = right.guides[name]
+        wrong += [abs(force - across) / peak, abs(moment - turning) / reach]
+    wrong += [abs(y - right.torque) / reach for y in (state.torque, forces.torque)]
     sines = [met.sine for met in solver.dyad_sines((*q, *u))[: len(solver.structure.dyads)]]
     return float(max(errors)), float(max(wrong)), sines
 

@@ -60,20 +60,16 @@ class World:
     """The machine on a base_link that turns about a pivot, seen from the world."""
 
     def __init__(self, mechanism, crank):
-        self.oracle, self.bodies = Oracle(mechanism), Oracle(mechanism).bodies
+        self.oracle = Oracle(mechanism)
+        self.bodies = self.oracle.parts.values()
         self.crank, self.gravity = crank, mp.mpc(*mechanism.gravity)
 
     def _parts(self, crank, hip):
         """Returns the centre and the direction of each body in the world."""
-        vectors, rates = self.oracle.motion(crank, 1)
-        turn, pivot = mp.expj(hip), mp.mpc(*PIVOT)
-        centers = [
-            turn * (self.oracle.follow(center, vectors, rates, rates)[0] - pivot)
-            for center in self.oracle.centers(vectors)
-        ]
-        if hasattr(self.oracle.mechanism, 'barrel'):
-            vectors[2] = vectors[1]  # the rod turns with the barrel
-        return centers, [turn * x / abs(x) for x in map(mp.mpc, vectors)]
+        bodies, turn = self.oracle.placed(crank), mp.expj(hip)
+        places = [bodies[name].point(self.oracle.center(name))[0] for name in self.oracle.parts]
+        centers = [turn * (place - mp.mpc(*PIVOT)) for place in places]
+        return centers, [turn * bodies[name].way for name in self.oracle.parts]
 
     def needed(self):
         """Returns the torque on the crank, and the force on each body in base_link's axes."""
