@@ -20,6 +20,7 @@ reaches 0, the forces become infinite or cease to exist: the mechanism is self-l
 
 import functools
 import math
+import operator
 from collections.abc import Sequence
 from typing import Any, NamedTuple, cast
 
@@ -528,27 +529,43 @@ def _next_round(
     share, change = search.share, _largest([abs(step) for step in steps])
     shrinks = change < 0.5 * search.change
     close = change <= where(shrinks, _CHANGE, _ROUNDING) * largest
-
-    def case(is_close: Real, shrinks_only: Real, fails: Real) -> Real:
-        otherwise = where(shrinks, shrinks_only, fails)
-        return where(whole > _SINGULAR, where(close, is_close, otherwise), fails)
-
     grown = share - search.solved
     further = share + 2.0 * grown
-    known, sizes = [], []
-    for size, step, before in zip(search.sizes, steps, search.known, strict=True):
-        moved = size + step
-        known.append(case(moved, before, before))
-        sizes.append(case(where(share < 1, moved, size), moved, before))
-    ahead = Search(
-        case(where(further < 1, further, 1.0), share, share - 0.5 * grown),
-        case(share, search.solved, search.solved),
-        case(where(share < 1, math.inf, search.change), change, math.inf),
-        tuple(sizes),
-        tuple(known),
+    moved = tuple(map(operator.add, search.sizes, steps))
+    is_part = share < 1
+
+    # What follows if the forces have converged at this share, approach, or do not approach: a
+    # larger share or the end, another round, or a smaller share or a lock.
+    converged = (
+        Search(
+            share=where(further < 1, further, 1.0),
+            solved=share,
+            change=where(is_part, math.inf, search.change),
+            sizes=tuple(where(is_part, *pair) for pair in zip(moved, search.sizes, strict=True)),
+            known=moved,
+        ),
+        where(is_part, 1.0, 0.0),
     )
-    left = case(where(share < 1, 1.0, 0.0), 1.0, where(grown > _STEP, 1.0, -1.0))
-    return ahead, left
+    approaching = search._replace(change=change, sizes=moved), 1.0
+    failed = (
+        Search(
+            share=share - 0.5 * grown,
+            solved=search.solved,
+            change=math.inf,
+            sizes=search.known,
+            known=search.known,
+        ),
+        where(grown > _STEP, 1.0, -1.0),
+    )
+
+    def chosen(if_converged: Any, if_approaching: Any, if_failed: Any) -> Any:
+        if isinstance(if_failed, tuple):
+            return tuple(map(chosen, if_converged, if_approaching, if_failed))
+        found = where(close, if_converged, where(shrinks, if_approaching, if_failed))
+        return where(whole > _SINGULAR, found, if_failed)
+
+    ahead, left = chosen(converged, approaching, failed)
+    return Search(*ahead), left
 
 
 def _largest(values: Sequence[Real]) -> Real:
