@@ -22,7 +22,7 @@ from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.measured import FollowMotion
 from linkage_ros.motion.steps import live_steps, record_steps
 from linkage_ros.motion.under_torque import Motor, published
-from linkage_ros.numeric import wrap
+from linkage_ros.numeric import without_turns, wrap
 from linkage_ros.run.states import Simulator
 from linkage_ros.settings.configuration import configure
 from linkage_ros.settings.notes import notes
@@ -59,5 +59,6 @@ __all__ = [
     'reversals',
     'rigid_links',
     'torque',
+    'without_turns',
     'wrap',
 ]

@@ -14,6 +14,7 @@ from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise
 
+import numpy as np
 import pytest
 from live_logs import live, ticks
 from mechanisms import LIMITED, of
@@ -196,6 +197,22 @@ def test_sines_of_a_law_are_accurate_to_two_ulp():
             cosine = found.rate / mp.mpf(2 * math.pi)
             for value, exact in ((found.angle, mp.sin(angle)), (cosine, mp.cos(angle))):
                 assert abs(value - exact) <= 5e-16 * abs(exact) + mp.mpf('1e-40')
+
+
+@each_law
+def test_a_curve_of_a_law_agrees_with_its_single_moments(values):
+    """Also between two nanoseconds, where it is the mean of both."""
+    law = drive_of(**values).motion.law
+    end = law.duration * (3 if law.repeats else 1)
+    inside = range(1, end, end // 97)
+    times = [*inside, *(time for time in moments(law) if time < end)]
+    single = np.transpose([law.at(time) for time in times])
+    sizes = np.abs(single).max(axis=1, keepdims=True) + 1e-300
+    curve = law.curve()
+    assert np.abs(curve(np.array(times, float)) - single) / sizes == pytest.approx(0, abs=4e-14)
+    both = [np.transpose([law.at(time + i) for time in inside]) for i in (0, 1)]
+    found = np.array(curve(np.array(inside) + 0.5))
+    assert np.abs(found - sum(both) / 2) / sizes == pytest.approx(0, abs=4e-14)
 
 
 @each_law

@@ -35,13 +35,14 @@ from linkage_ros import (
     travel,
 )
 from linkage_ros.formulas import Array
-from linkage_ros.internals import Drawing, LawMotion
+from linkage_ros.internals import Drawing, without_turns
 
 # Speed of a crank that is drawn over its arc, or of a cylinder over its stroke, m/s; and the part
 # of the arc or stroke left out at each end.
 # Mean power, relative to its rms, beyond the errors of a mean of 0.
 _NET = 0.01
 _SLOW_RPM, _SLOW, _MARGIN = 1.0, 0.01, 0.01
+_WHOLE = 1e-3  # ns; a time this close to a whole nanosecond is rounded to it
 _MOTION = ('position', ''), ('velocity', '/s'), ('acceleration', '/s^2')
 
 
@@ -413,21 +414,25 @@ def law_period(solver: Solver, drive: Any, *, reactions: bool = False) -> Period
         The motion over time.
     """
     law = drive.law(solver.structure.driven_link)
-    time, crank = law_samples(solver, law)
-
-    def motion(places: Array) -> _Motion:
-        moved = crank(places)
-        return _Motion(moved.q[0], moved.u[0], moved.a[0], moved.unwrapped)
-
+    time, motion = law_samples(solver, law)
     return _period(
         solver, motion, time, speed=_mean_speed(law), is_periodic=law.repeats, reactions=reactions,
         time=time, turns=law.turns,
     )  # fmt: skip
 
 
+class Driven(NamedTuple):
+    """Position, rate and acceleration of the driven joint; its position without jumps."""
+
+    q: Array
+    u: Any
+    a: Any
+    unwrapped: Array
+
+
 def law_samples(
     solver: Solver, law: Any, steps: int = 720
-) -> tuple[Array, Callable[[Array], Any]]:
+) -> tuple[Array, Callable[[Array], Driven]]:
     """Returns times over a law or, if it repeats, over a period of the run; and the motion.
 
     Args:
@@ -440,8 +445,14 @@ def law_samples(
         The times in increasing order, s; and a function that computes the motion of the driven
         joint at times.
     """
-    motion = LawMotion.begin(law, 0)
-    each, last = law.duration, law_duration(solver, law)
+    time, motion = _law_times(law, law_duration(solver, law), steps)
+    return with_breaks(time, solver, lambda places: solver.state(*motion(places)[:3])), motion
+
+
+@functools.lru_cache(1)
+def _law_times(law: Any, last: int, steps: int) -> tuple[Array, Callable[[Array], Driven]]:
+    """Returns the times of `law_samples` up to a time, ns, without those of loads."""
+    each, moments = law.duration, law.curve()
     rounds = last // each
     even = {last * n // (steps * rounds) for n in range(steps * rounds)} | {max(last - 1, 1)}
     # At a point, the acceleration may jump: take 1 ns before it as well.
@@ -451,17 +462,20 @@ def law_samples(
     points = {stamp for time in inner for stamp in (time - 1, time)}
     found = np.array(sorted(even | points))
 
-    def crank(time: Array) -> Any:
-        return motion.at_all([int(x) for x in np.floor(time * 1e9 + 1e-3)])
-
-    def states(time: Array) -> State:
-        (q,), (u,), (a,), *_ = crank(time)
-        return solver.state(q, u, a)
+    def motion(places: Array) -> Driven:
+        time = places * 1e9
+        whole = np.rint(time)
+        turns, angle, rate, acceleration = moments(
+            np.where(np.abs(time - whole) < _WHOLE, whole, time)
+        )
+        if law.slides:
+            return Driven(angle, rate, acceleration, angle)
+        reduced = without_turns(angle, 0.0, 2) + math.tau * (turns % 2)
+        return Driven(reduced, rate, acceleration, angle + math.tau * turns)
 
     # The two sides of a point are closer than `SAME`.
     before = np.isin(found, [time - 1 for time in points])
-    time = (found + np.where(before, 0.5, 0.0)) / 1e9
-    return with_breaks(time, solver, states), crank
+    return (found + np.where(before, 0.5, 0.0)) / 1e9, motion
 
 
 def _mean_speed(law: Any) -> float:
@@ -504,8 +518,8 @@ def _at_speed(
 ) -> Period:
     """Computes the motion at crank angles, rad; see `speed_driven_period`."""
 
-    def motion(places: Array) -> _Motion:
-        return _Motion(places, speed, acceleration, places)
+    def motion(places: Array) -> Driven:
+        return Driven(places, speed, acceleration, places)
 
     return _period(
         solver, motion, crank, speed=speed, is_periodic=solver.reach.turns_fully,
@@ -513,18 +527,9 @@ def _at_speed(
     )  # fmt: skip
 
 
-class _Motion(NamedTuple):
-    """Position, rate and acceleration of the driven joint; its position without jumps."""
-
-    q: Array
-    u: Any
-    a: Any
-    unwrapped: Array
-
-
 def _period(
     solver: Solver,
-    motion: Callable[[Array], _Motion],
+    motion: Callable[[Array], Driven],
     x: Array,
     *,
     speed: float,
@@ -591,7 +596,7 @@ def _period(
     return period
 
 
-def _reactions(solver: Solver, motion: _Motion) -> dict[str, Column]:
+def _reactions(solver: Solver, motion: Driven) -> dict[str, Column]:
     """Computes pin forces, guide forces, shaking force and shaking moment."""
     q, u, a, _ = motion
     found, columns = solver.reactions(solver.state(q, u, a)), dict[str, Column]()

@@ -389,12 +389,7 @@ def along(solver, way, speed, angles):
     if way.law is None:
         return np.linspace(way.low, way.high, angles), lambda x: (x, speed)
     time, motion = law_samples(solver, way.law, angles - 1)
-
-    def moved(x):
-        found = motion(x)
-        return found.q[0], found.u[0], found.a[0]
-
-    return time, moved
+    return time, lambda x: motion(x)[:3]
 
 
 def swung(solver, low, high):

@@ -10,14 +10,14 @@ import functools
 import json
 import math
 from bisect import bisect_right
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from fractions import Fraction
-from itertools import chain, pairwise
+from itertools import chain, pairwise, zip_longest
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from linkage_ros.numeric import TURN
+from linkage_ros.numeric import TURN, Array
 from linkage_ros.quantities import counted
 from linkage_ros.units import NS_PER_S
 
@@ -73,6 +73,19 @@ class Moment(NamedTuple):
     acceleration: float
 
 
+class Moments(NamedTuple):
+    """The motion of the driven joint at many times, which need not be whole nanoseconds.
+
+    The attributes are those of `Moment`, as arrays. In the first periods of a law, they agree with
+    `Moment` within a few ulp.
+    """
+
+    turns: Array
+    angle: Array
+    rate: Array
+    acceleration: Array
+
+
 class Sine(NamedTuple):
     """A harmonic law: center + amplitude sin(2 pi frequency t + phase).
 
@@ -125,6 +138,18 @@ class Sine(NamedTuple):
         speed = 2 * math.pi * self.frequency
         swing, slope = self.amplitude * sine, self.amplitude * cosine
         return Moment(0, self.center + swing, slope * speed, -swing * speed * speed)
+
+    def curve(self) -> Callable[[Array], 'Moments']:
+        """Returns the motion as a function of times, ns; see `Moments`."""
+        speed = 2 * math.pi * self.frequency
+
+        def moments(times: Array) -> Moments:
+            phase = speed * (times / NS_PER_S) + self.phase
+            swing, slope = self.amplitude * np.sin(phase), self.amplitude * np.cos(phase)
+            turns = np.zeros_like(times)
+            return Moments(turns, self.center + swing, slope * speed, -swing * speed * speed)
+
+        return moments
 
     @property
     def largest(self) -> tuple[float, float, float]:
@@ -199,6 +224,27 @@ class Spline(NamedTuple):
             rate = rate * seconds + angle
             angle = angle * seconds + factor
         return Moment(turns, angle, rate, 2 * bend)
+
+    def curve(self) -> Callable[[Array], 'Moments']:
+        """Returns the motion as a function of times, ns, not after the end; see `Moments`."""
+        starts = np.array(self.times, float)
+        factors = np.array([*zip_longest(*self.rows, fillvalue=0.0)])
+
+        def moments(times: Array) -> Moments:
+            turns = np.zeros_like(times)
+            if self.turns is not None:
+                periods, times = np.divmod(times, starts[-1])
+                turns = periods * self.turns
+            piece = np.minimum(np.searchsorted(starts, times, 'right'), len(self.rows)) - 1
+            seconds = (times - starts[piece]) / NS_PER_S
+            angle = rate = bend = np.zeros_like(times)
+            for factor in factors[::-1, piece]:
+                bend = bend * seconds + rate
+                rate = rate * seconds + angle
+                angle = angle * seconds + factor
+            return Moments(turns, angle, rate, 2 * bend)
+
+        return moments
 
     @property
     def largest(self) -> tuple[float, float, float]:

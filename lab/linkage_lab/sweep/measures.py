@@ -120,12 +120,7 @@ class Run:
             crank = with_breaks(crank, solver, lambda q: solver.state(q, self.speed))
             return Samples(crank, lambda places: (places, self.speed))
         time, motion = law_samples(solver, way.law, self.task.angles - 1)
-
-        def moved(places: Array) -> tuple[Real, ...]:
-            found = motion(places)
-            return found.q[0], found.u[0], found.a[0]
-
-        return Samples(time, moved)
+        return Samples(time, lambda places: motion(places)[:3])
 
     def efforts(self, places: Array) -> Array:
         """Computes the driving torque, N m, or force, N; and the force on the frame, N, if needed.
