@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Crank angles that resolve a period with all corners and jumps of its loads; integrals, peaks."""
 
+import functools
 import itertools
 import math
 from collections.abc import Callable
@@ -23,7 +24,8 @@ _DEGREE = 5  # of splines
 # A search for peaks: order of the Chebyshev polynomials, parts of an interval, rounds, relative
 # change at convergence, and most samples around which a function is searched.
 _ORDER, _CELLS, _ROUNDS, _CLOSE, _TOPS = 10, 64, 24, 4e-15, 16
-_NODES = -np.cos(math.pi / _ORDER * np.arange(_ORDER + 1))
+_DEGREES = np.arange(_ORDER + 1)
+_NODES = -np.cos(math.pi / _ORDER * _DEGREES)
 _TERMS = np.linalg.inv(chebvander(_NODES, _ORDER)).T  # values at the nodes @ this: coefficients
 _FINE = chebvander(np.linspace(-1, 1, _CELLS + 1), _ORDER).T  # coefficients @ this: values
 # Largest change of the force in a joint with friction from a sample to the next, relative to the
@@ -40,8 +42,9 @@ def samples(
     Corners of loads, and bends of friction, depend on the speed of the crank, rad/s, and on its
     acceleration, rad/s^2.
     """
-    crank, moving = solver.reach.samples(steps_per_turn), without_loads(solver)
-    return with_breaks(crank, solver, lambda angles: moving.state(angles, speed, acceleration))
+    moving = functools.cache(functools.partial(without_loads, solver))
+    crank = solver.reach.samples(steps_per_turn)
+    return with_breaks(crank, solver, lambda angles: moving().state(angles, speed, acceleration))
 
 
 def without_loads(solver: Solver) -> Solver:
@@ -75,7 +78,10 @@ def with_breaks(crank: Array, solver: Solver, states: Callable[[Array], State]) 
     Returns:
         All crank angles in increasing order, rad.
     """
-    found, breaks, pieces = crank, np.empty(0), _pieces(solver, states)
+    pieces = _pieces(solver, states)
+    if pieces is None:
+        return crank
+    found, breaks = crank, np.empty(0)
     while True:
         now = pieces(found)
         changes = (now[:, 1:] != now[:, :-1]).any(axis=0) & (np.diff(found) > SAME)
@@ -132,27 +138,29 @@ def _with_bends(crank: Array, solver: Solver, states: Callable[[Array], State]) 
         crank = np.insert(crank, at + 1, middle)
 
 
-def _pieces(solver: Solver, states: Callable[[Array], State]) -> Callable[[Array], Array]:
-    """Returns a function of crank angles that numbers the smooth pieces of loads."""
+def _pieces(solver: Solver, states: Callable[[Array], State]) -> Callable[[Array], Array] | None:
+    """Returns a function of crank angles that numbers the smooth pieces of loads.
+
+    None if all loads are smooth.
+    """
     model, mechanism = solver.model, solver.mechanism
     cornered = [load for load in mechanism.applied_loads() if load.has_corners]
     loads: list[Any] = [found for load in cornered if (found := load.on(mechanism))]
     in_joints: list[Any] = [rub for load in cornered if (rub := load.in_joints(mechanism))]
     reach, driven = solver.mobility, solver.structure.driven
     in_line = [reach.fast] if reach is not None and reach.has_change_point else []
+    if not (loads or in_joints or in_line):
+        return None
 
     def pieces(angles: Array) -> Array:
-        count = len(loads) + len(in_joints) + len(in_line)
-        rows = np.zeros((count, len(angles)))
-        if count:
-            state = states(angles)
-            links = poses(model.links, state.position)
-            rows[:] = (
-                [load.piece(links, state.velocity) for load in loads]
-                + [load.piece(model.pins, model.links, state.velocity) for load in in_joints]
-                + [np.sin(state.position[driven] - fast) >= 0 for fast in in_line]
-            )
-        return rows
+        state = states(angles)
+        links = poses(model.links, state.position)
+        return np.array(
+            [load.piece(links, state.velocity) for load in loads]
+            + [load.piece(model.pins, model.links, state.velocity) for load in in_joints]
+            + [np.sin(state.position[driven] - fast) >= 0 for fast in in_line],
+            dtype=float,
+        )
 
     return pieces
 
@@ -174,10 +182,9 @@ def peaks(x: Array, values: Array, curves: Callable[[Array], Array]) -> tuple[Ar
         The largest values, and their places, each of shape (m,).
     """
     row, near = _tops(x, values)
-    apart = np.concatenate([[False], np.diff(x) > SAME, [False]])
-    low = np.where(apart[near], x[near - 1], x[near])
-    high = np.where(apart[near + 1], x[np.minimum(near + 1, len(x) - 1)], x[near])
-    size, each = np.abs(values).max(axis=1)[row], np.arange(len(row))
+    low, high = _neighbors(x, near)
+    size, each = np.abs(values).max(axis=1), np.arange(len(row))
+    close = _CLOSE * size[row]
     best, at = values[row, near], x[near]
     for _ in range(_ROUNDS):
         middle, half = 0.5 * (low + high), 0.5 * (high - low)
@@ -185,26 +192,47 @@ def peaks(x: Array, values: Array, curves: Callable[[Array], Array]) -> tuple[Ar
         places[:, 0], places[:, -1] = low, high  # beyond them, there may be a corner
         found = curves(places.ravel()).reshape(len(values), *places.shape)[row, each]
         terms = found @ _TERMS
-        fine = terms @ _FINE
-        inner = np.clip(cell := fine.argmax(axis=1), 1, _CELLS - 1)
-        before, now, after = (fine[each, inner + i] for i in (-1, 0, 1))
-        bend, slope = before - 2 * now + after, 0.5 * (after - before)
-        is_vertex = (cell == inner) & (bend < 0)
-        aside = np.where(is_vertex, -slope / np.where(is_vertex, bend, 1.0), 0.0)
         node, last = found.argmax(axis=1), best
         best, at = found[each, node], places[each, node]
-        vertex = (cell + aside) * (2 / _CELLS) - 1
-        top = (terms * np.cos(np.arccos(vertex)[:, None] * np.arange(_ORDER + 1))).sum(axis=1)
-        best = np.where(is_vertex, np.maximum(top, best), best)
-        at = np.where(is_vertex, middle + half * vertex, at)
+        vertex, is_inside = _vertices(terms)
+        top = (terms * np.cos(np.arccos(vertex)[:, None] * _DEGREES)).sum(axis=1)
+        at = np.where(is_inside, middle + half * vertex, at)
+        best = np.where(is_inside, np.maximum(top, best), best)
         error = np.minimum(8 * np.abs(terms[:, -2:]).max(axis=1), np.abs(best - last))
-        if (error <= _CLOSE * size).all():
+        if (error <= close).all():
             break
-        node = np.clip(node, 1, _ORDER - 1)
+        node = np.minimum(np.maximum(node, 1), _ORDER - 1)
         low, high = places[each, node - 1], places[each, node + 1]
     groups = [np.flatnonzero(row == i) for i in range(len(values))]
-    first = [group[best[group] >= best[group].max() - _EVEN * size[group]][0] for group in groups]
+    noise = _EVEN * size
+    first = [
+        group[best[group] >= best[group].max() - noise[i]][0] for i, group in enumerate(groups)
+    ]
     return best[first], at[first]
+
+
+def _vertices(terms: Array) -> tuple[Array, Any]:
+    """Finds the largest values of Chebyshev polynomials, by parabolas through fine samples.
+
+    Returns:
+        The places in [-1, 1], and whether the largest value is not at an end.
+    """
+    fine, each = terms @ _FINE, np.arange(len(terms))
+    cell = fine.argmax(axis=1)
+    inner = np.minimum(np.maximum(cell, 1), _CELLS - 1)
+    before, now, after = fine[each, inner - 1], fine[each, inner], fine[each, inner + 1]
+    bend = before - 2 * now + after
+    is_inside = (cell == inner) & (bend < 0)
+    aside = np.where(is_inside, 0.5 * (before - after) / np.where(is_inside, bend, 1.0), 0.0)
+    return (cell + aside) * (2 / _CELLS) - 1, is_inside
+
+
+def _neighbors(x: Array, near: Any) -> tuple[Array, Array]:
+    """Returns the samples on both sides of some, or themselves at an end or a corner."""
+    before, after = np.maximum(near - 1, 0), np.minimum(near + 1, len(x) - 1)
+    here = x[near]
+    low, high = x[before], x[after]
+    return np.where(here - low > SAME, low, here), np.where(high - here > SAME, high, here)
 
 
 def _tops(x: Array, values: Array) -> tuple[Any, Any]:
@@ -215,14 +243,16 @@ def _tops(x: Array, values: Array) -> tuple[Any, Any]:
     Returns:
         The indices of the functions, and of their samples.
     """
-    most = values.max(axis=1, keepdims=True)
-    rise, beyond = np.where(np.diff(x) > SAME, np.diff(values), 0.0), np.zeros_like(most)
-    before, after = np.hstack([beyond, rise]), np.hstack([-rise, beyond])
+    rise = np.zeros((len(values), len(x) + 1))
+    rise[:, 1:-1] = np.where(np.diff(x) > SAME, np.diff(values), 0.0)
+    before, after = rise[:, :-1], -rise[:, 1:]
+    score = values + np.maximum(before, after)
     noise = _EVEN * np.abs(values).max(axis=1, keepdims=True)
-    is_top = (before >= 0) & (after >= 0) & (before + after > noise)
-    score = np.where(is_top, values + np.maximum(before, after), -np.inf)
-    least = np.partition(score, -min(_TOPS, len(x)), axis=1)[:, [-min(_TOPS, len(x))]]
-    wanted = score >= np.maximum(most, least)
+    wanted = (before >= 0) & (after >= 0) & (before + after > noise)
+    wanted &= score >= values.max(axis=1, keepdims=True)
+    for is_top, row in zip(wanted, score, strict=True):
+        if is_top.sum() > _TOPS:
+            is_top &= row >= np.partition(row[is_top], -_TOPS)[-_TOPS]
     wanted[np.arange(len(values)), values.argmax(axis=1)] = True
     row, top = np.nonzero(wanted)
     return row, top

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Kinematic results: pose at given coordinates, state, and reach of the crank."""
 
+import functools
 import math
 from typing import Any, NamedTuple, NoReturn, Protocol, TypeAlias
 
@@ -221,9 +222,7 @@ class Reach(NamedTuple):
             Angles from 0 to 2 pi or 4 pi, rad, in increasing order.
         """
         turns = self.period_turns
-        even: Array = np.linspace(
-            0, turns * 2 * math.pi, turns * steps_per_turn + 1, dtype=np.float64
-        )
+        even = _even_angles(turns, steps_per_turn)
         step = math.pi / steps_per_turn
         if self.width > 20 * step:
             return even
@@ -233,6 +232,14 @@ class Reach(NamedTuple):
         centers = [self.fast % math.pi + math.pi * i for i in range(-1, 2 * turns + 1)]
         angles = np.concatenate([even, *(center + around for center in centers)])
         return np.asarray(np.unique(angles[(angles >= 0) & (angles <= even[-1])]))
+
+
+@functools.lru_cache(maxsize=16)
+def _even_angles(turns: int, steps_per_turn: int) -> Array:
+    """Returns crank angles of equal steps, rad; read-only, because they are shared."""
+    even = np.linspace(0, turns * math.tau, turns * steps_per_turn + 1)
+    even.flags.writeable = False
+    return even
 
 
 # The first four fields of a `State`.
