@@ -55,6 +55,7 @@ def wrap(angle: Real, to_whole: Callable[[Real], Real] = round) -> Real:
     return (angle - turns * _TWO_PI[0]) - turns * _TWO_PI[1]
 
 
+@functools.lru_cache(maxsize=64)
 def nearest_turns(angle: float) -> int:
     """Rounds an angle to the nearest whole number of turns, exactly.
 
