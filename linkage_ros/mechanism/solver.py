@@ -144,7 +144,7 @@ class Solver:
             pivot,
             refuse=_refusal(*q, *u, *a),
             refuse_torque=_refusal(*q, *u, 'torque'),
-            refuse_forces=Opaque(functools.partial(self._refuse_angle, _IN_LINE)),
+            refuse_forces=Opaque(functools.partial(_refuse_angle, mechanism, _IN_LINE)),
             massless=Opaque(_refuse_massless),
         )
         if self.model.joint_loads:
@@ -712,7 +712,8 @@ class Solver:
             search = leaves(found.search)
         crank, locked = np.broadcast_arrays(given[0], np.not_equal(found.left, 0))
         if locked.any():
-            self._refuse_angle(
+            _refuse_angle(
+                self.mechanism,
                 'friction locks the mechanism: no joint forces are in equilibrium; lower the '
                 'coefficients or the pin radius',
                 crank[locked].item(0),
@@ -775,18 +776,6 @@ class Solver:
                 'friction out where the torque is given, or give the speed'
             )
 
-    def _refuse_angle(self, reason: str, crank: float, *_: float) -> NoReturn:
-        """Rejects a crank angle, rad.
-
-        Raises:
-            UnreachableError: Always. The message includes the reason.
-        """
-        reach = self.mobility
-        raise UnreachableError(
-            f'at {rad_and_deg(crank)} {reason}',
-            crank_angle=crank, arcs=reach.arcs if reach else (),
-        )  # fmt: skip
-
 
 def _add_force(found: dict[str, ExertedForce], new: ExertedForce) -> None:
     """Adds a force to that at the same point of the link, or under a name of its own."""
@@ -799,6 +788,19 @@ def _add_force(found: dict[str, ExertedForce], new: ExertedForce) -> None:
         count += 1
         name = f'{new.load} on {new.link} {count}'
     found[name] = new
+
+
+def _refuse_angle(mechanism: Mechanism, reason: str, crank: float, *_: float) -> NoReturn:
+    """Rejects a crank angle, rad.
+
+    Raises:
+        UnreachableError: Always. The message includes the reason.
+    """
+    reach = reach_of(mechanism)
+    raise UnreachableError(
+        f'at {rad_and_deg(crank)} {reason}',
+        crank_angle=crank, arcs=reach.arcs if reach else (),
+    )  # fmt: skip
 
 
 def _refusal(*names: str) -> Opaque:

@@ -111,14 +111,14 @@ class Run:
     @cached_property
     def samples(self) -> Samples:
         """Samples of the motion, as charts take them."""
-        way, solver = self.task.way, self.solver
+        way, solver, speed = self.task.way, self.solver, self.speed
         if way is None:
-            crank = samples(solver, self.speed, self.task.angles)
-            return Samples(crank, lambda places: (places, self.speed))
+            crank = samples(solver, speed, self.task.angles)
+            return Samples(crank, lambda places: (places, speed))
         if way.law is None:
             crank = np.linspace(way.low, way.high, self.task.angles)
-            crank = with_breaks(crank, solver, lambda q: solver.state(q, self.speed))
-            return Samples(crank, lambda places: (places, self.speed))
+            crank = with_breaks(crank, solver, lambda q: solver.state(q, speed))
+            return Samples(crank, lambda places: (places, speed))
         time, motion = law_samples(solver, way.law, self.task.angles - 1)
         return Samples(time, lambda places: motion(places)[:3])
 
