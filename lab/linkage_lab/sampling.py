@@ -91,7 +91,10 @@ def with_breaks(crank: Array, solver: Solver, states: Callable[[Array], State]) 
         low, high = found[at], found[at + 1]
         for _ in range(_BISECTIONS):
             middle = 0.5 * (low + high)
-            is_low = (pieces(middle) == now[:, at]).all(axis=0)
+            # Programs compute one value by other functions than many; at a corner, the last bit
+            # decides.
+            several = pieces(np.append(middle, high[-1]))[:, :-1]
+            is_low = (several == now[:, at]).all(axis=0)
             low, high = np.where(is_low, middle, low), np.where(is_low, high, middle)
         breaks = np.unique([*breaks, *low, *high])
         found = np.unique([*found, *breaks])
