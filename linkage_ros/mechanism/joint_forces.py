@@ -19,6 +19,7 @@ reaches 0, the forces become infinite or cease to exist: the mechanism is self-l
 """
 
 import functools
+import itertools
 import math
 import operator
 from collections.abc import Sequence
@@ -118,6 +119,7 @@ def reactions(
     pose = model.loop.pose(tuple(q))
     rates, changes = velocities(pose, u), accelerations(pose, u, a)
     balance = _Balance(model.within(environment), pose, rates, changes)
+    shaking_force = balance.force_of_all()
     for dyad, sine in reversed(list(zip(model.dyads, pose.sines, strict=True))):
         columns = zip(*(link.jacobian for link in pose.links), strict=True)
         for angle, column in zip(q, columns, strict=True):
@@ -138,8 +140,8 @@ def reactions(
     torque = balance.driving_force if is_inside else balance.moment(model.driven)
     forces = tuple(balance.forces[pin.name] for pin in model.pins)
     reaction = ZERO if is_inside else torque
-    shaking = -balance.force(_FRAME), -balance.moment(_FRAME) - reaction
-    return forces, guides, *shaking, torque, moments
+    shaking_moment = -balance.moment(_FRAME) - reaction
+    return forces, guides, shaking_force, shaking_moment, torque, moments
 
 
 class _Balance:
@@ -223,6 +225,11 @@ class _Balance:
     def force(self, j: int) -> Vector:
         """Returns the force, N, that is missing from the force balance of body j."""
         return -Vector(*map(total, zip(*(force for _, force in self._known[j]), strict=True)))
+
+    def force_of_all(self) -> Vector:
+        """Returns the sum of the known forces on all bodies, N; joint forces cancel in it."""
+        known = itertools.chain.from_iterable(self._known)
+        return Vector(*map(total, zip(*(force for _, force in known), strict=True)))
 
     def moment(self, j: int, about: Vector = _ORIGIN) -> Real:
         """Returns the moment, N m, that is missing from the moment balance of body j."""
