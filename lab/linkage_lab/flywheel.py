@@ -23,7 +23,7 @@ from matplotlib.axes import Axes
 from scipy.integrate import trapezoid
 from scipy.optimize import brentq
 
-from linkage_lab.gaps import require_finite_torque
+from linkage_lab.gaps import beside_change_points
 from linkage_lab.output import NUMBERS, Pictures, chart, over, rounded
 from linkage_lab.period import Extent, Period, extent, mean
 from linkage_lab.sampling import derivative, integral, samples
@@ -84,11 +84,10 @@ class Crank:
         """Prepares the solver.
 
         Raises:
-            MechanismError: The crank does not turn fully, or its torque is infinite.
+            MechanismError: The crank does not turn fully.
         """
         self._solver = Solver(mechanism)
         self._solver.reach.require_full_turn()
-        require_finite_torque(self._solver)
 
     @functools.cache  # noqa: B019
     def _period(self, speed: float) -> tuple[Array, Array, Array]:
@@ -112,7 +111,7 @@ class Crank:
         of this integral.
         """
         angles, *_ = self._period(speed)
-        taken = self._solver.state(angles, np.full_like(angles, speed)).torque
+        taken = self._torque(angles, np.full_like(angles, speed))
         found = extent(angles, integral(angles, mean(angles, taken) - taken))
         return found.high - found.low
 
@@ -180,10 +179,14 @@ class Crank:
         words = 'no steady cycle of the crank speed was found'
         raise MechanismError('the motor cannot drive the cycle' if motor else words)
 
+    def _torque(self, angles: Array, *rates: Array) -> Any:
+        """Computes the driving torque at given speeds and accelerations of the crank, N m."""
+        return self._solver.state(beside_change_points(self._solver, angles), *rates).torque
+
     def _resistance(self, speed: float, velocity: Array, change: Array, motor: Motor) -> Array:
         """Computes the torque of weights, loads and friction, minus the motor's torque, N m."""
         angles, own, growth = self._period(speed)
-        taken = self._solver.state(angles, velocity, change).torque
+        taken = self._torque(angles, velocity, change)
         inertia = own * change + growth * velocity * velocity / 2
         return np.asarray(taken - inertia - motor.at(velocity))
 

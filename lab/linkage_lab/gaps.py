@@ -7,15 +7,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from linkage_ros import MechanismError, Solver, UnreachableError
+from linkage_ros import Solver, UnreachableError
 from linkage_ros.formulas import Array
 
 SAME = 1e-9  # rad; closer crank angles are the two sides of a corner, jump or change point
 _IN_LINE = 1e-6  # sine of an angle between links that are in line, within 1 ns of a law
-# Distance from a gap, rad, at which a column is compared with itself at twice the distance; ratio
-# from which it is infinite; smaller values than this share are rounding errors.
-_CLOSE, _GROWS, _ROUNDING = 1e-5, 1.5, 1e-8
-_STEP, _LIMIT = 1e-4, (3.0, -3.0, 1.0)  # steps away from a gap, rad, and extrapolation from them
+# Distances from a gap, rad, at which a limit is extrapolated from one, two and three times the
+# distance: friction may change within the large ones, and rounding errors grow towards it. Least
+# such times, s; ratio of a column to that at twice the distance from which it is infinite; smaller
+# values than this share are rounding errors.
+_STEPS, _LIMIT = np.array([1e-4, 1e-5, 1e-6, 1e-7, 1e-8]), np.array([3.0, -3.0, 1.0])
+_TICKS, _GROWS, _ROUNDING = [1e-6, *[1e-7] * 4], 1.5, 1e-12
 
 
 class Column(NamedTuple):
@@ -25,17 +27,14 @@ class Column(NamedTuple):
     values: Array
 
 
-def require_finite_torque(solver: Solver) -> None:
-    """Rejects a mechanism with friction that passes a change point.
-
-    Raises:
-        MechanismError: It does.
-    """
-    if solver.model.joint_loads and solver.reach.has_change_point:
-        raise MechanismError(
-            'this mechanism passes a change point, where friction can make the driving torque '
-            'infinite: leave friction out, or change a length'
-        )
+def beside_change_points(solver: Solver, crank: Any) -> Any:
+    """Moves crank angles at change points aside, rad, where joints with friction have forces."""
+    reach = solver.reach
+    if not (solver.model.joint_loads and reach.has_change_point):
+        return crank
+    sine = np.sin(crank - reach.fast)  # as for the two sides of a change point in samples
+    way = np.where((sine >= 0) == (np.cos(crank - reach.fast) > 0), SAME, -SAME)
+    return crank + np.where(np.abs(sine) < SAME, way, 0.0)
 
 
 def at_change_points(solver: Solver, crank: Array, speed: Array) -> Any:
@@ -62,7 +61,7 @@ def around_gaps(
         x: Increasing places, rad or s, shape (n,).
         is_in_line: Whether each place is at a change point, shape (n,). Otherwise, all places
             must have values.
-        speed: Largest crank speed if the places are times, rad/s; otherwise 1.
+        speed: Largest crank speed if the places are times, rad/s; otherwise 0.
 
     Returns:
         The columns at all places, and whether each place is a gap, where they have no value. At a
@@ -82,23 +81,25 @@ def around_gaps(
     ends = np.append(~is_gap[1:], False)[gaps]
     is_right = before[gaps] | (ends & ~starts)
     is_known = (before | after)[gaps]
-    way = np.where(is_right, 1.0, -1.0) / max(1.0, speed)
-
-    def beside(distance: float) -> dict[str, Array]:
-        return _where_possible(columns, x[gaps] + distance * way, np.flatnonzero(is_known))
-
-    near, far = beside(_CLOSE), beside(2 * _CLOSE)
-    steps = [beside(_STEP * (i + 1)) for i in range(len(_LIMIT))]
+    way = np.where(is_right, 1.0, -1.0)
+    steps = np.unique(np.maximum(_STEPS / speed, _TICKS))[::-1] if speed else _STEPS
+    apart = steps[:, None, None] * np.arange(1, 1 + len(_LIMIT))[:, None] * way
+    shape, known = apart.shape, np.broadcast_to(is_known, apart.shape).ravel()
+    rows = _where_possible(columns, (x[gaps] + apart).ravel(), np.flatnonzero(known))
+    beside = {name: row.reshape(shape) for name, row in rows.items()}
     least = _ROUNDING * max(
-        (np.nan_to_num(np.abs(row)).max() for row in near.values()), default=0.0
+        (np.nan_to_num(np.abs(row[-1])).max() for row in beside.values()), default=0.0
     )
     neighbor = np.clip(np.searchsorted(good, gaps) - np.where(is_right, 0, 1), 0, len(good) - 1)
-    nowhere, filled = np.full(len(gaps), np.nan), dict[str, Column]()
+    nowhere, filled = np.full(shape, np.nan), dict[str, Column]()
     for name, (unit, values) in found.items():
-        own, other = near.get(name, nowhere), far.get(name, nowhere)
+        row = beside.get(name, nowhere)
+        own, other, *_ = row[-1]
         is_finite = np.abs(own) <= np.maximum(_GROWS * np.abs(other), least)
         sign = np.where(np.isnan(own), values[neighbor], own)
-        limit = sum(part * row.get(name, nowhere) for part, row in zip(_LIMIT, steps, strict=True))
+        limits = np.einsum('j,ijk->ik', _LIMIT, row)
+        best = 1 + np.nan_to_num(np.abs(np.diff(limits, axis=0)), nan=np.inf).argmin(axis=0)
+        limit = np.take_along_axis(limits, best[None], axis=0)[0]
         full = np.empty(len(x))
         full[good] = values
         full[gaps] = np.where(is_finite & np.isfinite(limit), limit, np.copysign(np.inf, sign))

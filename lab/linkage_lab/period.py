@@ -5,7 +5,7 @@
 import functools
 import itertools
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, cast
 
@@ -446,7 +446,8 @@ def law_samples(
         joint at times.
     """
     time, motion = _law_times(law, law_duration(solver, law), steps)
-    return with_breaks(time, solver, lambda places: solver.state(*motion(places)[:3])), motion
+    moving = without_loads(solver) if solver.model.joint_loads else solver
+    return with_breaks(time, solver, lambda places: moving.state(*motion(places)[:3])), motion
 
 
 @functools.lru_cache(1)
@@ -559,7 +560,7 @@ def _period(
     state = moving.state(q, u, a)
     rates = np.broadcast_to(u, len(x))
     in_line = at_change_points(solver, q, rates)
-    fastest = float(np.abs(rates).max()) if 'time' in options else 1.0
+    fastest = float(np.abs(rates).max()) if 'time' in options else 0.0
 
     def efforts(places: Array) -> dict[str, Column]:
         now = motion(places)
@@ -588,18 +589,34 @@ def _period(
             period.add(f'{link.name}.transmission_ratio', unit, ratio)
     period.gaps |= dict.fromkeys(needed, is_gap)
     if reactions:
-        found, is_gap = around_gaps(
-            lambda places: _reactions(solver, motion(places)), x, in_line | is_gap, fastest
-        )
+        found, is_gap = joint_forces(solver, motion, x, in_line | is_gap, fastest)
         period.columns |= found
         period.gaps |= dict.fromkeys(found, is_gap)
     return period
 
 
-def _reactions(solver: Solver, motion: Driven) -> dict[str, Column]:
-    """Computes pin forces, guide forces, shaking force and shaking moment."""
-    q, u, a, _ = motion
-    found, columns = solver.reactions(solver.state(q, u, a)), dict[str, Column]()
+def joint_forces(
+    solver: Solver,
+    motion: Callable[[Array], Sequence[Any]],
+    x: Array,
+    is_in_line: Any,
+    speed: float,
+) -> tuple[dict[str, Column], Any]:
+    """Computes pin forces, guide forces, shaking force and shaking moment; see `around_gaps`.
+
+    Args:
+        solver: Solver of a mechanism with one degree of freedom.
+        motion: Function that computes position, rate and acceleration of the driven joint.
+        x: Increasing places.
+        is_in_line: Whether each place is at a change point.
+        speed: Largest crank speed if the places are times, rad/s; otherwise 0.
+    """
+    return around_gaps(lambda at: _reactions(solver, motion(at)), x, is_in_line, speed)
+
+
+def _reactions(solver: Solver, motion: Sequence[Any]) -> dict[str, Column]:
+    q, *rates = motion[:3]
+    found, columns = solver.reactions(solver.state(q, *rates)), dict[str, Column]()
     for pin, force in found.pins.items():
         columns |= _columns(f'pin_{pin}', 'N', force, len(q))
     for slider, (across, moment) in found.guides.items():

@@ -6,6 +6,7 @@ import functools
 import itertools
 import math
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any, cast
 
@@ -13,8 +14,8 @@ import numpy as np
 from numpy.polynomial.chebyshev import chebvander
 from scipy.interpolate import make_interp_spline
 
-from linkage_lab.gaps import SAME
-from linkage_ros import Solver, State
+from linkage_lab.gaps import SAME, at_change_points
+from linkage_ros import Solver, State, UnreachableError
 from linkage_ros.formulas import Array
 from linkage_ros.internals import period_turns, poses
 
@@ -30,7 +31,8 @@ _TERMS = np.linalg.inv(chebvander(_NODES, _ORDER)).T  # values at the nodes @ th
 _FINE = chebvander(np.linspace(-1, 1, _CELLS + 1), _ORDER).T  # coefficients @ this: values
 # Largest change of the force in a joint with friction from a sample to the next, relative to the
 # smaller of both; and relative to the largest force, below which it has no effect.
-_CHANGE, _SMALL = 0.25, 1e-9
+_CHANGE, _SMALL = 0.125, 1e-9
+_END = 1e-6  # least step next to a change point, rad
 _EVEN = 1e-13  # a function with this relative range is constant but for rounding errors
 
 
@@ -110,15 +112,16 @@ def with_breaks(crank: Array, solver: Solver, states: Callable[[Array], State]) 
 def _with_bends(crank: Array, solver: Solver, states: Callable[[Array], State]) -> Array:
     """Adds crank angles where the force in a joint with friction almost vanishes.
 
-    There its magnitude, and thus the friction, bends within an angle as small as the least force.
+    There its magnitude, and thus the friction, bends within an angle as small as the least force;
+    likewise at a change point where friction limits the forces. None are added if friction locks.
     """
-    model, reach = solver.model, solver.mobility
+    model, driven = solver.model, solver.structure.driven
     still = [0.0] * len(model.links)
     rubbing = {
         contact.joint for load in model.joint_loads
         for contact in load.contacts(model.pins, model.links, still)
     }  # fmt: skip
-    if not rubbing or (reach is not None and reach.has_change_point):
+    if not rubbing:
         return crank
 
     def forces(angles: Array) -> Array:
@@ -128,17 +131,24 @@ def _with_bends(crank: Array, solver: Solver, states: Callable[[Array], State]) 
             + [x.force + 0j for name, x in found.guides.items() if name in rubbing]
         )
 
-    now = forces(crank)
-    least = _SMALL * np.abs(now).max()
-    while True:
-        size, change = np.abs(now), np.abs(np.diff(now))
-        bends = change > np.maximum(_CHANGE * np.minimum(size[:, 1:], size[:, :-1]), least)
-        (at,) = np.nonzero(bends.any(axis=0) & (np.diff(crank) > SAME))
-        if not 0 < at.size < len(crank) / 2:  # more are rounding errors
-            return crank
-        middle = 0.5 * (crank[at] + crank[at + 1])
-        now = np.insert(now, at + 1, forces(middle), axis=1)
-        crank = np.insert(crank, at + 1, middle)
+    state = states(crank)
+    is_gap = at_change_points(solver, state.position[driven], state.velocity[driven])
+    with suppress(UnreachableError):
+        found = forces(crank[~is_gap])
+        now = np.full((len(found), len(crank)), np.nan + 0j)
+        now[:, ~is_gap] = found
+        least = _SMALL * np.abs(found).max()
+        while True:
+            size, change, step = np.abs(now), np.abs(np.diff(now)), np.diff(crank)
+            bends = change > np.maximum(_CHANGE * np.minimum(size[:, 1:], size[:, :-1]), least)
+            ends = np.diff(np.isnan(now[0]))
+            (at,) = np.nonzero((bends.any(axis=0) & (step > SAME)) | (ends & (step > _END)))
+            if not 0 < at.size < len(crank) / 2:  # more are rounding errors
+                break
+            middle = 0.5 * (crank[at] + crank[at + 1])
+            now = np.insert(now, at + 1, forces(middle), axis=1)
+            crank = np.insert(crank, at + 1, middle)
+    return crank
 
 
 def _pieces(solver: Solver, states: Callable[[Array], State]) -> Callable[[Array], Array] | None:

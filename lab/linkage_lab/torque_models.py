@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from linkage_lab.gaps import beside_change_points
 from linkage_ros import Body, Mechanism, Solver
 from linkage_ros.extensions import Constants, Program
 from linkage_ros.formulas import ZERO, Array, Opaque, Real, Vector, total
@@ -153,7 +154,12 @@ def torque_program(mechanism: Mechanism, *, static: bool = False) -> TorqueProgr
         pace, values = (1e-6 if static else 1.0), flatten(mechanism)
         damped = {x: y / pace for x, y in values.items() if x.endswith('.damping')}  # type: ignore[operator]
         solver = Solver(build(type(mechanism), values | damped))
-        return TorqueProgram(lambda q, u: (solver.state(q, pace * u).torque,), solver.tape)
+
+        def rubbing(angle: float, speed: float) -> tuple[Any]:
+            aside = float(beside_change_points(solver, angle))
+            return (solver.state(aside, pace * speed).torque,)
+
+        return TorqueProgram(rubbing, solver.tape)
     model = Model.of(mechanism, mechanism.structure())
     return _program(_static_torque if static else torque, model, (('angle',), ('speed',)))
 

@@ -5,17 +5,22 @@
 import csv
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from mechanisms import CHANGE_POINTS, TURN, four_bar
+from mpmath import mp
+from oracle import Oracle
 from ros_harness import assert_refused
 from transforms import turned
 
 from linkage_lab import command_line
+from linkage_lab.charts.economy import Economy
 from linkage_lab.charts.motion import _measures
+from linkage_lab.flywheel import Crank
 from linkage_lab.period import extent, law_period, speed_driven_period
-from linkage_ros import load
+from linkage_ros import Friction, load
 from linkage_ros.motion.drives.law import LawDrive, Prescribed
 
 SPEED = 6.0
@@ -69,6 +74,39 @@ def test_finite_forces_at_a_change_point_have_their_limit(tmp_path):
         force = complex(along, across) * np.exp(-1j * angle)
         assert force == pytest.approx(-1j * (2 * 9.81 - 0.05 * SPEED**2), abs=1e-9)
         assert extent(period.x, period.columns['pin_A.y'].values).high < 20
+
+
+def limited(radius=0.01):
+    """Friction that keeps the forces at its change points finite, at a negative speed."""
+    machine = replace(four_bar(CHANGE_POINTS['parallelogram']), gravity=(0.0, 0.0))
+    return replace(machine, loads=(Friction(pin=0.1, pin_radius=radius),))
+
+
+@pytest.mark.parametrize('radius', [1e-1, 1e-2, 1e-3])
+def test_forces_that_friction_keeps_finite_have_their_limit_in_fifty_digits(radius):
+    machine = limited(radius)
+    period = speed_driven_period(machine, -SPEED, reactions=True)
+    (gaps,) = np.nonzero(period.gaps['driving_torque'])
+    assert len(gaps) == 4
+    for i, way in zip(gaps, (-1, 1, -1, 1), strict=True):
+        with mp.workdps(150):
+            start = mp.mpf(machine.frame.angle)
+            at = start + mp.pi * mp.nint((mp.mpf(period.crank[i]) - start) / mp.pi)
+            right = Oracle(machine).solve(at + way * mp.mpf('1e-25'), -SPEED, 0.0)
+        torque, force = (period.columns[name].values[i] for name in ('driving_torque', 'pin_A.x'))
+        assert torque == pytest.approx(float(right.torque), rel=1e-9)
+        assert force == pytest.approx(float(right.pins['A'].real), rel=1e-9)
+
+
+def test_flywheel_and_economy_pass_change_points_with_finite_forces():
+    machine = limited()
+    period = speed_driven_period(machine, -SPEED)
+    cycle = Crank(machine).cycle(-SPEED, 1e6)
+    assert cycle.torque[0] == pytest.approx(period.mean_power / -SPEED, rel=1e-6)
+    economy = Economy(machine, '')
+    *_, peak = economy._exact(-SPEED * 30 / math.pi)
+    torque = extent(period.x, period.columns['driving_torque'].values)
+    assert peak == pytest.approx(max(torque.high, -torque.low), rel=1e-5)  # 1e-9 rad aside
 
 
 def test_forces_along_a_law_are_infinite_at_a_change_point():

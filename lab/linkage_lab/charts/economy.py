@@ -17,7 +17,6 @@ from matplotlib.ticker import LogLocator, NullLocator
 from matplotlib.transforms import Bbox
 
 from linkage_lab import torque_models
-from linkage_lab.gaps import require_finite_torque
 from linkage_lab.output import (
     NUMBERS,
     SMALL,
@@ -123,11 +122,10 @@ class Economy:
             name: Name of its parameter file.
 
         Raises:
-            MechanismError: The crank does not turn fully, or its torque is infinite.
+            MechanismError: The crank does not turn fully.
         """
         solver = Solver(mechanism)
         solver.reach.require_full_turn()
-        require_finite_torque(solver)
         self._mechanism, self._name = mechanism, name
         self.terms = torque_models.terms(mechanism)
         self._period = solver.reach.period_turns * 2 * math.pi

@@ -9,7 +9,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from linkage_lab.period import law_samples, mean
+from linkage_lab.gaps import at_change_points
+from linkage_lab.period import extent, joint_forces, law_samples, mean
 from linkage_lab.sampling import peaks, samples, with_breaks
 from linkage_ros import Mechanism, Reach, Solver, Travel, travel
 from linkage_ros.extensions import Constants, Program
@@ -126,7 +127,8 @@ class Run:
         """Computes the driving torque, N m, or force, N; and the force on the frame, N, if needed.
 
         Returns:
-            A row of the torque and, unless it is infinite or no measure, one of the force.
+            A row of the torque and, unless it is no measure or passes a change point, one of the
+            force.
         """
         motion = self.samples.motion(places)
         has_force = 'shaking_force' in self.task.measures and not self.is_in_line
@@ -144,6 +146,18 @@ class Run:
         """Largest magnitudes of the rows of `efforts`, as charts find them."""
         magnitudes = np.abs(self.sampled)
         return peaks(self.samples.x, magnitudes, lambda places: np.abs(self.efforts(places)))[0]
+
+    @cached_property
+    def shaking_in_line(self) -> float:
+        """Largest force on the frame in a motion that passes a change point, N, as in charts."""
+        x, motion = self.samples
+        q, u, *_ = motion(x)
+        rates = np.broadcast_to(u, len(x))
+        in_line = at_change_points(self.solver, q, rates)
+        is_over_time = self.task.way is not None and self.task.way.law is not None
+        fastest = float(np.abs(rates).max()) if is_over_time else 0.0
+        found, _ = joint_forces(self.solver, motion, x, in_line, fastest)
+        return extent(x, np.hypot(*(found[f'shaking_force.{x}'].values for x in 'xy'))).high
 
     @cached_property
     def is_in_line(self) -> bool:
@@ -268,8 +282,8 @@ def rms_torque(run: Run) -> float:
 
 @measure('N', _SPEED)
 def shaking_force(run: Run) -> float:
-    """Computes the largest force on the frame; infinite if there are change points."""
-    return math.inf if run.is_in_line else float(run.peaks[1])
+    """Computes the largest force on the frame."""
+    return run.shaking_in_line if run.is_in_line else float(run.peaks[1])
 
 
 @measure('deg', _SWINGS)
