@@ -24,7 +24,8 @@ from mechanisms import (
     slider_crank,
     worst_errors,
 )
-from oracle import Oracle
+from mpmath import mp
+from oracle import Oracle, oracle_of
 
 from linkage_ros import (
     Body,
@@ -283,6 +284,21 @@ def test_massless_rod_carries_only_an_axial_force():
     assert found.torque == pytest.approx(lever, rel=1e-13)
     assert complex(*found.shaking_force) == pytest.approx(100, rel=1e-13)
     assert found.shaking_moment == pytest.approx(0, abs=1e-12)
+
+
+@pytest.mark.parametrize('crank', [3.14, 3.1415])
+def test_shaking_force_has_all_digits_where_joint_forces_are_large(crank):
+    """Near a change point, the joint forces are 300 times as large, and cancel in it."""
+    bodies = (
+        Body(0.1, 1.0, 0.01, (0.05, 0.0)), Coupler(0.300001, 2.0, 0.02, (0.1, 0.03)),
+        Body(0.1, 1.5, 0.02, (0.05, 0.0)),
+    )  # fmt: skip
+    mechanism = FourBar(Frame(0.3), *bodies)
+    solver = Solver(mechanism)
+    found = solver.reactions(solver.state(crank, 2.0, 1.5))
+    with mp.workdps(50):
+        right = oracle_of(mechanism).solve(mp.mpf(crank), mp.mpf(2), mp.mpf(1.5)).shaking[0]
+        assert abs(mp.mpc(*found.shaking_force) - right) <= 1e-15 * abs(right)
 
 
 def test_pivots_carry_the_weights_of_a_square():
