@@ -246,14 +246,14 @@ def test_a_robot_model_of_unfinished_parts_is_searched_once(put, text):
 def test_recovery_reads_a_log_of_damaged_chunks_about_once(stored, out, monkeypatch):
     """With many damaged chunks, each search for the next one must not read up to the end."""
     size = []
-    read = mcap_reader.McapFile._read
+    read = mcap_reader.McapFile.read
 
     def counted(self, at, length):
         found = read(self, at, length)
         size.append(len(found))
         return found
 
-    monkeypatch.setattr(mcap_reader.McapFile, '_read', counted)
+    monkeypatch.setattr(mcap_reader.McapFile, 'read', counted)
     log = whole(*3000 * [chunk(b'zstd', b'damaged', 1)])
     assert recover(stored(log), out).places == 3000
     assert sum(size) < 30 * len(log)

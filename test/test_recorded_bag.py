@@ -173,7 +173,7 @@ def test_states_before_the_damage_are_kept(tmp_path):
         try:
             states.append(record_measured(FOLLOW, out, bag, overwrite=True).states)
         except LogError as error:
-            kept = re.search('incomplete after .* keeps the ([0-9]+) states? before', str(error))
+            kept = re.search('incomplete: .* keeps the ([0-9]+) states? before', str(error))
             states.append(int(kept[1]))
         assert verified(out).states == states[-1]
     assert states == sorted(states)

@@ -149,7 +149,7 @@ def test_the_command_writes_a_table_or_one_line(tmp_path):
         ((bag, bag, '--overwrite'), 'the log itself'),
         ((bag, out, '--overwrite', '--topic', '/b'), 'joint states on /a: give one'),
         ((number, out, '--overwrite'), 'has no joint states'),
-        ((other, out, '--overwrite'), 'incomplete after'),
+        ((other, out, '--overwrite'), 'damaged or incomplete: '),
     ):
         done = finished('log_tool', 'csv', *words)
         assert_refused(done.returncode, done.stdout, done.stderr, problem)

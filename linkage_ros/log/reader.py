@@ -4,7 +4,7 @@
 
 import heapq
 from collections.abc import Callable, Container, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
@@ -12,7 +12,7 @@ from typing import NamedTuple
 from mcap.opcode import Opcode
 from mcap.records import Channel, ChunkIndex, MetadataIndex, Schema, Statistics
 
-from linkage_ros.errors import LinkageError, LogError
+from linkage_ros.errors import LogError
 from linkage_ros.log.records import (
     CONFIGURATION_RECORD,
     END_RECORD,
@@ -25,7 +25,7 @@ from linkage_ros.log.records import (
     unseal,
 )
 from linkage_ros.log.rows import MESSAGE_HEAD, RowLayout, message_record
-from linkage_ros.log.scan import MAGIC_SIZE, McapFile, open_mcap
+from linkage_ros.log.scan import MAGIC_SIZE, McapFile, mcap_file, records
 from linkage_ros.messages.topics import Topic
 from linkage_ros.units import TIME_END
 
@@ -107,7 +107,7 @@ class LogReader:
             LogError: The file is not a complete log of linkage_ros. The message states the reason.
         """
         self.path = Path(path)
-        with self._opened() as file:
+        with mcap_file(self.path, _remedy) as file:
             self._read_summary(file)
 
     def _read_summary(self, file: McapFile) -> None:
@@ -118,7 +118,7 @@ class LogReader:
             )
         statistics = summary[Statistics][-1]
         indexes = summary[MetadataIndex]
-        records = [file.part(index.offset)[1] for index in indexes]
+        records = [file.content(index.offset) for index in indexes]
         # The summary's checksum protects the index, but not the names of the records.
         if [record.name for record in records] != [index.name for index in indexes]:
             raise LogError('it is damaged: its metadata records do not match its index')
@@ -209,11 +209,11 @@ class LogReader:
         # Messages not yet yielded, because messages of the next chunk may precede them. They are
         # sorted by time, chunk and offset.
         queue, waiting = list[tuple[int, int, int, LoggedMessage]](), 0
-        with self._opened() as file:
+        with mcap_file(self.path, _remedy) as file:
             for (first, place, last), (due, *_) in pairwise([*chunks, (TIME_END, 0, 0)]):
-                _, data, _ = file.part(place)
-                for at, behind in file.records(data):
-                    if data[at] == Opcode.MESSAGE:
+                data = file.content(place)
+                for opcode, _, at, behind in records(data):
+                    if opcode == Opcode.MESSAGE:
                         message = self._message(data, at, behind)
                         if not first <= message.time <= last:
                             raise LogError('it is damaged: its index has wrong times for a chunk')
@@ -248,12 +248,12 @@ class LogReader:
             LogError: The file is damaged.
         """
         found, gaps = 0, sorted(self._gaps, reverse=True)
-        with self._opened() as file:
+        with mcap_file(self.path, _remedy) as file:
             for place in sorted(place for _, _, place, _ in self._chunks):
                 while gaps and gaps[-1] < place:
                     gaps.pop()
                     gap()
-                _, data, _ = file.part(place)
+                data = file.content(place)
                 at = 0
                 while at < len(data):
                     if count := layout.count(data, at):
@@ -262,8 +262,8 @@ class LogReader:
                         at += len(rows)
                         yield rows
                         continue
-                    start, at = next(file.records(data, at))
-                    if data[start] == Opcode.MESSAGE:
+                    opcode, _, start, at = next(records(data, at))
+                    if opcode == Opcode.MESSAGE:
                         message = self._message(data, start, at)
                         found += 1
                         if message.channel in layout.channels:
@@ -285,30 +285,12 @@ class LogReader:
         body = data[start + MESSAGE_HEAD.size : end]
         return LoggedMessage(self._names[channel], time, body, published, channel)
 
-    @contextmanager
-    def _opened(self) -> Iterator[McapFile]:
-        """Opens the file for one pass; converts parser errors to one line with the file name.
-
-        Raises:
-            LogError: The file is damaged, or not a log of this package.
-        """
-        with open_mcap(self.path) as stream:
-            try:
-                yield McapFile(stream)
-            except LinkageError as error:
-                raise LogError(f'{self.path} cannot be used: {error}') from error
-            except Exception as error:  # on damaged data the parser may raise any exception
-                raise LogError(
-                    f'{self.path} is damaged or incomplete: {_remedy(McapFile(stream))} '
-                    f'({type(error).__name__}: {error})'
-                ) from error
-
 
 def _remedy(file: McapFile) -> str:
     """Returns the remedy for an incomplete or damaged file; `recover` needs the configuration."""
     with suppress(Exception):  # on damaged data the parser may raise any exception
         # Runs of this package write it first.
-        _, record, _ = file.part(file.next_place(MAGIC_SIZE))
+        record = file.content(file.next_place(MAGIC_SIZE))
         unseal(record.metadata)
         if record.name == CONFIGURATION_RECORD:
             return 'linkage_log recover saves the readable data'

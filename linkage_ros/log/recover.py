@@ -26,7 +26,7 @@ from linkage_ros.log.records import (
     unseal,
 )
 from linkage_ros.log.rows import message_heads
-from linkage_ros.log.scan import HEAD, MAGIC_SIZE, McapFile, open_mcap, parsed
+from linkage_ros.log.scan import HEAD, McapFile, open_mcap, parsed, records
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.units import NS_PER_S, TIME_END
 
@@ -117,21 +117,21 @@ class _Copy:
             LogError: The decompressed log would be too large, the log has no configuration, or the
                 new log cannot be written.
         """
-        file, opcode, at = self._file, 0, MAGIC_SIZE
-        places = damaged = 0
-        while at < file.size and opcode != Opcode.DATA_END:
-            before = at
+        file, places, damaged = self._file, 0, 0
+        while True:
             try:
-                opcode, content, at = file.part(before)
-                self._take(content)
+                for _, start, end in file.records():
+                    self._take(file.content(start))
+                    progress(end - start)
+                break
             except Exception:  # on damaged data the parser may raise any exception
                 if file.left < 0 or self._new.file.stream.closed:
                     raise
-                at = file.next_place(before + 1)
+                start, file.at = file.at, file.next_place(file.at + 1)
                 self._new.write_gap(Gap(0))
                 places += 1
-                damaged += at - before
-            progress(at - before)
+                damaged += file.at - start
+                progress(file.at - start)
         if not self._is_configured:
             raise LogError(NO_CONFIGURATION)
         found = self._new.mcap.statistics
@@ -141,7 +141,7 @@ class _Copy:
         return Recovered(found.message_count, duration, places, damaged, self._unknown)
 
     def _take(self, content: object) -> None:
-        """Copies the content of a record, as returned by `McapFile.part`.
+        """Copies the content of a record, as returned by `McapFile.content`.
 
         Raises:
             LogError: The record is damaged. Damaged data may raise other exceptions.
@@ -167,7 +167,7 @@ class _Copy:
     def _take_chunk(self, data: bytes) -> None:
         if not data:
             return
-        new, starts = self._new.mcap, [0, *(end for _, end in self._file.records(data))]
+        new, starts = self._new.mcap, [0, *(end for _, _, _, end in records(data))]
         heads, sizes = message_heads(data, starts[:-1]), np.diff(starts)
         channels, is_message = heads['channel'], heads['opcode'] == Opcode.MESSAGE
         if (heads['time'][is_message] >= TIME_END).any():  # readers would refuse the log

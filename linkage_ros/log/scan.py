@@ -12,56 +12,93 @@ import re
 import struct
 import zlib
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import lz4.frame
 import zstandard
-from mcap import records
+from mcap import records as mcap_records
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.writer import MCAP0_MAGIC
 
-from linkage_ros.errors import LogError
+from linkage_ros.errors import LinkageError, LogError
 from linkage_ros.files import open_file
 
 # Largest size of a record and of an uncompressed chunk, bytes. Chunks of this package have 1 MiB,
 # those of other tools a few MiB.
 LARGEST = 1 << 24
 HEAD = struct.Struct('<BQ')  # opcode and length of a record
+_MESSAGE = struct.Struct('<BQH')  # and the channel of a message
 # Opcode and length of the footer, offsets of the summary and summary offset section, checksum, and
 # magic.
 _FOOTER = struct.Struct('<BQQQI8s')
 MAGIC_SIZE = len(MCAP0_MAGIC)
 _KINDS: dict[int, Any] = {
-    Opcode.HEADER: records.Header,
-    Opcode.DATA_END: records.DataEnd,
-    Opcode.SCHEMA: records.Schema,
-    Opcode.CHANNEL: records.Channel,
-    Opcode.CHUNK: records.Chunk,
-    Opcode.ATTACHMENT: records.Attachment,
-    Opcode.METADATA: records.Metadata,
-    Opcode.STATISTICS: records.Statistics,
-    Opcode.CHUNK_INDEX: records.ChunkIndex,
-    Opcode.METADATA_INDEX: records.MetadataIndex,
-    Opcode.ATTACHMENT_INDEX: records.AttachmentIndex,
-    Opcode.SUMMARY_OFFSET: records.SummaryOffset,
+    Opcode.HEADER: mcap_records.Header,
+    Opcode.DATA_END: mcap_records.DataEnd,
+    Opcode.SCHEMA: mcap_records.Schema,
+    Opcode.CHANNEL: mcap_records.Channel,
+    Opcode.CHUNK: mcap_records.Chunk,
+    Opcode.ATTACHMENT: mcap_records.Attachment,
+    Opcode.METADATA: mcap_records.Metadata,
+    Opcode.STATISTICS: mcap_records.Statistics,
+    Opcode.CHUNK_INDEX: mcap_records.ChunkIndex,
+    Opcode.METADATA_INDEX: mcap_records.MetadataIndex,
+    Opcode.ATTACHMENT_INDEX: mcap_records.AttachmentIndex,
+    Opcode.SUMMARY_OFFSET: mcap_records.SummaryOffset,
 }
 # Kinds of records between chunks, except message indexes.
 _IN_DATA = {
     Opcode.HEADER, Opcode.DATA_END, Opcode.SCHEMA, Opcode.CHANNEL, Opcode.ATTACHMENT,
     Opcode.METADATA,
 }  # fmt: skip
-# Kinds of records in a chunk, and their smallest lengths, bytes.
-_IN_CHUNKS = {Opcode.MESSAGE: 22, Opcode.SCHEMA: 0, Opcode.CHANNEL: 0}
+# Kinds of records in a chunk, and their smallest lengths, bytes; no record has the other length.
+IN_CHUNKS, _NEVER = {Opcode.MESSAGE: 22, Opcode.SCHEMA: 2, Opcode.CHANNEL: 2}, 1 << 64
 # Largest size of the decompressed records of a pass, bytes, and per byte of the file.
 _FREE, _RATIO = 1 << 30, 1000
 # Matches the start of a chunk or of a metadata record of linkage_ros.
 _LANDMARK = re.compile(rb'\x06.{36}\x04\0\0\0zstd|\x0c.{8}[\x0b-\x20]\0\0\0linkage_ros', re.DOTALL)
 _LANDMARK_SIZE = 45
 _OWN_LOG = 'give a log of linkage_ros, such as one written by linkage_record'
+
+
+@contextmanager
+def mcap_file(
+    path: Path,
+    remedy: Callable[['McapFile'], str],
+    *,
+    cure: str = _OWN_LOG,
+    largest: int = LARGEST,
+) -> Iterator['McapFile']:
+    """Opens an MCAP file for one pass; converts parser errors to one line with the file name.
+
+    Args:
+        path: Path of the file.
+        remedy: Returns what to do about a damaged or incomplete file.
+        cure: End of the error message if it is another file.
+        largest: Largest size of a record and of an uncompressed chunk, bytes.
+
+    Yields:
+        The file.
+
+    Raises:
+        LogError: The file cannot be read, is damaged, or is not an MCAP file.
+    """
+    with open_mcap(path, cure) as stream:
+        file = McapFile(stream, largest)
+        try:
+            yield file
+        except LinkageError as error:
+            raise LogError(f'{path} cannot be used: {error}') from error
+        except Exception as error:  # on damaged data the parser may raise any exception
+            raise LogError(
+                f'{path} is damaged or incomplete: {remedy(file)} '
+                f'({type(error).__name__}: {error})'
+            ) from error
 
 
 def open_mcap(path: Path, cure: str = _OWN_LOG) -> BinaryIO:
@@ -94,46 +131,92 @@ def open_mcap(path: Path, cure: str = _OWN_LOG) -> BinaryIO:
     return stream
 
 
+def records(data: bytes, at: int = 0) -> Iterator[tuple[int, int, int, int]]:
+    """Finds the records in the data of a chunk.
+
+    Args:
+        data: The uncompressed records.
+        at: Offset of the first record to find.
+
+    Yields:
+        The opcode, the channel of a message, the start offset and the end offset of each record.
+
+    Raises:
+        ValueError: A length is wrong, or a chunk must not contain records of this kind.
+    """
+    # Local names save a third of the time.
+    unpack, head, size, kinds = _MESSAGE.unpack_from, HEAD.size, len(data), IN_CHUNKS
+    while at < size:
+        opcode, length, channel = unpack(data, at)
+        start = at
+        at += head + length
+        if at > size or length < kinds.get(opcode, _NEVER):
+            raise ValueError('a chunk contains an invalid record')
+        yield opcode, channel, start, at
+
+
 class McapFile:
     """One pass through an MCAP file.
 
     Attributes:
         size: Size of the file, bytes.
+        at: Offset of the record that `records` found last, or finds next.
         left: Number of bytes that may still be decompressed; negative once this is exceeded.
     """
 
-    def __init__(self, stream: BinaryIO) -> None:
+    def __init__(self, stream: BinaryIO, largest: int = LARGEST) -> None:
         """Starts a pass.
 
         Args:
             stream: The file, whose position changes.
+            largest: Largest size of a record and of an uncompressed chunk, bytes.
         """
         self._stream, self.size = stream, stream.seek(0, os.SEEK_END)
+        self.at, self._largest = MAGIC_SIZE, largest
         self.left = _FREE + _RATIO * self.size
 
-    def _read(self, at: int, size: int) -> bytes:
+    def read(self, at: int, size: int) -> bytes:
         """Reads up to `size` bytes at an offset; fewer at the end of the file."""
         self._stream.seek(at)
         return self._stream.read(max(0, min(size, self.size - at)))
 
-    def part(self, at: int) -> tuple[int, Any, int]:
+    def records(self) -> Iterator[tuple[int, int, int]]:
+        """Finds the records of the data section from `at` on; then moves `at` past each of them.
+
+        Yields:
+            The opcode, the start offset and the end offset of each record. The last one is the end
+            of the data section, or the last one of an incomplete file.
+
+        Raises:
+            ValueError: A record is longer than the file. Damaged data may raise other exceptions.
+        """
+        opcode = 0
+        while self.at < self.size and opcode != Opcode.DATA_END:
+            opcode, length = HEAD.unpack(self.read(self.at, HEAD.size))
+            end = self.at + HEAD.size + length
+            if end > self.size:
+                raise ValueError('a record is longer than the file')
+            yield opcode, self.at, end
+            self.at = end
+
+    def content(self, at: int) -> Any:
         """Reads a record of the data section.
 
         Args:
             at: Offset of the record.
 
         Returns:
-            The opcode, the content and the end offset. The content is the uncompressed records of
-            a chunk, None for a message index, or the parsed record of any other kind.
+            The uncompressed records of a chunk, None for a message index, or the parsed record of
+            any other kind.
 
         Raises:
             LogError: The record is too large, or the file decompresses to too many bytes.
             ValueError: There is no valid record at the offset. Damaged data may raise other
                 exceptions.
         """
-        (opcode, body, end), content = self._record(at), None
+        (opcode, body, _), content = self._record(at), None
         if opcode == Opcode.CHUNK:
-            content = unpack(parsed(opcode, body))
+            content = _unpacked(parsed(opcode, body), self._largest)
             self.left -= len(content)
             if self.left < 0:
                 raise LogError(
@@ -147,7 +230,7 @@ class McapFile:
             body[2:6], 'little'
         ):
             raise ValueError('the kind or length of a record is wrong')
-        return opcode, content, end
+        return content
 
     def _record(self, at: int) -> tuple[int, bytes, int]:
         """Reads the opcode, the body and the end offset of the record at an offset.
@@ -156,9 +239,9 @@ class McapFile:
             LogError: The record is too large.
             ValueError: The record extends beyond the end of the file.
         """
-        opcode, length = HEAD.unpack(self._read(at, HEAD.size))
-        _check_size(length)
-        body = self._read(at + HEAD.size, length)
+        opcode, length = HEAD.unpack(self.read(at, HEAD.size))
+        _check_size(length, self._largest)
+        body = self.read(at + HEAD.size, length)
         if len(body) != length:
             raise ValueError('a record is longer than the file')
         return opcode, body, at + HEAD.size + length
@@ -174,32 +257,12 @@ class McapFile:
         """
         # The next record is often close, so that large reads would make the time quadratic.
         size = 1 << 10
-        while len(data := self._read(at, size)) >= _LANDMARK_SIZE:
+        while len(data := self.read(at, size)) >= _LANDMARK_SIZE:
             if found := _LANDMARK.search(data):
                 return at + found.start()
             at += len(data) - _LANDMARK_SIZE + 1
             size = min(2 * size, LARGEST)
         return self.size
-
-    def records(self, data: bytes, at: int = 0) -> Iterator[tuple[int, int]]:
-        """Finds the records in a chunk.
-
-        Args:
-            data: The uncompressed records of the chunk.
-            at: Offset of the first record to find.
-
-        Yields:
-            The start offset and the end offset of each record.
-
-        Raises:
-            ValueError: A length is wrong, or a chunk must not contain records of this kind.
-        """
-        while at < len(data):
-            opcode, length = HEAD.unpack_from(data, at)
-            start, at = at, at + HEAD.size + length
-            if at > len(data) or length < _IN_CHUNKS.get(opcode, LARGEST):
-                raise ValueError('a chunk contains an invalid record')
-            yield start, at
 
     def summary(self) -> dict[type, list[Any]] | None:
         """Reads the records of the summary section, by type; None if there is none.
@@ -208,10 +271,10 @@ class McapFile:
             ValueError: The section is damaged. Damaged data may raise other exceptions.
         """
         end = self.size - _FOOTER.size
-        opcode, _, at, _, checksum, magic = _FOOTER.unpack(self._read(end, _FOOTER.size))
+        opcode, _, at, _, checksum, magic = _FOOTER.unpack(self.read(end, _FOOTER.size))
         if magic != MCAP0_MAGIC or not at:
             return None
-        checked = self._read(at, self.size - at)[:-12]  # up to the checksum
+        checked = self.read(at, self.size - at)[:-12]  # up to the checksum
         if opcode != Opcode.FOOTER or checksum not in {0, zlib.crc32(checked)}:
             raise ValueError('its footer is damaged')
         found = defaultdict[type, list[Any]](list)
@@ -229,12 +292,12 @@ class McapFile:
         Raises:
             ValueError: The checksum is wrong.
         """
-        _, _, end, *_ = _FOOTER.unpack(self._read(self.size - _FOOTER.size, _FOOTER.size))
+        _, _, end, *_ = _FOOTER.unpack(self.read(self.size - _FOOTER.size, _FOOTER.size))
         end, checksum = end - 13, 0
         for at in range(0, end, LARGEST):
-            checksum = zlib.crc32(self._read(at, min(LARGEST, end - at)), checksum)
+            checksum = zlib.crc32(self.read(at, min(LARGEST, end - at)), checksum)
         # The record after the data: opcode, length and checksum.
-        if struct.unpack('<BQI', self._read(end, 13)) not in {
+        if struct.unpack('<BQI', self.read(end, 13)) not in {
             (Opcode.DATA_END, 4, 0), (Opcode.DATA_END, 4, checksum)
         }:  # fmt: skip
             raise ValueError('the checksum of its data is wrong')
@@ -247,13 +310,13 @@ def parsed(opcode: int, body: bytes) -> Any:
         ValueError: The length of the body is wrong. Damaged data may raise other exceptions.
     """
     stream = ReadDataStream(BytesIO(body))
-    record: records.McapRecord = _KINDS[opcode].read(stream)
+    record: mcap_records.McapRecord = _KINDS[opcode].read(stream)
     if stream.count != len(body):
         raise ValueError('the length of a record is wrong')
     return record
 
 
-def unpack(chunk: records.Chunk, largest: int = LARGEST) -> bytes:
+def _unpacked(chunk: mcap_records.Chunk, largest: int) -> bytes:
     """Decompresses the records of a chunk.
 
     The size is checked first, because a few bytes may decompress to gigabytes.
@@ -288,7 +351,7 @@ def unpack(chunk: records.Chunk, largest: int = LARGEST) -> bytes:
     return data
 
 
-def _check_size(size: int, largest: int = LARGEST) -> None:
+def _check_size(size: int, largest: int) -> None:
     if size > largest:
         raise LogError(
             f'it has a record of {size} bytes, compressed or not: must be at most {largest}; '
