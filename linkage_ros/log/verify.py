@@ -328,24 +328,44 @@ class RowComparison:
             return len(logged) // size, ''
         values = self._values(recomputed)
         with np.errstate(all='ignore'):  # logged values may be arbitrary
-            moved = np.zeros_like(values)
-            for seed in range(_SAMPLES):
-                with suppress(LinkageError), noise(_NOISE, seed):  # beyond a limit of the crank
-                    moved = np.maximum(moved, abs(self._values(again()) - values))
-            units = np.maximum(np.spacing(self._largest), moved * (_LAST_BIT / _NOISE))
+            units = self._units(values, again)
             ulp = abs(self._values(logged) - values) / units
-        found, made = (np.frombuffer(x, np.uint8) for x in (logged, recomputed))
-        differs = np.not_equal(found, made).reshape(-1, size)
-        for place, near in zip(self._doubles, ulp <= _TOLERANCE, strict=True):
-            differs[near, place.offset : place.offset + 8] = False
-        wrong = differs.any(axis=1)
-        count = int(wrong.argmax()) if wrong.any() else wrong.size
+        wrong = self._wrong_bytes(logged, recomputed, ulp <= _TOLERANCE)
+        is_wrong = wrong.any(axis=1)
+        count = int(is_wrong.argmax()) if is_wrong.any() else is_wrong.size
         # Rows that differ only in the sign of a zero must not count as equal to the bit.
         self.ulp = max(self.ulp, float(ulp[:, :count].max(initial=math.ulp(0.0))))
-        if count == wrong.size:
+        if count == is_wrong.size:
             return count, ''
-        at, row = int(differs[count].argmax()), slice(count * size, (count + 1) * size)
+        at, row = int(wrong[count].argmax()), slice(count * size, (count + 1) * size)
         return count, self._describe(at, logged[row], recomputed[row], units[:, count])
+
+    def _units(self, values: Array, again: Callable[[], bytearray]) -> Array:
+        """Returns the size of an ulp of each double in recomputed rows, shape (fields, rows).
+
+        Args:
+            values: The doubles.
+            again: Recomputes the rows.
+        """
+        moved = np.zeros_like(values)
+        for seed in range(_SAMPLES):
+            with suppress(LinkageError), noise(_NOISE, seed):  # beyond a limit of the crank
+                moved = np.maximum(moved, abs(self._values(again()) - values))
+        return np.maximum(np.spacing(self._largest), moved * (_LAST_BIT / _NOISE))
+
+    def _wrong_bytes(self, logged: bytes, recomputed: bytearray, near: Array) -> Array:
+        """Returns which bytes differ and are in no double that is near, shape (rows, bytes).
+
+        Args:
+            logged: The logged rows.
+            recomputed: The recomputed rows.
+            near: Whether each double is equal within the tolerance, shape (fields, rows).
+        """
+        found, made = (np.frombuffer(x, np.uint8) for x in (logged, recomputed))
+        wrong = np.not_equal(found, made).reshape(-1, self._layout.size)
+        for place, is_near in zip(self._doubles, near, strict=True):
+            wrong[is_near, place.offset : place.offset + 8] = False
+        return wrong
 
     @functools.cached_property
     def _largest(self) -> Array:
