@@ -21,6 +21,7 @@ from collections.abc import Callable
 from contextlib import suppress
 
 import numpy as np
+import numpy.typing as npt
 
 from linkage_ros.errors import LinkageError, LogError
 from linkage_ros.log.expected_states import (
@@ -353,7 +354,9 @@ class RowComparison:
                 moved = np.maximum(moved, abs(self._values(again()) - values))
         return np.maximum(np.spacing(self._largest), moved * (_LAST_BIT / _NOISE))
 
-    def _wrong_bytes(self, logged: bytes, recomputed: bytearray, near: Array) -> Array:
+    def _wrong_bytes(
+        self, logged: bytes, recomputed: bytearray, near: npt.NDArray[np.bool_]
+    ) -> npt.NDArray[np.bool_]:
         """Returns which bytes differ and are in no double that is near, shape (rows, bytes).
 
         Args:
