@@ -193,8 +193,19 @@ def test_name_given_twice_in_a_section_is_a_warning(tmp_path, text, name, lines)
         values = read_parameter_file(path)
     (words,) = [str(warning.message) for warning in found]
     assert repr(name) in words
-    assert re.findall(r'line (\d+)', words) == list(map(str, lines))
+    assert re.findall(r'\d+', words.partition(repr(name))[2]) == list(map(str, lines))
     assert values[name] in {90.0, 2.0}  # the last one
+
+
+def test_many_names_given_twice_are_one_note(tmp_path):
+    path = tmp_path / 'twice.yaml'
+    names = ''.join(f'    n{i}: 1\n' for i in range(5000))
+    path.write_text(HEAD + names + names)
+    with pytest.warns(ParameterWarning) as found:
+        read_parameter_file(path)
+    (words,) = [str(warning.message) for warning in found]
+    assert '4994 more' in words
+    assert len(words) < 500 + len(str(path))
 
 
 @pytest.mark.parametrize(

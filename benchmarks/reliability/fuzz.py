@@ -38,6 +38,7 @@ IMPORTED = (
 )  # fmt: skip
 LONGEST, MEMORY = 5.0, 1 << 30  # limits of a case: processor time, s, and memory, bytes
 LIMIT = 30.0  # s, for an executable, including its imports on a busy machine
+MOST_NOTES = 8  # lines that a program may print before it ends
 IMPORTS = 3 << 30  # bytes of address space that the imports of an executable may reserve
 # Negative controls: faults that must be detected.
 CONTROLS = {
@@ -148,6 +149,9 @@ def read_file(rng, folder, logs):
     sys.stderr.flush()
     said = errors.read_text(errors='replace')
     assert code in {0, 1, 2}, f'{kind}: exit code {code}: {said}'
+    notes = [line for line in said.splitlines() if line.startswith('note: ')]
+    assert len(notes) <= MOST_NOTES, f'{kind}: {said}'
+    said = said.removeprefix('\n'.join([*notes, '']))
     assert said.count('\n') <= 1, f'{kind}: {said}'
     return [hostile_outcomes.one_line(said.removesuffix('\n'))] if code == 2 else [said]
 

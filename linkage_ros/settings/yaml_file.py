@@ -7,9 +7,10 @@ section for a node overrides an earlier one. Other spellings of numbers, such as
 are text.
 """
 
+import itertools
 import re
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TypeAlias, cast
 
@@ -25,6 +26,7 @@ ParameterValue: TypeAlias = _Scalar | list[bool] | list[int] | list[float] | lis
 Parameters: TypeAlias = dict[str, ParameterValue]
 
 _MAX_BYTES = 1 << 20
+_MOST_REPEATED = 6  # names that a note lists
 _MAX_NAME = 255  # characters including all parents, which also limits the nesting depth
 _TRUE, _FALSE = (
     'y|Y|yes|Yes|YES|true|True|TRUE|on|On|ON',
@@ -123,26 +125,34 @@ class _Reader:
 
     def values(self) -> Iterator[tuple[tuple[str, ...], ParameterValue]]:
         """Yields the names of each value, from the outermost, and the value."""
-        lines = dict[str, int]()
+        lines, repeated = dict[str, int](), dict[str, tuple[int, int]]()
         while not isinstance(event := self.next(), yaml.StreamEndEvent):
             if isinstance(event, yaml.MappingStartEvent):
                 for names, value in self.mapping(()):
-                    self.note_repetition('.'.join(names), lines)
+                    name = '.'.join(names)
+                    if name in lines:
+                        repeated[name] = lines[name], self.line
+                    lines[name] = self.line
                     yield names, value
             elif isinstance(event, yaml.NodeEvent):
                 raise self.syntax_error(f'{_show(event)} instead of a mapping; {self.layout}')
+        if repeated:
+            self.note_repeated(repeated)
 
-    def note_repetition(self, name: str, lines: dict[str, int]) -> None:
-        """Warns if a name was given before, and stores its line in `lines`."""
-        if name in lines:
-            own = name.rpartition(f'{_SECTION}.')[2]
-            warnings.warn(
-                f'{self.file}: {shown(own)} is given in line {lines[name]} and again in line '
-                f'{self.line}, which applies; did you mean to remove one?',
-                ParameterWarning,
-                stacklevel=2,
-            )
-        lines[name] = self.line
+    def note_repeated(self, repeated: Mapping[str, tuple[int, int]]) -> None:
+        """Warns of names that are given more than once, with the last two lines of each."""
+        words = [
+            f'{shown(name.rpartition(f"{_SECTION}.")[2])} (lines {first} and {last})'
+            for name, (first, last) in itertools.islice(repeated.items(), _MOST_REPEATED)
+        ]
+        if (more := len(repeated) - len(words)) > 0:
+            words.append(f'and {more} more')
+        warnings.warn(
+            f'{self.file}: given more than once: {", ".join(words)}; the last value applies: '
+            'remove the others',
+            ParameterWarning,
+            stacklevel=2,
+        )
 
     def mapping(self, names: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], ParameterValue]]:
         """Yields the names and values in a mapping with given names."""
