@@ -60,8 +60,16 @@ install = { n=0; while [ -t 2 ] && sleep 1 && kill -0 $$$$ 2>/dev/null; do n=$$(
 	else grep '^ERROR' $(VENV)/pip.log | tail -n 3; echo 'Set-up failed: see $(VENV)/pip.log'; \
 	fi >&2; exit 1; }
 
+# Without a screen, what the window would show is written to a file, which need not take 8 s.
+SCREEN := $(DISPLAY)$(WAYLAND_DISPLAY)$(WAYLAND_SOCKET)
 demo: $(VENV)/demo-ready
-	@$(RUN) -m linkage_ros.programs.demo
+	@mkdir -p demo && rm -f demo/quadrilateral.rrd
+	@$(VENV)/bin/linkage_record quadrilateral demo/quadrilateral.mcap --duration 8 --overwrite
+	@$(VENV)/bin/linkage_replay demo/quadrilateral.mcap --no-ros --viewer \
+		$(if $(SCREEN),spawn,demo/quadrilateral.rrd --rate 1000)
+	@echo 'look inside:      $(VENV)/bin/linkage_log info demo/quadrilateral.mcap'
+	@echo 'replay on topics: $(VENV)/bin/linkage_replay demo/quadrilateral.mcap'
+	@$(if $(SCREEN),,echo 'watch it in 2-D:  $(VENV)/bin/rerun demo/quadrilateral.rrd')
 	@echo 'draw one turn:    $(VENV)/bin/linkage_chart motion quadrilateral'
 
 controller: $(VENV)/demo-ready

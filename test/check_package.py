@@ -18,10 +18,9 @@ from test_packaging import ROOT, build_wheel, copy_tree, run
 BUILD_SDIST = 'import sys, setuptools.build_meta as b; b.build_sdist(sys.argv[1])'
 EXTRAS = 'ros,viewer,record'
 TRIED = (
-    'python -m linkage_ros.programs.demo',
+    'linkage_node --help',
     'linkage_record wiper run.mcap',
     'linkage_log verify run.mcap',
-    'linkage_log verify demo/quadrilateral.mcap',
     'linkage_replay run.mcap --viewer run.rrd --rate 1000',
     'linkage_chart motion quadrilateral --reactions',
     'linkage_chart movie wiper wiper.gif',

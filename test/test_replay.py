@@ -33,7 +33,8 @@ from linkage_ros import ViewerError
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.messages.topics import DRIVING_TORQUE, JOINT_COMMANDS, JOINT_STATES, qualified
-from linkage_ros.programs import replay, republish
+from linkage_ros.node import republish
+from linkage_ros.programs import replay
 from linkage_ros.programs.player import excerpt_of, feed
 from linkage_ros.programs.record import record
 from linkage_ros.programs.replay import showing

@@ -184,6 +184,7 @@ def showing(
         ViewerError: No viewer answers, the view cannot be opened, or it has ended.
     """
     from linkage_ros.view.rerun_connection import View
+    from linkage_ros.view.viewer_process import open_page
 
     def check() -> None:
         if worker.error:
@@ -201,7 +202,10 @@ def showing(
     if view.trouble:
         raise ViewerError(f'no viewer answers at {target}: start one there first with `rerun`')
     if view.page:
-        _announce(view.page, loop=loop, browser=browser)
+        how = 'starts when a page connects, repeats until Ctrl-C; ' if loop else ''
+        print(f'{how}watch it in a browser: {view.page}', flush=True)
+        if browser:
+            open_page(view.page)
     worker: Worker[Any] = Worker(
         'view', view, capacity=_VIEW_CAPACITY, period=view.period, on_error=lambda _: None
     )
@@ -219,47 +223,26 @@ def showing(
     check()
 
 
-def _announce(page: str, *, loop: bool, browser: bool) -> None:
-    """Prints the address of a page, and opens it in a browser if wanted."""
-    from linkage_ros.view.viewer_process import open_page
-
-    how = 'starts when a page connects, repeats until Ctrl-C; ' if loop else ''
-    print(f'{how}watch it in a browser: {page}', flush=True)
-    if browser:
-        open_page(page)
-
-
-def _sinks(
-    stack: ExitStack, options: argparse.Namespace, ros_arguments: list[str], log: LogReader,
-    excerpt: Excerpt, pace: Pace, stop: cli.Stop,
-) -> list[Sink]:  # fmt: skip
-    # Open the viewer first, because its errors occur immediately; but insert the publishers before
-    # it, so that each message is published before it is shown.
-    sinks: list[Sink] = []
-    if options.viewer:
-        view = showing(log, options.viewer, stop, loop=options.loop, browser=not options.no_open)
-        sinks.append(stack.enter_context(view))
-    if not options.no_ros:
-        from linkage_ros.programs.republish import republishing
-
-        publishing = republishing(_NAME, ros_arguments, log, excerpt.topics, pace, options.clock)
-        with cli.waiting('waiting for subscribers'):
-            sinks.insert(0, stack.enter_context(publishing))
-    return sinks
-
-
-def main() -> int:
-    """Runs `linkage_replay`; returns the exit code. `cli.run` reports its errors."""
-    own, ros_arguments = _split(sys.argv)
-    options = _parser().parse_args(own)
-    stop, log = cli.Stop(), LogReader(options.log)
-    _check(options, log)
-    # A page that ends with the log would be gone before somebody opens it.
-    options.loop |= options.no_ros and options.viewer == WEB
+def _replay(
+    options: argparse.Namespace, ros_arguments: list[str], log: LogReader, stop: cli.Stop
+) -> int:
+    """Replays a log; returns the number of messages."""
     excerpt = excerpt_of(log, options.start_offset, options.playback_duration, options.topics)
-    pace = Pace(excerpt.start, options.rate)
+    pace, sinks = Pace(excerpt.start, options.rate), list[Sink]()
     with ExitStack() as stack:
-        sinks = _sinks(stack, options, ros_arguments, log, excerpt, pace, stop)
+        if options.viewer:  # opened first, because its errors occur immediately
+            sinks += [stack.enter_context(
+                showing(log, options.viewer, stop, loop=options.loop, browser=not options.no_open)
+            )]  # fmt: skip
+        if not options.no_ros:
+            from linkage_ros.node.republish import republishing
+
+            publishing = republishing(
+                _NAME, ros_arguments, log, excerpt.topics, pace.position, options.clock
+            )
+            with cli.waiting('waiting for subscribers'):
+                publish = stack.enter_context(publishing)
+            sinks.insert(0, lambda item: publish(item.message))  # each message before it is shown
         keyboard = stack.enter_context(Keyboard())
         freeze_heap()
         wake_on_time()
@@ -270,7 +253,18 @@ def main() -> int:
             print('paused: press the space bar to start', flush=True)
         items = stack.enter_context(feed(log, excerpt, loop=options.loop))
         show = stack.enter_context(_status(log, excerpt, pace))
-        count = play(items, sinks, pace, keyboard, stop, show, paused=options.start_paused)
+        return play(items, sinks, pace, keyboard, stop, show, paused=options.start_paused)
+
+
+def main() -> int:
+    """Runs `linkage_replay`; returns the exit code. `cli.run` reports its errors."""
+    own, ros_arguments = _split(sys.argv)
+    options = _parser().parse_args(own)
+    stop, log = cli.Stop(), LogReader(options.log)
+    _check(options, log)
+    # A page that ends with the log would be gone before somebody opens it.
+    options.loop |= options.no_ros and options.viewer == WEB
+    count = _replay(options, ros_arguments, log, stop)
     print(f'{options.log}: {counted(count, "message")} replayed')
     return 0
 

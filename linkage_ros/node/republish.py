@@ -4,7 +4,7 @@
 
 import threading
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 
 from rclpy.clock import Clock
@@ -14,13 +14,12 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 
 from linkage_ros.errors import ConfigurationError, LogError
-from linkage_ros.log.reader import LogReader
+from linkage_ros.log.reader import LoggedMessage, LogReader
 from linkage_ros.messages.cdr import encode_clock
 from linkage_ros.messages.topics import EFFORT_COMMANDS, SIMULATED_CLOCK, TOPICS, WRENCHES, Topic
 from linkage_ros.node.endpoints import create_publisher, wait_for_subscribers
 from linkage_ros.node.parameter_node import given_values
 from linkage_ros.node.process import USER_ERRORS, reported_as_configuration, ros_context, spinning
-from linkage_ros.programs.player import Item, Pace, Sink
 from linkage_ros.quantities import shown
 
 # Time limits, s: for the first subscriber to connect, because earlier messages are lost; for the
@@ -34,9 +33,9 @@ def republishing(
     arguments: list[str],
     log: LogReader,
     topics: Iterable[str],
-    pace: Pace,
+    position: Callable[[], int],
     clock_hz: float | None,
-) -> Iterator[Sink]:
+) -> Iterator[Callable[[LoggedMessage], None]]:
     """Runs a node that publishes messages of a log.
 
     Args:
@@ -44,7 +43,7 @@ def republishing(
         arguments: The ROS arguments of the command line.
         log: The log; determines types and quality of service.
         topics: Fully qualified names of the topics to publish.
-        pace: Position in the log.
+        position: Returns the position in the log, ns.
         clock_hz: Rate, in real time, at which the position is published on /clock, Hz; None
             disables /clock.
 
@@ -73,7 +72,7 @@ def republishing(
             def publish_position() -> None:
                 # At the end, the timer may publish too, and the clock must not go back.
                 with one_at_a_time:
-                    clock.publish(encode_clock(pace.position()))
+                    clock.publish(encode_clock(position()))
 
             # The node's own clock may be /clock. The position is published while paused as well,
             # and once more at the end.
@@ -84,12 +83,12 @@ def republishing(
         if not wait_for_subscribers(publishers.values(), _DISCOVERY_SECONDS, _MATCH_SECONDS):
             node.get_logger().info('no subscribers yet; --delay S gives them time to connect')
 
-        def publish(item: Item) -> None:
+        def publish(message: LoggedMessage) -> None:
             try:
-                publishers[item.message.topic].publish(item.message.data)
+                publishers[message.topic].publish(message.data)
             except RuntimeError as error:  # RCLError, which has no public name
                 raise LogError(
-                    f'{log.path}: a message on {item.message.topic} does not match the type of '
+                    f'{log.path}: a message on {message.topic} does not match the type of '
                     'the topic and cannot be published; --topics can leave the topic out'
                 ) from error
 
