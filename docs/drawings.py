@@ -212,8 +212,8 @@ def slider_crank() -> Picture:
         (center, 'coupler.center = [along, across]', coupler, 16 + 34j, 'start'),
         (at['B'], 'B of assembly: open', BLACK, -10 - 66j, 'middle'),
         (sheet.other['B'], 'B of assembly: crossed', BLACK, -36 - 60j, 'start'),
-        (edge + 0.2 * guide, 'slider.force', slider, 8 + 4j, 'start'),
-        (above + 0.2 * guide, 'slider.damping', slider, 8 + 4j, 'start'),
+        (edge + 0.2 * guide, 'force of a load', slider, 8 + 4j, 'start'),
+        (above + 0.2 * guide, 'its damping', slider, 8 + 4j, 'start'),
     )
     return sheet
 
@@ -258,7 +258,7 @@ def wind_pump() -> Picture:
         (0j, 'motor.torque', crank, -90 + 76j, 'middle'),
         (at['B'], 'B of assembly: open', BLACK, 22j, 'middle'),
         (sheet.other['B'], 'B of assembly: crossed', BLACK, 18 - 8j, 'start'),
-        (at['D'] + 0.34, 'slider.damping', slider, 14 + 40j, 'end'),
+        (at['D'] + 0.34, 'damping of a load', slider, 14 + 40j, 'end'),
     )
     return sheet
 

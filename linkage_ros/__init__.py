@@ -20,6 +20,7 @@ from linkage_ros.errors import (
     UnreachableError,
     ViewerError,
 )
+from linkage_ros.mechanism.base import Mechanism
 from linkage_ros.mechanism.conditions import Conditions
 from linkage_ros.mechanism.dyads import Dyad, DyadSlider
 from linkage_ros.mechanism.four_bar import FourBar
@@ -48,7 +49,6 @@ from linkage_ros.mechanism.parts import (
 )
 from linkage_ros.mechanism.slider_crank import SliderCrank
 from linkage_ros.mechanism.solver import Solver
-from linkage_ros.mechanism.structure import Mechanism
 from linkage_ros.mechanism.travel import Travel, travel
 from linkage_ros.mechanism.wind_pump import WindPump
 from linkage_ros.settings.presets import preset_names

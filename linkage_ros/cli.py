@@ -290,10 +290,11 @@ def _discard_stdout() -> None:
 
 
 def print_error(name: str, error: object) -> None:
-    """Prints an error as one line on stderr, if stderr is open."""
+    """Prints an error as one line on stderr, if stderr is open, with its `lines`, if any."""
+    text = str(error) if isinstance(error, LinkageError) else one_line(str(error))
     if sys.stderr is not None:
         with suppress(OSError):
-            print(f'{name}: {one_line(str(error))}', file=sys.stderr)
+            print(f'{name}: {text}', file=sys.stderr)
 
 
 def progress_bar(

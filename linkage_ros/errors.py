@@ -115,7 +115,7 @@ class ParameterWarning(UserWarning):
 
 
 class LinkageError(Exception):
-    """Base class of all exceptions of this package; the message is always one line."""
+    """Base class of all exceptions of this package; its message is one line."""
 
     def __str__(self) -> str:
         return one_line(super().__str__())
@@ -126,9 +126,14 @@ class ConfigurationError(LinkageError, ValueError):
 
     Attributes:
         mistakes: The messages of all mistakes, if there are several.
+        lines: Lines of a parameter file to write instead, which follow the message; usually empty.
     """
 
     mistakes: tuple[str, ...] = ()
+    lines: str = ''
+
+    def __str__(self) -> str:
+        return '\n'.join(filter(None, (super().__str__(), self.lines)))
 
 
 class Mistakes:
@@ -194,7 +199,9 @@ def in_file(path: str) -> Iterator[None]:
     try:
         yield
     except ConfigurationError as error:
-        raise type(error)(f'{path}: {error}') from error
+        found = type(error)(f'{path}: {str(error).removesuffix(error.lines)}')
+        found.lines = error.lines
+        raise found from error
 
 
 class MechanismError(ConfigurationError):

@@ -26,6 +26,7 @@ from linkage_ros.numeric import without_turns, wrap
 from linkage_ros.run.states import Simulator
 from linkage_ros.settings.configuration import configure
 from linkage_ros.settings.notes import notes
+from linkage_ros.settings.old_names import new_name
 from linkage_ros.settings.yaml_file import read_yaml
 from linkage_ros.view.drawing import Drawing
 from linkage_ros.xml_file import read_xml
@@ -46,6 +47,7 @@ __all__ = [
     'is_same_file',
     'live_steps',
     'make_urdf',
+    'new_name',
     'notes',
     'period_turns',
     'poses',

@@ -13,7 +13,7 @@ import functools
 import math
 import re
 import typing
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import MISSING, dataclass
 from numbers import Real
 from typing import Any, NamedTuple, TypeVar
@@ -182,25 +182,20 @@ def quantity(
     return dataclasses.field(default=default, metadata={'quantity': described})
 
 
-def groups(base: type, single: Sequence[Any], named: Mapping[str, Any]) -> Any:
-    """Declares a dataclass field for a tuple of objects whose classes have quantities.
+def groups(base: type, kinds: Mapping[str, Any]) -> Any:
+    """Declares a dataclass field for a tuple of objects with names of their own.
 
-    A parameter file may set each group of `single` once, and any number of objects of the classes
-    in `named`: the parameters of an object with the name x begin with the name of the field and x,
-    and one of them is its kind, unless all have one class.
+    In parameters, the names of an object x begin with the name of the field and x. One of its
+    parameters is its kind, unless all objects have one class.
 
     Args:
-        base: Base class of the valid objects, whose attribute `name` holds an object's name; ''
-            for an object of a single group.
-        single: Classes whose attribute `group` names their parameter group.
-        named: Classes by kind. It may grow until it is used. The kind of the only class may be ''.
+        base: Base class of the valid objects, whose attribute `name` holds an object's name.
+        kinds: Classes by kind. It may grow until it is used. The kind of the only class may be ''.
 
     Returns:
         The field, whose default is an empty tuple.
     """
-    kinds = {kind.group: kind for kind in single}
-    held = _Held(kinds, base, is_group=True, named=named)
-    return dataclasses.field(default=(), metadata={'quantity': held})
+    return dataclasses.field(default=(), metadata={'quantity': _Group(base, kinds)})
 
 
 def unlisted(default: Any) -> Any:
@@ -213,30 +208,41 @@ def required() -> Any:
     return dataclasses.field(metadata={'quantity': None})
 
 
-class _Held(NamedTuple):
-    """The valid objects of a field whose value is a dataclass of quantities, or a tuple of them.
+class _Part(NamedTuple):
+    """A field whose value is a dataclass of quantities.
 
     Attributes:
-        kinds: The valid classes, by their names in dotted parameter names.
-        base: Base class of the valid objects.
-        is_group: Whether the value is a tuple of objects.
-        named: Classes of the objects in the tuple that have names of their own, by kind.
+        base: The class.
         is_optional: Whether the value may be None.
     """
 
-    kinds: Mapping[str, Any]
     base: Any
-    is_group: bool
-    named: Mapping[str, Any] = {}
-    is_optional: bool = False
+    is_optional: bool
+
+
+class _Group(NamedTuple):
+    """A field whose value is a tuple of named dataclasses of quantities; see `groups`.
+
+    Attributes:
+        base: Base class of the valid objects.
+        kinds: Their classes, by kind.
+    """
+
+    base: Any
+    kinds: Mapping[str, Any]
 
     @property
     def kind(self) -> Quantity:
-        """The kind of a named object, as a parameter."""
-        return Quantity('choice', 'kind', choices=self.named.keys())
+        """The kind of an object, as a parameter."""
+        return Quantity('choice', 'kind', choices=self.kinds.keys())
+
+    @property
+    def has_kinds(self) -> bool:
+        """Whether the kind is a parameter."""
+        return '' not in self.kinds
 
     def members(self, prefix: str, values: Mapping[str, object]) -> dict[str, Any]:
-        """Returns the classes of the named objects in parameters, by name in increasing order.
+        """Returns the classes of the objects in parameters, by name in increasing order.
 
         Args:
             prefix: Name of the field, and a dot.
@@ -245,49 +251,39 @@ class _Held(NamedTuple):
         Raises:
             ConfigurationError: An object has no kind, or an unknown one.
         """
-        if not self.named:
-            return {}
         parts = (
             name.removeprefix(prefix).split('.') for name in values if name.startswith(prefix)
         )
         found = {}
         for name in sorted({part[0] for part in parts if len(part) > 1}):
-            if '' in self.named:
-                found[name] = self.named['']
-                continue
-            key = f'{prefix}{name}.kind'
-            if key not in values:
-                raise ConfigurationError(f'{key} is missing: must be {self.kind.valid}')
-            found[name] = self.named[str(self.kind.clean(key, values[key]))]
+            kind, key = '', f'{prefix}{name}.kind'
+            if self.has_kinds:
+                if key not in values:
+                    raise ConfigurationError(f'{key} is missing: must be {self.kind.valid}')
+                kind = str(self.kind.clean(key, values[key]))
+            found[name] = self.kinds[kind]
         return found
 
-    def by_name(self, field: str, members: Sequence[Any]) -> dict[str, Any]:
-        """Returns the objects of a group by the start of their parameters' names.
+    def kind_of(self, field: str, member: Any) -> str:
+        """Returns the kind of an object.
 
         Args:
-            field: Name of the group's field.
-            members: The objects.
+            field: Name of the field.
+            member: The object.
 
         Raises:
-            ConfigurationError: Two objects have one group, or an object has no name.
+            ConfigurationError: Parameters cannot express the object.
         """
-        names = {kind: name for name, kind in self.kinds.items()}
-        kinds = {*self.named.values()}
-        found: dict[str, Any] = {}
-        for member in members:
-            key = names.get(type(member), '')
-            if member.name and type(member) in kinds:
-                key = f'{field}.{member.name}'
-            elif member.name or not key:
-                raise ConfigurationError(
-                    f'{field} holds {shown(member)}: parameters can hold one of each of '
-                    f'{", ".join(self.kinds)}, and any number of {", ".join(self.named)}'
-                )
-            found[key] = member
-        return found
+        for kind, cls in self.kinds.items():
+            if type(member) is cls and member.name:
+                return kind
+        raise ConfigurationError(
+            f'{field} holds {shown(member)}: parameters can hold any number of '
+            f'{", ".join(self.kinds)}, each with a name'
+        )
 
 
-def _read_parts(cls: Any) -> tuple[tuple[dataclasses.Field[Any], Quantity | _Held], ...]:
+def _read_parts(cls: Any) -> tuple[tuple[dataclasses.Field[Any], Quantity | _Part | _Group], ...]:
     """Returns each field of a dataclass with its `Quantity` or its valid objects.
 
     They are in the order of the constructor's arguments, so that those which a base class declares
@@ -299,8 +295,7 @@ def _read_parts(cls: Any) -> tuple[tuple[dataclasses.Field[Any], Quantity | _Hel
         kind = hints[field.name]
         # The class of a part that may be None.
         inner = next((x for x in typing.get_args(kind) if dataclasses.is_dataclass(x)), kind)
-        held = _Held({field.name: inner}, inner, is_group=False, is_optional=inner is not kind)
-        part = field.metadata.get('quantity', held)
+        part = field.metadata.get('quantity', _Part(inner, is_optional=inner is not kind))
         if part is not None:
             found.append((field, part))
     return tuple(found)
@@ -325,7 +320,8 @@ class Checked:
                     cleaned = part.clean(_parameter(field), value)
                     object.__setattr__(self, field.name, cleaned)
                 continue
-            if value is None and part.is_optional:
+            is_group = isinstance(part, _Group)
+            if value is None and not is_group and part.is_optional:
                 continue
             members = tuple(value) if isinstance(value, (list, tuple)) else (value,)
             for member in members:
@@ -333,7 +329,7 @@ class Checked:
                     raise ConfigurationError(
                         f'{field.name} = {shown(member)}: must be of type {part.base.__name__}'
                     )
-            if part.is_group:
+            if is_group:
                 object.__setattr__(self, field.name, members)
 
 
@@ -369,18 +365,20 @@ def leaves(
         if isinstance(part, Quantity):
             found.append(Leaf(prefix + _parameter(field), part, field.default))
             continue
-        if part.is_optional and values is not None and not _names(values, prefix + field.name):
-            continue
-        for name, kind in part.kinds.items():
-            for leaf in leaves(kind, f'{prefix}{name}.'):
-                # Required only if the group is present.
-                is_optional = (part.is_group or part.is_optional) and leaf.default is MISSING
-                found.append(leaf._replace(default=None) if is_optional else leaf)
         start = f'{prefix}{field.name}.'
-        for name, kind in part.members(start, values or {}).items():
-            if '' not in part.named:
-                found.append(Leaf(f'{start}{name}.kind', part.kind, MISSING))
-            found += leaves(kind, f'{start}{name}.', values)
+        if isinstance(part, _Group):
+            for name, kind in part.members(start, values or {}).items():
+                if part.has_kinds:
+                    found.append(Leaf(f'{start}{name}.kind', part.kind, MISSING))
+                found += leaves(kind, f'{start}{name}.', values)
+        elif not part.is_optional:
+            found += leaves(part.base, start, values)
+        elif values is None or _names(values, prefix + field.name):
+            # Required only if the part is present.
+            found += (
+                leaf._replace(default=None) if leaf.default is MISSING else leaf
+                for leaf in leaves(part.base, start, values)
+            )
     return tuple(found)
 
 
@@ -420,18 +418,17 @@ def _built(field: Any, part: Any, values: Mapping[str, object], prefix: str) -> 
         ConfigurationError: A value is missing or invalid.
     """
     name = prefix + _parameter(field)
-    if not isinstance(part, Quantity):
+    if isinstance(part, _Part):
+        if part.is_optional and not _names(values, name):
+            return MISSING
+        return build(part.base, values, f'{name}.')
+    if isinstance(part, _Group):
         mistakes, members = Mistakes(), list[Any]()
-        for group, kind in part.kinds.items():
-            needed = not (part.is_group or part.is_optional)
-            if needed or _names(values, prefix + group):
-                with mistakes:
-                    members.append(build(kind, values, f'{prefix}{group}.'))
         for key, kind in part.members(f'{name}.', values).items():
             with mistakes:
                 members.append(build(kind, values, f'{name}.{key}.', name=key))
         mistakes.check()
-        return tuple(members) if part.is_group else next(iter(members), MISSING)
+        return tuple(members)
     if name in values:
         return part.clean(name, values[name])
     if field.default is MISSING:
@@ -443,21 +440,20 @@ def flatten(instance: object, prefix: str = '') -> dict[str, object]:
     """Returns the values of an object by dotted name, without None values.
 
     Raises:
-        ConfigurationError: Parameters cannot express the object, because it contains two objects
-            of one group or an object without a group.
+        ConfigurationError: Parameters cannot express the object, because it contains an object
+            without a name, or of an unknown kind.
     """
     flat: dict[str, object] = {}
     for field, part in _parts(type(instance)):
-        value = getattr(instance, field.name)
-        if value is None:
-            continue
-        if isinstance(part, Quantity):
-            flat[prefix + _parameter(field)] = value
-            continue
-        found = part.by_name(field.name, value) if part.is_group else {field.name: value}
-        kinds = {kind: name for name, kind in part.named.items()}
-        for name, member in found.items():
-            if kinds.get(type(member)) and '.' in name:
-                flat[f'{prefix}{name}.kind'] = kinds[type(member)]
-            flat.update(flatten(member, f'{prefix}{name}.'))
+        value, name = getattr(instance, field.name), prefix + _parameter(field)
+        if isinstance(part, _Group):
+            for member in value:
+                kind, start = part.kind_of(field.name, member), f'{name}.{member.name}.'
+                if part.has_kinds:
+                    flat[f'{start}kind'] = kind
+                flat.update(flatten(member, start))
+        elif isinstance(part, Quantity) and value is not None:
+            flat[name] = value
+        elif value is not None:
+            flat.update(flatten(value, f'{name}.'))
     return flat

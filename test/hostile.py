@@ -35,7 +35,7 @@ NAMES = (
     'mechanism', 'drive', 'assembly', 'rpm', 'start_rpm', 'crank_acceleration', 'crank_angle',
     'rate_hz', 'gravity', 'frame.length', 'frame.angle', 'crank.length', 'crank.mass',
     'crank.inertia', 'crank.center', 'coupler.length', 'coupler.point', 'rocker.length',
-    'rocker.mass', 'rod.length', 'slider.mass', 'slider.offset', 'slider.force', 'slider.damping',
+    'rocker.mass', 'rod.length', 'slider.mass', 'slider.offset', 'loads.a.kind',
     'slider.position', 'slider.velocity', 'motor.torque', 'motor.damping', 'torque_limit',
     'command_timeout', 'lead_time', 'effort_command_topic', 'log', 'viewer', 'log_overwrite',
     'use_sim_time', 'qos_overrides.x', 'crank', 'nonsense', '\u202e', 'ros__parameters',

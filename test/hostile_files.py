@@ -40,7 +40,7 @@ _MACHINE = """/**:
 """
 SETTINGS = {
     'law': _MACHINE + '    drive: motion\n    motion: {file: case}\n',
-    'load': _MACHINE + '    rpm: 60.0\n    load: {link: crank, file: case}\n',
+    'load': _MACHINE + '    rpm: 60.0\n    loads: {a: {kind: curve, link: crank, file: case}}\n',
     'bag': _MACHINE + '    drive: follow\n',
 }
 SDF = b"""<?xml version="1.0"?>

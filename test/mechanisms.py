@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from hypothesis import strategies as st
 from mpmath import mp
-from oracle import load_fields, oracle_of, wrap
+from oracle import oracle_of, wrap
 
 from linkage_ros import (
     Barrel,
@@ -22,9 +22,9 @@ from linkage_ros import (
     Frame,
     Guide,
     InvertedSliderCrank,
+    LinkLoad,
     LoadCurve,
     Piston,
-    Rocker,
     Rod,
     Slider,
     SliderCrank,
@@ -32,7 +32,6 @@ from linkage_ros import (
 )
 from linkage_ros.formulas import ZERO
 from linkage_ros.mechanism.loads.base import AppliedLoad
-from linkage_ros.mechanism.parts import LoadedPart
 from linkage_ros.mechanism.wrenches import Wrench
 from linkage_ros.settings.configuration import read_values
 
@@ -64,10 +63,11 @@ def slider_crank(lengths, angle=0.3, assembly='open', unit=1.0, point=(0.4, 0.7)
     return SliderCrank(
         Body(r, 0.7, 0.02 * unit**2, (0.3 * r, -0.2 * r)),
         Coupler(b, 2.0, 0.5 * unit**2, (0.6 * b, 0.3 * b), tuple(x * unit for x in point)),
-        Slider(offset=e, mass=1.5, force=6.0 * unit, damping=0.9),
+        Slider(offset=e, mass=1.5),
         Guide(angle),
         assembly,
         tuple(x * min(unit, 1e4) for x in (1.3, -9.7)),
+        (LinkLoad('slider', 6.0 * unit, 0.9),),
     )
 
 
@@ -78,23 +78,24 @@ def wind_pump(lengths, assembly='crossed', unit=1.0):
         Body(r, 0.7, 0.02 * unit**2, (0.3 * r, -0.2 * r)),
         Coupler(b, 2.0, 0.5 * unit**2, (0.6 * b, 0.3 * b), (0.4 * unit, 0.7 * unit)),
         Body(c, 3.0, 0.3 * unit**2, (0.4 * c, -0.25 * c)),
-        Piston(position=c, mass=1.5, damping=0.9),
+        Piston(position=c, mass=1.5),
         assembly,
         tuple(x * min(unit, 1e4) for x in (1.3, -9.7)),
+        (LinkLoad('slider', damping=0.9),),
     )
 
 
-def cylinder(lengths, angle=0.3, unit=1.0, **loads):
+def cylinder(lengths, angle=0.3, unit=1.0, **more):
     """Makes an inverted slider-crank from crank, frame and offset."""
     r, d, e = (float(x) * unit for x in lengths)
     return InvertedSliderCrank(
         Frame(d, angle),
         Body(r, 0.7, 0.02 * unit**2, (0.3 * r, -0.2 * r)),
         Barrel(2.0, 0.5 * unit**2, (0.3 * d, 0.1 * d)),
-        Rod(1.5, 0.3 * unit**2, (-0.4 * r, 0.2 * r), 6.0 * unit, 0.9),
+        Rod(1.5, 0.3 * unit**2, (-0.4 * r, 0.2 * r)),
         e,
         tuple(x * min(unit, 1e4) for x in (1.3, -9.7)),
-        **loads,
+        **{'loads': (LinkLoad('rod', 6.0 * unit, 0.9),)} | more,
     )
 
 
@@ -168,8 +169,9 @@ PUMPS = {
         Body(0.12, 20.0, 20.0, (-0.24, 0.0)),
         Coupler(0.8, 40.0, 1.2, (0.72, 0.0)),
         Body(1.6, 4.0, 0.85, (0.8, 0.0)),
-        Piston(1.5, 0.0, 6.0, 60.0),
+        Piston(1.5, 0.0, 6.0),
         'crossed',
+        loads=(LinkLoad('slider', damping=60.0),),
     ),
 }
 CYLINDERS = {
@@ -185,23 +187,29 @@ PENDULUM = replace(
 LIGHT_ROD = replace(
     slider_crank(FULL['offset_right'], 2.4),
     coupler=Coupler(2.2),
-    slider=Slider(-0.7, 0.0, 6.0, 0.9),
+    slider=Slider(-0.7),
 )
 # With springs, damping, forces and load curves.
 SPRUNG_ROCKER = replace(
     four_bar(FULL['crank_rocker'], 1.3),
-    rocker=Rocker(2.5, 3.0, 0.3, (1.0, -0.625), 3.0, 0.7, 11.0, 3.4),
-    loads=(LoadCurve('rocker', 'position', (2.7, 3.1, 3.3), (5.0, -7.0, 30.0), (0.0, 2.0, -4.0)),),
+    rocker=Body(2.5, 3.0, 0.3, (1.0, -0.625)),
+    loads=(
+        LinkLoad('rocker', 3.0, 0.7, 11.0, 3.4, name='a'),
+        LoadCurve('rocker', 'position', (2.7, 3.1, 3.3), (5.0, -7.0, 30.0), (0.0, 2.0, -4.0)),
+    ),
 )
 SPRUNG_SLIDER = replace(
     slider_crank(FULL['offset_right'], 5.5, 'crossed'),
-    slider=Slider(-0.7, 1.5, -4.0, 0.9, 12.0, 1.3),
-    loads=(LoadCurve('slider', at=(0.5, 2.0, 6.0), value=(4.0, -3.0, 8.0)),),
+    loads=(
+        LinkLoad('slider', -4.0, 0.9, 12.0, 1.3, name='a'),
+        LoadCurve('slider', at=(0.5, 2.0, 6.0), value=(4.0, -3.0, 8.0)),
+    ),
 )
 SPRUNG_PUMP = replace(
     wind_pump((0.5, 1.6, 2.3)),
-    slider=Piston(2.3, 0.0, 1.5, 0.9, -4.0, 12.0, 1.8),
+    slider=Piston(2.3, 0.0, 1.5),
     loads=(
+        LinkLoad('slider', -4.0, 0.9, 12.0, 1.8, name='a'),
         LoadCurve('slider', 'position', (1.7, 2.1, 2.4), (5.0, -7.0, 30.0), (0.0, 2.0, -4.0)),
         LoadCurve('crank', at=(0.5, 2.0, 6.0), value=(4.0, -3.0, 8.0)),
     ),
@@ -226,8 +234,9 @@ ALL = {
     'document_4': SliderCrank(
         Body(1.0, 1.2, 0.1, (0.5, 0.0)),
         Coupler(math.sqrt(2), 0.8, 0.15, (0.7, 0.0)),
-        Slider(mass=2.0, force=-3.0, damping=0.4),
+        Slider(mass=2.0),
         Guide(),
+        loads=(LinkLoad('slider', -3.0, 0.4),),
     ),
     'pendulum': PENDULUM,
     'light_rod': LIGHT_ROD,
@@ -239,8 +248,11 @@ ALL = {
     **CYLINDERS,
     'sprung_cylinder': replace(
         CYLINDERS['swinging_barrel'],
-        rod=Rod(1.5, 0.3, (-0.4, 0.2), -4.0, 0.9, 12.0, 1.3),
-        loads=(LoadCurve('rod', at=(0.5, 2.0, 6.0), value=(4.0, -3.0, 8.0)),),
+        rod=Rod(1.5, 0.3, (-0.4, 0.2)),
+        loads=(
+            LinkLoad('rod', -4.0, 0.9, 12.0, 1.3, name='a'),
+            LoadCurve('rod', at=(0.5, 2.0, 6.0), value=(4.0, -3.0, 8.0)),
+        ),
     ),
     **{
         f'{name}_driven': replace(x, input='cylinder', assembly=way)
@@ -250,10 +262,13 @@ ALL = {
 
 
 def with_loads(mechanism, *loads):
-    """Replaces the loads of a mechanism, and removes those of its output link."""
-    ((name, part),) = [x for x in mechanism.parts().items() if isinstance(x[1], LoadedPart)]
-    bare = replace(part, **dict.fromkeys(load_fields(part), 0.0))
-    return replace(mechanism, **{name: bare}, loads=loads)
+    """Replaces the loads of a mechanism."""
+    return replace(mechanism, loads=loads)
+
+
+def load_values(kind, name='a', **values):
+    """Returns the parameters of a load by dotted name."""
+    return {f'loads.{name}.{key}': value for key, value in {'kind': kind, **values}.items()}
 
 
 class Pushes(NamedTuple):

@@ -154,7 +154,7 @@ class Oracle:
             r, b, c, d = self.lengths
             self.folded, self.stretched = abs(d - r) == abs(b - c), b + c == d + r
         self.passes_change_point = self.stretched or self.folded
-        self.loads = mechanism.applied_loads()
+        self.loads = mechanism.loads
         self.state = functools.cache(self._state)
         self._joints_in = functools.cache(self._joints)
 
@@ -588,7 +588,7 @@ class Oracle:
         crank = mp.arg(bodies['crank'].way) if self.by_rod else mp.mpf(q)
         found = []
         for load in self.loads:
-            kind = type(load).__name__.replace('PartLoad', 'LinkLoad')
+            kind = type(load).__name__
             if kind == 'Force':
                 force = complex_of(load.force)
                 if load.axes == 'link':
@@ -945,10 +945,3 @@ def dot(u, v):
 
 def cross(u, v):
     return (mp.conj(u) * v).imag
-
-
-def load_fields(part):
-    """Returns the parameters of a part's own load: force, damping, stiffness and rest."""
-    if hasattr(part, 'torque'):
-        return 'torque', 'damping', 'stiffness', 'rest_angle'
-    return 'force', 'damping', 'stiffness', 'rest_position'

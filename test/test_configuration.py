@@ -70,7 +70,6 @@ QUADRILATERAL = {
     'rocker.mass': 3.5,
     'rocker.inertia': 0.066,
     'rocker.center': (0.25, 0.0),
-    **{f'rocker.{what}': 0.0 for what in ('torque', 'damping', 'stiffness', 'rest_angle')},
     'log': '',
     'log_overwrite': False,
     'viewer': '',
@@ -106,7 +105,6 @@ def test_with_a_mechanism_nothing_comes_from_the_preset():
             for body in ('crank', 'coupler', 'rocker')
             for what in ('mass', 'inertia')
         },
-        **{f'rocker.{what}': 0.0 for what in ('torque', 'damping', 'stiffness', 'rest_angle')},
         **{f'{body}.center': (0.0, 0.0) for body in ('crank', 'coupler', 'rocker')},
         'crank_acceleration': 0.0,
         'crank_angle': 0.0,

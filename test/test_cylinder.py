@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from mechanisms import cylinder, worst_errors
+from mechanisms import cylinder, load_values, worst_errors
 from oracle import oracle_of
 from ros_harness import verified
 
@@ -123,7 +123,7 @@ def test_the_gas_above_a_short_cylinder_pushes_it_longer():
     'values',
     [
         {'joints.rod.name': 'block', 'joints.rod.zero': 0.3, 'joints.rod.ratio': -2.0},
-        {'friction.pin': 0.1, 'friction.pin_radius': 0.02, 'friction.guide': 0.1, 'offset': 0.05},
+        {**load_values('friction', pin=0.1, pin_radius=0.02, guide=0.1), 'offset': 0.05},
     ],
 )
 def test_records_verify(values, tmp_path):

@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from mechanisms import LIMITED, cylinder, of, wind_pump
+from mechanisms import LIMITED, cylinder, of, wind_pump, with_loads
 from ros_harness import logged, report_of, verified
 
 from linkage_ros import Solver
 from linkage_ros.errors import LinkageError, MotionError
 from linkage_ros.log.writer import LogWriter
 from linkage_ros.mechanism import program
+from linkage_ros.mechanism.base import Description
 from linkage_ros.mechanism.registry import MECHANISMS as MECHANISM_KINDS
-from linkage_ros.mechanism.structure import Description
 from linkage_ros.mechanism.tracer import Tape
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.drives.torque import TorqueDrive
@@ -45,10 +45,7 @@ every = pytest.mark.parametrize('name', [x for x in MECHANISMS if x not in WITH_
 
 def free(mechanism):
     """Returns the mechanism without damping and friction."""
-    name = 'rod' if hasattr(mechanism, 'barrel') else 'slider'
-    if not hasattr(mechanism, name):
-        return mechanism
-    return replace(mechanism, **{name: replace(getattr(mechanism, name), damping=0.0, force=0.0)})
+    return with_loads(mechanism)
 
 
 def start(mechanism):

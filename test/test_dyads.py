@@ -408,7 +408,10 @@ SIX_BAR = """
 """
 DRIVES = {
     'speed': ['rpm: 30.0'],
-    'friction': ['rpm: 30.0', 'friction: {pin: 0.1, pin_radius: 0.02, guide: 0.1}'],
+    'friction': [
+        'rpm: 30.0',
+        'loads: {wear: {kind: friction, pin: 0.1, pin_radius: 0.02, guide: 0.1}}',
+    ],
     'torque': ['drive: torque', 'motor: {torque: 60.0, damping: 4.0}', 'start_rpm: 30.0'],
     'motion': ['drive: motion', 'motion: {center: 1.0, amplitude: 0.7, frequency: 0.5}'],
 }

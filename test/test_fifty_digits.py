@@ -32,8 +32,7 @@ from linkage_ros import (
     Coupler,
     FourBar,
     Frame,
-    Guide,
-    Slider,
+    LinkLoad,
     SliderCrank,
     Solver,
     UnreachableError,
@@ -269,7 +268,7 @@ def test_limited_crank_passes_the_change_point_inside_its_arc(lengths, quarter, 
 def test_massless_rod_carries_only_an_axial_force():
     """A force F on the slider gives a rod force F/cos(beta) and a guide force F tan(beta)."""
     mechanism = SliderCrank(
-        Body(1.0), Coupler(math.sqrt(2)), Slider(force=100.0), Guide(), gravity=(0.0, 0.0)
+        Body(1.0), Coupler(math.sqrt(2)), gravity=(0.0, 0.0), loads=(LinkLoad('slider', 100.0),)
     )
     solver = Solver(mechanism)
     found = solver.reactions(solver.state(math.radians(45)))

@@ -31,6 +31,7 @@ from joint_codec import encode_float64
 from mcap.records import Channel, DataEnd, Header, Message, Metadata, Schema, Statistics
 from mcap.writer import MCAP0_MAGIC
 from mcap_records import packed_records
+from mechanisms import load_values
 from ros_harness import PATIENCE, assert_refused, command, fresh_domain, verified
 from test_log import written
 
@@ -71,7 +72,7 @@ READERS = {
     'study': lambda path: read_yaml(path, 'study'),
     'robot': lambda path: read_xml(Path(path)),
     'law': lambda path: Prescribed(file=path),
-    'load': lambda path: configure({**TORQUE, 'load.link': 'crank', 'load.file': path}),
+    'load': lambda path: configure({**TORQUE, **load_values('curve', link='crank', file=path)}),
 }
 STEERING = '\x1b]0;title\x07\x1b[31m\u202e'
 

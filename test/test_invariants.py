@@ -34,6 +34,7 @@ from linkage_ros import (
     Coupler,
     FourBar,
     Frame,
+    LinkLoad,
     Piston,
     Solver,
     UnreachableError,
@@ -263,7 +264,7 @@ def test_double_nearest_to_an_edge_is_refused_and_one_next_to_it_is_solved(power
     unit = 10.0 ** (power / 100)
     pump = WindPump(
         Body(r * unit, 1.0, unit**2), Coupler(b * unit, 2.0, unit**2),
-        Body(c * unit, 3.0, unit**2), Piston(unit, 0.0, 1.0, 0.0),
+        Body(c * unit, 3.0, unit**2), Piston(unit, 0.0, 1.0),
     )  # fmt: skip
     solver = Solver(pump)
     total = sum(getattr(pump, name).length for name in NAMES)
@@ -283,7 +284,7 @@ def test_equal_links_are_solved_close_to_the_crank_pin():
     """Coupler and rod fold back on each other there; nothing cancels, so nothing is refused."""
     pump = WindPump(
         Body(0.12, 20.0, 20.0), Coupler(0.8, 4.0, 1.2), Body(0.8, 4.0, 0.85),
-        Piston(1.5, 0.0, 6.0, 60.0),
+        Piston(1.5, 0.0, 6.0), loads=(LinkLoad('slider', damping=60.0),),
     )  # fmt: skip
     solver = Solver(pump)
     for apart in (1e-3, 1e-6, 1e-9, 1e-12):

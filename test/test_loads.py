@@ -22,7 +22,7 @@ from mechanisms import (
     worst_errors,
 )
 from mpmath import mp
-from oracle import Oracle, load_fields, oracle_of
+from oracle import Oracle, oracle_of
 from ros_harness import assert_refused
 
 from linkage_lab import command_line
@@ -54,7 +54,7 @@ PUMP = (
     'coupler: {length: 0.8, inertia: 1.0}, rod: {length: 1.6, inertia: 1.0}, '
     'slider: {mass: 6.0, position: 1.5}'
 )
-ROCKER, TURNING_ROCKER = 'rocker: {length: 0.5}', 'rocker: {length: 0.22}'
+ROCKER, TURNING_ROCKER = ', rocker: {length: 0.5}', ', rocker: {length: 0.22}'
 POINTS = 'at: [0.0, 1.0], value: [1.0, 2.0]'
 FILES = {
     'words.csv': b'once upon a time\nthere was\n',
@@ -76,52 +76,58 @@ EXAMPLES = {
     Friction: lambda link: Friction(1.0, 0.05, 0.55) if link == 'slider' else Friction(0.1, 0.05),
 }
 
+
+def on(mechanism, kind, text):
+    """Returns parameters of a mechanism with a load."""
+    return f'{mechanism}, loads: {{a: {{kind: {kind}, {text}}}}}'
+
+
 WRONG = {
     # Points.
-    'not rising': (f'{SLIDER}, load: {{link: slider, at: [1.0, 0.5], value: [1.0, 2.0]}}',
-                   r'load\.at must increase: number 2, 0\.5, is not above 1 before it'),
-    'unequal': (f'{SLIDER}, load: {{link: slider, at: [0.0, 1.0], value: [1.0]}}',
-                r'load\.value has 1 numbers and load\.at 2: give one for each point'),
-    'more than a turn': (f'{SLIDER}, load: {{link: slider, at: [0.0, 13.0], value: [1.0, 1.0]}}',
-                         r'load\.at spans 13 rad = 744\.845 deg .*: must span at most two turns'),
+    'not rising': (on(SLIDER, 'curve', 'link: slider, at: [1.0, 0.5], value: [1.0, 2.0]'),
+                   r'loads\.a\.at must increase: number 2, 0\.5, is not above 1 before it'),
+    'unequal': (on(SLIDER, 'curve', 'link: slider, at: [0.0, 1.0], value: [1.0]'),
+                r'loads\.a\.value has 1 numbers and loads\.a\.at 2: give one for each point'),
+    'more than a turn': (on(SLIDER, 'curve', 'link: slider, at: [0.0, 13.0], value: [1.0, 1.0]'),
+                         r'a\.at spans 13 rad = 744\.845 deg .*: must span at most two turns'),
     'unequal ends': (
-        f'{SLIDER}, load: {{link: slider, at: [0.0, {TURN}], value: [1.0, 2.0]}}',
+        on(SLIDER, 'curve', f'link: slider, at: [0.0, {TURN}], value: [1.0, 2.0]'),
         'ends with 2: must .* turns, the last value must equal the first, 1',
     ),
     'return over the angle': (
-        f'{SLIDER}, load: {{link: slider, {POINTS}, return_value: [1.0, 2.0]}}',
-        r"is for load\.over = 'position'",
+        on(SLIDER, 'curve', f'link: slider, {POINTS}, return_value: [1.0, 2.0]'),
+        r"is for loads\.a\.over = 'position'",
     ),
-    'negative spring': (f'{FOUR}, rocker: {{length: 0.5, stiffness: -1.0}}',
-                        r'rocker\.stiffness = -1\.0: must be a number from 0'),
+    'negative spring': (on(FOUR + ROCKER, 'link', 'link: rocker, stiffness: -1.0'),
+                        r'loads\.a\.stiffness = -1\.0: must be a number from 0'),
     'spring on the crank': (
-        f'{FOUR}, {ROCKER}, loads: {{a: {{kind: link, link: crank, stiffness: 1.0}}}}',
+        on(FOUR + ROCKER, 'link', 'link: crank, stiffness: 1.0'),
         r'loads\.a\.stiffness = 1: the swing of a crank',
     ),
     'link load of the coupler': (
-        f'{FOUR}, {ROCKER}, loads: {{a: {{kind: link, link: coupler, force: 1.0}}}}',
+        on(FOUR + ROCKER, 'link', 'link: coupler, force: 1.0'),
         r"loads\.a\.link = 'coupler': must be crank or rocker",
     ),
-    'nan': (f'{SLIDER}, load: {{link: slider, at: [0.0, .nan], value: [1.0, 1.0]}}',
-            r'load\.at = \[0\.0, nan\]: must be a list of numbers from -1e\+09'),
-    'mixed': (f'{SLIDER}, load: {{link: slider, at: [0, 1.5], value: [1.0, 1.0]}}',
-              r"'load\.at' mixes types, 0 and 1\.5; give one"),
-    'empty': (f'{SLIDER}, load: {{link: slider, at: [], value: [1.0]}}',
-              r"'load\.at' is an empty list; write"),
-    'words for numbers': (f'{SLIDER}, load: {{link: slider, at: [a, b], value: [1.0, 1.0]}}',
-                          r"load\.at = \['a', 'b'\]: must be a list of numbers"),
-    'one number': (f'{SLIDER}, load: {{link: slider, at: 1.0, value: [1.0]}}',
-                   r'load\.at = 1\.0: must be a list of numbers'),
-    'huge': (f'{SLIDER}, load: {{link: slider, at: [0.0, 1.0], value: [0.0, 1.0e+300]}}',
-             r'load\.value = \[0\.0, 1e\+300\]: must be .* from -1e\+12 to 1e\+12 N or N m'),
-    'no points': (f'{SLIDER}, load: {{link: slider, value: [1.0]}}', 'load needs at and value'),
-    'no link': (f'{SLIDER}, load: {{{POINTS}}}', r'load\.link is missing: must be text'),
+    'nan': (on(SLIDER, 'curve', 'link: slider, at: [0.0, .nan], value: [1.0, 1.0]'),
+            r'loads\.a\.at = \[0\.0, nan\]: must be a list of numbers from -1e\+09'),
+    'mixed': (on(SLIDER, 'curve', 'link: slider, at: [0, 1.5], value: [1.0, 1.0]'),
+              r"'loads\.a\.at' mixes types, 0 and 1\.5; give one"),
+    'empty': (on(SLIDER, 'curve', 'link: slider, at: [], value: [1.0]'),
+              r"'loads\.a\.at' is an empty list; write"),
+    'words for numbers': (on(SLIDER, 'curve', 'link: slider, at: [a, b], value: [1.0, 1.0]'),
+                          r"loads\.a\.at = \['a', 'b'\]: must be a list of numbers"),
+    'one number': (on(SLIDER, 'curve', 'link: slider, at: 1.0, value: [1.0]'),
+                   r'loads\.a\.at = 1\.0: must be a list of numbers'),
+    'huge': (on(SLIDER, 'curve', 'link: slider, at: [0.0, 1.0], value: [0.0, 1.0e+300]'),
+             r'loads\.a\.value = \[0\.0, 1e\+300\]: must be .* from -1e\+12 to 1e\+12 N or N m'),
+    'no points': (on(SLIDER, 'curve', 'link: slider, value: [1.0]'), 'a needs at and value'),
+    'no link': (on(SLIDER, 'curve', f'{POINTS}'), r'loads\.a\.link is missing: must be text'),
     # Files.
-    'missing file': (f'{SLIDER}, load: {{link: slider, file: no.csv}}',
-                     r"load\.file = 'no\.csv': No such file or directory; give the path"),
-    'a folder': (f'{SLIDER}, load: {{link: slider, file: .}}', r"'\.': Is a directory; give"),
+    'missing file': (on(SLIDER, 'curve', 'link: slider, file: no.csv'),
+                     r"loads\.a\.file = 'no\.csv': No such file or directory; give the path"),
+    'a folder': (on(SLIDER, 'curve', 'link: slider, file: .'), r"'\.': Is a directory; give"),
     **{
-        name: (f'{SLIDER}, load: {{link: slider, file: {name}}}', words)
+        name: (on(SLIDER, 'curve', f'link: slider, file: {name}'), words)
         for name, words in {
             'words.csv': r"'words\.csv': its first line names 'once.*give the path",
             'binary.csv': r"'binary\.csv': 'utf-8' codec can.t decode.*; give the path of a CSV",
@@ -129,41 +135,42 @@ WRONG = {
             'infinite.csv': r'must be a list of numbers from',
             'empty.csv': 'each line below at,value must be 2 numbers',
             'unequal.csv': 'each line below at,value must be 2 numbers',
-            'falling.csv': r'load\.at must increase: number 2, -1, is not above 0',
+            'falling.csv': r'loads\.a\.at must increase: number 2, -1, is not above 0',
         }.items()
     },
-    'file and points': (f'{SLIDER}, load: {{link: slider, file: words.csv, {POINTS}}}',
+    'file and points': (on(SLIDER, 'curve', f'link: slider, file: words.csv, {POINTS}'),
                         'leave out at, value, which the file contains'),
     # Links.
-    'over position on a crank': (f'{SLIDER}, load: {{link: crank, over: position, {POINTS}}}',
-                                 r'must be crank_angle if load\.link is crank'),
-    'another link': (f'{SLIDER}, load: {{link: coupler, {POINTS}}}',
-                     r"load\.link = 'coupler': must be crank or slider"),
-    "another mechanism's": (f'{SLIDER}, load: {{link: rocker, {POINTS}}}',
-                            r"load\.link = 'rocker': must be crank or slider"),
-    "another's of a pump": (f'{PUMP}, load: {{link: rocker, {POINTS}}}',
-                            r"load\.link = 'rocker': must be crank or slider"),
-    'a rocker that turns': ((f'{TURNING}, {TURNING_ROCKER}, load: {{link: rocker, over: position, '
-                            f'{POINTS}}}'), r"load\.over = 'position': the rocker .* turns fully"),
-    'its spring': (f'{TURNING}, rocker: {{length: 0.22, stiffness: 1.0}}',
-                   r'rocker\.stiffness: the rocker of this double-crank linkage turns fully'),
-    'rest outside': (f'{FOUR}, rocker: {{length: 0.5, stiffness: 1.0, rest_angle: 1001.0}}',
-                     r'rocker\.rest_angle = 1001\.0: must be a number from -1000 to 1000 rad'),
-    'unknown': (f'{SLIDER}, load: {{link: slider, values: [1.0]}}',
-                r"'load\.values' is not a parameter .* load has .*, value,"),
-    'no group': (f'{SLIDER}, load: 5.0', "'load' is not a parameter .* load has link, over, at"),
+    'over position on a crank': (on(SLIDER, 'curve', f'link: crank, over: position, {POINTS}'),
+                                 r'must be crank_angle if loads\.a\.link is crank'),
+    'another link': (on(SLIDER, 'curve', f'link: coupler, {POINTS}'),
+                     r"loads\.a\.link = 'coupler': must be crank or slider"),
+    "another mechanism's": (on(SLIDER, 'curve', f'link: rocker, {POINTS}'),
+                            r"loads\.a\.link = 'rocker': must be crank or slider"),
+    "another's of a pump": (on(PUMP, 'curve', f'link: rocker, {POINTS}'),
+                            r"loads\.a\.link = 'rocker': must be crank or slider"),
+    'a rocker that turns': (on(TURNING + TURNING_ROCKER, 'curve',
+                               f'link: rocker, over: position, {POINTS}'),
+                            r"loads\.a\.over = 'position': the rocker .* turns fully"),
+    'its spring': (on(TURNING + TURNING_ROCKER, 'link', 'link: rocker, stiffness: 1.0'),
+                   r'loads\.a\.stiffness: the rocker of this double-crank linkage turns fully'),
+    'rest outside': (on(FOUR + ROCKER, 'link', 'link: rocker, rest: 1e10'),
+                     r'loads\.a\.rest = 10000000000\.0: must be a number from -1e\+09 to'),
+    'unknown': (on(SLIDER, 'curve', 'link: slider, values: [1.0]'),
+                r"'loads\.a\.values' is not a parameter .* loads\.a has .*, value,"),
     # Friction.
     'under a torque': ((f'{SLIDER.replace("rpm: 60.0", "drive: torque")}, motor: {{torque: 1.0}}, '
-                       'friction: {guide: 0.1}'), 'leave friction out where the torque is given'),
-    'of a pump': (f'{PUMP}, friction: {{pin: 0.1, pin_radius: 0.1}}', 'leave friction out'),
-    'negative': (f'{SLIDER}, friction: {{guide: -0.1}}',
-                 r'friction\.guide = -0\.1: must be a number from 0 to 100'),
-    'no radius': (f'{FOUR}, {ROCKER}, friction: {{pin: 0.1}}',
-                  r'friction\.pin = 0\.1 with friction\.pin_radius = 0: give both above'),
-    'radius alone': (f'{SLIDER}, friction: {{pin_radius: 0.02, guide: 0.1}}',
-                     r'friction\.pin = 0 with friction\.pin_radius = 0\.02: give both above 0'),
-    'no guide': (f'{FOUR}, {ROCKER}, friction: {{guide: 0.1}}',
-                 r'friction\.guide = 0\.1: this mechanism has no guide; leave it out'),
+                       'loads: {a: {kind: friction, guide: 0.1}}'),
+                      'leave friction out where the torque is given'),
+    'of a pump': (on(PUMP, 'friction', 'pin: 0.1, pin_radius: 0.1'), 'leave friction out'),
+    'negative': (on(SLIDER, 'friction', 'guide: -0.1'),
+                 r'loads\.a\.guide = -0\.1: must be a number from 0 to 100'),
+    'no radius': (on(FOUR + ROCKER, 'friction', 'pin: 0.1'),
+                  r'loads\.a\.pin = 0\.1 with loads\.a\.pin_radius = 0: give both above'),
+    'radius alone': (on(SLIDER, 'friction', 'pin_radius: 0.02, guide: 0.1'),
+                     r'loads\.a\.pin = 0 with loads\.a\.pin_radius = 0\.02: give both above 0'),
+    'no guide': (on(FOUR + ROCKER, 'friction', 'guide: 0.1'),
+                 r'loads\.a\.guide = 0\.1: this mechanism has no guide; leave it out'),
 }  # fmt: skip
 
 
@@ -183,7 +190,7 @@ def test_a_wrong_load_is_one_line_of_every_command(called, tmp_path, monkeypatch
 def test_friction_that_locks_during_a_record_is_one_line(called, tmp_path):
     path = tmp_path / 'locks.yaml'
     back = SLIDER.replace('60.0', '-60.0')  # forwards, the weight relieves the guide
-    text = f'{back}, slider: {{mass: 1.0}}, friction: {{guide: 50.0}}'
+    text = f'{back}, slider: {{mass: 1.0}}, loads: {{a: {{kind: friction, guide: 50.0}}}}'
     path.write_text(f'/**: {{ros__parameters: {{{text}}}}}\n')
     words = r'at [\d.]+ rad = [\d.]+ deg friction locks the mechanism: .* equilibrium; lower'
     assert_refused(*called(record_module, path, tmp_path / 'run.mcap', '--duration', 0.1), words)
@@ -197,7 +204,7 @@ def test_spreadsheet_gives_the_curve_in_its_columns(tmp_path):
     path.write_bytes(text.encode())
     expected = (-1.0, 1.5, 4.0), (5.5, -7.0, 30.0), (0.0, 2.0, -4.0)
     (read,) = with_loads(ON['slider'], LoadCurve('slider', 'position', file=str(path))).loads
-    assert read == LoadCurve('slider', 'position', *expected)
+    assert read == LoadCurve('slider', 'position', *expected, name='curve_1')
 
 
 @pytest.mark.parametrize('link', ON)
@@ -224,43 +231,24 @@ def test_laws_of_every_kind_of_load(link, kind):
     assert build(type(loaded), flatten(loaded)) == loaded != bare
 
 
-@pytest.mark.parametrize('link', ON)
-def test_a_load_of_kind_link_equals_the_parameters_of_the_part_to_the_bit(link):
-    bare, values = with_loads(ON[link]), (1.0, 2.0, 3.0, 0.4)
-    part = getattr(bare, link)
-    part = replace(part, **dict(zip(load_fields(part), values, strict=True)))
-    given = {'kind': 'link', 'link': link, 'force': 1.0, 'damping': 2.0, 'stiffness': 3.0,
-             'rest': 0.4}  # fmt: skip
-    named = {f'loads.brake.{name}': value for name, value in given.items()}
-    short = replace(bare, **{link: part})
-    for long in (
-        build(type(bare), flatten(bare) | named), with_loads(bare, LinkLoad(link, *values))
-    ):  # fmt: skip
-        one, other = Solver(short), Solver(long)
-        assert one.state(CRANKS, 2.0, 1.5).torque.tobytes() == (
-            other.state(CRANKS, 2.0, 1.5).torque.tobytes()
-        )
-        assert np.array_equal(*(x.energy(x.state(CRANKS, 2.0)) for x in (one, other)))
-        assert build(type(long), flatten(long)) == long
-    # Both act if both are given.
-    twice = Solver(replace(short, loads=(LinkLoad(link, *values),)))
-    state, bare_torque = twice.state(CRANKS, 2.0), Solver(bare).state(CRANKS, 2.0).torque
-    once = Solver(short).state(CRANKS, 2.0).torque - bare_torque
-    assert np.allclose(state.torque - bare_torque, 2 * once, rtol=0, atol=1e-12 * np.ptp(once))
-    assert [*twice.wrenches(state)] == [link, 'link_1']
-
-
 def test_loads_with_one_name_are_refused():
-    bare = ALL['crank_rocker']
-    short = replace(bare, rocker=replace(bare.rocker, torque=1.0))
-    replace(bare, loads=(LinkLoad('rocker', 1.0, name='rocker'),))
-    for loads in (
-        (LinkLoad('rocker', 1.0, name='rocker'),),
-        (Friction(0.1, 0.05), LinkLoad('crank', 1.0, name='friction')),
-        (LinkLoad('crank', 1.0, name='a'), LinkLoad('crank', 2.0, name='a')),
-    ):
-        with pytest.raises(ConfigurationError, match='two loads have the name'):
-            replace(short, loads=loads)
+    loads = LinkLoad('crank', 1.0, name='a'), Friction(0.1, 0.05, name='a')
+    with pytest.raises(ConfigurationError, match="two loads have the name 'a': rename one"):
+        replace(ALL['crank_rocker'], loads=loads)
+
+
+def test_frictions_act_together_and_are_told_apart_by_name():
+    """Two coefficients for all pins act like their sum, in proportion."""
+    mechanism = with_loads(ON['slider'], Friction(0.1, 0.05, 0.2, name='a'))
+    state = Solver(mechanism).state(CRANKS, 2.0, 1.5)
+    parts = Friction(0.04, 0.05, name='worn'), Friction(0.06, 0.05, 0.2, name='dry')
+    solver = Solver(with_loads(mechanism, *parts))
+    found = solver.state(CRANKS, 2.0, 1.5)
+    assert np.allclose(found.torque, state.torque, rtol=1e-12)
+    wrenches = solver.wrenches(found)
+    assert [*wrenches] == ['dry', 'worn']
+    crank = [sum(x.effort for x in wrenches[name] if x.body == 0) for name in wrenches]
+    assert np.allclose(crank[1] * 0.06, crank[0] * 0.04, rtol=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -22,7 +22,7 @@ from sensor_msgs.msg import JointState
 from test_rerun_connection import read
 
 from linkage_lab.methods.registry import METHODS
-from linkage_ros import Body, Coupler, Dyad, DyadSlider, MechanismError, Solver, read_log
+from linkage_ros import Body, Coupler, Dyad, DyadSlider, LinkLoad, MechanismError, Solver, read_log
 from linkage_ros.mechanism.parts import Guide, Slider
 from linkage_ros.mechanism.registry import MECHANISMS
 from linkage_ros.messages.urdf import make_urdf
@@ -52,8 +52,9 @@ def solver(cardan_gear):
     gear = cardan_gear.CardanGear(
         Body(0.1, inertia=0.02),
         Coupler(0.1, mass=0.5, inertia=0.001, center=(0.01, 0.02), point=(0.05, 0.0)),
-        Slider(mass=2.0, damping=30.0, force=-5.0, stiffness=400.0, rest_position=0.05),
+        Slider(mass=2.0),
         Guide(0.7),
+        loads=(LinkLoad('slider', -5.0, 30.0, 400.0, 0.05),),
     )
     return Solver(gear)
 
@@ -189,7 +190,7 @@ def test_the_log_is_verified_and_described(folder):
     assert '200 states, every one equal to the bit' in verified
     told = run('log', 'info', 'run.mcap', cwd=folder)
     assert 'cardan_gear, open, crank-slider, stroke 0.4 m' in told
-    assert 'slider.stiffness: 400.0  # N/m' in told
+    assert 'loads.spring.stiffness: 400.0  # N/m' in told
 
 
 def test_the_chart_of_the_motion_has_the_torque_of_the_load(folder):

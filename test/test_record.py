@@ -16,7 +16,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from joint_codec import encode_float64
-from mechanisms import FOLLOWED
+from mechanisms import FOLLOWED, load_values
 from ros_harness import CODEC, PATIENCE, assert_refused, command, decoded, logged, wait_for
 from state_messages import messages_at
 
@@ -65,7 +65,7 @@ def test_all_states_before_an_impossible_one_are_recorded(out):
     """At 90 deg, a slider-crank of equal links has infinite joint forces, and so friction."""
     configuration = configure({
         'mechanism': 'slider_crank', 'rpm': 60.0, 'rate_hz': 200.0, 'crank.length': 0.1,
-        'coupler.length': 0.1, 'slider.mass': 1.0, 'friction.guide': 0.1,
+        'coupler.length': 0.1, 'slider.mass': 1.0, **load_values('friction', guide=0.1),
     })  # fmt: skip
     with pytest.raises(LinkageError, match='keeps the 50 states'):
         record(configuration, out, duration=1.0)
@@ -115,9 +115,7 @@ RUNS = {
         **load('compressor').parameters(),
         'start_rpm': -90.0,
         'crank_acceleration': 30.0,
-        'friction.pin': 0.1,
-        'friction.pin_radius': 0.01,
-        'friction.guide': 0.1,
+        **load_values('friction', pin=0.1, pin_radius=0.01, guide=0.1),
     },
     'slider_crank': {**load('slider_crank').parameters(), 'rpm': -1e5, 'crank_angle': -7.0},
     'coupler_point': {**load('coupler_point').parameters(), 'rpm': 0.0},
@@ -404,8 +402,8 @@ def test_note_on_a_load_curve_counts_recorded_states_alone(out, lead, duration, 
     """The feed-forward torque is computed for later states, which may be beyond the curve."""
     configuration = configure({
         **dict(read_values('slider_crank')), 'rpm': 60.0, 'start_rpm': 60.0, 'crank_angle': 0.0,
-        'load.link': 'slider', 'load.over': 'position', 'load.at': [2.1, 2.5],
-        'load.value': [-1.0, -1.0], 'effort_command_topic': 'torque', 'lead_time': lead,
+        **load_values('curve', link='slider', over='position', at=[2.1, 2.5], value=[-1.0, -1.0]),
+        'effort_command_topic': 'torque', 'lead_time': lead,
     })  # fmt: skip
     lines = []
     record(configuration, out, duration=duration, note=lines.append)

@@ -228,8 +228,6 @@ BAD_VALUES = {
     SLIDER: {
         'crank.length': [10**400, 'a\nb'],
         'slider.offset': [NAN],
-        'slider.damping': [-0.1],
-        'slider.force': [INF],
         'crank.center': [[NAN, 0]],
         'coupler.point': [[0, 1e10]],
         'crank_acceleration': [-1],

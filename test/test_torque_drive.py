@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from joint_codec import JointStateCodec
 from live_logs import START, live, ticks
+from mechanisms import load_values
 from ros_harness import decoded, logged, report_of, verified
 from state_messages import messages_at, messages_of
 from test_playback import Clock
@@ -37,8 +38,16 @@ PUMP = load('wind_pump')
 QUADRILATERAL = configure({'drive': 'torque', 'motor.torque': 2.0, 'motor.damping': 0.05})
 # 150 rpm from rest, with time constants of 5 ns and 6 ms.
 STEEP = configure({'drive': 'torque', 'motor.torque': 5e7 * math.pi, 'motor.damping': 1e7})
-STUCK = configure({**PUMP.parameters(), 'slider.damping': 1e9, 'slider.velocity': 1.0})
-HELD = configure({**QUADRILATERAL.parameters(), 'start_rpm': 150.0, 'rocker.damping': 1e12})
+STUCK = configure({**PUMP.parameters(), 'loads.water.damping': 1e9, 'slider.velocity': 1.0})
+HELD = configure({
+    **QUADRILATERAL.parameters(), 'start_rpm': 150.0,
+    **load_values('link', link='rocker', damping=1e12),
+})  # fmt: skip
+
+
+def sprung(stiffness):
+    """Returns parameters of a spring on the rocker."""
+    return load_values('link', link='rocker', stiffness=stiffness)
 
 
 def changed(configuration=PUMP, **parts):
@@ -213,10 +222,10 @@ def test_record_with_strong_damping_is_reproduced_to_the_bit(tmp_path, configura
 
 def test_a_live_run_refuses_a_motion_that_takes_too_many_steps():
     words = r'oscillation takes 0\.\d+ ms and a tick 5 ms: .*(\d\d+ steps per ms|too fast)'
-    for name, value in (('rocker.stiffness', 1e9), ('rocker.stiffness', 1e6), ('start_rpm', 1e5)):
+    for values in (sprung(1e9), sprung(1e6), {'start_rpm': 1e5}):
         with pytest.raises(ConfigurationError, match=words):
-            Simulator(configure({'drive': 'torque', name: value})).prepare_live()
-    Simulator(configure({'drive': 'torque', 'rocker.stiffness': 1e4})).prepare_live()
+            Simulator(configure({'drive': 'torque', **values})).prepare_live()
+    Simulator(configure({'drive': 'torque', **sprung(1e4)})).prepare_live()
 
 
 @pytest.mark.parametrize(('rate', 'timeout'), [(5.0, 0.2), (3.0, 0.333333333), (62.5, 0.016)])

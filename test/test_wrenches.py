@@ -423,7 +423,7 @@ WRONG = [
     (FOUR, 'kind: 5.0', LABEL + r'kind = 5\.0: must be one of'),
     (FOUR, 'kind: force, link: crank, force: [1.0, 0.0], size: 3.0', r"'loads\.x\.size' is not a"),
     (FOUR, 'kind: pins, damping: 1.0, link: crank', r"'loads\.x\.link' is not a parameter"),
-    (FOUR, 'kind: friction, pin: 0.1', r'kind = .friction.: must be one of'),
+    (FOUR, 'kind: load, pin: 0.1', r'kind = .load.: must be one of .* friction'),
     # Forces.
     (FOUR, 'kind: force, force: [1.0, 0.0]', LABEL + 'link is missing'),
     (FOUR, 'kind: force, link: crank', LABEL + 'force is missing: must be two numbers'),
@@ -591,14 +591,15 @@ def test_force_at_the_coupler_point_of_the_quadrilateral():
 
 
 def test_units_that_are_probably_wrong_are_noted(tmp_path):
+    loaded = 'loads: {x: {kind: link, link: slider, force: 1.0}}'
     cases = {
         f'{FOUR}, crank_angle: 30.0': ['crank_angle = 30 rad = 278.9 deg .* 30 deg = 0.5236 rad'],
         FOUR: ['no link has a mass .*: the torque is 0'],
         f'{FOUR}, joints: {{rocker: {{zero: 90.0}}}}': ['joints.rocker.zero = 90 rad'],
-        f'{SLIDER}, joints: {{slider: {{zero: 9.0}}}}, slider: {{force: 1.0}}': [],
+        f'{SLIDER}, joints: {{slider: {{zero: 9.0}}}}, {loaded}': [],
         f'{SLIDER.replace("0.3", "300.0")}, slider: {{mass: 1.0}}': ['300 mm = 0.3 m'],
         f'{SLIDER.replace("0.1", "1e-5")}, slider: {{mass: 1.0}}': ['= 0.01 mm; did you mean'],
-        f'{SLIDER}, slider: {{force: 1.0}}': [],
+        f'{SLIDER}, {loaded}': [],
     }
     for text, expected in cases.items():
         own = notes(configured(tmp_path, text, 'gravity: [0.0, -9.81]'))

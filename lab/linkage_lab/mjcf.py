@@ -118,7 +118,9 @@ def make_mjcf(mechanism: Mechanism, start: State, joint_prefix: str = '') -> str
     pairs = [_close(closure, last, names, bodies) for closure, last in structure.closures]
     passive = _Passive(structure, names, [*bodies, world])
     motors = []
-    for one in mechanism.applied_loads():
+    for load in mechanism.loads:
+        # Two actuators must not have one name.
+        one = replace(cast('Any', load), name=f'{driven}_load') if load.name == driven else load
         acting = one.on(mechanism)
         if not passive.add(one) and (acting or one.in_joints(mechanism)):
             motors.append(_load(one, acting, links, names, position))
@@ -281,8 +283,7 @@ def _load(
 
     A `LinkLoad` becomes an actuator without control input that exerts force - stiffness x stretch
     - damping x rate. Another load, such as a load curve, becomes a motor whose control input the
-    user must set to the value of the load, because MJCF has no tables; its name is that of the
-    load, or LINK_curve for the group `load`.
+    user must set to the value of the load, because MJCF has no tables.
 
     Raises:
         ConfigurationError: The load acts in joints, on several links, or on a turning link with a
@@ -293,17 +294,16 @@ def _load(
         raise ConfigurationError(
             f'MJCF does not support {type(one).__name__}: only load curves, forces, damping, '
             'stiffness and gas of a link on the frame, forces at points, springs and viscous '
-            'pins; leave the parameters of friction out'
+            'pins; leave it out'
         )
-    name, own = names[link], one.key
     if not isinstance(one, LinkLoad):
-        return _element('motor', name=f'{name}_curve' if own == 'load' else own, joint=name)
+        return _element('motor', name=one.name, joint=names[link])
     force, stiffness = float(load.force), float(load.stiffness)
     if stiffness:  # MuJoCo positions are relative to the start, without a jump from pi to -pi
         jump = 0.0 if load.middle is None else position[link] - float(load.middle)
         force += stiffness * (float(load.rest) + math.tau * round(jump / math.tau))
     return _element(
-        'general', name=f'{name}_load' if own == links[link].name else own, joint=name,
+        'general', name=one.name, joint=names[link],
         gainprm='0', biastype='affine', biasprm=_text(force, -stiffness, -float(load.damping)),
     )  # fmt: skip
 

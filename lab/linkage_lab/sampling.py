@@ -157,7 +157,7 @@ def _pieces(solver: Solver, states: Callable[[Array], State]) -> Callable[[Array
     None if all loads are smooth.
     """
     model, mechanism = solver.model, solver.mechanism
-    cornered = [load for load in mechanism.applied_loads() if load.has_corners]
+    cornered = [load for load in mechanism.loads if load.has_corners]
     loads: list[Any] = [found for load in cornered if (found := load.on(mechanism))]
     in_joints: list[Any] = [rub for load in cornered if (rub := load.in_joints(mechanism))]
     reach, driven = solver.mobility, solver.structure.driven

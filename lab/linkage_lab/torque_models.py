@@ -21,30 +21,28 @@ from linkage_ros.internals import Model, acting_forces, torque
 from linkage_ros.quantities import build, flatten
 
 STATIC = 'inertia'  # term of all inertia forces; without it, weights and loads remain
-# Parameters of a link by term: its body, and what acts on it.
-_BODY = 'mass', 'inertia', 'center'
-_ACTING = {
-    'torque': ('torque',), 'force': ('force',), 'damping': ('damping',),
-    'stiffness': ('stiffness', 'rest_angle', 'rest_position'),
-}  # fmt: skip
+_BODY = 'mass', 'inertia', 'center'  # parameters of a link's body
 
 
 def _known(mechanism: Mechanism) -> dict[str, tuple[str, ...]]:
-    """Returns the parameters of each possible term, or their group; a load is one term."""
+    """Returns the parameters of each possible term, or their group.
+
+    A load is one term with its name or, if that is another term, with the start of the names of
+    its parameters.
+    """
     groups = {name: name for name in mechanism.parts()}
     for dyad in mechanism.dyads:
         for link in dyad.parts:
             groups[link] = f'dyads.{dyad.name}.{link.removeprefix(f"{dyad.name}_")}'
-    known: dict[str, tuple[str, ...]] = {
-        'gravity': ('gravity',), STATIC: tuple(f'{group}.inertia' for group in groups.values()),
-    }  # fmt: skip
+    known = {
+        'gravity': ('gravity',),
+        STATIC: tuple(f'{group}.inertia' for group in groups.values()),
+    }
     for name, group in groups.items():
         known[name] = tuple(f'{group}.{x}' for x in _BODY)
         known[f'{name}.inertia'] = (f'{group}.inertia',)
-    for name, group in groups.items():
-        for term, members in _ACTING.items():
-            known[f'{name}.{term}'] = tuple(f'{group}.{x}' for x in members)
-    return known | {load.label: (load.label,) for load in mechanism.loads}
+    loads = {load.label if load.name in known else load.name: load for load in mechanism.loads}
+    return known | {term: (load.label,) for term, load in loads.items()}
 
 
 def terms(mechanism: Mechanism) -> dict[str, dict[str, int]]:

@@ -32,7 +32,7 @@ EQUAL = """/**:
     coupler: {length: 0.1, mass: 0.5, center: [0.05, 0.0]}
     slider: {mass: 1.0}
 """
-FRICTION = '    friction: {guide: 0.1}\n'
+FRICTION = '    loads: {wear: {kind: friction, guide: 0.1}}\n'
 FOUR_BARS = [name for name, lengths in CHANGE_POINTS.items() if len(lengths) == 4]
 
 

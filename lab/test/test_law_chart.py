@@ -26,7 +26,8 @@ LIMITED = """
     frame: {{length: 0.425, angle: 5.497787143782138}}
     crank: {{length: 0.3, inertia: 0.0245}}
     coupler: {{length: 0.315, mass: 2.0, inertia: 0.016, center: [0.1575, 0.0]}}
-    rocker: {{length: 0.5, mass: 3.5, inertia: 0.066, center: [0.25, 0.0], torque: -3.0}}
+    rocker: {{length: 0.5, mass: 3.5, inertia: 0.066, center: [0.25, 0.0]}}
+    loads: {{brake: {{kind: link, link: rocker, force: -3.0}}}}
 """
 LAWS = {
     'sine': 'motion: {center: 1.2, amplitude: 0.5, frequency: 0.5, phase: 0.3}',

@@ -15,13 +15,14 @@ from types import SimpleNamespace
 import mujoco  # required by these tests: without it they must fail, not be skipped
 import numpy as np
 import pytest
+from mechanisms import load_values
 from pages import block, read, run_python
 from ros_harness import assert_refused
 from test_mujoco import slipped
 
 from linkage_lab import export
 from linkage_lab.mjcf import about_zeros, make_mjcf
-from linkage_ros import ConfigurationError, Solver
+from linkage_ros import ConfigurationError, LinkLoad, Solver
 from linkage_ros.mechanism.loads.base import AppliedLoad
 from linkage_ros.mechanism.loads.curve import CurveForce
 from linkage_ros.mechanism.loads.link_load import LinkForce
@@ -37,7 +38,7 @@ PAGE = read('lab/docs/mjcf.md')
 PRESETS = [name for name in preset_names() if name != 'press']  # has friction
 # Changes for the comparison of MuJoCo with our plant; see the page.
 COMPARED = {
-    'press': {'friction.pin': None, 'friction.pin_radius': None, 'friction.guide': None},
+    'press': {'loads.friction': None},
     'slider_crank': {'crank.inertia': 0.01},
     'wiper': {'crank.inertia': 0.2},
 }
@@ -47,15 +48,15 @@ each = pytest.mark.parametrize('preset', PRESETS)
 def changed(preset, **values):
     """Returns the configuration of a preset with other values."""
     given = {**load(preset).parameters(), **values}
-    return configure({name: value for name, value in given.items() if value is not None})
+    removed = tuple(name for name, value in values.items() if value is None)
+    return configure({name: x for name, x in given.items() if not name.startswith(removed)})
 
 
 def pump(**values):
     """Returns the compressor with a constant force instead of its load curve."""
     configuration = changed('compressor', **values)
-    mechanism = configuration.mechanism
-    slider = replace(mechanism.slider, force=-150.0)
-    return replace(configuration, mechanism=replace(mechanism, slider=slider, loads=()))
+    loads = (LinkLoad('slider', -150.0, 25.0, name='push'),)
+    return replace(configuration, mechanism=replace(configuration.mechanism, loads=loads))
 
 
 def start_of(configuration):
@@ -111,7 +112,7 @@ def test_the_motor_and_the_sensors_have_the_names_of_the_page():
     """The comparison with the plant checks the masses and loads."""
     model, _ = exported(pump(joint_prefix='left_'))
     assert model.actuator('left_crank').trnid[0] == model.joint('left_crank').id
-    assert model.actuator('left_slider_load').gainprm[0] == 0.0
+    assert model.actuator('push').gainprm[0] == 0.0
     joints = [f'left_{name}' for name in ('crank', 'coupler', 'slider')]
     assert [model.sensor(number).name for number in range(model.nsensor)] == [
         *(f'{joint}_{word}' for word in ('position', 'velocity') for joint in joints),
@@ -145,10 +146,10 @@ def test_friction_and_a_load_on_a_link_carried_by_another_are_refused():
         ('quadrilateral', {}, ''),  # its massless crank has no effect
         ('quadrilateral', {'coupler.mass': 0.0, 'rocker.inertia': 0.0}, 'crank, coupler, rocker'),
         ('slider_crank', {}, 'crank, coupler'),
-        ('wiper', {'rocker.damping': 0.0}, 'crank'),
+        ('wiper', {}, 'crank'),
         ('shaper', {}, ''),
         ('shaper', {'barrel.mass': 0.0, 'barrel.inertia': 0.0}, 'barrel'),
-        ('excavator', {'rod.mass': 0.0, 'rod.damping': 0.0}, 'rod'),
+        ('excavator', {'rod.mass': 0.0}, 'rod'),
         ('watt', {'dyads.ram.first.mass': 0.0, 'dyads.ram.slider.mass': 0.0},
          'ram_first, ram_slider'),
     ],
@@ -223,8 +224,6 @@ def run(configuration, seconds, mechanism=None):
     loads = configuration.mechanism.link_loads().items()
     pairs = (pair for pair in loads if isinstance(pair[1], CurveForce))
     name, curve = next(pairs, ('', None))
-    if name == 'load':
-        name = f'{solver.links[curve.link]}_curve'
     place, worst, widest = plant.at(0), 0.0, 0.0
     for stamp in range(0, round(seconds * NS_PER_S), step):
         if is_motor:
@@ -268,9 +267,10 @@ def test_mujoco_differs_from_the_plant_by_the_documented_angle(preset):
 @pytest.mark.parametrize(
     ('preset', 'values'),
     [
-        ('quadrilateral', {'rocker.torque': 3.0, 'rocker.damping': 0.5, 'rocker.stiffness': 40.0,
-                           'rocker.rest_angle': 3.0}),
-        ('slider_crank', {'slider.stiffness': 50.0, 'slider.rest_position': 0.1}),
+        ('quadrilateral', load_values('link', link='rocker', force=3.0, damping=0.5,
+                                      stiffness=40.0, rest=3.0)),
+        ('slider_crank', load_values('link', link='slider', stiffness=50.0, rest=0.1)),
+        ('quadrilateral', load_values('link', 'crank', link='crank', force=3.0)),
         ('quadrilateral', {
             'loads.a.kind': 'force', 'loads.a.link': 'coupler', 'loads.a.at': [0.1, 0.05],
             'loads.a.force': [20.0, -30.0]}),
@@ -303,7 +303,13 @@ def test_springs_and_torques_act_as_on_our_plant(preset, values):
     'name',
     [
         *(f'{body}.{what}' for body in ('crank', 'coupler') for what in ('mass', 'inertia')),
-        *('crank.center', 'coupler.center', 'slider.mass', 'slider.force', 'slider.damping'),
+        *(
+            'crank.center',
+            'coupler.center',
+            'slider.mass',
+            'loads.push.force',
+            'loads.push.damping',
+        ),
         *('gravity', 'coupler.length', 'slider.offset'),
     ],
 )

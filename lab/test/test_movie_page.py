@@ -8,7 +8,7 @@ import math
 import browser
 import numpy as np
 import pytest
-from mechanisms import FOLLOWED
+from mechanisms import FOLLOWED, load_values
 from ros_harness import wait_for
 
 from linkage_lab import command_line
@@ -35,9 +35,14 @@ def test_page_of_a_preset_is_small_and_links_to_nothing(tmp_path, called, preset
 
 def test_page_stays_small_however_many_corners_loads_have(tmp_path, called):
     at = np.linspace(0.0, 6.0, 600)
-    curve = {'link': 'crank', 'at': at.tolist(), 'value': np.sin(99 * at).tolist()}
-    values = {**FOLLOWED, 'drive': 'speed', 'rpm': 30.0, 'load': curve}
-    values |= {'rocker.torque': 1.0}
+    curve = {
+        'kind': 'curve',
+        'link': 'crank',
+        'at': at.tolist(),
+        'value': np.sin(99 * at).tolist(),
+    }
+    values = {**FOLLOWED, 'drive': 'speed', 'rpm': 30.0, 'loads.curve': curve}
+    values |= load_values('link', link='rocker', force=1.0)
     params = tmp_path / '<many & odd>.yaml'
     params.write_text(json.dumps({'/**': {'ros__parameters': values}}))
     path = page(tmp_path, called, params)

@@ -26,7 +26,15 @@ from linkage_lab.pump.continuation import (
 )
 from linkage_lab.pump.shooting import Shooting
 from linkage_lab.reference.motions import InitialValueProblem, MotionReference
-from linkage_ros import Body, ConfigurationError, LoadCurve, MotionError, Solver, UnreachableError
+from linkage_ros import (
+    Body,
+    ConfigurationError,
+    LinkLoad,
+    LoadCurve,
+    MotionError,
+    Solver,
+    UnreachableError,
+)
 from linkage_ros.motion.under_torque import Motor
 from linkage_ros.settings.configuration import load
 
@@ -49,8 +57,10 @@ def plain(items, _):
     return items
 
 
-def slid(**changes):
-    return replace(PUMP, slider=replace(PUMP.slider, **changes))
+def slid(damping=60.0, force=0.0, **changes):
+    """Returns the pump with changes of its slider and of the load on it."""
+    loads = (LinkLoad('slider', force, damping),)
+    return replace(PUMP, slider=replace(PUMP.slider, **changes), loads=loads)
 
 
 def settled(pump, speed, motor=MOTOR):
@@ -92,7 +102,7 @@ def test_multipliers_shrink_phase_space_as_resistance_does(motions):
     for motion in motions:
         x, w, _ = motion.at(crank)
         (m11, m12), (_, m22) = Solver(PUMP).matrix((crank, x))
-        shrink = (MOTOR.damping * m22 + PUMP.slider.damping * m11) / (m11 * m22 - m12 * m12)
+        shrink = (MOTOR.damping * m22 + PUMP.loads[0].damping * m11) / (m11 * m22 - m12 * m12)
         expected = math.exp(-2 * math.pi * np.mean(shrink / w))
         assert math.prod(motion.multipliers) == pytest.approx(expected, rel=1e-6)
 
@@ -174,7 +184,7 @@ def leftovers(pump, motor, mean, cosine, sine, speed):
     masses = np.array([*(link.mass for link in links), pump.slider.mass])[:, None]
     inertias = np.array([link.inertia for link in links])[:, None]
     forces = masses * (pushes - complex(*pump.gravity))
-    forces[3] += pump.slider.damping * over_turn(x, 1)
+    forces[3] += pump.loads[0].damping * over_turn(x, 1)
     powers, step = [], 1e-6
     for moves in ((0.0, step), (step, 0.0)):  # of the slider, then of the crank
         (ahead, on), (back, off) = (
@@ -304,7 +314,7 @@ def test_a_load_that_jumps_where_the_slider_turns_keeps_its_digits():
     """Compared with a motion that is integrated from one jump to the next."""
     at, forth, back = (1.0, 2.0), (-60.0, -60.0), (0.0, 0.0)
     jumping = LoadCurve('slider', 'position', at=at, value=forth, return_value=back)
-    pump = replace(slid(damping=20.0), loads=(jumping,))
+    pump = replace(PUMP, loads=(LinkLoad('slider', damping=20.0), jumping))
     rough = shooting(pump).find(np.array((1.319, 5.529, 0.396, 8.4)), tolerance=1e-6)
     found = shooting(pump).find(rough.phase)
     # The same pump with the force of one direction alone, until its slider turns.

@@ -34,8 +34,8 @@ from linkage_ros import (
     Frame,
     Friction,
     Guide,
+    LinkLoad,
     LoadCurve,
-    Rocker,
     Slider,
     SliderCrank,
     Solver,
@@ -62,8 +62,12 @@ FULL = FourBar(
 PRESS = SliderCrank(
     crank=Body(0.1, 0.4, 0.002, (0.03, -0.02)),
     coupler=Coupler(0.32, 2.0, 0.016, (0.14, 0.05)),
-    slider=Slider(0.02, 1.5, -40.0, 12.0),
+    slider=Slider(0.02, 1.5),
     frame=Guide(0.4),
+    loads=(
+        LinkLoad('slider', damping=12.0, name='drag'),
+        LinkLoad('slider', -40.0, name='push'),
+    ),
 )
 
 
@@ -101,15 +105,15 @@ def test_full_program_equals_the_solvers_torque(mechanism):
 
 
 @pytest.mark.parametrize(
-    ('preset', 'loads'), [('wiper', ['rocker.damping', 'load']), ('press', ['load', 'friction'])]
+    ('preset', 'loads'), [('wiper', ['bearing', 'blade']), ('press', ['friction', 'sheet'])]
 )
 def test_loads_and_friction_are_terms(preset, loads):
     mechanism = load(preset).mechanism
     assert [*terms(mechanism)][-len(loads) :] == loads
     full = torque(mechanism)
     assert run(torque_program(mechanism)) == pytest.approx(full, abs=1e-13 * np.abs(full).max())
-    assert without(mechanism, ['load', 'friction']).loads == ()
-    assert without(mechanism, ['load', 'friction']).coupler == mechanism.coupler
+    assert without(mechanism, loads).loads == ()
+    assert without(mechanism, loads).coupler == mechanism.coupler
 
 
 def test_friction_remains_without_inertia():
@@ -121,9 +125,7 @@ def test_friction_remains_without_inertia():
     assert np.abs(static - torque(mechanism)).max() > 0.01 * np.abs(slow).max()
 
 
-@pytest.mark.parametrize(
-    ('mechanism', 'parts'), [(FULL, {}), (PRESS, {'slider': Slider(0.02, 1.5)})]
-)
+@pytest.mark.parametrize(('mechanism', 'parts'), [(FULL, {}), (PRESS, {'loads': ()})])
 def test_weights_and_loads_remain_without_inertia(mechanism, parts):
     inertia = torque(replace(mechanism, gravity=(0.0, 0.0), **parts))
     static, full = run(torque_program(mechanism, static=True)), torque(mechanism)
@@ -143,9 +145,10 @@ def test_each_term_is_left_out_alone(mechanism):
     if mechanism is FULL:
         changed['rocker'] = replace(FULL, rocker=Body(0.5))
     else:
-        changed['slider.damping'] = replace(PRESS, slider=Slider(0.02, 1.5, -40.0))
-        changed['slider.force'] = replace(PRESS, slider=Slider(0.02, 1.5, 0.0, 12.0))
-        changed['slider'] = replace(PRESS, slider=Slider(0.02, 0.0, -40.0, 12.0))
+        drag, push = PRESS.loads
+        changed['drag'] = replace(PRESS, loads=(push,))
+        changed['push'] = replace(PRESS, loads=(drag,))
+        changed['slider'] = replace(PRESS, slider=Slider(0.02))
     for name, other in changed.items():
         assert of(found, name)['error'] == pytest.approx(
             peak_of(torque(other) - full) / peak, rel=1e-9
@@ -427,7 +430,7 @@ def test_linkage_without_masses_and_loads_needs_no_flywheel():
 def test_strong_damping_has_a_cycle_with_any_flywheel(fluctuation):
     """Damping dissipates all energy in a turn; fixed-point iteration of speeds would diverge."""
     mechanism = load('quadrilateral').mechanism
-    mechanism = replace(mechanism, rocker=replace(mechanism.rocker, damping=80.0))
+    mechanism = replace(mechanism, loads=(LinkLoad('rocker', damping=80.0),))
     crank = Crank(mechanism)
     for added in (0.0, crank.inertia_for(fluctuation, 15.0)):
         cycle = crank.cycle(15.0, added)
@@ -467,11 +470,13 @@ def mirrored(mechanism):
             Frame(0.3, 1.0),
             Body(0.1, 1.0, 0.01, (0.05, 0.0)),
             Coupler(0.3, 2.0, 0.02, (0.15, 0.0)),
-            Rocker(0.10005, 1.0, 0.01, (0.05, 0.0), damping=0.2),
+            Body(0.10005, 1.0, 0.01, (0.05, 0.0)),
+            loads=(LinkLoad('rocker', damping=0.2),),
         ),
         replace(
             PRESS,
             loads=(
+                *PRESS.loads,
                 LoadCurve('slider', 'position', (0.3, 0.35), (0.0, -90.0), (0.0, 30.0)),
                 Friction(pin=0.1, pin_radius=0.01, guide=0.1),
             ),

@@ -70,7 +70,7 @@ LENGTHS = {
     'quadrilateral': ('crank.length', 'coupler.length', 'rocker.length', 'frame.length',
                       'frame.angle', 'coupler.mass', 'coupler.center.0', 'gravity.1'),
     'slider_crank': ('crank.length', 'coupler.length', 'slider.offset', 'slider.mass',
-                     'slider.damping', 'coupler.mass'),
+                     'coupler.inertia', 'coupler.mass'),
     'shaper': ('frame.length', 'crank.length', 'offset', 'barrel.mass', 'frame.angle', 'rod.mass'),
 }  # fmt: skip
 
@@ -308,8 +308,8 @@ def test_designs_with_change_points_have_the_torques_and_forces_of_their_charts(
 def test_springs_on_rockers_are_computed_design_by_design():
     """The middle of a swing can be computed only for floats."""
     mechanism = load('quadrilateral').mechanism
-    mechanism = replace(mechanism, rocker=replace(mechanism.rocker, rest_angle=1.0))
-    names, table = ('coupler.length', 'rocker.stiffness'), np.array([[0.3, 4.0], [0.31, 5.0]])
+    mechanism = replace(mechanism, loads=(LinkLoad('rocker', rest=1.0, name='a'),))
+    names, table = ('coupler.length', 'loads.a.stiffness'), np.array([[0.3, 4.0], [0.31, 5.0]])
     found = measured(Task(mechanism, RPM, names, ('peak_torque',), 36), table)
     for row, (_, torque) in zip(table, found, strict=True):
         solver = solver_of(mechanism, names, row)
@@ -601,7 +601,8 @@ SPRUNG = """
     frame: {length: 0.3}
     crank: {length: 0.1}
     coupler: {length: 0.4}
-    rocker: {length: 0.5, stiffness: 5.0}
+    rocker: {length: 0.5}
+    loads: {spring: {kind: link, link: rocker, stiffness: 5.0}}
 """
 SPRUNG_STUDY = """
 base: sprung.yaml
@@ -700,7 +701,7 @@ def test_designs_whose_spring_does_not_fit_are_counted_apart(run):
     for frame, crank, outcome in zip(
         rows['framelength_m'], rows['cranklength_m'], rows['outcome'], strict=True
     ):
-        bare = replace(mechanism, rocker=Body(0.5), frame=Frame(frame), crank=Body(crank))
+        bare = replace(mechanism, loads=(), frame=Frame(frame), crank=Body(crank))
         if not Solver(bare).reach.turns_fully:
             expected = 'cannot turn'
         else:
@@ -730,7 +731,7 @@ DYAD = """
 def test_a_load_that_does_not_fit_a_design_with_a_dyad_is_refused(run):
     """A rocker that turns fully has no middle of its swing, for a spring."""
     Path('dyad.yaml').write_text(
-        DYAD.replace('rocker: {length: 0.3}', 'rocker: {length: 0.3, stiffness: 5.0}')
+        DYAD.replace('loads: {', 'loads: {spring: {kind: link, link: rocker, stiffness: 5.0}, ')
     )
     study = 'base: dyad.yaml\ndesigns: 64\nmeasures: [peak_torque, stroke]\nranges:\n'
     run(f'{study}  frame.length: [0.02, 0.42]\n  dyads.ram.first.length: [0.3, 2.0]\n')

@@ -7,7 +7,7 @@ from dataclasses import fields, is_dataclass, replace
 
 from linkage_ros import Force, LinkLoad, LoadCurve, SliderCrank, Solver, Spring
 from linkage_ros.mechanism.dyads import DyadSlider
-from linkage_ros.mechanism.parts import Frame, Guide, Rocker
+from linkage_ros.mechanism.parts import Frame, Guide
 
 _SLIDERS = 'slider', 'rod'
 _ACROSS = 'center', 'at', 'to_at', 'from_at', 'point'  # [along, across]
@@ -51,9 +51,6 @@ def turned(mechanism, angle):
         return replace(one, **changed)
 
     changed = {'frame': replace(mechanism.frame, angle=mechanism.frame.angle + angle)}
-    rocker = getattr(mechanism, 'rocker', None)
-    if isinstance(rocker, Rocker):
-        changed['rocker'] = replace(rocker, rest_angle=rocker.rest_angle + angle)
     return replace(
         mechanism, **changed, gravity=_rotated(mechanism.gravity, angle),
         loads=tuple(map(load, mechanism.loads)), dyads=tuple(map(dyad, mechanism.dyads)),
@@ -92,8 +89,6 @@ def _flipped(part):
     }  # fmt: skip
     if isinstance(part, (Frame, Guide, DyadSlider)):
         values['angle'] = -part.angle
-    if isinstance(part, Rocker):
-        values |= {'torque': -part.torque, 'rest_angle': -part.rest_angle}
     if hasattr(part, 'offset'):
         values['offset'] = -part.offset
     return replace(part, **values)

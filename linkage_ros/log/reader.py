@@ -27,6 +27,7 @@ from linkage_ros.log.records import (
 from linkage_ros.log.rows import MESSAGE_HEAD, RowLayout, message_record
 from linkage_ros.log.scan import MAGIC_SIZE, McapFile, mcap_file, records
 from linkage_ros.messages.topics import Topic
+from linkage_ros.settings.old_names import has_old_names
 from linkage_ros.units import TIME_END
 
 # Largest size of messages buffered because chunks overlap in time, and overhead of a message in
@@ -87,6 +88,7 @@ class LogReader:
         path: Path of the log.
         configuration: Configuration of the run.
         version: Version of linkage_ros that wrote the log.
+        has_old_names: Whether its parameters have names of loads before version 2.0.
         motions: The segments of motion, in order.
         lost: Number of logged messages missing from the file; None if this is unknown, because the
             log was recovered without its end record or written by an old version.
@@ -130,6 +132,7 @@ class LogReader:
                 'programs'
             )
         self.version, self.configuration = decode_configuration(about[0])
+        self.has_old_names = has_old_names(about[0])
         drive = self.configuration.drive
         self.motions = tuple(
             decode_motion(r.metadata, drive.segment) for r in records if r.name == MOTION_RECORD

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple, get_type_hints
 
 from linkage_ros import __version__
 from linkage_ros.errors import LogError
-from linkage_ros.mechanism.structure import Description
+from linkage_ros.mechanism.base import Description
 from linkage_ros.motion.law import Law, parse_law
 from linkage_ros.motion.segments import Gravity, Segment
 from linkage_ros.settings.configuration import Configuration, from_strings, to_strings

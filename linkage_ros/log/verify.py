@@ -67,8 +67,14 @@ def verify(log: LogReader, progress: Callable[[int], object] = lambda _: None) -
         The completed comparison.
 
     Raises:
-        LogError: The file is damaged, or lacks the topics or segments required to recompute it.
+        LogError: The file is damaged, lacks the topics or segments required to recompute it, or
+            has old names of loads.
     """
+    if log.has_old_names:
+        raise LogError(
+            f'{log.path} cannot be verified: its loads have names before version 2.0; verify it '
+            f'with the version that wrote it, {log.version}'
+        )
     done = Verification(log)
     done.run(progress)
     if log.lost and not done.difference:

@@ -168,7 +168,7 @@ class Dyad(Checked):
 
 def dyads_field() -> Any:
     """Declares the field of a mechanism that holds its dyads."""
-    return groups(Dyad, (), {'': Dyad})
+    return groups(Dyad, {'': Dyad})
 
 
 def ordered(dyads: Sequence[Dyad], links: Sequence[str]) -> tuple[Dyad, ...]:

@@ -37,10 +37,11 @@ from linkage_ros.formulas import (
     turned,
     where,
 )
+from linkage_ros.mechanism.base import Mechanism
 from linkage_ros.mechanism.kinematics import LinkPose, Loop, PointMotion, Pose, Rows
 from linkage_ros.mechanism.loads.base import JointLoad, Load
 from linkage_ros.mechanism.nested import leaves
-from linkage_ros.mechanism.structure import DyadLinks, Link, Mechanism, Pin, Point, Structure
+from linkage_ros.mechanism.structure import DyadLinks, Link, Pin, Point, Structure
 from linkage_ros.mechanism.turning_frame import TurningFrame
 from linkage_ros.numeric import Real
 
@@ -140,7 +141,7 @@ class Model(NamedTuple):
             Vector(*mechanism.gravity),
             complex(*pivot),
             tuple(mechanism.link_loads().values()),
-            mechanism.joint_loads(),
+            tuple(mechanism.joint_loads().values()),
             **refusals,
         )
 

@@ -36,6 +36,7 @@ from linkage_ros.formulas import (
     turned,
     where,
 )
+from linkage_ros.mechanism.base import Mechanism
 from linkage_ros.mechanism.dyads import dyads_field
 from linkage_ros.mechanism.kinematics import LinkPose, Loop, Pose, Reach
 from linkage_ros.mechanism.loads import loads_field
@@ -45,18 +46,9 @@ from linkage_ros.mechanism.parts import (
     Body,
     Coupler,
     Frame,
-    Rocker,
     gravity_quantity,
 )
-from linkage_ros.mechanism.structure import (
-    Link,
-    Mechanism,
-    Pin,
-    Point,
-    Structure,
-    coupler_point,
-    direction,
-)
+from linkage_ros.mechanism.structure import Link, Pin, Point, Structure, coupler_point, direction
 from linkage_ros.mechanism.transmission import Square, Transmission, swing_middle
 from linkage_ros.numeric import (
     HALF_PI,
@@ -237,7 +229,7 @@ class FourBar(Mechanism):
     frame: Frame
     crank: Body
     coupler: Coupler
-    rocker: Rocker
+    rocker: Body
     assembly: str = quantity(
         'choice', 'side of the coupler-rocker pin', choices=(OPEN, CROSSED), default=OPEN
     )
@@ -246,8 +238,6 @@ class FourBar(Mechanism):
     dyads: tuple[Any, ...] = dyads_field()
 
     def __post_init__(self) -> None:
-        if type(self.rocker) is Body:  # convert a plain body to a rocker without a load
-            object.__setattr__(self, 'rocker', Rocker(**vars(self.rocker)))
         super().__post_init__()
         longest, *others = sorted(self._lengths(), reverse=True)
         if short_sum(longest, longest, *(-other for other in others)) > 0:
@@ -343,9 +333,7 @@ class FourBar(Mechanism):
         way = math.copysign(2.0, -self.frame.angle)
         high, error = two_sum(self.frame.angle, way * HALF_PI[0])
         reference = high, error + way * HALF_PI[1]
-        loop = FourBar(
-            Frame(d, reference[0]), Body(c), Coupler(b), Rocker(r), self.assembly
-        ).loop()
+        loop = FourBar(Frame(d, reference[0]), Body(c), Coupler(b), Body(r), self.assembly).loop()
         transmission = loop.transmission._replace(reference=reference)
         return ByRocker(
             loop._replace(transmission=transmission, axis=-Vector.at(self.frame.angle))

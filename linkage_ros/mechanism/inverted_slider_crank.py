@@ -31,6 +31,7 @@ from typing import Any, NamedTuple, NoReturn
 
 from linkage_ros.errors import ConfigurationError, MechanismError
 from linkage_ros.formulas import ZERO, Opaque, Vector, atan2, require, sqrt, turned
+from linkage_ros.mechanism.base import Description, Mechanism
 from linkage_ros.mechanism.dyads import dyads_field
 from linkage_ros.mechanism.kinematics import FULL_TURN, Arc, LinkPose, Pose, Reach, Stroke
 from linkage_ros.mechanism.loads import loads_field
@@ -43,15 +44,7 @@ from linkage_ros.mechanism.parts import (
     Rod,
     gravity_quantity,
 )
-from linkage_ros.mechanism.structure import (
-    Description,
-    Link,
-    Mechanism,
-    Pin,
-    Point,
-    Structure,
-    direction,
-)
+from linkage_ros.mechanism.structure import Link, Pin, Point, Structure, direction
 from linkage_ros.mechanism.transmission import Square, half_angle, normalized
 from linkage_ros.numeric import Real, exact_sum, rounded, short_sum
 from linkage_ros.quantities import quantity

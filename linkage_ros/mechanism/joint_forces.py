@@ -372,7 +372,7 @@ class Round(NamedTuple):
     Attributes:
         rows: The rows of the state under the loads caused by the previous forces.
         reactions: Forces under these loads, in the order of the fields of `Reactions`.
-        load: The loads caused by the previous forces.
+        loads: What the previous forces cause, for each of `Model.joint_loads`.
         search: Input of the next round; unchanged if the forces have converged.
         left: 0 if the forces have converged, 1 if more rounds are needed, -1 if friction locks
             the mechanism.
@@ -380,14 +380,14 @@ class Round(NamedTuple):
 
     rows: Rows
     reactions: tuple[Any, ...]
-    load: FoundLoad
+    loads: tuple[FoundLoad, ...]
     search: Search
     left: Real
 
 
 def search_names(model: Model) -> Search:
     """Returns a `Search` of argument names for the program of `joint_load_round`."""
-    contacts = _contacts(model, [0.0] * len(model.links))
+    contacts = [*itertools.chain(*_contacts(model, [0.0] * len(model.links)))]
     rows: list[Any] = [
         tuple(f'{word}_{i}_{contact.joint}' for i, contact in enumerate(contacts))
         for word in ('size', 'known')
@@ -420,30 +420,33 @@ def joint_load_round(
         require(is_finite(*outside), model.refuse, *q, *u, *a, *outside)
     model = model.within(environment)
     rates = velocities(model.loop.pose(tuple(q)), u)
-    contacts = _contacts(model, rates)
-    exert = functools.partial(_caused_loads, contacts, search.share, model.links)
-    load, everyone = exert(search.sizes), range(len(contacts))
-    loaded = model._replace(loads=(*model.loads, load))
+    contacts_by_load, sizes = _contacts(model, rates), iter(search.sizes)
+    contacts = [*itertools.chain(*contacts_by_load)]
+    exert = functools.partial(_caused_loads, share=search.share, links=model.links)
+    loads = tuple(
+        exert(own, sizes=[*itertools.islice(sizes, len(own))]) for own in contacts_by_load
+    )
+    loaded = model._replace(loads=(*model.loads, *loads))
     found = reactions(loaded, q, u, a)
 
     # R_km: the force in joint k under the loads caused by a force of 1 N in joint m.
     nothing: Any = ZERO
     links = tuple(link._replace(mass=nothing, inertia=nothing) for link in model.links)
     weightless = model._replace(links=links, gravity=Vector(ZERO, ZERO))
-    units = [exert([1.0 if k == m else ZERO for k in everyone]) for m in everyone]
+    everyone = range(len(contacts))
+    units = [exert(contacts, sizes=[1.0 if k == m else ZERO for k in everyone]) for m in everyone]
     alone = [reactions(weightless._replace(loads=(unit,)), q, u, a) for unit in units]
     slopes = [_forces(model, contacts, one) for one in alone]
     ahead, left = _newton_step(search, _forces(model, contacts, found), slopes)
-    return Round(state(loaded, q, u, a), found, load, ahead, left)
+    return Round(state(loaded, q, u, a), found, loads, ahead, left)
 
 
-def _contacts(model: Model, rates: Sequence[Real]) -> list[Contact]:
-    loads = model.joint_loads
-    return [x for load in loads for x in load.contacts(model.pins, model.links, rates)]
+def _contacts(model: Model, rates: Sequence[Real]) -> list[list[Contact]]:
+    return [load.contacts(model.pins, model.links, rates) for load in model.joint_loads]
 
 
 def _caused_loads(
-    contacts: Sequence[Contact], share: Real, links: Sequence[Link], sizes: Sequence[Real]
+    contacts: Sequence[Contact], sizes: Sequence[Real], share: Real, links: Sequence[Link]
 ) -> FoundLoad:
     """Computes the loads caused by forces of given magnitudes; `share` scales the coefficients."""
     inner, outer, couples = ([ZERO] * len(links) for _ in range(3))

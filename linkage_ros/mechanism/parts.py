@@ -9,7 +9,6 @@ Angles are in rad, counter-clockwise from the x axis of base_link.
 from dataclasses import dataclass
 from typing import Any
 
-from linkage_ros.mechanism.loads.link_load import PartLoad
 from linkage_ros.quantities import Checked, quantity
 
 OPEN = 'open'
@@ -19,7 +18,6 @@ CROSSED = 'crossed'
 # far wider than any real linkage requires.
 _LENGTHS = (1e-9, 1e9)
 _MASSES = (0.0, 1e12)
-_FORCES = (-1e12, 1e12)
 _PLACES = (-1e9, 1e9)
 
 
@@ -46,59 +44,6 @@ def _center(origin: str) -> Any:
         'pair', f'centre of mass [along, across] from {origin}', 'm', span=_PLACES,
         default=(0.0, 0.0),
     )  # fmt: skip
-
-
-def _number(meaning: str, unit: str, span: tuple[float, float]) -> Any:
-    return quantity('number', meaning, unit, span=span, default=0.0)
-
-
-def _force(meaning: str = 'external force along the guide') -> Any:
-    return _number(meaning, 'N', _FORCES)
-
-
-def _damping() -> Any:
-    return _number('resistance per sliding speed', 'N s/m', _MASSES)
-
-
-def _stiffness(meaning: str = 'stiffness of a spring to the frame') -> Any:
-    return _number(meaning, 'N/m', _MASSES)
-
-
-def _rest_position() -> Any:
-    return _number('position at which the spring is at rest', 'm', _PLACES)
-
-
-class LoadedPart(Checked):
-    """Base class of parts with parameters of a load on their own link."""
-
-    def own_load(self, link: str) -> PartLoad | None:
-        """Returns this load, or None if it is 0.
-
-        Args:
-            link: Name of the part's link.
-        """
-        raise NotImplementedError
-
-
-class SlidingPart(LoadedPart):
-    """Base class of parts that slide.
-
-    Attributes:
-        force: External force along the guide, N.
-        damping: Damping coefficient of the guide, N s/m.
-        stiffness: Stiffness of a spring to the frame, N/m.
-        rest_position: Position at which the spring exerts no force, m.
-    """
-
-    force: float
-    damping: float
-    stiffness: float
-    rest_position: float
-
-    def own_load(self, link: str) -> PartLoad | None:
-        """See `LoadedPart.own_load`."""
-        values = self.force, self.damping, self.stiffness
-        return PartLoad(link, *values, self.rest_position) if any(values) else None
 
 
 @dataclass(frozen=True)
@@ -132,26 +77,7 @@ class Coupler(Body):
     )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Rocker(Body, LoadedPart):
-    """The output link of a four-bar, including the load on it.
-
-    Attributes:
-        torque: External torque on the rocker, positive counter-clockwise, N m.
-        damping: Damping coefficient of the rocker's bearing, N m s.
-        stiffness: Stiffness of a torsion spring to the frame, N m/rad.
-        rest_angle: Angle of the rocker at which the spring exerts no torque, rad.
-    """
-
-    torque: float = _number('external torque, positive counter-clockwise', 'N m', _FORCES)
-    damping: float = _number('resistance per angular velocity', 'N m s', _MASSES)
-    stiffness: float = _number('stiffness of a torsion spring to the frame', 'N m/rad', _MASSES)
-    rest_angle: float = _number('direction in which the spring is at rest', 'rad', (-1e3, 1e3))
-
-    def own_load(self, link: str) -> PartLoad | None:
-        """See `LoadedPart.own_load`."""
-        values = self.torque, self.damping, self.stiffness
-        return PartLoad(link, *values, self.rest_angle) if any(values) else None
+Rocker = Body  # the output link of a four-bar
 
 
 @dataclass(frozen=True)
@@ -184,20 +110,16 @@ class Guide(Checked):
 
 
 @dataclass(frozen=True)
-class Slider(SlidingPart):
+class Slider(Checked):
     """A body that slides along a guide without turning; its pin is its centre of mass.
 
     A disc of mass m, inertia J and radius R that rolls along the guide moves like a slider of mass
-    m + J / R^2. If the guide is not level, `force` must cancel the weight of J / R^2.
+    m + J / R^2. If the guide is not level, a load must cancel the weight of J / R^2.
 
     Attributes:
         offset: Distance from the crank pivot to the pin's path, positive to the left of the
             guide's direction, m.
         mass: Mass, kg.
-        force: External force along the guide, N.
-        damping: Damping coefficient of the guide, N s/m.
-        stiffness: Stiffness of a spring to the frame, N/m.
-        rest_position: Position of the slider at which the spring exerts no force, m.
     """
 
     offset: float = quantity(
@@ -205,10 +127,6 @@ class Slider(SlidingPart):
         span=_PLACES, default=0.0,
     )  # fmt: skip
     mass: float = _mass()
-    force: float = _force()
-    damping: float = _damping()
-    stiffness: float = _stiffness()
-    rest_position: float = _rest_position()
 
 
 @dataclass(frozen=True)
@@ -227,47 +145,31 @@ class Barrel(Checked):
 
 
 @dataclass(frozen=True)
-class Rod(SlidingPart):
-    """The rod of a cylinder, which slides in the barrel; its loads act between the two.
+class Rod(Checked):
+    """The rod of a cylinder, which slides in the barrel.
 
     Attributes:
         mass: Mass, kg.
         inertia: Moment of inertia about its centre of mass, kg m^2.
         center: Centre of mass [along, across] from the crank pin A in the barrel's direction, m.
             A centre between B0 and A is behind A, at a negative distance along.
-        force: Force between barrel and rod that lengthens the cylinder, N.
-        damping: Damping coefficient of the cylinder, N s/m.
-        stiffness: Stiffness of a spring between barrel and rod, N/m.
-        rest_position: Position of the rod at which the spring exerts no force, m.
     """
 
     mass: float = _mass()
     inertia: float = _inertia()
     center: tuple[float, float] = _center("A in the barrel's direction")
-    force: float = _force('force that lengthens the cylinder')
-    damping: float = _damping()
-    stiffness: float = _stiffness('stiffness of a spring between barrel and rod')
-    rest_position: float = _rest_position()
 
 
 @dataclass(frozen=True)
-class Piston(SlidingPart):
+class Piston(Checked):
     """A slider on the x axis of base_link, whose position is an independent coordinate.
 
     Attributes:
         position: Position at t = 0, m.
         velocity: Velocity at t = 0, m/s.
         mass: Mass, kg.
-        damping: Damping coefficient of the pump, N s/m.
-        force: External force along the guide, N.
-        stiffness: Stiffness of a spring to the frame, N/m.
-        rest_position: Position of the slider at which the spring exerts no force, m.
     """
 
     position: float = quantity('number', 'position at t = 0', 'm', span=_PLACES)
     velocity: float = quantity('number', 'velocity at t = 0', 'm/s', span=(-1e6, 1e6), default=0.0)
     mass: float = _mass()
-    damping: float = _damping()
-    force: float = _force()
-    stiffness: float = _stiffness()
-    rest_position: float = _rest_position()

@@ -33,7 +33,7 @@ class Ranges:
         self._links = solver.structure.links
         self._valid = dict[str, Range]()
         self._one_way = dict[str, Range]()
-        for load in mechanism.applied_loads():
+        for load in mechanism.loads:
             if found := load.valid_range(mechanism):
                 self._valid[load.label] = found
             if found := load.one_way(mechanism):

@@ -5,7 +5,8 @@
 import math
 from typing import NamedTuple
 
-from linkage_ros.mechanism.structure import Link, Mechanism, mouth
+from linkage_ros.mechanism.base import Mechanism
+from linkage_ros.mechanism.structure import Link, mouth
 
 # Simulators reject a moving link without mass or inertia, so such a link is given this fraction
 # of the linkage's total mass.

@@ -23,6 +23,7 @@ from typing import Any, ClassVar, NamedTuple, NoReturn
 
 from linkage_ros.errors import ConfigurationError, MechanismError, UnreachableError
 from linkage_ros.formulas import ZERO, Opaque, Vector, atan2, dot, require, sqrt, turned
+from linkage_ros.mechanism.base import Mechanism
 from linkage_ros.mechanism.dyads import dyads_field
 from linkage_ros.mechanism.kinematics import LinkPose, Pose, Reach, Stroke, bends, directions
 from linkage_ros.mechanism.loads import loads_field
@@ -35,15 +36,7 @@ from linkage_ros.mechanism.parts import (
     Slider,
     gravity_quantity,
 )
-from linkage_ros.mechanism.structure import (
-    Link,
-    Mechanism,
-    Pin,
-    Point,
-    Structure,
-    coupler_point,
-    direction,
-)
+from linkage_ros.mechanism.structure import Link, Pin, Point, Structure, coupler_point, direction
 from linkage_ros.mechanism.transmission import Square, Transmission
 from linkage_ros.numeric import (
     HALF_PI,

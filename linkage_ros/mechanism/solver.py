@@ -18,6 +18,7 @@ import numpy as np
 from linkage_ros.errors import ConfigurationError, MechanismError, UnreachableError
 from linkage_ros.formulas import ZERO, Opaque, Vector, number
 from linkage_ros.mechanism import equations
+from linkage_ros.mechanism.base import Description, Mechanism
 from linkage_ros.mechanism.conditions import OWN_CONDITIONS, Conditions
 from linkage_ros.mechanism.dyad_reach import reach_of
 from linkage_ros.mechanism.equations import DyadSine, Environment, Model
@@ -35,7 +36,6 @@ from linkage_ros.mechanism.loads.force import PointForce
 from linkage_ros.mechanism.nested import leaves, rebuilt
 from linkage_ros.mechanism.period import period_turns
 from linkage_ros.mechanism.program import Constants, Program
-from linkage_ros.mechanism.structure import Description, Mechanism
 from linkage_ros.mechanism.tracer import Tape
 from linkage_ros.mechanism.wrenches import FRAME, Exerted, ExertedForce, Wrench, place, poses
 from linkage_ros.numeric import Real, real_numbers, require_finite, single_numbers
@@ -245,7 +245,7 @@ class Solver:
         reach = self.motion_reach
         if reach is None:
             return None
-        return reach._replace(period_turns=period_turns(reach, self.mechanism.applied_loads()))
+        return reach._replace(period_turns=period_turns(reach, self.mechanism.loads))
 
     @property
     def reach(self) -> Reach:
@@ -588,8 +588,7 @@ class Solver:
             state: A state of floats or arrays, from `state`.
 
         Returns:
-            The wrenches of each load by its name: that under `loads` in a parameter file, 'load',
-            or the name of a link; and those of friction by 'friction'.
+            The wrenches of each load by its name.
 
         Raises:
             ConfigurationError: The argument is not a state of this mechanism, or as for `state`.
@@ -603,13 +602,17 @@ class Solver:
             require_finite(**dict(zip(words, given, strict=True)))
             environment = rebuilt(outside.names, iter(given))
             model = outside.constants.tree.within(environment._replace(frame=()))
-        names = self.mechanism.link_loads()
-        loads: dict[str, Load] = dict(zip(names, model.loads, strict=True))
+        loads: list[tuple[str, Load]] = [
+            *zip(self.mechanism.link_loads(), model.loads, strict=True)
+        ]
         if self.model.joint_loads:
             q, u, a = self._motion(state)
-            loads['friction'] = self._settle(q, u, a, under).load
-        links = poses(self.structure.links, position)
-        return {name: load.wrenches(links, velocity) for name, load in loads.items()}
+            caused = self._settle(q, u, a, under).loads
+            loads += zip(self.mechanism.joint_loads(), caused, strict=True)
+        links, found = poses(self.structure.links, position), dict[str, list[Wrench]]()
+        for name, load in loads:  # a load may be on links and in joints
+            found.setdefault(name, []).extend(load.wrenches(links, velocity))
+        return found
 
     def exerted(self, state: State) -> Exerted:
         """Sums the wrenches of loads and friction on each link where they act.

@@ -37,6 +37,7 @@ from linkage_ros.formulas import (
     sqrt,
     where,
 )
+from linkage_ros.mechanism.base import Mechanism
 from linkage_ros.mechanism.dyads import dyads_field
 from linkage_ros.mechanism.kinematics import LinkPose, Pose, bends, directions
 from linkage_ros.mechanism.loads import loads_field
@@ -48,7 +49,7 @@ from linkage_ros.mechanism.parts import (
     Piston,
     gravity_quantity,
 )
-from linkage_ros.mechanism.structure import Link, Mechanism, Pin, Point, Structure, coupler_point
+from linkage_ros.mechanism.structure import Link, Pin, Point, Structure, coupler_point
 from linkage_ros.numeric import Real
 from linkage_ros.quantities import quantity
 from linkage_ros.units import rad_and_deg

@@ -6,8 +6,8 @@ import math
 from typing import Any
 from xml.etree import ElementTree as ET
 
+from linkage_ros.mechanism.base import Mechanism
 from linkage_ros.mechanism.rigid_links import RigidLink, rigid_links
-from linkage_ros.mechanism.structure import Mechanism
 from linkage_ros.messages.templates import ROOT_FRAME
 from linkage_ros.palette import color_of, fractions
 

@@ -19,11 +19,11 @@ from typing import Any, NoReturn
 import numpy as np
 
 from linkage_ros.errors import LinkageError, MotionError
+from linkage_ros.mechanism.base import Description
 from linkage_ros.mechanism.conditions import OWN_CONDITIONS, Conditions
 from linkage_ros.mechanism.kinematics import FULL_TURN, State
 from linkage_ros.mechanism.parts import CROSSED, OPEN
 from linkage_ros.mechanism.solver import Solver
-from linkage_ros.mechanism.structure import Description
 from linkage_ros.motion.runge_kutta import Plant, jacobian, slope_at
 from linkage_ros.numeric import Real, with_turns, within_two_turns, wrap
 from linkage_ros.units import rad_and_deg

@@ -303,6 +303,6 @@ def record_steps(driven: DrivenMechanism, phase: Values) -> Steps:
     if driven.rates[0] > _STIFF:
         return StiffSteps(driven, phase, tolerance=1e-11, trials=_RECORD_TRIALS)
     # Corners of a load destroy the accuracy of long high-order steps.
-    if any(load.has_corners for load in driven.solver.mechanism.applied_loads()):
+    if any(load.has_corners for load in driven.solver.mechanism.loads):
         return FixedSteps(driven, phase, tolerance=1e-13, trials=_RECORD_TRIALS)
     return AdaptiveSteps(driven, phase)

@@ -10,11 +10,11 @@ from typing import Any, cast
 import numpy as np
 
 from linkage_ros.errors import ConfigurationError, LinkageError
+from linkage_ros.mechanism.base import Description
 from linkage_ros.mechanism.conditions import OWN_CONDITIONS, Conditions
 from linkage_ros.mechanism.kinematics import State
 from linkage_ros.mechanism.parts import CROSSED, OPEN
 from linkage_ros.mechanism.solver import Solver
-from linkage_ros.mechanism.structure import Description
 from linkage_ros.motion.driven_mechanism import DrivenMechanism
 from linkage_ros.motion.segments import Coordinates, Motion, Segment, stacked
 from linkage_ros.motion.steps import FixedSteps, Integrate, StiffSteps, Values, live_steps

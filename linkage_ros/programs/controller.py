@@ -16,8 +16,8 @@ from sensor_msgs.msg import JointState
 
 from linkage_ros import cli
 from linkage_ros.errors import ConfigurationError
+from linkage_ros.mechanism.base import Mechanism
 from linkage_ros.mechanism.solver import Solver
-from linkage_ros.mechanism.structure import Mechanism
 from linkage_ros.node.parameter_node import ParameterNode, given_values
 from linkage_ros.node.process import Throttle, run_program
 from linkage_ros.quantities import build, flatten, unknown_name

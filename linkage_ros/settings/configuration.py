@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from linkage_ros.errors import ConfigurationError, Mistakes, in_file
+from linkage_ros.mechanism.base import Mechanism
 from linkage_ros.mechanism.registry import MECHANISMS
-from linkage_ros.mechanism.structure import Mechanism
 from linkage_ros.messages.joints import RobotJoint
 from linkage_ros.motion.drives import DRIVES
 from linkage_ros.motion.drives.base import Drive
@@ -27,6 +27,7 @@ from linkage_ros.settings.joints import (
     joint_values,
     robot_joints,
 )
+from linkage_ros.settings.old_names import refuse_old_names, with_new_names
 from linkage_ros.settings.parameters import MechanismAndDrive, Session, parameter_leaves
 from linkage_ros.settings.presets import find_file, preset_path
 from linkage_ros.settings.yaml_file import read_parameter_file
@@ -94,6 +95,7 @@ def configure(values: Mapping[str, object]) -> Configuration:
             assembled, or the crank cannot turn. The message states what is valid.
     """
     given = without_ros_parameters(values)
+    refuse_old_names(given)
     # `build` ignores values of the preset that the drive does not have, such as rpm.
     preset = {} if 'mechanism' in given else read_parameter_file(preset_path(DEFAULT_PRESET))
     chosen = {**preset, **given}
@@ -259,7 +261,7 @@ def to_strings(configuration: Configuration) -> dict[str, str]:
 
 
 def from_strings(strings: Mapping[str, str]) -> Configuration:
-    """Restores a configuration from `to_strings`.
+    """Restores a configuration from `to_strings`, also of version 1, with other names of loads.
 
     Args:
         strings: JSON strings by parameter name.
@@ -276,4 +278,4 @@ def from_strings(strings: Mapping[str, str]) -> Configuration:
         raise ConfigurationError(f'the logged configuration is not JSON: {error}') from error
     if 'mechanism' not in values:
         raise ConfigurationError('mechanism is missing from the logged configuration')
-    return configure(values)
+    return configure(with_new_names(values))

@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from linkage_ros.errors import ConfigurationError
-from linkage_ros.mechanism.structure import Link, Mechanism
+from linkage_ros.mechanism.base import Mechanism
+from linkage_ros.mechanism.structure import Link
 from linkage_ros.messages.joints import RobotJoint, own_joints
 from linkage_ros.quantities import Checked, Leaf, build, flatten, leaves, quantity, shown
 

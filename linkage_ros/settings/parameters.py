@@ -13,8 +13,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from linkage_ros.errors import ConfigurationError
+from linkage_ros.mechanism.base import Mechanism
 from linkage_ros.mechanism.registry import MECHANISMS
-from linkage_ros.mechanism.structure import Mechanism
 from linkage_ros.messages.joints import RobotJoint, own_joints
 from linkage_ros.messages.templates import ROOT_FRAME
 from linkage_ros.messages.urdf import link_of

@@ -15,8 +15,9 @@ from typing import Any, cast
 import numpy as np
 
 from linkage_ros.errors import UnreachableError
+from linkage_ros.mechanism.base import Mechanism
 from linkage_ros.mechanism.solver import Solver
-from linkage_ros.mechanism.structure import Mechanism, Point, Structure
+from linkage_ros.mechanism.structure import Point, Structure
 from linkage_ros.numeric import Array
 from linkage_ros.view.load_arrows import Complex, LoadArrows, placed
 

@@ -11,9 +11,10 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from linkage_ros.mechanism.base import Mechanism
 from linkage_ros.mechanism.kinematics import State
 from linkage_ros.mechanism.solver import Solver
-from linkage_ros.mechanism.structure import Link, Mechanism
+from linkage_ros.mechanism.structure import Link
 from linkage_ros.numeric import Array
 
 Complex: TypeAlias = npt.NDArray[np.complexfloating[Any, Any]]

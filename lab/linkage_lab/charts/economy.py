@@ -4,6 +4,7 @@
 
 import argparse
 import functools
+import itertools
 import math
 import textwrap
 import time
@@ -37,6 +38,7 @@ from linkage_ros.palette import (
     BLACK,
     BLUE,
     DARK,
+    GREY,
     ORANGE,
     PURPLE,
     SKY,
@@ -56,8 +58,8 @@ _SAMPLES = 2048  # evenly spaced torques: series are fitted to all, tables use a
 _LEAST = 1e-4  # smaller errors are not drawn
 _ROUNDING = 1e-12  # smaller errors are rounding errors
 _ROOM = 0.88  # width of a group of bars, relative to the distance between groups
-_OTHERS = {'gravity': DARK, STATIC: PURPLE, 'load': ORANGE, 'loads': ORANGE, 'friction': SKY}
-_HATCHES = {'': '', 'inertia': '', 'damping': 'xxx', 'stiffness': '...'}
+_OTHERS = {'gravity': DARK, STATIC: PURPLE}
+_LOADS = ORANGE, SKY  # colours of loads, in turn
 # Marker, size, colour and legend label of the reduced models, by a word in their names.
 _REDUCED = {
     'harmonic': ('o-', 5, BLUE, 'harmonics'),
@@ -325,19 +327,22 @@ def _draw(
 def _draw_bars(axes: Axes, savings: Sequence[Saving], terms: Sequence[str]) -> None:
     """Draws the errors without each term, and the speed above which inertia dominates."""
     speeds = list(dict.fromkeys(x['rpm'] for x in savings))
-    width = _ROOM / len(terms)
+    width, loads = _ROOM / len(terms), itertools.cycle(_LOADS)
     for i, name in enumerate(terms):
         places = np.arange(len(speeds)) + (i + 0.5) * width - _ROOM / 2
         errors = [x['error'] for x in savings if x['left_out'] == name]
         group, _, part = name.partition('.')
         color = _OTHERS.get(group) or color_of(group)
+        is_load = color == GREY
+        if is_load:
+            color = next(loads)
         for place, error in zip(places, errors, strict=True):
             if error < _LEAST:  # too low to be drawn
                 words = '0' if error < _ROUNDING else f'{error:.0e}'
                 axes.text(place, 1.2 * _LEAST, words, ha='center', fontsize=NUMBERS,
                           rotation=0 if words == '0' else 90)  # fmt: skip
         axes.bar(
-            places, np.maximum(errors, _LEAST), width, label=name, hatch=_HATCHES.get(part, '///'),
+            places, np.maximum(errors, _LEAST), width, label=name, hatch='///' if is_load else '',
             color=fractions(mixed(color, WHITE, 0.55) if part else color),
             edgecolor=fractions(mixed(color, BLACK, 0.4)),
         )  # fmt: skip

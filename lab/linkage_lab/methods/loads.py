@@ -26,7 +26,7 @@ from scipy.interpolate import CubicSpline
 from linkage_lab.methods.measure import Case, Method, Row, Situation, attempt
 from linkage_lab.methods.situations import Random, slider_crank
 from linkage_lab.methods.stages import ACCELERATION, SPEED
-from linkage_ros import Friction, LoadCurve, SliderCrank, Solver
+from linkage_ros import Friction, LinkLoad, LoadCurve, SliderCrank, Solver
 
 TURN = Fraction(math.tau) + Fraction(2.4492935982947064e-16)  # 2 pi in 32 digits
 _POINTS, _NODES, _ROUNDS = 8, 256, 100
@@ -168,7 +168,7 @@ def _rubbing(random: Random, _: int, *, share: float, relieves: bool = False) ->
     crank = float(random.uniform(0.5, 2.6)) * (1 if random.random() < 0.5 else -1)
     smooth = slider_crank(r, b, offset)
     push, velocity = _guide(smooth, crank)
-    pushed = replace(smooth, slider=replace(smooth.slider, force=10.0))
+    pushed = replace(smooth, loads=(LinkLoad('slider', force=10.0),))
     slope = -math.copysign(1.0, velocity) * (_guide(pushed, crank)[0] - push) / 10.0
     # k, positive if friction adds to the normal force; at 1 and above, the mechanism locks.
     locks = share * math.copysign(1.0, slope * push)

@@ -32,7 +32,7 @@ from linkage_lab.reference.motions import (
     free_pump,
     halves,
 )
-from linkage_ros import Body, Coupler, FourBar, Solver, State
+from linkage_ros import Body, Coupler, FourBar, LinkLoad, Solver, State
 from linkage_ros.internals import Motor
 
 TRAJECTORY, ENERGY, LOOP = 'trajectory', 'energy', 'loop'  # compared quantities
@@ -218,7 +218,7 @@ def _stiff_guide(random: Random, i: int) -> MotionCase:
     pump = replace(
         pump, gravity=(0.0, 0.0), crank=Body(0.12, inertia=20.0),
         coupler=Coupler(0.8), rod=Body(1.6),
-        slider=replace(pump.slider, damping=damping, force=damping * force),
+        loads=(LinkLoad('slider', damping * force, damping),),
     )  # fmt: skip
 
     def at(t: float) -> Phase:

@@ -85,8 +85,7 @@ def driven_pump(speed: float, velocity: float = 0.0) -> InitialValueProblem:
 def free_pump(speed: float) -> InitialValueProblem:
     """Makes the initial value problem of the pump without motor and load: energy is constant."""
     driven = driven_pump(speed)
-    slider = replace(driven.mechanism.slider, damping=0.0)
-    return InitialValueProblem(replace(driven.mechanism, slider=slider), driven.start)
+    return InitialValueProblem(replace(driven.mechanism, loads=()), driven.start)
 
 
 def coasting() -> InitialValueProblem:

@@ -14,7 +14,7 @@ from linkage_lab.sweep.designs import RPM, SPEED
 from linkage_lab.sweep.measures import MEASURES, Task, Way
 from linkage_ros import ConfigurationError, Mechanism, load
 from linkage_ros.formulas import Array
-from linkage_ros.internals import read_yaml, reversals
+from linkage_ros.internals import new_name, read_yaml, reversals
 from linkage_ros.quantities import Checked, Leaf, Quantity, build, flatten, leaves, quantity, shown
 
 _GROUPS = 'ranges', 'tolerances', 'constraints', 'goals'
@@ -221,7 +221,10 @@ def _columns(
 
 
 def _unknown(name: str, owner: str, valid: Iterable[str]) -> str:
-    return f'{shown(name)} is not a parameter of {owner}: choose from {", ".join(valid)}'
+    hint = f'write {new}, with the name of a load of the base' if (new := new_name(name)) else ''
+    return (
+        f'{shown(name)} is not a parameter of {owner}: {hint or "choose from " + ", ".join(valid)}'
+    )
 
 
 def _span(name: str, value: object, allowed: Quantity) -> tuple[float, float]:

@@ -23,9 +23,10 @@ LOADS: dict[str, type[AppliedLoad]] = {
     'gas': Gas,
     'curve': LoadCurve,
     'link': LinkLoad,
+    'friction': Friction,
 }
 
 
 def loads_field() -> Any:
     """Declares the field of a mechanism that holds its loads."""
-    return groups(AppliedLoad, (LoadCurve, Friction), LOADS)
+    return groups(AppliedLoad, LOADS)

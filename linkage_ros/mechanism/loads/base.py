@@ -21,6 +21,8 @@ from linkage_ros.mechanism.wrenches import Wrench
 from linkage_ros.numeric import Real
 from linkage_ros.quantities import Checked, shown, unlisted
 
+LOAD_NAME = '[A-Za-z_][A-Za-z0-9_]*'  # regular expression
+
 
 class Load(Protocol):
     """Interface of a load: wrenches on bodies, computed from their motion.
@@ -102,18 +104,15 @@ class AppliedLoad(Checked):
     """Base class of the loads of a mechanism: frozen dataclasses of quantities.
 
     A parameter file gives a load under `loads`, with a name and one of the kinds in
-    `linkage_ros.mechanism.loads.LOADS`; or, in short, as a group such as `friction`, or with the
-    parameters of a part, such as `rocker.torque`.
+    `linkage_ros.mechanism.loads.LOADS`.
 
     Attributes:
-        group: Parameter group of a load that a mechanism has once; empty for other loads.
         has_corners: Whether the force, as a function of the motion, may have a corner or a jump.
         turns: Number of crank turns after which the load repeats.
-        name: Name under `loads` in parameter files; empty for a load in short form. The mechanism
-            gives a name to a load that has neither a name nor a free group.
+        name: Name under `loads` in parameter files, in columns, arrows and exports. The mechanism
+            gives a name to a load that has none.
     """
 
-    group: ClassVar[str] = ''
     has_corners: ClassVar[bool] = False
     turns: ClassVar[int] = 1
 
@@ -121,21 +120,16 @@ class AppliedLoad(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.name and not re.fullmatch('[A-Za-z_][A-Za-z0-9_]*', self.name):
+        if self.name and not re.fullmatch(LOAD_NAME, self.name):
             raise ConfigurationError(
                 f'load {shown(self.name)}: its name must be letters, digits and underscores, and '
                 'not begin with a digit'
             )
 
     @property
-    def key(self) -> str:
-        """Name of the load among all loads of its mechanism, in columns, arrows and exports."""
-        return self.name or self.group
-
-    @property
     def label(self) -> str:
         """Start of the load's parameter names, without a dot, for error messages."""
-        return f'loads.{self.name}' if self.name else self.group or type(self).__name__
+        return f'loads.{self.name}' if self.name else type(self).__name__
 
     def completed(self) -> 'AppliedLoad':
         """Returns the load with the contents of its files; called when a mechanism is created.

@@ -64,7 +64,6 @@ class LoadCurve(AppliedLoad):
             `pressure` or angles from the top.
     """
 
-    group: ClassVar[str] = 'load'
     has_corners: ClassVar[bool] = True
 
     link: str = quantity(

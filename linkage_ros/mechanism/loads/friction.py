@@ -27,7 +27,6 @@ class Friction(AppliedLoad):
         guide: Coefficient of friction of the guide.
     """
 
-    group: ClassVar[str] = 'friction'
     has_corners: ClassVar[bool] = True
 
     pin: float = quantity(
@@ -42,8 +41,8 @@ class Friction(AppliedLoad):
         super().__post_init__()
         if bool(self.pin) != bool(self.pin_radius):
             raise ConfigurationError(
-                f'friction.pin = {self.pin:g} with friction.pin_radius = {self.pin_radius:g}: '
-                'give both above 0, or leave both out'
+                f'{self.label}.pin = {self.pin:g} with {self.label}.pin_radius = '
+                f'{self.pin_radius:g}: give both above 0, or leave both out'
             )
 
     def in_joints(self, mechanism: Any) -> 'DryFriction | None':
@@ -54,7 +53,7 @@ class Friction(AppliedLoad):
         """
         if self.guide and not any(link.slides for link in mechanism.structure().links):
             raise ConfigurationError(
-                f'friction.guide = {self.guide:g}: this mechanism has no guide; leave it out'
+                f'{self.label}.guide = {self.guide:g}: this mechanism has no guide; leave it out'
             )
         friction = DryFriction(self.pin * self.pin_radius, self.guide)
         return friction if any(friction) else None

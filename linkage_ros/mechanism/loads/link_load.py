@@ -76,21 +76,6 @@ class LinkLoad(AppliedLoad):
         return LinkForce(link, *values, self.rest - turns * 2 * math.pi, middle, side is None)
 
 
-@dataclass(frozen=True)
-class PartLoad(LinkLoad):
-    """The load that a part gives for its own link, such as `rocker.torque`; named as the link."""
-
-    @property
-    def key(self) -> str:
-        """See `AppliedLoad.key`."""
-        return self.link
-
-    @property
-    def label(self) -> str:
-        """See `AppliedLoad.label`."""
-        return self.link
-
-
 class LinkForce(NamedTuple):
     """The load on one link: a force or torque, viscous damping, and a spring to the frame.
 

@@ -11,10 +11,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
+from linkage_ros.mechanism.base import Mechanism
 from linkage_ros.mechanism.conditions import OWN_CONDITIONS, Conditions
 from linkage_ros.mechanism.kinematics import Reach
 from linkage_ros.mechanism.solver import Solver
-from linkage_ros.mechanism.structure import Link, Mechanism
+from linkage_ros.mechanism.structure import Link
 from linkage_ros.messages.joints import RobotJoint
 from linkage_ros.messages.topics import Topic
 from linkage_ros.motion.inputs import Input

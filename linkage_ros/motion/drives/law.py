@@ -12,8 +12,9 @@ from typing import Any
 
 from linkage_ros.columns import read_columns
 from linkage_ros.errors import ConfigurationError
+from linkage_ros.mechanism.base import Mechanism
 from linkage_ros.mechanism.solver import Solver
-from linkage_ros.mechanism.structure import Link, Mechanism
+from linkage_ros.mechanism.structure import Link
 from linkage_ros.messages.topics import CRANK_TRAJECTORY, Topic
 from linkage_ros.motion.along_law import LawMotion, LawSegment, require_possible
 from linkage_ros.motion.drives.base import Machine

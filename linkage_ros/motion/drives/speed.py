@@ -5,9 +5,10 @@
 import math
 from dataclasses import dataclass
 
+from linkage_ros.mechanism.base import Mechanism
 from linkage_ros.mechanism.ranges import Ranges
 from linkage_ros.mechanism.solver import Solver
-from linkage_ros.mechanism.structure import Link, Mechanism
+from linkage_ros.mechanism.structure import Link
 from linkage_ros.motion.at_speed import SpeedMotion, SpeedSegment
 from linkage_ros.motion.drives.base import Machine
 from linkage_ros.motion.drives.feed_forward import TrajectoryFeedForward

@@ -12,9 +12,10 @@ from dataclasses import dataclass, field, replace
 from typing import Any, cast
 
 from linkage_ros.errors import ConfigurationError, LinkageError, UnreachableError
+from linkage_ros.mechanism.base import Description, Mechanism
 from linkage_ros.mechanism.parts import CROSSED, OPEN
 from linkage_ros.mechanism.solver import Solver
-from linkage_ros.mechanism.structure import Description, Link, Mechanism
+from linkage_ros.mechanism.structure import Link
 from linkage_ros.messages.cdr import decode_joint_state
 from linkage_ros.messages.topics import JOINT_COMMANDS, Topic
 from linkage_ros.motion.drives.base import Drive, Machine

@@ -1,0 +1,250 @@
+# Copyright 2026 The linkage_ros authors
+# SPDX-License-Identifier: Apache-2.0
+"""Base class of all mechanisms."""
+
+import functools
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any, ClassVar, NamedTuple, cast
+
+from linkage_ros.errors import ConfigurationError
+from linkage_ros.mechanism.dyad_reach import stroke_of
+from linkage_ros.mechanism.dyads import Chain, Dyad, ordered
+from linkage_ros.mechanism.kinematics import Loop, Reach, Stroke
+from linkage_ros.mechanism.loads import LOADS
+from linkage_ros.mechanism.loads.base import AppliedLoad, JointLoad, Load
+from linkage_ros.mechanism.parts import Body
+from linkage_ros.mechanism.structure import Structure
+from linkage_ros.numeric import Real
+from linkage_ros.quantities import Checked, shown
+
+
+class Description(NamedTuple):
+    """A choice of coordinates for a mechanism.
+
+    Attributes:
+        coordinates: Names of the links whose positions determine all others.
+        assembly: Assembly in these coordinates, 'open' or 'crossed'.
+    """
+
+    coordinates: tuple[str, ...]
+    assembly: str
+
+    def __str__(self) -> str:
+        return ' '.join((*self.coordinates, self.assembly))
+
+
+class Mechanism(Checked):
+    """Base class of all mechanisms.
+
+    Mechanisms are frozen dataclasses of parts and are validated on creation.
+
+    Attributes:
+        coordinates: Names of the links whose positions determine all others.
+        other_coordinates: Alternative coordinates, used where `coordinates` are singular, that is,
+            at a dead centre or a stretched dyad. Empty if there are none.
+        crank: The link that turns about the origin; driven, unless the structure names another.
+        assembly: Assembly of the loop, 'open' or 'crossed'.
+        gravity: Acceleration of gravity [x, y], m/s^2.
+        loads: Loads on the links.
+        dyads: Dyads that the mechanism carries, in the order in which they are solved.
+    """
+
+    coordinates: ClassVar[tuple[str, ...]] = ('crank',)
+    other_coordinates: ClassVar[tuple[str, ...]] = ()
+    crank: Body
+    assembly: str
+    gravity: tuple[float, float]
+    loads: tuple[AppliedLoad, ...] = ()
+    dyads: tuple[Dyad, ...] = ()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.require_closed()
+        if self.dyads:
+            links = [link.name for link in self.loop_structure().links]
+            object.__setattr__(self, 'dyads', ordered(self.dyads, links))
+        loads = tuple(load.completed() for load in _named(self.loads))
+        object.__setattr__(self, 'loads', loads)
+
+    @classmethod
+    def drives(cls, _values: Mapping[str, object]) -> tuple[tuple[str, ...], str]:
+        """Returns the kinds of drive that a mechanism can have; empty if all.
+
+        Args:
+            _values: Parameters of the mechanism by name.
+
+        Returns:
+            The kinds, and why no other kind is accepted.
+        """
+        return (), ''
+
+    @classmethod
+    def unused(cls, _values: Mapping[str, object]) -> dict[str, str]:
+        """Returns the parameters of this class that do not apply, each with the reason.
+
+        Args:
+            _values: Parameters of the mechanism by name.
+        """
+        return {}
+
+    def require_closed(self) -> None:
+        """Rejects lengths with which the loop cannot close."""
+
+    def loop_structure(self) -> Structure:
+        """Returns the links, points and joints of the loop."""
+        raise NotImplementedError
+
+    def structure(self) -> Structure:
+        """Returns the links, points and joints of the mechanism."""
+        return self._structure
+
+    @functools.cached_property
+    def _structure(self) -> Structure:
+        return functools.reduce(Structure.with_dyad, self.dyads, self.loop_structure())
+
+    def parts(self) -> dict[str, Any]:
+        """Returns the part of each link, with its mass and dimensions, by the link's name."""
+        links = self.structure().links
+        of_loop = links[: len(links) - 2 * len(self.dyads)]
+        found = {link.name: getattr(self, link.name) for link in of_loop}
+        return found | {name: part for dyad in self.dyads for name, part in dyad.parts.items()}
+
+    def loop(self) -> Loop:
+        """Returns the kinematic constants in the mechanism's own coordinates."""
+        raise NotImplementedError
+
+    @property
+    def description(self) -> Description:
+        """The mechanism's own coordinates and assembly."""
+        return Description(self.coordinates, self.assembly)
+
+    def chain(self, description: Description | None = None) -> Loop:
+        """Returns the kinematic constants of loop and dyads.
+
+        Args:
+            description: Coordinates and assembly; by default, the mechanism's own.
+        """
+        loop = self.loop_of(description or self.description)
+        if not self.dyads:
+            return loop
+        points = self.structure().points
+        return Chain(loop, tuple(dyad.loop(points) for dyad in self.dyads))
+
+    def loop_of(self, description: Description) -> Loop:
+        """Returns the kinematic constants of the loop in a description."""
+        mechanism: Mechanism = self
+        if description.assembly != self.assembly:
+            mechanism = replace(cast('Any', self), assembly=description.assembly)
+        is_own = description.coordinates != self.other_coordinates
+        return mechanism.loop() if is_own else mechanism.other_loop()
+
+    def other_loop(self) -> Loop:
+        """Returns the kinematic constants in `other_coordinates`."""
+        raise NotImplementedError
+
+    def link_loads(self) -> dict[str, Load]:
+        """Returns the loads on links by name: all but weights and `joint_loads`."""
+        found = ((load.name, load.on(self)) for load in self.loads)
+        return {name: load for name, load in found if load is not None}
+
+    def joint_loads(self) -> dict[str, JointLoad]:
+        """Returns the loads caused by joint forces, such as friction, by name."""
+        found = ((load.name, load.in_joints(self)) for load in self.loads)
+        return {name: load for name, load in found if load is not None}
+
+    def loaded_link(self, name: str, what: str) -> int:
+        """Returns the index of a link that may carry a load.
+
+        These are the crank, the last link of the loop, and the sliders of dyads.
+
+        Args:
+            name: Name of the link.
+            what: Name of the setting, for the error message.
+
+        Returns:
+            The index of the link in `structure().links`.
+
+        Raises:
+            ConfigurationError: The name is not that of such a link.
+        """
+        structure = self.structure()
+        (_, last), *added = structure.closures
+        carriers = [0, last, *(j for _, j in added if structure.links[j].slides)]
+        names = {structure.links[j].name: j for j in carriers}
+        if name not in names:
+            raise ConfigurationError(
+                f'{what} = {shown(name)}: must be {" or ".join(names)} of this mechanism'
+            )
+        return names[name]
+
+    def swing_middle(self, _what: str, _near: float) -> float | None:
+        """Returns the middle of the output link's swing.
+
+        Args:
+            _what: Name of the setting, for the error message.
+            _near: A direction of the link that the setting gives, rad. If the link swings in one
+                of two circuits, the middle is chosen so that this direction, within pi of the
+                middle, is also within pi of the middle of each circuit.
+
+        Returns:
+            The direction of the link there, rad in [-pi, pi]; None for a sliding link.
+
+        Raises:
+            ConfigurationError: The link turns fully, so its swing has no middle.
+        """
+        return None
+
+    def swing_side(self) -> Real | None:
+        """Returns the direction opposite to one that the output link never reaches.
+
+        Returns:
+            The direction, rad in [-pi, pi]; None for a link that slides or turns fully.
+        """
+        return None
+
+    def stroke(self, what: str, name: str) -> Stroke:
+        """Returns the stroke of a slider, whose ends depend on the lengths alone.
+
+        Args:
+            what: Name of the setting, for the error message.
+            name: Name of the link.
+
+        Raises:
+            ConfigurationError: The link is not a slider whose stroke has fixed ends.
+        """
+        if any(dyad.slider and name in dyad.parts for dyad in self.dyads):
+            return stroke_of(self, what, name)
+        raise ConfigurationError(
+            f'{what}: {name} of a {type(self).__name__} is not a slider whose stroke has fixed '
+            'ends; use a load over position, or crank_angle'
+        )
+
+    def reach(self) -> Reach | None:
+        """Returns the crank's reach; None if the crank angle does not determine the motion."""
+        return None
+
+    def start(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Returns the coordinates other than the crank angle at t = 0, and their rates."""
+        return (), ()
+
+
+def _named(loads: Sequence[AppliedLoad]) -> list[AppliedLoad]:
+    """Names loads without a name after their kind, and sorts all by name.
+
+    Sums of loads therefore do not depend on the order in which they are given.
+
+    Raises:
+        ConfigurationError: Two loads have the same name.
+    """
+    kinds = {kind: name for name, kind in LOADS.items()}
+    found = {load.name: load for load in loads if load.name}
+    for load in loads:
+        if load.name and load is not found[load.name]:
+            raise ConfigurationError(f'two loads have the name {shown(load.name)}: rename one')
+        if not load.name:
+            kind = kinds.get(type(load), type(load).__name__.lower())
+            name = next(x for n in itertools.count(1) if (x := f'{kind}_{n}') not in found)
+            found[name] = replace(cast('Any', load), name=name)
+    return [found[name] for name in sorted(found)]
