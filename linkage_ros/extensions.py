@@ -9,7 +9,7 @@ and `executables`. All further modules may change in any release.
 from linkage_ros.mechanism.dyads import dyads_field
 from linkage_ros.mechanism.kinematics import LinkPose, Pose
 from linkage_ros.mechanism.loads import LOADS, loads_field
-from linkage_ros.mechanism.loads.base import AppliedLoad, Load
+from linkage_ros.mechanism.loads.base import AppliedLoad, Load, LoadedMechanism
 from linkage_ros.mechanism.parts import gravity_quantity
 from linkage_ros.mechanism.program import Constants, Program
 from linkage_ros.mechanism.registry import MECHANISMS
@@ -25,6 +25,7 @@ __all__ = [
     'Link',
     'LinkPose',
     'Load',
+    'LoadedMechanism',
     'Point',
     'Pose',
     'Program',

@@ -12,9 +12,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from linkage_ros.extensions import LOADS, AppliedLoad, LinkPose, Wrench
+from linkage_ros.extensions import LOADS, AppliedLoad, LinkPose, LoadedMechanism, Wrench
 from linkage_ros.formulas import ZERO, Real
 from linkage_ros.quantities import quantity
 
@@ -33,7 +33,7 @@ class Fan(AppliedLoad):
         'number', 'torque per squared angular velocity', 'N m s^2', span=(0.0, 1e12)
     )
 
-    def on(self, mechanism: Any) -> FanTorque:
+    def on(self, mechanism: LoadedMechanism) -> FanTorque:
         """Returns the load in the form used by formulas."""
         link = mechanism.structure().link_index(self.link, f'{self.label}.link')
         return FanTorque(link, self.coefficient)

@@ -12,16 +12,36 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple, Protocol
+from typing import ClassVar, NamedTuple, Protocol
 
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.formulas import where
-from linkage_ros.mechanism.kinematics import LinkPose
+from linkage_ros.mechanism.kinematics import LinkPose, Stroke
+from linkage_ros.mechanism.structure import Link, Pin, Structure
 from linkage_ros.mechanism.wrenches import Wrench
 from linkage_ros.numeric import Real
 from linkage_ros.quantities import Checked, shown, unlisted
 
 LOAD_NAME = '[A-Za-z_][A-Za-z0-9_]*'  # regular expression
+
+
+class LoadedMechanism(Protocol):
+    """What a load may ask of its mechanism; see `Mechanism`."""
+
+    def structure(self) -> Structure:
+        """Returns the links, points and pins."""
+
+    def loaded_link(self, name: str, what: str) -> int:
+        """Returns the index of a link that may carry a force along its guide, or a torque."""
+
+    def swing_middle(self, what: str, near: float) -> float | None:
+        """Returns the middle of the output link's swing, rad; None for a sliding link."""
+
+    def swing_side(self) -> Real | None:
+        """Returns the direction opposite to one that the output link never reaches, or None."""
+
+    def stroke(self, what: str, name: str) -> Stroke:
+        """Returns the stroke of a slider."""
 
 
 class Load(Protocol):
@@ -68,7 +88,7 @@ class JointLoad(Protocol):
     """
 
     def contacts(
-        self, pins: Sequence[Any], links: Sequence[Any], rates: Sequence[Real]
+        self, pins: Sequence[Pin], links: Sequence[Link], rates: Sequence[Real]
     ) -> list[Contact]:
         """Returns the loads per joint force.
 
@@ -142,7 +162,7 @@ class AppliedLoad(Checked):
         """
         return self
 
-    def on(self, _mechanism: Any) -> Load | None:
+    def on(self, _mechanism: LoadedMechanism) -> Load | None:
         """Returns the load in the form used by formulas.
 
         Returns:
@@ -153,7 +173,7 @@ class AppliedLoad(Checked):
         """
         return None
 
-    def in_joints(self, _mechanism: Any) -> JointLoad | None:
+    def in_joints(self, _mechanism: LoadedMechanism) -> JointLoad | None:
         """Returns the portion of the load caused by joint forces; None if there is none.
 
         Raises:
@@ -161,11 +181,11 @@ class AppliedLoad(Checked):
         """
         return None
 
-    def valid_range(self, _mechanism: Any) -> Range | None:
+    def valid_range(self, _mechanism: LoadedMechanism) -> Range | None:
         """Returns the positions beyond which the end values of the load apply, or None."""
         return None
 
-    def one_way(self, _mechanism: Any) -> Range | None:
+    def one_way(self, _mechanism: LoadedMechanism) -> Range | None:
         """Returns the positions between which the link must not reverse, or None."""
         return None
 

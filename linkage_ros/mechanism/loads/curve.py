@@ -15,7 +15,7 @@ from linkage_ros.columns import read_columns
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.formulas import ZERO, Opaque, where
 from linkage_ros.mechanism.kinematics import LinkPose
-from linkage_ros.mechanism.loads.base import AppliedLoad, Range, continuous
+from linkage_ros.mechanism.loads.base import AppliedLoad, LoadedMechanism, Range, continuous
 from linkage_ros.mechanism.loads.gas import AMBIENT, FAR, NEAR
 from linkage_ros.mechanism.wrenches import Wrench
 from linkage_ros.numeric import Array, Real, without_turns
@@ -218,7 +218,7 @@ class LoadCurve(AppliedLoad):
             )
         return replace(self, file='', over=over, **lists)
 
-    def on(self, mechanism: Any) -> 'CurveForce':
+    def on(self, mechanism: LoadedMechanism) -> 'CurveForce':
         """See `AppliedLoad.on`.
 
         Raises:
@@ -255,7 +255,7 @@ class LoadCurve(AppliedLoad):
             return CurveForce(link, link, middle, Opaque(table), held, back)
         return CurveForce(link, link, middle, Opaque(table), held, None, Opaque(table.integral))
 
-    def valid_range(self, mechanism: Any) -> Range | None:
+    def valid_range(self, mechanism: LoadedMechanism) -> Range | None:
         """See `AppliedLoad.valid_range`; a single point, and a curve over the angle, have none."""
         load = self.on(mechanism)
         ends = cast('Table', load.value.function).ends

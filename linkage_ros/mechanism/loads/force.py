@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 
 from linkage_ros.formulas import ZERO, Vector, dot, turned
 from linkage_ros.mechanism.kinematics import LinkPose
-from linkage_ros.mechanism.loads.base import AppliedLoad
+from linkage_ros.mechanism.loads.base import AppliedLoad, LoadedMechanism
+from linkage_ros.mechanism.structure import Point
 from linkage_ros.mechanism.wrenches import Wrench, place
 from linkage_ros.numeric import Real
 from linkage_ros.quantities import TOPIC_NAME, quantity
@@ -52,7 +53,7 @@ class Force(AppliedLoad):
         span=(1e-3, 1e9), default=0.1,
     )  # fmt: skip
 
-    def on(self, mechanism: Any) -> 'PointForce':
+    def on(self, mechanism: LoadedMechanism) -> 'PointForce':
         """See `AppliedLoad.on`.
 
         Raises:
@@ -77,7 +78,7 @@ class PointForce(NamedTuple):
     """
 
     link: int
-    point: Any
+    point: Point
     force: Any
     turns_with_link: bool
     is_fixed: bool

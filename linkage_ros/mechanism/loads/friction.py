@@ -4,11 +4,12 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.formulas import ZERO, where
-from linkage_ros.mechanism.loads.base import AppliedLoad, Contact
+from linkage_ros.mechanism.loads.base import AppliedLoad, Contact, LoadedMechanism
+from linkage_ros.mechanism.structure import Link, Pin
 from linkage_ros.numeric import Real
 from linkage_ros.quantities import quantity
 
@@ -45,7 +46,7 @@ class Friction(AppliedLoad):
                 f'{self.pin_radius:g}: give both above 0, or leave both out'
             )
 
-    def in_joints(self, mechanism: Any) -> 'DryFriction | None':
+    def in_joints(self, mechanism: LoadedMechanism) -> 'DryFriction | None':
         """See `AppliedLoad.in_joints`.
 
         Raises:
@@ -71,7 +72,7 @@ class DryFriction(NamedTuple):
     guide: Real
 
     def contacts(
-        self, pins: Sequence[Any], links: Sequence[Any], rates: Sequence[Real]
+        self, pins: Sequence[Pin], links: Sequence[Link], rates: Sequence[Real]
     ) -> list[Contact]:
         """Returns the contacts of the joints with friction, pins first; see `JointLoad`."""
         contacts = []
@@ -81,7 +82,7 @@ class DryFriction(NamedTuple):
             contacts.append(Contact(joint, levers))
         return contacts
 
-    def piece(self, pins: Sequence[Any], links: Sequence[Any], rates: Sequence[Real]) -> Real:
+    def piece(self, pins: Sequence[Pin], links: Sequence[Link], rates: Sequence[Real]) -> Real:
         """Returns a number for each combination of directions in the joints; see `Load`.
 
         A joint at rest has a number of its own, because it has no friction.
@@ -90,7 +91,7 @@ class DryFriction(NamedTuple):
         return sum((_sign(rate) + 1.0) * 3**i for i, (*_, rate) in enumerate(joints))
 
     def _rubbing(
-        self, pins: Sequence[Any], links: Sequence[Any], rates: Sequence[Real]
+        self, pins: Sequence[Pin], links: Sequence[Link], rates: Sequence[Real]
     ) -> Iterator[tuple[str, int, list[int], Real]]:
         """Yields each joint with friction: its name, link, other link if it moves, and rate."""
         for pin in pins if self.arm is not ZERO else ():

@@ -12,7 +12,7 @@ import numpy as np
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.formulas import ZERO, exp, expm1, log, log1p, number, where
 from linkage_ros.mechanism.kinematics import LinkPose
-from linkage_ros.mechanism.loads.base import AppliedLoad, Range
+from linkage_ros.mechanism.loads.base import AppliedLoad, LoadedMechanism, Range
 from linkage_ros.mechanism.wrenches import Wrench
 from linkage_ros.numeric import Real
 from linkage_ros.quantities import quantity
@@ -69,7 +69,7 @@ class Gas(AppliedLoad):
         default=FAR,
     )  # fmt: skip
 
-    def on(self, mechanism: Any) -> 'GasForce':
+    def on(self, mechanism: LoadedMechanism) -> 'GasForce':
         """See `AppliedLoad.on`.
 
         Raises:
@@ -95,7 +95,7 @@ class Gas(AppliedLoad):
             self.clearance, largest, self.inlet, self.outlet, self.exponent, self.ambient,
         )  # fmt: skip
 
-    def one_way(self, mechanism: Any) -> Range | None:
+    def one_way(self, mechanism: LoadedMechanism) -> Range | None:
         """See `AppliedLoad.one_way`; inside the stroke, valves would not switch at a reversal."""
         if self.outlet is None:
             return None

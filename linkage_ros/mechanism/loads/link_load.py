@@ -5,12 +5,12 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.formulas import ZERO
 from linkage_ros.mechanism.kinematics import LinkPose
-from linkage_ros.mechanism.loads.base import AppliedLoad, continuous
+from linkage_ros.mechanism.loads.base import AppliedLoad, LoadedMechanism, continuous
 from linkage_ros.mechanism.wrenches import Wrench
 from linkage_ros.numeric import Real
 from linkage_ros.quantities import quantity
@@ -48,7 +48,7 @@ class LinkLoad(AppliedLoad):
         default=0.0,
     )  # fmt: skip
 
-    def on(self, mechanism: Any) -> 'LinkForce | None':
+    def on(self, mechanism: LoadedMechanism) -> 'LinkForce | None':
         """See `AppliedLoad.on`.
 
         Raises:
@@ -72,6 +72,11 @@ class LinkLoad(AppliedLoad):
         if not self.stiffness:
             return LinkForce(link, *values, self.rest, side, side is None)
         middle = mechanism.swing_middle(f'{self.label}.stiffness', self.rest)
+        if middle is None:
+            raise ConfigurationError(
+                f'{self.label}.stiffness: the swing of the {self.link} is unknown; use a load of kind '
+                'spring between two points'
+            )
         turns = round((self.rest - middle) / (2 * math.pi))
         return LinkForce(link, *values, self.rest - turns * 2 * math.pi, middle, side is None)
 

@@ -4,12 +4,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.formulas import ZERO
 from linkage_ros.mechanism.kinematics import LinkPose
-from linkage_ros.mechanism.loads.base import AppliedLoad
+from linkage_ros.mechanism.loads.base import AppliedLoad, LoadedMechanism
+from linkage_ros.mechanism.structure import Structure
 from linkage_ros.mechanism.wrenches import FRAME, Wrench
 from linkage_ros.numeric import Real
 from linkage_ros.quantities import quantity, shown
@@ -29,7 +30,7 @@ class Pins(AppliedLoad):
     )
     pin: str = quantity('text', 'name of the pin; empty: all pins', default='')
 
-    def on(self, mechanism: Any) -> 'PinDamping':
+    def on(self, mechanism: LoadedMechanism) -> 'PinDamping':
         """See `AppliedLoad.on`.
 
         Raises:
@@ -79,7 +80,7 @@ class PinDamping(NamedTuple):
         return ZERO
 
 
-def _turning(structure: Any, j: int | None) -> tuple[int, int]:
+def _turning(structure: Structure, j: int | None) -> tuple[int, int]:
     """Returns a body and the link with which it turns; see `PinDamping.pairs`."""
     if j is None:
         return FRAME, FRAME

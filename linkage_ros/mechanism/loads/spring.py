@@ -5,12 +5,13 @@
 import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, NoReturn
+from typing import NamedTuple, NoReturn
 
 from linkage_ros.errors import ConfigurationError, UnreachableError
 from linkage_ros.formulas import ZERO, Opaque, dot, require, sqrt
 from linkage_ros.mechanism.kinematics import LinkPose
-from linkage_ros.mechanism.loads.base import AppliedLoad
+from linkage_ros.mechanism.loads.base import AppliedLoad, LoadedMechanism
+from linkage_ros.mechanism.structure import Point
 from linkage_ros.mechanism.wrenches import FRAME, Wrench, place, velocity
 from linkage_ros.numeric import Real
 from linkage_ros.quantities import quantity
@@ -54,7 +55,7 @@ class Spring(AppliedLoad):
         'number', 'damping coefficient', 'N s/m', span=_NOT_NEGATIVE, default=0.0
     )
 
-    def on(self, mechanism: Any) -> 'PointSpring':
+    def on(self, mechanism: LoadedMechanism) -> 'PointSpring':
         """See `AppliedLoad.on`.
 
         Raises:
@@ -101,9 +102,9 @@ class PointSpring(NamedTuple):
     """
 
     link: int
-    point: Any
+    point: Point
     other: int
-    other_point: Any
+    other_point: Point
     stiffness: Real
     free_length: Real
     damping: Real
