@@ -1,37 +1,91 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Columns of numbers in CSV files."""
+"""Columns of numbers in CSV files of loads and laws, whose first line names them."""
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Collection
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from linkage_ros.files import read_file
+from linkage_ros.quantities import shown
 
 _MOST_ROWS = 100_000  # millions would take gigabytes
+_DEGREE = math.pi / 180
 
 
-def read_columns(
-    path: Path | str, check: Callable[[Sequence[str]], object]
-) -> dict[str, list[float]]:
+class _Column(NamedTuple):
+    """The meaning of a column.
+
+    Attributes:
+        quantity: What the numbers are.
+        unit: Their unit, for messages.
+        factor: Factor that converts them to SI units.
+    """
+
+    quantity: str
+    unit: str
+    factor: float = 1.0
+
+
+_COLUMNS = {
+    'at': _Column('at', 'rad or m'),
+    'crank_angle': _Column('crank_angle', 'rad'),
+    'crank_angle_deg': _Column('crank_angle', 'deg', _DEGREE),
+    'crank_angle_from_tdc_deg': _Column('crank_angle_from_tdc', 'deg', _DEGREE),
+    'time': _Column('time', 's'),
+    'angle': _Column('angle', 'rad'),
+    'angle_deg': _Column('angle', 'deg', _DEGREE),
+    'position': _Column('position', 'm'),
+    'position_mm': _Column('position', 'mm', 1e-3),
+    'speed': _Column('speed', 'rad/s or m/s'),
+    'speed_deg': _Column('speed', 'deg/s', _DEGREE),
+    'acceleration': _Column('acceleration', 'rad/s^2 or m/s^2'),
+    'acceleration_deg': _Column('acceleration', 'deg/s^2', _DEGREE),
+    'value': _Column('value', 'N or N m'),
+    'return_value': _Column('return_value', 'N or N m'),
+    'pressure': _Column('pressure', 'Pa'),
+    'pressure_kpa': _Column('pressure', 'kPa', 1e3),
+    'pressure_bar': _Column('pressure', 'bar', 1e5),
+}
+
+
+def column_names(*quantities: str) -> str:
+    """Lists the columns that may hold any of some quantities, with their units."""
+    return ', '.join(
+        f'{name} [{column.unit}]'
+        for name, column in _COLUMNS.items()
+        if column.quantity in quantities
+    )
+
+
+def read_columns(path: Path | str, quantities: Collection[str]) -> dict[str, list[float]]:
     """Reads a CSV file of numbers, whose first line names the columns.
 
     Args:
         path: Path of the file, in UTF-8.
-        check: Raises a ValueError unless the names are valid.
+        quantities: Valid quantities, each at most once.
 
     Returns:
-        The numbers of each column, by name.
+        The numbers of each quantity, in SI units.
 
     Raises:
         OSError: The file cannot be read, or is too large.
-        ValueError: The names are not valid, there are too many rows, a cell is not a number, or a
-            line has more or fewer cells than the first line.
+        ValueError: A name is not valid, there are too many rows, a cell is not a number, or a line
+            has more or fewer cells than the first line.
     """
     head, *lines = read_file(path).decode('utf-8-sig').splitlines() or ['']
     names = [name.strip(' \t"') for name in head.split(',')]
-    check(names)
+    columns = list[_Column]()
+    for name in names:
+        column = _COLUMNS.get(name)
+        if column is None or column.quantity not in quantities:
+            raise ValueError(f'its first line names {shown(name)}')
+        columns.append(column)
+    if len({column.quantity for column in columns}) < len(columns):
+        raise ValueError(f'its first line names {", ".join(names)}: give each quantity once')
     if len(lines) > _MOST_ROWS:
         raise ValueError(f'has {len(lines)} rows, and at most {_MOST_ROWS} are read')
     rows = np.empty((0, 0))
@@ -42,4 +96,7 @@ def read_columns(
             raise ValueError(str(error).partition('; use ')[0]) from error  # about NumPy
     if rows.shape[1] != len(names):
         raise ValueError(f'each line below {",".join(names)} must be {len(names)} numbers')
-    return dict(zip(names, rows.T.tolist(), strict=True))
+    return {
+        column.quantity: [column.factor * x for x in row]
+        for column, row in zip(columns, rows.T.tolist(), strict=True)
+    }

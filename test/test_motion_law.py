@@ -483,8 +483,9 @@ def test_a_csv_file_gives_the_points(tmp_path):
     path.write_text('"time", "angle"\n"0",1\n1,2\n')
     assert drive_of(file=str(path)) == drive_of(times=(0.0, 1.0), angles=(1.0, 2.0))
     for text, problem in (
-        ('time,angle,angle_deg\n', 'names time, angle, angle_deg'), ('', 'names nothing'),
-        ('time angel\n', 'names time angel'), ('time_deg,angle\n', 'names time_deg, angle'),
+        ('time,angle,angle_deg\n', 'names time, angle, angle_deg: give each quantity once'),
+        ('', "names ''"),
+        ('time angel\n', "names 'time angel'"), ('time_deg,angle\n', "names 'time_deg'"),
         ('time,angle\n', 'must be 2 numbers'), ('time,angle\n0,1\n1\n', 'from 2 to 1 at row 2'),
     ):  # fmt: skip
         path.write_text(text)

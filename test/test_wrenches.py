@@ -483,17 +483,17 @@ WRONG = [
     (FOUR, CURVE.replace('slider', 'rocker') + ', pressure: [1.0, 2.0], bore: 0.1', 'is not a'),
     (SLIDER, 'kind: curve, link: slider, file: no.csv', "file = '.*no.csv': No such file"),
     *((SLIDER, f'kind: curve, link: slider, file: {name}, bore: 0.1', words) for name, words in {
-        'two.csv': 'its first line names crank_angle_deg, crank_angle, value',
+        'two.csv': 'its first line names crank_angle_deg, crank_angle, value: give each',
         'unit.csv': "its first line names 'pressure_psi'; give the path .* pressure_bar",
-        'none.csv': 'its first line names crank_angle_deg; give',
+        'none.csv': 'its columns of values are missing; give',
         'negative.csv': r'pressure = \[-1\.0\]: must be a list of numbers from 0',
         'word.csv': 'one',
-        'mm.csv': r"over = 'crank_angle': must be position, for the column position_mm"}.items()),
+        'mm.csv': r"over = 'crank_angle': must be position, as in "}.items()),
     *((SLIDER, f'kind: curve, link: slider, over: {over}, file: {name}, bore: 0.1', words)
       for over, name, words in (
-        ('position', 'tdc.csv', 'must be crank_angle_from_tdc, for the column crank_angle_from_'),
-        ('crank_angle_from_tdc', 'mm.csv', 'must be position, for the column position_mm'),
-        ('crank_angle_from_tdc', 'degrees.csv', 'must be crank_angle, for the column crank_an'))),
+        ('position', 'tdc.csv', 'must be crank_angle_from_tdc, as in '),
+        ('crank_angle_from_tdc', 'mm.csv', 'must be position, as in '),
+        ('crank_angle_from_tdc', 'degrees.csv', 'must be crank_angle, as in '))),
     (SLIDER, CURVE + ', value: [1.0, 2.0], top: near', LABEL + 'top is for a pressure'),
     (SLIDER, CURVE.replace('1.0', '1.0e-17') + ', over: crank_angle_from_tdc, top: near, value: '
      '[1.0, 2.0]', LABEL + 'at must increase'),

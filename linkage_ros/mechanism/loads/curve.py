@@ -2,37 +2,28 @@
 # SPDX-License-Identifier: Apache-2.0
 """Load curves: force, torque or pressure over an angle or position, given by points."""
 
-import bisect
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any, ClassVar, NamedTuple, cast
 
-import numpy as np
-
-from linkage_ros.columns import read_columns
+from linkage_ros.columns import column_names, read_columns
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.formulas import ZERO, Opaque, where
 from linkage_ros.mechanism.kinematics import LinkPose
 from linkage_ros.mechanism.loads.base import AppliedLoad, LoadedMechanism, Range, continuous
 from linkage_ros.mechanism.loads.gas import AMBIENT, FAR, NEAR
+from linkage_ros.mechanism.loads.table import TURN, TURN_ROUNDING, Table
 from linkage_ros.mechanism.wrenches import Wrench
-from linkage_ros.numeric import Array, Real, without_turns
-from linkage_ros.quantities import quantity, shown
+from linkage_ros.numeric import Real
+from linkage_ros.quantities import Quantity, quantity, shown
 
-_TURN = 2 * math.pi
-_ROUNDING = 8 * math.ulp(_TURN)  # rad; tolerance for points that are one turn apart
 _POSITIONS = (-1e9, 1e9)
 _FORCES = (-1e12, 1e12)
 # Independent variables.
 _ANGLE, _FROM_TDC, _POSITION = 'crank_angle', 'crank_angle_from_tdc', 'position'
-# Columns of a file, with the factors of their units.
-_DEGREE = math.pi / 180
-_FROM_TDC_COLUMN = 'crank_angle_from_tdc_deg'
-_ANGLES = {'crank_angle': 1.0, 'crank_angle_deg': _DEGREE, _FROM_TDC_COLUMN: _DEGREE}
-_PLACES = {'position': 1.0, 'position_mm': 1e-3}
-_PRESSURES = {'pressure': 1.0, 'pressure_kpa': 1e3, 'pressure_bar': 1e5}
+_VARIABLES = 'at', _ANGLE, _FROM_TDC, _POSITION  # quantities of columns
 _LISTS = 'at', 'value', 'return_value', 'pressure'
 
 
@@ -112,7 +103,7 @@ class LoadCurve(AppliedLoad):
         """Number of crank turns after which the curve repeats."""
         if self.over == _POSITION or self.at is None:
             return 1
-        return 2 if self.at[-1] - self.at[0] > _TURN + _ROUNDING else 1
+        return 2 if self.at[-1] - self.at[0] > TURN + TURN_ROUNDING else 1
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -176,12 +167,12 @@ class LoadCurve(AppliedLoad):
                 'crank_angle, value holds the load of both strokes'
             )
         span = at[-1] - at[0]
-        whole = any(abs(span - turns * _TURN) <= turns * _ROUNDING for turns in (1, 2))
-        if span > 2 * (_TURN + _ROUNDING) or (whole and value[0] != value[-1]):
+        whole = any(abs(span - turns * TURN) <= turns * TURN_ROUNDING for turns in (1, 2))
+        if span > 2 * (TURN + TURN_ROUNDING) or (whole and value[0] != value[-1]):
             name = 'value' if self.pressure is None else 'pressure'
             raise ConfigurationError(
                 f'{label}.at spans {span:g} rad = {math.degrees(span):g} deg and {label}.{name} '
-                f'ends with {value[-1]:g}: must span at most two turns, {2 * _TURN!r}; after one '
+                f'ends with {value[-1]:g}: must span at most two turns, {2 * TURN!r}; after one '
                 f'or two whole turns, the last value must equal the first, {value[0]:g}'
             )
 
@@ -194,29 +185,31 @@ class LoadCurve(AppliedLoad):
         if not self.file:
             return self
         label = self.label
-        kinds = {field.name: field.metadata.get('quantity') for field in fields(self)}
         try:
-            columns, lists = read_columns(self.file, _check_columns), dict[str, Any]()
-            for name, row in columns.items():
-                first, factor = _meaning(name)
-                scaled = [factor * x for x in row] if factor != 1.0 else row
-                lists[first] = cast('Any', kinds[first]).clean(f'{label}.{first}', scaled)
-            variable = next(name for name in columns if _meaning(name)[0] == 'at')
+            lists = read_columns(self.file, {*_VARIABLES, *_LISTS})
+            variable = _variable_of(lists)
+            lists['at'] = lists.pop(variable)
+            cleaned: dict[str, Any] = {name: self._clean(name, lists[name]) for name in lists}
         except (OSError, ValueError) as error:
             raise ConfigurationError(
                 f'{label}.file = {shown(self.file)}: {getattr(error, "strerror", None) or error}; '
                 'give the path of a CSV file whose first line names a column of angles or '
-                f'positions ({", ".join(("at", *_ANGLES, *_PLACES))}) and one of values (value '
-                f'and optionally return_value, or {", ".join(_PRESSURES)})'
+                f'positions, {column_names(*_VARIABLES)}; and one of values, '
+                f'{column_names("value")}, optionally with return_value, or '
+                f'{column_names("pressure")}'
             ) from error
-        over = _POSITION if variable in _PLACES else _ANGLE
-        over = {'at': self.over, _FROM_TDC_COLUMN: _FROM_TDC}.get(variable, over)
+        over = self.over if variable == 'at' else variable
         if self.over != over and (self.over, over) != (_ANGLE, _FROM_TDC):
             raise ConfigurationError(
-                f'{label}.over = {self.over!r}: must be {over}, for the column {variable} of '
-                f'{self.file}'
+                f'{label}.over = {self.over!r}: must be {over}, as in {self.file}'
             )
-        return replace(self, file='', over=over, **lists)
+        return replace(self, file='', over=over, **cleaned)
+
+    def _clean(self, name: str, row: Sequence[float]) -> object:
+        """Checks the numbers of a list."""
+        (field,) = (field for field in fields(self) if field.name == name)
+        described: Quantity = field.metadata['quantity']
+        return described.clean(f'{self.label}.{name}', row)
 
     def on(self, mechanism: LoadedMechanism) -> 'CurveForce':
         """See `AppliedLoad.on`.
@@ -226,40 +219,78 @@ class LoadCurve(AppliedLoad):
                 the link turns fully, or a curve of a pressure or from the top of the stroke acts
                 on a link without a fixed stroke.
         """
-        label, at, value = self.label, self.at or (), self.value or ()
-        link = mechanism.loaded_link(self.link, f'{label}.link')
-        held = self.pressure is not None
+        link = mechanism.loaded_link(self.link, f'{self.label}.link')
+        at, value, middle = self._points(mechanism, link)
+        if self.over != _POSITION:
+            table = Table(at, value, turns=self.turns)
+            return CurveForce(link, over=0, middle=None, value=Opaque(table), held=self._held)
+        table, back = Table(at, value), self.return_value and Table(at, self.return_value)
+        return CurveForce(
+            link,
+            over=link,
+            middle=middle,
+            value=Opaque(table),
+            held=self._held,
+            return_value=Opaque(back) if back else None,
+            work=None if back else Opaque(table.integral),
+        )
+
+    @property
+    def _held(self) -> bool:
+        return self.pressure is not None
+
+    def _points(
+        self, mechanism: LoadedMechanism, link: int
+    ) -> tuple[Sequence[float], Sequence[float], float | None]:
+        """Places the points on a mechanism.
+
+        Args:
+            mechanism: The mechanism.
+            link: Index of the loaded link.
+
+        Returns:
+            Directions of the crank, rad, or positions of the link, rad or m; forces there, N or
+            N m; and, over the position of a turning link, the middle of its swing, rad.
+        """
+        at, value, middle = self.at or (), self.value or (), None
         if self.pressure is not None:
-            stroke = mechanism.stroke(f'{label}.pressure', self.link)
+            stroke = mechanism.stroke(f'{self.label}.pressure', self.link)
             (top, _), (bottom, _) = stroke.ends(self.top or FAR)
             area = math.copysign(0.25 * math.pi * (self.bore or 0.0) ** 2, bottom - top)
             behind = AMBIENT if self.ambient is None else self.ambient
             value = tuple(area * (x - behind) for x in self.pressure)
         if self.over == _FROM_TDC:
-            (_, start), _ = mechanism.stroke(f'{label}.over', self.link).ends(self.top or FAR)
+            stroke = mechanism.stroke(f'{self.label}.over', self.link)
+            (_, start), _ = stroke.ends(self.top or FAR)
             at = tuple(start + x for x in at)
             self._require_rising(at)  # rounding may make points equal
-        if self.over != _POSITION:
-            return CurveForce(link, 0, None, Opaque(Table(at, value, turns=self.turns)), held)
-        half_way = 0.5 * (at[0] + at[-1])
-        slides = mechanism.structure().links[link].slides
-        middle = None
-        if not slides:
-            middle = mechanism.swing_middle(f"{label}.over = 'position'", half_way)
-        if middle is not None:
-            turns = round((half_way - middle) / _TURN)
-            at = tuple(angle - turns * _TURN for angle in at)
-        table = Table(at, value)
-        if self.return_value:
-            back = Opaque(Table(at, self.return_value))
-            return CurveForce(link, link, middle, Opaque(table), held, back)
-        return CurveForce(link, link, middle, Opaque(table), held, None, Opaque(table.integral))
+        if self.over == _POSITION and not mechanism.structure().links[link].slides:
+            half_way = 0.5 * (at[0] + at[-1])
+            middle = mechanism.swing_middle(f"{self.label}.over = 'position'", half_way)
+            turns = 0 if middle is None else round((half_way - middle) / TURN)
+            at = tuple(angle - turns * TURN for angle in at)
+        return at, value, middle
 
     def valid_range(self, mechanism: LoadedMechanism) -> Range | None:
         """See `AppliedLoad.valid_range`; a single point, and a curve over the angle, have none."""
         load = self.on(mechanism)
         ends = cast('Table', load.value.function).ends
         return Range(load.link, *ends, load.middle) if ends else None
+
+
+def _variable_of(lists: Collection[str]) -> str:
+    """Returns the independent variable of columns.
+
+    Raises:
+        ValueError: They are not the columns of a load curve.
+    """
+    variables = [name for name in lists if name in _VARIABLES]
+    values = sorted(name for name in lists if name not in _VARIABLES)
+    if len(variables) != 1:
+        raise ValueError(f'it has {len(variables)} columns of angles or positions')
+    if values not in (['value'], ['return_value', 'value'], ['pressure']):
+        raise ValueError(f'its columns of values are {", ".join(values) or "missing"}')
+    return variables[0]
 
 
 class CurveForce(NamedTuple):
@@ -303,84 +334,3 @@ class CurveForce(NamedTuple):
         position = continuous(links[self.over].position, self.middle)
         line = cast('Table', self.value.function).line(position)
         return 2 * line + (rates[self.over] >= 0)
-
-
-class Table:
-    """A piecewise linear function; results are bit-identical for floats and arrays."""
-
-    def __init__(self, at: Sequence[float], value: Sequence[float], *, turns: int = 0) -> None:
-        """Computes the slopes between the points.
-
-        Args:
-            at: Values of x at the points, in increasing order.
-            value: Values of the function at the points; the end values also apply outside.
-            turns: Number of turns after which the function repeats, where x is an angle, rad; 0
-                if it does not repeat.
-        """
-        self._turns = turns
-        if turns and at[0] + turns * _TURN - at[-1] > turns * _ROUNDING:
-            at, value = (*at, at[0] + turns * _TURN), (*value, value[0])
-        slopes = np.diff(value) / np.diff(at)
-        # Slopes outside the points, because rounding may put a direction just beyond the ends.
-        before, after = (slopes[-1], slopes[0]) if turns else (0.0, 0.0)
-        # The integral from the first point to the start of each line.
-        areas = np.cumsum(0.5 * np.diff(at) * np.add(value[1:], value[:-1]))
-        starts = [at[0], *at], [value[0], *value], [0.0, 0.0, *areas]
-        rows = at, *starts, [before, *slopes, after]
-        self._arrays = [np.array(row) for row in rows]
-        self._lists = [row.tolist() for row in self._arrays]
-
-    @property
-    def ends(self) -> tuple[float, float] | None:
-        """First and last x of the points; None for a single point or a periodic function."""
-        at = self._lists[0]
-        return None if self._turns or len(at) < 2 else (at[0], at[-1])
-
-    def __call__(self, x: Real) -> Real:
-        """Evaluates the function at x, a float or an array."""
-        is_float = isinstance(x, float)
-        at, start, value, _, slope = self._lists if is_float else self._arrays
-        if self._turns:
-            x = without_turns(x, at[0], self._turns)
-        i = bisect.bisect_right(at, x) if is_float else np.searchsorted(at, x, 'right')
-        return value[i] + slope[i] * (x - start[i])
-
-    def integral(self, x: Real) -> Real:
-        """Integrates the function of a position from the first point to x, a float or an array."""
-        is_float = isinstance(x, float)
-        at, start, value, area, slope = self._lists if is_float else self._arrays
-        i = bisect.bisect_right(at, x) if is_float else np.searchsorted(at, x, 'right')
-        return area[i] + (value[i] + 0.5 * slope[i] * (x - start[i])) * (x - start[i])
-
-    def line(self, x: Array) -> Any:
-        """Returns the number of points up to x, in all turns."""
-        at = self._arrays[0]
-        if not self._turns:
-            return np.searchsorted(at, x, 'right')
-        within, period = without_turns(x, at[0], self._turns), self._turns * _TURN
-        return np.searchsorted(at, within, 'right') + len(at) * np.rint((x - within) / period)
-
-
-def _meaning(name: str) -> tuple[str, float]:
-    """Returns the list that a column of a file gives, and the factor of its unit.
-
-    Raises:
-        ValueError: There is no such column.
-    """
-    for first, names in (('at', _ANGLES | _PLACES), ('pressure', _PRESSURES)):
-        if name in names:
-            return first, names[name]
-    if name in _LISTS[:3]:
-        return name, 1.0
-    raise ValueError(f'its first line names {shown(name)}')
-
-
-def _check_columns(names: Sequence[str]) -> None:
-    """Checks the names of columns.
-
-    Raises:
-        ValueError: They are not the columns of a load curve.
-    """
-    given = sorted(_meaning(name)[0] for name in names)
-    if given not in (['at', 'value'], ['at', 'return_value', 'value'], ['at', 'pressure']):
-        raise ValueError(f'its first line names {", ".join(names)}')

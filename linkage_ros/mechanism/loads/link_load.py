@@ -74,8 +74,8 @@ class LinkLoad(AppliedLoad):
         middle = mechanism.swing_middle(f'{self.label}.stiffness', self.rest)
         if middle is None:
             raise ConfigurationError(
-                f'{self.label}.stiffness: the swing of the {self.link} is unknown; use a load of kind '
-                'spring between two points'
+                f'{self.label}.stiffness: the swing of the {self.link} is unknown; use a load of '
+                'kind spring between two points'
             )
         turns = round((self.rest - middle) / (2 * math.pi))
         return LinkForce(link, *values, self.rest - turns * 2 * math.pi, middle, side is None)

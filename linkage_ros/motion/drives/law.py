@@ -10,7 +10,7 @@ from fractions import Fraction
 from itertools import pairwise
 from typing import Any
 
-from linkage_ros.columns import read_columns
+from linkage_ros.columns import column_names, read_columns
 from linkage_ros.errors import ConfigurationError
 from linkage_ros.mechanism.base import Mechanism
 from linkage_ros.mechanism.solver import Solver
@@ -27,20 +27,11 @@ from linkage_ros.quantities import Checked, quantity, shown
 from linkage_ros.units import NS_PER_S
 
 _ANGLES, _SPEEDS, _ACCELERATIONS = (-1e6, 1e6), (-1e9, 1e9), (-1e12, 1e12)
-_DEGREE = math.radians(1.0)
-_LISTS = 'times', 'angles', 'positions', 'speeds', 'accelerations'
-# Lists by the names of their columns, and factors of their units.
-_COLUMNS = {
-    'time': ('times', 1.0), 'angle': ('angles', 1.0), 'angle_deg': ('angles', _DEGREE),
-    'position': ('positions', 1.0), 'position_mm': ('positions', 1e-3),
-    'speed': ('speeds', 1.0), 'speed_deg': ('speeds', _DEGREE),
-    'acceleration': ('accelerations', 1.0), 'acceleration_deg': ('accelerations', _DEGREE),
+# Lists by the quantities of columns.
+_LIST_OF = {
+    'time': 'times', 'angle': 'angles', 'position': 'positions', 'speed': 'speeds',
+    'acceleration': 'accelerations',
 }  # fmt: skip
-_HEADER = (
-    'time [s], angle [rad] or angle_deg, and optionally speed [rad/s] or speed_deg, and '
-    'acceleration [rad/s^2] or acceleration_deg; of a cylinder position [m] or position_mm, and '
-    'optionally speed [m/s] and acceleration [m/s^2]'
-)
 _MOST_POINTS = 10_000  # whose spline in 50 digits takes a second or two
 _ROUNDING = 8 * math.ulp(math.tau)  # relative tolerance of whole turns
 
@@ -113,7 +104,7 @@ class Prescribed(Checked):
         if self.file:
             self._read()
         is_sine = self.amplitude is not None and self.frequency is not None
-        lists = [name for name in _LISTS if getattr(self, name) is not None]
+        lists = [name for name in _LIST_OF.values() if getattr(self, name) is not None]
         places = {'angles', 'positions'} & {*lists}
         if is_sine == bool(lists) or (lists and ('times' not in lists or len(places) != 1)):
             raise ConfigurationError(
@@ -186,9 +177,10 @@ class Prescribed(Checked):
             )
 
     def _read(self) -> None:
-        if any(getattr(self, name) is not None for name in _LISTS):
+        lists = _LIST_OF.values()
+        if any(getattr(self, name) is not None for name in lists):
             raise ConfigurationError(
-                f'motion.file = {shown(self.file)}: leave out {", ".join(_LISTS)}, which the file '
+                f'motion.file = {shown(self.file)}: leave out {", ".join(lists)}, which the file '
                 'contains'
             )
         kinds = {field.name: field.metadata['quantity'] for field in fields(self)}
@@ -226,26 +218,15 @@ def _columns(path: str) -> dict[str, list[float]]:
         ConfigurationError: The file cannot be read, or a name or a number is not valid.
     """
     try:
-        columns = read_columns(path, _check_columns)
+        columns = read_columns(path, _LIST_OF)
     except (OSError, ValueError) as error:
         raise ConfigurationError(
             f'motion.file = {shown(path)}: {getattr(error, "strerror", None) or error}; give the '
-            f'path of a CSV file with the columns {_HEADER}'
+            f'path of a CSV file with the columns {column_names("time")}, one of '
+            f'{column_names("angle", "position")}, and optionally one of {column_names("speed")}, '
+            f'and one of {column_names("acceleration")}'
         ) from error
-    return {
-        _COLUMNS[name][0]: [_COLUMNS[name][1] * x for x in row] for name, row in columns.items()
-    }
-
-
-def _check_columns(names: Sequence[str]) -> None:
-    """Checks the names of columns.
-
-    Raises:
-        ValueError: They are not the columns of a law.
-    """
-    lists = [_COLUMNS[name][0] for name in names if name in _COLUMNS]
-    if len({*lists}) < len(names):
-        raise ValueError(f'its first line names {", ".join(names) or "nothing"}')
+    return {_LIST_OF[quantity]: row for quantity, row in columns.items()}
 
 
 @dataclass(frozen=True)
