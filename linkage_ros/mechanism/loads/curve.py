@@ -221,23 +221,20 @@ class LoadCurve(AppliedLoad):
         """
         link = mechanism.loaded_link(self.link, f'{self.label}.link')
         at, value, middle = self._points(mechanism, link)
+        held, back = self.pressure is not None, self.return_value
         if self.over != _POSITION:
             table = Table(at, value, turns=self.turns)
-            return CurveForce(link, over=0, middle=None, value=Opaque(table), held=self._held)
-        table, back = Table(at, value), self.return_value and Table(at, self.return_value)
+            return CurveForce(link, over=0, middle=None, value=Opaque(table), held=held)
+        table = Table(at, value)
         return CurveForce(
             link,
             over=link,
             middle=middle,
             value=Opaque(table),
-            held=self._held,
-            return_value=Opaque(back) if back else None,
+            held=held,
+            return_value=Opaque(Table(at, back)) if back else None,
             work=None if back else Opaque(table.integral),
         )
-
-    @property
-    def _held(self) -> bool:
-        return self.pressure is not None
 
     def _points(
         self, mechanism: LoadedMechanism, link: int
@@ -252,13 +249,7 @@ class LoadCurve(AppliedLoad):
             Directions of the crank, rad, or positions of the link, rad or m; forces there, N or
             N m; and, over the position of a turning link, the middle of its swing, rad.
         """
-        at, value, middle = self.at or (), self.value or (), None
-        if self.pressure is not None:
-            stroke = mechanism.stroke(f'{self.label}.pressure', self.link)
-            (top, _), (bottom, _) = stroke.ends(self.top or FAR)
-            area = math.copysign(0.25 * math.pi * (self.bore or 0.0) ** 2, bottom - top)
-            behind = AMBIENT if self.ambient is None else self.ambient
-            value = tuple(area * (x - behind) for x in self.pressure)
+        at, value, middle = self.at or (), self.value or self._pushes(mechanism), None
         if self.over == _FROM_TDC:
             stroke = mechanism.stroke(f'{self.label}.over', self.link)
             (_, start), _ = stroke.ends(self.top or FAR)
@@ -270,6 +261,14 @@ class LoadCurve(AppliedLoad):
             turns = 0 if middle is None else round((half_way - middle) / TURN)
             at = tuple(angle - turns * TURN for angle in at)
         return at, value, middle
+
+    def _pushes(self, mechanism: LoadedMechanism) -> tuple[float, ...]:
+        """Returns the forces of the pressures on the slider, N."""
+        stroke = mechanism.stroke(f'{self.label}.pressure', self.link)
+        (top, _), (bottom, _) = stroke.ends(self.top or FAR)
+        area = math.copysign(0.25 * math.pi * (self.bore or 0.0) ** 2, bottom - top)
+        behind = AMBIENT if self.ambient is None else self.ambient
+        return tuple(area * (x - behind) for x in self.pressure or ())
 
     def valid_range(self, mechanism: LoadedMechanism) -> Range | None:
         """See `AppliedLoad.valid_range`; a single point, and a curve over the angle, have none."""
