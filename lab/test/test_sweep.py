@@ -830,6 +830,7 @@ def test_ctrl_c_leaves_complete_rows_of_measured_designs(run, monkeypatch):
         ('designs: 200', 'designs: 7\nsampler: grid', 'at least 8'),
         ('crank.length', 'crank.lenght', 'FourBar: choose from frame.length, '),
         ('crank.length', 'crank.center', 'crank.length, crank.mass, '),
+        ('crank.length', 'rocker.damping', 'write loads.NAME.damping, with the name of a load'),
         ('[0.05, 0.2]', '[0.2, 0.2]', 'empty'),
         ('[0.05, 0.2]', '[-0.1, 0.2]', 'two numbers, each from 1e-09'),
         ('[0.05, 0.2]', '0.2', 'two numbers'),
