@@ -41,8 +41,8 @@ from linkage_ros.messages.topics import (
 )
 from linkage_ros.motion.drives import DRIVES
 from linkage_ros.quantities import Leaf, leaves
-from linkage_ros.settings.command_lines import PARSERS
 from linkage_ros.settings.controller import ControllerSettings
+from linkage_ros.settings.help import PARSERS
 from linkage_ros.settings.joints import JointSettings
 from linkage_ros.settings.parameters import MechanismAndDrive, Session
 from linkage_ros.settings.presets import preset_names, preset_path

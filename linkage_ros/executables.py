@@ -20,7 +20,7 @@ def _start(name: str, module: str) -> int:
 
 def _main(module: str) -> int | None:
     if module in {'node.linkage_node', 'programs.controller'}:  # --help needs no rclpy
-        from linkage_ros.settings.command_lines import PARSERS
+        from linkage_ros.settings.help import PARSERS
 
         PARSERS[module]().parse_known_args()
     code: int | None = import_module(f'linkage_ros.{module}').main()

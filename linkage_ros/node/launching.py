@@ -19,8 +19,7 @@ from linkage_ros.messages.templates import ROOT_FRAME
 from linkage_ros.messages.urdf import make_urdf
 from linkage_ros.quantities import Quantity, shown
 from linkage_ros.settings.configuration import configure, read_values
-from linkage_ros.settings.parameters import MechanismAndDrive, parameter_leaves
-from linkage_ros.settings.viewer import VIEWERS
+from linkage_ros.settings.parameters import VIEWERS, MechanismAndDrive, parameter_leaves
 from linkage_ros.settings.yaml_file import read_scalar
 from linkage_ros.xml_file import read_xml
 

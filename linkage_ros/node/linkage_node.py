@@ -45,8 +45,8 @@ from linkage_ros.node.workers import freeze_heap
 from linkage_ros.quantities import build, counted, flatten
 from linkage_ros.run.states import Simulator
 from linkage_ros.run.trajectory_ahead import TrajectoryAhead
-from linkage_ros.settings.command_lines import node_parser
 from linkage_ros.settings.configuration import configure, preset_note
+from linkage_ros.settings.help import node_parser
 from linkage_ros.settings.notes import notes
 from linkage_ros.settings.parameters import parameter_leaves
 from linkage_ros.settings.summary import summary

@@ -17,7 +17,7 @@ from linkage_ros.motion.segments import Segment
 from linkage_ros.node.health import Health
 from linkage_ros.node.workers import Worker, accompany_ticker
 from linkage_ros.run.states import Simulator
-from linkage_ros.settings.viewer import SPAWN, WEB
+from linkage_ros.settings.parameters import SPAWN, WEB
 
 # Queue lengths: for a stalled disk, half a minute at 1 kHz, within 64 MB; for a slow viewer.
 _LOG_CAPACITY, _VIEW_CAPACITY = 30_000, 4_000

@@ -21,9 +21,9 @@ from linkage_ros.mechanism.solver import Solver
 from linkage_ros.node.parameter_node import ParameterNode, given_values
 from linkage_ros.node.process import Throttle, run_program
 from linkage_ros.quantities import build, flatten, unknown_name
-from linkage_ros.settings.command_lines import controller_parser
 from linkage_ros.settings.configuration import load
 from linkage_ros.settings.controller import PARAMETERS, ControllerSettings
+from linkage_ros.settings.help import controller_parser
 from linkage_ros.units import NS_PER_S, radians_per_second
 
 _NAME = 'linkage_controller'

@@ -36,7 +36,7 @@ from linkage_ros.programs.player import (
 )
 from linkage_ros.quantities import Quantity, counted
 from linkage_ros.run.states import Simulator
-from linkage_ros.settings.viewer import VIEWERS, WEB
+from linkage_ros.settings.parameters import VIEWERS, WEB
 from linkage_ros.units import NS_PER_S
 
 if TYPE_CHECKING:

@@ -1,15 +1,18 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-"""Describes parameters for --help."""
+"""Parameters in --help, and the command lines of programs on ROS, whose help needs no rclpy."""
 
+import argparse
 import json
 from collections.abc import Iterable
 from dataclasses import MISSING, replace
 
+from linkage_ros import cli
 from linkage_ros.mechanism.loads import LOADS
 from linkage_ros.mechanism.registry import MECHANISMS
 from linkage_ros.motion.drives import DRIVES
 from linkage_ros.quantities import Leaf, leaves
+from linkage_ros.settings.controller import PARAMETERS
 from linkage_ros.settings.parameters import MechanismAndDrive, parameter_leaves
 
 
@@ -56,3 +59,28 @@ def help_on_every_kind() -> str:
         parts.append(f'also, any number of loads, by names of your own, with kind: {kind}:')
         parts.append(help_on(leaves(cls, 'loads.NAME.')))
     return '\n'.join(parts)
+
+
+def node_parser() -> argparse.ArgumentParser:
+    """Makes the parser of linkage_node."""
+    return cli.make_parser(
+        'linkage_node',
+        'Turn the crank of a linkage on ROS 2; publish its states and the driving torque.',
+        ('', '--ros-args -p rpm:=60.0 -p log:=run.mcap',
+         '--ros-args -p drive:=torque -p motor.torque:=9.0 -p motor.damping:=0.5',
+         '--ros-args --params-file linkage.yaml -r joint_states:=linkage/joint_states'),
+        help_on_every_kind(),
+    )  # fmt: skip
+
+
+def controller_parser() -> argparse.ArgumentParser:
+    """Makes the parser of linkage_controller."""
+    return cli.make_parser(
+        'linkage_controller',
+        'Keep a torque-driven crank at a speed.',
+        ('', '--ros-args -p rpm:=600.0 -p feed_forward:=false'),
+        'parameters:\n' + help_on(PARAMETERS),
+    )
+
+
+PARSERS = {'node.linkage_node': node_parser, 'programs.controller': controller_parser}

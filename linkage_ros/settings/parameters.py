@@ -21,9 +21,11 @@ from linkage_ros.messages.urdf import link_of
 from linkage_ros.motion.drives import DRIVES
 from linkage_ros.quantities import Checked, Leaf, build, leaves, quantity, shown
 from linkage_ros.settings.joints import joint_leaves
-from linkage_ros.settings.viewer import VIEWERS
 
 JOINT_PREFIX = '[A-Za-z0-9_]*'  # regular expression
+# Values of the parameter `viewer`: two of them, and all in words.
+SPAWN, WEB = 'spawn', 'web'
+VIEWERS = f'{SPAWN}, {WEB}, rerun+http://HOST:PORT/proxy or a .rrd path'
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ disconnecting happens in a thread that can be abandoned.
 """
 
 import contextlib
+import re
 import socket
 import threading
 import time
@@ -25,11 +26,14 @@ from linkage_ros.errors import ViewerError
 from linkage_ros.files import create_file
 from linkage_ros.mechanism.kinematics import State
 from linkage_ros.numeric import Array
+from linkage_ros.quantities import shown
 from linkage_ros.settings.configuration import Configuration
-from linkage_ros.settings.viewer import SPAWN, WEB, is_recording, viewer_address, viewer_error
+from linkage_ros.settings.parameters import SPAWN, VIEWERS, WEB
 from linkage_ros.view.rerun_drawing import TIMELINE, RerunDrawing, Rows
 from linkage_ros.view.viewer_process import ViewerProcess, connections, open_viewer
 
+_URL = re.compile(r'rerun\+http://(\[[0-9a-fA-F:.]+\]|[^][/:\s]+):(\d{1,5})/proxy')
+_LAST_PORT = 65535
 _WALL_CLOCK = 10**18  # ns; smaller stamps, before September 2001, are times since a start
 _BATCH = 20_000  # greatest number of samples sent at once
 # Time between batches, s: drawings to a viewer, curves to a viewer, and all data to a file. In a
@@ -105,11 +109,11 @@ class View:
         self._stream = rr.RecordingStream('linkage_ros')
         if target in (SPAWN, WEB):
             self._process, self._target, self.page = open_viewer(bind, window=target == SPAWN)
-        self._address = viewer_address(self._target)
+        self._address = _address_of(self._target)
         if self._address:
             self._connect(self._address, _ANSWER_SECONDS)
-        elif not is_recording(target):
-            raise ViewerError(viewer_error(target))
+        elif Path(target).suffix != '.rrd' or '://' in target:
+            raise ViewerError(f'viewer = {shown(target)} is not one of: {VIEWERS}')
         else:
             cure = 'delete it first (linkage_node: or set log_overwrite)'
             self._file = create_file(target, ViewerError, overwrite=overwrite, cure=cure)
@@ -222,6 +226,14 @@ class View:
         with contextlib.suppress(RuntimeError):
             self._stream.flush(timeout_sec=_CLOSE_SECONDS - _LAST_SECONDS)
         self._stream.disconnect()
+
+
+def _address_of(target: str) -> tuple[str, int] | None:
+    """Returns the host and port in the URL of a viewer; None for other targets."""
+    match = _URL.fullmatch(target)
+    if match is None or int(match[2]) > _LAST_PORT:
+        return None
+    return match[1].strip('[]'), int(match[2])
 
 
 def _is_reachable(address: tuple[str, int], timeout: float) -> bool:
