@@ -1,10 +1,11 @@
 # Copyright 2026 The linkage_ros authors
 # SPDX-License-Identifier: Apache-2.0
-.PHONY: help demo controller check reliability docs package clean
+.PHONY: help demo controller check explore reliability docs package clean
 help:
 	@echo 'make demo         set up a virtual environment and show a linkage move'
 	@echo 'make controller   let a controller keep the speed of a torque-driven linkage, and compare'
 	@echo 'make check        set up a virtual environment and run every check, as CI does'
+	@echo 'make explore      try the laws of random mechanisms with fresh seeds, for 20 minutes'
 	@echo 'make reliability  kill, fill, cut, soak and fuzz: nearly three hours, as root'
 	@echo 'make docs         build the documentation site, with the API and movies, in the folder site'
 	@echo 'make package      build sdist and wheel into dist, and try them in a fresh environment'
@@ -96,6 +97,14 @@ check: $(VENV)/check-ready
 	PYTEST_DISABLE_PLUGIN_AUTOLOAD=1 $(RUN) -m pytest -q -p _hypothesis_pytestplugin \
 		-p xdist -p no:terminaldistreporter -n 3 --dist loadfile --no-loadscope-reorder; \
 	code=$$?; wait $$types && exit $$code
+
+# A failure prints how to repeat it, as a decorator of its test.
+MINUTES := 20
+explore: $(VENV)/check-ready
+	@end=$$(($$(date +%s) + 60 * $(MINUTES))); while [ $$(date +%s) -lt $$end ]; do \
+	PYTEST_DISABLE_PLUGIN_AUTOLOAD=1 $(RUN) -m pytest -q -p _hypothesis_pytestplugin -p xdist \
+		-p no:terminaldistreporter -n 2 --no-loadscope-reorder -m hypothesis \
+		--hypothesis-profile explore || exit; done
 
 $(VENV)/pip-ready: $(SETUP)
 	@$(if $(BASE),,$(error $(if $(PYTHON),$(PYTHON) is no,No) Python from 3.10 to 3.13 \

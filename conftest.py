@@ -32,6 +32,9 @@ np.seterr(all='raise')
 settings.register_profile(
     'repeatable', deadline=None, derandomize=True, database=None, max_examples=30
 )
+settings.register_profile(
+    'explore', deadline=None, database=None, print_blob=True, max_examples=300
+)
 settings.load_profile('repeatable')
 
 

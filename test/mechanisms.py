@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+from hypothesis import settings
 from hypothesis import strategies as st
 from mpmath import mp
 from oracle import oracle_of, wrap
@@ -259,6 +260,11 @@ ALL = {
         for (name, x), way in zip(CYLINDERS.items(), 2 * ASSEMBLIES, strict=True)
     },
 }
+
+
+def examples(count):
+    """Limits the random examples of a test to `count`; `make explore` tries ten times as many."""
+    return settings(max_examples=count * settings().max_examples // 30)
 
 
 def with_loads(mechanism, *loads):

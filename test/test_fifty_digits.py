@@ -8,7 +8,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from mechanisms import (
     ALL,
@@ -18,6 +18,7 @@ from mechanisms import (
     FULL,
     LIMITED,
     TURN,
+    examples,
     force_errors,
     four_bar,
     of,
@@ -85,7 +86,7 @@ def test_states_points_and_forces_are_right_around_two_turns(name, motion):
 
 
 @pytest.mark.parametrize('kind', ANY)
-@settings(max_examples=8)
+@examples(8)
 @given(
     data=st.data(),
     angles=st.lists(st.floats(-TURN, TURN, allow_subnormal=False), min_size=3, max_size=3),

@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from mechanisms import (
     ALL,
@@ -17,6 +17,7 @@ from mechanisms import (
     DOCUMENT_1,
     TURN,
     coordinates,
+    examples,
     four_bar,
     kinds,
     longest,
@@ -44,7 +45,7 @@ from linkage_ros.settings.configuration import load
 
 every = pytest.mark.parametrize('name', ALL)
 any_of = pytest.mark.parametrize('kind', ANY)
-few = settings(max_examples=15)
+few = examples(15)
 
 
 @pytest.mark.parametrize('name', ['crank_rocker', 'offset_right', 'pump'])
@@ -255,7 +256,7 @@ def edges(pump, crank):
                 yield x + side * mp.sqrt(radius**2 - y**2), side if radius == b + c else -side
 
 
-@settings(max_examples=20, deadline=None)
+@examples(20)
 @given(
     st.integers(-300, 300), st.floats(0.01, 0.4), st.floats(0.5, 2), st.floats(0.5, 2),
     st.one_of(st.sampled_from([0.0, math.pi, math.pi / 2]), st.floats(-1000, 1000)),

@@ -11,8 +11,9 @@ import random
 from fractions import Fraction
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from mechanisms import examples
 from mpmath import mp
 
 from linkage_ros.log.records import decode_motion, encode_motion
@@ -197,7 +198,6 @@ drives = st.builds(
 times = st.integers(0, 10**12) | st.integers(0, 10**18)
 
 
-@settings(max_examples=30, deadline=None)
 @given(drives, st.lists(times, min_size=1, max_size=6), times)
 def test_changing_to_the_same_speed_changes_nothing(drive, stamps, later):
     whole = drive.begin(NOW, None)
@@ -247,7 +247,7 @@ def test_time_to_turn_detects_a_peak_between_two_nanoseconds(sense):
     assert peaks > 15
 
 
-@settings(max_examples=20, deadline=None)
+@examples(20)
 @given(drives, st.integers(1, 50))
 def test_time_to_turn_is_the_first_nanosecond_at_which_the_turns_are_complete(drive, turns):
     motion = drive.begin(NOW, None)
@@ -265,7 +265,6 @@ def test_time_to_turn_is_the_first_nanosecond_at_which_the_turns_are_complete(dr
 # ---------------------------------------------------------------- log and limits
 
 
-@settings(max_examples=30, deadline=None)
 @given(drives, times, speeds, times)
 def test_the_log_keeps_a_motion_to_the_last_bit(drive, elapsed, rpm, later):
     for motion in (

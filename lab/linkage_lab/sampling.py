@@ -235,9 +235,10 @@ def _vertices(terms: Array) -> tuple[Array, Any]:
     inner = np.minimum(np.maximum(cell, 1), _CELLS - 1)
     before, now, after = fine[each, inner - 1], fine[each, inner], fine[each, inner + 1]
     bend = before - 2 * now + after
-    is_inside = (cell == inner) & (bend < 0)
-    aside = np.where(is_inside, 0.5 * (before - after) / np.where(is_inside, bend, 1.0), 0.0)
-    return (cell + aside) * (2 / _CELLS) - 1, is_inside
+    is_bent = bend < 0
+    vertex = inner + np.where(is_bent, 0.5 * (before - after) / np.where(is_bent, bend, 1.0), 0.0)
+    is_inside = is_bent & (0 < vertex) & (vertex < _CELLS)
+    return np.clip(vertex, 0, _CELLS) * (2 / _CELLS) - 1, is_inside
 
 
 def _neighbors(x: Array, near: Any) -> tuple[Array, Array]:

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
-from mechanisms import ALL, TURN
+from mechanisms import ALL, TURN, examples
 from transforms import mirrored, turned
 
 from linkage_lab.charts.economy import Economy
@@ -112,7 +112,7 @@ def test_a_mirrored_law_has_the_mirrored_torque():
     assert found[1] == pytest.approx(found[0], rel=1e-9)
 
 
-@settings(max_examples=50)
+@examples(50)
 @given(st.floats(0.0, TURN), st.floats(0.2, 3.0), st.booleans())
 def test_peaks_of_known_functions_are_exact(at, width, is_sampled):
     """A smooth peak anywhere, also on the seam at 0, with and without the function itself."""

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
-from mechanisms import TURN
+from mechanisms import TURN, examples
 
 from linkage_lab.period import extent, speed_driven_period
 from linkage_lab.sampling import derivative, integral, samples
@@ -35,7 +35,7 @@ def integrated(at, value, power=1):
     return np.sum(np.diff(x) * means[power - 1])
 
 
-@settings(max_examples=10)
+@examples(10)
 @given(
     st.floats(-9.0, 9.0),
     st.lists(st.tuples(st.floats(1e-5, 0.3), st.integers(-5, 5)), min_size=2, max_size=9),
