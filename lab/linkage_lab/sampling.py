@@ -237,7 +237,7 @@ def _vertices(terms: Array) -> tuple[Array, Any]:
     bend = before - 2 * now + after
     is_bent = bend < 0
     vertex = inner + np.where(is_bent, 0.5 * (before - after) / np.where(is_bent, bend, 1.0), 0.0)
-    is_inside = is_bent & (0 < vertex) & (vertex < _CELLS)
+    is_inside = is_bent & (vertex > 0) & (vertex < _CELLS)
     return np.clip(vertex, 0, _CELLS) * (2 / _CELLS) - 1, is_inside
 
 
