@@ -14,7 +14,7 @@ from ros_harness import report_of
 from linkage_ros import ConfigurationError, LogError, __version__, load, preset_names, read_log
 from linkage_ros.log.reader import LogReader
 from linkage_ros.log.records import CONFIGURATION_RECORD, seal, unseal
-from linkage_ros.programs import log_tool
+from linkage_ros.programs import log_tool, replay
 from linkage_ros.programs import record as record_module
 from linkage_ros.programs.record import record
 from linkage_ros.settings.configuration import configure, read_values
@@ -170,6 +170,8 @@ def test_logs_of_version_1_are_read_but_not_verified(preset, called, tmp_path):
     assert read_log(path).keys() == read_log(LOGS[preset]).keys()
     assert called(log_tool, 'csv', path, tmp_path / 'old.csv')[0] == 0
     assert called(log_tool, 'info', path)[0] == 0
+    view = '--no-ros', '--viewer', tmp_path / 'old.rrd', '--rate', 10, '--playback-duration', 0.1
+    assert called(replay, path, *view)[0] == 0
     with pytest.raises(LogError, match=r'names before version 2\.0; verify it with .*, 1\.0\.0$'):
         report_of(path)
     assert new.version == __version__
