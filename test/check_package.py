@@ -18,7 +18,7 @@ from test_packaging import ROOT, build_wheel, copy_tree, run
 BUILD_SDIST = 'import sys, setuptools.build_meta as b; b.build_sdist(sys.argv[1])'
 EXTRAS = 'ros,viewer,record'
 TRIED = (
-    'linkage_node --help',
+    'python -m linkage_ros.node.linkage_node --version',  # imports rclpy
     'linkage_record wiper run.mcap',
     'linkage_log verify run.mcap',
     'linkage_replay run.mcap --viewer run.rrd --rate 1000',
