@@ -49,18 +49,31 @@ _IN_LINE = (
 )
 
 
-class _Outside(NamedTuple):
-    """What programs need whose last argument is an environment.
+class _OpenModel(NamedTuple):
+    """A model of which the numbers of conditions are arguments, not constants.
 
     Attributes:
-        model: Their model, which names the scalars in errors.
+        model: The model, which names these arguments in errors.
         constants: The prepared constants of the model.
-        names: Names of the scalars in the environment.
+        names: Names of these arguments.
     """
 
     model: Model
     constants: Constants
     names: Environment
+
+    def within(self, values: Sequence[Real]) -> Model:
+        """Returns the prepared model with the numbers of conditions.
+
+        Raises:
+            ConfigurationError: A value is not a finite number.
+        """
+        words: list[str] = leaves(self.names)
+        numbers, _ = real_numbers(words, values)
+        require_finite(**dict(zip(words, numbers, strict=True)))
+        environment: Environment = rebuilt(self.names, iter(numbers))
+        model: Model = self.constants.tree
+        return model.within(environment)
 
 
 class Solver:
@@ -136,21 +149,19 @@ class Solver:
             'a': tuple(f'{x}_acceleration' for x in self.coordinates),
             'torque': 'torque',
         }
-        q, u, a, _ = self.names.values()
         self.model = Model.of(
             mechanism,
             structure,
             mechanism.chain(self.description),
             pivot,
-            refuse=_refusal(*q, *u, *a),
-            refuse_torque=_refusal(*q, *u, 'torque'),
+            **self._refusals(),
             refuse_forces=Opaque(functools.partial(_refuse_angle, mechanism, _IN_LINE)),
             massless=Opaque(_refuse_massless),
         )
         if self.model.joint_loads:
             self.names['search'] = search_names(self._constants.tree)
         self._programs: dict[tuple[Any, ...], Program] = {}
-        self._outsides: dict[tuple[Any, ...], _Outside] = {}
+        self._open_models: dict[tuple[Any, ...], _OpenModel] = {}
         # Whether floats can be passed to the programs as they are.
         self._takes_floats = len(self.coordinates) == 1 and not self.model.joint_loads
 
@@ -196,37 +207,55 @@ class Solver:
             arguments = [self.names[letter] for letter in letters]
             constants = self._constants
             if under:
-                outside = self._outside(under)
-                constants = outside.constants
-                arguments.append(outside.names)
+                opened = self._open_model(under)
+                constants = opened.constants
+                arguments.append(opened.names)
             self._programs[key] = self._bound(formula, constants, tuple(arguments))
         return self._programs[key]
 
-    def _outside(self, under: Conditions) -> _Outside:
-        """Returns what programs need under conditions.
+    def _open_model(self, under: Conditions) -> _OpenModel:
+        """Returns the model of all conditions that have numbers of the same names.
 
         Raises:
             ConfigurationError: A force is given for a load that is not a force.
         """
-        if under.names not in self._outsides:
-            loads = self.mechanism.link_loads()
-            valid = [name for name, load in loads.items() if isinstance(load, PointForce)]
-            for name, _ in under.forces:
-                if name not in valid:
-                    raise ConfigurationError(
-                        f'forces: {shown(name)} is not a load of kind force; the mechanism has '
-                        f'{", ".join(valid) or "none"}'
-                    )
+        if under.names not in self._open_models:
             names = Environment(*under.names)
-            q, u, a, torque, *_ = self.names.values()
-            places = [*loads]
             model = self.model._replace(
-                given=tuple(places.index(name) for name, _ in under.forces),
-                refuse=_refusal(*q, *u, *a, *leaves(names)),
-                refuse_torque=_refusal(*q, *u, torque, *leaves(names)),
+                given=self._force_indices(under), **self._refusals(*leaves(names))
             )
-            self._outsides[under.names] = _Outside(model, Constants(model), names)
-        return self._outsides[under.names]
+            self._open_models[under.names] = _OpenModel(model, Constants(model), names)
+        return self._open_models[under.names]
+
+    def _force_indices(self, under: Conditions) -> tuple[int, ...]:
+        """Returns the index of each load whose force is given, among the loads on links.
+
+        Raises:
+            ConfigurationError: A force is given for a load that is not a force.
+        """
+        loads = self.mechanism.link_loads()
+        index_of = {
+            name: i for i, (name, load) in enumerate(loads.items()) if isinstance(load, PointForce)
+        }
+        for name, _ in under.forces:
+            if name not in index_of:
+                raise ConfigurationError(
+                    f'forces: {shown(name)} is not a load of kind force; the mechanism has '
+                    f'{", ".join(index_of) or "none"}'
+                )
+        return tuple(index_of[name] for name, _ in under.forces)
+
+    def _refusals(self, *others: str) -> dict[str, Any]:
+        """Returns the functions of a model that reject its arguments.
+
+        Args:
+            *others: Names of arguments after coordinates, rates, and accelerations or torque.
+        """
+        motion = *self.names['q'], *self.names['u']
+        return {
+            'refuse': _refusal(*motion, *self.names['a'], *others),
+            'refuse_torque': _refusal(*motion, self.names['torque'], *others),
+        }
 
     def _bound(self, formula: Callable[..., Any], constants: Constants, names: Any) -> Program:
         return Program(formula, constants, names, traced=self._traced, by_math=self._by_math)
@@ -442,9 +471,9 @@ class Solver:
         self._refuse_friction()
         model, arguments = self.model, [self.names['q'], self.names['u']]
         if under:
-            outside = self._outside(under)
-            model = outside.model
-            arguments.append(outside.names)
+            opened = self._open_model(under)
+            model = opened.model
+            arguments.append(opened.names)
         constants = Constants((model, Opaque(torque)))
         return self._bound(equations.driven, constants, tuple(arguments)).floats
 
@@ -547,11 +576,15 @@ class Solver:
             values = self._settle(q, u, a, state.conditions).reactions
         else:
             values = self._run(reactions, state.conditions, q=q, u=u, a=a)
-        in_pins, guides, *others, moments = values
+        in_pins, in_guides, shaking_force, shaking_moment, torque, moments = values
         sliding = [link.name for link in self.structure.links if link.slides]
-        pairs = map(GuideForce, guides, moments)
+        guides = map(GuideForce, in_guides, moments)
         return Reactions(
-            dict(zip(pins, in_pins, strict=True)), dict(zip(sliding, pairs, strict=True)), *others
+            dict(zip(pins, in_pins, strict=True)),
+            dict(zip(sliding, guides, strict=True)),
+            shaking_force,
+            shaking_moment,
+            torque,
         )
 
     def load_forces(self, state: State) -> dict[str, Real]:
@@ -596,14 +629,10 @@ class Solver:
         position, velocity, _ = self._rows(state)
         under, model = state.conditions, self._constants.tree
         if under:
-            outside = self._outside(under)
-            words: list[str] = leaves(outside.names)
-            given, _ = real_numbers(words, under.values)
-            require_finite(**dict(zip(words, given, strict=True)))
-            environment = rebuilt(outside.names, iter(given))
-            model = outside.constants.tree.within(environment._replace(frame=()))
+            model = self._open_model(under).within(under.values)
+        # A turning frame adds a load of its own after these.
         loads: list[tuple[str, Load]] = [
-            *zip(self.mechanism.link_loads(), model.loads, strict=True)
+            *zip(self.mechanism.link_loads(), model.loads, strict=False)
         ]
         if self.model.joint_loads:
             q, u, a = self._motion(state)
