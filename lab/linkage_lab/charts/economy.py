@@ -8,9 +8,9 @@ import itertools
 import math
 import textwrap
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -43,6 +43,7 @@ from linkage_ros.palette import (
     PURPLE,
     SKY,
     WHITE,
+    Color,
     color_of,
     fractions,
     mixed,
@@ -50,8 +51,11 @@ from linkage_ros.palette import (
 
 POINT_MASSES = 'coupler as two point masses'
 _FULL = 'full model'
-_HARMONICS = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 16, 24, 32)
-_NODES = (8, 16, 32, 64, 128, 256, 512, 1024)
+# Names of reduced models, with their numbers of harmonics or nodes.
+_HARMONICS = {
+    f'{n} harmonic{"s" if n > 1 else ""}': n for n in (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 16, 24, 32)
+}
+_TABLES = {f'table of {n} nodes': n for n in (8, 16, 32, 64, 128, 256, 512, 1024)}
 _TIMED = 8  # one of this many angles is timed
 _FACTORS = 0.25, 0.5, 1.0, 2.0, 4.0  # default speeds, relative to the mechanism's own speed
 _SAMPLES = 2048  # evenly spaced torques: series are fitted to all, tables use a subset
@@ -60,12 +64,34 @@ _ROUNDING = 1e-12  # smaller errors are rounding errors
 _ROOM = 0.88  # width of a group of bars, relative to the distance between groups
 _OTHERS = {'gravity': DARK, STATIC: PURPLE}
 _LOADS = ORANGE, SKY  # colours of loads, in turn
-# Marker, size, colour and legend label of the reduced models, by a word in their names.
-_REDUCED = {
-    'harmonic': ('o-', 5, BLUE, 'harmonics'),
-    'table': ('s-', 5, ORANGE, 'nodes of a table'),
-    POINT_MASSES: ('*-', 9, PURPLE, 'two point masses'),
-}
+
+
+class _Curve(NamedTuple):
+    """The reduced models of one kind, and how they are drawn.
+
+    Attributes:
+        label: Label in the legend.
+        models: Names of the models, each with the label of its point.
+        marker: Shape of the points.
+        size: Their size, points.
+        color: Their colour.
+        is_numbered_left: Whether the labels of points are to their left, not above them. A table
+            and harmonics may take the same time.
+    """
+
+    label: str
+    models: Mapping[str, object]
+    marker: str
+    size: float
+    color: Color
+    is_numbered_left: bool = False
+
+
+_REDUCED = (
+    _Curve('harmonics', _HARMONICS, 'o', 5, BLUE),
+    _Curve('nodes of a table', _TABLES, 's', 5, ORANGE, is_numbered_left=True),
+    _Curve('two point masses', {POINT_MASSES: ''}, '*', 9, PURPLE),
+)
 
 # One simpler model at one speed, as in the JSON file:
 #   mechanism: name of the parameter file
@@ -201,12 +227,11 @@ class Economy:
             found[POINT_MASSES] = torque_models.torque_program(reduced), needs['coupler'] + 2
         angles = np.arange(float(_SAMPLES)) * (self._period / _SAMPLES)
         even = full.torques(angles, rpm * math.pi / 30)
-        for n in _HARMONICS:
-            program = torque_models.series_program(even, self._period, n)
-            found[f'{n} harmonic{"s" if n > 1 else ""}'] = program, 2 * n + 1
-        for n in _NODES:
-            program = torque_models.table_program(even[:: _SAMPLES // n], self._period)
-            found[f'table of {n} nodes'] = program, n
+        for name, n in _HARMONICS.items():
+            found[name] = torque_models.series_program(even, self._period, n), 2 * n + 1
+        for name, n in _TABLES.items():
+            nodes = even[:: _SAMPLES // n]
+            found[name] = torque_models.table_program(nodes, self._period), n
         return found
 
     def _without(self, *names: str) -> TorqueProgram:
@@ -262,7 +287,7 @@ class Economy:
         """
         speed, program = rpm * math.pi / 30, self._without()
         # Several angles between two nodes of the largest table; with friction, each takes long.
-        steps = 720 if self._solver.model.joint_loads else 4 * _NODES[-1]
+        steps = 720 if self._solver.model.joint_loads else 4 * max(_TABLES.values())
         angles = samples(self._solver, speed, steps)
         found = program.torques(angles, speed)
         if not found.any():
@@ -365,21 +390,21 @@ def _draw_bars(axes: Axes, savings: Sequence[Saving], terms: Sequence[str]) -> N
 def _draw_reduced(axes: Axes, own: Sequence[Saving]) -> None:
     """Plots the torque errors of the reduced models against their computing time."""
     full = own[0]['full_microseconds']
-    for kind, (style, size, color, label) in _REDUCED.items():
-        group = {
-            x['left_out']: (full - x['microseconds'], x['error'])
-            for x in own if kind in x['left_out'] and x['error'] > _LEAST
-        }  # fmt: skip
-        if group:
-            points = zip(*group.values(), strict=True)
-            axes.plot(*points, style, color=fractions(color), lw=0.9, ms=size, label=label)
-        side = -1 if kind == 'table' else 1  # nodes and harmonics may take the same time
-        for name, point in group.items():
+    for curve in _REDUCED:
+        shown = [x for x in own if x['left_out'] in curve.models and x['error'] > _LEAST]
+        if not shown:
+            continue
+        times = [full - x['microseconds'] for x in shown]
+        errors = [x['error'] for x in shown]
+        axes.plot(
+            times, errors, color=fractions(curve.color), linewidth=0.9, marker=curve.marker,
+            markersize=curve.size, label=curve.label,
+        )  # fmt: skip
+        offset, side = ((-6, 1), 'right') if curve.is_numbered_left else ((1, 8), 'left')
+        for saving, time_taken, error in zip(shown, times, errors, strict=True):
             axes.annotate(
-                ''.join(filter(str.isdigit, name)), point,
-                xytext=(1, 8) if side > 0 else (-6, 1),  # above the curve, which falls
-                ha='left' if side > 0 else 'right',
-                textcoords='offset points', fontsize=NUMBERS, va='center',
+                str(curve.models[saving['left_out']]), (time_taken, error), xytext=offset,
+                textcoords='offset points', fontsize=NUMBERS, ha=side, va='center',
             )  # fmt: skip
     axes.axvline(full, color=fractions(BLACK), linewidth=1.2, label='full model')
     axes.set(
