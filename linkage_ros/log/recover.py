@@ -111,7 +111,7 @@ class _Copy:
         """Copies all intact records; returns the outcome.
 
         Args:
-            progress: See `recover`.
+            progress: Called with the number of bytes read since the last call.
 
         Raises:
             LogError: The decompressed log would be too large, the log has no configuration, or the

@@ -269,7 +269,7 @@ class TorqueStates(TickStates):
         the logged angles.
 
         Args:
-            before: See `_difference`.
+            before: The driven mechanism in the description of the previous state.
             origin: The previous state.
             values: Logged positions and rates.
             span: Time between the two states, s.

@@ -268,8 +268,8 @@ class Spline(NamedTuple):
         """Finds times that include those of the largest and smallest angle, if these matter.
 
         Args:
-            low: Angles above this and below `high` do not matter, rad.
-            high: See `low`.
+            low: Lower end of the range in which angles do not matter, rad.
+            high: Upper end of this range.
 
         Returns:
             The times, ns, rounded.

@@ -179,7 +179,7 @@ def record_measured(
         topic: Topic of the measurements; by default, the only topic that names the crank.
         overwrite: Whether to replace an existing log.
         progress: Whether to show a progress bar on stderr.
-        stopped: See `record`.
+        stopped: Function called before each batch of states; True ends the record early.
 
     Returns:
         The numbers of states and of rejected measurements.

@@ -120,7 +120,7 @@ class Simulator:
         """Compiles the programs, and rejects a motion that is too fast for a live run.
 
         Raises:
-            ConfigurationError: See `Drive.rehearse`.
+            ConfigurationError: A live run cannot follow the motion.
         """
         for found in self.configuration.drive.rehearse(self.machine):
             with suppress(LinkageError):  # the run will report this error

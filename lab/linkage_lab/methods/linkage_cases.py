@@ -53,7 +53,7 @@ class LinkageCase(Case):
         mechanism: Linkage to solve.
         cranks: Crank angles at which methods are tested, in order, rad.
         guess: Initial guess of iterative methods: direction of the coupler and output position.
-        decimal: See `Reference`.
+        decimal: Whether lengths are exact decimals, so that 0.1 is a tenth.
         reference: Source of the reference states.
     """
 

@@ -126,7 +126,7 @@ class Multibody:
         """Solves for the rates of coupler, third link and dyads at given velocities of the gaps.
 
         Args:
-            places: See `gap`.
+            places: Unit vector of each link that turns, (position, 0) of each link that slides.
             rates: Rates of all links, of which those to solve for are ignored.
             opening: Velocities of the gaps, m/s.
 
@@ -146,7 +146,7 @@ class Multibody:
         """Returns the matrix and the right-hand side of the equations, without a driving torque.
 
         Args:
-            places: See `gap`.
+            places: Unit vector of each link that turns, (position, 0) of each link that slides.
             rates: Velocities of the links, rad/s or m/s.
 
         Returns:

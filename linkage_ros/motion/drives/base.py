@@ -64,11 +64,10 @@ class Drive(Checked):
         is_measured: Whether each state is that of a measurement, so that nothing is simulated.
         is_integrated: Whether the motion is integrated from state to state under a torque, so that
             segments alone do not determine it.
-        effort_command_topic: See `FeedForward`; empty for drives without these parameters, as are
-            the next three.
-        lead_time: See `FeedForward`.
-        trajectory_command_topic: See `TrajectoryFeedForward`.
-        trajectory_horizon: See `TrajectoryFeedForward`.
+        effort_command_topic: Topic of the feed-forward torque; empty without it.
+        lead_time: Time by which this torque is computed in advance of its stamp, s.
+        trajectory_command_topic: Topic of trajectories of the crank; empty without them.
+        trajectory_horizon: Duration of each trajectory, s.
     """
 
     segment: ClassVar[type[Segment]]
