@@ -8,7 +8,7 @@ inside it.
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from linkage_ros.errors import ConfigurationError
 from linkage_ros.mechanism.kinematics import State
 from linkage_ros.mechanism.loads.base import Range, continuous
 from linkage_ros.mechanism.solver import Solver
+from linkage_ros.mechanism.structure import Link
 
 _ROUNDING = 1e-9  # relative to the span of the points
 
@@ -92,21 +93,32 @@ class Ranges:
             ]
             self._one_way, self._reversed = {}, False
         for label, (low, high) in list(self._found.items()):  # another thread may add to it
-            if label in self._said:
-                continue
-            self._said.add(label)
-            link, *ends, _ = self._valid[label]
-            body, room = self._links[link], _ROUNDING * (ends[1] - ends[0])
-            beyond = [low] if low < ends[0] - room else []
-            beyond += [high] if high > ends[1] + room else []
-
-            def words(*values: float, slides: bool = body.slides) -> str:
-                meters = ' to '.join(f'{x:.6g}' for x in values)
-                degrees = ' to '.join(f'{math.degrees(x):.6g}' for x in values)
-                return f'{meters} m' if slides else f'{meters} rad ({degrees} deg)'
-
-            lines.append(
-                f'{label}.at spans {words(*ends)}, and the {body.name} has been at '
-                f'{words(*beyond)}: beyond the points, the end values apply'
-            )
+            if label not in self._said:
+                self._said.add(label)
+                lines.append(self._note_of_curve(label, low, high))
         return lines
+
+    def _note_of_curve(self, label: str, low: float, high: float) -> str:
+        """Returns the line for a load curve whose link has been from `low` to `high`."""
+        valid = self._valid[label]
+        body = self._links[valid.link]
+        room = _ROUNDING * (valid.high - valid.low)
+        beyond = []
+        if low < valid.low - room:
+            beyond.append(low)
+        if high > valid.high + room:
+            beyond.append(high)
+        span = _positions([valid.low, valid.high], body)
+        return (
+            f'{label}.at spans {span}, and the {body.name} has been at '
+            f'{_positions(beyond, body)}: beyond the points, the end values apply'
+        )
+
+
+def _positions(values: Sequence[float], link: Link) -> str:
+    """Formats positions of a link, such as '0.1 to 0.2 m'."""
+    numbers = ' to '.join(f'{x:.6g}' for x in values)
+    if link.slides:
+        return f'{numbers} m'
+    degrees = ' to '.join(f'{math.degrees(x):.6g}' for x in values)
+    return f'{numbers} rad ({degrees} deg)'

@@ -153,6 +153,26 @@ class Link(NamedTuple):
         center = pin.along(index, *body.center)
         return cls(name, body.mass, body.inertia, center, parent, origin)
 
+    @classmethod
+    def carried(cls, name: str, body: Body, index: int, end: 'End') -> 'Link':
+        """Creates a link of a dyad; for the arguments, see `turning`."""
+        center = end.point.along(index, *body.center)
+        return cls(name, body.mass, body.inertia, center, end.carrier, end.at)
+
+
+class End(NamedTuple):
+    """An end of a dyad, about which a link of the dyad turns.
+
+    Attributes:
+        carrier: Index of the link that carries the end; None for the frame.
+        at: The end on that link, in its axes, x + iy, m.
+        point: The end.
+    """
+
+    carrier: int | None
+    at: complex
+    point: Point
+
 
 def direction(angle: Real) -> Any:
     """Returns e^(i angle) for an angle, rad, or for an array of angles."""
@@ -238,50 +258,54 @@ class Structure(NamedTuple):
 
     def with_dyad(self, dyad: Dyad) -> 'Structure':
         """Returns the structure with the links, points and pins of a dyad."""
-        i, name = len(self.links), dyad.name
-        wide = self._replace(
-            links=tuple(link._replace(center=link.center.wider(2)) for link in self.links),
-            points={x: point.wider(2) for x, point in self.points.items()},
-            closure=self.closure.wider(2),
-            dyads=(*self.dyads, (i, i + 1)),
-            other_dyads=(*self.other_dyads, (i, i + 1)) if self.other_dyads else (),
-            added=tuple(x.wider(2) for x in self.added),
-        )
-
-        def turning(
-            index: int, body: Body, carrier: str, at: tuple[float, float]
-        ) -> tuple[Link, Point, int | None]:
-            parent = None if carrier == 'frame' else self.link_index(carrier, name)
-            end = wide.point_of(FRAME if parent is None else parent, at)
-            link = Link(
-                [*dyad.parts][index - i], body.mass, body.inertia,
-                end.along(index, *body.center), parent, complex(*at),
-            )  # fmt: skip
-            return link, end, parent
-
-        first, start, carrier = turning(i, dyad.first, dyad.from_, dyad.from_at)
-        joint = start.along(i, dyad.first.length)
-        points = {f'{name}_from': start, f'{name}_joint': joint}
-        pins = [Pin(f'{name}_from', carrier, i), Pin(f'{name}_joint', i, i + 1)]
+        name, (name_of_first, name_of_second) = dyad.name, dyad.parts
+        i, j = len(self.links), len(self.links) + 1  # of the two links
+        wide = self._for_two_more_links()
+        start = wide.end_on(name, dyad.from_, dyad.from_at)
+        joint = start.point.along(i, dyad.first.length)
+        first = Link.carried(name_of_first, dyad.first, i, start)
+        points = {f'{name}_from': start.point, f'{name}_joint': joint}
+        pins = [Pin(f'{name}_from', start.carrier, i), Pin(f'{name}_joint', i, j)]
         if dyad.second is not None:
-            second, end, carrier = turning(
-                i + 1, dyad.second, str(dyad.to), dyad.to_at or (0.0, 0.0)
-            )
-            points[f'{name}_to'] = end
-            pins.append(Pin(f'{name}_to', carrier, i + 1))
-            gap = joint.minus(end.along(i + 1, dyad.second.length))
+            end = wide.end_on(name, str(dyad.to), dyad.to_at or (0.0, 0.0))
+            second = Link.carried(name_of_second, dyad.second, j, end)
+            points[f'{name}_to'] = end.point
+            pins.append(Pin(f'{name}_to', end.carrier, j))
+            gap = joint.minus(end.point.along(j, dyad.second.length))
         else:
-            slider, gap = cast('DyadSlider', dyad.slider), joint
+            slider = cast('DyadSlider', dyad.slider)
             second = Link(
-                f'{name}_slider', slider.mass, 0.0, joint, origin=complex(*slider.at),
-                angle=slider.angle, slides=True,
+                name_of_second, slider.mass, inertia=0.0, center=joint,
+                origin=complex(*slider.at), angle=slider.angle, slides=True,
             )  # fmt: skip
+            gap = joint
         return wide._replace(
             links=(*wide.links, first, second),
             points=wide.points | points,
             pins=(*wide.pins, *pins) if wide.pins else (),
+            dyads=(*wide.dyads, (i, j)),
+            other_dyads=(*wide.other_dyads, (i, j)) if wide.other_dyads else (),
             added=(*wide.added, gap),
         )
+
+    def _for_two_more_links(self) -> 'Structure':
+        """Returns the same structure, whose points have weights for two more links."""
+        return self._replace(
+            links=tuple(link._replace(center=link.center.wider(2)) for link in self.links),
+            points={name: point.wider(2) for name, point in self.points.items()},
+            closure=self.closure.wider(2),
+            added=tuple(gap.wider(2) for gap in self.added),
+        )
+
+    def end_on(self, dyad: str, carrier: str, at: tuple[float, float]) -> 'End':
+        """Returns the end of a dyad on a link, or on the frame.
+
+        Raises:
+            ConfigurationError: There is no such link.
+        """
+        index = None if carrier == 'frame' else self.link_index(carrier, dyad)
+        point = self.point_of(FRAME if index is None else index, at)
+        return End(index, complex(*at), point)
 
     def link_index(self, name: str, what: str, *others: str) -> int:
         """Returns the index of a link.

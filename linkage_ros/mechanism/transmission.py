@@ -257,21 +257,28 @@ def swing_middle(
     Returns:
         The middle direction, rad in [-pi, pi]; None if the rocker turns fully.
     """
-    (r, b, c, d), longest = lengths, max(lengths)
-    nearest, low, high = abs(short_sum(longest, b, -r)), 0.0, math.pi
+    r, b, c, d = lengths
+    longest = max(lengths)
+    nearest, farthest = abs(short_sum(longest, b, -r)), b + r  # distances of A0 and B
+    smallest, largest = 0.0, math.pi  # angles between the rocker and the direction from B0 to A0
     if abs(short_sum(longest, c, -d)) < nearest:
-        low = _opposite(c, d, nearest)
+        smallest = _opposite(c, d, nearest)
     if short_sum(longest, b, r, -c, -d) < 0:
-        high = _opposite(c, d, b + r)
-    if low == 0 and high == math.pi:
+        largest = _opposite(c, d, farthest)
+    passes_frame, passes_extension = smallest == 0, largest == math.pi
+    if passes_frame and passes_extension:
         return None
-    found = 0.5 * (low + high)
+    middle = 0.5 * (smallest + largest)
     back: float = wrap(frame + math.pi)  # from B0 to A0
     if near is not None:
-        return back if abs(wrap(near - back)) <= math.pi - found else float(wrap(frame))
-    if low == 0 or high == math.pi:
-        found = math.pi if high == math.pi else 0.0
-    return float(wrap(back + math.copysign(found, wrap(rocker - back))))
+        is_about_back = abs(wrap(near - back)) <= math.pi - middle
+        return back if is_about_back else float(wrap(frame))
+    if passes_frame:
+        middle = 0.0
+    elif passes_extension:
+        middle = math.pi
+    side = wrap(rocker - back)
+    return float(wrap(back + math.copysign(middle, side)))
 
 
 def _opposite(rocker: float, frame: float, opposite: float) -> float:

@@ -121,7 +121,8 @@ class StateTemplates:
             frame_id: Frame of the messages.
             effort_topic: Topic of the feed-forward torque; empty without feed-forward.
         """
-        names, driven = [joint.name for joint in joints if joint.name], joints[structure.driven]
+        names = [joint.name for joint in joints if joint.name]
+        driven = joints[structure.driven]
         self.parts = {
             JOINT_STATES: joint_state(names, frame_id),
             DRIVING_TORQUE: float64(f'effort[{driven.name}]'),
@@ -141,15 +142,14 @@ class StateTemplates:
         self.topics = tuple(self.parts)
         self.joint_states = Template(self.parts[JOINT_STATES])
         self._template = Template([*chain(*self.parts.values())], self.names)
-        self.slices, end = dict[Topic, slice](), 0
+        self.slices = dict[Topic, slice]()
+        start = 0
         for topic, parts in self.parts.items():
-            start, end = end, end + Template(parts).size
+            end = start + Template(parts).size
             self.slices[topic] = slice(start, end)
-        words = 'position', 'velocity', 'acceleration'
-        rows = (tuple(f'{word}_{link.name}' for link in structure.links) for word in words)
-        constants = Constants((structure.links, tuple(joints), structure.driven, tuple(shown)))
+            start = end
         self._ratio = driven.ratio
-        self._program = Program(_numbers, constants, (*rows, 'torque', 'unwrapped'), by_math=True)
+        self._program = _program_of_numbers(structure, joints, shown)
 
     def numbers(
         self, state: State, unwrapped: Real, ahead: State | None = None, *, stacked: bool = False
@@ -174,6 +174,19 @@ class StateTemplates:
     def pack(self, stamp: int, numbers: Sequence[Real]) -> bytes:
         """Returns the CDR bytes of a state's messages, from its stamp, ns, and its numbers."""
         return self._template.pack(*divmod(stamp, NS_PER_S), *numbers)
+
+
+def _program_of_numbers(
+    structure: Structure, joints: Sequence[RobotJoint], points: Sequence[Point]
+) -> Program:
+    """Returns the program of `_numbers`."""
+    constants = Constants((structure.links, tuple(joints), structure.driven, tuple(points)))
+    position, velocity, acceleration = (
+        tuple(f'{word}_{link.name}' for link in structure.links)
+        for word in ('position', 'velocity', 'acceleration')
+    )
+    arguments = position, velocity, acceleration, 'torque', 'unwrapped'
+    return Program(_numbers, constants, arguments, by_math=True)
 
 
 def _numbers(

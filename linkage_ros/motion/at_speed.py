@@ -183,9 +183,14 @@ class SpeedMotion(Motion):
         Returns:
             The motion in the next segment.
         """
-        start, old = (stamp, None) if restamp is None else (restamp, stamp)
-        continued = self.phase(stamp), self.speed(stamp)
-        segment = _segment(start, *continued, rpm, self.segment.acceleration, old)
+        segment = _segment(
+            stamp=stamp if restamp is None else restamp,
+            phase=self.phase(stamp),
+            speed=self.speed(stamp),
+            rpm=rpm,
+            acceleration=self.segment.acceleration,
+            old_stamp=None if restamp is None else stamp,
+        )
         return SpeedMotion(replace(segment, gravity=self.segment.gravity), self.conditions)
 
     def next_segment(self, logged: SpeedSegment) -> SpeedSegment:

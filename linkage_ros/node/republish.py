@@ -104,21 +104,27 @@ def _await_receipt(publishers: Iterable[Publisher]) -> None:
 
 
 def _publishers(node: Node, log: LogReader, topics: set[str]) -> dict[str, Publisher]:
+    """Creates a publisher for each of these topics of a log.
+
+    Raises:
+        LogError: A topic cannot be published.
+    """
     interfaces = (topic.interface for topic in (*TOPICS, EFFORT_COMMANDS, WRENCHES))
-    known = {interface.name: interface for interface in interfaces}
+    interface_of = {interface.name: interface for interface in interfaces}
     publishers = {}
-    for topic in log.topics:
-        name, kind, depth = topic.name, topic.type, 1 if topic.latched else 10
-        if name in topics:
-            try:
-                publishers[name] = create_publisher(
-                    node, Topic(name, known[kind], topic.latched, depth)
-                )
-            except KeyError as error:
-                raise LogError(
-                    f'{log.path}: {name} has the type {kind}, which linkage_ros does not write'
-                ) from error
-            except USER_ERRORS as error:
-                words = str(error).splitlines()[0]
-                raise LogError(f'{log.path}: {name!r:.80} cannot be published: {words}') from error
+    for logged in log.topics:
+        name = logged.name
+        if name not in topics:
+            continue
+        if logged.type not in interface_of:
+            raise LogError(
+                f'{log.path}: {name} has the type {logged.type}, which linkage_ros does not write'
+            )
+        depth = 1 if logged.latched else 10
+        topic = Topic(name, interface_of[logged.type], logged.latched, depth)
+        try:
+            publishers[name] = create_publisher(node, topic)
+        except USER_ERRORS as error:
+            words = str(error).splitlines()[0]
+            raise LogError(f'{log.path}: {name!r:.80} cannot be published: {words}') from error
     return publishers

@@ -189,16 +189,16 @@ class SimTimeTicker(Ticker):
         while not self._stop.is_set():
             for now in self._receive():
                 if last is None:
-                    self.t0 = now
-                elif now < last:
+                    self.t0 = last = now
+                if now < last:
                     # Stamp the next state with the new time, without a jump of the motion.
                     self._step_clock(tick, now - self._stamp(tick))
-                jump, last = 0 if last is None else now - last, now
                 due = self._ticks.tick_at(now - self.t0) if now >= self.t0 else -1
                 if due - tick >= _MAX_TICKS_PER_MESSAGE:
                     self.counts.clock_steps += 1
-                    self.counts.last_step = jump
+                    self.counts.last_step = now - last
                     tick = due
+                last = now
                 while tick <= due and not self._stop.is_set():
                     yield (self._stamp(tick),)
                     tick += 1

@@ -196,13 +196,13 @@ class _Reader:
     def next(self) -> yaml.Event:
         try:
             event = next(self.events)
-        except yaml.YAMLError as error:
-            if isinstance(error, yaml.reader.ReaderError):  # has a position instead of a mark
-                self.line = self.data.count(b'\n', 0, error.position) + 1
-            self.line = getattr(getattr(error, 'problem_mark', None), 'line', self.line - 1) + 1
-            reason = getattr(error, 'problem', None) or getattr(error, 'reason', error)
-            cure = 'correct' if 'expected key' not in str(reason) else 'check the indentation of'
-            raise self.syntax_error(f'not YAML in UTF-8 ({reason}); {cure} this line') from error
+        except yaml.reader.ReaderError as error:
+            self.line = self.data.count(b'\n', 0, error.position) + 1
+            raise self.not_yaml(error.reason) from error
+        except yaml.MarkedYAMLError as error:
+            if error.problem_mark is not None:
+                self.line = error.problem_mark.line + 1
+            raise self.not_yaml(error.problem or str(error)) from error
         self.line = getattr(event.start_mark, 'line', 0) + 1
         if isinstance(event, yaml.AliasEvent):
             raise self.error(
@@ -211,6 +211,12 @@ class _Reader:
         if isinstance(event, yaml.ScalarEvent) and re.search('[\0\ud800-\udfff]', event.value):
             raise self.error(f'{_show(event)} contains a NUL or a surrogate; remove it')
         return event
+
+    def not_yaml(self, reason: str) -> ConfigurationError:
+        """Returns an error for the reason of a YAML parser."""
+        is_indented_wrongly = 'expected key' in reason
+        cure = 'check the indentation of' if is_indented_wrongly else 'correct'
+        return self.syntax_error(f'not YAML in UTF-8 ({reason}); {cure} this line')
 
     def syntax_error(self, problem: str) -> ConfigurationError:
         """Returns an error with all lines that have a common mistake, or else the problem."""

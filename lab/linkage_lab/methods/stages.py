@@ -195,12 +195,26 @@ def looked_up(links: Links, crank: Real) -> Pair:
 # ---------------------------------------------------------------- the loop
 
 
-def _arms(links: Links, crank: Real, place: Pair) -> tuple[Vector, ...]:
-    """Computes the vectors of a loop, m.
+class _Arms(NamedTuple):
+    """Vectors of a loop, m.
 
-    These are A0 to A; A to B; B0 to B, or the slider's position along the guide; the derivative of
-    B with respect to the output; and the gap.
+    Attributes:
+        crank: From A0 to A.
+        coupler: From A to B.
+        output: From B0 to B, or the slider's position along the guide.
+        slope: Derivative of B with respect to the output.
+        gap: Gap of the loop.
     """
+
+    crank: Vector
+    coupler: Vector
+    output: Vector
+    slope: Vector
+    gap: Vector
+
+
+def _arms(links: Links, crank: Real, place: Pair) -> _Arms:
+    """Computes the vectors of a loop."""
     coupler, output = place
     first, second = Vector.at(crank) * links.r, _direction(coupler) * links.b
     frame = Vector.at(links.angle)
@@ -209,7 +223,7 @@ def _arms(links: Links, crank: Real, place: Pair) -> tuple[Vector, ...]:
     else:
         start, third = frame * links.d, _direction(output) * links.c
         slope = third.left()
-    return first, second, third, slope, first + second - start - third
+    return _Arms(first, second, third, slope, gap=first + second - start - third)
 
 
 def _closing(coupler: Vector, slope: Vector, gap: Vector) -> Pair:
@@ -234,8 +248,8 @@ def posed(links: Links, crank: Real, place: Pair, first: Pair, second: Pair) -> 
 
 def newton_step(links: Links, crank: Real, coupler: Real, output: Real) -> tuple[Real, ...]:
     """Computes the Newton step of coupler and output, and the current gap, m."""
-    _, arm, _, slope, gap = _arms(links, crank, (coupler, output))
-    return (*_closing(arm, slope, -gap), *gap)
+    arms = _arms(links, crank, (coupler, output))
+    return (*_closing(arms.coupler, arms.slope, -arms.gap), *arms.gap)
 
 
 # ---------------------------------------------------------------- rates
@@ -247,12 +261,14 @@ def two_by_two(links: Links, crank: Real, locate: Locate) -> tuple[Pair, Pair, P
     See Ghalbi 2019, eq. 13 to 18; for a slider-crank, Redaelli 2024, eq. 5 to 8.
     """
     position = locate(crank)
-    arm, coupler, output, slope, _ = _arms(links, crank, position)
-    turn, move = first = _closing(coupler, slope, -arm.left())
-    right = arm + coupler * (turn * turn)
+    arms = _arms(links, crank, position)
+    first = _closing(arms.coupler, arms.slope, -arms.crank.left())
+    coupler_rate, output_rate = first
+    right = arms.crank + arms.coupler * (coupler_rate * coupler_rate)
     if links.c is not None:
-        right -= output * (move * move)
-    return position, first, _closing(coupler, slope, right)
+        right -= arms.output * (output_rate * output_rate)
+    second = _closing(arms.coupler, arms.slope, right)
+    return position, first, second
 
 
 def central_differences(links: Links, crank: Real, locate: Locate) -> tuple[Pair, Pair, Pair]:
