@@ -239,10 +239,13 @@ def _named(loads: Sequence[AppliedLoad]) -> list[AppliedLoad]:
         ConfigurationError: Two loads have the same name.
     """
     kinds = {kind: name for name, kind in LOADS.items()}
-    found = {load.name: load for load in loads if load.name}
+    found: dict[str, AppliedLoad] = {}
     for load in loads:
-        if load.name and load is not found[load.name]:
+        if load.name in found:
             raise ConfigurationError(f'two loads have the name {shown(load.name)}: rename one')
+        if load.name:
+            found[load.name] = load
+    for load in loads:
         if not load.name:
             kind = kinds.get(type(load), type(load).__name__.lower())
             name = next(x for n in itertools.count(1) if (x := f'{kind}_{n}') not in found)
