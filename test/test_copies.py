@@ -6,7 +6,6 @@ from dataclasses import fields, replace
 
 import pytest
 import test_loads
-import test_wrenches
 from mechanisms import motion
 
 from linkage_ros import LoadCurve, Solver, load
@@ -20,17 +19,11 @@ ROWS = {
 }  # fmt: skip
 SHAPER = replace(load('shaper').mechanism, loads=())
 SLIDERS = {
-    **{name: (test_wrenches.MECHANISMS[name], link) for name, link in (
+    **{name: (test_loads.MACHINES[name], link) for name, link in (
         ('slider_crank', 'slider'), ('cylinder', 'rod'), ('driven_cylinder', 'rod'))},
     'shaper': (SHAPER, 'ram_slider'),
 }  # fmt: skip
-CASES = [
-    *((test_wrenches.MECHANISMS[name], x) for name, x in test_wrenches.CASES),
-    *((test_wrenches.MECHANISMS[name], x) for name, x in test_wrenches.FRICTION.items()),
-    *((replace(found, loads=()), *found.loads) for name in test_loads.MECHANISMS
-      for kind in test_loads.KINDS[: -1 if name.startswith('pump') else None]
-      for found in [test_loads.loaded(name, kind)]),
-]  # fmt: skip
+CASES = [(test_loads.MACHINES[name], load) for name, load in test_loads.CASES]
 
 
 def changed_values(mechanism):
