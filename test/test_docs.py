@@ -22,7 +22,6 @@ from forked import forked, run_forked
 from pages import (
     PAGES,
     ROOT,
-    block,
     blocks,
     commands,
     is_python,
@@ -349,19 +348,6 @@ def test_tracer_page_shows_what_its_example_prints(capsys):
 
 
 # ---------------------------------------------------------------- README
-
-
-def test_contributing_names_every_part_of_the_package():
-    parts = {path.name for path in (ROOT / 'linkage_ros').iterdir() if path.name[0] not in '_.'}
-    named = set(re.findall(r'`(\w+(?:\.py|(?=/)))', read('CONTRIBUTING.md')))
-    assert parts - named <= {'py.typed'}
-
-
-def test_readme_python_prints_class_torque_and_force(capsys):
-    run_python(block(README, 'import numpy'), 'README.md')
-    first, second = capsys.readouterr().out.splitlines()
-    assert float(first.removeprefix('crank-rocker ').split()[0]) == pytest.approx(0.0986, abs=1e-4)
-    assert 0 < float(second.split()[0]) < 100
 
 
 def test_homework_quotes_the_table_of_its_command(run_page):
