@@ -61,13 +61,21 @@ install = { n=0; while [ -t 2 ] && sleep 1 && kill -0 $$$$ 2>/dev/null; do n=$$(
 	else grep '^ERROR' $(VENV)/pip.log | tail -n 3; echo 'Set-up failed: see $(VENV)/pip.log'; \
 	fi >&2; exit 1; }
 
-# Without a screen, what the window would show is written to a file, which need not take 8 s.
+# Without a screen, what the window would show is written to a file. Without rclpy, the same states
+# are recorded and replayed.
 SCREEN := $(DISPLAY)$(WAYLAND_DISPLAY)$(WAYLAND_SOCKET)
+SECONDS := 10
+SHOWN := $(if $(SCREEN),spawn,demo/quadrilateral.rrd)
 demo: $(VENV)/demo-ready
 	@mkdir -p demo && rm -f demo/quadrilateral.rrd
-	@$(VENV)/bin/linkage_record quadrilateral demo/quadrilateral.mcap --duration 8 --overwrite
-	@$(VENV)/bin/linkage_replay demo/quadrilateral.mcap --no-ros --viewer \
-		$(if $(SCREEN),spawn,demo/quadrilateral.rrd --rate 1000)
+	@if $(RUN) -c 'import rclpy' 2>/dev/null; then \
+	echo 'linkage_node turns the quadrilateral for $(SECONDS) s, its start included'; \
+	timeout --foreground --preserve-status --signal INT $(SECONDS) $(RUN) -m \
+		linkage_ros.node.linkage_node --ros-args -p log:=demo/quadrilateral.mcap \
+		-p log_overwrite:=true -p viewer:=$(SHOWN); else \
+	$(RUN) -m linkage_ros.programs.record quadrilateral demo/quadrilateral.mcap \
+		--duration $(SECONDS) --overwrite && $(RUN) -m linkage_ros.programs.replay \
+		demo/quadrilateral.mcap --no-ros --viewer $(SHOWN) $(if $(SCREEN),,--rate 1000); fi
 	@echo 'look inside:      $(VENV)/bin/linkage_log info demo/quadrilateral.mcap'
 	@echo 'replay on topics: $(VENV)/bin/linkage_replay demo/quadrilateral.mcap'
 	@$(if $(SCREEN),,echo 'watch it in 2-D:  $(VENV)/bin/rerun demo/quadrilateral.rrd')
