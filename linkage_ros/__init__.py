@@ -9,7 +9,7 @@ Angles and torques are positive counter-clockwise. Coordinates and rates may be 
 
 from typing import TYPE_CHECKING
 
-__version__ = '1.0.0'
+__version__ = '2.0.0'
 
 from linkage_ros.errors import (
     ConfigurationError,

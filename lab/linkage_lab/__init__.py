@@ -2,4 +2,4 @@
 # SPDX-License-Identifier: Apache-2.0
 """Analyses of linkage_chart: methods, reference solutions, studies and their charts."""
 
-__version__ = '1.0.0'
+__version__ = '2.0.0'
