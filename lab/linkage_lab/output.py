@@ -78,9 +78,10 @@ def pictures(options: argparse.Namespace, stem: str, *sources: str) -> Pictures:
     paths = tuple(options.out / f'{stem}.{suffix}' for suffix in dict.fromkeys(options.format))
     for path in paths:
         found = _SOURCE.search(path.read_bytes()) if path.is_file() else None
-        if found and (other := urllib.parse.unquote(found[1].decode())) != source:
+        shown = urllib.parse.unquote(found[1].decode()) if found else source
+        if shown != source:
             raise ConfigurationError(
-                f'{path} shows {other}: choose another folder with --out, or remove this file'
+                f'{path} shows {shown}: choose another folder with --out, or remove this file'
             )
     return Pictures(paths, source)
 

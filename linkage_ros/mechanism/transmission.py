@@ -207,29 +207,31 @@ class Transmission(NamedTuple):
         totals = {words: math.fsum(terms) for words, terms in sums.items()}
         longest = max(abs(length) for terms in sums.values() for length in terms)
         rounding = {x: total for x, total in totals.items() if is_rounding(longest, total)}
-        limited = [self.cos.limits, *[self.sin.limits] * (len(sums) - 1)]
+        may_limit = [self.cos.limits, *[self.sin.limits] * (len(sums) - 1)]
         limits = tuple(
             f'{words} = {total:.6g} m is negative'
-            for (words, total), limits in zip(totals.items(), limited, strict=True)
+            for (words, total), limits in zip(totals.items(), may_limit, strict=True)
             if limits and total < 0 and words not in rounding
         )
+        equalities = tuple(
+            f'{words} = {total:.2g} m counts as 0' for words, total in rounding.items() if total
+        )
+        least_cos, least_sin = float(self.cos.least), float(self.sin.least)
+        has_one_change_point = (least_cos == 0) != (least_sin == 0)
         # The output moves fast where h is within these widths of 0 or pi/2.
-        leasts = [float(square.least) for square in (self.cos, self.sin)]
-        widths = [math.sqrt(x) / abs(self.kappa) for x in leasts if x > 0]
+        widths = [math.sqrt(x) / abs(self.kappa) for x in (least_cos, least_sin) if x > 0]
+        if pass_by:
+            widths.append(pass_by)
         return Reach(
             grashof,
-            self.arcs(),
-            2 if (leasts[0] == 0) != (leasts[1] == 0) else 1,
-            self.extremes(),
-            limits,
-            tuple(cures) if limits else (),
-            tuple(
-                f'{words} = {total:.2g} m counts as 0'
-                for words, total in rounding.items()
-                if total
-            ),
-            self.reference[0],
-            min([*widths, *([pass_by] if pass_by else [])], default=math.inf),
+            arcs=self.arcs(),
+            period_turns=2 if has_one_change_point else 1,
+            transmission=self.extremes(),
+            limits=limits,
+            cures=tuple(cures) if limits else (),
+            equalities=equalities,
+            fast=self.reference[0],
+            width=min(widths, default=math.inf),
         )
 
 

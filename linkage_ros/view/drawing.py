@@ -67,18 +67,47 @@ class Drawing:
         """
         structure = mechanism.structure()
         self._links = structure.links
+        self.joints = tuple(link.name for link in self._links)
+        self.turning = tuple(link.name for link in self._links if not link.slides)
+        self._find_points(structure)
+        asides = self._find_owners(structure)
+        positions = _reach(mechanism, crank_angle)
+        swept = self.place(positions)
+        in_reach = np.concatenate([self.pivots, swept.reshape(-1, 2)])
+        self._mark = _MARK * np.ptp(in_reach, axis=0).max()
+        self.paths = {
+            link: swept[:, self.pins.index(pin)]
+            for pin, link in self.owners.items()
+            if mechanism.reach()
+        }
+        self._connect(asides)
+        self.ground = self._ground(swept)
+        self.pivot_labels = self._pivot_labels(swept)
+        self._arrows = LoadArrows(mechanism, self._mark, positions)
+        self.loaded = self._arrows.names
+        arrows = plane(np.append(self._arrows.reach, self._arrows.farthest(positions)))
+        self._enclose(np.concatenate([in_reach, *self.ground, self.pivot_labels, arrows]))
+
+    def _find_points(self, structure: Structure) -> None:
+        """Finds the fixed and the moving points."""
         # A dyad's end at a pin of its carrier is that pin.
         self._names = {point: name for name, point in reversed(structure.points.items())}
         points = {x: point for x, point in structure.points.items() if x == self._names[point]}
-        self.joints = tuple(link.name for link in self._links)
-        self.turning = tuple(link.name for link in self._links if not link.slides)
         self.pins = tuple(name for name, point in points.items() if any(point.weights))
         self.pivot_names = tuple(name for name in points if name not in self.pins)
         self._weights = np.array([points[name].weights for name in self.pins])
         self._fixed = np.array([points[name].fixed for name in self.pins])
         self.pivots = plane(np.array([points[name].fixed for name in self.pivot_names]))
+
+    def _find_owners(self, structure: Structure) -> dict[str, str]:
+        """Finds the ends of the links and the owners of the points.
+
+        Returns:
+            The link of each point that is not an end of a link, by point.
+        """
         (_, last), *_ = structure.closures
-        loop, output = _pins_of_the_loop(structure), self._links[last]
+        output = self._links[last]
+        loop = _pins_of_the_loop(structure)
         self.ends = dict(zip(self.turning, pairwise(loop), strict=False))
         # The owner of a pin between two links is the later link; C belongs to the coupler.
         self.owners = dict(zip(loop[2:], self.joints[2 : last + 1], strict=False))
@@ -90,32 +119,32 @@ class Drawing:
         self._blocks = {last: loop[-1]} if output.is_guided else {}
         asides = self._add_dyads(structure)
         known = {*loop, *asides, *self.owners}
-        asides |= {name: self.joints[np.flatnonzero(points[name].weights)[-1]]
-                   for name in self.pins if name not in known}  # fmt: skip
-        self.owners |= {'C': asides['C']} if 'C' in asides else {}
+        for name in self.pins:
+            if name not in known:
+                *_, link = np.flatnonzero(structure.points[name].weights)
+                asides[name] = self.joints[link]
+        if 'C' in asides:
+            self.owners['C'] = asides['C']
+        return asides
 
-        positions = _reach(mechanism, crank_angle)
-        swept = self.place(positions)
-        everything = np.concatenate([self.pivots, swept.reshape(-1, 2)])
-        self._mark = mark = _MARK * np.ptp(everything, axis=0).max()
-        self.paths = {
-            link: swept[:, self.pins.index(pin)]
-            for pin, link in self.owners.items()
-            if mechanism.reach()
-        }
-        self._connect(asides)
-        self.ground = [line for pivot in self.pivots for line in _pivot(pivot, mark)]
+    def _ground(self, swept: Array) -> list[Array]:
+        """Draws the pivots, and the guides of the sliders; see `place` for the points."""
+        lines = [line for pivot in self.pivots for line in _pivot(pivot, self._mark)]
         for j, pin in self._blocks.items():
             axis = cmath.rect(1.0, self._links[j].angle)
-            self.ground += _rail(swept[:, self.pins.index(pin)] @ (1, 1j), axis, mark)
-        # Labels of pivots are below the pivots, or above them if the links are below.
+            path = swept[:, self.pins.index(pin)] @ (1, 1j)
+            lines += _rail(path, axis, self._mark)
+        return lines
+
+    def _pivot_labels(self, swept: Array) -> Array:
+        """Places the labels of pivots below them, or above them if the links are below."""
         is_low = swept[..., 1].mean() < self.pivots[:, 1:]
         above = np.where(is_low, _LABEL_DISTANCE + _LABEL_HEIGHT, -_PIVOT_HEIGHT)
-        self.pivot_labels = self.pivots + mark * above * [0.0, 1.0]
-        self._arrows = LoadArrows(mechanism, mark, positions)
-        self.loaded = self._arrows.names
-        arrows = plane(np.append(self._arrows.reach, self._arrows.farthest(positions)))
-        everything = np.concatenate([everything, *self.ground, self.pivot_labels, arrows])
+        return np.asarray(self.pivots + self._mark * above * [0.0, 1.0])
+
+    def _enclose(self, everything: Array) -> None:
+        """Places the scale bar and the bounds around all points of the drawing, m."""
+        mark = self._mark
         low, high = everything.min(axis=0), everything.max(axis=0)
         room = (_LABEL_DISTANCE + _LABEL_HEIGHT) * mark  # room for the names of the pins
         self.scale_length = length = _round_below(_SCALE * (high - low).max())

@@ -7,7 +7,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import NoReturn, TypeAlias
+from typing import NamedTuple, NoReturn, TypeAlias
 
 from linkage_ros.errors import ConfigurationError, LinkageError, UnreachableError
 from linkage_ros.mechanism.conditions import OWN_CONDITIONS, Conditions
@@ -72,6 +72,22 @@ class FrameJoint(Checked):
     def read_by(self) -> RobotJoint:
         """Returns the joint in messages."""
         return RobotJoint(self.name, zero=self.zero, ratio=self.ratio, is_mapped=True)
+
+
+class _Measured(NamedTuple):
+    """A measurement of a joint.
+
+    Attributes:
+        stamp: Stamp, ns; 0 if the message has none.
+        value: Value of the robot's joint.
+        position: Position of the link that it turns, rad.
+        velocity: Its velocity, rad/s; None if it was not measured.
+    """
+
+    stamp: int
+    value: float
+    position: float
+    velocity: float | None
 
 
 class MeasuredCrank(Input):
@@ -194,35 +210,32 @@ class MeasuredCrank(Input):
             ValueError: The message must be rejected.
         """
         try:
-            joint, frame = self._machine.joint, self._frame
-            stamp, value, position, velocity = self._decode(data, self._joint, joint, NO_CRANK)
-            stamp = stamp or received
+            crank = self._decode(data, self._joint, self._machine.joint, NO_CRANK)
+            stamp = crank.stamp or received
             # A filter must not see a measurement that is rejected.
-            if frame:
-                own = self._decode(data, self._frame_reader, self._frame_joint, NO_FRAME)
-                _, _, direction, rate = own
-                frame.check(stamp, direction, rate)
-            if self._is_limited and math.isfinite(position):
-                self._require_state(position)
-            found = self._motion.at(stamp, position, velocity)
-            found = found._replace(conditions=self._machine.conditions)
-            if frame:
-                (q,), (u,), (a,), *_ = frame.at(stamp, direction, rate)
-                conditions = replace(found.conditions, frame=(q, u, a))
-                found = found._replace(conditions=conditions)
-            return stamp, found._replace(unwrapped=value) if joint.is_mapped else found
+            if self._frame:
+                base = self._decode(data, self._frame_reader, self._frame_joint, NO_FRAME)
+                self._frame.check(stamp, base.position, base.velocity)
+            if self._is_limited and math.isfinite(crank.position):
+                self._require_state(crank.position)
+            found = self._motion.at(stamp, crank.position, crank.velocity)
+            conditions = self._machine.conditions
+            if self._frame:
+                turned = self._frame.at(stamp, base.position, base.velocity)
+                motion = turned.q[0], turned.u[0], turned.a[0]
+                conditions = replace(conditions, frame=motion)
+            found = found._replace(conditions=conditions)
         except ValueError as error:
             self._reject(error)
             raise
+        if self._machine.joint.is_mapped:
+            found = found._replace(unwrapped=crank.value)
+        return stamp, found
 
     def _decode(
         self, data: bytes, reader: JointReader, joint: RobotJoint, absent: str
-    ) -> tuple[int, float, float, float | None]:
+    ) -> _Measured:
         """Reads a joint from a message.
-
-        Returns:
-            The stamp, ns; the value of the joint; and its own position, rad, and velocity, rad/s,
-            None if it was not measured.
 
         Raises:
             ValueError: The message has no measurement. The error text is the cause, which is
@@ -235,9 +248,9 @@ class MeasuredCrank(Input):
         if value is None:
             raise ValueError(absent)
         if not joint.is_mapped:
-            return stamp, value, value, velocity
+            return _Measured(stamp, value, value, velocity)
         rate = None if velocity is None else velocity / joint.ratio
-        return stamp, value, joint.own(value), rate
+        return _Measured(stamp, value, joint.own(value), rate)
 
     def _require_states(self, found: Coordinates) -> None:
         """Checks that states exist; near a limit of the crank, rates may overflow.
