@@ -28,7 +28,15 @@ def nodes_in(folder):
 
 
 def demo(folder):
-    words = ['make', '-f', ROOT / 'Makefile', '-o', VENV / 'demo-ready', 'demo']
+    words = [
+        'make',
+        '--no-print-directory',
+        '-f',
+        ROOT / 'Makefile',
+        '-o',
+        VENV / 'demo-ready',
+        'demo',
+    ]
     return subprocess.Popen(
         [*words, f'VENV={VENV}', f'SECONDS={PATIENCE:g}'], cwd=folder,
         env=environment(fresh_domain()) | SCREEN, text=True,

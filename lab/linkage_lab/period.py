@@ -42,7 +42,7 @@ from linkage_ros.internals import Drawing, without_turns
 # Mean power, relative to its rms, beyond the errors of a mean of 0.
 _NET = 0.01
 _SLOW_RPM, _SLOW, _MARGIN = 1.0, 0.01, 0.01
-_WHOLE = 1e-3  # ns; a time this close to a whole nanosecond is rounded to it
+_BEFORE = 16  # ulp of the largest time; the time just before a point of a law
 _MOTION = ('position', ''), ('velocity', '/s'), ('acceleration', '/s^2')
 
 
@@ -454,29 +454,27 @@ def law_samples(
 def _law_times(law: Any, last: int, steps: int) -> tuple[Array, Callable[[Array], Driven]]:
     """Returns the times of `law_samples` up to a time, ns, without those of loads."""
     each, moments = law.duration, law.curve()
-    rounds = last // each
-    even = {last * n // (steps * rounds) for n in range(steps * rounds)} | {max(last - 1, 1)}
-    # At a point, the acceleration may jump: take 1 ns before it as well.
+    rounds, digit = last // each, np.spacing(float(last))
+    even = {last * n // (steps * rounds) for n in range(steps * rounds)}
     inner = {
         each * i + time for i in range(rounds) for time in getattr(law, 'times', (0, each))
     } - {0, last}
-    points = {stamp for time in inner for stamp in (time - 1, time)}
-    found = np.array(sorted(even | points))
+    # At a point, the acceleration may jump: take the time just before it as well. At the end, the
+    # law may begin again.
+    before = np.array([*inner, last]) - _BEFORE * digit
+    found = np.sort([*even | inner, *before]) / 1e9
 
     def motion(places: Array) -> Driven:
         time = places * 1e9
         whole = np.rint(time)
-        turns, angle, rate, acceleration = moments(
-            np.where(np.abs(time - whole) < _WHOLE, whole, time)
-        )
+        is_whole = np.abs(time - whole) < 0.5 * _BEFORE * digit
+        turns, angle, rate, acceleration = moments(np.where(is_whole, whole, time))
         if law.slides:
             return Driven(angle, rate, acceleration, angle)
         reduced = without_turns(angle, 0.0, 2) + math.tau * (turns % 2)
         return Driven(reduced, rate, acceleration, angle + math.tau * turns)
 
-    # The two sides of a point are closer than `SAME`.
-    before = np.isin(found, [time - 1 for time in points])
-    return (found + np.where(before, 0.5, 0.0)) / 1e9, motion
+    return found, motion
 
 
 def _mean_speed(law: Any) -> float:

@@ -16,6 +16,7 @@ from linkage_lab import command_line
 from linkage_lab.charts import movie
 from linkage_lab.period import law_period
 from linkage_ros import Solver, load
+from linkage_ros.settings.configuration import configure
 
 LIMITED = """
 /**:
@@ -130,3 +131,18 @@ def test_options_and_mixtures_that_do_not_fit_are_refused(called, file):
             words = f'{option} is for a crank that turns at a given speed'
             assert_refused(*called(command_line, 'motion', path, option, 0.02), words)
     assert_refused(*called(command_line, 'motion', law, arc), 'drawn over time.*separately')
+
+
+def test_means_of_a_law_do_not_depend_on_how_fast_it_is():
+    """A load is given over the crank angle; a work of 30 J per turn, however short."""
+    design = {
+        'mechanism': 'four_bar', 'drive': 'motion', 'frame.length': 0.425, 'crank.length': 0.1,
+        'coupler.length': 0.315, 'rocker.length': 0.5, 'motion.angles': [0.0, 4.0, math.tau],
+        'motion.repeat': True, 'loads.saw.kind': 'curve', 'loads.saw.link': 'crank',
+        'loads.saw.at': [0.0, 3.0, 6.0], 'loads.saw.value': [0.0, -10.0, 0.0],
+    }  # fmt: skip
+    for duration in (1e-4, 1e-3, 1.0, 1e5):
+        times = [0.0, 0.5 * duration, duration]
+        made = configure(design | {'motion.times': times})
+        period = law_period(Solver(made.mechanism), made.drive)
+        assert period.mean_power * duration == pytest.approx(30.0, rel=1e-12)

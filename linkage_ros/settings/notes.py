@@ -141,7 +141,7 @@ def _rate(configuration: Configuration) -> Iterator[str]:
 def _rounding(configuration: Configuration) -> Iterator[str]:
     """Notes points of a law whose rounding errors dominate its accelerations."""
     drive = configuration.drive
-    if not isinstance(drive, LawDrive) or drive.motion.speeds is not None:
+    if not isinstance(drive, LawDrive):
         return
     excess = _roughness(drive.motion)
     if excess:
