@@ -62,6 +62,10 @@ class Body(NamedTuple):
     acceleration: Any = 0
     change: Any = 0
 
+    def at(self, at):
+        """Returns the position of a point, [along, across] as mpc."""
+        return self.place + at * self.way
+
     def point(self, at):
         """Returns position, velocity and acceleration of a point, [along, across] as mpc."""
         arm = at * self.way
@@ -343,12 +347,12 @@ class Oracle:
             if slide and slide.carrier == 'frame':
                 bodies[name] = Body(slide.on + links[name] * slide.guide, slide.guide)
             else:
-                place, *_ = bodies[hung.carrier].point(hung.on)
+                place = bodies[hung.carrier].at(hung.on)
                 bodies[name] = Body(place, mp.expj(links[slide.carrier if slide else name]))
         gaps = []
         for joint in joints:
-            (place, *_), carrier = bodies[joint.body].point(joint.at), bodies[joint.carrier]
-            gap = place - carrier.point(joint.on)[0]
+            place, carrier = bodies[joint.body].at(joint.at), bodies[joint.carrier]
+            gap = place - carrier.at(joint.on)
             if joint.guide is not None:
                 gap -= links[joint.name] * joint.guide * carrier.way
             gaps.append(abs(gap))
@@ -379,28 +383,33 @@ class Oracle:
     def _rows(self, joint, bodies):
         """Returns the two constraints of a joint."""
         if joint.guide is None:
-            return [self._row(x, joint, bodies) for x in (mp.mpc(1), mp.mpc(0, 1))]
+            return self._along((mp.mpc(1), mp.mpc(0, 1)), joint, bodies)
         way = joint.guide * bodies[joint.carrier].way
         turns = {(joint.body, 'spin'): mp.mpf(1), (joint.carrier, 'spin'): -mp.mpf(1)}
         turns.pop(('frame', 'spin'), None)
-        return [self._row(1j * way, joint, bodies), Row(turns)]
+        return [*self._along((1j * way,), joint, bodies), Row(turns)]
 
-    def _row(self, axis, joint, bodies):
-        """Returns the constraint of the relative velocity in a joint along an axis."""
+    def _along(self, axes, joint, bodies):
+        """Returns the constraints of the relative velocity in a joint along axes."""
         body, carrier = bodies[joint.body], bodies[joint.carrier]
         place, velocity, _ = body.point(joint.at)
         held = place - carrier.place  # the carrier's point at the joint
         slip = velocity - (carrier.velocity + 1j * carrier.spin * held)
-        row = Row(bias=-2 * carrier.spin * dot(axis, 1j * slip))
-        for name, sign in ((joint.body, 1), (joint.carrier, -1)):
-            if name != 'frame':
-                arm = place - bodies[name].point(self.center(name))[0]
+        arms = [
+            (name, sign, place - bodies[name].at(self.center(name)))
+            for name, sign in ((joint.body, 1), (joint.carrier, -1)) if name != 'frame'
+        ]  # fmt: skip
+        rows = []
+        for axis in axes:
+            row = Row(bias=-2 * carrier.spin * cross(slip, axis))
+            for name, sign, arm in arms:
                 row.slopes |= {
                     (name, 'x'): sign * axis.real, (name, 'y'): sign * axis.imag,
-                    (name, 'spin'): sign * dot(axis, 1j * arm),
+                    (name, 'spin'): sign * cross(arm, axis),
                 }  # fmt: skip
                 row.bias -= sign * dot(axis, arm) * bodies[name].spin ** 2
-        return row
+            rows.append(row)
+        return rows
 
     def _drives(self, bodies):
         """Returns the constraints of the coordinates."""
@@ -408,7 +417,7 @@ class Oracle:
 
         def along(name):
             way = slides[name].guide * bodies[slides[name].carrier].way
-            return self._row(way, slides[name], bodies)
+            return self._along((way,), slides[name], bodies)[0]
 
         if self.by_rod:
             return [along('rod')]
@@ -518,11 +527,11 @@ class Oracle:
 
     def _on(self, name, bodies, pushes):
         """Returns the force of pushes on a body, and their moment about its centre of mass."""
-        center, force, moment = bodies[name].point(self.center(name))[0], mp.mpc(0), mp.mpf(0)
+        center, force, moment = bodies[name].at(self.center(name)), mp.mpc(0), mp.mpf(0)
         for push in self._spread(pushes, bodies):
             if push.body == name:
                 force += push.force
-                moment += push.couple + cross(bodies[name].point(push.at)[0] - center, push.force)
+                moment += push.couple + cross(bodies[name].at(push.at) - center, push.force)
         return force, moment
 
     def _spread(self, pushes, bodies):
@@ -578,7 +587,7 @@ class Oracle:
         for push in self._spread(pushes, bodies):
             if push.is_external:
                 force += push.force
-                moment += push.couple + cross(bodies[push.body].point(push.at)[0], push.force)
+                moment += push.couple + cross(bodies[push.body].at(push.at), push.force)
         return force, moment
 
     # Loads and friction.
@@ -624,10 +633,11 @@ class Oracle:
             size = between(self._reduced(load), value, self._continuous(load.link, place))
             return [Effort(load.link, size, load.link != 'rod')]
         crank -= self._start(load)
+        turns = 2 if load.at[-1] - load.at[0] > 6.2832 else 1
         if load.pressure is not None:  # the head of the cylinder takes the opposite
-            pressure = periodic(load.at, load.pressure, crank, load.turns)
+            pressure = periodic(load.at, load.pressure, crank, turns)
             return [Effort(load.link, self._pressed(load, pressure))]
-        size = periodic(load.at, load.value, crank, load.turns)
+        size = periodic(load.at, load.value, crank, turns)
         return [Effort(load.link, size, load.link != 'rod')]
 
     def _of_Gas(self, load, _, bodies):
@@ -778,14 +788,14 @@ def _joints_of_dyad(dyad):
 
 
 def _placed_dyad(dyad, bodies):
-    start, *_ = bodies[dyad.from_].point(complex_of(dyad.from_at))
+    start = bodies[dyad.from_].at(complex_of(dyad.from_at))
     side, length = (1 if dyad.assembly == 'open' else -1), mp.mpf(dyad.first.length)
     if dyad.second is None:
         way = mp.expj(mp.mpf(dyad.slider.angle))
         joint = met_on_guide(start, length, complex_of(dyad.slider.at), way, side)
         last = {f'{dyad.name}_slider': Body(joint, way)}
     else:
-        stop, *_ = bodies[dyad.to].point(complex_of(dyad.to_at or (0, 0)))
+        stop = bodies[dyad.to].at(complex_of(dyad.to_at or (0, 0)))
         joint = meet(start, length, stop, mp.mpf(dyad.second.length), side)
         last = {f'{dyad.name}_second': Body(stop, unit(joint - stop))}
     return {f'{dyad.name}_first': Body(start, unit(joint - start)), **last}
@@ -940,8 +950,8 @@ def unit(vector):
 
 
 def dot(u, v):
-    return (mp.conj(u) * v).real
+    return u.real * v.real + u.imag * v.imag
 
 
 def cross(u, v):
-    return (mp.conj(u) * v).imag
+    return u.real * v.imag - u.imag * v.real

@@ -141,7 +141,8 @@ CONSERVING = {
                  Force('coupler', (3.0, -5.0), (0.2, 0.1))],
     'slider_crank': [*around('slider_crank', 'slider')[::4], around('slider_crank', 'slider')[2],
                      Gas('slider', 0.2, 0.3, 1e4, exponent=1.3),
-                     Spring('crank', (0.2, 0.1), 'slider', (0.4, 0.3), 80.0)],
+                     Spring('crank', (0.2, 0.1), 'slider', (0.4, 0.3), 80.0),
+                     Force('slider', (3.0, -5.0), (0.2, 0.1), 'link')],
     'cylinder': [Gas('rod', 0.2, 0.3, 1e4, exponent=1.3),
                  Spring('crank', (0.2, 0.1), 'rod', (0.4, 0.3), 80.0, 0.3, 0.0),
                  Force('barrel', (3.0, -5.0), (0.2, 0.1))],
@@ -709,6 +710,7 @@ def test_a_mechanism_without_them_keeps_its_program():
     ({'gravity': 9.81}, 'must be (x, y), m/s^2'),
     ({'forces': {'push': (math.nan, 0.0)}}, 'push x = nan'),
     ({'forces': {'push': (0.0,)}}, 'must be [x, y], N'),
+    ({'forces': {'push': (0.0, 1.0, 2.0)}}, 'must be [x, y], N'),
     ({'forces': {'shove': (0.0, 1.0)}}, 'the mechanism has pull, push'),
 ])  # fmt: skip
 @pytest.mark.parametrize('friction', [False, True])
