@@ -245,11 +245,17 @@ def _stretched(random: Random, i: int) -> MotionCase:
         else:
             drawn = float(random.uniform(4.6, 8.0)) * (1 if random.random() < 0.5 else -1)
             problem = driven_pump(2.0, (5.0, 6.0, -7.0)[i] if i < 3 else drawn)
-        reference = MotionReference(problem)
-        stretched = reference.end(0.5)
+        at, stretched = _stretch(problem)
         if stretched is not None:
             times = stretched * np.linspace(0.0, 1.5, 14)[1:]
-            return MotionCase(problem, times.tolist(), at=reference.at)
+            return MotionCase(problem, times.tolist(), at=at)
+
+
+@lru_cache(maxsize=8)
+def _stretch(problem: InitialValueProblem) -> tuple[Callable[[float], Any], float | None]:
+    """Returns the reference of a motion, and the time at which a dyad comes into line, s."""
+    reference = MotionReference(problem)
+    return reference.at, reference.end(0.5)
 
 
 def _long(_: Random, i: int, *, quantity: str) -> MotionCase:
