@@ -264,6 +264,7 @@ KEPT = {  # what is at the path, whether to replace it, and the expected error
     'folder': (Path.mkdir, False, 'is a folder: add a file name'),
     'folder to replace': (Path.mkdir, True, 'is a folder: add a file name'),
     'pipe': (os.mkfifo, False, EXISTS),
+    'pipe to replace': (os.mkfifo, True, 'is a pipe: write the log to a regular file'),
     'loop': (lambda p: p.symlink_to(p), False, EXISTS),
     'socket': (lambda p: os.mknod(p, stat.S_IFSOCK | 0o600), False, EXISTS),
     'link': (lambda p: p.symlink_to('missing'), False, EXISTS),

@@ -23,8 +23,11 @@ def keep_other_files(path: Path | str) -> None:
     """Checks that an existing file may be replaced with a log.
 
     Raises:
-        LogError: The file is neither empty nor an MCAP file.
+        LogError: The file is neither empty nor an MCAP file, or is a pipe.
     """
+    with suppress(OSError):
+        if Path(path).is_fifo():
+            raise LogError(f'{path} is a pipe: write the log to a regular file')
     with suppress(OSError), open_file(path) as old:
         if old.read(len(MCAP0_MAGIC)) not in {b'', MCAP0_MAGIC}:
             raise LogError(f'{path} is not a log and was not replaced: choose another name')

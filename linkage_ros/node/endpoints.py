@@ -239,5 +239,5 @@ def read_clock(data: bytes, _: int) -> int:
     """
     time = stamp_of(data)
     if not 0 <= time < TIME_END:
-        raise ValueError(f'{time} ns: must be from 0 to 2^31 s')
+        raise ValueError(f'{time / 1e9:.15g} s: must be from 0 to 2^31 s')
     return time

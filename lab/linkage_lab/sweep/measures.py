@@ -217,7 +217,7 @@ _DRIVEN_CRANK = Need('a driven crank', lambda task: not task.drives_cylinder)
 _DRIVEN_CYLINDER = Need('a driven cylinder', lambda task: task.drives_cylinder)
 _SWINGS = Need('an output link that swings', lambda task: not task.output_slides)
 _SLIDES = Need('a slider', lambda task: task.output_slides)
-_WHOLE_TURNS = Need('a crank that turns fully', lambda task: task.way is None)
+_WHOLE_TURNS = Need('a crank that turns fully, without a law', lambda task: task.way is None)
 _TRANSMISSION = Need(
     'a four_bar or a slider_crank',
     lambda task: (reach := task.mechanism.reach()) is not None and reach.transmission is not None,
