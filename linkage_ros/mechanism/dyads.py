@@ -126,18 +126,20 @@ class Dyad(Checked):
 
     def loop(self, points: dict[str, Any]) -> 'TwoLinks | LinkAndSlider':
         """Returns the kinematic constants, given the points of the whole mechanism."""
-        start, side = points[f'{self.name}_from'], 1 if self.assembly == OPEN else -1
-        length, refuse = self.first.length, Opaque(self._refuse)
+        start = points[f'{self.name}_from']
+        length = self.first.length
+        side = 1 if self.assembly == OPEN else -1
+        refuse = Opaque(self._refuse)
         if self.slider is None:
             apart = points[f'{self.name}_to'].minus(start)
             return TwoLinks(apart, length, self.second.length, side, refuse)  # type: ignore[union-attr]
-        guide, x, y = Vector.at(self.slider.angle), *self.slider.at
-        axis = complex(guide.x, -guide.y)
-        own = start._replace(
-            weights=tuple(weight * axis for weight in start.weights),
-            fixed=(start.fixed - complex(x, y)) * axis,
+        guide = Vector.at(self.slider.angle)
+        guide_from_base = complex(guide.x, -guide.y)  # rotation
+        start_in_guide = start._replace(
+            weights=tuple(weight * guide_from_base for weight in start.weights),
+            fixed=(start.fixed - complex(*self.slider.at)) * guide_from_base,
         )
-        return LinkAndSlider(own, guide, length, side, refuse)
+        return LinkAndSlider(start_in_guide, guide, length, side, refuse)
 
     def gap(self, distance: float) -> str:
         """Describes by how much the dyad does not close.

@@ -135,7 +135,8 @@ class Transmission(NamedTuple):
         Returns:
             d(2m)/d(2h) and d^2(2m)/d(2h)^2, times the factor.
         """
-        p, q, (_, _, sin_m, cos_m, u, v) = self.cos.least, self.sin.least, halves
+        _, _, sin_m, cos_m, u, v = halves
+        p, q = self.cos.least, self.sin.least
         # 1 - u^2 = p / cos^2 m and 1 - v^2 = q / sin^2 m, without cancellation.
         second: Real = ZERO
         if q is not ZERO:

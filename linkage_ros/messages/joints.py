@@ -94,7 +94,8 @@ def joint_rows(
         force, N, divided by its ratio; other efforts are 0.
     """
     joints = joints or own_joints(links)
-    position, *_ = rows = [list(row) for row in state[:3]]
+    rows = [list(row) for row in state[:3]]
+    position = rows[0]
     for i, (link, joint) in enumerate(zip(links, joints, strict=True)):
         if joint.parent is not None:
             for row, own in zip(rows, state[:3], strict=True):

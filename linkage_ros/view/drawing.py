@@ -156,24 +156,24 @@ class Drawing:
         """Adds the pins of dyads; returns the links that carry their ends, by point."""
         carriers = dict[str, str]()
         for _, j in structure.closures[1:]:
-            first, last = self.joints[j - 1 : j + 1]
-            name = first.removesuffix('_first')
-            start, joint = (
-                self._names[structure.points[f'{name}_{x}']] for x in ('from', 'joint')
-            )
-            self.owners[joint], self.ends[first], ends = last, (start, joint), [(j - 1, start)]
+            first, last = self.joints[j - 1], self.joints[j]
+            dyad = first.removesuffix('_first')
+            start = self._names[structure.points[f'{dyad}_from']]
+            joint = self._names[structure.points[f'{dyad}_joint']]
+            self.owners[joint] = last
+            self.ends[first] = start, joint
+            carried_ends = {j - 1: start}  # by the index of the dyad's link
             if self._links[j].slides:
                 self._blocks[j] = joint
             else:
-                end = self._names[structure.points[f'{name}_to']]
-                self.ends[last] = (end, joint)
-                ends.append((j, end))
-            parents = ((self._links[i].parent, end) for i, end in ends)
-            carriers |= {
-                end: self.joints[i]
-                for i, end in parents
-                if i is not None and end.startswith(f'{name}_')
-            }
+                end = self._names[structure.points[f'{dyad}_to']]
+                self.ends[last] = end, joint
+                carried_ends[j] = end
+            for link, end in carried_ends.items():
+                carrier = self._links[link].parent
+                is_pin_of_carrier = not end.startswith(f'{dyad}_')
+                if carrier is not None and not is_pin_of_carrier:
+                    carriers[end] = self.joints[carrier]
         return carriers
 
     def _connect(self, asides: dict[str, str]) -> None:
