@@ -73,10 +73,12 @@ def read_columns(path: Path | str, quantities: Collection[str]) -> dict[str, lis
 
     Raises:
         OSError: The file cannot be read, or is too large.
-        ValueError: A name is not valid, there are too many rows, a cell is not a number, or a line
-            has more or fewer cells than the first line.
+        ValueError: A name is not valid, there are too many rows or columns, a cell is not a
+            number, or a line has more or fewer cells than the first line.
     """
     head, *lines = read_file(path).decode('utf-8-sig').splitlines() or ['']
+    if (number := head.count(',') + 1) > len(_COLUMNS):
+        raise ValueError(f'its first line has {number} columns: must be at most {len(_COLUMNS)}')
     names = [name.strip(' \t"') for name in head.split(',')]
     columns = list[_Column]()
     for name in names:

@@ -235,6 +235,32 @@ def test_numbers_of_a_csv_file_with_too_many_rows_are_not_read(put, monkeypatch,
     assert 'four.csv' in str(caught.value)
 
 
+@pytest.mark.parametrize('reader', ['law', 'load'])
+def test_csv_file_with_too_many_columns_is_refused_by_their_number(put, reader):
+    with pytest.raises(ConfigurationError, match='4000001 columns'):
+        READERS[reader](str(put('wide.csv', b',' * 4_000_000)))
+
+
+@pytest.mark.parametrize(
+    ('text', 'words'),
+    [
+        (b'<a>' * 5_500_000, 'nested too deeply'),
+        (b'<a>' + b'<b/>' * 2_000_000, 'too many elements'),
+        (b'<!DOCTYPE a [' + b'<!ATTLIST a b CDATA "">' * 100_000 + b']><a/>', 'DOCTYPE'),
+    ],
+    ids=['deep', 'flat', 'declarations'],
+)
+def test_robot_model_is_refused_before_its_tree_takes_gigabytes(put, text, words):
+    path = put('robot.urdf', text)
+    tracemalloc.start()
+    try:
+        with pytest.raises(ConfigurationError, match=words):
+            read_xml(path)
+        assert tracemalloc.get_traced_memory()[1] < 1e8
+    finally:
+        tracemalloc.stop()
+
+
 @pytest.mark.parametrize('text', [b'<!--', b'<!-->', b'-->', b'<!-- -->x', b'<a:b '])
 def test_a_robot_model_of_unfinished_parts_is_searched_once(put, text):
     path = put('robot.urdf', text * 50_000)
