@@ -663,22 +663,23 @@ def test_all_methods_agree_under_the_same_conditions(name, friction, size):
 
 
 @pytest.mark.parametrize('name', ALL_KINDS)
-def test_energy_is_that_of_a_machine_under_its_own_conditions(name):
+def test_energy_and_forces_are_those_of_a_machine_with_these_conditions_of_its_own(name):
     """A tilted base_link only turns gravity; a given force counts as constant."""
     gravity, tilt = (-3.0, 5.0), 0.7
     turned = complex(*gravity) * cmath.exp(-1j * tilt)
     given, own = (Solver(loaded(ALL_KINDS[name], forces)) for forces in (REST, FORCES))
     own = Solver(replace(own.mechanism, gravity=(turned.real, turned.imag)))
     under = Conditions(gravity, (tilt, 0.0, 0.0), FORCES)
-    levels = []
     for share in (0.3, 0.5):
-        q, u = PUMP[:2]
+        q, u, a = PUMP
         if len(given.coordinates) == 1:
             low, high = given.reach.arcs[0]
-            q, u = ((1 - share) * low + share * high,), (2.0,)
-        pair = [x.energy(x.state(q, u, under=y)) for x, y in ((given, under), (own, Conditions()))]
-        assert pair[0] == pytest.approx(pair[1], rel=1e-12, abs=1e-12)
-        levels.append(pair[0])
+            q, u, a = ((1 - share) * low + share * high,), (2.0,), (1.5,)
+        pair = (given, given.state(q, u, a, under=under)), (own, own.state(q, u, a))
+        energy, same = (x.energy(state) for x, state in pair)
+        assert energy == pytest.approx(same, rel=1e-12, abs=1e-12)
+        pins, same = (np.array([*x.reactions(state).pins.values()]) for x, state in pair)
+        assert np.abs(pins - same).max() < 1e-11 * np.abs(pins).max()
     with pytest.raises(ConfigurationError, match='frame'):
         given.energy(given.state(q, u, under=replace(under, frame=HIP)))
 
