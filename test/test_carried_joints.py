@@ -7,6 +7,7 @@ tables and arrows of loads follow the same carriers.
 """
 
 import cmath
+import math
 import re
 from dataclasses import replace
 from typing import NamedTuple
@@ -193,7 +194,9 @@ def test_recorded_joints_close_every_loop(name, tmp_path):
                 start = Simulator(configuration)
                 text = make_mjcf(mechanism, start.state(start.begin(0).at(0)))
                 model = mujoco.MjModel.from_xml_string(text)
+            turning = [x.name for x in mechanism.structure().links[1:] if not x.slides]
             for values, rates, changes in states:
+                assert max(abs(values[name]) for name in turning) <= math.pi
                 placed = frames(make_urdf(mechanism), joints, values, rates, changes)
                 fastest, most = (max(map(abs, row.values())) for row in (rates, changes))
                 scales = 1.0, fastest, fastest**2 + most
