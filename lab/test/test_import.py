@@ -415,6 +415,31 @@ def test_sdf_closes_itself(run):
     assert cut['frame.length'] == pytest.approx(0.8, abs=1e-14)
 
 
+@pytest.mark.parametrize('word', ['1', 'True', ' true '])
+def test_truth_values_of_sdf_are_its_own(word, run):
+    expected, _ = run(SDF, '--crank', 'one', name='made.sdf')
+    text = SDF.replace('degrees="true"', f'degrees="{word}"').replace('"1.7"', '"1.11"')
+    assert run(text, '--crank', 'one', name='made.sdf')[0] == expected
+    turned = SDF.replace(
+        '<pose degrees="true">1 0.1 0 0 90 0', f'<pose degrees="False">1 0.1 0 0 {math.pi / 2} 0'
+    )
+    assert run(turned, '--crank', 'one', name='made.sdf')[0] == expected
+
+
+def test_quaternion_of_urdf_is_its_roll_pitch_and_yaw(run):
+    turned = LEG.replace(  # on the rod, whose joint and closure are on its axis
+        '<origin xyz="0.06 0 0"/><axis', '<origin xyz="0.06 0 0" rpy="0 0.3 0"/><axis'
+    )
+    half = f'0 {math.sin(0.15)!r} 0 {math.cos(0.15)!r}'
+    quaternion = turned.replace('rpy="0 0.3 0"', f'quat_xyzw="{half}"')
+    quaternion = quaternion.replace('name="leg"', 'name="leg" version="1.1"')
+    expected, _ = run(turned, *CLOSE)
+    assert expected != run(LEG, *CLOSE)[0]
+    values, _ = run(quaternion, *CLOSE)
+    for name, value in expected.items():
+        assert values[name] == pytest.approx(value, abs=1e-12)
+
+
 def without(text, *pieces):
     for piece in pieces:
         assert piece in text
@@ -444,7 +469,8 @@ MESH = MJCF.replace('type="cylinder" size="0.01 0.15"', 'type="mesh" mesh="rod"'
 OPEN_SDF = SDF.replace('<child>c</child>\n    <pose rot', '<child>d</child><pose rot')
 HIDDEN = LEG.replace(
     '<link name="lug"/>',
-    '<link name="lug"><inertial><mass value="-0.1"/><inertia ixx="0"/></inertial></link>',
+    '<link name="lug"><inertial><mass value="-0.1"/><inertia ixx="0" iyy="0" izz="0"/>'
+    '</inertial></link>',
 )
 ROD_INERTIA = '<mass value="0.1"/>\n    <inertia ixx="1e-4" iyy="2e-4" izz="3e-4"/>'
 NO_INERTIA = LEG.replace(ROD_INERTIA, '<mass value="0.1"/>')
@@ -454,7 +480,37 @@ CIRCLE = LEG.replace(
 )
 TWO_NUMBERS = LEG.replace('xyz="0.06 0 0"/><axis', 'xyz="0.06 0"/><axis')
 CRANK = '--crank', 'one'
+IN_SDF = {  # what replaces a piece of SDF, and words of the error
+    'degrees': ('degrees="true"', 'degrees="yes"', "'yes': must be true"),
+    'degrees of a quaternion': ('rotation_format', 'degrees="1" rotation_format', 'quat_xyzw'),
+    'format of a rotation': ('"quat_xyzw"', '"quat_wxyz"', 'quat_wxyz'),
+    'attribute of a pose': ('<pose degrees', '<pose degres="1" degrees', "'degres'"),
+    'quaternion without length': ('-0.8 0 0 0 0 0 1', '-0.8 0 0 0 0 0 0', 'length 0'),
+    'frame of a pose': ('relative_to="A0"', 'relative_to=" A0"', "' A0' is missing"),
+    'component of inertia': ('<izz>1</izz>', '<izZ>1</izZ>', 'izZ'),
+    'mass given twice': ('<mass>2</mass>', '<mass>2</mass><mass>3</mass>', 'several <mass>'),
+    'version': ('"1.7"', '"1.x"', "'1.x': must be numbers"),
+}  # fmt: skip
+IN_URDF = {  # the same of URDF
+    'moment of inertia': ('izz="1e-4"', '', "link 'shank': <inertia> izz"),
+    'component of inertia': ('izz="1e-4"', 'izz="1" izZ="1"', "'izZ'"),
+    'mass given twice': ('<mass value="0.6"/>', 2 * '<mass value="0.6"/>', 'several <mass>'),
+    'unit of a mass': ('<mass value="0.6"/>', '<mass value="0.6" unit="g"/>', "'unit'"),
+    'misspelt origin': ('<origin xyz="0 0.03 0"/>', '<origin xyx="0 0.03 0"/>', "'xyx'"),
+    'attribute of an axis': ('<axis xyz="0 -1 0"', '<axis xyz="0 -1 0" rpy="0 1 0"', "'rpy'"),
+    'attribute of a limit': ('lower="-1"', 'lower="-1" uper="1"', "'uper'"),
+    'attribute of a mimic': ('multiplier="-1"', 'multiplyer="-1"', "'multiplyer'"),
+    'quaternion of an old version': ('rpy="1 2 3"', 'quat_xyzw="0 0 0 1"', '1.1'),
+}  # fmt: skip
 REFUSED = {
+    **{f'SDF, {x}': (SDF.replace(old, new), CRANK, words)
+       for x, (old, new, words) in IN_SDF.items()},
+    **{f'URDF, {x}': (LEG.replace(old, new), CLOSE, words)
+       for x, (old, new, words) in IN_URDF.items()},
+    'two rotations': (
+        LEG.replace('name="leg"', 'name="leg" version="1.1"')
+        .replace('rpy="1 2 3"', 'rpy="1 2 3" quat_xyzw="0 0 0 1"'), CLOSE, 'one of them',
+    ),
     'a computed inertia': (SDF.replace('<inertial>', '<inertial auto="true">'), CRANK, 'auto'),
     'another file': (SDF.replace('<link name="b"', '<include/><link name="b"'), CRANK, 'include'),
     'a link without gravity': (
@@ -511,7 +567,7 @@ REFUSED = {
     ),
     'bodies nested too deeply': (
         MJCF.replace('</worldbody>', 600 * '<body>' + 600 * '</body>' + '</worldbody>'),
-        ('--crank', 'motor'), 'MuJoCo',
+        ('--crank', 'motor'), 'nested too deeply',
     ),
     'a misspelt crank': (LEG, ('--crank', 'knee_moter', *CLOSE[2:]), 'knee_motor, rod_joint'),
     'a link as crank': (LEG, ('--crank', 'thigh', *CLOSE[2:]), 'movable joint'),
@@ -721,6 +777,8 @@ def test_properties_that_a_linkage_does_not_have_are_noted(run):
     assert 'knee: damping = 0.5' in run(damped, *CLOSE)[1]
     _, printed = run(SDF, '--crank', 'one', name='made.sdf')
     assert 'b: no <inertial>' in printed
+    _, printed = run(without(SDF, '<izz>1</izz>'), '--crank', 'one', name='made.sdf')
+    assert 'a: no <izz>' in printed
 
 
 @pytest.mark.parametrize('model', ['urdf', 'sdf'])

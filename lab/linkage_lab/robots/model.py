@@ -3,7 +3,8 @@
 """A robot model in three dimensions: links, joints and closures of loops, as read from a file."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+import re
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import NamedTuple
 from xml.etree import ElementTree as ET
 
@@ -184,6 +185,67 @@ def from_quaternion(w: float, x: float, y: float, z: float) -> Array:
     return about(np.array((x, y, z)) / length, 2 * math.atan2(length, w))
 
 
+def quaternion_of(xyzw: Array) -> Array:
+    """Returns the rotation matrix of a quaternion in the order of URDF and SDF.
+
+    Raises:
+        ConfigurationError: The quaternion has length 0.
+    """
+    x, y, z, w = unit(xyzw, 'quat_xyzw')
+    return from_quaternion(w, x, y, z)
+
+
+def child_of(
+    element: ET.Element, tag: str, known: Collection[str] | None = None
+) -> ET.Element | None:
+    """Returns the only child of a name; None if there is none.
+
+    Args:
+        element: The parent.
+        tag: Name of the child.
+        known: Names of its attributes; None for any.
+
+    Returns:
+        The child.
+
+    Raises:
+        ConfigurationError: There are several, or one has another attribute.
+    """
+    children = element.findall(tag)
+    if len(children) > 1:
+        raise ConfigurationError(f'<{element.tag}> has several <{tag}>: must be one')
+    found = next(iter(children), None)
+    if found is not None and known is not None and (more := {*found.keys()} - {*known}):
+        raise ConfigurationError(
+            f'<{tag}> has {shown(min(more))}, which is not read: must be {listed(known)}'
+        )
+    return found
+
+
+def is_true(text: str) -> bool:
+    """Reads a truth value of SDF.
+
+    Raises:
+        ConfigurationError: The text is not a truth value.
+    """
+    word = text.strip().lower()
+    if word not in {'0', '1', 'false', 'true'}:
+        raise ConfigurationError(f'{shown(text)}: must be true, false, 1 or 0')
+    return word in {'1', 'true'}
+
+
+def version_of(root: ET.Element, default: str) -> tuple[int, ...]:
+    """Reads the version of a format, of which 1.11 comes after 1.9.
+
+    Raises:
+        ConfigurationError: It is not numbers with dots between them.
+    """
+    text = root.get('version', default).strip()
+    if not re.fullmatch(r'[0-9]{1,9}(\.[0-9]{1,9}){0,9}', text):
+        raise ConfigurationError(f'version {shown(text)}: must be numbers, such as {default}')
+    return tuple(map(int, text.split('.')))
+
+
 def numbers(element: ET.Element | None, name: str, count: int, default: str = '') -> Array:
     """Reads an attribute, or the text if `name` is empty, as finite numbers.
 
@@ -219,7 +281,7 @@ def unit(axis: Array, what: str) -> Array:
     """Scales an axis to length 1.
 
     Args:
-        axis: Axis of any length, shape (3,).
+        axis: Vector of any length.
         what: Description of the axis in the error message.
 
     Returns:

@@ -16,12 +16,15 @@ from linkage_lab.robots.model import (
     Joint,
     Robot,
     Transform,
-    from_quaternion,
+    child_of,
     from_rpy,
+    is_true,
     listed,
     numbers,
+    quaternion_of,
     symmetric,
     unit,
+    version_of,
 )
 from linkage_ros import ConfigurationError
 from linkage_ros.formulas import Array
@@ -40,7 +43,9 @@ _NOT_READ: tuple[tuple[str, str, tuple[str, ...], str], ...] = (
     ('.//use_parent_model_frame', '', ('0', 'false'), _EXPAND),
     ('.//link/gravity', '', ('1', 'true'), 'gravity must act on all links'),
 )
-_OLDEST = 1.5  # before, axes are those of the model
+_POSE = 'relative_to', 'rotation_format', 'degrees', 'frame'
+_MOMENTS = 'ixx', 'iyy', 'izz'
+_OLDEST = 1, 5  # before, axes are those of the model
 
 
 def read_sdf(root: ET.Element) -> Robot:
@@ -58,12 +63,12 @@ def read_sdf(root: ET.Element) -> Robot:
     for path, name, harmless, cure in _NOT_READ:
         for element in root.iterfind(path):
             value = (element.get(name, '') if name else element.text or '').strip()
-            if value not in harmless:
+            if value.lower() not in harmless:
                 what = f'{name} of <{element.tag}>' if name else f'<{element.tag}>'
                 raise ConfigurationError(f'{what} {shown(value)} is not read: {cure}')
-    if numbers(root, 'version', 1, '1.5')[0] < _OLDEST:
+    if version_of(root, '1.5') < _OLDEST:
         raise ConfigurationError(
-            f'version {root.get("version")} of SDF is not read: must be at least {_OLDEST}'
+            f'version {root.get("version")} of SDF is not read: must be at least 1.5'
         )
     models = [*root.iter('model')]
     if len(models) != 1:
@@ -125,7 +130,7 @@ class _Reader:
 
     def _base(self, part: ET.Element) -> str:
         """Returns the name of the frame to which the pose of an element is relative."""
-        pose = part.find('pose')
+        pose = child_of(part, 'pose')
         if pose is not None and (other := pose.get('relative_to')):
             return other
         if part.tag == 'model':
@@ -177,17 +182,19 @@ def read_joint(
     found = Joint(name, KINDS.get(kind, kind), parent, child, first, second)
     if kind not in KINDS:
         return found
-    xyz = element.find('axis/xyz')
+    if (around := child_of(element, 'axis')) is None:
+        around = ET.Element('axis')
+    xyz = child_of(around, 'xyz', ('expressed_in',))
     axis = numbers(xyz, '', 3, '0 0 1')
     if xyz is not None and (other := xyz.get('expressed_in')):
         axis = at.rotation.T @ pose_of(other).rotation @ axis
     given = [
         f'{part.tag} = {value:g}'
         for tag in ('damping', 'friction', 'spring_stiffness')
-        if (part := element.find(f'axis/dynamics/{tag}')) is not None
+        if (part := around.find(f'dynamics/{tag}')) is not None
         if (value := numbers(part, '', 1)[0])
     ]
-    if (mimic := element.find('axis/mimic')) is not None:
+    if (mimic := child_of(around, 'mimic')) is not None:
         multiplier, offset, reference = (
             float(numbers(mimic.find(tag), '', 1, default)[0])
             for tag, default in (('multiplier', '1'), ('offset', '0'), ('reference', '0'))
@@ -199,36 +206,58 @@ def read_joint(
 
 
 def read_pose(element: ET.Element) -> Transform:
-    """Reads the pose of an element in the frame to which it is relative."""
-    pose = element.find('pose')
-    if pose is not None and pose.get('rotation_format') == 'quat_xyzw':
+    """Reads the pose of an element in the frame to which it is relative.
+
+    Raises:
+        ConfigurationError: A value or an attribute is invalid.
+    """
+    pose = child_of(element, 'pose', _POSE)
+    kind, is_degrees = 'euler_rpy', False
+    if pose is not None:
+        kind = pose.get('rotation_format', kind)
+        is_degrees = is_true(pose.get('degrees', 'false'))
+    if kind == 'quat_xyzw' and not is_degrees:
         x, y, z, *q = numbers(pose, '', 7)
-        return Transform(from_quaternion(q[3], *q[:3]), np.array((x, y, z)))
+        return Transform(quaternion_of(np.array(q)), np.array((x, y, z)))
+    if kind != 'euler_rpy':
+        raise ConfigurationError(
+            f'rotation_format of <pose> {shown(kind)} is not read: must be euler_rpy, or '
+            'quat_xyzw without degrees'
+        )
     six = numbers(pose, '', 6, '0 0 0 0 0 0')
-    rpy = np.radians(six[3:]) if pose is not None and pose.get('degrees') == 'true' else six[3:]
+    rpy = np.radians(six[3:]) if is_degrees else six[3:]
     return Transform(from_rpy(*rpy), six[:3])
 
 
 def _inertial(link: ET.Element) -> Inertial:
-    """Reads the mass; SDF's default is 1 kg with 1 kg m^2 about each axis."""
-    element = link.find('inertial')
+    """Reads the mass; SDF's default is 1 kg with 1 kg m^2 about each axis.
+
+    Raises:
+        ConfigurationError: A value is invalid, or <inertia> has unknown components.
+    """
+    element = child_of(link, 'inertial')
     if element is None:
         return Inertial(1.0, np.zeros(3), np.eye(3))
-    pose, six = read_pose(element), element.find('inertia')
+    pose, six = read_pose(element), child_of(element, 'inertia')
+    for part in () if six is None else six:
+        if part.tag not in INERTIA:
+            raise ConfigurationError(f'<{part.tag}> of <inertia> is not read')
     parts = (
-        numbers(None if six is None else six.find(name), '', 1, default)
+        numbers(None if six is None else child_of(six, name), '', 1, default)
         for name, default in zip(INERTIA, '100101', strict=True)
     )
     inertia = symmetric(*(float(part[0]) for part in parts))
-    (mass,) = numbers(element.find('mass'), '', 1, '1')
+    (mass,) = numbers(child_of(element, 'mass'), '', 1, '1')
     return Inertial(float(mass), pose.place, pose.rotation @ inertia @ pose.rotation.T)
 
 
 def _assumed(link: ET.Element) -> str:
     """Describes the defaults of SDF that replace missing values of a mass; empty if none is."""
     element = link.find('inertial')
-    missing = ['inertial'] if element is None else []
+    missing = ['inertial']
     if element is not None:
         missing = [name for name in ('mass', 'inertia') if element.find(name) is None]
+        six = element.find('inertia')
+        missing += [name for name in _MOMENTS if six is not None and six.find(name) is None]
     tags = ' and '.join(f'<{name}>' for name in missing)
     return tags and f'no {tags} in the model; SDF then gives 1 kg and 1 kg m^2'

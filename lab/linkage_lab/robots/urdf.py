@@ -17,16 +17,32 @@ from linkage_lab.robots.model import (
     Joint,
     Robot,
     Transform,
+    child_of,
     from_rpy,
     numbers,
+    quaternion_of,
     symmetric,
     unit,
+    version_of,
 )
 from linkage_lab.robots.sdf import read_joint, read_pose
 from linkage_ros import ConfigurationError
 from linkage_ros.quantities import shown
 
 _T = TypeVar('_T')
+_ATTRIBUTES = {
+    'origin': ('xyz', 'rpy', 'quat_xyzw'),
+    'mass': ('value',),
+    'inertia': INERTIA,
+    'parent': ('link',),
+    'child': ('link',),
+    'axis': ('xyz',),
+    'limit': ('lower', 'upper', 'effort', 'velocity', 'acceleration', 'deceleration', 'jerk'),
+    'dynamics': ('damping', 'friction'),
+    'mimic': ('joint', 'multiplier', 'offset'),
+}
+_QUATERNIONS = 1, 1  # version from which they are read
+_MOMENTS = 'ixx', 'iyy', 'izz'
 
 
 def read_urdf(root: ET.Element) -> Robot:
@@ -45,6 +61,10 @@ def read_urdf(root: ET.Element) -> Robot:
         raise ConfigurationError(
             'it has xacro macros: run xacro FILE > robot.urdf, and import that'
         )
+    if version_of(root, '1.0') < _QUATERNIONS:
+        for origin in root.iter('origin'):
+            if origin.get('quat_xyzw') is not None:
+                raise ConfigurationError('quat_xyzw needs <robot version="1.1">')
     links = {link.get('name', ''): _read(_inertial, link) for link in root.findall('link')}
     joints = [_read(_joint, joint) for joint in root.findall('joint')]
     children = Counter(joint.child for joint in joints)
@@ -123,44 +143,57 @@ def _gazebo_joint(element: ET.Element, poses: Mapping[str, Transform]) -> Joint:
     return read_joint(element, poses[base].then(read_pose(element)), poses, poses.__getitem__)
 
 
+def _part(element: ET.Element, tag: str) -> ET.Element | None:
+    """Returns the only child of a name, all of whose attributes are known."""
+    return child_of(element, tag, _ATTRIBUTES[tag])
+
+
 def _pose(element: ET.Element) -> Transform:
-    origin = element.find('origin')
+    origin = _part(element, 'origin')
     place, rpy = (numbers(origin, name, 3, '0 0 0') for name in ('xyz', 'rpy'))
-    return Transform(from_rpy(*rpy), place)
+    if origin is None or origin.get('quat_xyzw') is None:
+        return Transform(from_rpy(*rpy), place)
+    if origin.get('rpy') is not None:
+        raise ConfigurationError('<origin> has rpy and quat_xyzw: give one of them')
+    return Transform(quaternion_of(numbers(origin, 'quat_xyzw', 4)), place)
 
 
 def _inertial(link: ET.Element) -> Inertial | None:
-    element = link.find('inertial')
+    element = child_of(link, 'inertial')
     if element is None:
         return None
-    pose = _pose(element)
-    for tag in ('mass', 'inertia'):
-        if element.find(tag) is None:
+    pose, parts = _pose(element), {tag: _part(element, tag) for tag in ('mass', 'inertia')}
+    for tag, part in parts.items():
+        if part is None:
             raise ConfigurationError(f'<inertial> has no <{tag}>')
-    (mass,) = numbers(element.find('mass'), 'value', 1)
-    inertia = symmetric(*(numbers(element.find('inertia'), name, 1, '0')[0] for name in INERTIA))
+    (mass,) = numbers(parts['mass'], 'value', 1)
+    six = (
+        numbers(parts['inertia'], name, 1, '' if name in _MOMENTS else '0')[0] for name in INERTIA
+    )
+    inertia = symmetric(*six)
     return Inertial(float(mass), pose.place, pose.rotation @ inertia @ pose.rotation.T)
 
 
 def _joint(element: ET.Element) -> Joint:
     name, kind = element.get('name', ''), element.get('type', '')
     parent, child = (
-        '' if (end := element.find(tag)) is None else end.get('link', '')
+        '' if (end := _part(element, tag)) is None else end.get('link', '')
         for tag in ('parent', 'child')
     )
     if not name:
         raise ConfigurationError(
             f'the joint from link {shown(parent)} to {shown(child)} has no name: give it one'
         )
+    _part(element, 'limit')
     found = Joint(name, KINDS.get(kind, kind), parent, child, _pose(element))
-    if (dynamics := element.find('dynamics')) is not None:
+    if (dynamics := _part(element, 'dynamics')) is not None:
         values = {name: numbers(dynamics, name, 1, '0')[0] for name in ('damping', 'friction')}
         given = (f'{name} = {value:g}' for name, value in values.items() if value)
         found = found._replace(left_out=', '.join(given))
     if found.kind in {REVOLUTE, PRISMATIC}:  # others may have an axis of length 0
-        axis = unit(numbers(element.find('axis'), 'xyz', 3, '1 0 0'), '<axis>')
+        axis = unit(numbers(_part(element, 'axis'), 'xyz', 3, '1 0 0'), '<axis>')
         found = found._replace(axis=axis)
-    if (mimic := element.find('mimic')) is not None:
+    if (mimic := _part(element, 'mimic')) is not None:
         (multiplier,), (offset,) = (
             numbers(mimic, attribute, 1, default)
             for attribute, default in (('multiplier', '1'), ('offset', '0'))
