@@ -11,7 +11,7 @@ import subprocess
 import sys
 import textwrap
 import time
-from concurrent.futures import BrokenExecutor
+from concurrent.futures import BrokenExecutor, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import partial
@@ -616,13 +616,19 @@ measures: [peak_torque]
 
 @pytest.fixture
 def run(called, tmp_path, monkeypatch):
-    """Runs a study with options; returns exit code, stdout and stderr."""
+    """Runs a study with options; returns exit code, stdout and stderr.
+
+    Without options, a thread takes the place of the processes, which cost 1 s each.
+    """
     monkeypatch.setattr(command, '_BLOCK', 64)
     monkeypatch.chdir(tmp_path)
 
     def run(text=STUDY, *options):
         Path('study.yaml').write_text(text)
-        return called(command_line, 'sweep', 'study.yaml', *options)
+        with monkeypatch.context() as patch:
+            if not options:
+                patch.setattr(command, 'processes', lambda _: ThreadPoolExecutor(1))
+            return called(command_line, 'sweep', 'study.yaml', *options)
 
     return run
 
