@@ -5,6 +5,8 @@
 import cmath
 import math
 import re
+import resource
+from pathlib import Path
 
 import mujoco  # required by these tests: without it they must fail, not be skipped
 import numpy as np
@@ -553,6 +555,18 @@ REFUSED = {
                      '<joint name="gear" joint1="motor" joint2="knee"/>'),
         ('--crank', 'motor'), "joint 'gear' is not a closure",
     ),
+    **{f'{flag} that is disabled': (
+        MJCF.replace('</mujoco>', f'<option><flag {flag}="disable"/></option></mujoco>'),
+        ('--crank', 'motor'), "connect 'pin' is disabled",
+    ) for flag in ('equality', 'constraint')},
+    'a large height field': (
+        MJCF.replace('<worldbody>', '<asset><hfield name="h" nrow="30000" ncol="30000" '
+                     'size="1 1 1 1"/></asset><worldbody>'), ('--crank', 'motor'), '900000000 or',
+    ),
+    'many numbers of a user': (
+        MJCF.replace('name="motor"', f'name="motor" user="{"1 " * 1001}"'), ('--crank', 'motor'),
+        'user has 1001',
+    ),
     'a constraint that is not active': (
         MJCF.replace('name="pin"', 'name="pin" active="false"'), ('--crank', 'motor'),
         "connect 'pin' is not active",
@@ -773,12 +787,104 @@ def test_properties_that_a_linkage_does_not_have_are_noted(run):
     heavy = MJCF.replace('ref="25"', 'ref="25" armature="0.01" damping="0.2" frictionloss="0.3"')
     _, printed = run(heavy, '--crank', 'motor')
     assert 'motor: armature = 0.01, damping = 0.2, frictionloss = 0.3' in printed
+    # The joint that closes the loop is not in the tree.
+    three = '<xyz>0 1 0</xyz>', '<xyz>0 1 0</xyz><dynamics><damping>0.4</damping></dynamics>'
+    _, printed = run(three[1].join(SDF.rsplit(three[0], 1)), '--crank', 'one', name='made.sdf')
+    assert 'three: damping = 0.4' in printed
     damped = LEG.replace('<mimic', '<dynamics damping="0.5" friction="0"/><mimic')
     assert 'knee: damping = 0.5' in run(damped, *CLOSE)[1]
     _, printed = run(SDF, '--crank', 'one', name='made.sdf')
     assert 'b: no <inertial>' in printed
     _, printed = run(without(SDF, '<izz>1</izz>'), '--crank', 'one', name='made.sdf')
     assert 'a: no <izz>' in printed
+
+
+SPRING = (
+    '<tendon><spatial name="s" stiffness="3"><site site="lug"/><site site="w"/></spatial></tendon>'
+)
+LEFT_OUT = {  # what is added to MJCF, and the words of the only further line
+    'a fluid': ('<option density="1.2" viscosity="1e-5" wind="0 2 0"/>',
+                'density = 1.2, viscosity = 1e-05, wind = 0 2 0: left out'),
+    'a spring of a joint': (
+        '<tendon><fixed name="s" stiffness="3"><joint joint="knee" coef="2"/></fixed></tendon>',
+        "knee: tendon 's' (stiffness = 3): left out",
+    ),
+    'a spring to the frame': (
+        f'<worldbody><site name="w"/></worldbody>{SPRING}',
+        "lug: tendon 's' (stiffness = 3): left out",
+    ),
+    'a coupling': ('<equality><joint name="gear" joint1="motor"/></equality>',
+                   "motor: constraint joint 'gear': left out"),
+    'a motor': ('<actuator><motor name="m" joint="motor" armature="2" nsample="9"/></actuator>',
+                "motor: actuator 'm' (armature = 2): left out"),
+    'a motor without inertia': ('<actuator><motor joint="motor"/></actuator>', ''),
+    'a string': ('<tendon><fixed><joint joint="knee" coef="2"/></fixed></tendon>', ''),
+    'wind without air': ('<option wind="0 2 0"/>', ''),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize('case', LEFT_OUT)
+def test_what_mjcf_adds_to_a_linkage_is_noted_once(case, run):
+    addition, words = LEFT_OUT[case]
+    values, plain = run(MJCF, '--crank', 'motor')
+    noted, printed = run(MJCF.replace('</mujoco>', f'{addition}</mujoco>'), '--crank', 'motor')
+    assert noted == values
+    notes, before = (re.findall('^note: .*', x, re.MULTILINE) for x in (printed, plain))
+    assert sorted(notes) == sorted([*before, *([f'note: {words}'] if words else [])])
+
+
+def test_disabled_gravity_is_zero(run):
+    option = '<option{}</mujoco>'
+    floating, same = (
+        run(MJCF.replace('</mujoco>', option.format(x)), '--crank', 'motor')
+        for x in (' gravity="0 0 0"/>', '><flag gravity="disable"/></option>')
+    )
+    assert floating == same
+    assert same[0]['gravity'] == [0.0, 0.0]
+
+
+LARGE = {
+    'textures': '<asset><texture name="t" type="2d" width="40000" height="40000" builtin="flat"/>'
+    '<texture type="skybox" width="40000" height="40000" builtin="gradient"/>'
+    '<texture name="f" type="2d" file="missing.png"/><material name="m" texture="t"/></asset>',
+    'a field of a file': '<asset><hfield name="h" file="missing.png" size="1 1 1 1"/></asset>'
+    '<worldbody><geom type="hfield" hfield="h"/></worldbody>',
+    'sizes': '<size nuserdata="2000000000" nkey="100000000" nuser_body="1000000000"/>',
+    'old sizes': '<size njmax="2000000000" nconmax="2000000000"/>',
+    'sensors': '<sensor><user dim="1000000000"/></sensor>',
+    'keys': '<keyframe><key qpos="0 0 0"/></keyframe>',
+}
+
+
+@pytest.mark.parametrize('case', LARGE)
+def test_what_mechanics_do_not_need_is_not_compiled(case, run):
+    expected = run(MJCF, '--crank', 'motor')
+    limit = resource.getrlimit(resource.RLIMIT_AS)
+    with Path('/proc/self/statm').open() as pages:
+        used = int(pages.read().split()[0]) * resource.getpagesize()
+    resource.setrlimit(resource.RLIMIT_AS, (used + 500_000_000, limit[1]))
+    try:
+        text = MJCF.replace('<worldbody>', f'{LARGE[case]}<worldbody>', 1)
+        assert run(text, '--crank', 'motor') == expected
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, limit)
+
+
+def test_two_constraints_of_the_same_links_can_be_told_apart(run):
+    one = '<connect name="{}" body1="rod" body2="shank" anchor="0.3 0.01 0.02"/>'
+    pin = '<connect name="pin" site1="rod_tip" site2="lug"/>'
+    alone, _ = run(MJCF.replace(pin, one.format('p')), '--crank', 'motor')
+    both = MJCF.replace(pin, one.format('p') + pin)
+    assert_refused(*run(both, '--crank', 'motor'), 'of rod shank; rod_tip lug$')
+    chosen, _ = run(both, '--crank', 'motor', '--close', 'shank', 'rod')
+    assert chosen == alone  # at the point of the constraint, not the links' origins
+    twice = MJCF.replace(pin, one.format('p') + one.format('q'))
+    assert_refused(*run(twice, '--crank', 'motor'), "they all join rod and shank: .*'p', .*'q'$")
+
+
+def test_pose_where_all_links_are_in_line_names_the_crank(run):
+    at = '--at', f'knee_motor={math.pi / 2}'
+    assert_refused(*run(LEG, *CLOSE, *at), r'give --at knee_motor=VALUE, another value')
 
 
 @pytest.mark.parametrize('model', ['urdf', 'sdf'])

@@ -2,9 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reads MJCF as MuJoCo compiles it."""
 
+import math
 import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
@@ -30,12 +31,17 @@ from linkage_ros.internals import read_xml
 from linkage_ros.quantities import shown
 
 _KINDS = {0: 'free', 1: BALL, 2: PRISMATIC, 3: REVOLUTE}  # by mjtJoint
-_CONNECT, _WELD = 0, 1  # mjtEq
+_CONNECT, _WELD, _JOINT = 0, 1, 2  # mjtEq
 # MuJoCo's compiler takes quadratic time.
-_MOST = {'bodies': 1000, 'elements': 5_000}
+_MOST = {'bodies': 1000, 'elements': 5000, 'points of height fields': 10_000_000}
+_MOST_USER = 1000  # numbers that a user adds to an element; each other one gets as many
+_ERRORS = ValueError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError
+_USER = [name for name in dir(mujoco.MjSpec) if name.startswith('nuser_')]
 _FOLDERS = 'assetdir', 'meshdir', 'texturedir'
+_COUNT = re.compile(r'\s*\+?[0-9]{1,9}\s*')
 _NOT_FINITE = re.compile(r'(?i)(?<!\S)[-+]?(nan|inf|infinity)(?!\S)')
-_LEFT_OUT = 'armature', 'damping', 'frictionloss'
+_FLUID = 'density', 'viscosity'
+_LEFT_OUT = 'armature', 'damping', 'dampingpoly', 'frictionloss', 'stiffness', 'stiffnesspoly'
 
 
 def read_mjcf(path: Path) -> Robot:
@@ -53,10 +59,29 @@ def read_mjcf(path: Path) -> Robot:
     """
     _require_limits(path)
     try:
-        model = mujoco.MjModel.from_xml_path(str(path))
-    except ValueError as error:
+        model = _compiled(mujoco.MjSpec.from_file(str(path)))
+    except _ERRORS as error:
         raise ConfigurationError(f'MuJoCo: {" ".join(str(error).split())}') from error
     return _Reader(model).robot()
+
+
+def _compiled(spec: Any) -> Any:
+    """Compiles a model without parts that may be large and do not change its mechanics."""
+    for part in (*spec.keys, *spec.sensors, *spec.tuples):
+        spec.delete(part)
+    _require_counts(Counter(bodies=len(spec.bodies)))
+    spec.nkey = spec.nuserdata = 0
+    for name in ('memory', 'njmax', 'nconmax', *_USER):
+        setattr(spec, name, -1)
+    spec.compiler.LRopt.mode = mujoco.mjtLRMode.mjLRMODE_NONE
+    for actuator in spec.actuators:
+        actuator.nsample = 0
+    for texture in spec.textures:
+        texture.builtin = mujoco.mjtBuiltin.mjBUILTIN_FLAT
+        texture.width = texture.height = 1
+    for field in spec.hfields:
+        field.file, field.nrow, field.ncol, field.userdata = '', 2, 2, np.zeros(4)
+    return spec.compile()
 
 
 def _require_limits(path: Path) -> None:
@@ -70,30 +95,51 @@ def _require_limits(path: Path) -> None:
     counts = Counter[str]()
     while waiting:
         for element, times in _weighted(read_xml(waiting.pop())):
-            counts[element.tag] += times
-            _require_finite(element)
+            counts['bodies'] += times * (element.tag == 'body')
+            counts['elements'] += times
+            counts['points of height fields'] += times * _points(element)
+            _require_counts(counts)
+            _require_numbers(element)
             if element.tag == 'compiler':
                 folders |= {path.parent / element.get(name, '') for name in _FOLDERS}
             name = element.get('file', '')
             for file in (folder / name for folder in sorted(folders)):
                 if name and file.exists() and not file.is_file():
                     raise ConfigurationError(f'{file} is not a regular file')
-            included = path.parent / name
-            if element.tag == 'include' and included not in seen and included.is_file():
-                seen.add(included)
-                waiting.append(included)
-    for name, most in _MOST.items():
-        number = counts['body'] if name == 'bodies' else counts.total()
-        if number > most:
-            raise ConfigurationError(f'the model has {number} {name}: must be at most {most}')
+                if element.tag in {'include', 'model'} and file not in seen and file.is_file():
+                    seen.add(file)
+                    waiting.append(file)
 
 
-def _require_finite(element: ET.Element) -> None:
-    """Requires finite numbers, which MuJoCo does not.
+def _require_counts(counts: Mapping[str, int]) -> None:
+    """Requires counts that MuJoCo compiles in seconds.
 
     Raises:
-        ConfigurationError: A number is not finite.
+        ConfigurationError: There are too many bodies, elements or numbers.
     """
+    for name, most in _MOST.items():
+        if counts[name] > most:
+            raise ConfigurationError(
+                f'the model has {counts[name]} or more {name}: must be at most {most}'
+            )
+
+
+def _points(element: ET.Element) -> int:
+    """Returns the number of points of a height field."""
+    sides = [element.get(name, '') for name in ('nrow', 'ncol')]
+    return math.prod(map(int, sides)) if all(map(_COUNT.fullmatch, sides)) else 0
+
+
+def _require_numbers(element: ET.Element) -> None:
+    """Requires finite numbers, which MuJoCo does not, and few that a user adds.
+
+    Raises:
+        ConfigurationError: A number is not finite, or a user adds too many.
+    """
+    if (number := len(element.get('user', '').split())) > _MOST_USER:
+        raise ConfigurationError(
+            f'<{element.tag}> user has {number} numbers: must be at most {_MOST_USER}'
+        )
     for name, text in element.items():
         if name not in {'name', 'class'} and _NOT_FINITE.search(text):
             raise ConfigurationError(f'<{element.tag}> {name} = {shown(text)}: must be finite')
@@ -105,7 +151,7 @@ def _weighted(root: ET.Element) -> Iterator[tuple[ET.Element, int]]:
     while waiting:
         element, times = waiting.pop()
         for number in element.get('count', '').split():
-            times *= int(number) if re.fullmatch('[0-9]{1,9}', number) else 1
+            times *= int(number) if _COUNT.fullmatch(number) else 1
         yield element, times
         waiting += [(child, times) for child in element]
 
@@ -120,6 +166,7 @@ class _Reader:
         ]
         self.sites = [model.site(i).name or f'site {i}' for i in range(model.nsite)]
         self.joints: list[Joint] = []
+        self.movable: list[int] = []  # number in `joints` of each joint of the model
         self.links: dict[str, Inertial | None] = {}
         self.doubts: dict[str, str] = {}
 
@@ -139,9 +186,49 @@ class _Reader:
         closures, others = list[Closure](), list[str]()
         for number in range(model.neq):
             self._take_equality(number, closures, others)
+        for number in range(model.ntendon):
+            self._take_tendon(number)
+        for number in range(model.nu):
+            text = ', '.join(self._given('actuator', number))
+            if text and model.actuator_trntype[number] == mujoco.mjtTrn.mjTRN_JOINT:
+                name = shown(model.actuator(number).name or number)
+                self._leave_out(model.actuator_trnid[number][0], f'actuator {name} ({text})')
+        gravity = np.zeros(3) if self._is_disabled('GRAVITY') else model.opt.gravity.copy()
         return Robot(
-            self.links, self.joints, closures, model.opt.gravity.copy(), {}, others, self.doubts
+            self.links, self.joints, closures, gravity, {}, others, self.doubts, self._fluid()
         )
+
+    def _is_disabled(self, name: str) -> bool:
+        flag = getattr(mujoco.mjtDisableBit, f'mjDSBL_{name}')
+        return bool(self.model.opt.disableflags & flag)
+
+    def _fluid(self) -> list[str]:
+        """Describes the fluid that surrounds the robot."""
+        option = self.model.opt
+        given = [f'{x} = {value:g}' for x in _FLUID if (value := getattr(option, x))]
+        if given and any(option.wind):
+            given.append(f'wind = {" ".join(f"{x:g}" for x in option.wind)}')
+        return [f'{", ".join(given)}: left out'] if given else []
+
+    def _take_tendon(self, number: int) -> None:
+        """Notes the forces of a tendon at what it moves: joints, or the bodies of its sites."""
+        model = self.model
+        given = [*self._given('tendon', number)]
+        text = f'tendon {shown(model.tendon(number).name or number)} ({", ".join(given)})'
+        start = model.tendon_adr[number]
+        wraps = range(start, start + model.tendon_num[number])
+        for kind, at in {(model.wrap_type[i], model.wrap_objid[i]) for i in wraps if given}:
+            if kind == mujoco.mjtWrap.mjWRAP_JOINT:
+                self._leave_out(at, text)
+            elif kind == mujoco.mjtWrap.mjWRAP_SITE:
+                self.doubts[self.sites[at]] = f'{text}: left out'
+
+    def _leave_out(self, joint: int, text: str) -> None:
+        """Notes what is left out at a joint."""
+        index = self.movable[joint]
+        made = self.joints[index]
+        left_out = ', '.join(filter(None, [made.left_out, text]))
+        self.joints[index] = made._replace(left_out=left_out)
 
     def _take_body(self, number: int) -> None:
         """Reads a body with its joints; two joints have a link without mass between them."""
@@ -169,21 +256,24 @@ class _Reader:
     def _take_joint(self, joint: Any, parent: str, child: str, pose: Transform) -> None:
         kind = _KINDS[int(joint.type[0])]
         at = Transform(np.eye(3), joint.pos.copy())
+        left_out = *self._given('dof', int(joint.dofadr[0])), *self._given('jnt', joint.id)
         made = Joint(
             joint.name or f'{child}_joint', kind, parent, child, pose.then(at), at,
-            joint.axis.copy(), left_out=self._left_out(joint),
+            joint.axis.copy(), left_out=', '.join(left_out),
         )  # fmt: skip
         if kind in {PRISMATIC, REVOLUTE}:  # poses of the file are those at qpos0
             (start,) = self.model.qpos0[joint.qposadr]
             made = made._replace(in_parent=made.in_parent.then(made.motion(-float(start))))
+        self.movable.append(len(self.joints))
         self.joints.append(made)
 
-    def _left_out(self, joint: Any) -> str:
-        dof = int(joint.dofadr[0])
-        values = {name: getattr(self.model, f'dof_{name}')[dof] for name in _LEFT_OUT}
-        values['stiffness'] = self.model.jnt_stiffness[joint.id]
-        given = {name: float(np.max(value)) for name, value in values.items()}
-        return ', '.join(f'{name} = {value:g}' for name, value in given.items() if value)
+    def _given(self, kind: str, number: int) -> Iterator[str]:
+        """Yields what is left out of a part, such as its damping, if it is not 0."""
+        for name in _LEFT_OUT:
+            values = getattr(self.model, f'{kind}_{name}', None)
+            if values is not None and np.any(values[number]):
+                numbers = ' '.join(f'{x:g}' for x in np.atleast_1d(values[number]))
+                yield f'{name} = {numbers}'
 
     def _take_equality(self, number: int, closures: list[Closure], others: list[str]) -> None:
         """Reads a constraint: a connect as a closure, a weld as a fixed joint."""
@@ -193,6 +283,13 @@ class _Reader:
         if not model.eq_active0[number]:
             others.append(f'{name} is not active')
             return
+        if self._is_disabled('EQUALITY') or self._is_disabled('CONSTRAINT'):
+            others.append(f'{name} is disabled by <flag>')
+            return
+        if int(equality.type[0]) == _JOINT:
+            for joint in (int(equality.obj1id[0]), int(equality.obj2id[0])):
+                if joint >= 0:  # -1 if the second is left out
+                    self._leave_out(joint, f'constraint {name}')
         if int(equality.type[0]) not in {_CONNECT, _WELD}:
             others.append(f'{name} is not a closure')
             return

@@ -128,6 +128,7 @@ class Robot(NamedTuple):
         roots: Pose of links in the root's axes; the origin for others.
         others: Constraints in the file that close no loop, with the reason.
         doubts: What is left out or assumed for a link, by its name.
+        notes: Sentences about what is left out of the whole model.
     """
 
     links: Mapping[str, Inertial | None]
@@ -137,6 +138,7 @@ class Robot(NamedTuple):
     roots: Mapping[str, Transform] = {}
     others: Sequence[str] = ()
     doubts: Mapping[str, str] = {}
+    notes: Sequence[str] = ()
 
 
 def listed(words: Iterable[str], separator: str = ', ') -> str:

@@ -50,6 +50,8 @@ _SHORTEST = 1e-9  # m, as for the lengths of a mechanism
 _SLANTED = 0.6  # shortest projection of an axis of the frame that gives the plane's y axis
 _OFF_PIN = 1e-6  # m, distance of a slider's centre of mass from its pin that is noted
 _ALIKE = 1e-9  # rad, difference between two assemblies that cannot be told apart
+_ONE = 1e-6  # rad or m, largest difference of assemblies that meet
+_SLIDING = 'slider', 'rod'
 _MASSLESS = Inertial(0.0, np.zeros(3), np.zeros((3, 3)))
 _CYLINDER = 'inverted_slider_crank'
 _KINDS = {
@@ -420,12 +422,13 @@ def _the_loop(robot: Robot, tree: _Tree, crank: str, close: tuple[str, str] | No
         else:
             others.append(f'joint {shown(joint.name)} is {joint.kind}: must be revolute or ball')
     if close is not None:
-        closures = [Closure(' and '.join(close), close, (zero, zero))]
+        given = [closure for closure in closures if {*closure.links} == {*close}]
+        closures = given or [Closure(' and '.join(close), close, (zero, zero))]
     loops = [(closure, tree.cycle(closure)) for closure in closures]
     loops = [loop for loop in loops if crank in {pin.name for pin in loop[1]}]
     if len(loops) == 1:
         return loops[0][1]
-    if close is not None:
+    if close is not None and not loops:
         joined = listed(pin.name for pin in tree.cycle(closures[0])[:-1]) or 'no joint'
         raise ConfigurationError(
             f'--close {" ".join(close)}: the loop between them consists of {joined}: it must '
@@ -440,10 +443,12 @@ def _the_loop(robot: Robot, tree: _Tree, crank: str, close: tuple[str, str] | No
             f'no closure in the model closes a loop with {crank} (constraints: {has}): give '
             '--close and two links whose origins coincide in the closed loop'
         )
-    names = listed((' '.join(closure.links) for closure, _ in loops), '; ')
-    raise ConfigurationError(
-        f'{len(loops)} loops of the model contain {crank}: choose one with --close, of {names}'
-    )
+    names = [*dict.fromkeys(' '.join(closure.links) for closure, _ in loops)]
+    cure = f'choose one with --close, of {listed(names, "; ")}'
+    if len(names) == 1:
+        same = listed(closure.name for closure, _ in loops)
+        cure = f'they all join {" and ".join(loops[0][0].links)}: keep one of {same}'
+    raise ConfigurationError(f'{len(loops)} loops of the model contain {crank}: {cure}')
 
 
 def _from_frame(tree: _Tree, cycle: list[_Pin], crank: str, frame: str) -> list[_Pin]:
@@ -852,7 +857,7 @@ class _Planar:
             places = dict(zip(solver.links, map(float, state.position), strict=True))
             closed, away = dict[str, float](), 0.0
             for link, joint in joints.items():
-                slides = link in {'slider', 'rod'}
+                slides = link in _SLIDING
                 is_relative = joint.parent != 'frame' and not slides
                 move = places[link] - (places[joint.parent] if is_relative else 0.0)
                 move -= joint.zero
@@ -864,7 +869,16 @@ class _Planar:
             closed[crank.name] = given[crank.name]
             found.append((away, made, closed))
         (away, made, closed), *others = sorted(found, key=lambda one: one[0])
-        if any(other - away < _ALIKE for other, *_ in others):
+        for other, _, pose in others:
+            if other - away >= _ALIKE:
+                continue
+            moves = {link: pose[x.name] - closed[x.name] for link, x in joints.items()}
+            turned = {x: wrap(move) for x, move in moves.items() if x not in _SLIDING}
+            if max(map(abs, {**moves, **turned}.values())) < _ONE:
+                raise ConfigurationError(
+                    f'at {crank.name} {given[crank.name]:g} all links are in line, and both '
+                    f'assemblies meet: give --at {crank.name}=VALUE, another value'
+                )
             passive = [joint.name for joint in joints.values() if joint is not crank]
             raise ConfigurationError(
                 'both assemblies are equally far from this pose: give --at and a value of '
@@ -948,9 +962,12 @@ class _Planar:
                 f'the axis of {name} is {angle:.4g} rad ({math.degrees(angle):.3g} deg) off, but '
                 'is taken as exact'
             )
+        yield from self.robot.notes
+        left_out = {joint.name: joint.left_out for joint in self.robot.joints}
         for pin in self.cycle:
-            if pin.edge and pin.edge.joint.left_out:
-                yield f'{pin.name}: {pin.edge.joint.left_out}: left out'
+            name = pin.edge.joint.name if pin.edge else pin.closure.joint if pin.closure else ''
+            if name and (text := left_out.get(name)):
+                yield f'{name}: {text}: left out'
             if pin.closure and pin.closure.joint:
                 yield f'{pin.closure.joint} closes the loop: its value is not published'
         for body in self.bodies[1:]:
