@@ -491,12 +491,14 @@ IN_SDF = {  # what replaces a piece of SDF, and words of the error
     'frame of a pose': ('relative_to="A0"', 'relative_to=" A0"', "' A0' is missing"),
     'component of inertia': ('<izz>1</izz>', '<izZ>1</izZ>', 'izZ'),
     'mass given twice': ('<mass>2</mass>', '<mass>2</mass><mass>3</mass>', 'several <mass>'),
+    'part of an inertial': ('<mass>2</mass>', '<mass>2</mass><pse/>', '<pse> of <inertial>'),
     'version': ('"1.7"', '"1.x"', "'1.x': must be numbers"),
 }  # fmt: skip
 IN_URDF = {  # the same of URDF
     'moment of inertia': ('izz="1e-4"', '', "link 'shank': <inertia> izz"),
     'component of inertia': ('izz="1e-4"', 'izz="1" izZ="1"', "'izZ'"),
     'mass given twice': ('<mass value="0.6"/>', 2 * '<mass value="0.6"/>', 'several <mass>'),
+    'part of an inertial': ('<mass value="0.6"/>', '<mass value="0.6"/><orign/>', '<orign> of'),
     'unit of a mass': ('<mass value="0.6"/>', '<mass value="0.6" unit="g"/>', "'unit'"),
     'misspelt origin': ('<origin xyz="0 0.03 0"/>', '<origin xyx="0 0.03 0"/>', "'xyx'"),
     'attribute of an axis': ('<axis xyz="0 -1 0"', '<axis xyz="0 -1 0" rpy="0 1 0"', "'rpy'"),
@@ -787,6 +789,10 @@ def test_properties_that_a_linkage_does_not_have_are_noted(run):
     heavy = MJCF.replace('ref="25"', 'ref="25" armature="0.01" damping="0.2" frictionloss="0.3"')
     _, printed = run(heavy, '--crank', 'motor')
     assert 'motor: armature = 0.01, damping = 0.2, frictionloss = 0.3' in printed
+    misspelt = LEG.replace('<axis xyz="0 1 0"/><mimic', '<axis xyz="0 1 0"/><orign/><mimic')
+    assert 'knee: <orign>: left out' in run(misspelt, *CLOSE)[1]
+    text = SDF.replace('<xyz>', '<xzy/><xyz>')
+    assert 'two: <xzy>: left out' in run(text, '--crank', 'one', name='made.sdf')[1]
     # The joint that closes the loop is not in the tree.
     three = '<xyz>0 1 0</xyz>', '<xyz>0 1 0</xyz><dynamics><damping>0.4</damping></dynamics>'
     _, printed = run(three[1].join(SDF.rsplit(three[0], 1)), '--crank', 'one', name='made.sdf')
@@ -801,6 +807,11 @@ def test_properties_that_a_linkage_does_not_have_are_noted(run):
 
 SPRING = (
     '<tendon><spatial name="s" stiffness="3"><site site="lug"/><site site="w"/></spatial></tendon>'
+)
+PULLED = (
+    '<tendon><fixed name="s"><joint joint="knee" coef="2"/></fixed></tendon><equality><tendon '
+    'name="e" tendon1="s"/></equality><actuator><motor name="m" tendon="s" armature="1"/>'
+    '</actuator>'
 )
 LEFT_OUT = {  # what is added to MJCF, and the words of the only further line
     'a fluid': ('<option density="1.2" viscosity="1e-5" wind="0 2 0"/>',
@@ -819,6 +830,14 @@ LEFT_OUT = {  # what is added to MJCF, and the words of the only further line
                 "motor: actuator 'm' (armature = 2): left out"),
     'a motor without inertia': ('<actuator><motor joint="motor"/></actuator>', ''),
     'a string': ('<tendon><fixed><joint joint="knee" coef="2"/></fixed></tendon>', ''),
+    'a constraint of a tendon, and its motor': (
+        PULLED,
+        "knee: tendon 's' (constraint tendon 'e', actuator 'm' (armature = 1)): left out",
+    ),
+    'two springs of a site': (
+        '<worldbody><site name="w"/></worldbody>' + 2 * SPRING.replace(' name="s"', ''),
+        'lug: tendon 0 (stiffness = 3), tendon 1 (stiffness = 3): left out',
+    ),
     'wind without air': ('<option wind="0 2 0"/>', ''),
 }  # fmt: skip
 

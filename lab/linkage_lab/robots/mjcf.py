@@ -31,7 +31,9 @@ from linkage_ros.internals import read_xml
 from linkage_ros.quantities import shown
 
 _KINDS = {0: 'free', 1: BALL, 2: PRISMATIC, 3: REVOLUTE}  # by mjtJoint
-_CONNECT, _WELD, _JOINT = 0, 1, 2  # mjtEq
+_CONNECT, _WELD, _JOINT, _TENDON = 0, 1, 2, 3  # mjtEq
+_AT_JOINT = mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT
+_END = ': left out'
 # MuJoCo's compiler takes quadratic time.
 _MOST = {'bodies': 1000, 'elements': 5000, 'points of height fields': 10_000_000}
 _MOST_USER = 1000  # numbers that a user adds to an element; each other one gets as many
@@ -167,6 +169,7 @@ class _Reader:
         self.sites = [model.site(i).name or f'site {i}' for i in range(model.nsite)]
         self.joints: list[Joint] = []
         self.movable: list[int] = []  # number in `joints` of each joint of the model
+        self.pulled: dict[int, list[str]] = {}  # what acts on a tendon, by its number
         self.links: dict[str, Inertial | None] = {}
         self.doubts: dict[str, str] = {}
 
@@ -186,13 +189,10 @@ class _Reader:
         closures, others = list[Closure](), list[str]()
         for number in range(model.neq):
             self._take_equality(number, closures, others)
+        for number in range(model.nu):
+            self._take_actuator(number)
         for number in range(model.ntendon):
             self._take_tendon(number)
-        for number in range(model.nu):
-            text = ', '.join(self._given('actuator', number))
-            if text and model.actuator_trntype[number] == mujoco.mjtTrn.mjTRN_JOINT:
-                name = shown(model.actuator(number).name or number)
-                self._leave_out(model.actuator_trnid[number][0], f'actuator {name} ({text})')
         gravity = np.zeros(3) if self._is_disabled('GRAVITY') else model.opt.gravity.copy()
         return Robot(
             self.links, self.joints, closures, gravity, {}, others, self.doubts, self._fluid()
@@ -210,18 +210,31 @@ class _Reader:
             given.append(f'wind = {" ".join(f"{x:g}" for x in option.wind)}')
         return [f'{", ".join(given)}: left out'] if given else []
 
+    def _take_actuator(self, number: int) -> None:
+        """Notes the inertia and damping of an actuator at its joint or tendon."""
+        if text := ', '.join(self._given('actuator', number)):
+            text = f'actuator {shown(self.model.actuator(number).name or number)} ({text})'
+            at = int(self.model.actuator_trnid[number][0])
+            if self.model.actuator_trntype[number] in _AT_JOINT:
+                self._leave_out(at, text)
+            elif self.model.actuator_trntype[number] == mujoco.mjtTrn.mjTRN_TENDON:
+                self.pulled.setdefault(at, []).append(text)
+
     def _take_tendon(self, number: int) -> None:
         """Notes the forces of a tendon at what it moves: joints, or the bodies of its sites."""
         model = self.model
-        given = [*self._given('tendon', number)]
-        text = f'tendon {shown(model.tendon(number).name or number)} ({", ".join(given)})'
+        given = ', '.join([*self._given('tendon', number), *self.pulled.get(number, ())])
+        if not given:
+            return
+        text = f'tendon {shown(model.tendon(number).name or number)} ({given})'
         start = model.tendon_adr[number]
         wraps = range(start, start + model.tendon_num[number])
-        for kind, at in {(model.wrap_type[i], model.wrap_objid[i]) for i in wraps if given}:
+        for kind, at in dict.fromkeys((model.wrap_type[i], model.wrap_objid[i]) for i in wraps):
             if kind == mujoco.mjtWrap.mjWRAP_JOINT:
                 self._leave_out(at, text)
             elif kind == mujoco.mjtWrap.mjWRAP_SITE:
-                self.doubts[self.sites[at]] = f'{text}: left out'
+                before = self.doubts.get(self.sites[at], '').removesuffix(_END)
+                self.doubts[self.sites[at]] = ', '.join(filter(None, [before, text])) + _END
 
     def _leave_out(self, joint: int, text: str) -> None:
         """Notes what is left out at a joint."""
@@ -286,10 +299,12 @@ class _Reader:
         if self._is_disabled('EQUALITY') or self._is_disabled('CONSTRAINT'):
             others.append(f'{name} is disabled by <flag>')
             return
-        if int(equality.type[0]) == _JOINT:
-            for joint in (int(equality.obj1id[0]), int(equality.obj2id[0])):
-                if joint >= 0:  # -1 if the second is left out
-                    self._leave_out(joint, f'constraint {name}')
+        # The second object is -1 if the file gives one.
+        for at in (int(equality.obj1id[0]), int(equality.obj2id[0])):
+            if int(equality.type[0]) == _JOINT and at >= 0:
+                self._leave_out(at, f'constraint {name}')
+            elif int(equality.type[0]) == _TENDON and at >= 0:
+                self.pulled.setdefault(at, []).append(f'constraint {name}')
         if int(equality.type[0]) not in {_CONNECT, _WELD}:
             others.append(f'{name} is not a closure')
             return

@@ -224,6 +224,12 @@ def child_of(
     return found
 
 
+def unknown_in(element: ET.Element | None, known: Collection[str]) -> list[str]:
+    """Returns the children that a format does not have, but for those with a prefix."""
+    tags = () if element is None else (child.tag for child in element)
+    return [f'<{tag}>' for tag in tags if tag not in known and '.' not in tag]
+
+
 def is_true(text: str) -> bool:
     """Reads a truth value of SDF.
 

@@ -24,6 +24,7 @@ from linkage_lab.robots.model import (
     quaternion_of,
     symmetric,
     unit,
+    unknown_in,
     version_of,
 )
 from linkage_ros import ConfigurationError
@@ -45,6 +46,9 @@ _NOT_READ: tuple[tuple[str, str, tuple[str, ...], str], ...] = (
 )
 _POSE = 'relative_to', 'rotation_format', 'degrees', 'frame'
 _MOMENTS = 'ixx', 'iyy', 'izz'
+_IN_INERTIAL = 'mass', 'pose', 'inertia', 'density', 'auto_inertia_params', 'fluid_added_mass'
+_IN_JOINT = 'parent', 'child', 'pose', 'axis', 'physics', 'sensor'
+_IN_AXIS = 'xyz', 'limit', 'dynamics', 'mimic', 'initial_position', 'use_parent_model_frame'
 _OLDEST = 1, 5  # before, axes are those of the model
 
 
@@ -194,6 +198,7 @@ def read_joint(
         if (part := around.find(f'dynamics/{tag}')) is not None
         if (value := numbers(part, '', 1)[0])
     ]
+    given += [*unknown_in(element, _IN_JOINT), *unknown_in(around, _IN_AXIS)]
     if (mimic := child_of(around, 'mimic')) is not None:
         multiplier, offset, reference = (
             float(numbers(mimic.find(tag), '', 1, default)[0])
@@ -233,15 +238,14 @@ def _inertial(link: ET.Element) -> Inertial:
     """Reads the mass; SDF's default is 1 kg with 1 kg m^2 about each axis.
 
     Raises:
-        ConfigurationError: A value is invalid, or <inertia> has unknown components.
+        ConfigurationError: A value is invalid, or is not read.
     """
     element = child_of(link, 'inertial')
     if element is None:
         return Inertial(1.0, np.zeros(3), np.eye(3))
     pose, six = read_pose(element), child_of(element, 'inertia')
-    for part in () if six is None else six:
-        if part.tag not in INERTIA:
-            raise ConfigurationError(f'<{part.tag}> of <inertia> is not read')
+    if more := [*unknown_in(element, _IN_INERTIAL), *unknown_in(six, INERTIA)]:
+        raise ConfigurationError(f'{listed(more)} of <inertial> is not read: leave it out')
     parts = (
         numbers(None if six is None else child_of(six, name), '', 1, default)
         for name, default in zip(INERTIA, '100101', strict=True)

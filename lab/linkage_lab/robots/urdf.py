@@ -19,10 +19,12 @@ from linkage_lab.robots.model import (
     Transform,
     child_of,
     from_rpy,
+    listed,
     numbers,
     quaternion_of,
     symmetric,
     unit,
+    unknown_in,
     version_of,
 )
 from linkage_lab.robots.sdf import read_joint, read_pose
@@ -41,6 +43,7 @@ _ATTRIBUTES = {
     'dynamics': ('damping', 'friction'),
     'mimic': ('joint', 'multiplier', 'offset'),
 }
+_IN_JOINT = (*_ATTRIBUTES, 'calibration', 'safety_controller')
 _QUATERNIONS = 1, 1  # version from which they are read
 _MOMENTS = 'ixx', 'iyy', 'izz'
 
@@ -166,6 +169,8 @@ def _inertial(link: ET.Element) -> Inertial | None:
     for tag, part in parts.items():
         if part is None:
             raise ConfigurationError(f'<inertial> has no <{tag}>')
+    if more := unknown_in(element, ('origin', 'mass', 'inertia')):
+        raise ConfigurationError(f'{listed(more)} of <inertial> is not read: leave it out')
     (mass,) = numbers(parts['mass'], 'value', 1)
     six = (
         numbers(parts['inertia'], name, 1, '' if name in _MOMENTS else '0')[0] for name in INERTIA
@@ -186,10 +191,11 @@ def _joint(element: ET.Element) -> Joint:
         )
     _part(element, 'limit')
     found = Joint(name, KINDS.get(kind, kind), parent, child, _pose(element))
-    if (dynamics := _part(element, 'dynamics')) is not None:
-        values = {name: numbers(dynamics, name, 1, '0')[0] for name in ('damping', 'friction')}
-        given = (f'{name} = {value:g}' for name, value in values.items() if value)
-        found = found._replace(left_out=', '.join(given))
+    dynamics = _part(element, 'dynamics')
+    values = {name: numbers(dynamics, name, 1, '0')[0] for name in ('damping', 'friction')}
+    given = [f'{name} = {value:g}' for name, value in values.items() if value]
+    given += unknown_in(element, _IN_JOINT)
+    found = found._replace(left_out=', '.join(given))
     if found.kind in {REVOLUTE, PRISMATIC}:  # others may have an axis of length 0
         axis = unit(numbers(_part(element, 'axis'), 'xyz', 3, '1 0 0'), '<axis>')
         found = found._replace(axis=axis)
