@@ -15,7 +15,7 @@ import yaml
 from robots import Tree, make_robot
 from ros_harness import assert_refused
 
-from linkage_lab.robots import import_tool, planar_loop
+from linkage_lab.robots import import_tool, mjcf, planar_loop
 from linkage_lab.robots.import_tool import read_robot
 from linkage_lab.robots.planar_loop import find_loop
 from linkage_ros import Conditions
@@ -887,6 +887,25 @@ def test_what_mechanics_do_not_need_is_not_compiled(case, run):
         assert run(text, '--crank', 'motor') == expected
     finally:
         resource.setrlimit(resource.RLIMIT_AS, limit)
+
+
+def test_meshes_have_the_mass_of_mujoco_without_their_hulls():
+    text = MJCF.replace(
+        '<geom type="sphere" size="0.1"/>', '<geom type="mesh" mesh="m" name="g"/>'
+    ).replace(
+        '<inertial pos="0.1 0 0.1" mass="2" fullinertia="0.02 0.03 0.025 0.001 0.002 0.003"/>', ''
+    )
+    text = text.replace(
+        '</mujoco>',
+        '<asset><mesh name="m" builtin="sphere" params="2"/></asset>'
+        '<contact><pair geom1="g" geom2="g2"/></contact></mujoco>',
+    )
+    text = text.replace('<geom type="box" size="0.1 0.1 0.1"/>', '<geom size="1" name="g2"/>')
+    expected = mujoco.MjModel.from_xml_string(text)
+    made = mjcf._compiled(mujoco.MjSpec.from_string(text))
+    assert made.body_mass.tolist() == expected.body_mass.tolist()
+    assert made.body_inertia.tolist() == expected.body_inertia.tolist()
+    assert (expected.mesh_graphadr[0], made.mesh_graphadr[0]) == (0, -1)
 
 
 def test_two_constraints_of_the_same_links_can_be_told_apart(run):

@@ -29,6 +29,7 @@ from linkage_ros.internals import (
 from linkage_ros.quantities import shown
 
 _NAME = 'linkage_import'
+_MOST = 5000  # links, joints, and frames
 _LAYER = 1e-9  # m, distance along the normal that is worth a line
 
 
@@ -42,9 +43,15 @@ def read_robot(path: Path) -> Robot:
         The robot.
 
     Raises:
-        ConfigurationError: The file cannot be read, has another format or invalid values.
+        ConfigurationError: The file cannot be read, has another format, invalid values or too
+            many parts.
     """
     root = read_xml(path)
+    for tag in ('link', 'joint', 'frame'):
+        if (number := sum(1 for _ in root.iter(tag))) > _MOST:
+            raise ConfigurationError(
+                f'{path}: the model has {number} {tag}s: must be at most {_MOST}'
+            )
     try:
         if root.tag == 'robot':
             return read_urdf(root)

@@ -69,12 +69,15 @@ def read_mjcf(path: Path) -> Robot:
 
 def _compiled(spec: Any) -> Any:
     """Compiles a model without parts that may be large and do not change its mechanics."""
-    for part in (*spec.keys, *spec.sensors, *spec.tuples):
+    for part in (*spec.keys, *spec.sensors, *spec.tuples, *spec.pairs):
         spec.delete(part)
     _require_counts(Counter(bodies=len(spec.bodies)))
     spec.nkey = spec.nuserdata = 0
     for name in ('memory', 'njmax', 'nconmax', *_USER):
         setattr(spec, name, -1)
+    spec.compiler.discardvisual = False
+    for geom in spec.geoms:  # without contacts, no convex hulls of meshes
+        geom.contype = geom.conaffinity = 0
     spec.compiler.LRopt.mode = mujoco.mjtLRMode.mjLRMODE_NONE
     for actuator in spec.actuators:
         actuator.nsample = 0

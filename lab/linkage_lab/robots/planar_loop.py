@@ -44,7 +44,6 @@ from linkage_ros.quantities import build, shown
 _PARALLEL = 2e-3  # rad, largest angle between axes that count as parallel
 _NOTED = 1e-6  # rad, smallest such angle that is noted
 _CLOSED = 1e-6  # largest distance of the ends of a closed loop, relative to the longest link
-_MOST = 5000  # links, and joints
 _DIGITS = 14  # kept of the longest length, so that links of equal length stay equal
 _SHORTEST = 1e-9  # m, as for the lengths of a mechanism
 _SLANTED = 0.6  # shortest projection of an axis of the frame that gives the plane's y axis
@@ -363,9 +362,6 @@ def find_loop(
         ConfigurationError: A name is unknown, or there is no such loop.
     """
     values = dict(at or {})
-    for number, noun in ((len(robot.links), 'links'), (len(robot.joints), 'joints')):
-        if number > _MOST:
-            raise ConfigurationError(f'the model has {number} {noun}: must be at most {_MOST}')
     names = Counter(joint.name for joint in robot.joints if joint.name)
     if twice := next((name for name, times in names.items() if times > 1), ''):
         raise ConfigurationError(f'two joints are named {shown(twice)}: rename one')
