@@ -420,6 +420,8 @@ POINTS = {'times': (0.0, 1.0), 'angles': (1.5, 1.6)}
         ({'times': (0, 1), 'angles': (0, math.nan)}, 'motion.angles = .* must be a list of'),
         ({'times': (0, 1), 'angles': (0, 1), 'repeat': True}, 'must be 0, or whole turns of'),
         ({'times': (0,), 'angles': (0,), 'repeat': True}, 'give two points or more'),
+        ({'times': (0,), 'angles': (0,), 'speeds': (1,)}, 'give two points or more'),
+        ({'times': (0,), 'angles': (0,), 'speeds': (0,), 'accelerations': (1,)}, 'two points or'),
         ({'times': (0, 1), 'angles': (0, 1), 'accelerations': (0, 1)}, 'give motion.speeds as we'),
         (
             {'times': (0, 1), 'angles': (0, 0), 'speeds': (0, 1), 'repeat': True},

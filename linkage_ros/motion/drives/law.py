@@ -140,7 +140,12 @@ class Prescribed(Checked):
                     f'motion.{name} has {len(row)} numbers and motion.times {len(times)}: give '
                     'one for each point'
                 )
-            differs = name in {'speeds', 'accelerations'} and row[0] != row[-1]
+            is_rate = name in {'speeds', 'accelerations'}
+            if is_rate and len(row) == 1 and row[0]:
+                raise ConfigurationError(
+                    f'motion.{name} is {row[0]:g} at the only point: give two points or more'
+                )
+            differs = is_rate and row[0] != row[-1]
             if self.repeat and differs:
                 raise ConfigurationError(
                     f'motion.{name} ends with {row[-1]:g}: must equal the first, {row[0]:g}, to '
