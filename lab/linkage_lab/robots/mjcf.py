@@ -35,7 +35,7 @@ _CONNECT, _WELD, _JOINT, _TENDON = 0, 1, 2, 3  # mjtEq
 _AT_JOINT = mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT
 _END = ': left out'
 # MuJoCo's compiler takes quadratic time.
-_MOST = {'bodies': 1000, 'elements': 5000, 'points of height fields': 10_000_000}
+_MOST = {'bodies': 1000, 'elements': 5000, 'meshes': 100, 'points of height fields': 10_000_000}
 _MOST_USER = 1000  # numbers that a user adds to an element; each other one gets as many
 _ERRORS = ValueError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError
 _USER = [name for name in dir(mujoco.MjSpec) if name.startswith('nuser_')]
@@ -71,7 +71,8 @@ def _compiled(spec: Any) -> Any:
     """Compiles a model without parts that may be large and do not change its mechanics."""
     for part in (*spec.keys, *spec.sensors, *spec.tuples, *spec.pairs):
         spec.delete(part)
-    _require_counts(Counter(bodies=len(spec.bodies)))
+    _leave_out_meshes(spec)
+    _require_counts(Counter(bodies=len(spec.bodies), meshes=len(spec.meshes)))
     spec.nkey = spec.nuserdata = 0
     for name in ('memory', 'njmax', 'nconmax', *_USER):
         setattr(spec, name, -1)
@@ -87,6 +88,19 @@ def _compiled(spec: Any) -> Any:
     for field in spec.hfields:
         field.file, field.nrow, field.ncol, field.userdata = '', 2, 2, np.zeros(4)
     return spec.compile()
+
+
+def _leave_out_meshes(spec: Any) -> None:
+    """Removes the meshes of bodies whose masses are given, which may take gigabytes."""
+    if spec.compiler.inertiafromgeom != mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE:
+        for body in spec.bodies:
+            for geom in body.geoms if body.explicitinertial else ():
+                if geom.meshname:
+                    spec.delete(geom)
+    used = {geom.meshname for geom in spec.geoms}
+    for mesh in spec.meshes:
+        if (mesh.name or Path(mesh.file).stem) not in used:
+            spec.delete(mesh)
 
 
 def _require_limits(path: Path) -> None:
