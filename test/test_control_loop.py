@@ -133,6 +133,6 @@ def test_example_of_the_page_keeps_its_speed_in_a_loop_with_delays():
     angle = rng.uniform(0.0, 2 * math.pi, 3 * RUNS)
     errors = speed_errors(law, all_delays, plant['torque_limit'], angle, 0.0 * angle)
     usual, late, steep = 100 * errors.reshape(3, RUNS).max(axis=1)
-    check_numbers('docs/controllers.md', usual)
+    check_numbers('docs/controllers.md', [usual])
     assert agrees('14', late)
     assert usual < 5.0 < steep
