@@ -301,8 +301,17 @@ class SteppedClock:
 
     def await_controller(self):
         """Steps until a new controller answers; either direction may be connected late."""
-        commands = self._listener.received['/joint_commands']
+        states, commands = (
+            self._listener.received[topic] for topic in ('/joint_states', '/joint_commands')
+        )
         before = len(commands)
+
+        def go_on():
+            self._now += self._period
+            self._tell()
+
+        # States before this listener is connected are lost, so that time must go on.
+        wait_for(lambda: states or go_on(), pause=0.05)
 
         def has_answered():
             time.sleep(0.01)
