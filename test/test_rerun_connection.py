@@ -214,6 +214,9 @@ def window(tmp_path, monkeypatch):
         monkeypatch.setenv('RERUN_CLI_PATH', str(path))
         monkeypatch.setenv('DISPLAY', ':99')
         monkeypatch.delenv('CI', raising=False)
+        # On a busy machine, a viewer needs more time than it gets outside of tests.
+        for limit in ('_ANSWER_SECONDS', '_SEND_SECONDS', '_CLOSE_SECONDS') if answers else ():
+            monkeypatch.setattr(rerun_connection, limit, PATIENCE)
         if not answers:
             monkeypatch.setattr(rerun_connection, '_ANSWER_SECONDS', 0.0)
 
