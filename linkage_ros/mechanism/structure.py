@@ -301,7 +301,7 @@ class Structure(NamedTuple):
         """Returns the end of a dyad on a link, or on the frame.
 
         Raises:
-            ConfigurationError: There is no such link.
+            ConfigurationError: No link has this name.
         """
         index = None if carrier == 'frame' else self.link_index(carrier, dyad)
         point = self.point_of(FRAME if index is None else index, at)
@@ -316,7 +316,7 @@ class Structure(NamedTuple):
             *others: Other valid names, for the error message.
 
         Raises:
-            ConfigurationError: There is no such link.
+            ConfigurationError: No link has this name.
         """
         names = [link.name for link in self.links]
         if name not in names:

@@ -127,8 +127,8 @@ class Run:
         """Computes the driving torque, N m, or force, N; and the force on the frame, N, if needed.
 
         Returns:
-            A row of the torque and, unless it is no measure or passes a change point, one of the
-            force.
+            A row of the torque and, if the shaking force is a measure and the design passes no
+            change point, a row of the force.
         """
         motion = self.samples.motion(places)
         has_force = 'shaking_force' in self.task.measures and not self.is_in_line

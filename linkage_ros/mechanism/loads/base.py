@@ -26,7 +26,7 @@ LOAD_NAME = '[A-Za-z_][A-Za-z0-9_]*'  # regular expression
 
 
 class LoadedMechanism(Protocol):
-    """What a load may ask of its mechanism; see `Mechanism`."""
+    """The methods of a mechanism that loads use; `Mechanism` has them."""
 
     def structure(self) -> Structure:
         """Returns the links, points and pins."""

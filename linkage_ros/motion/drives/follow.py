@@ -81,7 +81,7 @@ class _Measured(NamedTuple):
         stamp: Stamp, ns; 0 if the message has none.
         value: Value of the robot's joint.
         position: Position of the link that it turns, rad.
-        velocity: Its velocity, rad/s; None if it was not measured.
+        velocity: Velocity of that link, rad/s; None if the message has none.
     """
 
     stamp: int
