@@ -136,7 +136,7 @@ class TorqueStates(TickStates):
 
     def _rows(self, driven: DrivenMechanism) -> list[int]:
         """Returns the indices of the coordinates and their rates in a state."""
-        moving = [driven.solver.links.index(name) for name in driven.solver.coordinates]
+        moving = driven.solver.structure.indices_of(driven.solver.coordinates)
         return [*moving, *(len(self._links) + i for i in moving)]
 
     def _read(self, rows: bytes) -> tuple[Array, Array]:

@@ -5,7 +5,7 @@
 import functools
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, NamedTuple, cast
 
 from linkage_ros.errors import ConfigurationError
@@ -35,7 +35,28 @@ class Description(NamedTuple):
         return ' '.join((*self.coordinates, self.assembly))
 
 
-class Mechanism(Checked):
+class Drawn(NamedTuple):
+    """What a drawing adds to the mechanism that it shows.
+
+    Attributes:
+        links: Names of the links of the loop.
+        points: Names of its pins, each with that in the mechanism's class, such as ('B', 'knee').
+        position: Position of the driven link in the drawing, rad or m.
+    """
+
+    links: tuple[str, ...]
+    points: tuple[tuple[str, str], ...]
+    position: float
+
+
+@dataclass(frozen=True)
+class _FromDrawing(Checked):
+    """Declares `Mechanism.drawn`."""
+
+    drawn: Drawn | None = field(default=None, kw_only=True, metadata={'quantity': None})
+
+
+class Mechanism(_FromDrawing):
     """Base class of all mechanisms.
 
     Mechanisms are frozen dataclasses of parts and are validated on creation.
@@ -49,6 +70,7 @@ class Mechanism(Checked):
         gravity: Acceleration of gravity [x, y], m/s^2.
         loads: Loads on the links.
         dyads: Dyads that the mechanism carries, in the order in which they are solved.
+        drawn: Names and position of the drawing from which it was made; None without a drawing.
     """
 
     coordinates: ClassVar[tuple[str, ...]] = ('crank',)
@@ -63,7 +85,7 @@ class Mechanism(Checked):
         super().__post_init__()
         self.require_closed()
         if self.dyads:
-            links = [link.name for link in self.loop_structure().links]
+            links = [link.name for link in self._named_loop.links]
             object.__setattr__(self, 'dyads', ordered(self.dyads, links))
         loads = tuple(load.completed() for load in _named(self.loads))
         object.__setattr__(self, 'loads', loads)
@@ -102,13 +124,18 @@ class Mechanism(Checked):
 
     @functools.cached_property
     def _structure(self) -> Structure:
-        return functools.reduce(Structure.with_dyad, self.dyads, self.loop_structure())
+        return functools.reduce(Structure.with_dyad, self.dyads, self._named_loop)
+
+    @functools.cached_property
+    def _named_loop(self) -> Structure:
+        loop, drawn = self.loop_structure(), self.drawn
+        return loop.renamed(drawn.links, dict(drawn.points)) if drawn else loop
 
     def parts(self) -> dict[str, Any]:
         """Returns the part of each link, with its mass and dimensions, by the link's name."""
-        links = self.structure().links
-        of_loop = links[: len(links) - 2 * len(self.dyads)]
-        found = {link.name: getattr(self, link.name) for link in of_loop}
+        roles = (link.name for link in self.loop_structure().links)
+        names = (link.name for link in self._named_loop.links)
+        found = {name: getattr(self, role) for name, role in zip(names, roles, strict=True)}
         return found | {name: part for dyad in self.dyads for name, part in dyad.parts.items()}
 
     def loop(self) -> Loop:

@@ -135,7 +135,7 @@ def _words(dyad: Dyad, margin: tuple[float, int]) -> str:
     if size >= 0:
         return 'where it is in line'
     if dyad.slider is not None:
-        return f'where {dyad.name}_from is {-size:.3g} m too far from the path of the slider'
+        return f'where {dyad.pins[0]} is {-size:.3g} m too far from the path of the slider'
     return f'where its ends are {-size:.3g} m too {("far apart", "near")[side]}'
 
 

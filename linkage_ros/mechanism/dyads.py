@@ -28,7 +28,7 @@ from linkage_ros.formulas import ZERO, Opaque, Vector, atan2, dot, require, sqrt
 from linkage_ros.mechanism.kinematics import LinkPose, Loop, Pose, bends, directions
 from linkage_ros.mechanism.parts import CROSSED, OPEN, Body
 from linkage_ros.numeric import Real
-from linkage_ros.quantities import Checked, groups, quantity, required, shown
+from linkage_ros.quantities import Checked, groups, quantity, required, shown, unlisted
 from linkage_ros.units import rad_and_deg
 
 _FRAME = 'frame'
@@ -60,7 +60,7 @@ class Dyad(Checked):
     """Two links, or a link and a slider, that are pinned together and to a mechanism.
 
     The links are named NAME_first and NAME_second or NAME_slider, the pins NAME_from, NAME_joint
-    and NAME_to.
+    and NAME_to, unless `names` gives other names.
 
     Attributes:
         name: Name of the dyad.
@@ -73,6 +73,8 @@ class Dyad(Checked):
         slider: Slider at the joint; None with a second link.
         assembly: 'open' if the joint lies to the left of the line from the first end to the second
             or, with a slider, on the + side of the first end.
+        names: Names of the first link, the second link or slider, and the pins at the first end,
+            the joint and the second end; empty for the usual names.
     """
 
     name: str = required()
@@ -88,6 +90,7 @@ class Dyad(Checked):
         'pair', 'second end [along, across] on its link', 'm', span=_AT, default=None
     )
     assembly: str = quantity('choice', 'side of the joint', choices=(OPEN, CROSSED), default=OPEN)
+    names: tuple[str, ...] = unlisted(())
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -113,10 +116,15 @@ class Dyad(Checked):
     @property
     def parts(self) -> dict[str, Any]:
         """The parts of the two links, by the name of the link."""
-        last = {'second': self.second} if self.slider is None else {'slider': self.slider}
-        return {
-            f'{self.name}_{word}': part for word, part in {'first': self.first, **last}.items()
-        }
+        last = 'second' if self.slider is None else 'slider'
+        names = self.names or (f'{self.name}_first', f'{self.name}_{last}')
+        return {names[0]: self.first, names[1]: getattr(self, last)}
+
+    @property
+    def pins(self) -> tuple[str, ...]:
+        """The names of the pins at the first end, the joint and, without a slider, the second."""
+        ends = ('from', 'joint') if self.slider is not None else ('from', 'joint', 'to')
+        return self.names[2:] or tuple(f'{self.name}_{end}' for end in ends)
 
     @property
     def references(self) -> dict[str, str]:
@@ -126,12 +134,12 @@ class Dyad(Checked):
 
     def loop(self, points: dict[str, Any]) -> 'TwoLinks | LinkAndSlider':
         """Returns the kinematic constants, given the points of the whole mechanism."""
-        start = points[f'{self.name}_from']
+        start = points[self.pins[0]]
         length = self.first.length
         side = 1 if self.assembly == OPEN else -1
         refuse = Opaque(self._refuse)
         if self.slider is None:
-            apart = points[f'{self.name}_to'].minus(start)
+            apart = points[self.pins[2]].minus(start)
             return TwoLinks(apart, length, self.second.length, side, refuse)  # type: ignore[union-attr]
         guide = Vector.at(self.slider.angle)
         guide_from_base = complex(guide.x, -guide.y)  # rotation
@@ -147,14 +155,14 @@ class Dyad(Checked):
         Args:
             distance: Distance of the ends, or of the first end from the pin's path, m.
         """
-        first, name = self.first.length, self.name
+        first, (link, last), (start, *_, end) = self.first.length, self.parts, self.pins
         if self.second is None:
             return (
-                f'{name}_from is {distance:.6g} m from the path of {name}_slider, and '
-                f'{name}_first reaches {first:.6g} m, gap {distance - first:.3g} m'
+                f'{start} is {distance:.6g} m from the path of {last}, and '
+                f'{link} reaches {first:.6g} m, gap {distance - first:.3g} m'
             )
         far, near = first + self.second.length, abs(first - self.second.length)
-        words = f'{name}_from and {name}_to are {distance:.6g} m apart, and the links reach '
+        words = f'{start} and {end} are {distance:.6g} m apart, and the links reach '
         if distance > 0.5 * (far + near):
             return f'{words}{far:.6g} m, gap {distance - far:.3g} m'
         return f'{words}no nearer than {near:.6g} m, gap {near - distance:.3g} m'

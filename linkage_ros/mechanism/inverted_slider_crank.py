@@ -410,4 +410,5 @@ class InvertedSliderCrank(Mechanism):
             dyads=((0, 2),) if is_cylinder else ((1, 2),),
             other_dyads=((1, 2),) if is_cylinder else ((0, 2),),
             driven=2 if is_cylinder else 0,
+            mouth='E',
         )  # fmt: skip

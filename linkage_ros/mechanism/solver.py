@@ -141,12 +141,13 @@ class Solver:
         slides = {link.name: link.slides for link in structure.links}
         self.links = tuple(slides)
         self.output = self.links[structure.output_index]
-        self._moving = [self.links.index(name) for name in self.coordinates]
+        self._moving = structure.indices_of(self.coordinates)
         self._count = len(self._moving)
+        moving = [self.links[j] for j in self._moving]
         self.names: dict[str, Any] = {
-            'q': tuple(f'{x}_{"position" if slides[x] else "angle"}' for x in self.coordinates),
-            'u': tuple(f'{x}_speed' for x in self.coordinates),
-            'a': tuple(f'{x}_acceleration' for x in self.coordinates),
+            'q': tuple(f'{x}_{"position" if slides[x] else "angle"}' for x in moving),
+            'u': tuple(f'{x}_speed' for x in moving),
+            'a': tuple(f'{x}_acceleration' for x in moving),
             'torque': 'torque',
         }
         self.model = Model.of(

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Structure of a mechanism: links, points, pins and dyads."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, TypeAlias, cast
 
 from linkage_ros.errors import ConfigurationError
@@ -206,6 +206,18 @@ class Pin(NamedTuple):
     second: int
 
 
+class AddedDyad(NamedTuple):
+    """An added dyad, whose two links follow those of the loop and of the dyads before.
+
+    Attributes:
+        closure: See `Structure.closure`.
+        pins: Names of the pins at its first end, its joint and, without a slider, its second end.
+    """
+
+    closure: Point
+    pins: tuple[str, ...]
+
+
 # The indices of two links joined by a pin; their other pins determine their positions (an Assur
 # group). If the second link slides on the frame, it is treated as an infinitely long link
 # perpendicular to its guide; if it slides on another link, as the line from that link's pin to its
@@ -219,7 +231,7 @@ class Structure(NamedTuple):
     Attributes:
         links: The moving links, each after its parent.
         points: The pins A0, A, B and, if present, B0, D, the coupler point C and the mouth E of a
-            barrel, by name.
+            barrel, by name. In a drawing, they have the names of its pins.
         closure: Sum of the turning links' vectors around the loop. In a closed loop, this sum is
             0 or, with a sliding link, the position of that link's pin. The sliding link is the
             last of the loop.
@@ -228,7 +240,9 @@ class Structure(NamedTuple):
         other_dyads: The dyads for `Mechanism.other_coordinates`.
         driven: Index of the link whose joint is driven; torque, laws, commands and measurements
             are those of this joint.
-        added: The `closure` of each added dyad, whose links are the last ones.
+        added: The added dyads, whose links are the last ones.
+        roles: The links of the loop by their names in the mechanism's class, such as 'rocker'.
+        mouth: Name of the point at which the drawing of a barrel ends; empty without a barrel.
     """
 
     links: tuple[Link, ...]
@@ -238,7 +252,9 @@ class Structure(NamedTuple):
     dyads: tuple[DyadLinks, ...] = ()
     other_dyads: tuple[DyadLinks, ...] = ()
     driven: int = 0
-    added: tuple[Point, ...] = ()
+    added: tuple[AddedDyad, ...] = ()
+    roles: tuple[str, ...] = ()
+    mouth: str = ''
 
     @property
     def driven_link(self) -> Link:
@@ -254,23 +270,46 @@ class Structure(NamedTuple):
     def closures(self) -> tuple[tuple[Point, int], ...]:
         """The `closure` of the loop and of each added dyad, with the last link of each."""
         first = len(self.links) - 2 * len(self.added) - 1
-        return tuple((x, first + 2 * i) for i, x in enumerate((self.closure, *self.added)))
+        closures = (self.closure, *(dyad.closure for dyad in self.added))
+        return tuple((closure, first + 2 * i) for i, closure in enumerate(closures))
+
+    def indices_of(self, roles: Sequence[str]) -> list[int]:
+        """Returns the indices of links of the loop, given their names in the mechanism's class."""
+        known = self.roles or tuple(link.name for link in self.links)
+        return [known.index(role) for role in roles]
+
+    def renamed(self, links: Sequence[str], points: Mapping[str, str]) -> 'Structure':
+        """Returns the structure of the loop with other names.
+
+        Args:
+            links: New names of the links.
+            points: New names of pins and points; those that are missing keep theirs.
+        """
+        return self._replace(
+            links=tuple(
+                link._replace(name=name) for link, name in zip(self.links, links, strict=True)
+            ),
+            points={points.get(name, name): point for name, point in self.points.items()},
+            pins=tuple(pin._replace(name=points.get(pin.name, pin.name)) for pin in self.pins),
+            roles=tuple(link.name for link in self.links),
+            mouth=points.get(self.mouth, self.mouth),
+        )
 
     def with_dyad(self, dyad: Dyad) -> 'Structure':
         """Returns the structure with the links, points and pins of a dyad."""
-        name, (name_of_first, name_of_second) = dyad.name, dyad.parts
+        name, (name_of_first, name_of_second), names = dyad.name, dyad.parts, dyad.pins
         i, j = len(self.links), len(self.links) + 1  # of the two links
         wide = self._for_two_more_links()
         start = wide.end_on(name, dyad.from_, dyad.from_at)
         joint = start.point.along(i, dyad.first.length)
         first = Link.carried(name_of_first, dyad.first, i, start)
-        points = {f'{name}_from': start.point, f'{name}_joint': joint}
-        pins = [Pin(f'{name}_from', start.carrier, i), Pin(f'{name}_joint', i, j)]
+        points = {names[0]: start.point, names[1]: joint}
+        pins = [Pin(names[0], start.carrier, i), Pin(names[1], i, j)]
         if dyad.second is not None:
             end = wide.end_on(name, str(dyad.to), dyad.to_at or (0.0, 0.0))
             second = Link.carried(name_of_second, dyad.second, j, end)
-            points[f'{name}_to'] = end.point
-            pins.append(Pin(f'{name}_to', end.carrier, j))
+            points[names[2]] = end.point
+            pins.append(Pin(names[2], end.carrier, j))
             gap = joint.minus(end.point.along(j, dyad.second.length))
         else:
             slider = cast('DyadSlider', dyad.slider)
@@ -285,7 +324,7 @@ class Structure(NamedTuple):
             pins=(*wide.pins, *pins) if wide.pins else (),
             dyads=(*wide.dyads, (i, j)),
             other_dyads=(*wide.other_dyads, (i, j)) if wide.other_dyads else (),
-            added=(*wide.added, gap),
+            added=(*wide.added, AddedDyad(gap, names)),
         )
 
     def _for_two_more_links(self) -> 'Structure':
@@ -294,7 +333,7 @@ class Structure(NamedTuple):
             links=tuple(link._replace(center=link.center.wider(2)) for link in self.links),
             points={name: point.wider(2) for name, point in self.points.items()},
             closure=self.closure.wider(2),
-            added=tuple(gap.wider(2) for gap in self.added),
+            added=tuple(dyad._replace(closure=dyad.closure.wider(2)) for dyad in self.added),
         )
 
     def end_on(self, dyad: str, carrier: str, at: tuple[float, float]) -> 'End':
@@ -384,10 +423,10 @@ def mouth(structure: Structure) -> complex:
     """Returns the mouth of a barrel, [along, across] as x + iy, m, where its drawing ends.
 
     Returns:
-        Point E of the barrel; 0 if the loop's last link does not slide on another link.
+        Point E of the barrel; 0 without a barrel.
     """
-    (_, j), *_ = structure.closures
-    last = structure.links[j]
-    if last.parent is None or not last.slides:
+    if not structure.mouth:
         return 0j
-    return complex(structure.points['E'].weights[last.parent])
+    (_, j), *_ = structure.closures
+    barrel = structure.links[j].parent
+    return complex(structure.points[structure.mouth].weights[cast('int', barrel)])

@@ -65,14 +65,15 @@ class DrivenMechanism:
 
     def __post_init__(self) -> None:
         solver, mechanism = self.solver, self.solver.mechanism
-        links = {link.name: link for link in solver.structure.links}
-        self.links = tuple(links[name] for name in solver.coordinates)
+        structure = solver.structure
+        moving = structure.indices_of(solver.coordinates)
+        self.links = tuple(structure.links[j] for j in moving)
         self.units = 2 * tuple(
             mechanism.crank.length if link.slides else 1.0 for link in self.links
         )
-        self.driven = solver.structure.driven
-        self.turns = not solver.structure.links[self.driven].slides
-        self.has_driven = solver.coordinates[0] == solver.links[self.driven]
+        self.driven = structure.driven
+        self.turns = not structure.driven_link.slides
+        self.has_driven = moving[0] == self.driven
         self.is_own = solver.coordinates == mechanism.coordinates
         self.is_usual = solver.description == mechanism.description
         self.is_limited = solver.mobility is None or not solver.mobility.turns_fully
@@ -169,7 +170,7 @@ class DrivenMechanism:
             for place, link in zip(state.position, links, strict=True)
         ]
         positions[self.driven] = self.position(y, 0)
-        moving = [self.solver.links.index(name) for name in coordinates]
+        moving = self.solver.structure.indices_of(coordinates)
         there = (*(positions[i] for i in moving), *(state.velocity[i] for i in moving))
         middle = self.arc_middle(y[0]) if self.has_driven else self.middle
 

@@ -375,6 +375,6 @@ def own_coordinates(solver: Solver, state: State, unwrapped: Real) -> Coordinate
     Returns:
         The mechanism's own coordinates with the state.
     """
-    own = [solver.links.index(name) for name in solver.mechanism.coordinates]
+    own = solver.structure.indices_of(solver.mechanism.coordinates)
     q, u, a = (tuple(row[i] for i in own) for row in state[:3])
     return Coordinates(q, u, a, unwrapped, state, state.conditions)

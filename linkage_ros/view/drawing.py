@@ -112,9 +112,11 @@ class Drawing:
         # The owner of a pin between two links is the later link; C belongs to the coupler.
         self.owners = dict(zip(loop[2:], self.joints[2 : last + 1], strict=False))
         if output.slides and not output.is_guided:
-            self.ends |= {'barrel': ('B0', 'E'), output.name: ('E', loop[-1])}
-            self.owners['E'] = 'barrel'
-            loop.append('E')
+            barrel, mouth = self._links[cast('int', output.parent)].name, structure.mouth
+            pivot = next(pin.name for pin in structure.pins if pin.second == output.parent)
+            self.ends |= {barrel: (pivot, mouth), output.name: (mouth, loop[-1])}
+            self.owners[mouth] = barrel
+            loop.append(mouth)
         # The pin of each slider on the frame.
         self._blocks = {last: loop[-1]} if output.is_guided else {}
         asides = self._add_dyads(structure)
@@ -155,23 +157,21 @@ class Drawing:
     def _add_dyads(self, structure: Structure) -> dict[str, str]:
         """Adds the pins of dyads; returns the links that carry their ends, by point."""
         carriers = dict[str, str]()
-        for _, j in structure.closures[1:]:
+        for dyad, (_, j) in zip(structure.added, structure.closures[1:], strict=True):
             first, last = self.joints[j - 1], self.joints[j]
-            dyad = first.removesuffix('_first')
-            start = self._names[structure.points[f'{dyad}_from']]
-            joint = self._names[structure.points[f'{dyad}_joint']]
+            start, joint, *others = (self._names[structure.points[x]] for x in dyad.pins)
             self.owners[joint] = last
             self.ends[first] = start, joint
             carried_ends = {j - 1: start}  # by the index of the dyad's link
             if self._links[j].slides:
                 self._blocks[j] = joint
             else:
-                end = self._names[structure.points[f'{dyad}_to']]
+                (end,) = others
                 self.ends[last] = end, joint
                 carried_ends[j] = end
             for link, end in carried_ends.items():
                 carrier = self._links[link].parent
-                is_pin_of_carrier = not end.startswith(f'{dyad}_')
+                is_pin_of_carrier = end not in dyad.pins
                 if carrier is not None and not is_pin_of_carrier:
                     carriers[end] = self.joints[carrier]
         return carriers

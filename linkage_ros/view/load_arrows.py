@@ -6,7 +6,7 @@ import cmath
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -70,7 +70,7 @@ class LoadArrows:
         bare: Any = mechanism
         if mechanism.joint_loads():
             loads = tuple(load for load in mechanism.loads if not load.in_joints(mechanism))
-            bare = replace(mechanism, loads=loads)  # type: ignore[type-var]
+            bare = replace(cast('Any', mechanism), loads=loads)
         self._solver, self._mark = Solver(bare), mark
         self._largest: dict[str, float] = {}
         places = []
